@@ -1,0 +1,45 @@
+# Everything runs in a virtual environment that the first target to need it makes.
+# Another Python: make test PYTHON=python3.11 VENV=.venv-3.11
+
+PYTHON ?= $(shell for p in python3.13 python3.11 python3; do \
+	$$p -c 'import sys; sys.exit(sys.version_info[:2] not in [(3, 13), (3, 11)])' 2>/dev/null && echo $$p && break; done)
+VENV ?= .venv
+BIN = $(VENV)/bin
+READY = $(VENV)/ready
+
+.PHONY: demo test check format bench extension samples clean
+
+demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summary in out/
+	$(BIN)/python examples/demo.py
+
+test: $(READY)  ## all tests
+	$(BIN)/python -m pytest -q
+
+check: $(READY)  ## lint, types, tests, the built extension
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python scripts/make_extension.py --platform linux-x64
+	$(BIN)/python -m pytest -q
+
+format: $(READY)
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: $(READY)  ## the paper's method beside ours, on the samples and the data that is there
+	$(BIN)/python benchmarks/run.py
+
+extension: $(READY)  ## one zip per platform in dist/
+	$(BIN)/python scripts/make_extension.py
+
+samples: $(READY)  ## make the sample scenes again
+	$(BIN)/python sample_scenes/make_samples.py
+
+$(READY): pyproject.toml
+	@test -n "$(PYTHON)" || { echo "No Python 3.13 or 3.11 found: install one, or name it: make PYTHON=/path/to/python3.13"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[picture,blender,test,check,bench]'
+	touch $@
+
+clean:
+	rm -rf .venv .venv-* out dist build gui-out wheels

@@ -1,0 +1,44 @@
+"""Frozen arrays: the records of this package hold read-only copies whose shape was checked once."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
+    """Replace the named fields of a frozen dataclass by checked, read-only copies.
+
+    Parameters
+    ----------
+    record : frozen dataclass instance
+        Called from its ``__post_init__``.
+    **shapes
+        Expected shape of each field; None allows any length along that axis.
+
+    Raises
+    ------
+    ValueError
+        If a field has another shape, or a number in it is not finite.
+    """
+    for name, shape in shapes.items():
+        value = np.array(getattr(record, name))
+        value = value.astype(np.int64 if value.dtype.kind in "iu" else bool if value.dtype.kind == "b" else np.float64)
+        fits = value.ndim == len(shape) and all(want is None or have == want for have, want in zip(value.shape, shape))
+        if not fits:
+            raise ValueError(f"{type(record).__name__}.{name} has shape {value.shape}, expected {shape}")
+        if not np.isfinite(value).all():
+            raise ValueError(f"{type(record).__name__}.{name} holds a number that is not finite")
+        value.setflags(write=False)
+        object.__setattr__(record, name, value)
+
+
+def unit(vectors: Any) -> Array:
+    """Scale vectors to length one along the last axis; a zero vector stays zero."""
+    vectors = np.asarray(vectors, float)
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)

@@ -1,0 +1,29 @@
+"""How far two shapes are apart, in numbers."""
+
+from dataclasses import dataclass
+
+from .arrays import Array
+
+
+@dataclass(frozen=True)
+class DistanceStatistics:
+    """Distances from one shape to another, area-weighted [m]."""
+
+    mean: float
+    rms: float
+    max: float
+
+    @classmethod
+    def of(cls, distances: Array, weights: Array) -> "DistanceStatistics":
+        """Statistics of distances [m], shape (k,), each standing for the area in ``weights``."""
+        share = weights / weights.sum()
+        return cls(float(share @ distances), float((share @ distances**2) ** 0.5), float(distances.max()))
+
+
+@dataclass(frozen=True)
+class SurfaceErrors:
+    """Distances between mesh and surface, both ways [m]; ``hausdorff`` is the larger maximum."""
+
+    mesh_to_surface: DistanceStatistics
+    surface_to_mesh: DistanceStatistics
+    hausdorff: float

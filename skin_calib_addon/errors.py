@@ -1,0 +1,61 @@
+"""Errors that a user can act on: each says what, where, and what to do; the numbers stay on the exception."""
+
+
+class SkinCalibError(Exception):
+    """Base of every error a user can act on.
+
+    Parameters
+    ----------
+    message : str
+        One line: what is wrong, where, and what to do about it.
+    **numbers
+        The values behind the message, kept as ``numbers`` for programs.
+    """
+
+    def __init__(self, message: str, **numbers):
+        super().__init__(message)
+        self.numbers = numbers
+
+
+class InvalidMesh(SkinCalibError):
+    """The mesh cannot be read, or is no surface in metres."""
+
+
+class InvalidPlan(SkinCalibError):
+    """The plan asks for something that is unknown, missing or impossible."""
+
+
+class EmptySection(SkinCalibError):
+    """A plane cuts too little of the mesh to fit anything there."""
+
+
+class InvalidKnotVector(SkinCalibError):
+    """The knots decrease, or are too few for the degree."""
+
+
+class UnderdeterminedFit(SkinCalibError):
+    """Too few planes or samples for the control points asked for."""
+
+
+class OutsideSurface(SkinCalibError):
+    """A cell of the skin lies off the fitted surface."""
+
+
+class CalibrationFormatError(SkinCalibError):
+    """A calibration or plan file is not what it must be; ``findings`` lists everything found."""
+
+    def __init__(self, message: str, findings=(), **numbers):
+        super().__init__(message, **numbers)
+        self.findings = tuple(findings)
+
+
+class OutputError(SkinCalibError):
+    """A file cannot be written; what was there before is untouched."""
+
+
+class UnknownLink(SkinCalibError):
+    """No such link in this calibration."""
+
+
+class InvalidReading(SkinCalibError):
+    """A reading does not fit the skin it is given to."""
