@@ -1,0 +1,161 @@
+"""The axis of a tube-like mesh: found from its sections, and how far complete sections reach along it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array, BoolArray, unit
+from ..errors import EmptySection, InvalidPlan
+from .mesh import TriangleMesh
+from .planes import Planes, perpendicular
+from .rays import TURN, RayCaster
+from .sections import Sections, cut_sections
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A line along the link, in the link frame: ``point`` [m] and ``direction`` (any length)."""
+
+    point: tuple[float, float, float]
+    direction: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class TubeFrame:
+    """Cylinder coordinates about an axis: stations along ``e3``, angles from ``e1`` towards ``e2``."""
+
+    point: Array  # (3,) [m]
+    e1: Array  # (3,) unit, as are e2 and e3; right-handed
+    e2: Array
+    e3: Array
+
+    def stations(self, points: Array) -> Array:
+        """Height of points along the axis [m]."""
+        return (points - self.point) @ self.e3
+
+    def rays(self, angles: Array) -> Array:
+        """Unit directions away from the axis, shape (len(angles), 3)."""
+        return np.cos(angles)[:, None] * self.e1 + np.sin(angles)[:, None] * self.e2
+
+    def across(self, vectors: Array) -> Array:
+        """Components across the axis, shape (..., 2)."""
+        return np.stack((vectors @ self.e1, vectors @ self.e2), axis=-1)
+
+    def planes(self, stations: Array) -> Planes:
+        """Planes across the axis."""
+        points = self.point + np.asarray(stations)[:, None] * self.e3
+        return Planes(points, np.broadcast_to(self.e3, points.shape))
+
+
+def frame_of(point: Array, direction: Array, towards: Array | None = None) -> TubeFrame:
+    """Cylinder coordinates about a line; angle zero lies on the side of ``towards``."""
+    e3 = unit(direction)
+    e1 = perpendicular(e3) if towards is None else towards - (towards @ e3) * e3
+    e1 = unit(e1) if np.linalg.norm(e1) > 0 else perpendicular(e3)
+    return TubeFrame(np.asarray(point, float), e1, np.cross(e3, e1), e3)
+
+
+def tube_frame(mesh: TriangleMesh, axis: Axis | None) -> TubeFrame:
+    """Frame of a tube: the author's axis or the one found; angle zero points at the vertex furthest from it.
+
+    The vertex, not the link's x axis, sets the angles, so that a mesh that is moved takes its lines with it.
+    """
+    frame = find_axis(mesh) if axis is None else frame_of(np.asarray(axis.point), np.asarray(axis.direction))
+    radius = np.linalg.norm(frame.across(mesh.vertices - frame.point), axis=1)
+    furthest = mesh.vertices[np.argmax(radius)] - frame.point
+    return frame_of(frame.point, frame.e3, furthest)
+
+
+def find_axis(mesh: TriangleMesh) -> TubeFrame:
+    """The line that best joins the centres of a tube's sections, running towards its thinner end.
+
+    A first direction is the one that the faces' normals avoid; the centres of circles fitted to the sections of the
+    middle half then give the line (the paper joins the centroids of two sections).
+
+    Raises
+    ------
+    EmptySection
+        If the mesh is no tube: sections across its axis are empty.
+    """
+    normals, areas = mesh.face_normals, mesh.face_areas
+    direction = np.linalg.eigh((normals * areas[:, None]).T @ normals)[1][:, 0]
+    point = areas @ mesh.triangles.mean(axis=1) / areas.sum()
+    for _ in range(3):
+        frame = frame_of(point, direction)
+        height = frame.stations(mesh.vertices)
+        low, high = height.min(), height.max()
+        planes = frame.planes(np.linspace(low + 0.25 * (high - low), high - 0.25 * (high - low), 9))
+        centres, radii = section_circles(cut_sections(mesh, planes), frame)
+        if len(centres) < 2:
+            raise EmptySection("no axis found: sections across the mesh are empty; give the axis in the plan")
+        point = centres.mean(axis=0)
+        direction = np.linalg.svd(centres - point)[2][0]
+        taper = (radii - radii.mean()) @ ((centres - point) @ direction)
+        if taper > 0:
+            direction = -direction
+    return frame_of(point, direction)
+
+
+def section_circles(sections: Sections, frame: TubeFrame) -> tuple[Array, Array]:
+    """Circle fitted to each section that is not empty (Kasa, 1976, weighted by length): centres (k, 3), radii (k,)."""
+    centres, radii = [], []
+    for i in range(sections.planes):
+        ends = sections.ends[sections.plane == i]
+        if len(ends) < 3:
+            continue
+        weight = np.sqrt(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))[:, None]
+        middle = ends.mean(axis=1)
+        xy = frame.across(middle - frame.point)
+        system = weight * np.column_stack((2 * xy, np.ones(len(xy))))
+        x, y, rest = np.linalg.lstsq(system, (weight * (xy**2).sum(axis=1, keepdims=True))[:, 0], rcond=None)[0]
+        station = frame.stations(middle).mean()
+        centres.append(frame.point + x * frame.e1 + y * frame.e2 + station * frame.e3)
+        radii.append(np.sqrt(max(rest + x * x + y * y, 0.0)))
+    return np.array(centres).reshape(-1, 3), np.array(radii)
+
+
+def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None, angles: Array) -> tuple[float, float]:
+    """First and last station of a tube's planes [m].
+
+    Parameters
+    ----------
+    margin : float or None
+        Length left free at both ends [m]; None takes the longest run of sections that every ray at ``angles`` meets.
+
+    Raises
+    ------
+    InvalidPlan
+        If the margins leave nothing between them.
+    EmptySection
+        If no section is complete.
+    """
+    height = frame.stations(mesh.vertices)
+    low, high = float(height.min()), float(height.max())
+    if margin is not None:
+        if low + margin >= high - margin:
+            raise InvalidPlan(
+                f"margin {margin * 1e3:g} mm at both ends leaves nothing of the {(high - low) * 1e3:.1f} mm along the "
+                "axis; make it smaller",
+                margin=margin,
+            )
+        return low + margin, high - margin
+    stations = low + (high - low) * (np.arange(192) + 0.5) / 192
+    complete = is_complete(cut_sections(mesh, frame.planes(stations)), frame, angles)
+    edge = np.flatnonzero(np.diff(np.r_[0, complete, 0]))
+    if len(edge) == 0:
+        raise EmptySection("no section across the axis goes all the way round; use a patch grid, or give the axis")
+    first, last = edge.reshape(-1, 2)[np.argmax(np.diff(edge.reshape(-1, 2), axis=1))]
+    return float(stations[first]), float(stations[last - 1])
+
+
+def is_complete(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:
+    """Whether every ray at ``angles`` from the axis meets the section, shape (sections.planes,)."""
+    shape = (sections.planes, len(angles))
+    directions = np.broadcast_to(np.column_stack((np.cos(angles), np.sin(angles))), (*shape, 2))
+    centres = np.zeros((sections.planes, 2))
+    caster = RayCaster(sections.plane, frame.across(sections.ends - frame.point), sections.planes, centres=centres)
+    distance, _ = caster.cast(np.zeros((*shape, 2)), directions)
+    return ~np.isnan(distance).any(axis=1)
+
+
+ALL_ROUND = np.arange(90) * TURN / 90

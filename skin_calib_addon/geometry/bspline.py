@@ -1,0 +1,195 @@
+"""B-spline bases and tensor-product surfaces: evaluation, derivatives, normals."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array, IntArray, freeze, unit
+from ..errors import InvalidKnotVector
+
+
+def clamped_knots(n: int, degree: int) -> Array:
+    """Uniform knots on [0, 1], repeated at the ends so that the spline reaches its end control points.
+
+    Returns
+    -------
+    array, shape (n + degree + 1,)
+    """
+    return np.concatenate((np.zeros(degree), np.linspace(0.0, 1.0, n - degree + 1), np.ones(degree)))
+
+
+def periodic_knots(n: int, degree: int) -> Array:
+    """Uniform knots for a closed spline of ``n`` different control points, one period on [0, 1].
+
+    Returns
+    -------
+    array, shape (n + 2 * degree + 1,)
+        For a net whose first ``degree`` control points stand again at its end.
+    """
+    return np.arange(-degree, n + degree + 1) / n
+
+
+def greville(knots: Array, degree: int) -> Array:
+    """Abscissae at which control points of the identity map lie (Greville, 1967), shape (n,)."""
+    return np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree).mean(axis=1)
+
+
+def check_knots(knots: Array, degree: int, n: int) -> None:
+    """Raise InvalidKnotVector unless there are ``n + degree + 1`` knots that never decrease and span something."""
+    if degree < 1:
+        raise InvalidKnotVector(f"degree {degree} is no B-spline surface; use 2 to 5")
+    if n < degree + 1:
+        raise InvalidKnotVector(f"degree {degree} needs at least {degree + 1} control points, not {n}")
+    if len(knots) != n + degree + 1:
+        raise InvalidKnotVector(f"{n} control points of degree {degree} need {n + degree + 1} knots, not {len(knots)}")
+    if (np.diff(knots) < 0).any():
+        at = int(np.argmax(np.diff(knots) < 0))
+        raise InvalidKnotVector(f"knot {at + 1} is smaller than knot {at}; knots must not decrease")
+    if not knots[degree] < knots[n]:
+        raise InvalidKnotVector("all knots of the domain are equal; the spline has no length")
+
+
+def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[IntArray, Array]:
+    """Evaluate the basis functions that are not zero at each parameter (The NURBS Book, eq. 2.5 and 2.7).
+
+    Parameters
+    ----------
+    u : array, shape (m,)
+        Parameters in ``[knots[degree], knots[-degree - 1]]``.
+    knots : array, shape (n + degree + 1,)
+    degree : int
+    order : int
+        Highest derivative wanted.
+
+    Returns
+    -------
+    first : array of int, shape (m,)
+        Index of the first function that is not zero.
+    values : array, shape (order + 1, m, degree + 1)
+        ``values[d, k, i]`` is the d-th derivative of function ``first[k] + i`` at ``u[k]``. Rows of ``values[0]``
+        sum to one, rows of the derivatives to zero.
+    """
+    n = len(knots) - degree - 1
+    span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, n - 1)
+    # window[:, i] is knot span - degree + 1 + i: all knots that the functions of this span meet.
+    window = knots[span[:, None] + np.arange(1 - degree, degree + 1)]
+    tables = [np.ones((len(u), 1))]
+    for p in range(1, degree + 1):
+        left, right = window[:, degree - p : degree], window[:, degree : degree + p]
+        share = tables[-1] / (right - left)
+        value = np.zeros((len(u), p + 1))
+        value[:, :-1] = (right - u[:, None]) * share
+        value[:, 1:] += (u[:, None] - left) * share
+        tables.append(value)
+    values = np.zeros((order + 1, len(u), degree + 1))
+    values[0] = tables[degree]
+    for d in range(1, min(order, degree) + 1):
+        part = tables[degree - d]
+        for p in range(degree - d + 1, degree + 1):  # raise the d-th derivative back to the full degree
+            share = p * part / (window[:, degree : degree + p] - window[:, degree - p : degree])
+            part = np.zeros((len(u), p + 1))
+            part[:, :-1] = -share
+            part[:, 1:] += share
+        values[d] = part
+    return span - degree, values
+
+
+def _extended_basis(u: Array, knots: Array, degree: int, order: int) -> tuple[IntArray, Array]:
+    """Like :func:`local_basis`, but beyond the ends of the domain each function goes on along its tangent there."""
+    inner = np.clip(u, knots[degree], knots[-degree - 1])
+    beyond = u - inner
+    if not beyond.any():
+        return local_basis(u, knots, degree, order)
+    first, values = local_basis(inner, knots, degree, max(order, 1))
+    values[0] += beyond[:, None] * values[1]
+    values[2:, beyond != 0] = 0.0
+    return first, values[: order + 1]
+
+
+def basis_functions(u: Array, knots: Array, degree: int) -> Array:
+    """Every B-spline basis function at each parameter (The NURBS Book, eq. 2.5).
+
+    Returns
+    -------
+    array, shape (m, n)
+        ``N[k, i]`` is :math:`N_{i,p}(u_k)`. Rows sum to one.
+    """
+    first, values = local_basis(u, knots, degree)
+    dense = np.zeros((len(u), len(knots) - degree - 1))
+    np.put_along_axis(dense, first[:, None] + np.arange(degree + 1), values[0], axis=1)
+    return dense
+
+
+@dataclass(frozen=True, eq=False)
+class BSplineSurface:
+    """A tensor-product B-spline surface over (u, v) in [0, 1] x [0, 1], in the link frame [m].
+
+    In a ``closed`` direction the net ends with copies of its first ``degree`` control points, the knots are
+    periodic, and parameters wrap round. ``r_u x r_v`` points out of the robot.
+    """
+
+    control_net: Array  # (n_u, n_v, 3) [m]
+    knots_u: Array  # (n_u + degree_u + 1,)
+    knots_v: Array  # (n_v + degree_v + 1,)
+    degree: tuple[int, int]
+    closed: tuple[bool, bool] = (False, False)
+
+    def __post_init__(self):
+        freeze(self, control_net=(None, None, 3), knots_u=(None,), knots_v=(None,))
+        for knots, degree, n in zip((self.knots_u, self.knots_v), self.degree, self.control_net.shape):
+            check_knots(knots, degree, n)
+
+    def points(self, uv: Any) -> Array:
+        """Points at parameters ``uv`` of shape (m, 2); shape (m, 3) [m]."""
+        return self.derivatives(uv, order=0)[0, 0]
+
+    def normals(self, uv: Any) -> Array:
+        """Unit normals ``r_u x r_v`` out of the robot, shape (m, 3) (paper eq. 5, normalised)."""
+        r = self.derivatives(uv, order=1)
+        return unit(np.cross(r[1, 0], r[0, 1]))
+
+    def derivatives(self, uv: Any, order: int = 1) -> Array:
+        """Partial derivatives up to ``order``.
+
+        Parameters
+        ----------
+        uv : array, shape (m, 2)
+            Parameters; they wrap round where the surface is closed, and beyond an open edge it goes on straight.
+        order : int
+
+        Returns
+        -------
+        array, shape (order + 1, order + 1, m, 3)
+            ``r[a, b]`` is :math:`\\partial^{a+b} S / \\partial u^a \\partial v^b`; those of more than ``order``
+            in all are computed too.
+        """
+        u, v = self.wrap(uv).T
+        (first_u, N), (first_v, M) = (
+            _extended_basis(x, k, d, order) for x, k, d in zip((u, v), (self.knots_u, self.knots_v), self.degree)
+        )
+        i = first_u[:, None] + np.arange(self.degree[0] + 1)
+        j = first_v[:, None] + np.arange(self.degree[1] + 1)
+        net = self._flat_net[(i[:, :, None] * self.control_net.shape[1] + j[:, None, :]).reshape(len(u), -1)]
+        net = net.reshape(len(u), i.shape[1], -1)  # (m, p + 1, (q + 1) * 3)
+        rows = np.matmul(N.transpose(1, 0, 2), net).reshape(len(u), order + 1, j.shape[1], 3)
+        return np.matmul(M.transpose(1, 0, 2)[:, None], rows).transpose(1, 2, 0, 3)
+
+    def wrap(self, uv: Any) -> Array:
+        """Parameters with closed directions brought back into [0, 1), shape (m, 2)."""
+        uv = np.array(uv, float).reshape(-1, 2)
+        for axis in (0, 1):
+            if self.closed[axis]:
+                uv[:, axis] -= np.floor(uv[:, axis])
+        return uv
+
+    def grid_points(self, u: Array, v: Array) -> Array:
+        """Points at every pair of ``u`` and ``v``, shape (len(u), len(v), 3) [m]."""
+        A = basis_functions(u, self.knots_u, self.degree[0])
+        B = basis_functions(v, self.knots_v, self.degree[1])
+        return np.einsum("ki,ijc,lj->klc", A, self.control_net, B, optimize=True)
+
+    @cached_property
+    def _flat_net(self) -> Array:
+        return self.control_net.reshape(-1, 3)

@@ -1,0 +1,94 @@
+"""From a link's mesh to its cover: cut with planes, then keep the shells that one sees from outside."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
+from trimesh.intersections import slice_faces_plane
+
+from ..arrays import Array, IntArray, unit
+from ..errors import InvalidMesh, InvalidPlan
+from .mesh import TriangleMesh, weld
+
+# A shell with more of its area than this inside the hull of the shells kept so far is an inner part.
+HIDDEN = 0.5
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A plane through the link; the side to which ``normal`` points is kept."""
+
+    point: tuple[float, float, float]  # [m], link frame
+    normal: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class CoverSpec:
+    """What of the mesh is covered with skin."""
+
+    shell: str = "outer"  # or "all"
+    cuts: tuple[Cut, ...] = ()
+
+
+def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
+    """The part of a mesh that the skin covers.
+
+    Raises
+    ------
+    InvalidPlan
+        If a cut removes everything, or its normal is zero.
+    """
+    for i, cut in enumerate(spec.cuts):
+        normal = unit(cut.normal)
+        if not normal.any():
+            raise InvalidPlan(f"the normal of cut {i} is zero; give the direction of the side to keep")
+        vertices, faces, _ = slice_faces_plane(
+            mesh.vertices, mesh.faces, plane_normal=normal, plane_origin=np.asarray(cut.point, float)
+        )
+        try:
+            mesh = weld(vertices, faces)
+        except InvalidMesh as error:
+            raise InvalidPlan(
+                f"cut {i} removes the whole mesh; a cut keeps the side that its normal points to: turn it round?"
+            ) from error
+    if spec.shell == "all":
+        return mesh
+    return outer_shells(mesh)
+
+
+def outer_shells(mesh: TriangleMesh) -> TriangleMesh:
+    """Drop the inner parts: shells that lie mostly inside the convex hull of larger ones."""
+    shell = shells(mesh)
+    area = np.bincount(shell, mesh.face_areas)
+    centres = mesh.triangles.mean(axis=1)
+    kept, hull = np.zeros(len(mesh.faces), bool), np.empty((0, 4))
+    for i in np.argsort(-area, kind="stable"):
+        faces = np.flatnonzero(shell == i)
+        inside = (centres[faces] @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1) if len(hull) else np.zeros(1)
+        if np.average(inside, weights=mesh.face_areas[faces] if len(hull) else None) < HIDDEN:
+            kept[faces] = True
+            hull = hull_planes(mesh.triangles[kept].reshape(-1, 3))
+    return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
+
+
+def shells(mesh: TriangleMesh) -> IntArray:
+    """Number of the shell of each face, shape (f,): faces are joined over edges that exactly two of them share."""
+    count = len(mesh.faces)
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    face = np.repeat(np.arange(count), 3)
+    order = np.lexsort(edges.T)
+    edges, face = edges[order], face[order]
+    same = (edges[1:] == edges[:-1]).all(axis=1)
+    pair = same & ~np.r_[False, same[:-1]] & ~np.r_[same[1:], False]
+    a, b = face[:-1][pair], face[1:][pair]
+    return connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1]
+
+
+def hull_planes(points: Array) -> Array:
+    """Outward normal and offset of each facet of the convex hull, shape (k, 4); none if the points are flat."""
+    try:
+        return ConvexHull(points).equations
+    except QhullError:
+        return np.empty((0, 4))

@@ -1,0 +1,172 @@
+"""Distances between a surface and a mesh, both ways."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..arrays import Array, BoolArray, IntArray
+from ..deviation import DistanceStatistics, SurfaceErrors
+from .bspline import BSplineSurface
+from .mesh import TriangleMesh
+
+# Samples along each span of the surface's grid when distances are measured.
+SAMPLES_PER_SPAN = 6
+NEWTON_STEPS = 8
+MOST_PARTS = 64  # of one side of a face
+
+
+def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray) -> SurfaceErrors:
+    """Measure a surface against the mesh it was fitted to, where they lie over each other.
+
+    Parameters
+    ----------
+    known : array of bool, shape (k, l)
+        Which of the sample sites of the fit met the mesh; what lies nearest to another site is left out.
+    """
+    uv, weights = surface_samples(surface)
+    trusted = lies_at(surface, uv, known)
+    there = DistanceStatistics.of(MeshDistance(mesh)(surface.points(uv[trusted]))[0], weights[trusted])
+    points, areas, face = mesh_samples(mesh)
+    foot, distance = footpoints(surface, points)
+    # The mesh beside the surface: over its inside, and facing the same way (or, wound wrongly, the opposite one).
+    beside = lies_at(surface, foot, known)
+    beside &= np.abs((surface.normals(foot) * mesh.face_normals[face]).sum(axis=1)) > 0.5
+    for axis in (0, 1):
+        if not surface.closed[axis]:
+            beside &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
+    back = DistanceStatistics.of(distance[beside], areas[beside])
+    return SurfaceErrors(back, there, max(back.max, there.max))
+
+
+def lies_at(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
+    """Whether the sample site nearest to each ``uv`` is a known one; sites are even in u and v."""
+    k, l = known.shape
+    row = np.rint(uv[:, 0] * (k - 1)).astype(int)
+    column = np.rint(uv[:, 1] * (l if surface.closed[1] else l - 1)).astype(int) % l
+    return known[row, column]
+
+
+def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
+    """Parameters of a dense grid of cell centres, shape (k, 2), and the area that each stands for [m^2]."""
+    n, m = (
+        SAMPLES_PER_SPAN * (len(np.unique(k[d : len(k) - d])) - 1)
+        for k, d in zip((surface.knots_u, surface.knots_v), surface.degree)
+    )
+    u, v = (np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m
+    uv = np.column_stack((np.repeat(u, m), np.tile(v, n)))
+    r = surface.derivatives(uv)
+    return uv, np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1) / (n * m)
+
+
+def mesh_samples(mesh: TriangleMesh) -> tuple[Array, Array, IntArray]:
+    """Points spread over the faces, at most a fiftieth of the mesh apart, the area each stands for, and its face."""
+    points, face, parts = split_faces(mesh, 0.02 * mesh.size)
+    return points, mesh.face_areas[face] / parts[face] ** 2, face
+
+
+def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntArray]:
+    """Centres of the like triangles into which long faces are split until their sides are at most ``size`` [m].
+
+    Returns
+    -------
+    centres : array, shape (p, 3)
+    face : array of int, shape (p,)
+    parts : array of int, shape (f,)
+        Into how many parts each side of each face was split; the face has as many pieces squared.
+    """
+    corners = mesh.triangles
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    parts = np.clip(np.ceil(longest / size).astype(int), 1, MOST_PARTS)
+    centres, face = [], []
+    for k in np.unique(parts):
+        chosen = np.flatnonzero(parts == k)
+        i, j = (x.ravel() for x in np.meshgrid(np.arange(k), np.arange(k), indexing="ij"))
+        up, down = i + j < k, i + j < k - 1  # pieces that stand like the face, and upside down
+        a = np.r_[i[up] + 1 / 3, i[down] + 2 / 3] / k
+        b = np.r_[j[up] + 1 / 3, j[down] + 2 / 3] / k
+        centres.append(np.einsum("sb,fbc->fsc", np.column_stack((1 - a - b, a, b)), corners[chosen]).reshape(-1, 3))
+        face.append(np.repeat(chosen, len(a)))
+    return np.concatenate(centres), np.concatenate(face), parts
+
+
+class MeshDistance:
+    """Distance from points to a mesh, exact: a tree of face pieces gives candidates, then triangles decide."""
+
+    def __init__(self, mesh: TriangleMesh):
+        self.triangles = mesh.triangles
+        sides = np.linalg.norm(self.triangles - np.roll(self.triangles, 1, axis=1), axis=2).max(axis=1)
+        centres, self.face, parts = split_faces(mesh, max(float(np.median(sides)), 0.01 * mesh.size))
+        self.reach = 2 / 3 * float((sides / parts).max())  # no point of a piece is further from its centre
+        self.tree = cKDTree(centres)
+
+    def __call__(self, points: Array) -> tuple[Array, IntArray, Array]:
+        """Distance [m], nearest face and nearest point of each point, shapes (k,), (k,), (k, 3)."""
+        distance = np.full(len(points), np.inf)
+        face = np.zeros(len(points), np.int64)
+        nearest = np.zeros((len(points), 3))
+        open_, k = np.arange(len(points)), 4
+        while len(open_):
+            k = min(2 * k, self.tree.n)
+            far, index = self.tree.query(points[open_], k=k)
+            far, index = far.reshape(len(open_), -1), index.reshape(len(open_), -1)
+            candidate = self.face[index]
+            foot = closest_on_triangles(np.repeat(points[open_], k, axis=0), self.triangles[candidate.ravel()])
+            d = np.linalg.norm(foot.reshape(len(open_), k, 3) - points[open_, None], axis=2)
+            best = d.argmin(axis=1)
+            row = np.arange(len(open_))
+            distance[open_], face[open_] = d[row, best], candidate[row, best]
+            nearest[open_] = foot.reshape(len(open_), k, 3)[row, best]
+            # A face not among the candidates has no point nearer than its nearest piece less the reach of a piece.
+            done = (far[:, -1] - self.reach >= d[row, best]) | (k == self.tree.n)
+            open_ = open_[~done]
+        return distance, face, nearest
+
+
+def closest_on_triangles(points: Array, triangles: Array) -> Array:
+    """Nearest point of each triangle (k, 3, 3) to each point (k, 3) (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    ab, ac, ap = b - a, c - a, points - a
+    normal = np.cross(ab, ac)
+    square = np.maximum((normal**2).sum(axis=1), 1e-300)
+    v = (np.cross(ap, ac) * normal).sum(axis=1) / square
+    w = (np.cross(ab, ap) * normal).sum(axis=1) / square
+    best = a + v[:, None] * ab + w[:, None] * ac
+    outside = (v < 0) | (w < 0) | (v + w > 1)
+    if outside.any():
+        p = points[outside]
+        best_edge = np.full(len(p), np.inf)
+        for start, stop in ((a, b), (b, c), (c, a)):
+            s, e = start[outside], stop[outside] - start[outside]
+            t = np.clip(((p - s) * e).sum(axis=1) / np.maximum((e**2).sum(axis=1), 1e-300), 0, 1)
+            q = s + t[:, None] * e
+            d = ((p - q) ** 2).sum(axis=1)
+            better = d < best_edge
+            best_edge = np.where(better, d, best_edge)
+            if start is a:
+                edge = q
+            else:
+                edge[better] = q[better]
+        best[outside] = edge
+    return best
+
+
+def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
+    """Nearest surface point of each point: parameters, shape (k, 2), and distance [m].
+
+    The nearest of a dense grid starts a Gauss-Newton descent that stays within the surface.
+    """
+    uv_grid, _ = surface_samples(surface)
+    _, index = cKDTree(surface.points(uv_grid)).query(points)
+    uv = uv_grid[index]
+    for _ in range(NEWTON_STEPS):
+        r = surface.derivatives(uv)
+        gap = points - r[0, 0]
+        a, b = r[1, 0], r[0, 1]
+        aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
+        ga, gb = (gap * a).sum(1), (gap * b).sum(1)
+        det = np.maximum(aa * bb - ab * ab, 1e-300)
+        uv = uv + np.column_stack(((bb * ga - ab * gb) / det, (aa * gb - ab * ga) / det))
+        for axis in (0, 1):
+            if not surface.closed[axis]:
+                uv[:, axis] = np.clip(uv[:, axis], 0, 1)
+    uv = surface.wrap(uv)
+    return uv, np.linalg.norm(points - surface.points(uv), axis=1)

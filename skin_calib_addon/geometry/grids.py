@@ -1,0 +1,192 @@
+"""How an author says where the planes are: tubes, sectors, planes across a sole, planes one by one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array, unit
+from ..errors import InvalidPlan
+from .axis import ALL_ROUND, Axis, TubeFrame, find_axis, frame_of, stations_between, tube_frame
+from .lines import LineGrid
+from .mesh import TriangleMesh
+from .planes import Planes, perpendicular
+from .rays import TURN
+
+# Planes of the two families that meet at less than this cut each other nowhere definite.
+SMALLEST_ANGLE = np.deg2rad(3.0)
+# v-planes that pass a common point within this share of the distances involved were meant to share it.
+CONCURRENT = 1e-9
+
+
+@dataclass(frozen=True)
+class TubeGrid:
+    """``n`` planes across an axis and ``lines`` half-planes that start from it, all round (paper eq. 10 and 11).
+
+    The paper counts ``m`` full planes through the axis; that is ``lines = 2 * m``.
+    """
+
+    n: int
+    lines: int
+    axis: Axis | None = None  # None: found from the mesh
+    margin: float | None = None  # [m] left free at both ends; None: up to the first complete sections
+
+    def line_grid(self, mesh: TriangleMesh) -> LineGrid:
+        """The lines of the control points on ``mesh``."""
+        frame = tube_frame(mesh, self.axis)
+        stations = np.linspace(*stations_between(mesh, frame, self.margin, ALL_ROUND), self.n)
+        # Clockwise about the axis, so that r_u x r_v points outward.
+        return fan(frame, stations, -TURN * np.arange(self.lines) / self.lines, closed=True)
+
+
+@dataclass(frozen=True)
+class SectorGrid:
+    """A tube grid that goes only part of the way round, between two half-planes."""
+
+    n: int
+    lines: int
+    start: float  # [rad] about the axis, from the side of the link's x axis; of its y axis where the tube runs along x
+    stop: float  # [rad], larger than start
+    axis: Axis | None = None
+    margin: float | None = None
+
+    def line_grid(self, mesh: TriangleMesh) -> LineGrid:
+        """The lines of the control points on ``mesh``."""
+        if not 0 < self.stop - self.start < TURN:
+            raise InvalidPlan(f'"from" {self.start:g} and "to" {self.stop:g} must span more than 0 and less than 2 pi')
+        found = (
+            find_axis(mesh) if self.axis is None else frame_of(np.array(self.axis.point), np.array(self.axis.direction))
+        )
+        x_axis, y_axis = np.eye(3)[:2]
+        frame = frame_of(found.point, found.e3, y_axis if abs(found.e3 @ x_axis) > 0.9 else x_axis)
+        angles = np.linspace(self.stop, self.start, self.lines)
+        span = stations_between(mesh, frame, self.margin, np.linspace(self.start, self.stop, 90))
+        return fan(frame, np.linspace(*span, self.n), angles, closed=False)
+
+
+@dataclass(frozen=True)
+class AcrossGrid:
+    """Two families of parallel planes across a sole or a palm; control points move along ``normal``."""
+
+    n: int
+    lines: int
+    normal: tuple[float, float, float]  # out of the robot
+    along: tuple[float, float, float] | None = None  # the u-planes lie across it; None: the longer side
+    margin: float | None = None  # [m] left free at all four sides; None: a hundredth of the longer one
+
+    def line_grid(self, mesh: TriangleMesh) -> LineGrid:
+        """The lines of the control points on ``mesh``."""
+        up = unit(self.normal)
+        faces = mesh.faces[mesh.face_normals @ up > 0.5]
+        if len(faces) == 0:
+            raise InvalidPlan(f'no face of the mesh looks along "normal" {list(self.normal)}; give the outward side')
+        seen = mesh.vertices[np.unique(faces)]
+        along = self._along(seen, up)
+        side = np.cross(up, along)  # along x side = up: r_u x r_v points outward
+        x, y = seen @ along, seen @ side
+        margin = 0.01 * max(np.ptp(x), np.ptp(y)) if self.margin is None else self.margin
+        if 2 * margin >= min(np.ptp(x), np.ptp(y)):
+            raise InvalidPlan(f"margin {margin * 1e3:g} mm leaves nothing of the face; make it smaller")
+        x, y = (np.linspace(s.min() + margin, s.max() - margin, k) for s, k in ((x, self.n), (y, self.lines)))
+        below = ((mesh.vertices @ up).min() - 0.1 * mesh.size) * up  # rays start inside and go outward
+        points = below + x[:, None] * along
+        origins = points[:, None] + y[:, None] * side
+        planes = Planes(points, np.broadcast_to(along, points.shape))
+        return LineGrid(planes, origins, np.broadcast_to(up, origins.shape), False, numbered(self.lines))
+
+    def _along(self, seen: Array, up: Array) -> Array:
+        if self.along is not None:
+            direction = np.asarray(self.along, float)
+            direction = direction - (direction @ up) * up
+            if np.linalg.norm(direction) < np.sin(SMALLEST_ANGLE) * np.linalg.norm(self.along):
+                raise InvalidPlan(f'the axis {list(self.along)} runs along "normal"; it must lie in the face')
+            return unit(direction)
+        a = perpendicular(up)
+        flat = np.column_stack((seen @ a, seen @ np.cross(up, a)))
+        long = np.linalg.eigh(np.cov(flat.T))[1][:, 1]
+        direction = unit(long[0] * a + long[1] * np.cross(up, a))
+        return direction if direction[np.argmax(np.abs(direction))] > 0 else -direction
+
+
+@dataclass(frozen=True, eq=False)
+class PlanesGrid:
+    """Planes as the author placed them; where ``closed``, each v-plane cuts a section twice and gives two lines."""
+
+    u: Planes
+    v: Planes
+    closed: bool
+
+    def line_grid(self, mesh: TriangleMesh) -> LineGrid:
+        """The lines of the control points on ``mesh``."""
+        across = np.cross(self.u.normals[:, None], self.v.normals)
+        sine = np.linalg.norm(across, axis=2)
+        i, j = np.unravel_index(np.argmin(sine), sine.shape)
+        if sine[i, j] < np.sin(SMALLEST_ANGLE):
+            raise InvalidPlan(
+                f"u-plane {i} and v-plane {j} are {np.rad2deg(np.arcsin(sine[i, j])):.1f} degrees from parallel; turn "
+                "one so that they cross"
+            )
+        points = np.array([self._line_points(i) for i in range(len(self.u))])
+        build = self._closed_lines if self.closed else self._open_lines
+        return build(mesh, points, unit(across))
+
+    def _line_points(self, i: int) -> Array:
+        """Point of each line of u-plane ``i`` nearest to the place where all v-planes come closest, shape (m, 3)."""
+        system = np.vstack((self.u.normals[i] * 1e3, self.v.normals))  # the u-plane holds, the v-planes at best
+        level = np.r_[self.u.points[i] @ self.u.normals[i] * 1e3, (self.v.points * self.v.normals).sum(axis=1)]
+        centre = np.linalg.lstsq(system, level, rcond=None)[0]
+        if (
+            np.abs(((self.v.points - centre) * self.v.normals).sum(axis=1)).max()
+            < CONCURRENT * np.abs(self.u.points).max()
+        ):
+            return np.tile(centre, (len(self.v), 1))  # all lines of this u-plane leave one point, to the bit
+        points = []
+        for point, normal in zip(self.v.points, self.v.normals):
+            pair = np.array((self.u.normals[i], normal))
+            gap = np.array((self.u.points[i] @ pair[0], point @ normal)) - pair @ centre
+            points.append(centre + np.linalg.lstsq(pair, gap, rcond=None)[0])
+        return np.array(points)
+
+    def _closed_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
+        if len(self.v) < 2:
+            raise InvalidPlan("a closed grid needs at least two v-planes")
+        along = unit(self.u.points[-1] - self.u.points[0])
+        frame = frame_of(points[0].mean(axis=0), along)
+        points, directions = np.tile(points, (1, 2, 1)), np.concatenate((across, -across), axis=1)
+        directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
+        xy = frame.across(directions[0])
+        order = np.argsort(-np.arctan2(xy[:, 1], xy[:, 0]), kind="stable")
+        names = tuple(f"v-plane {j % len(self.v)}" for j in order)
+        return LineGrid(self.u, points[:, order], directions[:, order], True, names)
+
+    def _open_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
+        across = across * np.sign((across * across[:1, :1]).sum(axis=2, keepdims=True))
+        outward = (mesh.face_normals * mesh.face_areas[:, None]).sum(axis=0) / mesh.face_areas.sum()
+        side = float(outward @ unit(across.mean(axis=(0, 1))))
+        if abs(side) < 0.1:
+            raise InvalidPlan("the faces look to both sides of the planes; cut the mesh so that one side is left")
+        directions = across * np.sign(side)
+        middle = mesh.vertices.mean(axis=0)
+        height = ((middle - points) * directions).sum(axis=2) - mesh.size
+        points = points + height[..., None] * directions
+        names = numbered(len(self.v))
+        turn = np.cross(points[-1, 0] - points[0, 0], points[0, -1] - points[0, 0]) @ directions[0, 0]
+        if turn < 0:
+            points, directions, names = points[:, ::-1], directions[:, ::-1], names[::-1]
+        return LineGrid(self.u, points, directions, False, names)
+
+
+Grid = TubeGrid | SectorGrid | AcrossGrid | PlanesGrid
+
+
+def fan(frame: TubeFrame, stations: Array, angles: Array, closed: bool) -> LineGrid:
+    """Lines that leave an axis at every station and angle."""
+    planes = frame.planes(stations)
+    shape = (len(stations), len(angles), 3)
+    names = tuple(f"half-plane at {np.rad2deg(a) % 360:.0f} degrees" for a in angles)
+    origins = np.broadcast_to(planes.points[:, None], shape)
+    return LineGrid(planes, origins, np.broadcast_to(frame.rays(angles), shape), closed, names)
+
+
+def numbered(count: int) -> tuple[str, ...]:
+    """Names of v-planes for messages."""
+    return tuple(f"v-plane {j}" for j in range(count))
