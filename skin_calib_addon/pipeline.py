@@ -1,0 +1,87 @@
+"""From one link's mesh to its taxels: the whole flow on one page."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from time import perf_counter
+
+from . import __version__
+from .calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
+from .geometry.bspline import BSplineSurface
+from .geometry.cover import cut_cover
+from .geometry.fit import SurfaceFit, fit_surface
+from .geometry.mesh import TriangleMesh, load_mesh
+from .plan import Plan, SheetSkin
+from .skin.taxels import sheet_taxels
+from .skin.wrap import wrap_sheet
+
+SURFACE = "cover"
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """A calibration, and what it was made from, for reports and pictures."""
+
+    calibration: LinkCalibration
+    cover: TriangleMesh
+    fit: SurfaceFit
+    seconds: dict[str, float]  # by stage
+
+
+def calibrate(plan: Plan, mesh: TriangleMesh | None = None) -> Calibrated:
+    """Cut the cover, fit the surface, wrap the skins.
+
+    Parameters
+    ----------
+    plan : Plan
+    mesh : TriangleMesh, optional
+        The link's mesh where it is at hand, as in a scene; else it is read from the plan's file.
+
+    Raises
+    ------
+    SkinCalibError
+        With what is wrong, where, and what to do.
+    """
+    seconds: dict[str, float] = {}
+    with stage(seconds, "load"):
+        mesh = load_mesh(plan.mesh, plan.unit) if mesh is None else mesh
+    with stage(seconds, "cut"):
+        cover = cut_cover(mesh, plan.cover)
+    with stage(seconds, "fit"):
+        fit = fit_surface(cover, plan.grid, plan.degree)
+    with stage(seconds, "wrap"):
+        patches = tuple(lay(skin, fit.surface) for skin in plan.skins)
+    with stage(seconds, "errors"):
+        surface = surface_model(fit)
+    source = MeshSource(plan.mesh.name, mesh.sha256, len(mesh.vertices), len(mesh.faces))
+    calibration = LinkCalibration(
+        plan.link, source, (surface,), patches, plan.response, f"skin-calib {__version__}", plan.extra
+    )
+    return Calibrated(calibration, cover, fit, seconds)
+
+
+@contextmanager
+def stage(seconds: dict[str, float], name: str) -> Iterator[None]:
+    """Time a stage into ``seconds``."""
+    start = perf_counter()
+    yield
+    seconds[name] = perf_counter() - start
+
+
+def lay(skin: SheetSkin, surface: BSplineSurface) -> Patch:
+    """Wrap one skin on the surface."""
+    sheet = wrap_sheet(surface, skin.lattice, skin.origin, skin.direction)
+    taxels = sheet_taxels(sheet, skin.name, skin.first_channel)
+    shape = (skin.lattice.rows, skin.lattice.columns)
+    return Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels)
+
+
+def surface_model(fit: SurfaceFit) -> SurfaceModel:
+    """The fitted surface as the calibration keeps it."""
+    s = fit.surface
+    return SurfaceModel(SURFACE, s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
+
+
+def surface_of(model: SurfaceModel) -> BSplineSurface:
+    """A surface kept in a calibration, ready to evaluate."""
+    return BSplineSurface(model.control_net, model.knots_u, model.knots_v, model.degree, model.closed)

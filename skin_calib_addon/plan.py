@@ -1,0 +1,211 @@
+"""The author's choices as a file: what to cut, where the planes are, which skins."""
+
+import json
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .atomic_file import write_bytes_safely
+from .calibration.findings import Finding
+from .calibration.model import Response
+from .calibration.schema_check import check, read_schema
+from .calibration.strict_json import parse, read
+from .errors import CalibrationFormatError, InvalidPlan
+from .geometry.axis import Axis
+from .geometry.cover import CoverSpec, Cut
+from .geometry.grids import AcrossGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
+from .geometry.planes import Planes
+from .skin.lattice import SheetLattice
+
+FORMAT, VERSION = "skin-plan", 1
+
+
+@dataclass(frozen=True)
+class SheetSkin:
+    """A sheet of ``rows`` x ``columns`` cells and where it lies on the link."""
+
+    name: str
+    lattice: SheetLattice
+    origin: tuple[float, float, float] | None  # centre of cell (0, 0) [m]; None: centred on the surface
+    direction: tuple[float, float, float]  # where the rows run to
+    first_channel: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that turns one link's mesh into its calibration."""
+
+    link: str
+    mesh: Path
+    unit: str
+    cover: CoverSpec
+    grid: Grid
+    degree: tuple[int, int]
+    skins: tuple[SheetSkin, ...]
+    response: Response = Response()
+    extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
+
+
+def load_plan(path: str | Path) -> Plan:
+    """Read a plan file; its mesh path becomes relative to the file's folder.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the file is missing or breaks the schema; ``findings`` has everything found.
+    InvalidPlan
+        If its members do not go together.
+    """
+    path = Path(path)
+    document, findings = parse(read(path))
+    findings = tuple(findings) or check_plan(document)
+    if findings:
+        more = f" (and {len(findings) - 1} more: run check)" if len(findings) > 1 else ""
+        raise CalibrationFormatError(f"{path.name} is no valid plan: {findings[0]}{more}", findings)
+    plan = plan_from(document)
+    return replace(plan, mesh=path.parent / plan.mesh)
+
+
+def check_plan(document: Any) -> tuple[Finding, ...]:
+    """Every place where a document breaks the plan's schema."""
+    return check(document, _schema())
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return read_schema(Path(__file__).with_name("plan.schema.json"))
+
+
+def plan_from(document: dict[str, Any]) -> Plan:
+    """The plan in a document that keeps the schema.
+
+    Raises
+    ------
+    InvalidPlan
+        If its members do not go together.
+    """
+    cover = document.get("cover", {})
+    return Plan(
+        link=document["link"],
+        mesh=Path(document["mesh"]),
+        unit=document["unit"],
+        cover=CoverSpec(
+            cover.get("shell", "outer"),
+            tuple(Cut(tuple(c["point"]), tuple(c["normal"])) for c in cover.get("cuts", ())),
+        ),
+        grid=_grid(document["grid"]),
+        degree=tuple(document.get("degree", (3, 3))),
+        skins=_skins(document["skins"]),
+        response=Response(tuple(document["response"]["coefficients"])) if "response" in document else Response(),
+        extra={k: v for k, v in document.items() if k.startswith("x_")},
+    )
+
+
+def _grid(grid: dict[str, Any]) -> Grid:
+    if grid["kind"] == "planes":
+        u, v = (
+            Planes(np.array([p["point"] for p in side]), np.array([p["normal"] for p in side]))
+            for side in (grid["u"], grid["v"])
+        )
+        for name, planes in (("u", u), ("v", v)):
+            empty = np.flatnonzero(~planes.normals.any(axis=1))
+            if len(empty):
+                raise InvalidPlan(f"the normal of {name}-plane {empty[0]} is zero; give its direction")
+        return PlanesGrid(u, v, grid["closed"])
+    if ("m" in grid) == ("lines" in grid):
+        raise InvalidPlan('the grid needs either "m" (planes) or "lines", not both and not none')
+    axis = grid.get("axis", "auto")
+    line = None if axis == "auto" else Axis(tuple(axis["point"]), tuple(axis["direction"]))
+    if line and not any(line.direction):
+        raise InvalidPlan('the "direction" of the axis is zero; give where the link runs to')
+    n, margin = grid["n"], grid.get("margin")
+    if grid["kind"] == "tube":
+        return TubeGrid(n, grid.get("lines", 2 * grid.get("m", 0)), line, margin)
+    lines = grid.get("lines", grid.get("m", 0))
+    if "normal" in grid and not {"from", "to"} & grid.keys():
+        return AcrossGrid(n, lines, tuple(grid["normal"]), line.direction if line else None, margin)
+    if "normal" not in grid and {"from", "to"} <= grid.keys():
+        return SectorGrid(n, lines, grid["from"], grid["to"], line, margin)
+    raise InvalidPlan('a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)')
+
+
+def _skins(skins: list[dict[str, Any]]) -> tuple[SheetSkin, ...]:
+    result: list[SheetSkin] = []
+    channel = 0
+    for skin in skins:
+        if any(skin["name"] == other.name for other in result):
+            raise InvalidPlan(f"two skins are called {skin['name']!r}; names must differ")
+        first = skin.get("first_channel", channel)
+        lattice = SheetLattice(skin["rows"], skin["columns"], tuple(skin["pitch"]))
+        origin = None if skin["origin"] == "center" else tuple(skin["origin"])
+        result.append(SheetSkin(skin["name"], lattice, origin, tuple(skin["direction"]), first))
+        channel = first + skin["rows"] * skin["columns"]
+    return tuple(result)
+
+
+def plan_document(plan: Plan) -> dict[str, Any]:
+    """The plan as the JSON document that reads back to it."""
+    document: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "link": plan.link,
+        "mesh": plan.mesh.as_posix(),
+        "unit": plan.unit,
+        "cover": {
+            "shell": plan.cover.shell,
+            "cuts": [{"point": [*c.point], "normal": [*c.normal]} for c in plan.cover.cuts],
+        },
+        "grid": _grid_document(plan.grid),
+        "degree": [*plan.degree],
+        "skins": [
+            {
+                "name": skin.name,
+                "kind": "sheet",
+                "rows": skin.lattice.rows,
+                "columns": skin.lattice.columns,
+                "pitch": [*skin.lattice.pitch],
+                "origin": "center" if skin.origin is None else [*skin.origin],
+                "direction": [*skin.direction],
+                "first_channel": skin.first_channel,
+            }
+            for skin in plan.skins
+        ],
+    }
+    if plan.response != Response():
+        document["response"] = {"kind": "polynomial", "coefficients": [*plan.response.coefficients]}
+    return document | plan.extra
+
+
+def _grid_document(grid: Grid) -> dict[str, Any]:
+    if isinstance(grid, PlanesGrid):
+        sides = {
+            name: [{"point": p, "normal": q} for p, q in zip(side.points.tolist(), side.normals.tolist())]
+            for name, side in (("u", grid.u), ("v", grid.v))
+        }
+        return {"kind": "planes", **sides, "closed": grid.closed}
+    document: dict[str, Any] = {
+        "kind": "tube" if isinstance(grid, TubeGrid) else "patch",
+        "n": grid.n,
+        "lines": grid.lines,
+    }
+    if isinstance(grid, AcrossGrid):
+        document["normal"] = [*grid.normal]
+        if grid.along:
+            document["axis"] = {"point": [0.0, 0.0, 0.0], "direction": [*grid.along]}
+    else:
+        document["axis"] = "auto"
+        if grid.axis:
+            document["axis"] = {"point": [*grid.axis.point], "direction": [*grid.axis.direction]}
+    if isinstance(grid, SectorGrid):
+        document |= {"from": grid.start, "to": grid.stop}
+    if grid.margin is not None:
+        document["margin"] = grid.margin
+    return document
+
+
+def save_plan(plan: Plan, path: str | Path) -> None:
+    """Write a plan file, whole or not at all; the mesh path is written as it stands in the plan."""
+    write_bytes_safely(path, (json.dumps(plan_document(plan), indent=2, ensure_ascii=False) + "\n").encode())

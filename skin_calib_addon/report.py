@@ -1,0 +1,82 @@
+"""What a calibration is, in words and numbers: the summary of a fit, the table of a file."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .calibration.model import LinkCalibration
+from .deviation import DistanceStatistics
+from .pipeline import Calibrated
+
+
+def summary(result: Calibrated, path: Path) -> str:
+    """Ten lines about one fit: what, how far off, how long."""
+    fit, seconds, errors = result.fit, result.seconds, result.fit.errors
+    n, m = fit.lines.origins.shape[:2]
+    taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
+    strain = [np.abs(p.taxels.quality["strain"][:, :2]).max() for p in result.calibration.patches]
+    mesh = result.calibration.mesh
+    return "\n".join(
+        (
+            f"link             {result.calibration.link}",
+            f"mesh             {mesh.file}: {mesh.faces} faces; cover {len(result.cover.faces)} faces",
+            f"surface          {n} x {m} control points, degree {fit.surface.degree}, {fit.passes} passes, "
+            f"{fit.missing:.1%} of the samples missing",
+            f"surface to mesh  {_millimetres(errors.surface_to_mesh)}",
+            f"mesh to surface  {_millimetres(errors.mesh_to_surface)}",
+            f"Hausdorff        {errors.hausdorff * 1e3:.4f} mm",
+            f"taxels           {taxels} in {len(result.calibration.patches)} patches",
+            f"largest strain   {max(strain, default=0.0):.2%}",
+            "time             " + ", ".join(f"{name} {s * 1e3:.1f} ms" for name, s in seconds.items()),
+            f"calibration      {path}",
+        )
+    )
+
+
+def _millimetres(d: DistanceStatistics) -> str:
+    return f"mean {d.mean * 1e3:.4f}, rms {d.rms * 1e3:.4f}, max {d.max * 1e3:.4f} mm"
+
+
+def report_document(result: Calibrated) -> dict[str, Any]:
+    """Errors, sizes and times of one fit as JSON; metres and seconds."""
+    fit = result.fit
+    errors = {
+        name: {"mean": d.mean, "rms": d.rms, "max": d.max}
+        for name, d in (
+            ("mesh_to_surface", fit.errors.mesh_to_surface),
+            ("surface_to_mesh", fit.errors.surface_to_mesh),
+        )
+    }
+    return {
+        "link": result.calibration.link,
+        "control_points": int(np.prod(fit.lines.origins.shape[:2])),
+        "passes": fit.passes,
+        "missing": fit.missing,
+        "errors": errors | {"hausdorff": fit.errors.hausdorff},
+        "taxels": sum(len(p.taxels.ids) for p in result.calibration.patches),
+        "seconds": result.seconds,
+    }
+
+
+def table(calibration: LinkCalibration) -> str:
+    """What a calibration file holds, for a person to read."""
+    mesh = calibration.mesh
+    lines = [
+        f"link      {calibration.link}",
+        f"mesh      {mesh.file}: {mesh.vertices} vertices, {mesh.faces} faces",
+        f"by        {calibration.generator}",
+    ]
+    for s in calibration.surfaces:
+        lines.append(
+            f"surface   {s.name}: {s.control_net.shape[0]} x {s.control_net.shape[1]} control points, degree {s.degree}"
+        )
+        lines.append(f"          surface to mesh: {_millimetres(s.errors.surface_to_mesh)}")
+    for p in calibration.patches:
+        t = p.taxels
+        channels = f"channels {t.channels.min()} to {t.channels.max()}" if len(t.ids) else "no channels"
+        lines.append(f"patch     {p.name}: {p.kind} of {p.shape[0]} x {p.shape[1]}, {len(t.ids)} taxels, {channels}")
+        for name, values in t.quality.items():
+            largest = np.abs(values).max(axis=0)
+            lines.append(f"          largest {name}: {np.array2string(np.atleast_1d(largest), precision=4)}")
+    return "\n".join(lines)
