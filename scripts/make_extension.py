@@ -1,0 +1,107 @@
+"""Build the extension: one zip per platform, with SciPy and trimesh for Python 3.11 and 3.13.
+
+    python scripts/make_extension.py [--platform linux-x64 ...]
+
+Run it with the Python of the virtual environment: the builder is the one that comes with Blender's module.
+"""
+
+import argparse
+import importlib.util
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PIP_PLATFORMS = {
+    "linux-x64": "manylinux2014_x86_64",
+    "windows-x64": "win_amd64",
+    "macos-arm64": "macosx_12_0_arm64",
+}
+
+
+def wheels_for(platform):
+    """The manifest's wheels that one platform needs."""
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
+    end = PIP_PLATFORMS[platform]
+    return [Path(w).name for w in manifest["wheels"] if w.endswith((f"{end}.whl", "none-any.whl"))]
+
+
+def download(platform):
+    """Fetch the wheels that are not there yet, unmodified, by name and version."""
+    folder = ROOT / "wheels"
+    for wheel in wheels_for(platform):
+        if (folder / wheel).is_file():
+            continue
+        name, version, tag = wheel.split("-")[:3]
+        words = [
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            "--quiet",
+            "--no-deps",
+            "--only-binary=:all:",
+            "--dest",
+            folder,
+        ]
+        if tag.startswith("cp"):
+            words += ["--python-version", tag[2:], "--platform", PIP_PLATFORMS[platform]]
+        subprocess.run([*words, f"{name}=={version}"], check=True)
+
+
+def builder():
+    """Blender's own extension command, as the module carries it."""
+    place = Path(importlib.util.find_spec("bpy").origin).parent
+    return next(place.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+
+
+def build(platform):
+    """Build the zip of one platform; returns its path.
+
+    The builder packs every wheel it finds, so the source is a copy of what git tracks with this platform's alone.
+    """
+    import shutil
+    import tempfile
+
+    download(platform)
+    with tempfile.TemporaryDirectory() as folder:
+        tracked = subprocess.run(
+            ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
+            cwd=ROOT,
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout.splitlines()
+        for name in filter(lambda n: (ROOT / n).is_file(), tracked):
+            target = Path(folder) / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, target)
+        wheels = wheels_for(platform)
+        (Path(folder) / "wheels").mkdir()
+        for wheel in wheels:
+            shutil.copy2(ROOT / "wheels" / wheel, Path(folder) / "wheels")
+        manifest = Path(folder) / "blender_manifest.toml"
+        listed = "".join(f'  "./wheels/{wheel}",\n' for wheel in wheels)
+        text = re.sub(r"^wheels = \[.*?^\]", f"wheels = [\n{listed}]", manifest.read_text(), flags=re.M | re.S)
+        manifest.write_text(re.sub(r"^platforms = .*$", f'platforms = ["{platform}"]', text, flags=re.M))
+        version = tomllib.loads(text)["version"]
+        (ROOT / "dist").mkdir(exist_ok=True)
+        target = ROOT / "dist" / f"skin_calib-{version}-{platform.replace('-', '_')}.zip"
+        subprocess.run(
+            [sys.executable, builder(), "build", "--source-dir", folder, "--output-filepath", target], check=True
+        )
+    return target
+
+
+def main():
+    """Build what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--platform", action="append", choices=PIP_PLATFORMS, help="default: all")
+    for platform in parser.parse_args().platform or PIP_PLATFORMS:
+        print(build(platform).relative_to(ROOT))
+
+
+if __name__ == "__main__":
+    main()

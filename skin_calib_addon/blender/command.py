@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``blender [-b] [scene.blend] --command skin_calib ...``: the command line inside Blender."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+
+from .. import cli
+from ..geometry.mesh import TriangleMesh
+from ..plan import Plan
+from .scene import links, read_mesh, read_plan
+
+_commands: list[Any] = []
+
+
+def scene_plans() -> list[tuple[Plan, TriangleMesh]]:
+    """Plan and mesh of every link in the open scene."""
+    context = bpy.context
+    return [(read_plan(link, context.scene), read_mesh(link, context)) for link in links(context)]
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run one command; ``fit`` without a plan file fits the links of the open scene."""
+    return cli.main(argv, scene_plans)
+
+
+def register() -> None:
+    """Add the command; the ``bpy`` module has no command line and lets this pass."""
+    _commands.append(bpy.utils.register_cli_command("skin_calib", main))
+
+
+def unregister() -> None:
+    """Take the command away."""
+    while _commands:
+        bpy.utils.unregister_cli_command(_commands.pop())

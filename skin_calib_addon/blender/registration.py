@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Register everything that Blender sees, in the order in which parts need each other."""
+
+from importlib import import_module
+from types import ModuleType
+
+import bpy
+
+from . import command, overlay, properties, results
+
+_modules: list[ModuleType] = []
+
+
+def register(package: str) -> None:
+    """Add properties, operators, panels, overlay and command.
+
+    Parameters
+    ----------
+    package : str
+        Name of the extension's package, under which ``operators`` and ``panels`` lie beside this one.
+    """
+    outside = [import_module(f"{package}.{name}") for name in ("operators", "panels")]
+    for module in (properties, *outside, overlay, command):
+        module.register()
+        _modules.append(module)
+    bpy.app.handlers.load_pre.append(_forget)
+
+
+def unregister() -> None:
+    """Take everything away in the opposite order."""
+    if _forget in bpy.app.handlers.load_pre:
+        bpy.app.handlers.load_pre.remove(_forget)
+    while _modules:
+        _modules.pop().unregister()
+    results.clear()
+
+
+@bpy.app.handlers.persistent
+def _forget(*_: object) -> None:
+    results.clear()

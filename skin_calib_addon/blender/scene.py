@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Objects to plans and arrays, and back. What leaves here is metres in the link frame.
+
+The link frame is the frame of the object's parent, or the world where it has none: a link's mesh may be placed in its
+frame by the object's own location, rotation and scale.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..errors import CalibrationFormatError, InvalidMesh, InvalidPlan
+from ..geometry.mesh import METRES, TriangleMesh, check_size, weld
+from ..pipeline import Calibrated
+from ..plan import FORMAT, VERSION, Plan, check_plan, plan_from
+
+
+def links(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Objects of the scene that have a link name, by name."""
+    return sorted((o for o in context.scene.objects if o.type == "MESH" and o.skin_calib.link), key=lambda o: o.name)
+
+
+def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
+    """The plan in an object's properties.
+
+    Raises
+    ------
+    CalibrationFormatError, InvalidPlan
+        As for a plan file.
+    """
+    document = plan_document(link, scene)
+    findings = check_plan(document)
+    if findings:
+        raise CalibrationFormatError(f"the plan of {link.name} is not valid: {findings[0]}", findings)
+    return plan_from(document)
+
+
+def plan_document(link: bpy.types.Object, scene: bpy.types.Scene) -> dict[str, Any]:
+    """The plan in an object's properties as a document; its mesh is named, not written."""
+    settings, metre = link.skin_calib, metres_per_unit(scene)
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "link": settings.link,
+        "mesh": settings.mesh_file or f"{link.name}.ply",
+        "unit": "m",
+        "cover": {"shell": settings.cover.shell, "cuts": [_plane(cut, metre) for cut in settings.cover.cuts]},
+        "grid": _grid(settings.grid, metre),
+        "degree": [*settings.degree],
+        "skins": [_skin(skin, metre) for skin in settings.skins],
+    }
+    if settings.response:
+        document["response"] = {"kind": "polynomial", "coefficients": [exact(c.value) for c in settings.response]}
+    return document
+
+
+def exact(value: float) -> float:
+    """The shortest decimal that a single-precision property stands for: 0.0045 typed is 0.0045, not 0.00449999981."""
+    return float(str(np.float32(value)))
+
+
+def _vector(values: Any, metre: float = 1.0) -> list[float]:
+    return [exact(x) * metre for x in values]
+
+
+def _plane(plane: Any, metre: float) -> dict[str, Any]:
+    return {"point": _vector(plane.point, metre), "normal": _vector(plane.normal)}
+
+
+def _grid(grid: Any, metre: float) -> dict[str, Any]:
+    if grid.kind == "planes":
+        return {
+            "kind": "planes",
+            "u": [_plane(p, metre) for p in grid.u],
+            "v": [_plane(p, metre) for p in grid.v],
+            "closed": grid.closed,
+        }
+    axis = {"point": _vector(grid.point, metre), "direction": _vector(grid.direction)}
+    document = {
+        "kind": "tube" if grid.kind == "tube" else "patch",
+        "n": grid.n,
+        "lines": grid.lines,
+        "axis": "auto" if grid.auto_axis else axis,
+    }
+    if not grid.auto_margin:
+        document["margin"] = exact(grid.margin) * metre
+    if grid.kind == "sector":
+        document |= {"from": exact(grid.start), "to": exact(grid.stop)}
+    if grid.kind == "across":
+        document["normal"] = _vector(grid.normal)
+    return document
+
+
+def _skin(skin: Any, metre: float) -> dict[str, Any]:
+    return {
+        "name": skin.name,
+        "kind": "sheet",
+        "rows": skin.rows,
+        "columns": skin.columns,
+        "pitch": _vector(skin.pitch, metre),
+        "origin": "center" if skin.centred else _vector(skin.origin, metre),
+        "direction": _vector(skin.direction),
+        "first_channel": skin.first_channel,
+    }
+
+
+def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, document: dict[str, Any]) -> None:
+    """Set an object's properties from a plan document that keeps the schema; the mesh is not touched.
+
+    Blender keeps seven digits; a number with more is rounded.
+    """
+    settings, metre = link.skin_calib, metres_per_unit(scene)
+    settings.link, settings.mesh_file = document["link"], Path(document["mesh"]).name
+    cover = document.get("cover", {})
+    settings.cover.shell = cover.get("shell", "outer")
+    _set_planes(settings.cover.cuts, cover.get("cuts", ()), metre)
+    _set_grid(settings.grid, document["grid"], metre)
+    settings.degree = document.get("degree", (3, 3))
+    settings.skins.clear()
+    channel = 0
+    for skin in document["skins"]:
+        item = settings.skins.add()
+        for name in ("name", "rows", "columns", "direction"):
+            setattr(item, name, skin[name])
+        item.pitch = _units(skin["pitch"], metre)
+        item.centred = skin["origin"] == "center"
+        if not item.centred:
+            item.origin = _units(skin["origin"], metre)
+        item.first_channel = skin.get("first_channel", channel)
+        channel = item.first_channel + item.rows * item.columns
+    settings.response.clear()
+    for coefficient in document.get("response", {}).get("coefficients", ()):
+        settings.response.add().value = coefficient
+
+
+def _units(lengths: Any, metre: float) -> list[float]:
+    return [x / metre for x in lengths]
+
+
+def _set_planes(collection: Any, planes: Any, metre: float) -> None:
+    collection.clear()
+    for plane in planes:
+        item = collection.add()
+        item.point, item.normal = _units(plane["point"], metre), plane["normal"]
+
+
+def _set_grid(grid: Any, document: dict[str, Any], metre: float) -> None:
+    kind = document["kind"]
+    if kind == "planes":
+        grid.kind, grid.closed = "planes", document["closed"]
+        _set_planes(grid.u, document["u"], metre)
+        _set_planes(grid.v, document["v"], metre)
+        return
+    grid.kind = "tube" if kind == "tube" else "across" if "normal" in document else "sector"
+    grid.n = document["n"]
+    grid.lines = document.get("lines", document.get("m", 0) * (2 if kind == "tube" else 1))
+    axis = document.get("axis", "auto")
+    grid.auto_axis = axis == "auto"
+    if not grid.auto_axis:
+        grid.point, grid.direction = _units(axis["point"], metre), axis["direction"]
+    grid.auto_margin = "margin" not in document
+    if not grid.auto_margin:
+        grid.margin = document["margin"] / metre
+    if grid.kind == "sector":
+        grid.start, grid.stop = document["from"], document["to"]
+    if grid.kind == "across":
+        grid.normal = document["normal"]
+
+
+def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMesh:
+    """The object's mesh with its modifiers, in metres in the link frame.
+
+    Raises
+    ------
+    InvalidMesh
+        If it has no faces, a vertex is not finite, or its size says that the unit is wrong.
+    """
+    evaluated = link.evaluated_get(context.evaluated_depsgraph_get())
+    data = evaluated.to_mesh()
+    try:
+        data.calc_loop_triangles()
+        vertices = np.empty(len(data.vertices) * 3, np.float32)
+        data.vertices.foreach_get("co", vertices)
+        faces = np.empty(len(data.loop_triangles) * 3, np.int32)
+        data.loop_triangles.foreach_get("vertices", faces)
+    finally:
+        evaluated.to_mesh_clear()
+    placed = np.array([_vector(row) for row in link.matrix_local])
+    points = vertices.reshape(-1, 3).astype(float)
+    if not np.array_equal(placed, np.eye(4)):  # times one plus zero is exact, but only where nothing is infinite
+        points = points @ placed[:3, :3].T + placed[:3, 3]
+    faces = faces.reshape(-1, 3)
+    if np.linalg.det(placed[:3, :3]) < 0:  # mirrored by its scale: the faces would look inward
+        faces = faces[:, ::-1]
+    try:
+        mesh = weld(points * metres_per_unit(context.scene), faces)
+    except InvalidMesh as error:
+        raise InvalidMesh(f"{link.name}: {error}", **error.numbers) from error
+    check_size(mesh, "m", link.name)
+    return mesh
+
+
+def metres_per_unit(scene: bpy.types.Scene) -> float:
+    """Length of one Blender unit [m]."""
+    return exact(scene.unit_settings.scale_length)
+
+
+def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: str) -> bpy.types.Object:
+    """A new object in the scene for a mesh whose numbers are in ``unit``; they are kept, the object is scaled."""
+    data = bpy.data.meshes.new(name)
+    data.from_pydata(mesh.vertices.tolist(), [], mesh.faces.tolist())
+    data.update()
+    link = bpy.data.objects.new(name, data)
+    factor = METRES[unit] / metres_per_unit(context.scene)
+    link.scale = (factor, factor, factor)
+    context.scene.collection.objects.link(link)
+    return link
+
+
+def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, number: int) -> None:
+    """Keep the figures of a fit on its object."""
+    record, errors = link.skin_calib.result, result.fit.errors
+    record.number = number
+    metre = metres_per_unit(scene)
+    record.mean, record.max = errors.surface_to_mesh.mean / metre, errors.surface_to_mesh.max / metre
+    record.hausdorff = errors.hausdorff / metre
+    record.control_points = int(np.prod(result.fit.lines.origins.shape[:2]))
+    record.taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
+    record.seconds = sum(result.seconds.values())
+
+
+def active_link(context: bpy.types.Context) -> bpy.types.Object:
+    """The active object, if it is a link.
+
+    Raises
+    ------
+    InvalidPlan
+        If nothing that could be a link is active.
+    """
+    link = context.object
+    if link is None or link.type != "MESH" or not link.skin_calib.link:
+        raise InvalidPlan("no link is active: select a mesh object and give it a link name in the Skin tab")
+    return link
