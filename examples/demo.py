@@ -1,0 +1,44 @@
+"""The main job on the bundled sample, through both doors: the command line, and Blender without a window.
+
+Leaves ``out/wrist.calibration.json``, ``out/wrist.png`` and ``out/summary.txt``; fails where the doors differ.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+SAMPLES, OUT = ROOT / "sample_scenes", ROOT / "out"
+
+
+def run(*words):
+    """Run a program; its output, or an end with what it said."""
+    done = subprocess.run([sys.executable, *map(str, words)], cwd=ROOT, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"demo: {Path(words[0]).name} failed ({done.returncode}):\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def main():
+    """Fit the sample twice, compare, and say what was made."""
+    OUT.mkdir(exist_ok=True)
+    calibration, again = OUT / "wrist.calibration.json", OUT / "wrist.blender.json"
+    fit = ("-m", "skin_calib_addon", "fit", SAMPLES / "wrist.plan.json", "-o", calibration)
+    summary = run(*fit, "--picture", OUT / "wrist.png", "--report", OUT / "wrist.report.json")
+    try:
+        import bpy  # noqa: F401
+    except ImportError as error:
+        sys.exit(
+            f"{summary}demo: the Blender module does not start here ({error}); the command line's result is in out/"
+        )
+    run("examples/batch_fit.py", SAMPLES / "wrist.blend", "--", "-o", again)
+    if calibration.read_bytes() != again.read_bytes():
+        sys.exit(f"demo: {calibration} and {again} differ; they must be the same to the byte")
+    again.unlink()
+    (OUT / "summary.txt").write_text(summary)
+    print(summary, end="")
+    print("Blender made the same file, byte for byte. Picture without OpenGL: out/wrist.png")
+
+
+if __name__ == "__main__":
+    main()
