@@ -1,6 +1,7 @@
 """The main job on the bundled sample, through both doors: the command line, and Blender without a window.
 
-Leaves ``out/wrist.calibration.json``, ``out/wrist.png`` and ``out/summary.txt``; fails where the doors differ.
+Leaves ``out/wrist.calibration.json``, ``out/wrist.png`` and ``out/summary.txt``, and in ``out/contacts.txt`` what a
+controller makes of a recorded press; fails where the doors differ.
 """
 
 import subprocess
@@ -36,8 +37,9 @@ def main():
         sys.exit(f"demo: {calibration} and {again} differ; they must be the same to the byte")
     again.unlink()
     (OUT / "summary.txt").write_text(summary)
+    (OUT / "contacts.txt").write_text(run("examples/controller.py", calibration, ROOT / "examples/wrist_recording.csv"))
     print(summary, end="")
-    print("Blender made the same file, byte for byte. Picture without OpenGL: out/wrist.png")
+    print("Blender made the same file, byte for byte. The picture is out/wrist.png, drawn without OpenGL.")
 
 
 if __name__ == "__main__":
