@@ -96,18 +96,6 @@ def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[In
     return span - degree, values
 
 
-def _extended_basis(u: Array, knots: Array, degree: int, order: int) -> tuple[IntArray, Array]:
-    """Like :func:`local_basis`, but beyond the ends of the domain each function goes on along its tangent there."""
-    inner = np.clip(u, knots[degree], knots[-degree - 1])
-    beyond = u - inner
-    if not beyond.any():
-        return local_basis(u, knots, degree, order)
-    first, values = local_basis(inner, knots, degree, max(order, 1))
-    values[0] += beyond[:, None] * values[1]
-    values[2:, beyond != 0] = 0.0
-    return first, values[: order + 1]
-
-
 def basis_functions(u: Array, knots: Array, degree: int) -> Array:
     """Every B-spline basis function at each parameter (The NURBS Book, eq. 2.5).
 
@@ -120,6 +108,54 @@ def basis_functions(u: Array, knots: Array, degree: int) -> Array:
     dense = np.zeros((len(u), len(knots) - degree - 1))
     np.put_along_axis(dense, first[:, None] + np.arange(degree + 1), values[0], axis=1)
     return dense
+
+
+@dataclass(frozen=True, eq=False)
+class SpanPolynomials:
+    """The basis functions of each knot span as polynomials of the share of the span that lies behind a parameter."""
+
+    starts: Array  # (s,) where the spans begin
+    lengths: Array  # (s,)
+    first: IntArray  # (s,) index of the first basis function of each span
+    coefficients: Array  # (s, degree + 1, degree + 1): function, power
+
+    @classmethod
+    def of(cls, knots: Array, degree: int) -> "SpanPolynomials":
+        """Taylor expansions at the beginning of every span that is not empty."""
+        inner = knots[degree : len(knots) - degree]
+        starts, lengths = inner[:-1][np.diff(inner) > 0], np.diff(inner)[np.diff(inner) > 0]
+        first, derivatives = local_basis(starts, knots, degree, degree)
+        powers = np.arange(degree + 1)
+        factorials = np.cumprod(np.maximum(powers, 1))
+        scale = lengths[:, None, None] ** powers / factorials
+        return cls(starts, lengths, first, derivatives.transpose(1, 2, 0) * scale)
+
+    def monomials(self, u: Array, order: int) -> tuple[IntArray, Array]:
+        """Span of each parameter, and the derivatives of the powers there, shape (order + 1, m, degree + 1).
+
+        Beyond the ends of the domain a spline goes on along its tangent.
+        """
+        degree = self.coefficients.shape[2] - 1
+        end = self.starts[-1] + self.lengths[-1]
+        inside = np.minimum(np.maximum(u, self.starts[0]), end)
+        span = np.searchsorted(self.starts, inside, side="right") - 1
+        length = self.lengths[span]
+        powers = np.ones((len(u), degree + 1))
+        np.cumprod(
+            np.broadcast_to(((inside - self.starts[span]) / length)[:, None], (len(u), degree)), 1, None, powers[:, 1:]
+        )
+        beyond = u - inside
+        leaves = beyond.any()
+        values = np.zeros((max(order, leaves) + 1, len(u), degree + 1))
+        values[0] = powers
+        factor = np.ones(degree + 1)
+        for d in range(1, len(values)):
+            factor[d:] *= np.arange(1, degree + 2 - d)
+            values[d, :, d:] = factor[d:] * powers[:, : degree + 1 - d] / (length**d)[:, None]
+        if leaves:
+            values[0] += beyond[:, None] * values[1]
+            values[2:, beyond != 0] = 0.0
+        return span, values[: order + 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,15 +202,10 @@ class BSplineSurface:
             in all are computed too.
         """
         u, v = self.wrap(uv).T
-        (first_u, N), (first_v, M) = (
-            _extended_basis(x, k, d, order) for x, k, d in zip((u, v), (self.knots_u, self.knots_v), self.degree)
-        )
-        i = first_u[:, None] + np.arange(self.degree[0] + 1)
-        j = first_v[:, None] + np.arange(self.degree[1] + 1)
-        net = self._flat_net[(i[:, :, None] * self.control_net.shape[1] + j[:, None, :]).reshape(len(u), -1)]
-        net = net.reshape(len(u), i.shape[1], -1)  # (m, p + 1, (q + 1) * 3)
-        rows = np.matmul(N.transpose(1, 0, 2), net).reshape(len(u), order + 1, j.shape[1], 3)
-        return np.matmul(M.transpose(1, 0, 2)[:, None], rows).transpose(1, 2, 0, 3)
+        (span_u, U), (span_v, V) = (spans.monomials(x, order) for spans, x in zip(self._spans, (u, v)))
+        patches = self._patches[span_u, span_v]
+        rows = np.matmul(U.transpose(1, 0, 2), patches).reshape(len(u), order + 1, V.shape[2], 3)
+        return np.matmul(V.transpose(1, 0, 2)[:, None], rows).transpose(1, 2, 0, 3)
 
     def wrap(self, uv: Any) -> Array:
         """Parameters with closed directions brought back into [0, 1), shape (m, 2)."""
@@ -191,5 +222,13 @@ class BSplineSurface:
         return np.einsum("ki,ijc,lj->klc", A, self.control_net, B, optimize=True)
 
     @cached_property
-    def _flat_net(self) -> Array:
-        return self.control_net.reshape(-1, 3)
+    def _spans(self) -> tuple[SpanPolynomials, SpanPolynomials]:
+        return SpanPolynomials.of(self.knots_u, self.degree[0]), SpanPolynomials.of(self.knots_v, self.degree[1])
+
+    @cached_property
+    def _patches(self) -> Array:
+        """Polynomial coefficients of each pair of spans, shape (s_u, s_v, degree_u + 1, (degree_v + 1) * 3)."""
+        (i, C), (j, D) = ((s.first[:, None] + np.arange(s.coefficients.shape[1]), s.coefficients) for s in self._spans)
+        nets = self.control_net[i[:, None, :, None], j[None, :, None, :]]
+        patches = np.einsum("aik,abijc,bjl->abklc", C, nets, D, optimize=True)
+        return np.ascontiguousarray(patches).reshape(len(C), len(D), C.shape[2], -1)

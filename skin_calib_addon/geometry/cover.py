@@ -61,16 +61,23 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
 def outer_shells(mesh: TriangleMesh) -> TriangleMesh:
     """Drop the inner parts: shells that lie mostly inside the convex hull of larger ones."""
     shell = shells(mesh)
-    area = np.bincount(shell, mesh.face_areas)
-    centres = mesh.triangles.mean(axis=1)
-    kept, hull = np.zeros(len(mesh.faces), bool), np.empty((0, 4))
-    for i in np.argsort(-area, kind="stable"):
+    largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")
+    kept = shell == largest
+    hull = None
+    for i in others:
         faces = np.flatnonzero(shell == i)
-        inside = (centres[faces] @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1) if len(hull) else np.zeros(1)
-        if np.average(inside, weights=mesh.face_areas[faces] if len(hull) else None) < HIDDEN:
-            kept[faces] = True
+        if hull is None:
             hull = hull_planes(mesh.triangles[kept].reshape(-1, 3))
+        if share_inside(hull, mesh, faces) < HIDDEN:
+            kept[faces], hull = True, None
     return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
+
+
+def share_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
+    """Share of the area of some faces that lies inside a hull; 1 for faces without area."""
+    centres, areas = mesh.triangles[faces].mean(axis=1), mesh.face_areas[faces]
+    inside = (centres @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1) & (len(hull) > 0)
+    return float(areas[inside].sum() / areas.sum()) if areas.sum() > 0 else 1.0
 
 
 def shells(mesh: TriangleMesh) -> IntArray:

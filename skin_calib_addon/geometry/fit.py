@@ -20,7 +20,7 @@ from .sections import Sections, cut_sections
 
 MOST_PASSES = 10
 # A pass that moves no control point by more than this share of the mesh's size is the last.
-SETTLED = 1e-5
+SETTLED = 1e-4
 # With more samples missing than this, the surface would be made up rather than fitted.
 LARGEST_GAP = 0.5
 
@@ -108,7 +108,10 @@ class SampleRows:
         sections = cut_sections(mesh, Planes(points, normals))
         first = np.array([perpendicular(normals[0])]) if flat else np.array([perpendicular(n) for n in normals])
         axes = np.broadcast_to(np.stack((first, np.cross(normals[: len(first)], first)), axis=1), (len(points), 2, 3))
-        ends = np.einsum("sec,sac->sea", sections.ends - points[sections.plane][:, None], axes[sections.plane])
+        if flat:
+            ends = sections.ends @ axes[0].T - (points @ axes[0].T)[sections.plane, None]
+        else:
+            ends = np.matmul(sections.ends - points[sections.plane, None], axes[sections.plane].transpose(0, 2, 1))
         concurrent = (lines.origins == lines.origins[:, :1]).all()
         parallel = (lines.directions == lines.directions[0, 0]).all()
         caster = RayCaster(

@@ -36,6 +36,12 @@ class TriangleMesh:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     @cached_property
+    def corners(self) -> tuple[IntArray, IntArray, IntArray]:
+        """First, second and third vertex of each face, shape (f,) each, as arrays of their own."""
+        a, b, c = np.ascontiguousarray(self.faces.T)
+        return a, b, c
+
+    @cached_property
     def triangles(self) -> Array:
         """Corners of each face, shape (f, 3, 3) [m]."""
         return self.vertices[self.faces]

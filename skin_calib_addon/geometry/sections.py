@@ -1,5 +1,6 @@
 """Where planes cut a mesh: all planes in one pass, as segments that a ray fan can be cast on."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,57 +36,74 @@ def cut_sections(mesh: TriangleMesh, planes: Planes) -> Sections:
     -------
     Sections
     """
-    if planes.are_parallel():
-        plane, face, above, height = _cut_parallel(mesh, planes)
-    else:
-        plane, face, above, height = _cut_any(mesh, planes)
-    return Sections(plane, face, _segments(mesh, face, above, height), len(planes))
+    cut = _cut_parallel if planes.are_parallel() else _cut_any
+    return cut(mesh, planes)
 
 
-def _cut_parallel(mesh: TriangleMesh, planes: Planes) -> tuple[IntArray, IntArray, BoolArray, Array]:
-    """Pairs of plane and face that meet, and each corner's side and height there; shapes (s,), (s,), (s, 3) twice."""
+def _cut_parallel(mesh: TriangleMesh, planes: Planes) -> Sections:
+    """Cut with parallel planes: each vertex has one height, and its rank among the levels tells all crossings."""
     level = planes.points @ planes.normals[0]
     order = np.argsort(level, kind="stable")
-    vertex_height = mesh.vertices @ planes.normals[0]
-    rank = np.searchsorted(level[order], vertex_height, side="left")[mesh.faces]  # how many planes lie below
-    first = rank.min(axis=1)
-    count = rank.max(axis=1) - first
+    height = mesh.vertices @ planes.normals[0]
+    rank = np.searchsorted(level[order], height, side="left")  # how many planes lie below each vertex
+    a, b, c = (rank[corner] for corner in mesh.corners)
+    first = np.minimum(np.minimum(a, b), c)
+    count = np.maximum(np.maximum(a, b), c) - first
     cut = np.flatnonzero(count)
-    first, count = first[cut], count[cut]
+    count = count[cut]
     face = np.repeat(cut, count)
-    place = np.arange(len(face)) + np.repeat(first - np.cumsum(count) + count, count)
-    by_plane = np.argsort(order[place], kind="stable")
+    place = np.arange(len(face)) + np.repeat(first[cut] - np.cumsum(count) + count, count)
+    by_plane = np.argsort(order[place].astype(np.uint16 if len(order) < 2**16 else np.int64), kind="stable")
     face, place = face[by_plane], place[by_plane]
-    above = rank[face] > place[:, None]
-    height = vertex_height[mesh.faces[face]] - level[order][place][:, None]
-    return order[place], face, above, height
+    plane = order[place]
+    ends = _segments(
+        mesh,
+        face,
+        lambda vertex: height[vertex] - level[plane],
+        *(rank[corner[face]] > place for corner in mesh.corners),
+    )
+    return Sections(plane, face, ends, len(planes))
 
 
-def _cut_any(mesh: TriangleMesh, planes: Planes) -> tuple[IntArray, IntArray, BoolArray, Array]:
-    """The same for planes of any direction."""
-    vertex_height = planes.normals @ mesh.vertices.T - (planes.points * planes.normals).sum(axis=1)[:, None]
-    side = vertex_height > 0
-    a, b, c = (side[:, mesh.faces[:, k]] for k in range(3))
+def _cut_any(mesh: TriangleMesh, planes: Planes) -> Sections:
+    """Cut with planes of any direction: each vertex is compared with each plane."""
+    height = planes.normals @ mesh.vertices.T - (planes.points * planes.normals).sum(axis=1)[:, None]
+    side = height > 0
+    a, b, c = (side[:, corner] for corner in mesh.corners)
     plane, face = np.nonzero((a != b) | (b != c))
-    corners = mesh.faces[face]
-    return plane, face, side[plane[:, None], corners], vertex_height[plane[:, None], corners]
+    sides = (x[plane, face] for x in (a, b, c))
+    ends = _segments(mesh, face, lambda vertex: height[plane, vertex], *sides)
+    return Sections(plane, face, ends, len(planes))
 
 
-def _segments(mesh: TriangleMesh, face: IntArray, above: BoolArray, height: Array) -> Array:
-    """Ends of the segment in which a plane cuts each face, shape (s, 2, 3)."""
-    up = above.sum(axis=1) == 1
+def _segments(
+    mesh: TriangleMesh,
+    face: IntArray,
+    height: Callable[[IntArray], Array],
+    a_above: BoolArray,
+    b_above: BoolArray,
+    c_above: BoolArray,
+) -> Array:
+    """Ends of the segment in which a plane cuts each face, shape (s, 2, 3).
+
+    Parameters
+    ----------
+    height : function
+        Heights above its plane [m] of one vertex for each segment.
+    a_above, b_above, c_above : array of bool, shape (s,)
+        On which side of the plane the corners lie.
+    """
     # The corner that is alone on its side comes first; the winding of the face is kept.
-    alone = np.where(up, above.argmax(axis=1), above.argmin(axis=1))
-    row = np.arange(len(face)) * 3
-    corner_of, height_of = mesh.faces[face].ravel(), height.ravel()
-    tip = row + alone
-    ends = np.empty((2, len(face), 3))
-    # Seen against the plane's normal, the segment of an upward face runs one way, of a downward one the other.
-    for step, end in ((1, np.where(up, 0, 1)), (2, np.where(up, 1, 0))):
-        other = row + (alone + step) % 3
-        lower = corner_of[tip] < corner_of[other]
-        i, j = np.where(lower, tip, other), np.where(lower, other, tip)
-        start = mesh.vertices[corner_of[i]]
-        part = height_of[i] / (height_of[i] - height_of[j])
-        ends[end, np.arange(len(face))] = start + part[:, None] * (mesh.vertices[corner_of[j]] - start)
-    return ends.transpose(1, 0, 2)
+    alone = np.where(a_above == b_above, 2, np.where(a_above == c_above, 1, 0))
+    a, b, c = (corner[face] for corner in mesh.corners)
+    tip, following, last = (np.choose(alone, turn) for turn in ((a, b, c), (b, c, a), (c, a, b)))
+    upward = np.choose(alone, (a_above, b_above, c_above))
+    ends = np.empty((len(face), 2, 3))
+    # A tip above the plane and one below it see their segment run in opposite directions.
+    for i, other in enumerate((np.where(upward, following, last), np.where(upward, last, following))):
+        low, high = np.minimum(tip, other), np.maximum(tip, other)
+        low_height = height(low)
+        part = low_height / (low_height - height(high))
+        start = mesh.vertices[low]
+        ends[:, i] = start + part[:, None] * (mesh.vertices[high] - start)
+    return ends

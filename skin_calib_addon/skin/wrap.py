@@ -15,7 +15,7 @@ from .lattice import SheetLattice
 
 MOST_STEPS = 30
 # A step that moves no node by more than this share of the pitch is the last.
-SETTLED = 1e-7
+SETTLED = 1e-4
 # Weight of the sheet's direction beside the strains: it must hold, and the normal equations must stay solvable.
 FIRM = 100.0
 
@@ -61,7 +61,7 @@ def wrap_sheet(
     else:
         pinned = (1, 1)
         start = footpoints(surface, np.asarray(origin, float)[None])[0][0]
-        uv = unroll(surface, lattice, start, pinned, direction)
+        uv = unroll(surface, lattice.node_shape, lattice.step, start, pinned, direction)
     uv = relax(surface, lattice, uv, pinned, row_frame(surface, uv[pinned], direction)[1])
     check_inside(surface, lattice, uv)
     return WrappedSheet(surface, lattice, uv, cell_strain(surface, lattice, uv))
@@ -80,37 +80,67 @@ def row_frame(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> tuple
 
 
 def centred(surface: BSplineSurface, lattice: SheetLattice, pinned: tuple[int, int], direction: ArrayLike) -> Array:
-    """Unroll from the middle of the surface, and move the start until the open edges are left equally free."""
+    """Unroll from the middle of the surface, at a start moved until the open edges are left equally free."""
     start = np.array((0.5, 0.5))
-    for _ in range(3):
-        uv = unroll(surface, lattice, start, pinned, direction)
-        centres = uv[1::2, 1::2].reshape(-1, 2)
-        excess = (centres.min(axis=0) + centres.max(axis=0)) / 2 - 0.5
+    middle, shape = (pinned[0] // 2, pinned[1] // 2), (lattice.rows + 1, lattice.columns + 1)
+    for _ in range(2):
+        uv = unroll(surface, shape, lattice.pitch, start, middle, direction).reshape(-1, 2)
+        excess = (uv.min(axis=0) + uv.max(axis=0)) / 2 - 0.5
         start = np.clip(start - np.where(surface.closed, 0.0, excess), 0.05, 0.95)
-    return uv
+    return unroll(surface, lattice.node_shape, lattice.step, start, pinned, direction)
 
 
 def unroll(
-    surface: BSplineSurface, lattice: SheetLattice, uv: Array, pinned: tuple[int, int], direction: ArrayLike
+    surface: BSplineSurface,
+    shape: tuple[int, int],
+    step: tuple[float, float],
+    uv: Array,
+    pinned: tuple[int, int],
+    direction: ArrayLike,
 ) -> Array:
-    """First guess: a geodesic along the pinned row, and geodesics that leave it at right angles, shape (a, b, 2).
+    """Geodesics for the lines of a flat lattice: along the pinned row, and leaving it at right angles.
 
-    On a developable surface these are the images of the lattice's lines, so the guess is the answer there.
+    On a developable surface this is the isometric image of the lattice; elsewhere it is a first guess.
+
+    Parameters
+    ----------
+    shape, step : pair
+        Number of nodes across the rows and along them, and the distance between them [m].
+    uv : array, shape (2,)
+        Where the pinned node lies.
+    pinned : pair of int
+        Its row and column.
+
+    Returns
+    -------
+    array, shape (*shape, 2)
+        Parameters of the nodes.
     """
-    (a, b), (step_a, step_b) = lattice.node_shape, lattice.step
     along, _ = row_frame(surface, uv, direction)
-    nodes = np.empty((a, b, 2))
-    row = nodes[pinned[0]]
-    sides = np.empty((b, 3))
-    for sign, reach in ((1, b - 1 - pinned[1]), (-1, pinned[1])):
-        path, tangents = trace(surface, uv[None], sign * along[None], step_b, reach)
-        where = pinned[1] + sign * np.arange(reach + 1)
-        row[where] = path[:, 0]
-        sides[where] = np.cross(surface.normals(path[:, 0]), sign * tangents[:, 0])
-    for sign, reach in ((1, a - 1 - pinned[0]), (-1, pinned[0])):
-        path, _ = trace(surface, row, sign * sides, step_a, reach)
-        nodes[pinned[0] + sign * np.arange(reach + 1)] = path
-    return nodes
+    row, tangents = trace_both(surface, uv[None], along[None], step[1], pinned[1], shape[1])
+    row, tangents = row[:, 0], tangents[:, 0]
+    return trace_both(surface, row, np.cross(surface.normals(row), tangents), step[0], pinned[0], shape[0])[0]
+
+
+def trace_both(
+    surface: BSplineSurface, uv: Array, tangents: Array, step: float, before: int, count: int
+) -> tuple[Array, Array]:
+    """Geodesics through each ``uv``, with ``before`` of their ``count`` points on the side it comes from.
+
+    Returns
+    -------
+    path : array, shape (count, k, 2)
+    tangents : array, shape (count, k, 3)
+        Unit, in the direction of growing index.
+    """
+    k = len(uv)
+    reach = max(before, count - 1 - before)
+    path, heading = trace(surface, np.concatenate((uv, uv)), np.concatenate((tangents, -tangents)), step, reach)
+    back, forth = slice(before, 0, -1), slice(0, count - before)
+    return (
+        np.concatenate((path[back, k:], path[forth, :k])),
+        np.concatenate((-heading[back, k:], heading[forth, :k])),
+    )
 
 
 def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: float, count: int) -> tuple[Array, Array]:
@@ -154,31 +184,66 @@ def in_basis(a: Array, b: Array, vectors: Array) -> Array:
 
 
 def relax(surface: BSplineSurface, lattice: SheetLattice, uv: Array, pinned: tuple[int, int], across: Array) -> Array:
-    """Gauss-Newton on the parameters of the nodes until the strains have the least sum of squares.
+    """Newton's method on the parameters of the nodes until the strains have the least sum of squares.
 
-    The pinned node stays, and the row through it keeps its direction there.
+    The pinned node stays, and the row through it keeps its direction there. A step that would raise the sum is taken
+    back, and the next one leaves the strains' own stiffness out (Gauss-Newton).
     """
     pairs, lengths = lattice_edges(lattice)
     b = lattice.node_shape[1]
     pin = pinned[0] * b + pinned[1]
-    free = np.delete(np.arange(2 * uv[..., 0].size), (2 * pin, 2 * pin + 1))
-    x = uv.reshape(-1, 2)
+    turn = np.array(((pin - 1, pin + 1),))
+    x, best, least, full = uv.reshape(-1, 2), uv.reshape(-1, 2), np.inf, True
     for _ in range(MOST_STEPS):
         r = surface.derivatives(x)
         points, basis = r[0, 0], np.stack((r[1, 0], r[0, 1]), axis=1)
-        on_surface, pull = edge_lengths(points, unit(np.cross(r[1, 0], r[0, 1])), pairs)
-        rows = [(on_surface - lengths) / lengths]
-        slopes = [np.einsum("ekc,ekdc->ekd", pull, basis[pairs]) / lengths[:, None, None]]
-        turn = np.array(((pin - 1, pin + 1),))
-        scale = FIRM / lattice.step[1]
-        rows.append(scale * (points[turn[:, 1]] - points[turn[:, 0]]) @ across)
-        slopes.append(scale * np.stack((-basis[turn[:, 0]] @ across, basis[turn[:, 1]] @ across), axis=1))
-        step = _least_squares(np.concatenate(rows), np.concatenate(slopes), np.concatenate((pairs, turn)), len(x), free)
+        normals = unit(np.cross(r[1, 0], r[0, 1]))
+        on_surface, pull = edge_lengths(points, normals, pairs)
+        strain = on_surface / lengths - 1
+        # The direction is held by a residual of its own: where the row through the pinned node heads across itself.
+        heading = FIRM / lattice.step[1] * ((points[turn[:, 1]] - points[turn[:, 0]]) @ across)
+        energy = strain @ strain + heading @ heading
+        if energy > least:
+            x, full = (best + x) / 2, False
+            continue
+        best, least = x, energy
+        slopes = np.einsum("ekc,ekdc->ekd", pull, basis[pairs]) / lengths[:, None, None]
+        sideways = np.einsum("ekc,ekdc->ekd", np.cross(normals[pairs], pull), basis[pairs]) / lengths[:, None, None]
+        turn_slopes = (
+            FIRM / lattice.step[1] * np.stack((-basis[turn[:, 0]] @ across, basis[turn[:, 1]] @ across), axis=1)
+        )
+        stretch = 1 - lengths / on_surface
+        terms = [
+            (pairs, slopes, np.ones(len(pairs)), strain),
+            (pairs, sideways, stretch if full else np.maximum(stretch, 0), np.zeros(len(pairs))),
+            (turn, turn_slopes, np.ones(1), heading),
+        ]
+        step = newton_step(terms, len(x), pin)
         x = x + step
-        moved = np.einsum("kd,kdc->kc", step, basis)
-        if np.linalg.norm(moved, axis=1).max() < SETTLED * min(lattice.pitch):
+        if np.linalg.norm(np.einsum("kd,kdc->kc", step, basis), axis=1).max() < SETTLED * min(lattice.pitch):
             break
     return x.reshape(uv.shape)
+
+
+def newton_step(terms: list[tuple[IntArray, Array, Array, Array]], count: int, pin: int) -> Array:
+    """Step of the nodes' parameters, shape (count, 2), for terms that each depend on two nodes; one node is pinned.
+
+    Parameters
+    ----------
+    terms : list of (pairs (e, 2), slopes (e, 2, 2), weights (e,), residuals (e,))
+        The equations' matrix is the sum of slope x slope x weight, their right side minus slope x residual.
+    """
+    columns = np.concatenate([(2 * pairs[:, :, None] + np.arange(2)).reshape(-1, 4) for pairs, *_ in terms])
+    slopes = np.concatenate([s.reshape(-1, 4) for _, s, _, _ in terms])
+    weights, residuals = (np.concatenate([term[i] for term in terms]) for i in (2, 3))
+    starts = np.arange(0, columns.size + 1, 4)
+    jacobian = csr_array((slopes.ravel(), columns.ravel(), starts), shape=(len(slopes), 2 * count))
+    weighted = csr_array(((slopes * weights[:, None]).ravel(), columns.ravel(), starts), shape=jacobian.shape)
+    free = np.delete(np.arange(2 * count), (2 * pin, 2 * pin + 1))
+    step = np.zeros(2 * count)
+    matrix = (jacobian.T @ weighted).tocsc()[free][:, free]
+    step[free] = splu(matrix).solve(-(jacobian.T @ residuals)[free])
+    return step.reshape(-1, 2)
 
 
 def lattice_edges(lattice: SheetLattice) -> tuple[IntArray, Array]:
@@ -216,16 +281,6 @@ def edge_lengths(points: Array, normals: Array, pairs: IntArray) -> tuple[Array,
     # The first variation of a geodesic's length: minus its tangent at the start, plus its tangent at the end.
     tangents = unit(heading[:, None] - sines[..., None] * normals[pairs])
     return arcs, tangents * np.array((-1.0, 1.0))[:, None]
-
-
-def _least_squares(residuals: Array, slopes: Array, pairs: IntArray, count: int, free: IntArray) -> Array:
-    """Gauss-Newton step for residuals that each depend on two nodes; shape (count, 2)."""
-    columns = (2 * pairs[:, :, None] + np.arange(2)).reshape(-1)
-    starts = np.arange(0, len(columns) + 1, 4)
-    jacobian = csr_array((slopes.reshape(-1), columns, starts), shape=(len(residuals), 2 * count))[:, free]
-    step = np.zeros(2 * count)
-    step[free] = splu((jacobian.T @ jacobian).tocsc()).solve(-(jacobian.T @ residuals))
-    return step.reshape(-1, 2)
 
 
 def cell_strain(surface: BSplineSurface, lattice: SheetLattice, uv: Array) -> Array:
