@@ -61,8 +61,8 @@ def tube_frame(mesh: TriangleMesh, axis: Axis | None) -> TubeFrame:
     The vertex, not the link's x axis, sets the angles, so that a mesh that is moved takes its lines with it.
     """
     frame = find_axis(mesh) if axis is None else frame_of(np.asarray(axis.point), np.asarray(axis.direction))
-    radius = np.linalg.norm(frame.across(mesh.vertices - frame.point), axis=1)
-    furthest = mesh.vertices[np.argmax(radius)] - frame.point
+    arms = mesh.vertices - frame.point
+    furthest = arms[np.argmax(np.einsum("vc,vc->v", arms, arms) - (arms @ frame.e3) ** 2)]
     return frame_of(frame.point, frame.e3, furthest)
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..arrays import Array, BoolArray, unit
@@ -73,7 +74,7 @@ class TensorBasis:
 
     @cached_property
     def _pseudo_inverses(self) -> tuple[Array, Array]:
-        return np.linalg.pinv(self.N), np.linalg.pinv(self.B)
+        return pseudo_inverse(self.N), pseudo_inverse(self.B)
 
     def solve(self, residuals: Array, offsets: Array) -> Array:
         """Steps of the offsets, shape (n, m), that take most of the residuals (k, l); NaN ones weigh nothing."""
@@ -106,6 +107,12 @@ class TensorBasis:
         A, P = (LinearOperator((n * m, n * m), f, dtype=float) for f in (normal, precondition))
         right = (self.N.T @ residuals @ self.B - bending(offsets)).ravel()
         return cg(A, right, M=P, rtol=1e-8, maxiter=500)[0].reshape(n, m)
+
+
+def pseudo_inverse(matrix: Array) -> Array:
+    """Of a matrix (k, n) of full column rank, through its QR factors; shape (n, k)."""
+    q, r = np.linalg.qr(matrix)
+    return solve_triangular(r, q.T, check_finite=False)
 
 
 def second_differences(count: int, closed: bool) -> Array:

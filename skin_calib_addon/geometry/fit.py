@@ -101,17 +101,23 @@ class SampleRows:
     @classmethod
     def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis) -> "SampleRows":
         """Cut the mesh with a plane through every row of sample sites; they lie between the author's planes too."""
-        normals = lines.planes_u.normals
-        flat = lines.planes_u.are_parallel()
-        normals = np.broadcast_to(normals[0], (len(basis.N), 3)) if flat else unit(basis.N @ normals)
+        planes = lines.planes_u
         points = basis.N @ lines.origins[:, 0]
-        sections = cut_sections(mesh, Planes(points, normals))
-        first = np.array([perpendicular(normals[0])]) if flat else np.array([perpendicular(n) for n in normals])
-        axes = np.broadcast_to(np.stack((first, np.cross(normals[: len(first)], first)), axis=1), (len(points), 2, 3))
+        flat = planes.are_parallel()
         if flat:
-            ends = sections.ends @ axes[0].T - (points @ axes[0].T)[sections.plane, None]
+            first = perpendicular(planes.normals[0])
+            frame = np.array((first, np.cross(planes.normals[0], first)))
+            normals = np.broadcast_to(planes.normals[0], points.shape)
+            sections = cut_sections(mesh, Planes(points, normals), mesh.vertices @ frame.T)
+            ends = sections.ends - (points @ frame.T)[sections.plane, None]
+            axes = np.broadcast_to(frame, (len(points), 2, 3))
         else:
-            ends = np.matmul(sections.ends - points[sections.plane, None], axes[sections.plane].transpose(0, 2, 1))
+            normals = unit(basis.N @ planes.normals)
+            sections = cut_sections(mesh, Planes(points, normals))
+            firsts = np.array([perpendicular(normal) for normal in normals])
+            axes = np.stack((firsts, np.cross(normals, firsts)), axis=1)
+            local = sections.ends - points[sections.plane, None]
+            ends = np.matmul(local, axes[sections.plane].transpose(0, 2, 1))
         concurrent = (lines.origins == lines.origins[:, :1]).all()
         parallel = (lines.directions == lines.directions[0, 0]).all()
         caster = RayCaster(

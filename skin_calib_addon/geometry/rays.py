@@ -5,6 +5,7 @@ import numpy as np
 from ..arrays import Array, IntArray
 
 TURN = 2 * np.pi
+DIAMOND_TURN = 4.0
 # A ray through the end that two segments share may miss both by rounding; it counts as a hit within this share.
 ROUNDING = 1e-9
 
@@ -13,7 +14,7 @@ class RayCaster:
     """Segments in planes, sorted once so that many fans of rays can be cast on them.
 
     Where the rays of a row all start at its centre, or all run in one direction, the segment under a ray is found by
-    bisection of an abscissa: the angle about the centre, or the position across the direction. Rows in which segments
+    bisection of an abscissa: a measure of the angle about the centre, or the position across the direction. Rows in which segments
     lie over each other (inner shells, folds), and rays of no such order, are compared with every segment.
 
     Parameters
@@ -36,11 +37,12 @@ class RayCaster:
         self.bounds = np.searchsorted(row, np.arange(rows + 1))
         self.centres, self.across = centres, None
         if centres is not None:
-            angle = np.arctan2(*(ends - centres[row][:, None])[..., ::-1].transpose(2, 0, 1))
+            angle = diamond_angle(ends - centres[row][:, None] if centres.any() else ends)
             sweep = angle[:, 1] - angle[:, 0]
-            sweep -= TURN * np.rint(sweep / TURN)
-            begin, sweep = np.minimum(angle[:, 0], angle[:, 0] + sweep) % TURN, np.abs(sweep)
-            self.low, self.width = 0.0, TURN
+            sweep -= DIAMOND_TURN * np.rint(sweep / DIAMOND_TURN)
+            begin, sweep = np.minimum(angle[:, 0], angle[:, 0] + sweep), np.abs(sweep)
+            begin += DIAMOND_TURN * (begin < 0)
+            self.low, self.width = 0.0, DIAMOND_TURN
         elif direction is not None:
             self.across = np.array((direction[1], -direction[0]))
             x = ends @ self.across
@@ -95,7 +97,7 @@ class RayCaster:
 
     def _bisect(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
         if self.across is None:
-            x = np.arctan2(directions[..., 1], directions[..., 0]) % TURN
+            x = diamond_angle(directions)
         else:
             x = np.clip(origins @ self.across - self.low, 0.0, self.width * (1 - ROUNDING))
         rows = np.arange(len(x))[:, None]
@@ -109,6 +111,15 @@ class RayCaster:
         distance = crossing(start - origins, step, directions)
         distance[np.broadcast_to(last < first, distance.shape)] = np.nan
         return distance, hit
+
+
+def diamond_angle(vectors: Array) -> Array:
+    """A number in [0, 4) that grows with the angle of plane vectors (..., 2), without trigonometry."""
+    x, y = vectors[..., 0], vectors[..., 1]
+    size = np.abs(x) + np.abs(y)
+    rise = y / np.where(size > 0, size, 1.0)
+    angle = np.where(x < 0, 2 - rise, rise)
+    return np.where(angle < 0, angle + DIAMOND_TURN, angle)
 
 
 def crossing(offset: Array, step: Array, direction: Array) -> Array:

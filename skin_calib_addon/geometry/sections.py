@@ -16,11 +16,11 @@ class Sections:
 
     plane: IntArray  # (s,) which plane
     face: IntArray  # (s,) which face
-    ends: Array  # (s, 2, 3) [m]; from first to second, the face's normal is to the right as the plane's normal sees it
+    ends: Array  # (s, 2, 3) [m], or (s, 2, c) of the values that were cut; from first to second, the face's normal is to the right as the plane's normal sees it
     planes: int  # how many planes were cut, those that meet nothing included
 
 
-def cut_sections(mesh: TriangleMesh, planes: Planes) -> Sections:
+def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None) -> Sections:
     """Cut a mesh with every plane at once.
 
     A vertex that lies on a plane counts as below it, so that no position is degenerate; each edge is cut with its
@@ -31,16 +31,18 @@ def cut_sections(mesh: TriangleMesh, planes: Planes) -> Sections:
     mesh : TriangleMesh
     planes : Planes
         Parallel planes are found from the sorted heights alone; others are compared with every vertex.
+    values : array, shape (v, c), optional
+        What the ends of the segments tell of the vertices in place of their coordinates, such as plane coordinates.
 
     Returns
     -------
     Sections
     """
     cut = _cut_parallel if planes.are_parallel() else _cut_any
-    return cut(mesh, planes)
+    return cut(mesh, planes, mesh.vertices if values is None else values)
 
 
-def _cut_parallel(mesh: TriangleMesh, planes: Planes) -> Sections:
+def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
     """Cut with parallel planes: each vertex has one height, and its rank among the levels tells all crossings."""
     level = planes.points @ planes.normals[0]
     order = np.argsort(level, kind="stable")
@@ -58,6 +60,7 @@ def _cut_parallel(mesh: TriangleMesh, planes: Planes) -> Sections:
     plane = order[place]
     ends = _segments(
         mesh,
+        values,
         face,
         lambda vertex: height[vertex] - level[plane],
         *(rank[corner[face]] > place for corner in mesh.corners),
@@ -65,26 +68,27 @@ def _cut_parallel(mesh: TriangleMesh, planes: Planes) -> Sections:
     return Sections(plane, face, ends, len(planes))
 
 
-def _cut_any(mesh: TriangleMesh, planes: Planes) -> Sections:
+def _cut_any(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
     """Cut with planes of any direction: each vertex is compared with each plane."""
     height = planes.normals @ mesh.vertices.T - (planes.points * planes.normals).sum(axis=1)[:, None]
     side = height > 0
     a, b, c = (side[:, corner] for corner in mesh.corners)
     plane, face = np.nonzero((a != b) | (b != c))
     sides = (x[plane, face] for x in (a, b, c))
-    ends = _segments(mesh, face, lambda vertex: height[plane, vertex], *sides)
+    ends = _segments(mesh, values, face, lambda vertex: height[plane, vertex], *sides)
     return Sections(plane, face, ends, len(planes))
 
 
 def _segments(
     mesh: TriangleMesh,
+    values: Array,
     face: IntArray,
     height: Callable[[IntArray], Array],
     a_above: BoolArray,
     b_above: BoolArray,
     c_above: BoolArray,
 ) -> Array:
-    """Ends of the segment in which a plane cuts each face, shape (s, 2, 3).
+    """Ends of the segment in which a plane cuts each face, shape (s, 2, c).
 
     Parameters
     ----------
@@ -98,12 +102,12 @@ def _segments(
     a, b, c = (corner[face] for corner in mesh.corners)
     tip, following, last = (np.choose(alone, turn) for turn in ((a, b, c), (b, c, a), (c, a, b)))
     upward = np.choose(alone, (a_above, b_above, c_above))
-    ends = np.empty((len(face), 2, 3))
+    ends = np.empty((len(face), 2, values.shape[1]))
     # A tip above the plane and one below it see their segment run in opposite directions.
     for i, other in enumerate((np.where(upward, following, last), np.where(upward, last, following))):
         low, high = np.minimum(tip, other), np.maximum(tip, other)
         low_height = height(low)
         part = low_height / (low_height - height(high))
-        start = mesh.vertices[low]
-        ends[:, i] = start + part[:, None] * (mesh.vertices[high] - start)
+        start = values[low]
+        ends[:, i] = start + part[:, None] * (values[high] - start)
     return ends
