@@ -1,0 +1,63 @@
+"""A calibration document as bytes, and the checksum that its content carries."""
+
+import hashlib
+import json
+from typing import Any
+
+_BROKEN_OBJECTS = {"taxels"}  # one member per line, as at the top
+_BROKEN_LISTS = {"surfaces", "patches"}  # objects, each with one member per line
+_TABLES = {"control_net", "id", "channel", "index", "uv", "position", "normal", "tangent", "corners", "area"}
+_TABLES |= {"neighbours", "strain", "gap", "tilt"}  # one row per line
+
+
+def checksum(document: dict[str, Any]) -> str:
+    """``sha256:`` and the hash of the content: of the JSON with sorted keys and no white space, without ``checksum``.
+
+    Raises
+    ------
+    TypeError, ValueError, RecursionError
+        If the document holds what JSON cannot: NaN, a Python object, itself.
+    """
+    content = {name: member for name, member in document.items() if name != "checksum"}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
+
+
+def encode(document: dict[str, Any]) -> bytes:
+    """The file of a document: the same bytes for the same content, a row of a table per line, floats to the last bit.
+
+    The order of the members is that of the document.
+    """
+    return (_object(document, "") + "\n").encode()
+
+
+def _object(value: dict[str, Any], margin: str) -> str:
+    inner = margin + "  "
+    members = (f"{inner}{_inline(name)}: {_member(name, member, inner)}" for name, member in value.items())
+    return "{\n" + ",\n".join(members) + f"\n{margin}}}"
+
+
+def _member(name: str, value: Any, margin: str) -> str:
+    inner = margin + "  "
+    if name in _BROKEN_OBJECTS:
+        return _object(value, margin)
+    if name in _BROKEN_LISTS and value:
+        return f"[\n{inner}" + f",\n{inner}".join(_object(item, inner) for item in value) + f"\n{margin}]"
+    if name in _TABLES:
+        return f"[\n{inner}" + _rows(value, inner) + f"\n{margin}]"
+    return _inline(value)
+
+
+def _rows(table: list[Any], margin: str) -> str:
+    """All rows of a table in one pass of the encoder: a line break in its text can only be our separator."""
+    text = json.dumps(table, separators=(",\n", ": "), ensure_ascii=False, allow_nan=False)[1:-1]
+    depth, row = 0, table[0]
+    while isinstance(row, list):
+        depth, row = depth + 1, row[0] if row else None
+    seam = "]" * depth + ",\n" + "[" * depth
+    broken = "]" * depth + f",\n{margin}" + "[" * depth
+    return text.replace(seam, "\0").replace(",\n", ", ").replace("\0", broken)
+
+
+def _inline(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,229 @@
+"""Calibration files: a calibration to bytes and back, to the last bit."""
+
+import os
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..atomic_file import write_bytes_safely
+from ..deviation import DistanceStatistics, SurfaceErrors
+from ..errors import CalibrationFormatError
+from .encoding import checksum, encode
+from .findings import Finding
+from .model import LinkCalibration, MeshSource, Patch, Response, SurfaceModel, TaxelArray
+from .schema_check import check
+from .strict_json import parse, read
+from .validate import SCHEMA, VERSION, validate, validate_content
+
+Document = dict[str, Any]
+T = TypeVar("T")
+
+_VECTORS = {
+    "uv": "uv",
+    "position": "positions_link",
+    "normal": "normals_link",
+    "tangent": "tangents_link",
+    "corners": "corners_link",
+    "area": "areas",
+}
+_QUALITY = ("gap", "strain", "tilt")
+
+
+def save_calibration(calibration: LinkCalibration, path: str | os.PathLike[str]) -> None:
+    """Write a calibration file in one step; the old file stays until the new one is complete.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the calibration would not be read back: the file says nothing wrong, or is not written.
+    OutputError
+        If the file cannot be written.
+    """
+    document = to_document(calibration)
+    _refuse_errors(validate_content(document), f"the calibration of '{calibration.link}'")
+    write_bytes_safely(path, encode(document))
+
+
+def load_calibration(path: str | os.PathLike[str]) -> LinkCalibration:
+    """Read a calibration file and check all of it.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the file cannot be read, or anything in it is wrong; ``findings`` has everything found.
+    """
+    document, findings = check_bytes(read(path))
+    _refuse_errors(findings, f"'{path}'")
+    return from_document(document)
+
+
+def check_calibration(path: str | os.PathLike[str]) -> tuple[Finding, ...]:
+    """Everything that is wrong with a calibration file, warnings too; raises only if it cannot be read."""
+    return check_bytes(read(path))[1]
+
+
+def check_bytes(data: bytes) -> tuple[Any, tuple[Finding, ...]]:
+    """The document that the bytes stand for, None if they stand for none, and everything wrong with it."""
+    document, findings = parse(data)
+    if document is None and findings:
+        return None, findings
+    known = {finding.pointer for finding in findings}
+    return document, findings + tuple(f for f in validate(document) if f.pointer not in known)
+
+
+def to_document(calibration: LinkCalibration) -> Document:
+    """A calibration as the JSON document of its file, checksum included.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If it holds what JSON cannot: NaN, a Python object, a free member whose name does not begin with ``x_``.
+    """
+    name = f"the calibration of '{calibration.link}'"
+    document = {
+        "format": "skin-calibration",
+        "version": VERSION,
+        "generator": calibration.generator,
+        "units": {"length": "m", "force": "N", "angle": "rad"},
+        "link": calibration.link,
+        "mesh": {
+            "file": calibration.mesh.file,
+            "sha256": calibration.mesh.sha256,
+            "vertices": int(calibration.mesh.vertices),
+            "faces": int(calibration.mesh.faces),
+        },
+        "surfaces": [_surface_document(surface) for surface in calibration.surfaces],
+        "patches": [_patch_document(patch) for patch in calibration.patches],
+        "response": {"kind": "polynomial", "coefficients": _floats(calibration.response.coefficients)},
+        **_free(calibration.extra),
+    }
+    try:
+        return {**document, "checksum": checksum(document)}
+    except (TypeError, ValueError, RecursionError) as problem:
+        findings = [finding for finding in check(document, SCHEMA) if finding.code != "missing"]
+        _refuse_errors(findings, name)
+        raise CalibrationFormatError(f"{name} holds what JSON cannot: {problem}") from problem
+
+
+def from_document(document: Document) -> LinkCalibration:
+    """The calibration of a document in which `validate` finds no error."""
+    mesh = document["mesh"]
+    return LinkCalibration(
+        link=document["link"],
+        mesh=MeshSource(mesh["file"], mesh["sha256"], int(mesh["vertices"]), int(mesh["faces"])),
+        surfaces=tuple(_surface(surface) for surface in document["surfaces"]),
+        patches=tuple(_patch(patch) for patch in document["patches"]),
+        response=Response(tuple(_floats(document["response"]["coefficients"]))),
+        generator=document["generator"],
+        extra=_extra(document),
+    )
+
+
+def _surface_document(surface: SurfaceModel) -> Document:
+    return {
+        "name": surface.name,
+        "degree": [int(degree) for degree in surface.degree],
+        "knots": [_floats(surface.knots_u), _floats(surface.knots_v)],
+        "control_net": _floats(surface.control_net),
+        "closed": [bool(closed) for closed in surface.closed],
+        "errors": {
+            "mesh_to_surface": _distances_document(surface.errors.mesh_to_surface),
+            "surface_to_mesh": _distances_document(surface.errors.surface_to_mesh),
+            "hausdorff": float(surface.errors.hausdorff),
+        },
+        **_free(surface.extra),
+    }
+
+
+def _surface(document: Document) -> SurfaceModel:
+    errors = document["errors"]
+    there, back = _distances(errors["mesh_to_surface"]), _distances(errors["surface_to_mesh"])
+    return SurfaceModel(
+        name=document["name"],
+        degree=_pair(document["degree"], int),
+        knots_u=np.array(document["knots"][0], float),
+        knots_v=np.array(document["knots"][1], float),
+        control_net=np.array(document["control_net"], float),
+        closed=_pair(document["closed"], bool),
+        errors=SurfaceErrors(there, back, float(errors["hausdorff"])),
+        extra=_extra(document),
+    )
+
+
+def _patch_document(patch: Patch) -> Document:
+    taxels = patch.taxels
+    columns = {
+        "id": list(taxels.ids),
+        "channel": taxels.channels.tolist(),
+        "index": taxels.index.tolist(),
+        **{name: _floats(getattr(taxels, field)) for name, field in _VECTORS.items()},
+        "neighbours": [list(ids) for ids in taxels.neighbours],
+        **{name: _floats(column) for name, column in sorted(taxels.quality.items())},
+    }
+    return {
+        "name": patch.name,
+        "kind": patch.kind,
+        "surface": patch.surface,
+        "shape": [int(count) for count in patch.shape],
+        "pitch": _floats(patch.pitch),
+        "taxels": columns,
+        **_free(patch.extra),
+    }
+
+
+def _patch(document: Document) -> Patch:
+    columns = document["taxels"]
+    taxels = TaxelArray(
+        ids=tuple(columns["id"]),
+        channels=np.array(columns["channel"], np.int64),
+        index=np.array(columns["index"], np.int64),
+        **{field: np.array(columns[name], float) for name, field in _VECTORS.items()},
+        neighbours=tuple(map(tuple, columns["neighbours"])),
+        quality={name: np.array(columns[name], float) for name in _QUALITY if name in columns},
+    )
+    return Patch(
+        name=document["name"],
+        kind=document["kind"],
+        surface=document["surface"],
+        shape=_pair(document["shape"], int),
+        pitch=_pair(document["pitch"], float),
+        taxels=taxels,
+        extra=_extra(document),
+    )
+
+
+def _distances_document(statistics: DistanceStatistics) -> Document:
+    return {"mean": float(statistics.mean), "rms": float(statistics.rms), "max": float(statistics.max)}
+
+
+def _distances(document: Document) -> DistanceStatistics:
+    return DistanceStatistics(float(document["mean"]), float(document["rms"]), float(document["max"]))
+
+
+def _floats(values: Any) -> Any:
+    """Nested lists of floats; 1 becomes 1.0, so that one calibration has one file."""
+    return np.asarray(values, float).tolist()
+
+
+def _pair(values: list[Any], kind: Callable[[Any], T]) -> tuple[T, T]:
+    return kind(values[0]), kind(values[1])
+
+
+def _free(extra: Document) -> Document:
+    for name in extra:
+        if not name.startswith("x_"):
+            raise CalibrationFormatError(f"the name of a free member must begin with 'x_', not be '{name}'")
+    return extra
+
+
+def _extra(document: Document) -> Document:
+    return {name: member for name, member in document.items() if name.startswith("x_")}
+
+
+def _refuse_errors(findings: Iterable[Finding], name: str) -> None:
+    findings = tuple(findings)
+    errors = [finding for finding in findings if finding.severity == "error"]
+    if errors:
+        count = "one" if len(errors) == 1 else f"{len(errors)} errors; the first"
+        raise CalibrationFormatError(f"{name} has {count} {errors[0]}", findings)

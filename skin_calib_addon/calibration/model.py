@@ -1,0 +1,105 @@
+"""What a calibration holds: one link, its mesh, the fitted surfaces and the taxels on them. NumPy only."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..arrays import Array, IntArray, freeze
+from ..deviation import SurfaceErrors
+
+
+@dataclass(frozen=True)
+class MeshSource:
+    """The mesh that was calibrated; ``sha256`` is of its geometry in metres, not of the file's bytes."""
+
+    file: str
+    sha256: str
+    vertices: int
+    faces: int
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceModel:
+    """A tensor-product B-spline in the link frame, ready for any evaluator.
+
+    A direction that is ``closed`` repeats its first ``degree`` control points at the end, so that the net and the
+    knots evaluate as they stand on ``[knots[degree], knots[-degree - 1]]``, which is always ``[0, 1]``.
+    """
+
+    name: str
+    degree: tuple[int, int]
+    knots_u: Array  # (n_u + degree_u + 1,)
+    knots_v: Array  # (n_v + degree_v + 1,)
+    control_net: Array  # (n_u, n_v, 3) [m]
+    closed: tuple[bool, bool]
+    errors: SurfaceErrors
+    extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
+
+    def __post_init__(self):
+        n_u, n_v = (len(k) - d - 1 for k, d in zip((self.knots_u, self.knots_v), self.degree))
+        freeze(self, knots_u=(None,), knots_v=(None,), control_net=(n_u, n_v, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class TaxelArray:
+    """Taxels of one patch; row i of every field is the same taxel."""
+
+    ids: tuple[str, ...]
+    channels: IntArray  # (n,) position of the taxel in a reading
+    index: IntArray  # (n, 2) row and column, or the axial coordinates of a board
+    uv: Array  # (n, 2) parameters on the surface
+    positions_link: Array  # (n, 3) [m]
+    normals_link: Array  # (n, 3) unit, out of the robot
+    tangents_link: Array  # (n, 3) unit, along the row, at a right angle to the normal
+    corners_link: Array  # (n, k, 3) [m], counter-clockwise seen from outside
+    areas: Array  # (n,) [m^2]
+    neighbours: tuple[tuple[str, ...], ...]
+    quality: dict[str, Array] = field(default_factory=dict)  # e.g. strain (n, 3), gap (n,), tilt (n,)
+
+    def __post_init__(self):
+        n = len(self.ids)
+        freeze(
+            self,
+            channels=(n,),
+            index=(n, 2),
+            uv=(n, 2),
+            positions_link=(n, 3),
+            normals_link=(n, 3),
+            tangents_link=(n, 3),
+            corners_link=(n, None, 3),
+            areas=(n,),
+        )
+        if len(self.neighbours) != n:
+            raise ValueError(f"TaxelArray.neighbours has {len(self.neighbours)} rows, expected {n}")
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """Taxels placed together: a sheet, or hexagonal boards."""
+
+    name: str
+    kind: str
+    surface: str
+    shape: tuple[int, int]
+    pitch: tuple[float, float]  # [m]
+    taxels: TaxelArray
+    extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
+
+
+@dataclass(frozen=True)
+class Response:
+    """Force of a reading, the same for every taxel: ``F = sum(coefficients[k] * reading**k)`` [N]."""
+
+    coefficients: tuple[float, ...] = (0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class LinkCalibration:
+    """Everything a controller needs to know about the skin of one link, in the link frame and SI units."""
+
+    link: str
+    mesh: MeshSource
+    surfaces: tuple[SurfaceModel, ...]
+    patches: tuple[Patch, ...]
+    response: Response = Response()
+    generator: str = ""
+    extra: dict[str, Any] = field(default_factory=dict)  # top-level ``x_`` members, kept as they came

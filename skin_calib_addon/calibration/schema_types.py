@@ -1,0 +1,85 @@
+"""What a JSON value is, one at a time and a whole array at once: the ground that `schema_check` stands on."""
+
+import operator
+import re
+from functools import cache
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+Schema = dict[str, Any]
+
+LIMITS = {
+    "minimum": (operator.ge, "at least"),
+    "exclusiveMinimum": (operator.gt, "more than"),
+    "maximum": (operator.le, "at most"),
+    "exclusiveMaximum": (operator.lt, "less than"),
+}
+ANNOTATIONS = {"$schema", "$defs", "$comment", "title", "description", "default"}
+_BULK_KEYWORDS = {"type", "items", "minItems", "maxItems", "pattern", "minLength", *LIMITS, *ANNOTATIONS}
+_TYPES = {"object": dict, "array": list, "boolean": bool, "null": type(None)}
+_SURROGATE = re.compile("[\ud800-\udfff]")
+_LARGEST = float(np.finfo(float).max)
+
+
+def has_type(value: Any, name: str) -> bool:
+    """Whether a value is of a JSON type; NaN and infinity are no numbers, half a character makes no string."""
+    if name == "string":
+        return isinstance(value, str) and not _SURROGATE.search(value)
+    if name in _TYPES:
+        return isinstance(value, _TYPES[name])
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and -_LARGEST <= value <= _LARGEST
+    return is_number and (name == "number" or value == int(value))
+
+
+def is_same(value: Any, const: Any) -> bool:
+    """Whether a value equals a scalar as JSON values do: 1 is 1.0, but not true."""
+    is_scalar = isinstance(value, (str, int, float, type(None)))
+    return is_scalar and isinstance(value, bool) == isinstance(const, bool) and value == const
+
+
+def fits_length(length: int, schema: Schema) -> bool:
+    """Whether an array may hold this many."""
+    return schema.get("minItems", 0) <= length <= schema.get("maxItems", length)
+
+
+def definition(schema: Schema, root: Schema) -> Schema:
+    """The schema itself, or the one in ``$defs`` that it refers to."""
+    return root["$defs"][schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
+
+
+@cache
+def matcher(pattern: str) -> Any:
+    """The search for a pattern, whose final ``$`` is the end of the text and not a line break before it."""
+    return re.compile(re.sub(r"\$$", r"\\Z", pattern)).search
+
+
+def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
+    """Whether a schema holds for every value of a list, found a level of nesting at a time.
+
+    False means "look at each": something is wrong, or the schema has a keyword that is not done in bulk.
+    """
+    if schema.keys() - ANNOTATIONS == {"$ref"}:
+        schema = definition(schema, root)
+    if not schema.keys() <= _BULK_KEYWORDS or "type" not in schema:
+        return False
+    types, wanted = set(map(type, values)), schema["type"]
+    if wanted == "array":
+        fits = types <= {list} and all(fits_length(length, schema) for length in set(map(len, values)))
+        return fits and ("items" not in schema or all_fit(list(chain.from_iterable(values)), schema["items"], root))
+    if wanted == "string":
+        least, matches = schema.get("minLength", 0), matcher(schema.get("pattern", ""))
+        return types <= {str} and all(len(v) >= least and matches(v) and not _SURROGATE.search(v) for v in values)
+    return wanted in ("number", "integer") and types <= {int, float} and _all_numbers_fit(values, schema)
+
+
+def _all_numbers_fit(values: list[Any], schema: Schema) -> bool:
+    try:
+        numbers = np.array(values, float)
+    except OverflowError:
+        return False
+    fits = np.isfinite(numbers) & (schema["type"] == "number" or numbers == np.floor(numbers))
+    for name, (holds, _) in LIMITS.items():
+        fits &= name not in schema or holds(numbers, schema[name])
+    return bool(fits.all())

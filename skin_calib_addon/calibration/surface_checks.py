@@ -1,0 +1,67 @@
+"""What must hold for one surface of a calibration."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from .findings import Finding, error, show
+from .parts import Part, needs
+
+FARTHEST = 20.0  # [m] no robot link reaches this far from its own frame
+SEAM = 1e-9  # of the net's size
+DOMAIN = 1e-9
+
+
+@needs("control_net")
+def net_is_rectangular(surface: Part, net: list[Any]) -> Iterator[Finding]:
+    for index, row in enumerate(net):
+        if len(row) != len(net[0]):
+            message = f"holds {len(row)} control points, the first row {len(net[0])}"
+            yield error("length", surface.at("control_net", index), message, row)
+
+
+@needs("degree", "knots", "control_net")
+def knots_fit(surface: Part, degree: Array, knots: list[list[float]], net: Array) -> Iterator[Finding]:
+    """As many as the net and the degree ask for, never decreasing, the domain from 0 to 1."""
+    for axis, (d, n, row) in enumerate(zip(degree.astype(int), net.shape, knots)):
+        where = surface.at("knots", axis)
+        drops = np.flatnonzero(np.diff(np.array(row, float)) < 0)
+        if n <= d:
+            message = f"has {n} control points in {'uv'[axis]}; degree {d} needs {d + 1} or more"
+            yield error("length", surface.at("control_net"), message)
+        elif len(row) != n + d + 1:
+            message = f"must hold {n + d + 1} knots ({n} control points + degree {d} + 1), not {len(row)}"
+            yield error("length", where, message, row)
+        elif len(drops):
+            at = int(drops[0]) + 1
+            message = f"is {show(row[at])}, below the knot before it ({show(row[at - 1])}); knots must not decrease"
+            yield error("knots-decrease", surface.at("knots", axis, at), message, row[at])
+        elif abs(row[d]) > DOMAIN or abs(row[n] - 1) > DOMAIN:
+            message = f"must span [0, 1] from knot {d} to knot {n}, not [{show(row[d])}, {show(row[n])}]"
+            yield error("knots-domain", where, message, row)
+
+
+@needs("degree", "closed", "control_net")
+def closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Array) -> Iterator[Finding]:
+    size = np.ptp(net.reshape(-1, 3), axis=0).max()
+    for axis, d in enumerate(degree.astype(int)):
+        along = np.moveaxis(net, axis, 0)
+        if closed[axis] and len(along) > d:
+            gap = np.abs(along[:d] - along[-d:]).max()
+            if not gap <= SEAM * size:
+                message = f"is closed in {'uv'[axis]}, but its last {d} points are {gap:.3g} m off its first {d}"
+                yield error("open-seam", surface.at("control_net"), message)
+
+
+@needs("control_net")
+def net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
+    farthest = np.abs(net).max()
+    if farthest > FARTHEST:
+        message = f"reaches {farthest:.6g} m from the link frame; divide by 1000 if these are millimetres"
+        yield error("units", surface.at("control_net"), message)
+
+
+SHAPE_CHECKS = (net_is_rectangular,)
+CHECKS = (knots_fit, closed_is_closed, net_is_in_metres)

@@ -1,0 +1,149 @@
+"""Everything that is wrong with a calibration document, in one pass: first its form, then its meaning."""
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import patch_checks, surface_checks
+from .encoding import checksum
+from .findings import Finding, did_you_mean, error, first, show, warning
+from .parts import Part, parts_of
+from .schema_check import check, read_schema
+
+Findings = tuple[Finding, ...]
+
+VERSION = 1
+SCHEMA = read_schema(Path(__file__).with_name("schema.json"))
+
+
+def validate(document: Any) -> Findings:
+    """Check a calibration document against its schema and for what a schema cannot say.
+
+    Parameters
+    ----------
+    document : JSON value
+        Of any kind; nothing in it raises.
+
+    Returns
+    -------
+    tuple of Finding
+        Empty if all is well. Where one member is unsound, what the others say is still checked.
+    """
+    version = document.get("version") if isinstance(document, dict) else None
+    if isinstance(version, int) and version > VERSION:
+        message = f"is {show(version)}, newer than the {VERSION} that this program reads; update the program"
+        return (error("version", "/version", message, version),)
+    findings = validate_content(document)
+    return (*findings, *_checksum(document, findings))
+
+
+def validate_content(document: Any) -> Findings:
+    """The same for a document of our version, without summing its content."""
+    findings = check(document, SCHEMA)
+    if any(finding.code == "more" for finding in findings):  # what else is unsound is not known
+        return findings
+    with np.errstate(all="ignore"):  # absurd numbers overflow; the comparisons below are written for that
+        findings += _shapes(document, findings)
+        findings += _meaning(document, findings)
+    return findings
+
+
+def _shapes(document: Any, findings: Findings) -> Findings:
+    surfaces = _run(surface_checks.SHAPE_CHECKS, parts_of(document, "surfaces", findings))
+    return surfaces + _run(patch_checks.SHAPE_CHECKS, parts_of(document, "patches", findings))
+
+
+def _meaning(document: Any, findings: Findings) -> Findings:
+    surfaces = [part.as_arrays() for part in parts_of(document, "surfaces", findings)]
+    patches = [part.as_arrays() for part in parts_of(document, "patches", findings)]
+    return (
+        *_run(surface_checks.CHECKS, surfaces),
+        *_run(patch_checks.CHECKS, patches),
+        *first(_repeats(surfaces, "name", "duplicate-name")),
+        *first(_repeats(patches, "name", "duplicate-name")),
+        *first(_repeats(patches, "id", "duplicate-id")),
+        *first(_repeats(patches, "channel", "duplicate-channel")),
+        *first(_unknown_surfaces(patches, surfaces)),
+        *first(_unknown_neighbours(patches)),
+        *first(_one_sided_neighbours(patches)),
+    )
+
+
+def _run(checks: Iterable[Callable[[Part], Iterator[Finding]]], parts: list[Part]) -> Findings:
+    return tuple(finding for check in checks for finding in first(f for part in parts for f in check(part)))
+
+
+def _repeats(parts: list[Part], name: str, code: str) -> Iterator[Finding]:
+    seen: dict[Any, str] = {}
+    for part in parts:
+        for where, value in _entries(part, name):
+            if seen.setdefault(value, where) != where:
+                yield error(code, where, f"repeats {show(value)} of {seen[value]}", value)
+
+
+def _entries(part: Part, name: str) -> Iterable[tuple[str, Any]]:
+    """A member and its pointer, or each element of a column."""
+    if name not in part.members:
+        return ()
+    if name not in part.columns:
+        return [(part.at(name), part.members[name])]
+    column, pointer = part.members[name], part.at(name)
+    values = column.astype(int).tolist() if isinstance(column, np.ndarray) else column
+    return [(f"{pointer}/{row}", value) for row, value in enumerate(values)]
+
+
+def _unknown_surfaces(patches: list[Part], surfaces: list[Part]) -> Iterator[Finding]:
+    names = {surface.members.get("name"): surface for surface in surfaces}
+    for patch in patches:
+        name = patch.members.get("surface")
+        if name is not None and None not in names and name not in names:
+            message = f"names no surface here: {show(name)}{did_you_mean(name, names)}"
+            yield error("unknown-surface", patch.at("surface"), message, name)
+
+
+def _unknown_neighbours(patches: list[Part]) -> Iterator[Finding]:
+    near = _neighbours(patches)
+    for where, taxel, other in _pairs(patches) if near else ():
+        if other not in near:
+            yield error("unknown-neighbour", where, f"names no taxel here: {show(other)}", other)
+        elif other == taxel:
+            yield error("self-neighbour", where, f"names the taxel itself: {show(other)}", other)
+
+
+def _one_sided_neighbours(patches: list[Part]) -> Iterator[Finding]:
+    near = _neighbours(patches)
+    for where, taxel, other in _pairs(patches) if near else ():
+        if other in near and taxel not in near[other]:
+            yield warning("one-sided-neighbour", where, f"is {show(other)}, which does not name this one", other)
+
+
+def _neighbours(patches: list[Part]) -> dict[str, set[str]]:
+    """The neighbours of every taxel; empty where not every patch can tell."""
+    if not all(patch.members.keys() >= {"id", "neighbours"} for patch in patches):
+        return {}
+    return {taxel: set(ids) for p in patches for taxel, ids in zip(p.members["id"], p.members["neighbours"])}
+
+
+def _pairs(patches: list[Part]) -> Iterator[tuple[str, str, str]]:
+    """Pointer, taxel and neighbour of every entry."""
+    for patch in patches:
+        pointer = patch.at("neighbours")
+        for row, (taxel, ids) in enumerate(zip(patch.members["id"], patch.members["neighbours"])):
+            for column, other in enumerate(ids):
+                yield f"{pointer}/{row}/{column}", taxel, other
+
+
+def _checksum(document: Any, findings: Findings) -> Iterator[Finding]:
+    stated = document.get("checksum") if isinstance(document, dict) else None
+    if stated is None or any(finding.pointer == "/checksum" for finding in findings):
+        return
+    try:
+        actual = checksum(document)
+    except (TypeError, ValueError, RecursionError) as problem:
+        yield error("checksum", "/checksum", f"cannot be told, for the document is not JSON: {problem}", stated)
+        return
+    if stated != actual:
+        message = f"is not that of the content, which was changed after writing; if that was meant, write {actual}"
+        yield error("checksum", "/checksum", message, stated)

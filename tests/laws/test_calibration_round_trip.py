@@ -1,0 +1,304 @@
+"""What holds for any calibration, and for any bytes: save then load is identity, and nothing breaks the reader."""
+
+import copy
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skin_calib_addon.calibration import (
+    Response,
+    check_bytes,
+    encode,
+    from_document,
+    load_calibration,
+    save_calibration,
+    to_document,
+    validate,
+)
+from skin_calib_addon.calibration.encoding import checksum
+from skin_calib_addon.calibration.findings import child
+from skin_calib_addon.calibration.schema_check import check
+from skin_calib_addon.calibration.strict_json import parse
+from skin_calib_addon.calibration.validate import SCHEMA
+from skin_calib_addon.errors import CalibrationFormatError
+from tests.samples import boards, sheet, small_calibration
+
+SMALL = to_document(small_calibration(1, 2))
+TEXT = encode(SMALL)
+
+floats = st.floats(allow_nan=False, allow_infinity=False)
+names = st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1)
+values = st.one_of(
+    st.sampled_from([None, True, False, 0, -1, 1.0, 1.5, 2, 1e308, -1e-308, 10**18, "", "1.5", "x", "s0.0", "tube"]),
+    st.sampled_from(
+        [[], {}, [[]], [0.0, 0.0, 0.0], [1, 2], [True, 1.0, 0.5], {"x_": 1}, [["s0.0"]], [[[0, 0, 0]] * 3]]
+    ),
+)
+
+
+def nodes(document, pointer=""):
+    """Every pointer into a document, the document itself first."""
+    yield pointer
+    for key in document if isinstance(document, dict) else range(len(document)) if isinstance(document, list) else ():
+        yield from nodes(document[key], child(pointer, key))
+
+
+NODES = list(nodes(SMALL))
+
+
+@st.composite
+def calibrations(draw):
+    """Valid calibrations whose free numbers are any floats: negative zeros, subnormals, neighbours of one."""
+    patch = sheet(draw(st.integers(1, 3)), draw(st.integers(1, 3)), 0.01)
+    n = len(patch.taxels.ids)
+    many = st.lists(floats, min_size=n, max_size=n)
+    taxels = dataclasses.replace(
+        patch.taxels,
+        uv=np.array(draw(st.lists(st.tuples(floats, floats), min_size=n, max_size=n))),
+        positions_link=patch.taxels.positions_link * draw(st.floats(0.9, 1.1)),
+        areas=np.array(draw(st.lists(st.floats(5e-324, 1e300), min_size=n, max_size=n))),
+        channels=np.array(draw(st.lists(st.integers(2, 2**31 - 1), min_size=n, max_size=n, unique=True))),
+        quality={"strain": np.array(draw(many))[:, None] * np.ones(3), "tilt": np.array(draw(many))},
+    )
+    patch = dataclasses.replace(patch, name=draw(names.filter(lambda name: name != "boards")), taxels=taxels)
+    extra = st.dictionaries(names.map("x_".__add__), st.recursive(floats | names | st.none(), st.lists, max_leaves=5))
+    return small_calibration(
+        patches=(patch, boards()),
+        response=Response(tuple(draw(st.lists(floats, min_size=1, max_size=8)))),
+        link=draw(names),
+        extra=draw(extra),
+    )
+
+
+def same(a, b):
+    """Equal to the last bit, types included; the sign of zero counts."""
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if dataclasses.is_dataclass(a):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
+    if isinstance(a, (tuple, list)):
+        return type(a) is type(b) and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, dict):
+        return list(a) == list(b) and all(same(a[key], b[key]) for key in a)
+    return type(a) is type(b) and repr(a) == repr(b)
+
+
+@given(calibration=calibrations())
+def test_save_then_load_is_identity(calibration, tmp_path_factory):
+    """Every field comes back to the bit, and saving it again writes the same bytes."""
+    path = tmp_path_factory.mktemp("law") / "c.json"
+    save_calibration(calibration, path)
+    loaded = load_calibration(path)
+    assert same(loaded, calibration)
+    assert encode(to_document(loaded)) == path.read_bytes()
+
+
+def test_same_tells_bits_apart():
+    """The comparison used above is no looser than it says."""
+    calibration = small_calibration()
+    assert same(calibration, small_calibration())
+    for name in ("uv", "positions_link", "quality", "areas"):
+        patch = sheet(2, 3, 0.01)
+        field = getattr(patch.taxels, name)
+        other = {"strain": -field["strain"]} if name == "quality" else np.nextafter(field, 1)
+        taxels = dataclasses.replace(patch.taxels, **{name: other})
+        assert not same(calibration.patches[0], dataclasses.replace(patch, taxels=taxels))
+    assert not same(0.0, -0.0) and not same(1, 1.0) and not same(1, True)
+
+
+def mutated(document, pointer, value):
+    """A copy with one node replaced; ``...`` removes it."""
+    if not pointer:
+        return None if value is ... else value
+    document = copy.deepcopy(document)
+    *path, last = [key.replace("~1", "/").replace("~0", "~") for key in pointer.split("/")[1:]]
+    place = document
+    for key in path:
+        place = place[int(key) if isinstance(place, list) else key]
+    last = int(last) if isinstance(place, list) else last
+    if value is ...:
+        del place[last]
+    else:
+        place[last] = value
+    return document
+
+
+def resolves(document, pointer):
+    for key in pointer.split("/")[1:]:
+        key = key.replace("~1", "/").replace("~0", "~")
+        document = document[int(key) if isinstance(document, list) else key]
+    return True
+
+
+def assert_handled(document):
+    """Either the findings name an error, or the document is a calibration; each pointer leads somewhere."""
+    findings = validate(document)
+    assert all(resolves(document, finding.pointer) for finding in findings)
+    if not any(finding.severity == "error" for finding in findings):
+        assert validate(to_document(from_document(document))) == findings
+
+
+@pytest.mark.parametrize("value", [..., None, True, -1, 1.5, 1e308, "1.5", "s0.0", [], {}, [[0.0, 0.0, 0.0]]], ids=repr)
+def test_no_change_of_a_node_escapes(value):
+    """Each node of a document removed or replaced in turn: findings or a calibration, never a traceback."""
+    for pointer in NODES:
+        document = mutated(SMALL, pointer, value)
+        if isinstance(document, dict) and "checksum" in document and pointer != "/checksum":
+            document["checksum"] = checksum(document)
+        assert_handled(document)
+
+
+mutations = st.lists(st.tuples(st.sampled_from(NODES), st.one_of(st.just(...), values)), min_size=1, max_size=4)
+
+
+def mutated_often(changes):
+    document = SMALL
+    for pointer, value in changes:
+        if pointer in set(nodes(document)):
+            document = mutated(document, pointer, value)
+    return document
+
+
+@given(changes=mutations)
+@settings(max_examples=200)
+def test_no_structure_escapes(changes):
+    """Several changes at once: findings or a calibration, never a traceback."""
+    document = mutated_often(changes)
+    if isinstance(document, dict) and "checksum" in document:
+        document["checksum"] = checksum(document)
+    assert_handled(document)
+
+
+@given(changes=mutations)
+@settings(max_examples=200)
+def test_schema_check_agrees_with_the_reference(changes):
+    """Our interpreter and the jsonschema package call the same documents right, and find faults in the same members."""
+    jsonschema = pytest.importorskip("jsonschema")
+    document = mutated_often(changes)
+    errors = list(jsonschema.Draft202012Validator(SCHEMA).iter_errors(document))
+    ours = check(document, SCHEMA)
+    assert {finding.pointer for finding in ours if finding.code != "unknown"} == {
+        child("", *error.absolute_path) for error in errors if error.validator != "additionalProperties"
+    }
+    assert bool(ours) == bool(errors)
+
+
+GENERAL = {  # every keyword that the interpreter knows, in small
+    "type": "object",
+    "properties": {
+        "a": {"type": "array", "prefixItems": [{"type": "string", "minLength": 2}], "items": {"type": "integer"}},
+        "b": {
+            "oneOf": [{"const": "auto"}, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}]
+        },
+        "c": {"oneOf": [{"$ref": "#/$defs/tube"}, {"$ref": "#/$defs/auto"}]},
+        "d": {"enum": ["x", 1, None, True]},
+        "e": {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 3, "minimum": 1, "maximum": 2},
+        "f": {"type": "array", "items": {"$ref": "#/$defs/positive", "maximum": 2}},
+        "g": {"type": "array", "items": {"type": "string", "pattern": "^[a-c]+$", "minLength": 2}},
+        "h": {"type": "null"},
+        "n": {"type": "number", "minimum": 1},
+    },
+    "patternProperties": {"^x_": {}, "^n": {"type": "integer"}},
+    "required": ["a"],
+    "additionalProperties": False,
+    "$defs": {
+        "positive": {"type": "number", "exclusiveMinimum": 0},
+        "tube": {
+            "type": "object",
+            "properties": {"kind": {"const": "tube"}, "n": {"type": "integer"}},
+            "required": ["kind", "n"],
+        },
+        "auto": {"type": "object", "properties": {"kind": {"const": "auto"}}, "required": ["kind"]},
+    },
+}
+scalars = st.sampled_from([None, True, False, 0, 1, 1.0, 1.5, 2, 3, -1, "auto", "tube", "x", "ab", "abc", "a", ""])
+lists = (
+    st.lists(scalars, max_size=4)
+    | st.lists(st.sampled_from(["a", "ab", "abc"]), max_size=2)
+    | st.lists(st.sampled_from([0, 1, 2, 1.5, 2.0, 3]), max_size=3)
+)
+objects = st.dictionaries(st.sampled_from(["kind", "n", "z"]), scalars, max_size=3)
+members = st.sampled_from([*"abcdefgh", "x_1", "n", "n2", "z"])
+
+
+@given(document=st.dictionaries(members, scalars | lists | objects, max_size=8))
+@settings(max_examples=1000)
+def test_every_keyword_agrees_with_the_reference(document):
+    """Each keyword means what JSON Schema says: right and wrong fall on the same members."""
+    jsonschema = pytest.importorskip("jsonschema")
+    errors = list(jsonschema.Draft202012Validator(GENERAL).iter_errors(document))
+    ours = check(document, GENERAL)
+    assert bool(ours) == bool(errors)
+    assert {finding.pointer.split("/")[1] for finding in ours if finding.pointer and finding.code != "unknown"} == {
+        str(error.absolute_path[0]) for error in errors if error.absolute_path
+    }
+
+
+@given(numbers=st.lists(st.sampled_from([0, 1, 1.0, 2, True, "1", None, 1.5]), max_size=6), repeats=st.integers(1, 500))
+def test_bulk_check_agrees_with_the_reference(numbers, repeats):
+    """Long arrays, checked in blocks, are judged as short ones are; the places are exact."""
+    schema = {"type": "array", "items": {"type": "array", "items": {"type": "integer", "maximum": 1}}}
+    good = [[0, 1]] * repeats * 5
+    found = {finding.pointer for finding in check([*good, numbers, *good], schema)}
+    wrong = [i for i, v in enumerate(numbers) if v is True or v is None or isinstance(v, str) or v not in (0, 1)]
+    assert found == {f"/{len(good)}/{i}" for i in wrong}
+
+
+edits = st.lists(
+    st.tuples(
+        st.integers(0, len(TEXT) - 1),
+        st.integers(0, 30),
+        st.one_of(
+            st.binary(max_size=4),
+            st.sampled_from(
+                [b"NaN", b"1e999", b"[[[[[", b"}", b'"', b"\\", b"\\ud800", b'"link": 1,', b"-", b"9" * 30]
+            ),
+        ),
+    ),
+    min_size=1,
+    max_size=5,
+)
+
+
+@given(changes=edits)
+@settings(max_examples=200)
+def test_no_bytes_escape(changes, tmp_path_factory):
+    """Bytes replaced, removed and put in anywhere: the file loads, or is refused with findings, in one line."""
+    data = TEXT
+    for start, length, new in changes:
+        data = data[:start] + new + data[start + length :]
+    path = tmp_path_factory.getbasetemp() / "bytes.json"
+    path.write_bytes(data)
+    document, findings = check_bytes(data)
+    if any(finding.severity == "error" for finding in findings):
+        with pytest.raises(CalibrationFormatError) as caught:
+            load_calibration(path)
+        assert caught.value.findings == findings and "\n" not in str(caught.value)
+    else:
+        assert same(load_calibration(path), from_document(document))
+
+
+@given(data=st.binary(max_size=200))
+@settings(max_examples=300)
+def test_no_noise_escapes(data):
+    """Bytes that never were a calibration are refused with findings."""
+    document, findings = check_bytes(data)
+    assert any(finding.severity == "error" for finding in findings)
+    assert all("\n" not in str(finding) for finding in findings)
+
+
+@given(document=st.recursive(scalars | floats, lambda inner: st.lists(inner) | st.dictionaries(names, inner)))
+def test_parse_agrees_with_the_standard_library(document):
+    """What JSON allows is built as the standard library builds it."""
+    text = json.dumps(document, ensure_ascii=False)
+    assert parse(text.encode()) == (json.loads(text), ())
+
+
+@pytest.mark.parametrize("cut", range(0, len(TEXT), 97))
+def test_no_part_of_a_file_loads(cut):
+    """A file that ends too early is never taken for a whole one."""
+    assert check_bytes(TEXT[:cut])[1][0].code == "syntax"

@@ -1,0 +1,93 @@
+"""Small calibrations for tests, built from formulas: a sheet on a cylinder, boards on a plane."""
+
+import numpy as np
+
+from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, Response, SurfaceModel, TaxelArray
+from skin_calib_addon.deviation import DistanceStatistics, SurfaceErrors
+
+RADIUS = 0.035  # [m]
+ERRORS = SurfaceErrors(DistanceStatistics(1e-5, 2e-5, 1e-4), DistanceStatistics(1.5e-5, 2.5e-5, 1.1e-4), 1.1e-4)
+
+
+def small_calibration(rows=2, columns=3, pitch=0.01, **changes):
+    """A sheet of ``rows`` x ``columns`` round a forearm, and two hexagonal boards on a plane beside it."""
+    fields = {
+        "link": "forearm",
+        "mesh": MeshSource("forearm.stl", "0" * 64, 1000, 1996),
+        "surfaces": (cylinder(), plane()),
+        "patches": (sheet(rows, columns, pitch), boards(first_channel=rows * columns)),
+        "response": Response((0.0, 0.25, -0.001)),
+        "generator": "tests",
+        "extra": {"x_note": {"author": "前腕", "numbers": [1, 2.5, None, True]}},
+    }
+    return LinkCalibration(**{**fields, **changes})
+
+
+def cylinder():
+    """A tube along z from 0 to 0.2 m, closed in v, about `RADIUS` wide."""
+    angle = 2 * np.pi * np.arange(8 + 3) / 8
+    angle[8:] = angle[:3]  # the first three again, to the bit
+    ring = np.stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle), 0 * angle], axis=1)
+    net = ring + np.array([0, 0, 0.1])[None] * np.arange(3)[:, None, None]
+    knots_v = np.arange(-3, 8 + 4) / 8
+    return SurfaceModel("tube", (2, 3), np.array([0, 0, 0, 1, 1, 1.0]), knots_v, net, (False, True), ERRORS)
+
+
+def plane():
+    """The square from (0, 0, -0.1) to (0.1, 0.1, -0.1) m, facing up."""
+    net = 0.1 * np.array([[[0, 0, -1], [0, 1, -1]], [[1, 0, -1], [1, 1, -1]]])
+    knots = np.array([0, 0, 1, 1.0])
+    return SurfaceModel("plane", (1, 1), knots, knots, net, (False, False), ERRORS, {"x_material": "PLA"})
+
+
+def sheet(rows, columns, pitch):
+    """Square cells round the cylinder, rows along its circumference."""
+    row, column = (a.ravel() for a in np.indices((rows, columns)))
+    angle = column * pitch / RADIUS
+    normals = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    tangents = np.stack([-np.sin(angle), np.cos(angle), 0 * angle], axis=1)
+    positions = RADIUS * normals + np.array([0, 0, 1.0]) * ((row + 0.5) * pitch)[:, None]
+    across = np.cross(normals, tangents)
+    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    corners = np.stack([positions + pitch / 2 * (i * tangents + j * across) for i, j in signs], axis=1)
+    name = {(r, c): f"s{r}.{c}" for r, c in zip(row.tolist(), column.tolist())}
+    near = [[(r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)] for r, c in name]
+    n = rows * columns
+    taxels = TaxelArray(
+        ids=tuple(name.values()),
+        channels=np.arange(n),
+        index=np.stack([row, column], axis=1),
+        uv=np.stack([positions[:, 2] / 0.2, angle / (2 * np.pi)], axis=1),
+        positions_link=positions,
+        normals_link=normals,
+        tangents_link=tangents,
+        corners_link=corners,
+        areas=np.full(n, pitch**2),
+        neighbours=tuple(tuple(name[place] for place in places if place in name) for places in near),
+        quality={"strain": np.linspace(-0.01, 0.01, 3 * n).reshape(n, 3)},
+    )
+    return Patch("sheet", "sheet", "tube", (rows, columns), (pitch, pitch), taxels)
+
+
+def boards(first_channel=0):
+    """Two hexagonal boards side by side on the plane."""
+    side = 0.0163
+    pitch = 0.02775
+    positions = np.array([[0.03, 0.05, -0.1], [0.03 + pitch, 0.05, -0.1]])
+    angle = np.deg2rad(30 + 60 * np.arange(6))
+    ring = side * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    taxels = TaxelArray(
+        ids=("h0", "h1"),
+        channels=np.array([first_channel, first_channel + 1]),
+        index=np.array([[0, 0], [1, -1]]),
+        uv=positions[:, :2] / 0.1,
+        positions_link=positions,
+        normals_link=np.array([[0, 0, 1.0]] * 2),
+        tangents_link=np.array([[1.0, 0, 0]] * 2),
+        corners_link=positions[:, None] + ring,
+        areas=np.full(2, 1.5 * np.sqrt(3) * side**2),
+        neighbours=(("h1",), ("h0",)),
+        quality={"gap": np.array([0.0, 1e-4]), "tilt": np.array([0.0, 0.02])},
+    )
+    ports = {"x_ports": [[1, 0, 0, 0], [0, 0, 1, 0]]}
+    return Patch("boards", "hexagons", "plane", (1, 2), (pitch, pitch), taxels, ports)
