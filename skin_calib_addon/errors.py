@@ -59,3 +59,7 @@ class UnknownLink(SkinCalibError):
 
 class InvalidReading(SkinCalibError):
     """A reading does not fit the skin it is given to."""
+
+
+class UnreachableTolerance(SkinCalibError):
+    """No surface comes as close to the mesh as was asked for."""

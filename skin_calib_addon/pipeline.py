@@ -7,9 +7,10 @@ from time import perf_counter
 
 from . import __version__
 from .calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
+from .geometry.auto import fit_grid
 from .geometry.bspline import BSplineSurface
 from .geometry.cover import cut_cover
-from .geometry.fit import SurfaceFit, fit_surface
+from .geometry.fit import SurfaceFit
 from .geometry.mesh import TriangleMesh, load_mesh
 from .plan import Plan, SheetSkin
 from .skin.taxels import sheet_taxels
@@ -48,7 +49,7 @@ def calibrate(plan: Plan, mesh: TriangleMesh | None = None) -> Calibrated:
     with stage(seconds, "cut"):
         cover = cut_cover(mesh, plan.cover)
     with stage(seconds, "fit"):
-        fit = fit_surface(cover, plan.grid, plan.degree)
+        fit = fit_grid(cover, plan.grid, plan.degree)
     with stage(seconds, "wrap"):
         patches = tuple(lay(skin, fit.surface) for skin in plan.skins)
     with stage(seconds, "errors"):

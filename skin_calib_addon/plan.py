@@ -14,6 +14,7 @@ from .calibration.model import Response
 from .calibration.schema_check import check, read_schema
 from .calibration.strict_json import parse, read
 from .errors import CalibrationFormatError, InvalidPlan
+from .geometry.auto import AutoGrid
 from .geometry.axis import Axis
 from .geometry.cover import CoverSpec, Cut
 from .geometry.grids import AcrossGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
@@ -42,7 +43,7 @@ class Plan:
     mesh: Path
     unit: str
     cover: CoverSpec
-    grid: Grid
+    grid: Grid | AutoGrid
     degree: tuple[int, int]
     skins: tuple[SheetSkin, ...]
     response: Response = Response()
@@ -104,7 +105,7 @@ def plan_from(document: dict[str, Any]) -> Plan:
     )
 
 
-def _grid(grid: dict[str, Any]) -> Grid:
+def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
     if grid["kind"] == "planes":
         u, v = (
             Planes(np.array([p["point"] for p in side]), np.array([p["normal"] for p in side]))
@@ -115,21 +116,29 @@ def _grid(grid: dict[str, Any]) -> Grid:
             if len(empty):
                 raise InvalidPlan(f"the normal of {name}-plane {empty[0]} is zero; give its direction")
         return PlanesGrid(u, v, grid["closed"])
+    if grid["kind"] == "auto":
+        return AutoGrid(grid["tolerance"], grid.get("measure", "mean"), _axis(grid), grid.get("margin"))
     if ("m" in grid) == ("lines" in grid):
         raise InvalidPlan('the grid needs either "m" (planes) or "lines", not both and not none')
-    axis = grid.get("axis", "auto")
-    line = None if axis == "auto" else Axis(tuple(axis["point"]), tuple(axis["direction"]))
-    if line and not any(line.direction):
-        raise InvalidPlan('the "direction" of the axis is zero; give where the link runs to')
-    n, margin = grid["n"], grid.get("margin")
+    line = _axis(grid)
+    n, margin, spacing = grid["n"], grid.get("margin"), grid.get("spacing", "auto")
     if grid["kind"] == "tube":
-        return TubeGrid(n, grid.get("lines", 2 * grid.get("m", 0)), line, margin)
+        return TubeGrid(n, grid.get("lines", 2 * grid.get("m", 0)), line, margin, spacing)
     lines = grid.get("lines", grid.get("m", 0))
     if "normal" in grid and not {"from", "to"} & grid.keys():
         return AcrossGrid(n, lines, tuple(grid["normal"]), line.direction if line else None, margin)
     if "normal" not in grid and {"from", "to"} <= grid.keys():
-        return SectorGrid(n, lines, grid["from"], grid["to"], line, margin)
+        return SectorGrid(n, lines, grid["from"], grid["to"], line, margin, spacing)
     raise InvalidPlan('a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)')
+
+
+def _axis(grid: dict[str, Any]) -> Axis | None:
+    axis = grid.get("axis", "auto")
+    if axis == "auto":
+        return None
+    if not any(axis["direction"]):
+        raise InvalidPlan('the "direction" of the axis is zero; give where the link runs to')
+    return Axis(tuple(axis["point"]), tuple(axis["direction"]))
 
 
 def _skins(skins: list[dict[str, Any]]) -> tuple[SheetSkin, ...]:
@@ -179,7 +188,10 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     return document | plan.extra
 
 
-def _grid_document(grid: Grid) -> dict[str, Any]:
+def _grid_document(grid: Grid | AutoGrid) -> dict[str, Any]:
+    if isinstance(grid, AutoGrid):
+        auto = {"kind": "auto", "tolerance": grid.tolerance, "measure": grid.measure, "axis": _line(grid.axis)}
+        return auto | ({} if grid.margin is None else {"margin": grid.margin})
     if isinstance(grid, PlanesGrid):
         sides = {
             name: [{"point": p, "normal": q} for p, q in zip(side.points.tolist(), side.normals.tolist())]
@@ -196,14 +208,16 @@ def _grid_document(grid: Grid) -> dict[str, Any]:
         if grid.along:
             document["axis"] = {"point": [0.0, 0.0, 0.0], "direction": [*grid.along]}
     else:
-        document["axis"] = "auto"
-        if grid.axis:
-            document["axis"] = {"point": [*grid.axis.point], "direction": [*grid.axis.direction]}
+        document |= {"axis": _line(grid.axis), "spacing": grid.spacing}
     if isinstance(grid, SectorGrid):
         document |= {"from": grid.start, "to": grid.stop}
     if grid.margin is not None:
         document["margin"] = grid.margin
     return document
+
+
+def _line(axis: Axis | None) -> Any:
+    return {"point": [*axis.point], "direction": [*axis.direction]} if axis else "auto"
 
 
 def save_plan(plan: Plan, path: str | Path) -> None:

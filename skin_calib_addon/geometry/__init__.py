@@ -1,5 +1,6 @@
 """Mesh to cover to sections to fitted surface."""
 
+from .auto import AutoGrid, fit_grid, fit_to_tolerance
 from .axis import Axis
 from .bspline import BSplineSurface
 from .cover import CoverSpec, Cut, cut_cover
@@ -10,6 +11,7 @@ from .planes import Planes
 
 __all__ = [
     "AcrossGrid",
+    "AutoGrid",
     "Axis",
     "BSplineSurface",
     "CoverSpec",
@@ -22,7 +24,9 @@ __all__ = [
     "TriangleMesh",
     "TubeGrid",
     "cut_cover",
+    "fit_grid",
     "fit_surface",
+    "fit_to_tolerance",
     "load_mesh",
     "weld",
 ]

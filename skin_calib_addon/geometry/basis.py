@@ -1,7 +1,7 @@
 """The tensor-product basis of a fit at its sample sites, and the least squares in it."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -18,24 +18,48 @@ SMOOTHING = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
+class SplineSites:
+    """The basis functions of one direction at its sample sites; control point j belongs to line j."""
+
+    knots: Array
+    values: Array  # (k, n); the repeated control points of a closed direction are folded in
+    repeats: int  # control points that a closed net repeats at its end
+    shift: int  # how far a closed net is rolled, so that each line's basis function is centred on it
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Pseudo-inverse of ``values``, shape (n, k)."""
+        return pseudo_inverse(self.values)
+
+
+@lru_cache(maxsize=256)
+def spline_sites(count: int, degree: int, closed: bool, per_span: int = SITES_PER_SPAN) -> SplineSites:
+    """Even sites for ``count`` control points: both ends among them, or all round where ``closed``."""
+    if not closed:
+        knots = clamped_knots(count, degree)
+        sites = np.linspace(0, 1, max(per_span * (count - degree), count) + 1)  # a short spline has few spans
+        return SplineSites(knots, basis_functions(sites, knots, degree), 0, 0)
+    knots, shift = periodic_knots(count, degree), (degree - 1) // 2
+    values = basis_functions(np.arange(per_span * count) / (per_span * count), knots, degree)
+    values[:, :degree] += values[:, count:]
+    return SplineSites(knots, np.roll(values[:, :count], -shift, axis=1), degree, shift)
+
+
+@dataclass(frozen=True, eq=False)
 class TensorBasis:
-    """Basis functions at the sample sites, one factor per direction.
+    """Basis functions at the sample sites of a grid, one factor per direction.
 
     A surface point is ``N @ net @ M.T``; offsets of the control points move the surface by ``N @ offsets @ B.T``
     along the sample rays, for ``B`` carries the cosine between each line and the ray.
     """
 
-    knots_u: Array
-    knots_v: Array
-    N: Array  # (k, n)
-    M: Array  # (l, m); the repeated control points of a closed direction are folded in
+    u: SplineSites
+    v: SplineSites
     B: Array  # (l, m)
-    repeats: int  # control points that a closed net repeats at its end
-    shift: int  # how far a closed net is rolled, so that each line's basis function is centred on it
 
     @classmethod
     def of(cls, lines: LineGrid, degree_u: int, degree_v: int) -> "TensorBasis":
-        """Basis for the lines of a grid, three sites per span.
+        """Basis for the lines of a grid.
 
         Raises
         ------
@@ -45,21 +69,19 @@ class TensorBasis:
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
-        knots_u = clamped_knots(n, degree_u)
-        N = basis_functions(np.linspace(0, 1, SITES_PER_SPAN * (n - degree_u) + 1), knots_u, degree_u)
-        repeats = shift = 0
-        if lines.closed:
-            repeats, shift = degree_v, (degree_v - 1) // 2
-            knots_v = periodic_knots(m, degree_v)
-            M = basis_functions(np.arange(SITES_PER_SPAN * m) / (SITES_PER_SPAN * m), knots_v, degree_v)
-            M[:, :degree_v] += M[:, m:]
-            M = np.roll(M[:, :m], -shift, axis=1)
-        else:
-            knots_v = clamped_knots(m, degree_v)
-            M = basis_functions(np.linspace(0, 1, SITES_PER_SPAN * (m - degree_v) + 1), knots_v, degree_v)
+        u, v = spline_sites(n, degree_u, False), spline_sites(m, degree_v, lines.closed)
         common = unit(lines.directions.mean(axis=0))
-        B = M * (unit(M @ common) @ common.T)
-        return cls(knots_u, knots_v, N, M, B, repeats, shift)
+        return cls(u, v, v.values * (unit(v.values @ common) @ common.T))
+
+    @property
+    def N(self) -> Array:
+        """Basis functions along u, shape (k, n)."""
+        return self.u.values
+
+    @property
+    def M(self) -> Array:
+        """Basis functions along v, shape (l, m)."""
+        return self.v.values
 
     def blend(self, net: Array) -> Array:
         """Spline values at the sites, shape (k, l, 3), of a net (n, m, 3)."""
@@ -69,19 +91,19 @@ class TensorBasis:
 
     def close(self, net: Array) -> Array:
         """The net as surfaces store it: rolled so that it starts a period, with the repeated points at its end."""
-        net = np.roll(net, self.shift, axis=1)
-        return np.concatenate((net, net[:, : self.repeats]), axis=1)
+        net = np.roll(net, self.v.shift, axis=1)
+        return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
 
     @cached_property
-    def _pseudo_inverses(self) -> tuple[Array, Array]:
-        return pseudo_inverse(self.N), pseudo_inverse(self.B)
+    def B_inverse(self) -> Array:
+        """Pseudo-inverse of ``B``, shape (m, l)."""
+        return pseudo_inverse(self.B)
 
     def solve(self, residuals: Array, offsets: Array) -> Array:
         """Steps of the offsets, shape (n, m), that take most of the residuals (k, l); NaN ones weigh nothing."""
         known = ~np.isnan(residuals)
         if known.all():
-            N_inverse, B_inverse = self._pseudo_inverses
-            return N_inverse @ residuals @ B_inverse.T
+            return self.u.inverse @ residuals @ self.B_inverse.T
         return self._solve_with_holes(np.where(known, residuals, 0.0), known, offsets)
 
     def _solve_with_holes(self, residuals: Array, known: BoolArray, offsets: Array) -> Array:
@@ -90,8 +112,8 @@ class TensorBasis:
         What the samples leave open is bent as little as may be.
         """
         n, m = offsets.shape
-        N_inverse, B_inverse = self._pseudo_inverses
-        bend_u, bend_v = second_differences(n, False), second_differences(m, self.repeats > 0)
+        N_inverse, B_inverse = self.u.inverse, self.B_inverse
+        bend_u, bend_v = second_differences(n, False), second_differences(m, self.v.repeats > 0)
         bend_u, bend_v = bend_u.T @ bend_u, bend_v.T @ bend_v
 
         def bending(net: Array) -> Array:

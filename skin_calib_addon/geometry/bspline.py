@@ -213,6 +213,7 @@ class BSplineSurface:
         for axis in (0, 1):
             if self.closed[axis]:
                 uv[:, axis] -= np.floor(uv[:, axis])
+                uv[uv[:, axis] == 1.0, axis] = 0.0  # what lies just below zero is rounded up
         return uv
 
     def grid_points(self, u: Array, v: Array) -> Array:

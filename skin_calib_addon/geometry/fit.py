@@ -46,7 +46,7 @@ class SurfaceFit:
         return float(np.isnan(self.residuals).mean())
 
 
-def fit_surface(mesh: TriangleMesh, grid: Grid, degree: int | tuple[int, int] = 3) -> SurfaceFit:
+def fit_surface(mesh: TriangleMesh, grid: Grid | LineGrid, degree: int | tuple[int, int] = 3) -> SurfaceFit:
     """Fit a B-spline surface whose control points lie on the lines of a plane grid (paper, Algorithm 1).
 
     With the lines and the sample sites fixed, the offsets along the lines are a linear least-squares problem that
@@ -57,7 +57,7 @@ def fit_surface(mesh: TriangleMesh, grid: Grid, degree: int | tuple[int, int] = 
     ----------
     mesh : TriangleMesh
         The cover, [m] in the link frame.
-    grid : TubeGrid, SectorGrid, AcrossGrid or PlanesGrid
+    grid : TubeGrid, SectorGrid, AcrossGrid or PlanesGrid, or lines that are placed already
     degree : int or pair of int
         2 to 5, along u and v.
 
@@ -69,7 +69,7 @@ def fit_surface(mesh: TriangleMesh, grid: Grid, degree: int | tuple[int, int] = 
         If a plane misses the mesh, or half of the samples find none.
     """
     degree_u, degree_v = (degree, degree) if isinstance(degree, int) else degree
-    lines = grid.line_grid(mesh)
+    lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, (degree_u, degree_v))
     basis = TensorBasis.of(lines, degree_u, degree_v)
     rows = SampleRows.of(mesh, lines, basis)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
@@ -82,7 +82,7 @@ def fit_surface(mesh: TriangleMesh, grid: Grid, degree: int | tuple[int, int] = 
         if np.abs(step).max() < SETTLED * mesh.size:
             break
     net = basis.close(lines.origins + offsets[..., None] * lines.directions)
-    surface = BSplineSurface(net, basis.knots_u, basis.knots_v, (degree_u, degree_v), (False, lines.closed))
+    surface = BSplineSurface(net, basis.u.knots, basis.v.knots, (degree_u, degree_v), (False, lines.closed))
     return SurfaceFit(mesh, lines, surface, residuals, passes)
 
 

@@ -6,11 +6,13 @@ import numpy as np
 
 from ..arrays import Array, unit
 from ..errors import InvalidPlan
-from .axis import ALL_ROUND, Axis, TubeFrame, find_axis, frame_of, stations_between, tube_frame
-from .lines import LineGrid
+from .axis import ALL_ROUND, Axis, find_axis, stations_between, tube_frame
+from .frames import frame_of
+from .lines import LineGrid, fan
 from .mesh import TriangleMesh
 from .planes import Planes, perpendicular
 from .rays import TURN
+from .spacing import Survey
 
 # Planes of the two families that meet at less than this cut each other nowhere definite.
 SMALLEST_ANGLE = np.deg2rad(3.0)
@@ -29,13 +31,17 @@ class TubeGrid:
     lines: int
     axis: Axis | None = None  # None: found from the mesh
     margin: float | None = None  # [m] left free at both ends; None: up to the first complete sections
+    spacing: str = "auto"  # of the planes; "uniform", "arc" or "curvature" for the lines, the u-planes then even
 
-    def line_grid(self, mesh: TriangleMesh) -> LineGrid:
-        """The lines of the control points on ``mesh``."""
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh`` for a surface of this degree."""
         frame = tube_frame(mesh, self.axis)
-        stations = np.linspace(*stations_between(mesh, frame, self.margin, ALL_ROUND), self.n)
-        # Clockwise about the axis, so that r_u x r_v points outward.
-        return fan(frame, stations, -TURN * np.arange(self.lines) / self.lines, closed=True)
+        span = stations_between(mesh, frame, self.margin, ALL_ROUND)
+        if self.spacing == "uniform":
+            # Clockwise about the axis, so that r_u x r_v points outward.
+            angles = -TURN * np.arange(self.lines) / self.lines
+            return fan(frame, np.linspace(*span, self.n), angles, closed=True)
+        return Survey.of(mesh, frame, span).line_grid(self.n, self.lines, self.spacing, degree)
 
 
 @dataclass(frozen=True)
@@ -48,9 +54,10 @@ class SectorGrid:
     stop: float  # [rad], larger than start
     axis: Axis | None = None
     margin: float | None = None
+    spacing: str = "auto"
 
-    def line_grid(self, mesh: TriangleMesh) -> LineGrid:
-        """The lines of the control points on ``mesh``."""
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh`` for a surface of this degree."""
         if not 0 < self.stop - self.start < TURN:
             raise InvalidPlan(f'"from" {self.start:g} and "to" {self.stop:g} must span more than 0 and less than 2 pi')
         found = (
@@ -58,9 +65,12 @@ class SectorGrid:
         )
         x_axis, y_axis = np.eye(3)[:2]
         frame = frame_of(found.point, found.e3, y_axis if abs(found.e3 @ x_axis) > 0.9 else x_axis)
-        angles = np.linspace(self.stop, self.start, self.lines)
         span = stations_between(mesh, frame, self.margin, np.linspace(self.start, self.stop, 90))
-        return fan(frame, np.linspace(*span, self.n), angles, closed=False)
+        if self.spacing == "uniform":
+            angles = np.linspace(self.stop, self.start, self.lines)
+            return fan(frame, np.linspace(*span, self.n), angles, closed=False)
+        survey = Survey.of(mesh, frame, span, (self.start, self.stop))
+        return survey.line_grid(self.n, self.lines, self.spacing, degree)
 
 
 @dataclass(frozen=True)
@@ -73,8 +83,8 @@ class AcrossGrid:
     along: tuple[float, float, float] | None = None  # the u-planes lie across it; None: the longer side
     margin: float | None = None  # [m] left free at all four sides; None: a hundredth of the longer one
 
-    def line_grid(self, mesh: TriangleMesh) -> LineGrid:
-        """The lines of the control points on ``mesh``."""
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh``; they do not depend on the degree."""
         up = unit(self.normal)
         faces = mesh.faces[mesh.face_normals @ up > 0.5]
         if len(faces) == 0:
@@ -115,8 +125,8 @@ class PlanesGrid:
     v: Planes
     closed: bool
 
-    def line_grid(self, mesh: TriangleMesh) -> LineGrid:
-        """The lines of the control points on ``mesh``."""
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh``; they do not depend on the degree."""
         across = np.cross(self.u.normals[:, None], self.v.normals)
         sine = np.linalg.norm(across, axis=2)
         i, j = np.unravel_index(np.argmin(sine), sine.shape)
@@ -176,15 +186,6 @@ class PlanesGrid:
 
 
 Grid = TubeGrid | SectorGrid | AcrossGrid | PlanesGrid
-
-
-def fan(frame: TubeFrame, stations: Array, angles: Array, closed: bool) -> LineGrid:
-    """Lines that leave an axis at every station and angle."""
-    planes = frame.planes(stations)
-    shape = (len(stations), len(angles), 3)
-    names = tuple(f"half-plane at {np.rad2deg(a) % 360:.0f} degrees" for a in angles)
-    origins = np.broadcast_to(planes.points[:, None], shape)
-    return LineGrid(planes, origins, np.broadcast_to(frame.rays(angles), shape), closed, names)
 
 
 def numbered(count: int) -> tuple[str, ...]:

@@ -1,6 +1,8 @@
 """Triangle meshes in metres in the link frame, in one canonical order."""
 
 import hashlib
+import os
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +18,8 @@ from ..errors import InvalidMesh
 
 FORMATS = ("stl", "ply", "obj", "off")
 METRES = {"m": 1.0, "mm": 1e-3}
+# Where the head of a file tells how many faces follow.
+FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
 # A robot link is larger than a fingertip and smaller than a room; outside of this the unit is wrong.
 SMALLEST, LARGEST = 2e-3, 5.0
 
@@ -90,8 +94,9 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
     if len(faces) == 0:
         raise InvalidMesh("the mesh has no faces; it must be a surface of triangles")
     if faces.min() < 0 or faces.max() >= len(vertices):
+        wrong = faces.min() if faces.min() < 0 else faces.max()
         raise InvalidMesh(
-            f"a face refers to vertex {faces.max()}, but the mesh has {len(vertices)} vertices; export it again"
+            f"a face refers to vertex {wrong}, but the mesh has {len(vertices)} vertices; export it again"
         )
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
@@ -149,7 +154,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     """
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
-    if not path.is_file():
+    if not os.path.isfile(path):  # Path.is_file raises where a name is too long
         raise InvalidMesh(f"no mesh file at {path}; a plan names it relative to its own folder", path=str(path))
     if kind not in FORMATS:
         raise InvalidMesh(f"cannot read {path.name}: use one of {', '.join(FORMATS)}", path=str(path))
@@ -158,10 +163,25 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
     except Exception as error:  # the readers behind trimesh raise anything at all on a broken file
         raise InvalidMesh(f"cannot read {path.name} as {kind.upper()}: {error}", path=str(path)) from error
+    check_whole(path, kind, len(faces))
     try:
         return weld(vertices, faces)
     except InvalidMesh as error:
         raise InvalidMesh(f"{path.name}: {error}", **error.numbers) from error
+
+
+def check_whole(path: Path, kind: str, faces: int) -> None:
+    """Refuse a text file that was cut off: the readers take what there is.
+
+    Raises
+    ------
+    InvalidMesh
+        If there are fewer faces than the head of the file tells.
+    """
+    with open(path, "rb") as file:
+        told = re.search(FACE_COUNTS[kind], file.read(2**16)) if kind in FACE_COUNTS else None
+    if told and faces < int(told[1]):
+        raise InvalidMesh(f"{path.name} has {faces} of the {int(told[1])} faces that it tells of; export it again")
 
 
 def save_mesh(mesh: TriangleMesh, path: str | Path) -> None:

@@ -6,6 +6,9 @@ import numpy as np
 
 from ..arrays import Array, freeze, unit
 
+# A normal that is this near to length one is left as it is, so that a plan that is saved and read again does not drift.
+UNIT = 1e-15
+
 
 @dataclass(frozen=True, eq=False)
 class Planes:
@@ -15,7 +18,9 @@ class Planes:
     normals: Array  # (n, 3) unit
 
     def __post_init__(self):
-        object.__setattr__(self, "normals", unit(self.normals))
+        normals = np.asarray(self.normals, float)
+        is_unit = np.abs(np.linalg.norm(normals, axis=-1, keepdims=True) - 1) < UNIT
+        object.__setattr__(self, "normals", np.where(is_unit, normals, unit(normals)))
         freeze(self, points=(None, 3), normals=(len(self.points), 3))
 
     def __len__(self) -> int:

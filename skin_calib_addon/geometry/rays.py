@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import Array, IntArray
+from ..arrays import Array, BoolArray, IntArray
 
 TURN = 2 * np.pi
 DIAMOND_TURN = 4.0
@@ -14,8 +14,8 @@ class RayCaster:
     """Segments in planes, sorted once so that many fans of rays can be cast on them.
 
     Where the rays of a row all start at its centre, or all run in one direction, the segment under a ray is found by
-    bisection of an abscissa: a measure of the angle about the centre, or the position across the direction. Rows in which segments
-    lie over each other (inner shells, folds), and rays of no such order, are compared with every segment.
+    bisection of an abscissa: a measure of the angle about the centre, or the position across the direction. Rows in
+    which segments lie over each other (inner shells, folds), and rays of no such order, are compared with all segments.
 
     Parameters
     ----------
@@ -43,22 +43,22 @@ class RayCaster:
             begin, sweep = np.minimum(angle[:, 0], angle[:, 0] + sweep), np.abs(sweep)
             begin += DIAMOND_TURN * (begin < 0)
             self.low, self.width = 0.0, DIAMOND_TURN
-        elif direction is not None:
+        elif direction is not None and len(ends):
             self.across = np.array((direction[1], -direction[0]))
             x = ends @ self.across
-            begin, sweep = x.min(axis=1), np.ptp(x, axis=1)
-            self.low = float(begin.min(initial=0.0))
-            self.width = float(2 * ((begin + sweep).max(initial=0.0) - self.low) + 1e-3)
+            begin, sweep = x.min(axis=1), x.max(axis=1) - x.min(axis=1)
+            self.low = float(begin.min())
+            self.width = 2 * float((begin + sweep).max() - self.low) or 1.0  # twice, so that rows keep apart
             begin = begin - self.low
         else:
-            self.key, self.order, self.clean = np.empty(0), np.empty(0, np.int64), np.zeros(rows, bool)
+            self.clean: BoolArray = np.zeros(rows, bool)
             return
         key = row * self.width + begin
-        self.order = np.argsort(key, kind="stable")
-        self.key = key[self.order]
+        self.order: IntArray = np.argsort(key, kind="stable")
+        self.key: Array = key[self.order]
         self.clean = self._clean(row, self.key + sweep[self.order], rows)
 
-    def _clean(self, row: IntArray, stop: Array, rows: int) -> Array:
+    def _clean(self, row: IntArray, stop: Array, rows: int) -> BoolArray:
         """Which rows have at most one segment over each abscissa; there the first hit is the only one."""
         following = np.append(self.key[1:], np.inf)
         first, last = self.bounds[:-1], self.bounds[1:] - 1
@@ -89,10 +89,13 @@ class RayCaster:
             return distance, hit
         if self.clean.any():
             distance, hit = self._bisect(origins, directions)
-        for i in np.flatnonzero(~self.clean):
+        # A ray through a corner may have been given a segment of hardly any length there: misses are looked at again.
+        open_ = np.isnan(distance) | ~self.clean[:, None]
+        for i in np.flatnonzero(open_.any(axis=1)):
             segments = slice(self.bounds[i], self.bounds[i + 1])
-            distance[i], hit[i] = outermost(self.ends[segments], origins[i], directions[i])
-            hit[i] += self.bounds[i]
+            rays = open_[i]
+            distance[i, rays], found = outermost(self.ends[segments], origins[i, rays], directions[i, rays])
+            hit[i, rays] = np.where(np.isnan(distance[i, rays]), 0, found + self.bounds[i])
         return distance, hit
 
     def _bisect(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:

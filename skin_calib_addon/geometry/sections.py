@@ -16,7 +16,7 @@ class Sections:
 
     plane: IntArray  # (s,) which plane
     face: IntArray  # (s,) which face
-    ends: Array  # (s, 2, 3) [m], or (s, 2, c) of the values that were cut; from first to second, the face's normal is to the right as the plane's normal sees it
+    ends: Array  # (s, 2, 3) [m]; from first to second, the face's normal is to the right as the plane's normal sees it
     planes: int  # how many planes were cut, those that meet nothing included
 
 

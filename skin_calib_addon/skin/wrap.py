@@ -16,6 +16,8 @@ from .lattice import SheetLattice
 MOST_STEPS = 30
 # A step that moves no node by more than this share of the pitch is the last.
 SETTLED = 1e-4
+# Parts into which a step along a geodesic is divided until its speed keeps within this of one.
+PARTS, UNIT_SPEED = (1, 4, 16), 0.01
 # Weight of the sheet's direction beside the strains: it must hold, and the normal equations must stay solvable.
 FIRM = 100.0
 
@@ -144,28 +146,54 @@ def trace_both(
 
 
 def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: float, count: int) -> tuple[Array, Array]:
-    """Follow geodesics: ``count`` steps of ``step`` metres from each ``uv`` along its unit tangent (Runge-Kutta 4).
+    """Follow geodesics: ``count`` steps of ``step`` metres from each ``uv`` along its unit tangent.
 
     Returns
     -------
     path : array, shape (count + 1, k, 2)
     tangents : array, shape (count + 1, k, 3)
+        Unit.
+    """
+    path, headings = [uv], [tangents]
+    for _ in range(count):
+        uv, tangents = _advance(surface, uv, tangents, step)
+        path.append(uv)
+        headings.append(tangents)
+    return np.stack(path), np.stack(headings)
+
+
+def _advance(surface: BSplineSurface, uv: Array, tangents: Array, step: float) -> tuple[Array, Array]:
+    """One step along geodesics (Runge-Kutta 4), in more parts where the surface bends sharply.
+
+    A geodesic keeps its unit speed: where the speed has changed, the step was too long for the bend. What no number of
+    parts brings over a bend goes on straight and comes down on the nearest point of the surface.
     """
     r = surface.derivatives(uv)
-    state = np.stack((uv, in_basis(r[1, 0], r[0, 1], tangents)), axis=1)
-    states = [state]
-    for _ in range(count):
-        k1 = _geodesic_slope(surface, state)
-        k2 = _geodesic_slope(surface, state + step / 2 * k1)
-        k3 = _geodesic_slope(surface, state + step / 2 * k2)
-        k4 = _geodesic_slope(surface, state + step * k3)
-        state = state + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        states.append(state)
-    path = np.stack(states)
-    r = surface.derivatives(path[:, :, 0].reshape(-1, 2))
-    speed = path[:, :, 1].reshape(-1, 2)
-    tangents = unit(r[1, 0] * speed[:, :1] + r[0, 1] * speed[:, 1:])
-    return path[:, :, 0], tangents.reshape(*path.shape[:2], 3)
+    start = np.stack((uv, in_basis(r[1, 0], r[0, 1], tangents)), axis=1)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for parts in PARTS:
+            state, h = start, step / parts
+            for _ in range(parts):
+                k1 = _geodesic_slope(surface, state)
+                k2 = _geodesic_slope(surface, state + h / 2 * k1)
+                k3 = _geodesic_slope(surface, state + h / 2 * k2)
+                k4 = _geodesic_slope(surface, state + h * k3)
+                state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            r = surface.derivatives(state[:, 0])
+            velocity = r[1, 0] * state[:, 1, :1] + r[0, 1] * state[:, 1, 1:]
+            kept = np.abs(np.linalg.norm(velocity, axis=1) - 1) < UNIT_SPEED
+            if kept.all():
+                return state[:, 0], unit(velocity)
+    lost = ~kept
+    new_uv, new_tangents = state[:, 0], unit(velocity)
+    straight = surface.points(uv[lost]) + step * tangents[lost]
+    new_uv[lost] = footpoints(surface, straight)[0]
+    normals = surface.normals(new_uv[lost])
+    new_tangents[lost] = unit(tangents[lost] - (tangents[lost] * normals).sum(axis=1, keepdims=True) * normals)
+    # Footpoints lie in [0, 1]; paths go on over a seam.
+    turns = np.rint(uv[lost] - new_uv[lost])
+    new_uv[lost] += np.where(surface.closed, turns, 0.0)
+    return new_uv, new_tangents
 
 
 def _geodesic_slope(surface: BSplineSurface, state: Array) -> Array:
@@ -242,7 +270,13 @@ def newton_step(terms: list[tuple[IntArray, Array, Array, Array]], count: int, p
     free = np.delete(np.arange(2 * count), (2 * pin, 2 * pin + 1))
     step = np.zeros(2 * count)
     matrix = (jacobian.T @ weighted).tocsc()[free][:, free]
-    step[free] = splu(matrix).solve(-(jacobian.T @ residuals)[free])
+    try:
+        step[free] = splu(matrix).solve(-(jacobian.T @ residuals)[free])
+    except (RuntimeError, ValueError) as error:  # singular, or not finite
+        raise InvalidPlan(
+            "the sheet finds no rest on this surface, which is folded or too sharply bent under it; fit a smoother "
+            "surface, or lay the sheet elsewhere"
+        ) from error
     return step.reshape(-1, 2)
 
 

@@ -1,0 +1,165 @@
+"""The smallest grid that meets a tolerance: predicted from a survey of the tube, proved by fits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..deviation import DistanceStatistics
+from ..errors import InvalidPlan, UnreachableTolerance
+from .axis import ALL_ROUND, Axis, stations_between, tube_frame
+from .distance import MeshDistance, surface_samples
+from .fit import SurfaceFit, fit_surface
+from .grids import Grid
+from .mesh import TriangleMesh
+from .spacing import Survey
+
+MOST_PLANES, MOST_LINES = 60, 160
+MOST_FITS = 8
+# A fit that uses this much of its tolerance is small enough.
+GOOD = 0.9
+# What a mean and a largest error are of a root mean square, as a first guess; the first fit tells better.
+SHARE = {"mean": 0.74, "max": 5.0}
+
+
+@dataclass(frozen=True)
+class AutoGrid:
+    """The smallest tube grid whose distance from surface to mesh keeps within ``tolerance`` [m], mean or max."""
+
+    tolerance: float
+    measure: str = "mean"  # or "max"
+    axis: Axis | None = None
+    margin: float | None = None
+
+
+class ErrorModel:
+    """Predicted error of every grid on a surveyed tube: errors along and across it add in squares.
+
+    Least-squares fits are projections, and those along u and along v commute: what the one leaves is at a right angle
+    to what the other leaves.
+    """
+
+    def __init__(self, survey: Survey, degree: tuple[int, int]):
+        self.survey, self.degree = survey, degree
+        self._along: dict[int, float] = {}
+        self._across: dict[int, float] = {}
+
+    def along(self, planes: int) -> float:
+        """Error of some planes along the tube, root mean square [m]."""
+        if planes not in self._along:
+            stations = self.survey.plane_stations(planes, "auto", self.degree[0])
+            self._along[planes] = self.survey.error_along(stations, self.degree[0])
+        return self._along[planes]
+
+    def across(self, lines: int) -> float:
+        """Error of some lines across the tube, root mean square [m]."""
+        if lines not in self._across:
+            angles = self.survey.line_angles(lines, "auto", self.degree[1])
+            self._across[lines] = self.survey.error_across(angles, self.degree[1])
+        return self._across[lines]
+
+    def fewest_lines(self, error: float) -> int | None:
+        """Fewest lines that leave at most this error across the tube, found by bisection; None if none do."""
+        low, high = self.degree[1] + 1, MOST_LINES
+        step = low
+        while step < high and self.across(step) > error:  # double up to a first good number: small nets cost little
+            low, step = step + 1, 2 * step
+        high = min(step, high)
+        if self.across(high) > error:
+            return None
+        while low < high:
+            middle = (low + high) // 2
+            low, high = (low, middle) if self.across(middle) <= error else (middle + 1, high)
+        return high
+
+    def smallest_grid(self, error: float) -> tuple[int, int] | None:
+        """Planes and lines of the smallest net with at most this error; None if there is none."""
+        best: tuple[int, int] | None = None
+        fewest = self.fewest_lines(error)
+        for n in range(self.degree[0] + 1, MOST_PLANES + 1):
+            if fewest is None or (best and n * fewest >= best[0] * best[1]):
+                break
+            left = self.along(n)
+            if left < error:
+                lines = self.fewest_lines(float(np.sqrt(error**2 - left**2)))
+                if lines and (best is None or n * lines < best[0] * best[1]):
+                    best = n, lines
+        return best
+
+
+def fit_to_tolerance(
+    mesh: TriangleMesh,
+    tolerance: float,
+    measure: str = "mean",
+    degree: int | tuple[int, int] = 3,
+    axis: Axis | None = None,
+    margin: float | None = None,
+) -> SurfaceFit:
+    """Fit the smallest tube grid whose distance from surface to mesh keeps within a tolerance.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    tolerance : float
+        [m]
+    measure : "mean" or "max"
+        Which distance must keep within it.
+    degree, axis, margin
+        As for ``TubeGrid`` and ``fit_surface``.
+
+    Raises
+    ------
+    UnreachableTolerance
+        If the mesh's own facets are further from any smooth surface; says what can be reached.
+    """
+    if not tolerance > 0 or measure not in SHARE:
+        raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
+    degrees = (degree, degree) if isinstance(degree, int) else degree
+    frame = tube_frame(mesh, axis)
+    survey = Survey.of(mesh, frame, stations_between(mesh, frame, margin, ALL_ROUND))
+    model, distance = ErrorModel(survey, degrees), MeshDistance(mesh)
+    target, share = tolerance, SHARE[measure]
+    best: SurfaceFit | None = None
+    tried: set[tuple[int, int]] = set()
+    least = np.inf
+    for _ in range(MOST_FITS):
+        size = model.smallest_grid(target / share)
+        if size is None or (best and (size in tried or np.prod(size) >= net_size(best))):
+            break
+        if size in tried:  # it was not good enough, and a slightly smaller error asks for no other
+            target *= 0.9
+            continue
+        tried.add(size)
+        fit = fit_surface(mesh, survey.line_grid(*size, "auto", degrees), degrees)
+        error = getattr(quick_error(distance, fit), measure)
+        least = min(least, error)
+        if error <= tolerance and (best is None or net_size(fit) < net_size(best)):
+            best = fit
+            if error > GOOD * tolerance:
+                break
+        # Aim higher by what was missed, or lower by what was to spare.
+        target *= tolerance / error * (0.97 if error > tolerance else 1.0)
+    if best is None:
+        raise UnreachableTolerance(
+            f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: {least * 1e3:.3g} mm was "
+            "reached, its facets stand off from any smooth surface; ask for more than that, or refine the mesh",
+            reached=float(least),
+        )
+    return best
+
+
+def net_size(fit: SurfaceFit) -> int:
+    """Number of control points."""
+    return int(np.prod(fit.lines.origins.shape[:2]))
+
+
+def quick_error(distance: MeshDistance, fit: SurfaceFit) -> DistanceStatistics:
+    """Distance from surface to mesh."""
+    uv, weights = surface_samples(fit.surface)
+    return DistanceStatistics.of(distance(fit.surface.points(uv))[0], weights)
+
+
+def fit_grid(mesh: TriangleMesh, grid: Grid | AutoGrid, degree: tuple[int, int]) -> SurfaceFit:
+    """Fit along a grid that the author gave, or the smallest that meets a tolerance."""
+    if isinstance(grid, AutoGrid):
+        return fit_to_tolerance(mesh, grid.tolerance, grid.measure, degree, grid.axis, grid.margin)
+    return fit_surface(mesh, grid, degree)
