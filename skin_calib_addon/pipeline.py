@@ -49,7 +49,7 @@ def calibrate(plan: Plan, mesh: TriangleMesh | None = None) -> Calibrated:
     with stage(seconds, "cut"):
         cover = cut_cover(mesh, plan.cover)
     with stage(seconds, "fit"):
-        fit = fit_grid(cover, plan.grid, plan.degree)
+        fit = fit_grid(cover, plan.grid, plan.degree, plan.chords)
     with stage(seconds, "wrap"):
         patches = tuple(lay(skin, fit.surface) for skin in plan.skins)
     with stage(seconds, "errors"):

@@ -47,6 +47,7 @@ class Plan:
     degree: tuple[int, int]
     skins: tuple[SheetSkin, ...]
     response: Response = Response()
+    chords: bool = False  # whether the mesh's facets are chords of the true surface
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
 
 
@@ -101,6 +102,7 @@ def plan_from(document: dict[str, Any]) -> Plan:
         degree=tuple(document.get("degree", (3, 3))),
         skins=_skins(document["skins"]),
         response=Response(tuple(document["response"]["coefficients"])) if "response" in document else Response(),
+        chords=document.get("chords", False),
         extra={k: v for k, v in document.items() if k.startswith("x_")},
     )
 
@@ -183,6 +185,8 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             for skin in plan.skins
         ],
     }
+    if plan.chords:
+        document["chords"] = True
     if plan.response != Response():
         document["response"] = {"kind": "polynomial", "coefficients": [*plan.response.coefficients]}
     return document | plan.extra

@@ -158,8 +158,9 @@ def quick_error(distance: MeshDistance, fit: SurfaceFit) -> DistanceStatistics:
     return DistanceStatistics.of(distance(fit.surface.points(uv))[0], weights)
 
 
-def fit_grid(mesh: TriangleMesh, grid: Grid | AutoGrid, degree: tuple[int, int]) -> SurfaceFit:
-    """Fit along a grid that the author gave, or the smallest that meets a tolerance."""
-    if isinstance(grid, AutoGrid):
-        return fit_to_tolerance(mesh, grid.tolerance, grid.measure, degree, grid.axis, grid.margin)
-    return fit_surface(mesh, grid, degree)
+def fit_grid(mesh: TriangleMesh, grid: Grid | AutoGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
+    """Fit along a grid that the author gave, or the smallest that meets a tolerance; ``chords`` as for fit_surface."""
+    if not isinstance(grid, AutoGrid):
+        return fit_surface(mesh, grid, degree, chords)
+    fit = fit_to_tolerance(mesh, grid.tolerance, grid.measure, degree, grid.axis, grid.margin)
+    return fit_surface(mesh, fit.lines, degree, chords) if chords else fit

@@ -56,6 +56,8 @@ class TensorBasis:
     u: SplineSites
     v: SplineSites
     B: Array  # (l, m)
+    degree_u: int
+    degree_v: int
 
     @classmethod
     def of(cls, lines: LineGrid, degree_u: int, degree_v: int) -> "TensorBasis":
@@ -71,7 +73,7 @@ class TensorBasis:
         check_counts(m, degree_v, "v-lines")
         u, v = spline_sites(n, degree_u, False), spline_sites(m, degree_v, lines.closed)
         common = unit(lines.directions.mean(axis=0))
-        return cls(u, v, v.values * (unit(v.values @ common) @ common.T))
+        return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
 
     @property
     def N(self) -> Array:

@@ -83,13 +83,7 @@ def share_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
 def shells(mesh: TriangleMesh) -> IntArray:
     """Number of the shell of each face, shape (f,): faces are joined over edges that exactly two of them share."""
     count = len(mesh.faces)
-    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    face = np.repeat(np.arange(count), 3)
-    order = np.lexsort(edges.T)
-    edges, face = edges[order], face[order]
-    same = (edges[1:] == edges[:-1]).all(axis=1)
-    pair = same & ~np.r_[False, same[:-1]] & ~np.r_[same[1:], False]
-    a, b = face[:-1][pair], face[1:][pair]
+    a, b = mesh.adjacency
     return connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1]
 
 

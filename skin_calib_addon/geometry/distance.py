@@ -20,7 +20,7 @@ def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray
     Parameters
     ----------
     known : array of bool, shape (k, l)
-        Which of the sample sites of the fit met the mesh; what lies nearest to another site is left out.
+        Which of the sample sites of the fit met the mesh; what lies beside another site is left out.
     """
     uv, weights = surface_samples(surface)
     trusted = lies_at(surface, uv, known)
@@ -38,11 +38,12 @@ def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray
 
 
 def lies_at(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
-    """Whether the sample site nearest to each ``uv`` is a known one; sites are even in u and v."""
+    """Whether all sample sites around each ``uv`` are known ones; sites are even in u and v."""
     k, l = known.shape
-    row = np.rint(uv[:, 0] * (k - 1)).astype(int)
-    column = np.rint(uv[:, 1] * (l if surface.closed[1] else l - 1)).astype(int) % l
-    return known[row, column]
+    row, column = uv[:, 0] * (k - 1), uv[:, 1] * (l if surface.closed[1] else l - 1)
+    rows = (np.clip(f(row).astype(int), 0, k - 1) for f in (np.floor, np.ceil))
+    columns = [f(column).astype(int) % l for f in (np.floor, np.ceil)]
+    return np.logical_and.reduce([known[i, j] for i in rows for j in columns])
 
 
 def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:

@@ -18,6 +18,8 @@ from .spacing import Survey
 SMALLEST_ANGLE = np.deg2rad(3.0)
 # v-planes that pass a common point within this share of the distances involved were meant to share it.
 CONCURRENT = 1e-9
+# Planes nearer to each other than this share of the mesh's size are the same.
+SAME = 1e-6
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ class PlanesGrid:
                 "one so that they cross"
             )
         points = np.array([self._line_points(i) for i in range(len(self.u))])
+        check_order(points.mean(axis=1), "u", mesh.size)
         build = self._closed_lines if self.closed else self._open_lines
         return build(mesh, points, unit(across))
 
@@ -159,14 +162,21 @@ class PlanesGrid:
     def _closed_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
         if len(self.v) < 2:
             raise InvalidPlan("a closed grid needs at least two v-planes")
-        along = unit(self.u.points[-1] - self.u.points[0])
-        frame = frame_of(points[0].mean(axis=0), along)
+        centres = points.mean(axis=1)  # not the author's points, which may be anywhere in their planes
+        along = centres[-1] - centres[0]
+        frame = frame_of(centres[0], along if along.any() else self.u.normals[0], across[0, 0])
         points, directions = np.tile(points, (1, 2, 1)), np.concatenate((across, -across), axis=1)
         directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
         xy = frame.across(directions[0])
-        order = np.argsort(-np.arctan2(xy[:, 1], xy[:, 0]), kind="stable")
-        names = tuple(f"v-plane {j % len(self.v)}" for j in order)
-        return LineGrid(self.u, points[:, order], directions[:, order], True, names)
+        clockwise = -np.arctan2(xy[:, 1], xy[:, 0])  # from the first v-plane, whose own angle is a rounded zero
+        order = np.argsort((clockwise + SAME) % TURN, kind="stable")
+        points, directions, plane = points[:, order], directions[:, order], order % len(self.v)
+        reach = points[0] + mesh.size * directions[0]
+        same = np.flatnonzero(np.linalg.norm(reach - np.roll(reach, -1, axis=0), axis=1) < SAME * mesh.size)
+        if len(same):
+            first, second = sorted((plane[same[0]], plane[(same[0] + 1) % len(plane)]))
+            raise InvalidPlan(f"v-plane {second} is the same as v-plane {first}; take one away")
+        return LineGrid(self.u, points, directions, True, tuple(f"v-plane {j}" for j in plane))
 
     def _open_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
         across = across * np.sign((across * across[:1, :1]).sum(axis=2, keepdims=True))
@@ -175,6 +185,7 @@ class PlanesGrid:
         if abs(side) < 0.1:
             raise InvalidPlan("the faces look to both sides of the planes; cut the mesh so that one side is left")
         directions = across * np.sign(side)
+        check_order(points.mean(axis=0), "v", mesh.size)
         middle = mesh.vertices.mean(axis=0)
         height = ((middle - points) * directions).sum(axis=2) - mesh.size
         points = points + height[..., None] * directions
@@ -183,6 +194,34 @@ class PlanesGrid:
         if turn < 0:
             points, directions, names = points[:, ::-1], directions[:, ::-1], names[::-1]
         return LineGrid(self.u, points, directions, False, names)
+
+
+def check_order(places: Array, name: str, size: float) -> None:
+    """Refuse planes that do not follow each other: the surface would fold back.
+
+    Parameters
+    ----------
+    places : array, shape (n, 3)
+        Where each plane is [m].
+    name : str
+        "u" or "v".
+    size : float
+        Of the mesh [m].
+
+    Raises
+    ------
+    InvalidPlan
+        Names the first plane that lies on the one before it, or on the side it came from.
+    """
+    steps = np.diff(places, axis=0)
+    back = np.append(False, (steps[1:] * steps[:-1]).sum(axis=1) < 0) if len(steps) else np.zeros(0, bool)
+    wrong = np.flatnonzero(back | (np.linalg.norm(steps, axis=1) < SAME * size))
+    if len(wrong):
+        i = int(wrong[0])
+        raise InvalidPlan(
+            f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}; list the planes in the order in which they lie",
+            plane=i + 1,
+        )
 
 
 Grid = TubeGrid | SectorGrid | AcrossGrid | PlanesGrid

@@ -66,6 +66,17 @@ class TriangleMesh:
         return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
     @cached_property
+    def adjacency(self) -> tuple[IntArray, IntArray]:
+        """Pairs of faces that share an edge with each other and no third one, shape (e,) each."""
+        edges = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        face = np.repeat(np.arange(len(self.faces)), 3)
+        order = np.lexsort(edges.T)
+        edges, face = edges[order], face[order]
+        same = (edges[1:] == edges[:-1]).all(axis=1)
+        pair = same & ~np.append(False, same[:-1]) & ~np.append(same[1:], False)
+        return face[:-1][pair], face[1:][pair]
+
+    @cached_property
     def sha256(self) -> str:
         """Hash of the geometry; the same whatever file format or order of vertices and faces it came in."""
         digest = hashlib.sha256(np.ascontiguousarray(self.vertices, "<f8").tobytes())

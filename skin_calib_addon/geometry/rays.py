@@ -36,6 +36,8 @@ class RayCaster:
         self.ends = ends
         self.bounds = np.searchsorted(row, np.arange(rows + 1))
         self.centres, self.across = centres, None
+        begin: Array
+        sweep: Array
         if centres is not None:
             angle = diamond_angle(ends - centres[row][:, None] if centres.any() else ends)
             sweep = angle[:, 1] - angle[:, 0]

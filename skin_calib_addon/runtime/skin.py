@@ -1,15 +1,16 @@
 """The skin of one link as a controller sees it."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..arrays import Array, BoolArray
-from ..calibration.file import load_calibration
-from ..calibration.model import LinkCalibration
 from ..errors import InvalidReading
 from .contacts import Frame, components, contact_of
+
+if TYPE_CHECKING:
+    from ..calibration.model import LinkCalibration
 
 # A taxel becomes active above the first force and stays so down to the second [N].
 SWITCH_ON, SWITCH_OFF = 0.2, 0.1
@@ -29,13 +30,15 @@ def load(path: str | Path, switch_on: float = SWITCH_ON, switch_off: float = SWI
     CalibrationFormatError
         With every finding, if the file is not valid.
     """
+    from ..calibration.file import load_calibration  # the reader's imports are paid by who reads
+
     return Skin(load_calibration(path), switch_on, switch_off)
 
 
 class Skin:
     """Taxels of all patches of one link; row i of every array is the same taxel."""
 
-    def __init__(self, calibration: LinkCalibration, switch_on: float = SWITCH_ON, switch_off: float = SWITCH_OFF):
+    def __init__(self, calibration: "LinkCalibration", switch_on: float = SWITCH_ON, switch_off: float = SWITCH_OFF):
         if not 0 < switch_off <= switch_on:
             raise ValueError(f"switch_off {switch_off} must be positive and at most switch_on {switch_on}")
         taxels = [patch.taxels for patch in calibration.patches]
