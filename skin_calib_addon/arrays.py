@@ -42,3 +42,24 @@ def unit(vectors: Any) -> Array:
     vectors = np.asarray(vectors, float)
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0, length, 1.0)
+
+
+def along(vectors: Array, direction: Array) -> Array:
+    """Components of many vectors (..., 3) along one direction, shape (...), without waking the threads of BLAS."""
+    return vectors[..., 0] * direction[0] + vectors[..., 1] * direction[1] + vectors[..., 2] * direction[2]
+
+
+# Multiplications below which OpenBLAS leaves a matrix product on the calling thread, halved to be safe.
+QUIET = 2**17
+
+
+def product(a: Array, b: Array) -> Array:
+    """The matrix product of two small matrices, in pieces that BLAS does not spread over its threads.
+
+    Waking the threads costs more than such a product, and a hundred times more where the processors are busy; limiting
+    their number would change the user's process.
+    """
+    rows = max(2, QUIET // max(b.size, 1))
+    if len(a) <= rows:
+        return a @ b
+    return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, BoolArray
+from ..arrays import Array, BoolArray, along
 from ..errors import EmptySection, InvalidPlan
 from .frames import TubeFrame, frame_of
 from .mesh import TriangleMesh
@@ -27,7 +27,7 @@ def tube_frame(mesh: TriangleMesh, axis: Axis | None) -> TubeFrame:
     """
     frame = find_axis(mesh) if axis is None else frame_of(np.asarray(axis.point), np.asarray(axis.direction))
     arms = mesh.vertices - frame.point
-    furthest = arms[np.argmax(np.einsum("vc,vc->v", arms, arms) - (arms @ frame.e3) ** 2)]
+    furthest = arms[np.argmax(np.einsum("vc,vc->v", arms, arms) - along(arms, frame.e3) ** 2)]
     return frame_of(frame.point, frame.e3, furthest)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
-from ..arrays import Array, BoolArray, unit
+from ..arrays import Array, BoolArray, product
 from ..errors import UnderdeterminedFit
 from .bspline import basis_functions, clamped_knots, periodic_knots
 from .lines import LineGrid
@@ -49,13 +49,12 @@ def spline_sites(count: int, degree: int, closed: bool, per_span: int = SITES_PE
 class TensorBasis:
     """Basis functions at the sample sites of a grid, one factor per direction.
 
-    A surface point is ``N @ net @ M.T``; offsets of the control points move the surface by ``N @ offsets @ B.T``
-    along the sample rays, for ``B`` carries the cosine between each line and the ray.
+    A surface point is ``N @ net @ M.T``, and offsets of the control points move it by about ``N @ offsets @ M.T`` along
+    the sample ray: neighbouring lines run nearly alongside each other, and what that leaves out the next pass mends.
     """
 
     u: SplineSites
     v: SplineSites
-    B: Array  # (l, m)
     degree_u: int
     degree_v: int
 
@@ -71,9 +70,7 @@ class TensorBasis:
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
-        u, v = spline_sites(n, degree_u, False), spline_sites(m, degree_v, lines.closed)
-        common = unit(lines.directions.mean(axis=0))
-        return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
+        return cls(spline_sites(n, degree_u, False), spline_sites(m, degree_v, lines.closed), degree_u, degree_v)
 
     @property
     def N(self) -> Array:
@@ -88,24 +85,19 @@ class TensorBasis:
     def blend(self, net: Array) -> Array:
         """Spline values at the sites, shape (k, l, 3), of a net (n, m, 3)."""
         n, m, _ = net.shape
-        rows = (self.N @ net.reshape(n, -1)).reshape(-1, m, 3)
-        return self.M @ rows
+        rows = product(self.N, net.reshape(n, -1)).reshape(-1, m, 3)
+        return self.M @ rows  # one small product per row
 
     def close(self, net: Array) -> Array:
         """The net as surfaces store it: rolled so that it starts a period, with the repeated points at its end."""
         net = np.roll(net, self.v.shift, axis=1)
         return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
 
-    @cached_property
-    def B_inverse(self) -> Array:
-        """Pseudo-inverse of ``B``, shape (m, l)."""
-        return pseudo_inverse(self.B)
-
     def solve(self, residuals: Array, offsets: Array) -> Array:
         """Steps of the offsets, shape (n, m), that take most of the residuals (k, l); NaN ones weigh nothing."""
         known = ~np.isnan(residuals)
         if known.all():
-            return self.u.inverse @ residuals @ self.B_inverse.T
+            return product(product(self.u.inverse, residuals), self.v.inverse.T)
         return self._solve_with_holes(np.where(known, residuals, 0.0), known, offsets)
 
     def _solve_with_holes(self, residuals: Array, known: BoolArray, offsets: Array) -> Array:
@@ -114,7 +106,6 @@ class TensorBasis:
         What the samples leave open is bent as little as may be.
         """
         n, m = offsets.shape
-        N_inverse, B_inverse = self.u.inverse, self.B_inverse
         bend_u, bend_v = second_differences(n, False), second_differences(m, self.v.repeats > 0)
         bend_u, bend_v = bend_u.T @ bend_u, bend_v.T @ bend_v
 
@@ -123,13 +114,15 @@ class TensorBasis:
 
         def normal(step: Array) -> Array:
             net = step.reshape(n, m)
-            return (self.N.T @ (known * (self.N @ net @ self.B.T)) @ self.B + bending(net)).ravel()
+            moved = product(product(self.N, net), self.M.T)
+            return (product(product(self.N.T, known * moved), self.M) + bending(net)).ravel()
 
         def precondition(gradient: Array) -> Array:
-            return (N_inverse @ (N_inverse.T @ gradient.reshape(n, m) @ B_inverse) @ B_inverse.T).ravel()
+            half = product(product(self.u.inverse.T, gradient.reshape(n, m)), self.v.inverse)
+            return product(product(self.u.inverse, half), self.v.inverse.T).ravel()
 
         A, P = (LinearOperator((n * m, n * m), f, dtype=float) for f in (normal, precondition))
-        right = (self.N.T @ residuals @ self.B - bending(offsets)).ravel()
+        right = (product(product(self.N.T, residuals), self.M) - bending(offsets)).ravel()
         return cg(A, right, M=P, rtol=1e-8, maxiter=500)[0].reshape(n, m)
 
 

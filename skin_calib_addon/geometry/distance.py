@@ -12,6 +12,8 @@ from .mesh import TriangleMesh
 SAMPLES_PER_SPAN = 6
 NEWTON_STEPS = 8
 MOST_PARTS = 64  # of one side of a face
+# A triangle with less height than this share of its length is no plane; its sides have all of its points.
+FLAT = 1e-8
 
 
 def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray) -> SurfaceErrors:
@@ -127,11 +129,13 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     ab, ac, ap = b - a, c - a, points - a
     normal = np.cross(ab, ac)
-    square = np.maximum((normal**2).sum(axis=1), 1e-300)
+    square = (normal**2).sum(axis=1)
+    flat = square <= (FLAT * np.maximum((ab**2).sum(axis=1), (ac**2).sum(axis=1))) ** 2
+    square = np.where(flat, 1.0, square)
     v = (np.cross(ap, ac) * normal).sum(axis=1) / square
     w = (np.cross(ab, ap) * normal).sum(axis=1) / square
     best = a + v[:, None] * ab + w[:, None] * ac
-    outside = (v < 0) | (w < 0) | (v + w > 1)
+    outside = (v < 0) | (w < 0) | (v + w > 1) | flat
     if outside.any():
         p = points[outside]
         best_edge = np.full(len(p), np.inf)

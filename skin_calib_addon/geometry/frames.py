@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, unit
+from ..arrays import Array, along, unit
 from .planes import Planes, perpendicular
 
 
@@ -19,7 +19,7 @@ class TubeFrame:
 
     def stations(self, points: Array) -> Array:
         """Height of points along the axis [m]."""
-        return (points - self.point) @ self.e3
+        return along(points - self.point, self.e3)
 
     def rays(self, angles: Array) -> Array:
         """Unit directions away from the axis, shape (len(angles), 3)."""
@@ -27,7 +27,7 @@ class TubeFrame:
 
     def across(self, vectors: Array) -> Array:
         """Components across the axis, shape (..., 2)."""
-        return np.stack((vectors @ self.e1, vectors @ self.e2), axis=-1)
+        return np.stack((along(vectors, self.e1), along(vectors, self.e2)), axis=-1)
 
     def planes(self, stations: Array) -> Planes:
         """Planes across the axis."""

@@ -219,7 +219,7 @@ def check_order(places: Array, name: str, size: float) -> None:
     if len(wrong):
         i = int(wrong[0])
         raise InvalidPlan(
-            f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}; list the planes in the order in which they lie",
+            f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}; list them in the order in which they lie",
             plane=i + 1,
         )
 

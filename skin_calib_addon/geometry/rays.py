@@ -47,7 +47,7 @@ class RayCaster:
             self.low, self.width = 0.0, DIAMOND_TURN
         elif direction is not None and len(ends):
             self.across = np.array((direction[1], -direction[0]))
-            x = ends @ self.across
+            x = ends[..., 0] * self.across[0] + ends[..., 1] * self.across[1]
             begin, sweep = x.min(axis=1), x.max(axis=1) - x.min(axis=1)
             self.low = float(begin.min())
             self.width = 2 * float((begin + sweep).max() - self.low) or 1.0  # twice, so that rows keep apart

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, IntArray, unit
+from ..arrays import Array, IntArray, along, unit
 from .basis import TensorBasis
 from .lines import LineGrid
 from .mesh import TriangleMesh
@@ -44,8 +44,9 @@ class SampleRows:
         if flat:
             first = perpendicular(planes.normals[0])
             frame = np.array((first, np.cross(planes.normals[0], first)))
+            flat_vertices = np.stack([along(mesh.vertices, axis) for axis in frame], axis=1)
             normals = np.broadcast_to(planes.normals[0], points.shape)
-            sections = cut_sections(mesh, Planes(points, normals), mesh.vertices @ frame.T)
+            sections = cut_sections(mesh, Planes(points, normals), flat_vertices)
             ends = sections.ends - (points @ frame.T)[sections.plane, None]
             axes = np.broadcast_to(frame, (len(points), 2, 3))
         else:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, IntArray
+from ..arrays import Array, BoolArray, IntArray, along
 from .mesh import TriangleMesh
 from .planes import Planes
 
@@ -44,9 +44,9 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
 
 def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
     """Cut with parallel planes: each vertex has one height, and its rank among the levels tells all crossings."""
-    level = planes.points @ planes.normals[0]
+    level = along(planes.points, planes.normals[0])
     order = np.argsort(level, kind="stable")
-    height = mesh.vertices @ planes.normals[0]
+    height = along(mesh.vertices, planes.normals[0])
     rank = np.searchsorted(level[order], height, side="left")  # how many planes lie below each vertex
     a, b, c = (rank[corner] for corner in mesh.corners)
     first = np.minimum(np.minimum(a, b), c)

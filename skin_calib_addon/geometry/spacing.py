@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from ..arrays import Array, unit
+from ..arrays import Array, product, unit
 from ..errors import EmptySection
 from .basis import check_counts, spline_sites
 from .bspline import greville
@@ -21,6 +21,8 @@ OUTLINE_STEP = 4  # every so many rows stand for the outline
 # Lines lie as densely as this power of the curvature: a corner gets them, a flat keeps a few.
 CURVATURE_POWER = 0.35
 SMOOTHING_ANGLE = 0.02  # [rad] over which curvature is averaged: facets are corners too
+PROFILES = 45  # along the tube, evenly around it
+ROUNDS = 4
 DENSE = 6  # sites per span where errors along the tube are judged: a short spline passes through three
 PHASES = (0.0, 0.25, 0.5, 0.75)  # shares of a line's interval by which closed lines may be turned
 
@@ -134,11 +136,14 @@ class Survey:
     def error_across(self, angles: Array, degree: int) -> float:
         """Error that lines at these angles leave between sections and fits, root mean square [m]."""
         lines = np.column_stack((np.cos(angles), np.sin(angles)))
-        sites = spline_sites(len(angles), degree, self.closed).values
-        rays = sites @ lines
-        q, _ = np.linalg.qr(sites * (unit(rays) @ lines.T))
+        sites = spline_sites(len(angles), degree, self.closed)
+        rays = sites.values @ lines
         radii = self.radii_at(np.arctan2(rays[:, 1], rays[:, 0]))[::OUTLINE_STEP]
-        return spread(radii - radii @ q @ q.T, 1 - len(angles) / len(rays))
+        # The lines fan out from the rays: offsets reach a ray by its cosine to each line, and a few rounds mend that.
+        fanned = sites.values * (unit(rays) @ lines.T)
+        for _ in range(ROUNDS):
+            radii = radii - product(product(radii, sites.inverse.T), fanned.T)
+        return spread(radii, 1 - len(angles) / len(rays))
 
     def plane_stations(self, count: int, spacing: str, degree: int) -> Array:
         """Stations of ``count`` planes: even ones, or those of a linear parametrisation where that is better."""
@@ -151,14 +156,14 @@ class Survey:
 
     def error_along(self, stations: Array, degree: int) -> float:
         """Error that planes at these stations leave between profiles and fits, root mean square [m]."""
-        sites = spline_sites(len(stations), degree, False, DENSE).values
-        at = sites @ stations
-        profiles = self.radii[:, :: RAYS // 90]
+        sites = spline_sites(len(stations), degree, False, DENSE)
+        at = sites.values @ stations
+        profiles = self.radii[:, :: RAYS // PROFILES]
         place = np.clip(np.searchsorted(self.stations, at) - 1, 0, len(self.stations) - 2)
         share = ((at - self.stations[place]) / (self.stations[place + 1] - self.stations[place]))[:, None]
         radii = profiles[place] * (1 - share) + profiles[place + 1] * share
-        q, _ = np.linalg.qr(sites)
-        return spread(radii - q @ (q.T @ radii), 1 - len(stations) / len(sites))
+        fitted = product(sites.values, product(sites.inverse, radii))
+        return spread(radii - fitted, 1 - len(stations) / len(at))
 
 
 def spread(residuals: Array, free: float) -> float:
