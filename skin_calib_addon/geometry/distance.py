@@ -11,6 +11,7 @@ from .mesh import TriangleMesh
 # Samples along each span of the surface's grid when distances are measured.
 SAMPLES_PER_SPAN = 6
 NEWTON_STEPS = 8
+FOUND = 1e-9  # step of a footpoint's parameters that is none
 MOST_PARTS = 64  # of one side of a face
 # A triangle with less height than this share of its length is no plane; its sides have all of its points.
 FLAT = 1e-8
@@ -106,21 +107,26 @@ class MeshDistance:
         distance = np.full(len(points), np.inf)
         face = np.zeros(len(points), np.int64)
         nearest = np.zeros((len(points), 3))
-        open_, k = np.arange(len(points)), 4
+
+        def try_pairs(which: IntArray, faces: IntArray) -> None:
+            foot = closest_on_triangles(points[which], self.triangles[faces])
+            d = np.linalg.norm(foot - points[which], axis=1)
+            order = np.lexsort((d, which))  # of each point's candidates the nearest comes first
+            first = order[np.append(True, which[order][1:] != which[order][:-1])] if len(order) else order
+            first = first[d[first] < distance[which[first]]]
+            distance[which[first]], face[which[first]], nearest[which[first]] = d[first], faces[first], foot[first]
+
+        open_, seen, k = np.arange(len(points)), 0, 8
         while len(open_):
-            k = min(2 * k, self.tree.n)
-            far, index = self.tree.query(points[open_], k=k)
-            far, index = far.reshape(len(open_), -1), index.reshape(len(open_), -1)
-            candidate = self.face[index]
-            foot = closest_on_triangles(np.repeat(points[open_], k, axis=0), self.triangles[candidate.ravel()])
-            d = np.linalg.norm(foot.reshape(len(open_), k, 3) - points[open_, None], axis=2)
-            best = d.argmin(axis=1)
-            row = np.arange(len(open_))
-            distance[open_], face[open_] = d[row, best], candidate[row, best]
-            nearest[open_] = foot.reshape(len(open_), k, 3)[row, best]
-            # A face not among the candidates has no point nearer than its nearest piece less the reach of a piece.
-            done = (far[:, -1] - self.reach >= d[row, best]) | (k == self.tree.n)
-            open_ = open_[~done]
+            k = min(k, self.tree.n)
+            far, index = self.tree.query(points[open_], k=np.arange(seen + 1, k + 1))
+            if seen == 0:
+                try_pairs(open_, self.face[index[:, 0]])
+            # A piece has no point nearer than its centre less the reach of a piece.
+            row, column = np.nonzero(far - self.reach < distance[open_, None])
+            try_pairs(open_[row], self.face[index[row, column]])
+            open_ = open_[(far[:, -1] - self.reach < distance[open_]) & (k < self.tree.n)]
+            seen, k = k, 2 * k
         return distance, face, nearest
 
 
@@ -162,16 +168,22 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
     uv_grid, _ = surface_samples(surface)
     _, index = cKDTree(surface.points(uv_grid)).query(points)
     uv = uv_grid[index]
+    moving = np.arange(len(points))
     for _ in range(NEWTON_STEPS):
-        r = surface.derivatives(uv)
-        gap = points - r[0, 0]
+        r = surface.derivatives(uv[moving])
+        gap = points[moving] - r[0, 0]
         a, b = r[1, 0], r[0, 1]
         aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
         ga, gb = (gap * a).sum(1), (gap * b).sum(1)
         det = np.maximum(aa * bb - ab * ab, 1e-300)
-        uv = uv + np.column_stack(((bb * ga - ab * gb) / det, (aa * gb - ab * ga) / det))
+        after = uv[moving] + np.column_stack(((bb * ga - ab * gb) / det, (aa * gb - ab * ga) / det))
         for axis in (0, 1):
             if not surface.closed[axis]:
-                uv[:, axis] = np.clip(uv[:, axis], 0, 1)
+                after[:, axis] = np.clip(after[:, axis], 0, 1)
+        step = np.abs(after - uv[moving]).max(axis=1)
+        uv[moving] = after
+        moving = moving[step > FOUND]
+        if len(moving) == 0:
+            break
     uv = surface.wrap(uv)
     return uv, np.linalg.norm(points - surface.points(uv), axis=1)
