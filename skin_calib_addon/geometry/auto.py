@@ -139,9 +139,11 @@ def fit_to_tolerance(
         # Aim higher by what was missed, or lower by what was to spare.
         target *= tolerance / error * (0.97 if error > tolerance else 1.0)
     if best is None:
+        if not tried:  # not even the largest net is predicted to come so close
+            least = share * float(np.hypot(model.along(MOST_PLANES), model.across(MOST_LINES)))
         raise UnreachableTolerance(
-            f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: {least * 1e3:.3g} mm was "
-            "reached, its facets stand off from any smooth surface; ask for more than that, or refine the mesh",
+            f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: about {least * 1e3:.2g} "
+            "mm can be reached, its facets stand off from any smooth surface; ask for more than that, or refine the mesh",
             reached=float(least),
         )
     return best

@@ -18,6 +18,8 @@ MOST_STEPS = 30
 SETTLED = 1e-4
 # Parts into which a step along a geodesic is divided until its speed keeps within this of one.
 PARTS, UNIT_SPEED = (1, 4, 16), 0.01
+# A first guess that lies beyond an edge by this share of the surface will not come back.
+FAR = 0.5
 # Weight of the sheet's direction beside the strains: it must hold, and the normal equations must stay solvable.
 FIRM = 100.0
 
@@ -57,6 +59,12 @@ def wrap_sheet(
     OutsideSurface
         Names the first cell whose centre lies off the surface.
     """
+    size = float(np.linalg.norm(np.ptp(surface.control_net.reshape(-1, 3), axis=0)))
+    if max(lattice.pitch) > size:
+        raise InvalidPlan(
+            f"a cell of {lattice.pitch[0] * 1e3:g} x {lattice.pitch[1] * 1e3:g} mm is larger than the whole surface, "
+            f"{size * 1e3:.1f} mm; the pitch is in metres"
+        )
     if origin is None:
         pinned = (lattice.rows, lattice.columns)
         uv = centred(surface, lattice, pinned, direction)
@@ -64,6 +72,7 @@ def wrap_sheet(
         pinned = (1, 1)
         start = footpoints(surface, np.asarray(origin, float)[None])[0][0]
         uv = unroll(surface, lattice.node_shape, lattice.step, start, pinned, direction)
+    check_inside(surface, lattice, uv, FAR)
     uv = relax(surface, lattice, uv, pinned, row_frame(surface, uv[pinned], direction)[1])
     check_inside(surface, lattice, uv)
     return WrappedSheet(surface, lattice, uv, cell_strain(surface, lattice, uv))
@@ -84,7 +93,9 @@ def row_frame(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> tuple
 def centred(surface: BSplineSurface, lattice: SheetLattice, pinned: tuple[int, int], direction: ArrayLike) -> Array:
     """Unroll from the middle of the surface, at a start moved until the open edges are left equally free."""
     start = np.array((0.5, 0.5))
-    middle, shape = (pinned[0] // 2, pinned[1] // 2), (lattice.rows + 1, lattice.columns + 1)
+    # Every second node, the pinned one among them: corners of cells where their number is even, centres where it is odd.
+    shape = (lattice.rows + 1 - lattice.rows % 2, lattice.columns + 1 - lattice.columns % 2)
+    middle = (shape[0] // 2, shape[1] // 2)
     for _ in range(2):
         uv = unroll(surface, shape, lattice.pitch, start, middle, direction).reshape(-1, 2)
         excess = (uv.min(axis=0) + uv.max(axis=0)) / 2 - 0.5
@@ -184,8 +195,8 @@ def _advance(surface: BSplineSurface, uv: Array, tangents: Array, step: float) -
             kept = np.abs(np.linalg.norm(velocity, axis=1) - 1) < UNIT_SPEED
             if kept.all():
                 return state[:, 0], unit(velocity)
+        new_uv, new_tangents = state[:, 0], unit(velocity)
     lost = ~kept
-    new_uv, new_tangents = state[:, 0], unit(velocity)
     straight = surface.points(uv[lost]) + step * tangents[lost]
     new_uv[lost] = footpoints(surface, straight)[0]
     normals = surface.normals(new_uv[lost])
@@ -222,6 +233,9 @@ def relax(surface: BSplineSurface, lattice: SheetLattice, uv: Array, pinned: tup
     pin = pinned[0] * b + pinned[1]
     turn = np.array(((pin - 1, pin + 1),))
     x, best, least, full = uv.reshape(-1, 2), uv.reshape(-1, 2), np.inf, True
+    # A geodesic turns on its way; between its points beside the pinned one it heads across itself by this much.
+    ends = surface.points(x[turn[0]])
+    turned = (ends[1] - ends[0]) @ across
     for _ in range(MOST_STEPS):
         r = surface.derivatives(x)
         points, basis = r[0, 0], np.stack((r[1, 0], r[0, 1]), axis=1)
@@ -229,7 +243,7 @@ def relax(surface: BSplineSurface, lattice: SheetLattice, uv: Array, pinned: tup
         on_surface, pull = edge_lengths(points, normals, pairs)
         strain = on_surface / lengths - 1
         # The direction is held by a residual of its own: where the row through the pinned node heads across itself.
-        heading = FIRM / lattice.step[1] * ((points[turn[:, 1]] - points[turn[:, 0]]) @ across)
+        heading = FIRM / lattice.step[1] * ((points[turn[:, 1]] - points[turn[:, 0]]) @ across - turned)
         energy = strain @ strain + heading @ heading
         if energy > least:
             x, full = (best + x) / 2, False
@@ -335,13 +349,20 @@ def cell_strain(surface: BSplineSurface, lattice: SheetLattice, uv: Array) -> Ar
     return np.column_stack((along / lattice.pitch[1] - 1, across / lattice.pitch[0] - 1, shear))
 
 
-def check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array) -> None:
-    """Raise OutsideSurface for the first cell whose centre is beyond an open edge of the surface."""
+def check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array, slack: float = 0.0) -> None:
+    """Raise OutsideSurface for the first cell whose centre is beyond an open edge of the surface.
+
+    Parameters
+    ----------
+    slack : float
+        By how much a cell must be beyond, as a share of the surface, before any is named.
+    """
     centres = uv[1::2, 1::2]
     for axis, what in ((0, "u"), (1, "v")):
-        if surface.closed[axis]:
+        beyond = np.abs(centres[..., axis] - 0.5) - 0.5
+        if surface.closed[axis] or beyond.max() <= slack + 1e-9:
             continue
-        off = np.argwhere((centres[..., axis] < -1e-9) | (centres[..., axis] > 1 + 1e-9))
+        off = np.argwhere(beyond > 1e-9)
         if len(off):
             row, column = (int(k) for k in off[0])
             edge = float(np.clip(centres[row, column, axis], 0, 1))
