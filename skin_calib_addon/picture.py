@@ -1,5 +1,6 @@
 """A picture of a calibration without OpenGL: faces are sorted by depth and drawn from the back."""
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, unit
+from .atomic_file import write_bytes_safely
 from .calibration.model import LinkCalibration
 from .errors import SkinCalibError
 from .geometry.distance import MeshDistance
@@ -16,6 +18,7 @@ from .pipeline import surface_of
 QUADS = (60, 120)  # how finely a surface is drawn, along u and v
 LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # from the viewer's right and above
 NORMAL_LENGTH = 0.006  # [m]
+PLAIN = np.array((0.78, 0.80, 0.83))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +48,16 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     calibration : LinkCalibration
     path : path
     mesh : TriangleMesh, optional
-        The cover; the surface is then coloured by its distance to it.
+        The cover; the surface is then coloured by its distance to it. Without it only surface and taxels are drawn.
 
     Raises
     ------
     SkinCalibError
         If matplotlib is not there.
+    OutputError
+        If the picture cannot be written.
     """
     try:
-        import matplotlib
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -61,57 +65,94 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
             "a picture needs matplotlib, which is not installed here: pip install 'skin-calib[picture]'"
         ) from error
     surface = surface_of(calibration.surfaces[0])
-    u, v = (np.linspace(0, 1, k + 1) for k in QUADS)
-    grid = surface.grid_points(u, v)
+    grid = surface.grid_points(*(np.linspace(0, 1, k + 1) for k in QUADS))
     quads = np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2).reshape(-1, 4, 3)
-    quad_normals = unit(np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]))
-    taxel_normals = [p.taxels.normals_link for p in calibration.patches]
-    along = unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0))
-    front = quad_normals[
-        (np.arange(len(quads)) % QUADS[1] > 0.3 * QUADS[1]) & (np.arange(len(quads)) % QUADS[1] < 0.7 * QUADS[1])
-    ]
-    camera = look_at(front if surface.closed[1] or not taxel_normals else np.concatenate(taxel_normals), along)
-
-    figure = Figure(figsize=(15, 5.6), dpi=110, facecolor="white")
+    normals = unit(np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]))
+    camera = look_at(_seen(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
+    panels: list[_Panel] = [_TaxelPanel(calibration, quads, normals)]
+    panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, quads, normals, mesh)] if mesh else []
+    figure = Figure(figsize=(5 * len(panels), 5), dpi=110, facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(1, 3)
-    plain = np.array((0.78, 0.80, 0.83))
-    if mesh is not None:
-        _paint(axes[0], camera, [(mesh.triangles, mesh.face_normals, plain, (0.45, 0.47, 0.5, 0.35))])
-        axes[0].set_title(f"{calibration.link}: cover, {len(mesh.faces)} faces")
-        distance = MeshDistance(mesh)(quads.mean(axis=1))[0] * 1e3
-        scale = matplotlib.colors.Normalize(0, float(np.quantile(distance, 0.995)))
-        colours = matplotlib.colormaps["turbo"](scale(distance))[:, :3]
-        bar = figure.colorbar(matplotlib.cm.ScalarMappable(scale, "turbo"), ax=axes[1], shrink=0.75)
-        bar.set_label("distance to the mesh [mm]")
-    else:
-        _paint(axes[0], camera, [(quads, quad_normals, plain, None)])
-        axes[0].set_title(f"{calibration.link}: surface")
-        colours = np.broadcast_to(plain, (len(quads), 3))
-    _paint(axes[1], camera, [(quads, quad_normals, colours, None)])
-    axes[1].set_title("fitted surface")
+    for i, panel in enumerate(panels):
+        left, width = i / len(panels), 1 / len(panels)
+        axis = figure.add_axes((left + 0.02 * width, 0.01, 0.76 * width, 0.9))
+        axis.set_title(panel.title)
+        _paint(axis, camera, panel.layers)
+        panel.decorate(axis, camera)
+        if panel.colours:
+            bar = figure.add_axes((left + 0.82 * width, 0.15, 0.03 * width, 0.65))
+            figure.colorbar(panel.colours, bar, label=panel.unit)
+    data = io.BytesIO()
+    figure.savefig(data, format="png", metadata={"Software": None})
+    write_bytes_safely(path, data.getvalue())
 
-    layers: list[Any] = [(quads - 2e-4 * quad_normals[:, None], quad_normals, plain, None)]
-    strains = [
-        np.abs(p.taxels.quality["strain"][:, :2]).max(axis=1)
-        for p in calibration.patches
-        if "strain" in p.taxels.quality
-    ]
-    scale = matplotlib.colors.Normalize(0, max(100 * float(np.concatenate(strains).max()), 0.1) if strains else 1)
-    for patch in calibration.patches:
-        t = patch.taxels
-        strain = 100 * np.abs(t.quality["strain"][:, :2]).max(axis=1) if "strain" in t.quality else np.zeros(len(t.ids))
-        colours = matplotlib.colormaps["viridis"](scale(strain))[:, :3]
-        layers.append((t.corners_link + 3e-4 * t.normals_link[:, None], t.normals_link, colours, "white"))
-    _paint(axes[2], camera, layers)
-    for patch in calibration.patches:
-        _draw_normals(axes[2], camera, patch.taxels.positions_link, patch.taxels.normals_link)
-    if strains:
-        bar = figure.colorbar(matplotlib.cm.ScalarMappable(scale, "viridis"), ax=axes[2], shrink=0.75)
-        bar.set_label("strain of the cell [%]")
-    axes[2].set_title(f"{sum(len(p.taxels.ids) for p in calibration.patches)} taxels and their normals")
-    figure.tight_layout()
-    figure.savefig(path, metadata={"Software": None})
+
+def _seen(calibration: LinkCalibration, normals: Array) -> Array:
+    """Normals of the side to look at: of an open surface its taxels, of a tube the side opposite its seam."""
+    taxels = [p.taxels.normals_link for p in calibration.patches]
+    if taxels and not calibration.surfaces[0].closed[1]:
+        return np.concatenate(taxels)
+    return normals[np.abs(np.arange(len(normals)) % QUADS[1] / QUADS[1] - 0.5) < 0.2]
+
+
+class _Panel:
+    """One drawing: layers of polygons with normals, colours and outlines, and the bar that explains the colours."""
+
+    title: str
+    unit = ""
+    colours: Any = None
+    layers: list[Any]
+
+    def decorate(self, axis: Any, camera: Camera) -> None:
+        """Draw what lies over the layers."""
+
+    def scale(self, name: str, largest: float) -> Any:
+        """Colours from zero to a largest value."""
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+
+        self.colours = ScalarMappable(Normalize(0, largest), name)
+        return self.colours
+
+
+class _MeshPanel(_Panel):
+    def __init__(self, calibration: LinkCalibration, mesh: TriangleMesh):
+        self.title = f"{calibration.link}: cover, {len(mesh.faces)} faces"
+        self.layers = [(mesh.triangles, mesh.face_normals, PLAIN, (0.45, 0.47, 0.5, 0.35))]
+
+
+class _ErrorPanel(_Panel):
+    unit = "distance to the mesh [mm]"
+
+    def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array, mesh: TriangleMesh):
+        errors = calibration.surfaces[0].errors.surface_to_mesh
+        self.title = f"surface: mean {errors.mean * 1e3:.3f} mm, max {errors.max * 1e3:.3f} mm"
+        u, v = ((np.arange(k) + 0.5) / k for k in QUADS)
+        middles = surface_of(calibration.surfaces[0]).grid_points(u, v)  # on the surface; a quad is a chord of it
+        distance = MeshDistance(mesh)(middles.reshape(-1, 3))[0]
+        scale = self.scale("turbo", 1e3 * min(errors.max, 5 * errors.rms))
+        beyond = distance > 2 * errors.max  # the surface goes on where the mesh has ended
+        colours = np.where(beyond[:, None], PLAIN, scale.to_rgba(1e3 * distance)[:, :3])
+        self.layers = [(quads, normals, colours, None)]
+
+
+class _TaxelPanel(_Panel):
+    unit = "strain of the cell [%]"
+
+    def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array):
+        self.taxels = [p.taxels for p in calibration.patches]
+        self.title = f"{sum(len(t.ids) for t in self.taxels)} taxels and their normals"
+        strains = [
+            100 * np.abs(t.quality.get("strain", np.zeros((len(t.ids), 2)))[:, :2]).max(axis=1) for t in self.taxels
+        ]
+        scale = self.scale("viridis", max(0.1, *(float(s.max()) for s in strains)) if strains else 0.1)
+        self.layers = [(quads, normals, PLAIN, None)]
+        for t, strain in zip(self.taxels, strains):
+            self.layers.append((t.corners_link, t.normals_link, scale.to_rgba(strain)[:, :3], "white"))
+
+    def decorate(self, axis: Any, camera: Camera) -> None:
+        for t in self.taxels:
+            _draw_normals(axis, camera, t.positions_link, t.normals_link)
 
 
 def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
