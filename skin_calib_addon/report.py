@@ -53,6 +53,8 @@ def report_document(result: Calibrated) -> dict[str, Any]:
         "control_points": int(np.prod(fit.lines.origins.shape[:2])),
         "passes": fit.passes,
         "missing": fit.missing,
+        "worst": {"uv": fit.worst[0].tolist(), "point": fit.worst[1].tolist(), "distance": fit.worst[2]},
+        "smallest_area": fit.smallest_area,
         "errors": errors | {"hausdorff": fit.errors.hausdorff},
         "taxels": sum(len(p.taxels.ids) for p in result.calibration.patches),
         "seconds": result.seconds,

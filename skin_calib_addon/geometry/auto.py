@@ -143,7 +143,7 @@ def fit_to_tolerance(
             least = share * float(np.hypot(model.along(MOST_PLANES), model.across(MOST_LINES)))
         raise UnreachableTolerance(
             f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: about {least * 1e3:.2g} "
-            "mm can be reached, its facets stand off from any smooth surface; ask for more than that, or refine the mesh",
+            "mm can be reached, its facets stand off from any smooth surface; ask for more, or refine the mesh",
             reached=float(least),
         )
     return best

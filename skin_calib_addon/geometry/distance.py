@@ -5,6 +5,7 @@ from scipy.spatial import cKDTree
 
 from ..arrays import Array, BoolArray, IntArray
 from ..deviation import DistanceStatistics, SurfaceErrors
+from ..errors import EmptySection
 from .bspline import BSplineSurface
 from .mesh import TriangleMesh
 
@@ -24,9 +25,16 @@ def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray
     ----------
     known : array of bool, shape (k, l)
         Which of the sample sites of the fit met the mesh; what lies beside another site is left out.
+
+    Raises
+    ------
+    EmptySection
+        If no part of the surface lies over the mesh.
     """
     uv, weights = surface_samples(surface)
     trusted = lies_at(surface, uv, known)
+    if not trusted.any():
+        raise EmptySection("no part of the surface lies over the mesh: its holes are everywhere; move the planes")
     there = DistanceStatistics.of(MeshDistance(mesh)(surface.points(uv[trusted]))[0], weights[trusted])
     points, areas, face = mesh_samples(mesh)
     foot, distance = footpoints(surface, points)
@@ -36,6 +44,8 @@ def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray
     for axis in (0, 1):
         if not surface.closed[axis]:
             beside &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
+    if not beside.any():
+        raise EmptySection("no face of the mesh lies beside the surface and looks its way; move the planes")
     back = DistanceStatistics.of(distance[beside], areas[beside])
     return SurfaceErrors(back, there, max(back.max, there.max))
 

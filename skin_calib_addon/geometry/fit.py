@@ -9,12 +9,13 @@ from ..arrays import Array
 from ..deviation import SurfaceErrors
 from ..errors import EmptySection
 from .basis import TensorBasis
-from .bspline import BSplineSurface
+from .bspline import BSplineSurface, greville
 from .chords import chord_gaps
-from .distance import surface_errors
+from .distance import MeshDistance, footpoints, lies_at, surface_errors, surface_samples
 from .grids import Grid
 from .lines import LineGrid
 from .mesh import TriangleMesh
+from .planes import Planes
 from .samples import RaySamples, SampleRows
 
 MOST_PASSES = 10
@@ -25,6 +26,8 @@ WORSE = 1.2
 CHORD_ROUNDS = 2
 # With more samples missing than this, the surface would be made up rather than fitted.
 LARGEST_GAP = 0.5
+# A surface whose area element falls below this share of its mean is folded, or closes to a point.
+FOLDED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +38,7 @@ class SurfaceFit:
     lines: LineGrid
     surface: BSplineSurface
     residuals: Array  # (k, l) along the sample rays [m]; NaN where the mesh has nothing
+    points: Array  # (k, l, 3) where the rays met the mesh [m]
     passes: int
 
     @cached_property
@@ -46,6 +50,46 @@ class SurfaceFit:
     def missing(self) -> float:
         """Share of the sample rays that meet no mesh: holes that the surface spans."""
         return float(np.isnan(self.residuals).mean())
+
+    @cached_property
+    def worst(self) -> tuple[Array, Array, float]:
+        """Where the surface is furthest from the mesh: parameters (2,), point (3,) [m], distance [m]."""
+        uv, _ = surface_samples(self.surface)
+        uv = uv[lies_at(self.surface, uv, ~np.isnan(self.residuals))]
+        points = self.surface.points(uv)
+        distance = MeshDistance(self.mesh)(points)[0]
+        i = int(np.argmax(distance))
+        return uv[i], points[i], float(distance[i])
+
+    @cached_property
+    def smallest_area(self) -> float:
+        """Least ``|r_u x r_v|`` over its mean, on a dense grid: near zero where the surface folds or closes up."""
+        _, weights = surface_samples(self.surface)
+        return float(weights.min() / weights.mean())
+
+    def is_within(self, tolerance: float) -> bool:
+        """Whether surface and mesh keep within ``tolerance`` [m] of each other everywhere, with no hole and no fold."""
+        return self.missing == 0 and self.smallest_area > FOLDED and self.errors.hausdorff <= tolerance
+
+    def leave_one_out(self) -> Array:
+        """Error that each inner u-plane would find if the surface had been fitted without it, shape (n - 2,) [m].
+
+        The mean distance from the section of the plane that was left out to the surface of the others: it shows where
+        the planes are too far apart, which the error of the fit itself cannot show.
+        """
+        inner = range(1, len(self.lines.planes_u) - 1)
+        return np.array([self._without(i) for i in inner])
+
+    def _without(self, i: int) -> float:
+        kept = np.delete(np.arange(len(self.lines.planes_u)), i)
+        planes = Planes(self.lines.planes_u.points[kept], self.lines.planes_u.normals[kept])
+        names, closed = self.lines.v_names, self.lines.closed
+        lines = LineGrid(planes, self.lines.origins[kept], self.lines.directions[kept], closed, names)
+        surface = fit_surface(self.mesh, lines, self.surface.degree).surface
+        at = greville(self.surface.knots_u, self.surface.degree[0])[i]  # where the plane lies, near enough
+        row = int(np.rint(at * (len(self.residuals) - 1)))
+        points = self.points[row][~np.isnan(self.residuals[row])]
+        return float(footpoints(surface, points)[1].mean())
 
 
 def fit_surface(
@@ -89,7 +133,7 @@ def fit_surface(
         if misfit_of(lifted_samples.residuals + gaps) > misfit_of(samples.residuals):
             break  # a smooth surface through the corners would fit better than one through the facets, not worse
         offsets, samples = lifted, lifted_samples
-    return SurfaceFit(mesh, lines, surface_at(lines, basis, offsets), samples.residuals, passes)
+    return SurfaceFit(mesh, lines, surface_at(lines, basis, offsets), samples.residuals, samples.points, passes)
 
 
 def settle(
