@@ -19,8 +19,8 @@ from .planes import Planes
 from .samples import RaySamples, SampleRows
 
 MOST_PASSES = 10
-# A pass that moves no control point by more than this share of the mesh's size is the last.
-SETTLED = 1e-4
+# A pass that moves no control point by more than this share of the mesh's size is the last: the next moves a tenth of it.
+SETTLED = 3e-4
 # Passes end where the misfit has grown by this factor over the least: the section is no fan about its centre.
 WORSE = 1.2
 CHORD_ROUNDS = 2
@@ -124,11 +124,12 @@ def fit_surface(
     basis = TensorBasis.of(lines, degree_u, degree_v)
     rows = SampleRows.of(mesh, lines, basis)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
-    check_coverage(lines, basis, rows.cast(basis.blend(offsets[..., None] * lines.directions)).residuals)
-    offsets, samples, passes = settle(lines, basis, rows, offsets)
+    samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
+    check_coverage(lines, basis, samples.residuals)
+    offsets, samples, passes = settle(lines, basis, rows, offsets, samples)
     for _ in range(CHORD_ROUNDS if chords else 0):
         gaps = chord_gaps(mesh, surface_at(lines, basis, offsets), samples)
-        lifted, lifted_samples, more = settle(lines, basis, rows, offsets, gaps)
+        lifted, lifted_samples, more = settle(lines, basis, rows, offsets, samples, gaps)
         passes += more
         if misfit_of(lifted_samples.residuals + gaps) > misfit_of(samples.residuals):
             break  # a smooth surface through the corners would fit better than one through the facets, not worse
@@ -137,38 +138,43 @@ def fit_surface(
 
 
 def settle(
-    lines: LineGrid, basis: TensorBasis, rows: SampleRows, offsets: Array, gaps: Array | float = 0.0
+    lines: LineGrid,
+    basis: TensorBasis,
+    rows: SampleRows,
+    offsets: Array,
+    samples: RaySamples,
+    gaps: Array | float = 0.0,
 ) -> tuple[Array, RaySamples, int]:
-    """Passes of casting and solving until no control point moves, or the residuals grow.
+    """Passes of solving and casting until no control point moves, or the residuals grow.
 
     Parameters
     ----------
+    offsets : array, shape (n, m)
+        Of the control points along their lines [m], to start from.
+    samples : RaySamples
+        Where the rays through the surface with these offsets met the mesh.
     gaps : array, shape (k, l), or 0
         How far out of the mesh the surface is to lie at each site [m].
 
     Returns
     -------
-    offsets : array, shape (n, m)
-        Of the control points along their lines [m], with the least residuals of all passes.
-    samples : RaySamples
-        Where the rays through the surface with these offsets met the mesh.
+    offsets, samples
+        Those of the pass with the least residuals.
     passes : int
     """
-    best, best_samples, least = offsets, None, np.inf
+    best, least = (offsets, samples), misfit_of(samples.residuals + gaps)
     for passes in range(1, MOST_PASSES + 1):  # noqa: B007
+        step = basis.solve(samples.residuals + gaps, offsets)
+        offsets = offsets + step
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
-        wanted = samples.residuals + gaps
-        misfit = misfit_of(wanted)
-        if misfit < least:
-            best, best_samples, least = offsets, samples, misfit
-        elif misfit > WORSE * least:
+        misfit = misfit_of(samples.residuals + gaps)
+        if misfit > WORSE * least:
             break
-        step = basis.solve(wanted, offsets)
+        if misfit < least:
+            best, least = (offsets, samples), misfit
         if np.abs(step).max() < SETTLED * rows.mesh.size:
             break
-        offsets = offsets + step
-    assert best_samples is not None  # the first pass is better than infinity
-    return best, best_samples, passes
+    return *best, passes
 
 
 def misfit_of(residuals: Array) -> float:

@@ -47,15 +47,17 @@ def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections
     level = along(planes.points, planes.normals[0])
     order = np.argsort(level, kind="stable")
     height = along(mesh.vertices, planes.normals[0])
-    rank = np.searchsorted(level[order], height, side="left")  # how many planes lie below each vertex
+    rank = np.zeros(len(height), np.int16)  # how many planes lie below each vertex
+    for one in level:  # a comparison per level is faster than a bisection per vertex
+        rank += height > one
     a, b, c = (rank[corner] for corner in mesh.corners)
     first = np.minimum(np.minimum(a, b), c)
     count = np.maximum(np.maximum(a, b), c) - first
     cut = np.flatnonzero(count)
-    count = count[cut]
+    count, first = count[cut].astype(np.int64), first[cut].astype(np.int64)
     face = np.repeat(cut, count)
-    place = np.arange(len(face)) + np.repeat(first[cut] - np.cumsum(count) + count, count)
-    by_plane = np.argsort(order[place].astype(np.uint16 if len(order) < 2**16 else np.int64), kind="stable")
+    place = np.arange(len(face)) + np.repeat(first - np.cumsum(count) + count, count)
+    by_plane = np.argsort(order[place].astype(np.int16), kind="stable")
     face, place = face[by_plane], place[by_plane]
     plane = order[place]
     ends = _segments(
