@@ -4,24 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
-from scipy.sparse.linalg import splu
 
 from ..arrays import Array, IntArray, unit
 from ..errors import InvalidPlan, OutsideSurface
 from ..geometry.bspline import BSplineSurface
 from ..geometry.distance import footpoints
+from .equations import FIRM, LatticeEquations
+from .geodesic import trace_both
 from .lattice import SheetLattice
 
 MOST_STEPS = 30
 # A step that moves no node by more than this share of the pitch is the last.
 SETTLED = 1e-4
-# Parts into which a step along a geodesic is divided until its speed keeps within this of one.
-PARTS, UNIT_SPEED = (1, 4, 16), 0.01
 # A first guess that lies beyond an edge by this share of the surface will not come back.
 FAR = 0.5
-# Weight of the sheet's direction beside the strains: it must hold, and the normal equations must stay solvable.
-FIRM = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +89,7 @@ def row_frame(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> tuple
 def centred(surface: BSplineSurface, lattice: SheetLattice, pinned: tuple[int, int], direction: ArrayLike) -> Array:
     """Unroll from the middle of the surface, at a start moved until the open edges are left equally free."""
     start = np.array((0.5, 0.5))
-    # Every second node, the pinned one among them: corners of cells where their number is even, centres where it is odd.
+    # Every second node, the pinned one among them: corners of cells where their number is even, else centres.
     shape = (lattice.rows + 1 - lattice.rows % 2, lattice.columns + 1 - lattice.columns % 2)
     middle = (shape[0] // 2, shape[1] // 2)
     for _ in range(2):
@@ -135,106 +131,23 @@ def unroll(
     return trace_both(surface, row, np.cross(surface.normals(row), tangents), step[0], pinned[0], shape[0])[0]
 
 
-def trace_both(
-    surface: BSplineSurface, uv: Array, tangents: Array, step: float, before: int, count: int
-) -> tuple[Array, Array]:
-    """Geodesics through each ``uv``, with ``before`` of their ``count`` points on the side it comes from.
-
-    Returns
-    -------
-    path : array, shape (count, k, 2)
-    tangents : array, shape (count, k, 3)
-        Unit, in the direction of growing index.
-    """
-    k = len(uv)
-    reach = max(before, count - 1 - before)
-    path, heading = trace(surface, np.concatenate((uv, uv)), np.concatenate((tangents, -tangents)), step, reach)
-    back, forth = slice(before, 0, -1), slice(0, count - before)
-    return (
-        np.concatenate((path[back, k:], path[forth, :k])),
-        np.concatenate((-heading[back, k:], heading[forth, :k])),
-    )
-
-
-def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: float, count: int) -> tuple[Array, Array]:
-    """Follow geodesics: ``count`` steps of ``step`` metres from each ``uv`` along its unit tangent.
-
-    Returns
-    -------
-    path : array, shape (count + 1, k, 2)
-    tangents : array, shape (count + 1, k, 3)
-        Unit.
-    """
-    path, headings = [uv], [tangents]
-    for _ in range(count):
-        uv, tangents = _advance(surface, uv, tangents, step)
-        path.append(uv)
-        headings.append(tangents)
-    return np.stack(path), np.stack(headings)
-
-
-def _advance(surface: BSplineSurface, uv: Array, tangents: Array, step: float) -> tuple[Array, Array]:
-    """One step along geodesics (Runge-Kutta 4), in more parts where the surface bends sharply.
-
-    A geodesic keeps its unit speed: where the speed has changed, the step was too long for the bend. What no number of
-    parts brings over a bend goes on straight and comes down on the nearest point of the surface.
-    """
-    r = surface.derivatives(uv)
-    start = np.stack((uv, in_basis(r[1, 0], r[0, 1], tangents)), axis=1)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for parts in PARTS:
-            state, h = start, step / parts
-            for _ in range(parts):
-                k1 = _geodesic_slope(surface, state)
-                k2 = _geodesic_slope(surface, state + h / 2 * k1)
-                k3 = _geodesic_slope(surface, state + h / 2 * k2)
-                k4 = _geodesic_slope(surface, state + h * k3)
-                state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-            r = surface.derivatives(state[:, 0])
-            velocity = r[1, 0] * state[:, 1, :1] + r[0, 1] * state[:, 1, 1:]
-            kept = np.abs(np.linalg.norm(velocity, axis=1) - 1) < UNIT_SPEED
-            if kept.all():
-                return state[:, 0], unit(velocity)
-        new_uv, new_tangents = state[:, 0], unit(velocity)
-    lost = ~kept
-    straight = surface.points(uv[lost]) + step * tangents[lost]
-    new_uv[lost] = footpoints(surface, straight)[0]
-    normals = surface.normals(new_uv[lost])
-    new_tangents[lost] = unit(tangents[lost] - (tangents[lost] * normals).sum(axis=1, keepdims=True) * normals)
-    # Footpoints lie in [0, 1]; paths go on over a seam.
-    turns = np.rint(uv[lost] - new_uv[lost])
-    new_uv[lost] += np.where(surface.closed, turns, 0.0)
-    return new_uv, new_tangents
-
-
-def _geodesic_slope(surface: BSplineSurface, state: Array) -> Array:
-    """Rate of parameters and of their speed on a geodesic: its acceleration has no part in the surface."""
-    r = surface.derivatives(state[:, 0], order=2)
-    du, dv = state[:, 1, :1], state[:, 1, 1:]
-    bend = r[2, 0] * du**2 + 2 * r[1, 1] * du * dv + r[0, 2] * dv**2
-    return np.stack((state[:, 1], -in_basis(r[1, 0], r[0, 1], bend)), axis=1)
-
-
-def in_basis(a: Array, b: Array, vectors: Array) -> Array:
-    """Components of the tangential part of vectors in the basis (a, b), shape (k, 2)."""
-    aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
-    va, vb = (vectors * a).sum(1), (vectors * b).sum(1)
-    return np.column_stack((bb * va - ab * vb, aa * vb - ab * va)) / (aa * bb - ab * ab)[:, None]
-
-
 def relax(surface: BSplineSurface, lattice: SheetLattice, uv: Array, pinned: tuple[int, int], across: Array) -> Array:
     """Newton's method on the parameters of the nodes until the strains have the least sum of squares.
 
     The pinned node stays, and the row through it keeps its direction there. A step that would raise the sum is taken
     back, and the next one leaves the strains' own stiffness out (Gauss-Newton).
+
+    Raises
+    ------
+    InvalidPlan
+        If the surface is too sharply bent for the sheet to come to rest.
     """
     pairs, lengths = lattice_edges(lattice)
-    b = lattice.node_shape[1]
-    pin = pinned[0] * b + pinned[1]
-    turn = np.array(((pin - 1, pin + 1),))
+    pin = pinned[0] * lattice.node_shape[1] + pinned[1]
+    system = LatticeEquations(lattice.node_shape, pairs, pin)
     x, best, least, full = uv.reshape(-1, 2), uv.reshape(-1, 2), np.inf, True
     # A geodesic turns on its way; between its points beside the pinned one it heads across itself by this much.
-    ends = surface.points(x[turn[0]])
+    ends = surface.points(x[[pin - 1, pin + 1]])
     turned = (ends[1] - ends[0]) @ across
     for _ in range(MOST_STEPS):
         r = surface.derivatives(x)
@@ -243,55 +156,30 @@ def relax(surface: BSplineSurface, lattice: SheetLattice, uv: Array, pinned: tup
         on_surface, pull = edge_lengths(points, normals, pairs)
         strain = on_surface / lengths - 1
         # The direction is held by a residual of its own: where the row through the pinned node heads across itself.
-        heading = FIRM / lattice.step[1] * ((points[turn[:, 1]] - points[turn[:, 0]]) @ across - turned)
-        energy = strain @ strain + heading @ heading
+        heading = FIRM / lattice.step[1] * ((points[pin + 1] - points[pin - 1]) @ across - turned)
+        energy = strain @ strain + heading**2
         if energy > least:
             x, full = (best + x) / 2, False
             continue
         best, least = x, energy
-        slopes = np.einsum("ekc,ekdc->ekd", pull, basis[pairs]) / lengths[:, None, None]
-        sideways = np.einsum("ekc,ekdc->ekd", np.cross(normals[pairs], pull), basis[pairs]) / lengths[:, None, None]
-        turn_slopes = (
-            FIRM / lattice.step[1] * np.stack((-basis[turn[:, 0]] @ across, basis[turn[:, 1]] @ across), axis=1)
-        )
+        ends = basis[pairs]
+        slopes = np.matmul(ends, pull[..., None])[..., 0] / lengths[:, None, None]
+        sideways = np.matmul(ends, np.cross(normals[pairs], pull)[..., None])[..., 0] / lengths[:, None, None]
+        turn_slopes = FIRM / lattice.step[1] * np.stack((-basis[pin - 1] @ across, basis[pin + 1] @ across))
         stretch = 1 - lengths / on_surface
-        terms = [
-            (pairs, slopes, np.ones(len(pairs)), strain),
-            (pairs, sideways, stretch if full else np.maximum(stretch, 0), np.zeros(len(pairs))),
-            (turn, turn_slopes, np.ones(1), heading),
-        ]
-        step = newton_step(terms, len(x), pin)
+        step = system.newton_step(slopes, sideways, stretch if full else None, strain, turn_slopes, heading)
+        if step is None:  # compressed beyond what keeps it flat: without its own stiffness it has a way down
+            full = False
+            step = system.newton_step(slopes, sideways, None, strain, turn_slopes, heading)
+        if step is None:
+            raise InvalidPlan(
+                "the sheet finds no rest on this surface, which is folded or too sharply bent under it; fit a smoother "
+                "surface, or lay the sheet elsewhere"
+            )
         x = x + step
-        if np.linalg.norm(np.einsum("kd,kdc->kc", step, basis), axis=1).max() < SETTLED * min(lattice.pitch):
+        if np.linalg.norm(np.matmul(step[:, None], basis)[:, 0], axis=1).max() < SETTLED * min(lattice.pitch):
             break
     return x.reshape(uv.shape)
-
-
-def newton_step(terms: list[tuple[IntArray, Array, Array, Array]], count: int, pin: int) -> Array:
-    """Step of the nodes' parameters, shape (count, 2), for terms that each depend on two nodes; one node is pinned.
-
-    Parameters
-    ----------
-    terms : list of (pairs (e, 2), slopes (e, 2, 2), weights (e,), residuals (e,))
-        The equations' matrix is the sum of slope x slope x weight, their right side minus slope x residual.
-    """
-    columns = np.concatenate([(2 * pairs[:, :, None] + np.arange(2)).reshape(-1, 4) for pairs, *_ in terms])
-    slopes = np.concatenate([s.reshape(-1, 4) for _, s, _, _ in terms])
-    weights, residuals = (np.concatenate([term[i] for term in terms]) for i in (2, 3))
-    starts = np.arange(0, columns.size + 1, 4)
-    jacobian = csr_array((slopes.ravel(), columns.ravel(), starts), shape=(len(slopes), 2 * count))
-    weighted = csr_array(((slopes * weights[:, None]).ravel(), columns.ravel(), starts), shape=jacobian.shape)
-    free = np.delete(np.arange(2 * count), (2 * pin, 2 * pin + 1))
-    step = np.zeros(2 * count)
-    matrix = (jacobian.T @ weighted).tocsc()[free][:, free]
-    try:
-        step[free] = splu(matrix).solve(-(jacobian.T @ residuals)[free])
-    except (RuntimeError, ValueError) as error:  # singular, or not finite
-        raise InvalidPlan(
-            "the sheet finds no rest on this surface, which is folded or too sharply bent under it; fit a smoother "
-            "surface, or lay the sheet elsewhere"
-        ) from error
-    return step.reshape(-1, 2)
 
 
 def lattice_edges(lattice: SheetLattice) -> tuple[IntArray, Array]:
