@@ -7,12 +7,13 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
-from ..arrays import Array, BoolArray, product
+from ..arrays import Array, BoolArray, product, unit
 from ..errors import UnderdeterminedFit
 from .bspline import basis_functions, clamped_knots, periodic_knots
 from .lines import LineGrid
 
 SITES_PER_SPAN = 3
+SCHULZ_ROUNDS = 3  # each squares the error of an inverse
 # Weight of the net's second differences beside 1 for a sample: they only say what holes leave open.
 SMOOTHING = 1e-5
 
@@ -30,6 +31,11 @@ class SplineSites:
     def inverse(self) -> Array:
         """Pseudo-inverse of ``values``, shape (n, k)."""
         return pseudo_inverse(self.values)
+
+    @cached_property
+    def gram_inverse(self) -> Array:
+        """Inverse of ``values.T @ values``, from the pseudo-inverse, shape (n, n)."""
+        return self.inverse @ self.inverse.T
 
 
 @lru_cache(maxsize=256)
@@ -49,12 +55,13 @@ def spline_sites(count: int, degree: int, closed: bool, per_span: int = SITES_PE
 class TensorBasis:
     """Basis functions at the sample sites of a grid, one factor per direction.
 
-    A surface point is ``N @ net @ M.T``, and offsets of the control points move it by about ``N @ offsets @ M.T`` along
-    the sample ray: neighbouring lines run nearly alongside each other, and what that leaves out the next pass mends.
+    A surface point is ``N @ net @ M.T``; offsets of the control points move the surface by ``N @ offsets @ B.T``
+    along the sample rays, for ``B`` carries the cosine between each line and the ray.
     """
 
     u: SplineSites
     v: SplineSites
+    B: Array  # (l, m)
     degree_u: int
     degree_v: int
 
@@ -70,7 +77,9 @@ class TensorBasis:
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
-        return cls(spline_sites(n, degree_u, False), spline_sites(m, degree_v, lines.closed), degree_u, degree_v)
+        u, v = spline_sites(n, degree_u, False), spline_sites(m, degree_v, lines.closed)
+        common = unit(lines.directions.mean(axis=0))
+        return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
 
     @property
     def N(self) -> Array:
@@ -94,11 +103,23 @@ class TensorBasis:
         return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
 
     def solve(self, residuals: Array, offsets: Array) -> Array:
-        """Steps of the offsets, shape (n, m), that take most of the residuals (k, l); NaN ones weigh nothing."""
+        """Steps of the offsets, shape (n, m), towards the least sum of squared residuals (k, l); NaN ones weigh nothing."""
         known = ~np.isnan(residuals)
         if known.all():
-            return product(product(self.u.inverse, residuals), self.v.inverse.T)
+            return product(product(product(self.u.inverse, residuals), self.B), self._B_gram_inverse)
         return self._solve_with_holes(np.where(known, residuals, 0.0), known, offsets)
+
+    @cached_property
+    def _B_gram_inverse(self) -> Array:
+        """Inverse of ``B.T @ B``, shape (m, m), near enough for the passes to mend the rest.
+
+        It is that of ``M``, which comes from QR factors that all grids of a size share, improved by Newton's iteration
+        (Schulz, 1933): the cosines in ``B`` take nothing but a share of what ``M`` does, so it converges.
+        """
+        gram, inverse = product(self.B.T, self.B), self.v.gram_inverse
+        for _ in range(SCHULZ_ROUNDS):
+            inverse = 2 * inverse - product(product(inverse, gram), inverse)
+        return inverse
 
     def _solve_with_holes(self, residuals: Array, known: BoolArray, offsets: Array) -> Array:
         """Conjugate gradients on the weighted normal equations; the factors of the whole precondition them.
@@ -114,16 +135,16 @@ class TensorBasis:
 
         def normal(step: Array) -> Array:
             net = step.reshape(n, m)
-            moved = product(product(self.N, net), self.M.T)
-            return (product(product(self.N.T, known * moved), self.M) + bending(net)).ravel()
+            moved = product(product(self.N, net), self.B.T)
+            return (product(product(self.N.T, known * moved), self.B) + bending(net)).ravel()
 
         def precondition(gradient: Array) -> Array:
-            half = product(product(self.u.inverse.T, gradient.reshape(n, m)), self.v.inverse)
-            return product(product(self.u.inverse, half), self.v.inverse.T).ravel()
+            return product(product(self.u.gram_inverse, gradient.reshape(n, m)), self._B_gram_inverse).ravel()
 
         A, P = (LinearOperator((n * m, n * m), f, dtype=float) for f in (normal, precondition))
-        right = (product(product(self.N.T, residuals), self.M) - bending(offsets)).ravel()
-        return cg(A, right, M=P, rtol=1e-8, maxiter=500)[0].reshape(n, m)
+        right = (product(product(self.N.T, residuals), self.B) - bending(offsets)).ravel()
+        # What only the slight stiffness holds is the last to settle: to the same nanometre on every machine.
+        return cg(A, right, M=P, rtol=1e-12, maxiter=500)[0].reshape(n, m)
 
 
 def pseudo_inverse(matrix: Array) -> Array:
