@@ -7,6 +7,7 @@ What follows ``--`` are the words of ``skin-calib fit``; a scene without links, 
 same codes as there: 1 the data is wrong, 2 the call is wrong.
 """
 
+import atexit
 import importlib.util
 import sys
 from pathlib import Path
@@ -27,6 +28,7 @@ def enable_from_checkout():
         sys.modules["skin_calib"] = extension
         spec.loader.exec_module(extension)
         extension.register()
+        atexit.register(extension.unregister)  # Blender does so for what it has enabled; without it 4.5 ends badly
     return next(module for name, module in sys.modules.items() if name.endswith(COMMAND))
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Plans and calibrations, in from files and out to them."""
 
+from itertools import count
 from pathlib import Path
 
 import bpy
@@ -8,10 +9,11 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..skin_calib_addon.blender import results, scene
 from ..skin_calib_addon.calibration.file import save_calibration
+from ..skin_calib_addon.calibration.strict_json import parse, read
 from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
 from ..skin_calib_addon.geometry.mesh import load_mesh, read_mesh, save_mesh
 from ..skin_calib_addon.plan import load_plan, plan_document, plan_from, save_plan
-from .fit import has_link
+from .fit import OnLink
 
 
 class SKIN_OT_import_plan(bpy.types.Operator, ImportHelper):
@@ -26,52 +28,80 @@ class SKIN_OT_import_plan(bpy.types.Operator, ImportHelper):
 
     def execute(self, context):
         try:
-            plan = load_plan(self.filepath)
+            path = bpy.path.abspath(self.filepath)
+            plan = load_plan(path)
+            document, _ = parse(read(path))  # numbers as the author wrote them
+            scene.check_numbers(document, scene.metres_per_unit(context.scene))
             load_mesh(plan.mesh, plan.unit)  # refuses a wrong unit
             mesh = read_mesh(plan.mesh)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        if context.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
         link = scene.add_link(context, mesh, plan.unit, plan.link)
-        scene.write_plan(link, context.scene, plan_document(plan))
+        scene.write_plan(link, context.scene, document)
         for other in context.selected_objects:
             other.select_set(False)
         link.select_set(True)
         context.view_layer.objects.active = link
+        given, kept = plan_document(plan), plan_document(plan_from(scene.plan_document(link, context.scene)))
+        if any(given.get(name) != kept.get(name) for name in ("cover", "grid", "skins", "response")):
+            self.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
         return {"FINISHED"}
 
 
-class SKIN_OT_export_plan(bpy.types.Operator, ExportHelper):
-    """Write the plan of the active link, and its mesh beside it if the file there is another one"""
+class Export(ExportHelper):
+    """Writes a file about the active link; the browser proposes the link's name, in the folder used last."""
+
+    filename_ext = ".json"
+    filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        name = bpy.path.clean_name(context.object.skin_calib.link) + self.ending
+        self.filepath = str(Path(self.filepath or bpy.data.filepath or Path.home() / name).with_name(name))
+        return super().invoke(context, event)
+
+    def execute(self, context):
+        path = Path(bpy.path.abspath(self.filepath))
+        try:
+            self.write(context, path)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Wrote {path}")
+        return {"FINISHED"}
+
+
+class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
+    """Write the plan of the active link, and its mesh beside it unless the file there is the same"""
 
     bl_idname = "skin_calib.export_plan"
     bl_label = "Export Skin Plan"
     bl_options = {"REGISTER", "UNDO"}
 
-    filename_ext = ".json"
-    filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})
+    ending = ".plan.json"
 
-    @classmethod
-    def poll(cls, context):
-        return has_link(context) and bool(context.object.skin_calib.link)
+    def write(self, context, path):
+        link = context.object
+        mesh = scene.read_mesh(link, context)
+        plan = scene.read_plan(link, context.scene)
+        document = plan_document(plan)
+        target = path.parent / document["mesh"]
+        if not self._holds(target, mesh):
+            target = self._free(path, mesh)
+            document["mesh"] = target.name
+            save_mesh(mesh, target)
+        save_plan(plan_from(document), path)
+        if link.skin_calib.mesh_file != target.name:
+            link.skin_calib.mesh_file = target.name
 
-    def execute(self, context):
-        try:
-            link = scene.active_link(context)
-            mesh = scene.read_mesh(link, context)
-            document = scene.plan_document(link, context.scene)
-            target = Path(self.filepath).parent / document["mesh"]
-            if not self._holds(target, mesh):
-                target = target.with_suffix(".ply")
-                document["mesh"] = target.name
-                save_mesh(mesh, target)
-            save_plan(plan_from(document), self.filepath)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        link.skin_calib.mesh_file = target.name
-        self.report({"INFO"}, f"Wrote {self.filepath}")
-        return {"FINISHED"}
+    def _free(self, path, mesh):
+        """A place for the mesh beside the plan where it overwrites no other one."""
+        stem = path.name.removesuffix(".json").removesuffix(".plan")
+        names = (f"{stem}.ply" if k == 1 else f"{stem}_{k}.ply" for k in count(1))
+        places = (path.with_name(name) for name in names)
+        return next(place for place in places if not place.exists() or self._holds(place, mesh))
 
     @staticmethod
     def _holds(path, mesh):
@@ -81,33 +111,19 @@ class SKIN_OT_export_plan(bpy.types.Operator, ExportHelper):
             return False
 
 
-class SKIN_OT_export_calibration(bpy.types.Operator, ExportHelper):
-    """Write the calibration of the active link"""
+class SKIN_OT_export_calibration(OnLink, Export, bpy.types.Operator):
+    """Write the calibration of the active link, as its plan and mesh are now"""
 
     bl_idname = "skin_calib.export_calibration"
     bl_label = "Export Skin Calibration"
     bl_options = {"REGISTER"}
 
-    filename_ext = ".json"
-    filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})
+    ending = ".calibration.json"
 
-    @classmethod
-    def poll(cls, context):
-        if not has_link(context) or results.find(context.object.skin_calib.result.number) is None:
-            cls.poll_message_set("Fit the link first")
-            return False
-        return True
-
-    def execute(self, context):
-        try:
-            link = scene.active_link(context)
-            result = results.find(link.skin_calib.result.number)
-            save_calibration(result.calibration, self.filepath)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, f"Wrote {self.filepath}")
-        return {"FINISHED"}
+    def write(self, context, path):
+        link = context.object
+        _, result = results.fit(scene.read_plan(link, context.scene), scene.read_mesh(link, context))
+        save_calibration(result.calibration, path)
 
 
 def draw_import(menu, _context):

@@ -15,6 +15,12 @@ class SkinPanel:
     def poll(cls, context):
         return context.object is not None and context.object.type == "MESH"
 
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False  # nothing here is animatable
+        self.lay_out(layout, context.object and context.object.skin_calib)
+
 
 class SKIN_PT_link(SkinPanel, bpy.types.Panel):
     bl_label = "Link"
@@ -24,57 +30,47 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
         return True
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        link = context.object
-        if link is None or link.type != "MESH":
-            layout.label(text="Select the mesh of a link,", icon="INFO")
-            layout.label(text="or open a plan:")
-            layout.operator("skin_calib.import_plan")
+        if SkinPanel.poll(context):
+            SkinPanel.draw(self, context)
             return
-        layout.prop(link.skin_calib, "link")
-        layout.prop(link.skin_calib, "mesh_file")
-        if not link.skin_calib.link:
+        self.layout.label(text="Select the mesh of a link,", icon="INFO")
+        self.layout.label(text="or open a plan:")
+        self.layout.operator("skin_calib.import_plan")
+
+    def lay_out(self, layout, plan):
+        layout.prop(plan, "link")
+        if not plan.link:
             layout.label(text="Name the link to begin", icon="INFO")
+        layout.prop(plan, "mesh_file")
         layout.operator("skin_calib.import_plan")
 
 
 class SKIN_PT_cut(SkinPanel, bpy.types.Panel):
     bl_label = "Cut"
 
-    def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        cover = context.object.skin_calib.cover
-        layout.prop(cover, "shell", expand=True)
-        for i, cut in enumerate(cover.cuts):
+    def lay_out(self, layout, plan):
+        layout.row().prop(plan.cover, "shell", expand=True)
+        for i, cut in enumerate(plan.cover.cuts):
             box = layout.box()
             row = box.row()
             row.label(text=f"Cut {i}")
             row.operator("skin_calib.cut_remove", text="", icon="X").index = i
             box.prop(cut, "point")
             box.prop(cut, "normal")
-        layout.operator("skin_calib.cut_add")
+        layout.operator("skin_calib.cut_add", icon="ADD")
 
 
 class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
     bl_label = "Grid"
 
-    def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        settings = context.object.skin_calib
-        grid = settings.grid
+    def lay_out(self, layout, plan):
+        grid = plan.grid
         layout.prop(grid, "kind")
         if grid.kind == "planes":
             layout.prop(grid, "closed")
             layout.label(text=f"{len(grid.u)} u-planes, {len(grid.v)} v-planes")
         else:
-            column = layout.column(align=True)
-            column.prop(grid, "n")
-            column.prop(grid, "lines")
-            if grid.kind == "across":
-                layout.prop(grid, "normal")
+            self.lay_out_size(layout, grid)
             layout.prop(grid, "auto_axis")
             if not grid.auto_axis:
                 if grid.kind != "across":
@@ -83,37 +79,50 @@ class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
             layout.prop(grid, "auto_margin")
             if not grid.auto_margin:
                 layout.prop(grid, "margin")
+        column = layout.column(align=True)
+        column.prop(plan, "degree", index=0, text="Degree U")
+        column.prop(plan, "degree", index=1, text="V")
+        layout.prop(plan, "chords")
+
+    def lay_out_size(self, layout, grid):
+        column = layout.column(align=True)
+        if grid.kind == "auto":
+            column.prop(grid, "tolerance")
+            column.prop(grid, "measure")
+            return
+        column.prop(grid, "n")
+        column.prop(grid, "lines")
+        if grid.kind == "across":
+            layout.prop(grid, "normal")
+        else:
+            layout.prop(grid, "spacing")
         if grid.kind == "sector":
             column = layout.column(align=True)
             column.prop(grid, "start")
             column.prop(grid, "stop")
-        layout.prop(settings, "degree")
 
 
 class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
     bl_label = "Fit"
 
-    def draw(self, context):
-        layout = self.layout
+    def lay_out(self, layout, plan):
         layout.operator("skin_calib.fit", icon="SURFACE_DATA")
-        result = context.object.skin_calib.result
-        if not result.number:
+        result = plan.result
+        if not result.key:
             return
+        if result.outdated:
+            layout.label(text="The plan has changed: fit again", icon="INFO")
         column = layout.column(align=True)
-        column.use_property_split = True
         column.enabled = False
         for name in ("mean", "max", "hausdorff", "control_points", "taxels", "seconds"):
             column.prop(result, name)
-        layout.prop(context.object.skin_calib, "show_overlay")
 
 
 class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
     bl_label = "Skin"
 
-    def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        for i, skin in enumerate(context.object.skin_calib.skins):
+    def lay_out(self, layout, plan):
+        for i, skin in enumerate(plan.skins):
             box = layout.box()
             row = box.row()
             row.prop(skin, "name", text="")
@@ -121,22 +130,33 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
             column = box.column(align=True)
             column.prop(skin, "rows")
             column.prop(skin, "columns")
-            box.prop(skin, "pitch")
+            column = box.column(align=True)
+            column.prop(skin, "pitch", index=0, text="Row Pitch")
+            column.prop(skin, "pitch", index=1, text="Column Pitch")
             box.prop(skin, "centred")
             if not skin.centred:
                 box.prop(skin, "origin")
             box.prop(skin, "direction")
             box.prop(skin, "first_channel")
-        layout.operator("skin_calib.skin_add")
+        layout.operator("skin_calib.skin_add", icon="ADD")
+
+
+class SKIN_PT_inspect(SkinPanel, bpy.types.Panel):
+    bl_label = "Inspect"
+
+    def lay_out(self, layout, plan):
+        if not plan.result.key:
+            layout.label(text="Fit the link to see its skin", icon="INFO")
+        layout.prop(plan, "show_overlay")
 
 
 class SKIN_PT_export(SkinPanel, bpy.types.Panel):
     bl_label = "Export"
 
-    def draw(self, context):
-        column = self.layout.column()
-        column.operator("skin_calib.export_calibration")
-        column.operator("skin_calib.export_plan")
+    def lay_out(self, layout, plan):
+        column = layout.column()
+        column.operator("skin_calib.export_calibration", text="Calibration", icon="EXPORT")
+        column.operator("skin_calib.export_plan", text="Plan", icon="EXPORT")
 
 
-CLASSES = (SKIN_PT_link, SKIN_PT_cut, SKIN_PT_grid, SKIN_PT_fit, SKIN_PT_skin, SKIN_PT_export)
+CLASSES = (SKIN_PT_link, SKIN_PT_cut, SKIN_PT_grid, SKIN_PT_fit, SKIN_PT_skin, SKIN_PT_inspect, SKIN_PT_export)

@@ -4,7 +4,9 @@ python sample_scenes/make_samples.py
 """
 
 import json
+import os
 import sys
+from math import radians
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -41,8 +43,8 @@ PLANS = {
         "skins": [sheet("sole", 8, 20, [1.0, 0.0, 0.0])],
     },
     "edge": {
-        "grid": {"kind": "tube", "n": 6, "lines": 96, "axis": Z_AXIS, "margin": 0.002},
-        "skins": [sheet("edge", 8, 16, [0.0, 1.0, 0.0])],
+        "grid": {"kind": "tube", "n": 6, "lines": 40, "axis": Z_AXIS, "margin": 0.002},
+        "skins": [sheet("edge", 8, 10, [0.97, 0.23, 0.0], [0.0078, -0.0332, 0.025])],
     },
 }
 
@@ -57,25 +59,30 @@ def write_plan(name):
 
 
 def write_scene(name):
-    """The plan as a scene, with the link selected and in view."""
+    """The plan as a scene in millimetres, with the link selected and filling the view."""
     import bpy
+    from mathutils import Euler, Vector
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.preferences.filepaths.save_version = 0  # no backups
     bpy.ops.skin_calib.import_plan(filepath=str(HERE / f"{name}.plan.json"))
     bpy.context.scene.unit_settings.length_unit = "MILLIMETERS"
-    for screen in bpy.data.screens:
-        for area in screen.areas:
-            if area.type == "VIEW_3D":
-                view = area.spaces.active
-                view.clip_start, view.show_region_ui = 0.001, True
-                view.region_3d.view_location, view.region_3d.view_distance = bpy.context.object.location, 0.4
-    bpy.ops.wm.save_as_mainfile(filepath=str(HERE / f"{name}.blend"), compress=True)
+    corners = [Vector(corner) for corner in bpy.context.object.bound_box]
+    turn = Euler((radians(130 if name == "sole" else 65), 0, radians(45)))  # a sole is looked at from below
+    for view in (a.spaces.active for s in bpy.data.screens for a in s.areas if a.type == "VIEW_3D"):
+        view.clip_start, view.clip_end, view.show_region_ui = 0.001, 10, True
+        view.region_3d.view_location = (corners[0] + corners[6]) / 2
+        view.region_3d.view_distance = 1.6 * (corners[6] - corners[0]).length
+        view.region_3d.view_rotation = turn.to_quaternion()
+    # A copy, for a scene that Blender takes for its own keeps the path of this folder.
+    bpy.ops.wm.save_as_mainfile(filepath=str(HERE / f"{name}.blend"), compress=True, copy=True)
 
 
 def main():
     """Write all samples."""
     for name in PLANS:
         write_plan(name)
+    os.environ["HOME"] = "/"  # Blender writes the home folder of whoever runs this into a scene
     try:
         import bpy  # noqa: F401
     except ImportError:

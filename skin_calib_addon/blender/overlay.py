@@ -12,15 +12,16 @@ from mathutils import Matrix
 
 from ..pipeline import Calibrated
 from . import results
-from .scene import links, metres_per_unit
+from .scene import link_frame, metres_per_unit
 
 CURVE_POINTS = 96
 NORMAL_LENGTH = 0.006  # [m]
-LIFT = 2e-4  # [m] above the surface, so that lines are not swallowed by the mesh
+# Lines are drawn nearer to the eye by this share of their distance, so that the facets they lie on do not hide them.
+NEARER = 0.004
 SURFACE, CELLS, NORMALS = (0.35, 0.65, 1.0, 0.6), (1.0, 1.0, 1.0, 0.9), (0.95, 0.2, 0.2, 1.0)
 
 _handle: Any = None
-_prepared: dict[int, tuple["Lines", ...]] = {}
+_prepared: dict[str, tuple["Lines", ...]] = {}
 
 
 @dataclass(eq=False)
@@ -33,16 +34,18 @@ class Lines:
     batch: Any = None
 
 
-def prepare(number: int, result: Calibrated) -> None:
+def prepare(key: str, result: Calibrated) -> None:
     """Make the arrays that the overlay draws for a result."""
-    for old in [n for n in _prepared if results.find(n) is None]:
+    for old in [k for k in _prepared if results.find(k) is None]:
         del _prepared[old]
-    _prepared[number] = (_surface_lines(result), *_taxel_lines(result))
+    if key not in _prepared:
+        _prepared[key] = (_surface_lines(result), *_taxel_lines(result))
 
 
 def _segments(polylines: np.ndarray) -> np.ndarray:
-    """Ends of the segments of polylines (k, p, 3), shape (2 k (p - 1), 3)."""
-    return np.stack((polylines[:, :-1], polylines[:, 1:]), axis=2).reshape(-1, 3).astype(np.float32)
+    """Ends of the segments of polylines (k, p, 3), shape (2 k (p - 1), 3), in the order in which the GPU reads them."""
+    ends = np.stack((polylines[:, :-1], polylines[:, 1:]), axis=2).reshape(-1, 3)
+    return np.ascontiguousarray(ends, np.float32)
 
 
 def _surface_lines(result: Calibrated) -> Lines:
@@ -60,7 +63,7 @@ def _taxel_lines(result: Calibrated) -> tuple[Lines, ...]:
     lines = []
     for patch in result.calibration.patches:
         t = patch.taxels
-        outline = np.concatenate((t.corners_link, t.corners_link[:, :1]), axis=1) + LIFT * t.normals_link[:, None]
+        outline = np.concatenate((t.corners_link, t.corners_link[:, :1]), axis=1)
         sticks = np.stack((t.positions_link, t.positions_link + NORMAL_LENGTH * t.normals_link), axis=1)
         lines.append(Lines(_segments(outline), CELLS, 1.5))
         lines.append(Lines(_segments(sticks), NORMALS, 2.0))
@@ -69,24 +72,36 @@ def _taxel_lines(result: Calibrated) -> tuple[Lines, ...]:
 
 def _draw() -> None:
     context = bpy.context
+    space, view = context.space_data, context.region_data
+    if not space.overlay.show_overlays:
+        return
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     shader.uniform_float("viewportSize", (context.region.width, context.region.height))
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.depth_mask_set(False)  # the link hides lines behind it; lines do not hide each other
+    unit = Matrix.Scale(1 / metres_per_unit(context.scene), 4)
     try:
-        for link in links(context):
-            settings = link.skin_calib
-            if settings.show_overlay and link.visible_get():
-                _draw_link(shader, link, _prepared.get(settings.result.number, ()), metres_per_unit(context.scene))
+        for link in context.scene.objects:
+            lines = _prepared.get(link.skin_calib.result.key, ())
+            if lines and link.skin_calib.show_overlay and link.visible_get(viewport=space):
+                _draw_lines(shader, _nearer(view) @ view.view_matrix @ link_frame(link) @ unit, lines)
     finally:
         gpu.state.blend_set("NONE")
         gpu.state.depth_test_set("NONE")
+        gpu.state.depth_mask_set(True)
 
 
-def _draw_link(shader: Any, link: bpy.types.Object, lines: tuple[Lines, ...], metre: float) -> None:
-    frame = link.parent.matrix_world @ link.matrix_parent_inverse if link.parent else Matrix.Identity(4)
+def _nearer(view: Any) -> Matrix:
+    """Towards the eye: about it in perspective, which leaves the picture as it is; straight in a parallel view."""
+    if view.window_matrix[3][3] == 0:
+        return Matrix.Scale(1 - NEARER, 4)
+    return Matrix.Translation((0, 0, NEARER * view.view_distance))
+
+
+def _draw_lines(shader: Any, to_eye: Matrix, lines: tuple[Lines, ...]) -> None:
     with gpu.matrix.push_pop():
-        gpu.matrix.multiply_matrix(frame @ Matrix.Scale(1 / metre, 4))
+        gpu.matrix.load_matrix(to_eye)
         for part in lines:
             if part.batch is None:
                 part.batch = batch_for_shader(shader, "LINES", {"pos": part.points})

@@ -14,20 +14,31 @@ from bpy.props import (
     StringProperty,
 )
 
-FIXED: set[str] = set()  # no property of a plan is animatable
+
+def _outdate(group, _context):
+    group.id_data.skin_calib.result.outdated = True
+
+
+FIXED = {"options": set()}  # not animatable
+PLAN = FIXED | {"update": _outdate}
+PLACE = PLAN | {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5}
+WAY = PLAN | {"subtype": "XYZ", "precision": 5}
+LENGTH = FIXED | {"subtype": "DISTANCE", "unit": "LENGTH", "precision": 6}
 
 
 class SKIN_PG_plane(bpy.types.PropertyGroup):
     """A plane in the link frame."""
 
-    point: FloatVectorProperty(name="Point", subtype="TRANSLATION", unit="LENGTH", precision=5, options=FIXED)
-    normal: FloatVectorProperty(name="Normal", subtype="XYZ", default=(0, 0, 1), precision=5, options=FIXED)
+    point: FloatVectorProperty(name="Point", description="A point of the plane, in the link frame", **PLACE)
+    normal: FloatVectorProperty(
+        name="Normal", description="Across the plane; a cut keeps the side it points to", default=(0, 0, 1), **WAY
+    )
 
 
 class SKIN_PG_number(bpy.types.PropertyGroup):
     """One coefficient."""
 
-    value: FloatProperty(name="Value", options=FIXED)
+    value: FloatProperty(name="Value", description="A coefficient of the response", **PLAN)
 
 
 class SKIN_PG_cover(bpy.types.PropertyGroup):
@@ -37,9 +48,11 @@ class SKIN_PG_cover(bpy.types.PropertyGroup):
         name="Shell",
         description="Which connected parts of the mesh belong to the cover",
         items=[("outer", "Outer", "Drop the parts that lie inside of larger ones"), ("all", "All", "Keep all parts")],
-        options=FIXED,
+        **PLAN,
     )
-    cuts: CollectionProperty(type=SKIN_PG_plane, name="Cuts", description="Planes that keep the side of their normal")
+    cuts: CollectionProperty(
+        type=SKIN_PG_plane, name="Cuts", description="Planes that keep the side of their normal", **FIXED
+    )
 
 
 class SKIN_PG_grid(bpy.types.PropertyGroup):
@@ -50,43 +63,57 @@ class SKIN_PG_grid(bpy.types.PropertyGroup):
         description="How the planes lie",
         items=[
             ("tube", "Tube", "Planes across an axis and half-planes all round it"),
+            ("auto", "Auto", "The smallest tube that keeps within a tolerance"),
             ("sector", "Sector", "A tube that goes only part of the way round"),
             ("across", "Across", "Two families of parallel planes across a sole or a palm"),
             ("planes", "Planes", "Planes one by one"),
         ],
-        options=FIXED,
+        **PLAN,
     )
-    n: IntProperty(name="U-Planes", description="Planes across the axis", default=10, min=1, max=1000, options=FIXED)
+    n: IntProperty(name="U-Planes", description="Planes across the axis", default=10, min=1, max=1000, **PLAN)
     lines: IntProperty(
         name="V-Lines",
         description="Half-planes about the axis, two for each full plane; on a sole, planes along it",
         default=20,
         min=1,
         max=2000,
-        options=FIXED,
+        **PLAN,
+    )
+    spacing: EnumProperty(
+        name="Spacing",
+        description="Where the planes and lines of a tube go",
+        items=[
+            ("auto", "Auto", "Planes and lines where they lower the error most"),
+            ("uniform", "Uniform", "At equal heights and angles"),
+            ("arc", "Arc", "Lines at equal lengths round the link, planes at equal heights"),
+            ("curvature", "Curvature", "Lines closer where the link bends, planes at equal heights"),
+        ],
+        **PLAN,
+    )
+    tolerance: FloatProperty(
+        name="Tolerance",
+        description="Largest distance from surface to mesh that the smallest grid may have",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        default=2e-5,
+        min=0,
+        precision=6,
+        **PLAN,
+    )
+    measure: EnumProperty(
+        name="Measure",
+        description="Which distance keeps within the tolerance",
+        items=[("mean", "Mean", "The mean distance"), ("max", "Max", "The largest distance")],
+        **PLAN,
     )
     auto_axis: BoolProperty(
-        name="Automatic Axis", description="Find the axis from the sections of the mesh", default=True, options=FIXED
+        name="Automatic Axis", description="Find the axis from the sections of the mesh", default=True, **PLAN
     )
-    point: FloatVectorProperty(
-        name="Axis Point",
-        description="A point of the axis",
-        subtype="TRANSLATION",
-        unit="LENGTH",
-        precision=5,
-        options=FIXED,
-    )
+    point: FloatVectorProperty(name="Axis Point", description="A point of the axis, in the link frame", **PLACE)
     direction: FloatVectorProperty(
-        name="Axis Direction",
-        description="Where the link runs to",
-        subtype="XYZ",
-        default=(0, 0, 1),
-        precision=5,
-        options=FIXED,
+        name="Axis Direction", description="Where the link runs to", default=(0, 0, 1), **WAY
     )
-    auto_margin: BoolProperty(
-        name="Automatic Margin", description="Use all complete sections", default=True, options=FIXED
-    )
+    auto_margin: BoolProperty(name="Automatic Margin", description="Use all complete sections", default=True, **PLAN)
     margin: FloatProperty(
         name="Margin",
         description="Length left free at both ends",
@@ -95,85 +122,84 @@ class SKIN_PG_grid(bpy.types.PropertyGroup):
         default=0.002,
         min=0,
         precision=5,
-        options=FIXED,
+        **PLAN,
     )
-    start: FloatProperty(name="From", description="First angle", subtype="ANGLE", default=-1.5, options=FIXED)
-    stop: FloatProperty(name="To", description="Last angle", subtype="ANGLE", default=1.5, options=FIXED)
+    start: FloatProperty(name="From", description="First angle", subtype="ANGLE", default=-1.5, **PLAN)
+    stop: FloatProperty(name="To", description="Last angle", subtype="ANGLE", default=1.5, **PLAN)
     normal: FloatVectorProperty(
-        name="Outward",
-        description="Where the face looks to, out of the robot",
-        subtype="XYZ",
-        default=(0, 0, -1),
-        precision=5,
-        options=FIXED,
+        name="Outward", description="Where the face looks to, out of the robot", default=(0, 0, -1), **WAY
     )
-    u: CollectionProperty(type=SKIN_PG_plane, name="U-Planes")
-    v: CollectionProperty(type=SKIN_PG_plane, name="V-Planes")
-    closed: BoolProperty(name="Closed", description="The v-planes go all the way round", default=True, options=FIXED)
+    u: CollectionProperty(type=SKIN_PG_plane, name="U-Planes", description="Planes across the link", **FIXED)
+    v: CollectionProperty(type=SKIN_PG_plane, name="V-Planes", description="Planes along the link", **FIXED)
+    closed: BoolProperty(name="Closed", description="The v-planes go all the way round", default=True, **PLAN)
 
 
 class SKIN_PG_skin(bpy.types.PropertyGroup):
     """A sheet of taxels."""
 
-    name: StringProperty(name="Name", description="Name of the patch; ids of taxels begin with it", default="skin")
-    rows: IntProperty(name="Rows", default=6, min=1, max=1000, options=FIXED)
-    columns: IntProperty(name="Columns", default=22, min=1, max=1000, options=FIXED)
+    name: StringProperty(
+        name="Name", description="Name of the patch; ids of taxels begin with it", default="skin", **PLAN
+    )
+    rows: IntProperty(name="Rows", description="Rows of cells", default=6, min=1, max=1000, **PLAN)
+    columns: IntProperty(name="Columns", description="Cells in a row", default=22, min=1, max=1000, **PLAN)
     pitch: FloatVectorProperty(
         name="Pitch",
         description="From row to row, and from column to column",
         size=2,
         unit="LENGTH",
         default=(0.01, 0.01),
-        min=1e-5,
+        min=0,
         precision=5,
-        options=FIXED,
+        **PLAN,
     )
-    centred: BoolProperty(name="Centred", description="Centre the sheet on the surface", default=True, options=FIXED)
+    centred: BoolProperty(name="Centred", description="Centre the sheet on the surface", default=True, **PLAN)
     origin: FloatVectorProperty(
-        name="Origin",
-        description="Where the centre of cell (0, 0) lies on the link",
-        subtype="TRANSLATION",
-        unit="LENGTH",
-        precision=5,
-        options=FIXED,
+        name="Origin", description="Where the centre of cell (0, 0) lies, in the link frame", **PLACE
     )
-    direction: FloatVectorProperty(
-        name="Direction",
-        description="Where the rows run to",
-        subtype="XYZ",
-        default=(0, 1, 0),
-        precision=5,
-        options=FIXED,
-    )
-    first_channel: IntProperty(name="First Channel", description="Channel of cell (0, 0)", min=0, options=FIXED)
+    direction: FloatVectorProperty(name="Direction", description="Where the rows run to", default=(0, 1, 0), **WAY)
+    first_channel: IntProperty(name="First Channel", description="Channel of cell (0, 0)", min=0, **PLAN)
 
 
 class SKIN_PG_result(bpy.types.PropertyGroup):
-    """What the last fit gave; number 0 is none."""
+    """What the last fit gave."""
 
-    number: IntProperty(options={"HIDDEN"})
-    mean: FloatProperty(name="Mean", description="Mean distance from surface to mesh", unit="LENGTH", precision=6)
-    max: FloatProperty(name="Max", description="Largest distance from surface to mesh", unit="LENGTH", precision=6)
-    hausdorff: FloatProperty(name="Hausdorff", description="Largest distance, both ways", unit="LENGTH", precision=6)
-    control_points: IntProperty(name="Control Points")
-    taxels: IntProperty(name="Taxels")
-    seconds: FloatProperty(name="Time", unit="TIME_ABSOLUTE", precision=3)
+    key: StringProperty(description="What was fitted; empty before the first fit", **FIXED)
+    outdated: BoolProperty(name="Outdated", description="The plan was changed after the fit", **FIXED)
+    mean: FloatProperty(name="Mean", description="Mean distance from surface to mesh", **LENGTH)
+    max: FloatProperty(name="Max", description="Largest distance from surface to mesh", **LENGTH)
+    hausdorff: FloatProperty(name="Hausdorff", description="Largest distance, both ways", **LENGTH)
+    control_points: IntProperty(name="Control Points", description="Control points of the surface", **FIXED)
+    taxels: IntProperty(name="Taxels", description="Taxels of all skins", **FIXED)
+    seconds: FloatProperty(name="Time", description="How long the fit took", unit="TIME_ABSOLUTE", precision=3, **FIXED)
 
 
 class SKIN_PG_link(bpy.types.PropertyGroup):
     """The plan of one link; an object without a link name is no link."""
 
-    link: StringProperty(name="Link", description="Name of the robot link, as in its URDF")
-    mesh_file: StringProperty(name="Mesh File", description="Name under which plans refer to this mesh")
-    cover: PointerProperty(type=SKIN_PG_cover)
-    grid: PointerProperty(type=SKIN_PG_grid)
+    link: StringProperty(name="Link", description="Name of the robot link, as in its URDF", **PLAN)
+    mesh_file: StringProperty(name="Mesh File", description="Name under which plans refer to this mesh", **PLAN)
+    cover: PointerProperty(type=SKIN_PG_cover, name="Cover", description="What of the mesh is covered with skin")
+    grid: PointerProperty(type=SKIN_PG_grid, name="Grid", description="Where the planes are")
     degree: IntVectorProperty(
-        name="Degree", description="Of the surface along u and v", size=2, default=(3, 3), min=2, max=5, options=FIXED
+        name="Degree", description="Of the surface along u and v", size=2, default=(3, 3), min=2, max=5, **PLAN
     )
-    skins: CollectionProperty(type=SKIN_PG_skin)
-    response: CollectionProperty(type=SKIN_PG_number)
-    result: PointerProperty(type=SKIN_PG_result)
-    show_overlay: BoolProperty(name="Overlay", description="Draw surface, taxels and normals", default=True)
+    chords: BoolProperty(
+        name="Facets are Chords",
+        description="Vertices lie on the true surface and facets inside of it: bulge over them",
+        **PLAN,
+    )
+    skins: CollectionProperty(type=SKIN_PG_skin, name="Skins", description="Sheets of taxels", **FIXED)
+    response: CollectionProperty(
+        type=SKIN_PG_number,
+        name="Response",
+        description="Polynomial from intensity to newtons, lowest power first",
+        **FIXED,
+    )
+    extra: StringProperty(name="Extra", description="Members of the plan that begin with x_, as JSON", **FIXED)
+    result: PointerProperty(type=SKIN_PG_result, name="Result", description="What the last fit gave")
+    show_overlay: BoolProperty(
+        name="Overlay", description="Draw surface, cells and normals of this link", default=True, **FIXED
+    )
 
 
 CLASSES = (
@@ -191,7 +217,9 @@ def register():
     """Give every object a plan."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Object.skin_calib = PointerProperty(type=SKIN_PG_link)
+    bpy.types.Object.skin_calib = PointerProperty(
+        type=SKIN_PG_link, name="Skin", description="Plan and result of a robot link"
+    )
 
 
 def unregister():

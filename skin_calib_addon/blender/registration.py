@@ -4,8 +4,6 @@
 from importlib import import_module
 from types import ModuleType
 
-import bpy
-
 from . import command, overlay, properties, results
 
 _modules: list[ModuleType] = []
@@ -23,18 +21,10 @@ def register(package: str) -> None:
     for module in (properties, *outside, overlay, command):
         module.register()
         _modules.append(module)
-    bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
     """Take everything away in the opposite order."""
-    if _forget in bpy.app.handlers.load_pre:
-        bpy.app.handlers.load_pre.remove(_forget)
     while _modules:
         _modules.pop().unregister()
-    results.clear()
-
-
-@bpy.app.handlers.persistent
-def _forget(*_: object) -> None:
     results.clear()

@@ -1,28 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last fits of this Blender, by the number that their objects keep; undo brings back number and result alike."""
+"""The last fits of this Blender, by a key of all that went into them.
 
-from ..pipeline import Calibrated
+An object keeps the key of its fit: undo brings both back, and no object can take another's result for its own.
+"""
+
+import hashlib
+import json
+
+from ..geometry.mesh import TriangleMesh
+from ..pipeline import Calibrated, calibrate
+from ..plan import Plan, plan_document
 
 KEPT = 16
-_results: dict[int, Calibrated] = {}
-_last = 0
+_results: dict[str, Calibrated] = {}
 
 
-def keep(result: Calibrated) -> int:
-    """Remember a result; its number is never used again while Blender runs."""
-    global _last
-    _last += 1
-    _results[_last] = result
+def fit(plan: Plan, mesh: TriangleMesh) -> tuple[str, Calibrated]:
+    """Calibrate, or take what the same plan and mesh gave before; the result and its key.
+
+    Raises
+    ------
+    SkinCalibError
+        As :func:`calibrate` does.
+    """
+    content = json.dumps(plan_document(plan), sort_keys=True) + mesh.sha256
+    key = hashlib.sha256(content.encode()).hexdigest()
+    result = _results.pop(key, None) or calibrate(plan, mesh)
+    _results[key] = result
     while len(_results) > KEPT:
-        del _results[min(_results)]
-    return _last
+        del _results[next(iter(_results))]
+    return key, result
 
 
-def find(number: int) -> Calibrated | None:
-    """The result of this number, if it is still kept."""
-    return _results.get(number)
+def find(key: str) -> Calibrated | None:
+    """The result of this key, if it is still kept."""
+    return _results.get(key)
 
 
 def clear() -> None:
-    """Forget all results, as when another file is opened."""
+    """Forget all results."""
     _results.clear()

@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Objects to plans and arrays, and back. What leaves here is metres in the link frame.
 
-The link frame is the frame of the object's parent, or the world where it has none: a link's mesh may be placed in its
-frame by the object's own location, rotation and scale.
+The link frame is the place and turn of the object's parent, or the world where it has none: a link's mesh is placed
+in its frame by the object's own location, rotation and scale. How the parent is posed does not alter a bit of it.
 """
 
+import json
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ..errors import CalibrationFormatError, InvalidMesh, InvalidPlan
-from ..geometry.mesh import METRES, TriangleMesh, check_size, weld
+from ..geometry.mesh import LARGEST, METRES, SMALLEST, TriangleMesh, weld
 from ..pipeline import Calibrated
 from ..plan import FORMAT, VERSION, Plan, check_plan, plan_from
+
+# Blender's numbers are single; these are the largest it holds.
+LARGEST_NUMBER, LARGEST_COUNT = 3e38, 2**31 - 1
+# Columns of a parent's frame that differ in length, or lean, by more than this share are no rotation with a scale.
+UNEVEN = 1e-4
 
 
 def links(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -31,6 +38,7 @@ def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
         As for a plan file.
     """
     document = plan_document(link, scene)
+    check_numbers(document)
     findings = check_plan(document)
     if findings:
         raise CalibrationFormatError(f"the plan of {link.name} is not valid: {findings[0]}", findings)
@@ -51,18 +59,23 @@ def plan_document(link: bpy.types.Object, scene: bpy.types.Scene) -> dict[str, A
         "degree": [*settings.degree],
         "skins": [_skin(skin, metre) for skin in settings.skins],
     }
+    if settings.chords:
+        document["chords"] = True
     if settings.response:
-        document["response"] = {"kind": "polynomial", "coefficients": [exact(c.value) for c in settings.response]}
-    return document
+        document["response"] = {"kind": "polynomial", "coefficients": _vector(c.value for c in settings.response)}
+    return document | json.loads(settings.extra or "{}")
 
 
-def exact(value: float) -> float:
-    """The shortest decimal that a single-precision property stands for: 0.0045 typed is 0.0045, not 0.00449999981."""
-    return float(str(np.float32(value)))
+def exact(value: float, unit: float = 1.0) -> float:
+    """The decimal that a single-precision property stands for, times a unit.
+
+    0.0045 typed is 0.0045, not 0.00449999981; 4.9 mm are 0.0049 m, not 0.004900000000000001.
+    """
+    return float(f"{float(str(np.float32(value))) * unit:.9g}")
 
 
 def _vector(values: Any, metre: float = 1.0) -> list[float]:
-    return [exact(x) * metre for x in values]
+    return [exact(x, metre) for x in values]
 
 
 def _plane(plane: Any, metre: float) -> dict[str, Any]:
@@ -78,18 +91,18 @@ def _grid(grid: Any, metre: float) -> dict[str, Any]:
             "closed": grid.closed,
         }
     axis = {"point": _vector(grid.point, metre), "direction": _vector(grid.direction)}
-    document = {
-        "kind": "tube" if grid.kind == "tube" else "patch",
-        "n": grid.n,
-        "lines": grid.lines,
-        "axis": "auto" if grid.auto_axis else axis,
-    }
+    document: dict[str, Any] = {"kind": "patch" if grid.kind in ("sector", "across") else grid.kind}
+    document["axis"] = "auto" if grid.auto_axis else axis
     if not grid.auto_margin:
-        document["margin"] = exact(grid.margin) * metre
+        document["margin"] = exact(grid.margin, metre)
+    if grid.kind == "auto":
+        return document | {"tolerance": exact(grid.tolerance, metre), "measure": grid.measure}
+    document |= {"n": grid.n, "lines": grid.lines}
+    if grid.kind == "across":
+        return document | {"normal": _vector(grid.normal)}
+    document["spacing"] = grid.spacing
     if grid.kind == "sector":
         document |= {"from": exact(grid.start), "to": exact(grid.stop)}
-    if grid.kind == "across":
-        document["normal"] = _vector(grid.normal)
     return document
 
 
@@ -107,7 +120,7 @@ def _skin(skin: Any, metre: float) -> dict[str, Any]:
 
 
 def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, document: dict[str, Any]) -> None:
-    """Set an object's properties from a plan document that keeps the schema; the mesh is not touched.
+    """Set an object's properties from a plan document that :func:`check_numbers` lets pass; the mesh is not touched.
 
     Blender keeps seven digits; a number with more is rounded.
     """
@@ -118,6 +131,7 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, document: dict[st
     _set_planes(settings.cover.cuts, cover.get("cuts", ()), metre)
     _set_grid(settings.grid, document["grid"], metre)
     settings.degree = document.get("degree", (3, 3))
+    settings.chords = document.get("chords", False)
     settings.skins.clear()
     channel = 0
     for skin in document["skins"]:
@@ -133,6 +147,26 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, document: dict[st
     settings.response.clear()
     for coefficient in document.get("response", {}).get("coefficients", ()):
         settings.response.add().value = coefficient
+    extra = {name: value for name, value in document.items() if name.startswith("x_")}
+    settings.extra = json.dumps(extra) if extra else ""
+
+
+def check_numbers(part: Any, metre: float = 1.0) -> None:
+    """Refuse a plan document with a number that is too large for Blender's properties, or not finite.
+
+    Raises
+    ------
+    InvalidPlan
+        Names the number.
+    """
+    if isinstance(part, dict):
+        part = [value for name, value in part.items() if not name.startswith("x_")]
+    largest = LARGEST_COUNT if isinstance(part, int) else LARGEST_NUMBER * min(metre, 1.0)
+    if isinstance(part, list):
+        for value in part:
+            check_numbers(value, metre)
+    elif isinstance(part, int | float) and not abs(part) <= largest:
+        raise InvalidPlan(f"the plan holds {part}; Blender's properties keep numbers up to {largest:g}: change it")
 
 
 def _units(lengths: Any, metre: float) -> list[float]:
@@ -153,9 +187,7 @@ def _set_grid(grid: Any, document: dict[str, Any], metre: float) -> None:
         _set_planes(grid.u, document["u"], metre)
         _set_planes(grid.v, document["v"], metre)
         return
-    grid.kind = "tube" if kind == "tube" else "across" if "normal" in document else "sector"
-    grid.n = document["n"]
-    grid.lines = document.get("lines", document.get("m", 0) * (2 if kind == "tube" else 1))
+    grid.kind = kind if kind != "patch" else "across" if "normal" in document else "sector"
     axis = document.get("axis", "auto")
     grid.auto_axis = axis == "auto"
     if not grid.auto_axis:
@@ -163,6 +195,12 @@ def _set_grid(grid: Any, document: dict[str, Any], metre: float) -> None:
     grid.auto_margin = "margin" not in document
     if not grid.auto_margin:
         grid.margin = document["margin"] / metre
+    if kind == "auto":
+        grid.tolerance, grid.measure = document["tolerance"] / metre, document.get("measure", "mean")
+        return
+    grid.n = document["n"]
+    grid.lines = document.get("lines", document.get("m", 0) * (2 if kind == "tube" else 1))
+    grid.spacing = document.get("spacing", "auto")
     if grid.kind == "sector":
         grid.start, grid.stop = document["from"], document["to"]
     if grid.kind == "across":
@@ -175,9 +213,12 @@ def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMes
     Raises
     ------
     InvalidMesh
-        If it has no faces, a vertex is not finite, or its size says that the unit is wrong.
+        If it has no faces, a vertex is not finite, its size says that the unit is wrong, it is switched off so that
+        its modifiers do not count, or its parent's scale leaves no frame to measure in.
     """
     evaluated = link.evaluated_get(context.evaluated_depsgraph_get())
+    if not evaluated.is_evaluated and link.modifiers:
+        raise InvalidMesh(f"{link.name} is switched off in the viewport, so its modifiers do not count; switch it on")
     data = evaluated.to_mesh()
     try:
         data.calc_loop_triangles()
@@ -187,19 +228,58 @@ def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMes
         data.loop_triangles.foreach_get("vertices", faces)
     finally:
         evaluated.to_mesh_clear()
-    placed = np.array([_vector(row) for row in link.matrix_local])
+    unit = metres_per_unit(context.scene) * _scale(link)
+    placed = np.array([_vector(row, unit) for row in _local(link)[:3]])
     points = vertices.reshape(-1, 3).astype(float)
-    if not np.array_equal(placed, np.eye(4)):  # times one plus zero is exact, but only where nothing is infinite
-        points = points @ placed[:3, :3].T + placed[:3, 3]
+    if not np.array_equal(placed, np.eye(3, 4)):  # times one plus zero is exact, but only where nothing is infinite
+        points = points @ placed[:, :3].T + placed[:, 3]
     faces = faces.reshape(-1, 3)
-    if np.linalg.det(placed[:3, :3]) < 0:  # mirrored by its scale: the faces would look inward
+    if np.linalg.det(placed[:, :3]) < 0:  # mirrored by its scale: the faces would look inward
         faces = faces[:, ::-1]
     try:
-        mesh = weld(points * metres_per_unit(context.scene), faces)
+        mesh = weld(points, faces)
     except InvalidMesh as error:
         raise InvalidMesh(f"{link.name}: {error}", **error.numbers) from error
-    check_size(mesh, "m", link.name)
+    if not SMALLEST <= mesh.size <= LARGEST:
+        raise InvalidMesh(
+            f"{link.name} is {mesh.size:.4g} m across in this scene; set the object's scale, or the scene's unit "
+            "scale, to the link's real size",
+            size=mesh.size,
+        )
     return mesh
+
+
+def _local(link: bpy.types.Object) -> Matrix:
+    """From the object to its parent, in Blender units; no rounding of the parent's pose is in it."""
+    if link.constraints or (link.parent and link.parent_type != "OBJECT"):
+        return link.matrix_local
+    return link.matrix_parent_inverse @ link.matrix_basis if link.parent else link.matrix_basis
+
+
+def _scale(link: bpy.types.Object) -> float:
+    """How many times the parent enlarges its children."""
+    if link.parent is None:
+        return 1.0
+    axes = np.array(_parent(link).to_3x3())
+    scale = np.cbrt(np.linalg.det(axes))
+    if scale <= 0 or np.abs(axes.T @ axes - scale**2 * np.eye(3)).max() > UNEVEN * scale**2:
+        raise InvalidMesh(
+            f"{link.parent.name}, the parent of {link.name} and so its link frame, is mirrored or scaled unevenly; "
+            "apply its scale"
+        )
+    return float(f"{scale:.6g}")  # single-precision noise of a turned frame ends here
+
+
+def _parent(link: bpy.types.Object) -> Matrix:
+    return link.matrix_world @ _local(link).inverted_safe()
+
+
+def link_frame(link: bpy.types.Object) -> Matrix:
+    """The link frame in the world, a rotation and a place in Blender units."""
+    if link.parent is None:
+        return Matrix.Identity(4)
+    place, turn, _ = _parent(link).decompose()
+    return Matrix.LocRotScale(place, turn, None)
 
 
 def metres_per_unit(scene: bpy.types.Scene) -> float:
@@ -219,10 +299,10 @@ def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: st
     return link
 
 
-def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, number: int) -> None:
+def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, key: str) -> None:
     """Keep the figures of a fit on its object."""
     record, errors = link.skin_calib.result, result.fit.errors
-    record.number = number
+    record.key, record.outdated = key, False
     metre = metres_per_unit(scene)
     record.mean, record.max = errors.surface_to_mesh.mean / metre, errors.surface_to_mesh.max / metre
     record.hausdorff = errors.hausdorff / metre
@@ -231,15 +311,13 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
     record.seconds = sum(result.seconds.values())
 
 
-def active_link(context: bpy.types.Context) -> bpy.types.Object:
-    """The active object, if it is a link.
-
-    Raises
-    ------
-    InvalidPlan
-        If nothing that could be a link is active.
-    """
+def why_no_link(context: bpy.types.Context, named: bool = True) -> str:
+    """Why the active object is no link that one can work on, and what to do; empty if it is one."""
     link = context.object
-    if link is None or link.type != "MESH" or not link.skin_calib.link:
-        raise InvalidPlan("no link is active: select a mesh object and give it a link name in the Skin tab")
-    return link
+    if link is None or link.type != "MESH":
+        return "Select the mesh object of a link"
+    if link.library or link.override_library:
+        return "This link belongs to another file; open that file, or make the object local"
+    if named and not link.skin_calib.link:
+        return "Give the object a link name first"
+    return ""
