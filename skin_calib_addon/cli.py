@@ -2,11 +2,12 @@
 
 import argparse
 import json
+import os.path
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from . import __version__
 from .atomic_file import write_bytes_safely
@@ -15,7 +16,7 @@ from .calibration.strict_json import parse, read
 from .errors import OutputError, SkinCalibError
 from .geometry.mesh import TriangleMesh
 from .pipeline import Calibrated, calibrate
-from .plan import FORMAT, Plan, check_plan, load_plan
+from .plan import FORMAT, Plan, check_plan_wholly, load_plan
 from .report import report_document, summary, table
 
 DONE, WRONG_DATA, WRONG_CALL = 0, 1, 2
@@ -46,12 +47,24 @@ def main(argv: Sequence[str] | None = None, scene_plans: ScenePlans | None = Non
     try:
         return options.run(options, scene_plans)
     except (OutputError, SkinCalibError) as error:
-        print(f"skin-calib: {error}", file=sys.stderr)
+        _complain(str(error))
         return WRONG_CALL if isinstance(error, OutputError) else WRONG_DATA
 
 
+def _complain(message: str) -> None:
+    """One line on stderr, whatever names the message holds."""
+    print("skin-calib:", " ".join(message.splitlines()), file=sys.stderr)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong with a call in one line; the usage is a ``--help`` away."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(WRONG_CALL, f"{self.prog}: {' '.join(message.splitlines())}; see {self.prog} --help\n")
+
+
 def _parser(needs_plan: bool) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="skin-calib", description="Spatial calibration of robot tactile skin.")
+    parser = _Parser(prog="skin-calib", description="Spatial calibration of robot tactile skin.")
     parser.add_argument("--version", action="version", version=f"skin-calib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
@@ -91,31 +104,34 @@ def _fit(options: argparse.Namespace, scene_plans: ScenePlans | None) -> int:
     if not jobs:
         raise SkinCalibError("the scene has no link to fit: give an object a link name in the Skin tab, or name a plan")
     names = [name for name, _, _ in jobs]
-    if len(jobs) > 1 and not options.output.is_dir():
-        raise OutputError(f"{len(jobs)} links need a folder, and {options.output} is none; create it, or name one")
+    for target in (options.output, options.picture, options.report):
+        if len(jobs) > 1 and target is not None and not os.path.isdir(target):
+            raise OutputError(f"{len(jobs)} links need a folder, and {target} is none; create it, or name one")
     if len(set(names)) < len(names):
         raise OutputError(f"two plans are both called {next(n for n in names if names.count(n) > 1)!r}; rename one")
     work = [(job, _targets(options, job[0])) for job in jobs]
     failed = False
-    for (name, _, _), (text, error) in zip(jobs, _run(work, options.jobs)):
+    processes = 1 if scene_plans else options.jobs  # Blender's program cannot be started again as a plain Python
+    for (name, _, _), (text, error) in zip(jobs, _run(work, processes)):
         if error is None:
             print(text)
         else:
             failed = True
-            print(f"skin-calib: {name}: {error}" if len(jobs) > 1 else f"skin-calib: {error}", file=sys.stderr)
+            _complain(f"{name}: {error}" if len(jobs) > 1 else error)
     return WRONG_DATA if failed else DONE
 
 
 def _check_folder(target: Path | None) -> None:
     """A missing folder is said before anything is computed."""
-    if target is not None and not target.is_dir() and not target.absolute().parent.is_dir():
+    # os.path, for Path.is_dir raises where a name is too long
+    if target is not None and not os.path.isdir(target) and not os.path.isdir(target.absolute().parent):
         raise OutputError(f"no folder {target.absolute().parent} to write {target.name} into; create it first")
 
 
 def _targets(options: argparse.Namespace, name: str) -> dict[str, Path]:
     wanted = {"calibration": options.output, "picture": options.picture, "report": options.report}
     endings = {"calibration": ".calibration.json", "picture": ".png", "report": ".report.json"}
-    return {k: p / f"{name}{endings[k]}" if p.is_dir() else p for k, p in wanted.items() if p is not None}
+    return {k: p / f"{name}{endings[k]}" if os.path.isdir(p) else p for k, p in wanted.items() if p is not None}
 
 
 def _run(work: list[Any], jobs: int):
@@ -152,7 +168,7 @@ def _check(options: argparse.Namespace, _: ScenePlans | None) -> int:
     data = read(options.file)
     document, findings = parse(data)
     if isinstance(document, dict) and document.get("format") == FORMAT:
-        findings = (*findings, *check_plan(document))
+        findings = tuple(findings) or check_plan_wholly(document)
     else:
         findings = check_bytes(data)[1]
     for finding in findings:

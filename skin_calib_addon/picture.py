@@ -13,6 +13,7 @@ from .calibration.model import LinkCalibration
 from .errors import SkinCalibError
 from .geometry.distance import MeshDistance
 from .geometry.mesh import TriangleMesh
+from .geometry.planes import perpendicular
 from .pipeline import surface_of
 
 QUADS = (60, 120)  # how finely a surface is drawn, along u and v
@@ -36,7 +37,8 @@ def look_at(normals: Array, along: Array) -> Camera:
     """A view that sees the mean of ``normals``, from a little above, with ``along`` upright."""
     front = unit(normals.mean(axis=0)) if np.linalg.norm(normals.mean(axis=0)) > 0.1 else unit(normals[0])
     towards = unit(front + 0.35 * along)
-    right = unit(np.cross(along, towards))
+    right = np.cross(along, towards)
+    right = unit(right) if np.linalg.norm(right) > 1e-6 else perpendicular(towards)  # along the view nothing is upright
     return Camera(np.array((right, np.cross(towards, right), towards)))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .atomic_file import write_bytes_safely
-from .calibration.findings import Finding
+from .calibration.findings import Finding, error
 from .calibration.model import Response
 from .calibration.schema_check import check, read_schema
 from .calibration.strict_json import parse, read
@@ -22,6 +22,9 @@ from .geometry.planes import Planes
 from .skin.lattice import SheetLattice
 
 FORMAT, VERSION = "skin-plan", 1
+# A shorter vector points nowhere.
+SHORTEST = 1e-6
+HIGHEST_CHANNEL = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,17 @@ def check_plan(document: Any) -> tuple[Finding, ...]:
     return check(document, _schema())
 
 
+def check_plan_wholly(document: Any) -> tuple[Finding, ...]:
+    """The same, or what of its members does not go together where each is right."""
+    findings = check_plan(document)
+    if not findings:
+        try:
+            plan_from(document)
+        except InvalidPlan as problem:
+            findings = (error("plan", "", f"cannot be carried out: {problem}"),)
+    return findings
+
+
 @cache
 def _schema() -> dict[str, Any]:
     return read_schema(Path(__file__).with_name("plan.schema.json"))
@@ -96,7 +110,10 @@ def plan_from(document: dict[str, Any]) -> Plan:
         unit=document["unit"],
         cover=CoverSpec(
             cover.get("shell", "outer"),
-            tuple(Cut(tuple(c["point"]), tuple(c["normal"])) for c in cover.get("cuts", ())),
+            tuple(
+                Cut(tuple(c["point"]), _direction(c["normal"], f"the normal of cut {i} is zero; say what to keep"))
+                for i, c in enumerate(cover.get("cuts", ()))
+            ),
         ),
         grid=_grid(document["grid"]),
         degree=tuple(document.get("degree", (3, 3))),
@@ -113,10 +130,9 @@ def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
             Planes(np.array([p["point"] for p in side]), np.array([p["normal"] for p in side]))
             for side in (grid["u"], grid["v"])
         )
-        for name, planes in (("u", u), ("v", v)):
-            empty = np.flatnonzero(~planes.normals.any(axis=1))
-            if len(empty):
-                raise InvalidPlan(f"the normal of {name}-plane {empty[0]} is zero; give its direction")
+        for name in ("u", "v"):
+            for i, plane in enumerate(grid[name]):
+                _direction(plane["normal"], f"the normal of {name}-plane {i} is zero; give its direction")
         return PlanesGrid(u, v, grid["closed"])
     if grid["kind"] == "auto":
         return AutoGrid(grid["tolerance"], grid.get("measure", "mean"), _axis(grid), grid.get("margin"))
@@ -128,7 +144,8 @@ def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
         return TubeGrid(n, grid.get("lines", 2 * grid.get("m", 0)), line, margin, spacing)
     lines = grid.get("lines", grid.get("m", 0))
     if "normal" in grid and not {"from", "to"} & grid.keys():
-        return AcrossGrid(n, lines, tuple(grid["normal"]), line.direction if line else None, margin)
+        normal = _direction(grid["normal"], 'the "normal" of the grid is zero; give the direction the face looks to')
+        return AcrossGrid(n, lines, normal, line.direction if line else None, margin)
     if "normal" not in grid and {"from", "to"} <= grid.keys():
         return SectorGrid(n, lines, grid["from"], grid["to"], line, margin, spacing)
     raise InvalidPlan('a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)')
@@ -138,22 +155,36 @@ def _axis(grid: dict[str, Any]) -> Axis | None:
     axis = grid.get("axis", "auto")
     if axis == "auto":
         return None
-    if not any(axis["direction"]):
-        raise InvalidPlan('the "direction" of the axis is zero; give where the link runs to')
-    return Axis(tuple(axis["point"]), tuple(axis["direction"]))
+    direction = _direction(axis["direction"], 'the "direction" of the axis is zero; give where the link runs to')
+    return Axis(tuple(axis["point"]), direction)
+
+
+def _direction(vector: list[float], message: str) -> tuple[float, float, float]:
+    if np.linalg.norm(vector) < SHORTEST:
+        raise InvalidPlan(message)
+    x, y, z = vector
+    return x, y, z
 
 
 def _skins(skins: list[dict[str, Any]]) -> tuple[SheetSkin, ...]:
     result: list[SheetSkin] = []
     channel = 0
     for skin in skins:
-        if any(skin["name"] == other.name for other in result):
-            raise InvalidPlan(f"two skins are called {skin['name']!r}; names must differ")
-        first = skin.get("first_channel", channel)
+        name, first = skin["name"], skin.get("first_channel", channel)
+        channel = first + skin["rows"] * skin["columns"]
+        if channel - 1 > HIGHEST_CHANNEL:
+            raise InvalidPlan(f"skin {name!r} would end on channel {channel - 1}; the highest is {HIGHEST_CHANNEL}")
+        for other in result:
+            if name == other.name:
+                raise InvalidPlan(f"two skins are called {name!r}; names must differ")
+            taken = range(other.first_channel, other.first_channel + other.lattice.rows * other.lattice.columns)
+            if first < taken.stop and taken.start < channel:
+                both = max(first, taken.start)
+                raise InvalidPlan(f"skins {other.name!r} and {name!r} share channel {both}; move a first_channel")
         lattice = SheetLattice(skin["rows"], skin["columns"], tuple(skin["pitch"]))
         origin = None if skin["origin"] == "center" else tuple(skin["origin"])
-        result.append(SheetSkin(skin["name"], lattice, origin, tuple(skin["direction"]), first))
-        channel = first + skin["rows"] * skin["columns"]
+        direction = _direction(skin["direction"], f"the direction of skin {name!r} is zero; say where its rows run to")
+        result.append(SheetSkin(name, lattice, origin, direction, first))
     return tuple(result)
 
 

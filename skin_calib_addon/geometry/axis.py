@@ -92,7 +92,7 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
     InvalidPlan
         If the margins leave nothing between them.
     EmptySection
-        If no section is complete.
+        If no section is complete, or those that are have no length.
     """
     height = frame.stations(mesh.vertices)
     low, high = float(height.min()), float(height.max())
@@ -110,6 +110,11 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
     if len(edge) == 0:
         raise EmptySection("no section across the axis goes all the way round; use a patch grid, or give the axis")
     first, last = edge.reshape(-1, 2)[np.argmax(np.diff(edge.reshape(-1, 2), axis=1))]
+    if last - first < 2:
+        raise EmptySection(
+            f"sections across the axis go all the way round for less than {(high - low) * 1e3 / 96:.1f} mm of it; "
+            "use a patch grid, or give the axis"
+        )
     return float(stations[first]), float(stations[last - 1])
 
 

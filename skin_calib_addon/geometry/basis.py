@@ -103,7 +103,7 @@ class TensorBasis:
         return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
 
     def solve(self, residuals: Array, offsets: Array) -> Array:
-        """Steps of the offsets, shape (n, m), towards the least sum of squared residuals (k, l); NaN ones weigh nothing."""
+        """Steps of the offsets, shape (n, m), that take most of the residuals (k, l); NaN ones weigh nothing."""
         known = ~np.isnan(residuals)
         if known.all():
             return product(product(product(self.u.inverse, residuals), self.B), self._B_gram_inverse)

@@ -19,7 +19,7 @@ from .planes import Planes
 from .samples import RaySamples, SampleRows
 
 MOST_PASSES = 10
-# A pass that moves no control point by more than this share of the mesh's size is the last: the next moves a tenth of it.
+# The pass that moves no control point by more than this share of the mesh's size is the last: the next moves a tenth.
 SETTLED = 3e-4
 # Passes end where the misfit has grown by this factor over the least: the section is no fan about its centre.
 WORSE = 1.2

@@ -36,8 +36,11 @@ class TriangleMesh:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box [m]; tolerances are fractions of it."""
-        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+        """Diameter of the ball about the middle of all vertices that holds them [m]; tolerances are fractions of it.
+
+        A box along the link's axes would make fits depend on how the link lies in its frame.
+        """
+        return 2 * float(np.linalg.norm(self.vertices - self.vertices.mean(axis=0), axis=1).max())
 
     @cached_property
     def corners(self) -> tuple[IntArray, IntArray, IntArray]:

@@ -24,6 +24,7 @@ SMOOTHING_ANGLE = 0.02  # [rad] over which curvature is averaged: facets are cor
 PROFILES = 45  # along the tube, evenly around it
 ROUNDS = 4
 DENSE = 6  # sites per span where errors along the tube are judged: a short spline passes through three
+SAME = 1e-7  # share of an error, and of a radius, by which errors may differ and be the same
 PHASES = (0.0, 0.25, 0.5, 0.75)  # shares of a line's interval by which closed lines may be turned
 
 
@@ -120,7 +121,7 @@ class Survey:
             abscissae = greville(spline_sites(count, degree, False).knots, degree)
             candidates.append(ends[0] + abscissae * (ends[1] - ends[0]))
         errors = [self.error_across(c, degree) for c in candidates] if len(candidates) > 1 else [0.0]
-        return candidates[int(np.argmin(errors))]
+        return candidates[self._least(errors)]
 
     def _quantiles(self, density: Array, count: int, phase: float) -> Array:
         """Angles with equal shares of a density between them, descending."""
@@ -152,7 +153,12 @@ class Survey:
         linear = first + (last - first) * greville(spline_sites(count, degree, False).knots, degree)
         if spacing != "auto":
             return even
-        return min((even, linear), key=lambda stations: self.error_along(stations, degree))
+        return (even, linear)[self._least([self.error_along(stations, degree) for stations in (even, linear)])]
+
+    def _least(self, errors: list[float]) -> int:
+        """Which error is the smallest; of those that only rounding tells apart, the first, for symmetric shapes."""
+        least = min(errors) * (1 + SAME) + SAME * float(self.radii.mean())
+        return next(i for i, error in enumerate(errors) if error <= least)
 
     def error_along(self, stations: Array, degree: int) -> float:
         """Error that planes at these stations leave between profiles and fits, root mean square [m]."""

@@ -74,7 +74,10 @@ class Skin:
         InvalidReading
             If it is not one row of numbers, or shorter than the highest channel.
         """
-        readings = np.asarray(readings)
+        try:
+            readings = np.asarray(readings)
+        except ValueError as error:  # rows of different lengths
+            raise InvalidReading("a reading is one row of real numbers, not rows of different lengths") from error
         if readings.ndim != 1 or readings.dtype.kind not in "buif":
             raise InvalidReading(
                 f"a reading is one row of real numbers, not {readings.dtype} of shape {readings.shape}"
@@ -102,7 +105,7 @@ class Skin:
         InvalidReading
             As :meth:`forces`; the skin is then as it was before.
         """
-        forces = self.forces(readings)
+        time, forces = float(time), self.forces(readings)  # what can fail comes before the state changes
         known = np.isfinite(forces)
         forces = np.where(known, forces, 0.0)
         self._active = forces >= np.where(self._active, self.switch_off, self.switch_on)
@@ -110,4 +113,4 @@ class Skin:
         contacts = tuple(contact_of(rows, self.ids, forces, geometry) for rows in components(self._active, self.pairs))
         wrench = sum((c.wrench for c in contacts), np.zeros(6))
         flags = frozenset() if known.all() else frozenset({"not_finite"})
-        return Frame(float(time), forces, contacts, wrench, flags)
+        return Frame(time, forces, contacts, wrench, flags)

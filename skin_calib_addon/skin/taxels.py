@@ -8,6 +8,9 @@ from ..calibration.model import TaxelArray
 from .lattice import CENTRE, CORNERS, EDGES
 from .wrap import WrappedSheet
 
+# Shares of a cell that may be rounding: neighbours at a whole cell's gap are none, those shifted by half a side are.
+ROUNDING = 1e-6
+
 
 def sheet_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> TaxelArray:
     """Taxels at the cell centres of a wrapped sheet.
@@ -53,22 +56,29 @@ def fan_areas(centres: Array, corners: Array) -> Array:
 def neighbours(ids: tuple[str, ...], positions: Array, normals: Array, edges: Array) -> tuple[tuple[str, ...], ...]:
     """Ids of the cells beside each cell, within a lattice and over a seam alike.
 
-    Two cells are neighbours where the middle of a side of one comes as near to the centre of the other as that side
-    is long, which allows for a seam that gapes or overlaps by half a cell; cells that face apart are on two sides of
-    something thin.
+    Two cells are neighbours where one lies ahead of a side of the other, shifted along it by half its length at most,
+    and at most half a cell nearer or further than if they touched, as at a seam that overlaps or gapes; cells that
+    face apart are on two sides of something thin.
 
     Parameters
     ----------
     edges : array, shape (n, k, 3)
-        Middles of the sides of each cell [m].
+        Middles of the sides of each cell, in order round it [m].
     """
-    arms = np.linalg.norm(edges - positions[:, None], axis=2)
+    arms = edges - positions[:, None]
+    reach = np.linalg.norm(arms, axis=2)
+    half = np.linalg.norm(np.roll(arms, -1, axis=1) - np.roll(arms, 1, axis=1), axis=2) / 2
     pairs = cKDTree(edges.reshape(-1, 3)).sparse_distance_matrix(
-        cKDTree(positions), 2 * float(arms.max()), output_type="coo_matrix"
+        cKDTree(positions), 3 * float(reach.max()), output_type="coo_matrix"
     )
-    a, b = pairs.row // edges.shape[1], pairs.col
-    # A cell's own width across this side is twice its arm.
-    near = (pairs.data <= 2 * arms.ravel()[pairs.row] * (1 - 1e-6)) & (a != b)
+    side, b = pairs.row, pairs.col
+    a = side // edges.shape[1]
+    ahead = unit(arms.reshape(-1, 3))[side]
+    gap = positions[b] - edges.reshape(-1, 3)[side]
+    # Of the neighbour's centre from the middle of the side: a cell's own width across the side is twice its arm.
+    far = (gap * ahead).sum(axis=1) / reach.ravel()[side]
+    aside = np.abs((gap * np.cross(normals[a], ahead)).sum(axis=1)) / half.ravel()[side]
+    near = (far >= -1 - ROUNDING) & (far <= 2 - ROUNDING) & (aside <= 1 + ROUNDING) & (a != b)
     near &= (normals[a] * normals[b]).sum(axis=1) > 0
     beside: list[set[int]] = [set() for _ in ids]
     for i, j in zip(a[near].tolist(), b[near].tolist()):
