@@ -1,0 +1,127 @@
+"""The extension as Blender loads it: from a folder of extensions, enabled in preferences of its own."""
+
+import copy
+import importlib
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+from sample_scenes.shapes import tube_mesh
+from skin_calib_addon import cli
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="session")
+def extension(tmp_path_factory):
+    """Name of the enabled extension's module; skips where Blender's module is not."""
+    folder = tmp_path_factory.mktemp("blender")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BLENDER_USER_RESOURCES", str(folder / "resources"))
+        reason = "Blender's module bpy does not load here; pip install '.[blender]' brings it"
+        bpy = pytest.importorskip("bpy", reason=reason, exc_type=ImportError)
+        import addon_utils
+
+        (folder / "repository").mkdir()
+        (folder / "repository" / "skin_calib").symlink_to(ROOT)
+        repository = bpy.context.preferences.extensions.repos.new(
+            name="skin_dev", module="skin_dev", custom_directory=str(folder / "repository")
+        )
+        name = f"bl_ext.{repository.module}.skin_calib"
+        assert addon_utils.enable(name, default_set=True)
+        yield name
+        addon_utils.disable(name, default_set=True)
+
+
+@pytest.fixture
+def bpy(extension):
+    """Blender with the extension and an empty scene."""
+    module = sys.modules["bpy"]
+    module.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    return module
+
+
+@pytest.fixture
+def addon(extension, bpy):
+    """The extension's own modules, which are others than those that plain Python imports."""
+
+    def load(name):
+        return importlib.import_module(f"{extension}.skin_calib_addon.blender.{name}")
+
+    return SimpleNamespace(**{name: load(name) for name in ("command", "overlay", "results", "scene")})
+
+
+@pytest.fixture
+def plan_file(tmp_path):
+    """Writes a small tube and a plan for it, changed as asked; gives the plan's path."""
+
+    def write(name="arm", numbers_in="m", **changes):
+        factor = {"m": 1, "mm": 1000}[numbers_in]
+        mesh = tube_mesh(oval, 24, 9)
+        trimesh.Trimesh(mesh.vertices * factor, mesh.faces, process=False).export(tmp_path / f"{name}.stl")
+        document = copy.deepcopy(PLAN) | {"link": name, "mesh": f"{name}.stl", "unit": numbers_in} | changes
+        path = tmp_path / f"{name}.plan.json"
+        path.write_text(json.dumps(document))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def link(bpy, plan_file):
+    """A small link in the scene, ready to fit."""
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file()))
+    return bpy.context.object
+
+
+@pytest.fixture
+def fit_plainly(tmp_path):
+    """Bytes that the command line makes of a plan, without Blender."""
+
+    def fit(path):
+        out = tmp_path / "plain.json"
+        assert cli.main(["fit", str(path), "-o", str(out)]) == 0
+        return out.read_bytes()
+
+    return fit
+
+
+@pytest.fixture
+def fit_scene(addon, tmp_path):
+    """Bytes that the same words make of the open scene."""
+
+    def fit():
+        out = tmp_path / "scene.json"
+        assert addon.command.main(["fit", "-o", str(out)]) == 0
+        return out.read_bytes()
+
+    return fit
+
+
+PLAN = {
+    "format": "skin-plan",
+    "version": 1,
+    "grid": {"kind": "tube", "n": 5, "lines": 12, "axis": "auto", "margin": 0.004, "spacing": "uniform"},
+    "skins": [
+        {
+            "name": "band",
+            "kind": "sheet",
+            "rows": 2,
+            "columns": 3,
+            "pitch": [0.0085, 0.01],
+            "origin": "center",
+            "direction": [0.0, 1.0, 0.0],
+        }
+    ],
+}
+
+
+def oval(angle, height):
+    """A bent, tapered oval tube of 80 mm that is like none of its mirror images."""
+    a, b = 0.04 - 0.005 * height, 0.03 + 0.002 * np.sin(angle + 0.4)
+    return np.column_stack((a * np.cos(angle) + 0.004 * height**2, b * np.sin(angle) + 0.01, 0.02 + 0.08 * height))

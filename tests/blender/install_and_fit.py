@@ -1,0 +1,28 @@
+"""Run in a Python of its own, with Blender's module and NumPy alone: install a zip, fit a scene, tell what was used.
+
+python -S install_and_fit.py EXTENSION.zip SCENE.blend OUT.json TOLD.json
+"""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import bpy
+
+
+def main(archive, scene, out, told):
+    """Do what a user does with a fresh Blender."""
+    before = {name: importlib.util.find_spec(name) is not None for name in ("scipy", "trimesh", "skin_calib_addon")}
+    bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
+    bpy.ops.wm.open_mainfile(filepath=scene)
+    bpy.ops.skin_calib.fit()
+    bpy.ops.skin_calib.export_calibration(filepath=out)
+    places = {name: str(Path(sys.modules[name].__file__).parent) for name in ("numpy", "scipy", "trimesh")}
+    ours = [name for name in sys.modules if name.endswith("skin_calib_addon.pipeline")]
+    version = sys.modules["scipy"].__version__
+    Path(told).write_text(json.dumps({"before": before, "places": places, "ours": ours, "version": version}))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,77 @@
+"""One calibration, whichever door one takes: the button, the command, a batch, plain Python."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.blender.conftest import ROOT
+
+SAMPLES = ROOT / "sample_scenes"
+
+
+def run(*words):
+    done = subprocess.run([sys.executable, *map(str, words)], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("name", ["wrist", "sole", "edge"])
+def test_sample_gives_the_same_bytes_at_every_door(bpy, addon, tmp_path, name):
+    """Operator, command inside Blender, batch process and command line agree on each sample."""
+    button, command, batch, plain = (tmp_path / f"{door}.json" for door in ("button", "command", "batch", "plain"))
+    bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / f"{name}.blend"))
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
+    assert bpy.ops.skin_calib.export_calibration(filepath=str(button)) == {"FINISHED"}
+    assert addon.command.main(["fit", "-o", str(command)]) == 0
+    run("examples/batch_fit.py", SAMPLES / f"{name}.blend", "--", "-o", batch)
+    run("-m", "skin_calib_addon", "fit", SAMPLES / f"{name}.plan.json", "-o", plain)
+    assert button.read_bytes() == command.read_bytes() == batch.read_bytes() == plain.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["wrist", "sole", "edge"])
+def test_sample_opens_ready_to_fit(bpy, name):
+    """The link is active and named, lengths are in millimetres, the view is on the link with the sidebar open."""
+    bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / f"{name}.blend"))
+    link = bpy.context.object
+    assert link.skin_calib.link == f"sample_{name}" and not link.skin_calib.result.key
+    assert bpy.context.scene.unit_settings.length_unit == "MILLIMETERS"
+    view = next(a.spaces.active for a in bpy.data.screens["Layout"].areas if a.type == "VIEW_3D")
+    assert view.show_region_ui
+    size = max(link.dimensions)
+    middle = sum((link.matrix_world @ v.co for v in link.data.vertices), start=view.region_3d.view_location * 0)
+    assert (view.region_3d.view_location - middle / len(link.data.vertices)).length < 0.2 * size
+    assert size < view.region_3d.view_distance < 3 * size
+    assert view.clip_start < 0.1 * size < 10 * size < view.clip_end
+
+
+def test_batch_without_links_says_so(bpy, tmp_path):
+    """An empty scene is wrong data: one line, code 1, no file."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "empty.blend"))
+    words = ["examples/batch_fit.py", tmp_path / "empty.blend", "--", "-o", tmp_path / "out.json"]
+    done = subprocess.run([sys.executable, *map(str, words)], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert [line for line in done.stderr.splitlines() if line.startswith("skin-calib: the scene has no link")]
+    assert not (tmp_path / "out.json").exists()
+
+
+def test_command_fits_every_link_of_the_scene(bpy, addon, plan_file, fit_plainly, tmp_path):
+    """Two links of one scene become two files in a folder, each as its plan alone gives it."""
+    plans = [plan_file("left"), plan_file("right", numbers_in="mm", degree=[2, 4])]
+    for path in plans:
+        bpy.ops.skin_calib.import_plan(filepath=str(path))
+    out = tmp_path / "out"
+    out.mkdir()
+    assert addon.command.main(["fit", "-o", str(out)]) == 0
+    assert sorted(p.name for p in out.iterdir()) == ["left.calibration.json", "right.calibration.json"]
+    for path in plans:
+        name = path.name.removesuffix(".plan.json")
+        assert (out / f"{name}.calibration.json").read_bytes() == fit_plainly(path)
+
+
+def test_command_takes_plan_files_too(addon, plan_file, fit_plainly, tmp_path, capsys):
+    """A plan named on the command line is fitted in place of the scene."""
+    path = plan_file()
+    assert addon.command.main(["fit", str(path), "-o", str(tmp_path / "out.json")]) == 0
+    assert (tmp_path / "out.json").read_bytes() == fit_plainly(path)
+    assert addon.command.main(["check", str(tmp_path / "out.json")]) == 0

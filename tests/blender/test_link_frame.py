@@ -1,0 +1,131 @@
+"""What leaves Blender is metres in the link frame, however the object and its parent are placed."""
+
+import json
+from math import radians
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+
+def frame_for(bpy, link, scale=(1, 1, 1), keep=False):
+    """Hang the link on a frame that is somewhere in the world; ``keep`` as Blender's Parent does, in place."""
+    frame = bpy.data.objects.new("frame", None)
+    bpy.context.scene.collection.objects.link(frame)
+    frame.location, frame.rotation_euler, frame.scale = (0.3, -0.2, 0.9), (0.4, 1.1, -2.0), scale
+    bpy.context.view_layer.update()
+    link.parent = frame
+    if keep:
+        link.matrix_parent_inverse = frame.matrix_world.inverted()
+    bpy.context.view_layer.update()
+    return frame
+
+
+def taxels(data):
+    """Positions and normals of the first patch."""
+    table = json.loads(data)["patches"][0]["taxels"]
+    return np.array(table["position"]), np.array(table["normal"])
+
+
+def test_pose_of_the_parent_does_not_matter_to_the_bit(bpy, link, fit_scene):
+    """The frame's place and turn in the world are the robot's pose, not the link's shape."""
+    alone = fit_scene()
+    frame = frame_for(bpy, link)
+    assert fit_scene() == alone
+    frame.location, frame.rotation_euler = (-1, 7, 0.1), (3, 2, 1)
+    assert fit_scene() == alone
+
+
+@pytest.mark.parametrize("scale", [0.001, 25.4])
+def test_even_scale_of_the_parent_counts(bpy, link, fit_scene, scale):
+    """A link in millimetres under a frame of scale 0.001 is as large as it looks."""
+    alone = taxels(fit_scene())
+    frame_for(bpy, link, (scale,) * 3)
+    link.scale = (1 / scale,) * 3
+    for one, other in zip(alone, taxels(fit_scene())):
+        assert_allclose(one, other, atol=1e-8)
+
+
+@pytest.mark.parametrize("scale", [(-1, 1, 1), (-1, -1, -1), (1, 1, 2)])
+def test_parent_that_is_no_frame_is_refused(bpy, link, scale):
+    """Mirrored or stretched, the parent's axes are no rotation."""
+    frame_for(bpy, link, scale)
+    with pytest.raises(RuntimeError, match="frame, the parent of arm .* mirrored or scaled unevenly; apply its scale"):
+        bpy.ops.skin_calib.fit()
+
+
+def test_parented_in_place_is_measured_from_the_parent(bpy, link, fit_scene):
+    """Blender's own way to parent keeps the object in place: taxels move from world to parent axes."""
+    world = taxels(fit_scene())
+    frame = frame_for(bpy, link, keep=True)
+    to_link = np.array(frame.matrix_world.inverted())
+    link.skin_calib.skins[0].direction = to_link[:3, :3] @ (0, 1, 0)
+    positions, normals = taxels(fit_scene())
+    assert_allclose(positions, world[0] @ to_link[:3, :3].T + to_link[:3, 3], atol=1e-6)
+    assert_allclose(normals, world[1] @ to_link[:3, :3].T, atol=1e-5)
+
+
+def test_moved_and_turned_object_carries_its_taxels(bpy, link, fit_scene):
+    """Without a parent the world is the link frame: the object's place in it counts."""
+    before = taxels(fit_scene())
+    link.location, link.rotation_euler = (0.1, -0.3, 0.02), (radians(20), radians(-35), radians(80))
+    bpy.context.view_layer.update()
+    placed = np.array(link.matrix_world)
+    link.skin_calib.skins[0].direction = placed[:3, :3] @ (0, 1, 0)
+    after = taxels(fit_scene())
+    assert_allclose(after[0], before[0] @ placed[:3, :3].T + placed[:3, 3], atol=1e-6)
+    assert_allclose(after[1], before[1] @ placed[:3, :3].T, atol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -1, 1), (-1, -1, -1)])
+def test_mirrored_object_keeps_outward_normals(bpy, link, fit_scene, fit_plainly, tmp_path, scale):
+    """The other arm's link: a mirrored mesh looks outward still, and its plan gives the same without Blender."""
+    link.scale = scale
+    middle = np.array([(link.matrix_basis @ v.co)[:] for v in link.data.vertices]).mean(axis=0)
+    data = fit_scene()
+    positions, normals = taxels(data)
+    assert (np.einsum("ij,ij->i", positions - middle, normals) > 0.02).all()
+    bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "mirrored.plan.json"))
+    assert fit_scene() == fit_plainly(tmp_path / "mirrored.plan.json")
+
+
+def test_placed_object_and_its_exported_plan_agree_to_the_bit(bpy, link, fit_scene, fit_plainly, tmp_path):
+    """Moved, turned, scaled, under a frame, in a scene of centimetres: the exported plan gives the scene's bytes."""
+    bpy.context.scene.unit_settings.scale_length = 0.01
+    frame_for(bpy, link, (2, 2, 2))
+    link.location, link.rotation_euler, link.scale = (1.0, -3.0, 2.0), (0.3, 0.7, 0.2), (-49, 51, 50)
+    link.skin_calib.grid.auto_margin = True
+    link.skin_calib.skins[0].pitch = (0.85, 1.0)
+    bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "placed.plan.json"))
+    assert fit_scene() == fit_plainly(tmp_path / "placed.plan.json")
+
+
+def test_cut_starts_at_the_cursor(bpy, addon, link):
+    """The cursor is in the world, the cut in the link frame."""
+    frame = frame_for(bpy, link, (2, 2, 2))
+    bpy.context.scene.cursor.location = (0.25, -0.1, 0.8)
+    bpy.ops.skin_calib.cut_add()
+    place, turn, _ = frame.matrix_world.decompose()
+    point = turn @ link.skin_calib.cover.cuts[0].point + place
+    assert_allclose(point, (0.25, -0.1, 0.8), atol=1e-6)
+
+
+def test_modifiers_count(bpy, addon, link):
+    """The mesh is the one that is seen: with its modifiers, in object and in edit mode."""
+    plain = addon.scene.read_mesh(link, bpy.context)
+    link.modifiers.new("finer", "SUBSURF").levels = 1
+    assert len(addon.scene.read_mesh(link, bpy.context).faces) == 6 * len(plain.faces)  # three quads of each
+    link.modifiers.clear()
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert addon.scene.read_mesh(link, bpy.context).sha256 == plain.sha256
+
+
+def test_link_switched_off_is_fitted_or_refused(bpy, link, fit_scene):
+    """Blender evaluates no modifiers of what is switched off: without any, nothing is lost; with some, we say so."""
+    seen = fit_scene()
+    link.hide_viewport = True
+    assert fit_scene() == seen
+    link.modifiers.new("finer", "SUBSURF")
+    refused = pytest.raises(RuntimeError, match="arm is switched off in the viewport, so its modifiers do not count")
+    with refused, bpy.context.temp_override(object=link):
+        bpy.ops.skin_calib.fit()

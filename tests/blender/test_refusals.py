@@ -1,0 +1,218 @@
+"""What cannot be done is refused with the reason, and leaves scene and files as they were."""
+
+import math
+
+import pytest
+
+from tests.blender.conftest import PLAN
+
+
+def scene_state(bpy, addon):
+    """Everything that a refused operator might have changed."""
+    return [
+        (o.name, addon.scene.plan_document(o, bpy.context.scene), o.skin_calib.result.key, tuple(o.location))
+        for o in bpy.data.objects
+    ], [m.name for m in bpy.data.meshes]
+
+
+def folder_state(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def no_faces(bpy, link):
+    link.data.clear_geometry()
+
+
+def not_finite(bpy, link):
+    link.data.vertices[3].co.x = math.nan
+
+
+def in_millimetres(bpy, link):
+    link.scale = (1000, 1000, 1000)
+
+
+def too_few_planes(bpy, link):
+    link.skin_calib.grid.n = 3
+
+
+def too_few_lines(bpy, link):
+    link.skin_calib.grid.lines = 3
+
+
+def wide_margin(bpy, link):
+    link.skin_calib.grid.margin = 0.05
+
+
+def far_cut(bpy, link):
+    link.skin_calib.cover.cuts.add().point = (0, 0, 3)
+
+
+def zero_cut(bpy, link):
+    link.skin_calib.cover.cuts.add().normal = (0, 0, 0)
+
+
+def no_planes(bpy, link):
+    link.skin_calib.grid.kind = "planes"
+
+
+def same_names(bpy, link):
+    skin = link.skin_calib.skins.add()
+    skin.name, skin.first_channel = "band", 100
+
+
+def shared_channels(bpy, link):
+    link.skin_calib.skins.add().name = "other"
+
+
+def no_pitch(bpy, link):
+    link.skin_calib.skins[0].pitch = (0, 0.01)
+
+
+def wide_sheet(bpy, link):
+    link.skin_calib.skins[0].rows = 50
+
+
+def not_a_number(bpy, link):
+    link.skin_calib.skins[0].direction = (0, math.nan, 0)
+
+
+def no_tolerance(bpy, link):
+    link.skin_calib.grid.kind, link.skin_calib.grid.tolerance = "auto", 0
+
+
+BAD_LINKS = {
+    no_faces: "arm: the mesh has no faces",
+    not_finite: "arm: vertex 3 of the mesh is not finite",
+    in_millimetres: "arm is .* m across in this scene; set the object's scale, or the scene's unit scale",
+    too_few_planes: "degree 3 needs at least 4 u-planes, the grid has 3",
+    too_few_lines: "degree 3 needs at least 4 .*lines, the grid has 3",
+    wide_margin: "margin 50 mm at both ends leaves nothing of the .* mm along the axis",
+    far_cut: "cut 0 removes the whole mesh",
+    zero_cut: "the normal of cut 0 is zero",
+    no_planes: "the plan of arm is not valid: .*/grid/u must",
+    same_names: "two skins are called 'band'",
+    shared_channels: "skins 'band' and 'other' share channel 0",
+    no_pitch: "the plan of arm is not valid: .*/skins/0/pitch",
+    wide_sheet: r"cell \(0, 0\) lies .* mm beyond the edge",
+    not_a_number: "the plan holds nan",
+    no_tolerance: "the plan of arm is not valid: .*/grid/tolerance must be more than 0",
+}
+
+
+@pytest.mark.parametrize("spoil", BAD_LINKS, ids=lambda spoil: spoil.__name__)
+def test_bad_link_is_refused_by_every_door(bpy, addon, link, tmp_path, capsys, spoil):
+    """Fit, both exports and the command say the same, and change nothing."""
+    bpy.ops.skin_calib.fit()
+    out = tmp_path / "out.json"
+    out.write_bytes(b"as it was")
+    spoil(bpy, link)
+    bpy.context.view_layer.update()
+    scene, files = scene_state(bpy, addon), folder_state(tmp_path)
+    with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[spoil]}"):
+        bpy.ops.skin_calib.fit()
+    with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[spoil]}"):
+        bpy.ops.skin_calib.export_calibration(filepath=str(out))
+    assert addon.command.main(["fit", "-o", str(out)]) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert str(scene_state(bpy, addon)) == str(scene) and folder_state(tmp_path) == files
+
+
+BAD_PLANS = {
+    "misspelt": ({"gird": PLAN["grid"]}, "arm.plan.json is no valid plan: .*/gird"),
+    "unknown kind": ({"grid": {"kind": "ball"}}, "arm.plan.json is no valid plan: .*/grid"),
+    "other unit": ({"unit": "inch"}, "arm.plan.json is no valid plan: .*/unit"),
+    "wrong unit": ({"unit": "mm"}, 'arm.stl is .* m across when read in "mm"; it is likely in m'),
+    "no mesh": ({"mesh": "leg.stl"}, "no mesh file at .*leg.stl"),
+    "no mesh format": ({"mesh": "arm.plan.json"}, "cannot read arm.plan.json: use one of"),
+    "channels": ({"skins": [PLAN["skins"][0] | {"first_channel": 2**31}]}, "the highest is 2147483647"),
+    "huge response": ({"response": {"kind": "polynomial", "coefficients": [1e300]}}, "the plan holds 1e.300"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_PLANS)
+def test_bad_plan_is_refused(bpy, addon, plan_file, tmp_path, case):
+    """A plan that cannot be read, or does not fit its mesh, opens nothing."""
+    changes, message = BAD_PLANS[case]
+    path = plan_file(**changes)
+    scene, files = scene_state(bpy, addon), folder_state(tmp_path)
+    with pytest.raises(RuntimeError, match=f"Error: .*{message}"):
+        bpy.ops.skin_calib.import_plan(filepath=str(path))
+    assert scene_state(bpy, addon) == scene and folder_state(tmp_path) == files
+
+
+def test_unreadable_plan_is_refused(bpy, addon, tmp_path):
+    """No file, no JSON, a folder: one line each."""
+    (tmp_path / "broken.json").write_text("{")
+    for path in ("missing.json", "broken.json", "."):
+        with pytest.raises(RuntimeError, match="Error: .+"):
+            bpy.ops.skin_calib.import_plan(filepath=str(tmp_path / path))
+    assert not bpy.data.objects
+
+
+@pytest.mark.parametrize("operator", ["export_plan", "export_calibration"])
+def test_place_that_cannot_be_written_is_refused(bpy, addon, link, tmp_path, operator):
+    """A missing folder, a folder in the file's place, no path: the scene and the files stay."""
+    (tmp_path / "folder").mkdir()
+    scene, files = scene_state(bpy, addon), folder_state(tmp_path)
+    for path in (tmp_path / "missing" / "out.json", tmp_path / "folder"):
+        with pytest.raises(RuntimeError, match="Error: cannot write "):
+            getattr(bpy.ops.skin_calib, operator)(filepath=str(path))
+    assert scene_state(bpy, addon) == scene and folder_state(tmp_path) == files
+
+
+def bare_object(bpy, kind="MESH"):
+    data = bpy.data.meshes.new("bare") if kind == "MESH" else None
+    bare = bpy.data.objects.new("bare", data)
+    bpy.context.scene.collection.objects.link(bare)
+    bpy.context.view_layer.objects.active = bare
+    return bare
+
+
+@pytest.mark.parametrize("operator", ["fit", "skin_add", "cut_add", "export_plan", "export_calibration"])
+def test_button_without_a_link_says_why(bpy, operator):
+    """Nothing active, an empty active, a mesh without a name: the message tells what to do."""
+    press = getattr(bpy.ops.skin_calib, operator)
+    with pytest.raises(RuntimeError, match="Select the mesh object of a link"):
+        press()
+    bare_object(bpy, "EMPTY")
+    with pytest.raises(RuntimeError, match="Select the mesh object of a link"):
+        press()
+    bare_object(bpy)
+    if operator in ("skin_add", "cut_add"):
+        assert press() == {"FINISHED"}
+    else:
+        with pytest.raises(RuntimeError, match="Give the object a link name first"):
+            press()
+
+
+@pytest.mark.parametrize("operator", ["skin_remove", "cut_remove"])
+def test_entry_that_is_not_there_is_not_removed(bpy, link, operator):
+    """An index beyond the list is refused."""
+    with pytest.raises(RuntimeError, match="no entry 5 here"):
+        getattr(bpy.ops.skin_calib, operator)(index=5)
+    assert len(link.skin_calib.skins) == 1
+
+
+def test_linked_library_is_fitted_from_outside_and_not_edited(bpy, addon, link, fit_scene, tmp_path):
+    """An object of another file keeps its plan: the command fits it, the buttons say where to edit it."""
+    own = fit_scene()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.objects = ["arm"]
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    bpy.context.view_layer.objects.active = wanted.objects[0]
+    assert fit_scene() == own
+    for press in (bpy.ops.skin_calib.fit, bpy.ops.skin_calib.skin_add, bpy.ops.skin_calib.export_plan):
+        with pytest.raises(RuntimeError, match="belongs to another file; open that file, or make the object local"):
+            press()
+    wanted.objects[0].make_local()
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
+
+
+def test_import_from_edit_mode_leaves_it(bpy, plan_file, link):
+    """The new link is active in object mode; the mesh that was edited is whole."""
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("leg")))
+    assert bpy.context.object.name == "leg" and bpy.context.mode == "OBJECT"
+    assert [o.name for o in bpy.context.selected_objects] == ["leg"]

@@ -1,0 +1,145 @@
+"""The extension comes and goes without a trace, and says what each of its parts is for."""
+
+from types import MethodType
+
+import pytest
+
+OPERATORS = ("fit", "skin_add", "skin_remove", "cut_add", "cut_remove")
+EXCHANGE = ("import_plan", "export_plan", "export_calibration")
+PANELS = ("link", "cut", "grid", "fit", "skin", "inspect", "export")
+
+
+def traces(bpy):
+    """Everything of ours that Blender knows of."""
+    return {
+        "classes": sorted(name for name in dir(bpy.types) if name.startswith("SKIN_")),
+        "operators": sorted(dir(bpy.ops.skin_calib)),
+        "properties": [p.identifier for p in bpy.types.Object.bl_rna.properties if "skin" in p.identifier],
+        "menus": [
+            function.__name__
+            for menu in (bpy.types.TOPBAR_MT_file_import, bpy.types.TOPBAR_MT_file_export)
+            for function in menu._dyn_ui_initialize()
+            if "skin_calib" in function.__module__
+        ],
+        "handlers": [
+            function
+            for name in dir(bpy.app.handlers)
+            if isinstance(getattr(bpy.app.handlers, name), list)
+            for function in getattr(bpy.app.handlers, name)
+            if "skin_calib" in getattr(function, "__module__", "")
+        ],
+    }
+
+
+def test_extension_leaves_nothing_behind(bpy, addon, extension):
+    """Disabled, enabled, disabled: Blender knows nothing of ours, all of it, nothing."""
+    import addon_utils
+
+    enabled = traces(bpy)
+    assert enabled["operators"] == sorted((*OPERATORS, *EXCHANGE))
+    assert enabled["properties"] == ["skin_calib"] and enabled["menus"] == ["draw_import", "draw_export"]
+    for _ in range(2):
+        addon_utils.disable(extension)
+        assert not any(traces(bpy).values())
+        assert addon.overlay._handle is None and not addon.overlay._prepared and not addon.command._commands
+        assert not addon.results._results
+        addon_utils.enable(extension)
+        assert traces(bpy) == enabled
+
+
+def test_operator_has_tooltip_and_undo(bpy):
+    """Each says what it does; each that changes the scene can be undone."""
+    for name in (*OPERATORS, *EXCHANGE):
+        operator = getattr(bpy.ops.skin_calib, name)
+        assert len(operator.get_rna_type().description) > 15, name
+        assert operator.get_rna_type().name != name
+        undo = "UNDO" in getattr(bpy.types, f"SKIN_CALIB_OT_{name}").bl_options
+        assert undo == (name != "export_calibration"), name
+
+
+def properties(group, path=""):
+    """Every property of a group and of those in it, with its path."""
+    for item in group.properties:
+        if item.identifier not in ("rna_type", "name") or path.endswith("skins."):
+            yield path + item.identifier, item
+        if item.type in ("POINTER", "COLLECTION") and item.identifier != "rna_type":
+            yield from properties(item.fixed_type, f"{path}{item.identifier}.")
+
+
+def test_property_has_tooltip_and_no_animation(bpy):
+    """Each property of a plan is explained, and none can be keyed."""
+    found = dict(properties(bpy.types.Object.bl_rna.properties["skin_calib"].fixed_type))
+    assert {"link", "cover.cuts.normal", "grid.tolerance", "skins.name", "result.mean"} < found.keys()
+    assert [path for path, item in found.items() if len(item.description) < 6] == []
+    assert [path for path, item in found.items() if item.is_animatable and item.type != "POINTER"] == []
+
+
+class Layout:
+    """Stands in for a panel's layout: takes what Blender would, and writes down what is shown."""
+
+    def __init__(self, bpy, shown):
+        self.bpy, self.shown = bpy, shown
+
+    def _part(self, **_):
+        return Layout(self.bpy, self.shown)
+
+    box = row = column = _part
+
+    def label(self, text, icon="NONE"):
+        self.shown.append(text)
+
+    def prop(self, data, name, **_):
+        assert name in data.bl_rna.properties, f"{data} has no {name}"
+        self.shown.append(name)
+
+    def operator(self, name, **_):
+        module, name = name.split(".")
+        self.shown.append(getattr(getattr(self.bpy.ops, module), name).get_rna_type().name)
+        return self
+
+
+class Drawn:
+    """Stands in for a panel, of which Blender alone makes one."""
+
+    def __init__(self, panel, layout):
+        self.panel, self.layout = panel, layout
+
+    def __getattr__(self, name):
+        return MethodType(getattr(self.panel, name), self)
+
+
+def draw(bpy, name):
+    """What a panel shows; None if it is not there."""
+    panel = getattr(bpy.types, f"SKIN_PT_{name}")
+    if not panel.poll(bpy.context):
+        return None
+    layout = Layout(bpy, [])
+    Drawn(panel, layout).draw(bpy.context)
+    return layout.shown
+
+
+@pytest.mark.parametrize("kind", ["tube", "auto", "sector", "across", "planes"])
+def test_panel_lays_out_what_there_is(bpy, link, kind):
+    """Every button and field that a panel names exists, whatever the plan is."""
+    plan = link.skin_calib
+    plan.grid.kind, plan.grid.auto_axis, plan.grid.auto_margin = kind, False, False
+    plan.skins[0].centred = False
+    bpy.ops.skin_calib.cut_add()
+    shown = {name: draw(bpy, name) for name in PANELS}
+    assert shown["skin"][:3] == ["name", "Remove Sheet", "rows"]
+    assert ("tolerance" in shown["grid"]) == (kind == "auto")
+    assert shown["fit"] == ["Fit"]
+    assert "Fit the link to see its skin" in shown["inspect"]
+
+
+def test_panel_says_what_to_do_next(bpy):
+    """Without a mesh, without a name, after a change: the tab tells."""
+    assert draw(bpy, "link")[0] == "Select the mesh of a link,"
+    assert draw(bpy, "fit") is None
+    mesh = bpy.data.meshes.new("bare")
+    bare = bpy.data.objects.new("bare", mesh)
+    bpy.context.scene.collection.objects.link(bare)
+    bpy.context.view_layer.objects.active = bare
+    assert "Name the link to begin" in draw(bpy, "link")
+    bare.skin_calib.result.key, bare.skin_calib.result.outdated = "key", True
+    assert "The plan has changed: fit again" in draw(bpy, "fit")

@@ -1,0 +1,101 @@
+"""Drives the window through edits of the plan: refused ones, lists, typed numbers, a moved frame."""
+
+import bpy
+from sample_wrist import hover_view, link, plan, red, undo
+
+
+def drive(gui):
+    yield from gui.tab("Skin")
+    yield from hover_view(gui)
+    yield from gui.redraw()
+    bare = red(gui)
+    fit = yield from gui.find("skin_calib.fit")  # it stays there, unless cuts are listed above it
+    yield from gui.click(*fit)
+    yield from gui.wait(lambda: plan().result.key, 30, "the fit")
+    yield from hides_the_overlay(gui, bare)
+    yield from says_what_is_wrong(gui, fit)
+    yield from edits_lists(gui)
+    yield from types_a_number(gui, fit)
+    yield from follows_the_parent(gui, bare, fit)
+
+
+def hides_the_overlay(gui, bare):
+    """The switch of the overlay works, and Ctrl-Z takes it back."""
+    yield from hover_view(gui)
+    yield from gui.redraw()
+    drawn = red(gui)
+    yield from gui.press("skin_calib.show_overlay")
+    yield from hover_view(gui)
+    yield from gui.redraw()
+    assert abs(red(gui) - bare) < 0.1 * (drawn - bare), (bare, drawn, red(gui))
+    yield from undo(gui)
+    assert red(gui) == drawn
+
+
+def says_what_is_wrong(gui, fit):
+    """A plan that cannot be fitted is refused with a message; the last result stays."""
+    key = plan().result.key
+    plan().grid.n = 2
+    yield from gui.click(*fit)
+    yield from gui.redraw()
+    yield from gui.shot("refused.png")
+    assert plan().result.key == key and plan().result.outdated
+    yield from gui.key("ESC")  # the message is a pop-up
+    plan().grid.n = 10
+
+
+def edits_lists(gui):
+    """Sheets and cuts come and go, each in one undo step."""
+    yield from gui.press("skin_calib.skin_add")
+    assert [s.name for s in plan().skins] == ["wrist", "skin"] and plan().skins[1].first_channel == 132
+    yield from gui.press("skin_calib.cut_add")
+    assert len(plan().cover.cuts) == 1
+    yield from gui.shot("lists.png")
+    yield from gui.press("skin_calib.cut_remove")
+    assert len(plan().cover.cuts) == 0
+    yield from gui.press("skin_calib.skin_remove(index=1")
+    assert [s.name for s in plan().skins] == ["wrist"]
+    yield from undo(gui)
+    assert len(plan().skins) == 2
+    yield from undo(gui)
+    assert len(plan().cover.cuts) == 1
+    yield from undo(gui, "shift")
+    yield from undo(gui, "shift")
+    assert (len(plan().skins), len(plan().cover.cuts)) == (1, 0)
+
+
+def types_a_number(gui, fit):
+    """A number typed into the sidebar outdates the result; a second fit brings it up to date."""
+    yield from gui.find("skin_calib.grid.n")
+    yield from gui.key("RET")
+    yield from gui.key("A", "ctrl")
+    yield from gui.type("12")
+    yield from gui.key("RET")
+    yield from gui.redraw()
+    assert plan().grid.n == 12 and plan().result.outdated
+    yield from gui.click(*fit)
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the second fit")
+    assert plan().result.control_points == 240
+    yield from undo(gui)
+    yield from undo(gui)
+    assert plan().grid.n == 10
+
+
+def follows_the_parent(gui, bare, fit):
+    """The frame that a link hangs on may be moved and turned: the overlay goes along, the calibration stays."""
+    yield from gui.click(*fit)
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the fit")
+    yield from hover_view(gui)
+    yield from gui.redraw()
+    key, drawn = plan().result.key, red(gui)
+    frame = bpy.data.objects.new("frame", None)
+    bpy.context.scene.collection.objects.link(frame)
+    link().parent = frame
+    frame.location, frame.rotation_euler = (0.01, 0.01, -0.01), (0.3, 0.2, 0.5)
+    yield from gui.redraw(3)
+    yield from gui.shot("moved.png")
+    assert red(gui) - bare > 0.5 * (drawn - bare)
+    plan().result.outdated = True
+    yield from gui.click(*fit)
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the fit of the moved link")
+    assert plan().result.key == key

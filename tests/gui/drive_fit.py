@@ -1,0 +1,66 @@
+"""Drives the window from the opened sample to an exported calibration."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+from mathutils import Vector
+from sample_wrist import hover_view, link, plan, red, undo
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def drive(gui):
+    yield from opens_ready_to_fit(gui)
+    yield from fits_and_undoes(gui)
+    yield from exports(gui)
+
+
+def opens_ready_to_fit(gui):
+    """Framed, in millimetres, the sidebar open."""
+    assert bpy.context.object == link() and plan().link == "sample_wrist"
+    assert bpy.context.scene.unit_settings.length_unit == "MILLIMETERS"
+    assert gui.area().spaces.active.show_region_ui
+    pixels = [gui.at(link().matrix_world @ Vector(corner)) for corner in link().bound_box]  # raises where out of view
+    sidebar, view = gui.region("UI"), gui.region()
+    assert max(x for x, _ in pixels) < sidebar.x, "the sidebar hides the link"
+    height = max(y for _, y in pixels) - min(y for _, y in pixels)
+    assert height > 0.5 * min(sidebar.x - view.x, view.height), "the link is small in the view"
+    yield from gui.tab("Skin")
+    yield from gui.shot("opened.png")
+
+
+def fits_and_undoes(gui):
+    """The overlay comes with the fit, goes with Ctrl-Z, and comes back with Ctrl-Shift-Z."""
+    empty = red(gui)
+    yield from gui.press("skin_calib.fit")
+    yield from gui.wait(lambda: plan().result.key, 30, "the fit")
+    yield from hover_view(gui)
+    yield from gui.shot("fitted.png")
+    key, drawn = plan().result.key, red(gui)
+    assert plan().result.taxels == 132 and plan().result.mean < 1e-4
+    assert drawn > empty + 300, f"the overlay shows {drawn - empty} red pixels"
+    yield from undo(gui)
+    assert not plan().result.key and red(gui) == empty
+    yield from gui.shot("undone.png")
+    yield from undo(gui, "shift")
+    assert plan().result.key == key and red(gui) == drawn
+
+
+def exports(gui):
+    """The file from the window is that of the command line with the same libraries, to the byte."""
+    path = gui.out / "wrist.calibration.json"
+    path.unlink(missing_ok=True)
+    yield from gui.press("skin_calib.export_calibration")
+    yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
+    yield from gui.shot("export.png")
+    params = gui.area("FILE_BROWSER").spaces.active.params
+    assert params.filename == "sample_wrist.calibration.json", params.filename
+    yield from gui.choose_file(path)
+    yield from gui.wait(path.exists, 30, "the exported file")
+    plain = gui.out / "plain.calibration.json"
+    words = ["-m", "skin_calib_addon", "fit", ROOT / "sample_scenes/wrist.plan.json", "-o", plain]
+    python = f"python{sys.version_info.major}.{sys.version_info.minor}"
+    subprocess.run([python, *words], cwd=ROOT, check=True, capture_output=True)
+    assert path.read_bytes() == plain.read_bytes()

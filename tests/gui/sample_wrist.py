@@ -1,0 +1,32 @@
+"""What the drivers of the window share: the sample's plan, what is drawn of it, keys for the 3D view."""
+
+import bpy
+
+
+def link():
+    """The sample, looked up anew: undo leaves old references dead."""
+    return bpy.context.scene.objects["sample_wrist"]
+
+
+def plan():
+    """Its plan."""
+    return link().skin_calib
+
+
+def red(gui):
+    """How many pixels of the 3D view are red, as the normals of taxels are."""
+    r, g, b = gui.pixels("VIEW_3D").astype(int).transpose(2, 0, 1)
+    return int(((r > 180) & (g < 90) & (b < 90)).sum())
+
+
+def hover_view(gui):
+    """Put the mouse where keys go to the 3D view and nothing is highlighted."""
+    region = gui.region()
+    yield from gui.move(region.x + 120, region.y + 60)
+
+
+def undo(gui, *mods):
+    """Ctrl-Z; with "shift", redo."""
+    yield from hover_view(gui)
+    yield from gui.key("Z", "ctrl", *mods)
+    yield from gui.redraw(3)

@@ -1,0 +1,107 @@
+"""A real Blender: its window driven by mouse and keys, and its command line; each runs in preferences of its own."""
+
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.blender.test_extension_zip import PLATFORMS, zip_of_these_sources
+
+ROOT = Path(__file__).resolve().parents[2]
+TOOLS = ROOT.parent / "shared" / "blender"
+SAMPLES = ROOT / "sample_scenes"
+
+
+@pytest.fixture(scope="session")
+def blender():
+    """The command that runs a Blender with a window; skips, and says why, where there is none."""
+    if not (TOOLS / "gui-blender").exists():
+        pytest.skip("no ../shared/blender beside this checkout, which has the Blender with a window")
+    done = subprocess.run([TOOLS / "gui-blender", "--version"], cwd=ROOT, capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip(f"the Blender with a window does not start: {' '.join(done.stderr.split())}")
+    return TOOLS / "gui-blender"
+
+
+@pytest.mark.parametrize("driver, size", [("drive_fit.py", "1200x1300"), ("drive_edit.py", "1000x1350")])
+def test_window(blender, driver, size, tmp_path):
+    """Every step of the driver does in the window what it says."""
+    words = ["--install", ROOT, "--blend", SAMPLES / "wrist.blend", "--size", size, "--out", tmp_path, "--timeout", 240]
+    command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver)]
+    done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
+
+
+@pytest.fixture(scope="module")
+def installed(blender, tmp_path_factory):
+    """Runs that Blender with the extension installed and enabled; its Python has SciPy and trimesh of its own."""
+    if importlib.util.find_spec("bpy") is None:
+        pytest.skip("no module bpy here, whose builder makes the zip; pip install '.[blender]' brings it")
+    folder = tmp_path_factory.mktemp("installed")
+    archive = folder / "skin_calib.zip"
+    with zipfile.ZipFile(zip_of_these_sources(PLATFORMS["linux"])) as full, zipfile.ZipFile(archive, "w") as bare:
+        for name in full.namelist():
+            text = full.read(name)
+            if name == "blender_manifest.toml":
+                text = re.sub(rb"^wheels = \[.*?^\]", b"", text, flags=re.M | re.S)
+            if not name.startswith("wheels/"):
+                bare.writestr(name, text)
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "resources")}
+    environment["GUI_BLENDER_BIND"] = str(folder)
+
+    def run(*words):
+        command = [*map(str, (blender, *words))]
+        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+
+    done = run("--command", "extension", "install-file", "--repo", "user_default", "--enable", archive)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return run
+
+
+def test_command_line_of_blender_fits_the_scene(installed, tmp_path):
+    """``--command skin_calib`` and a batch script give one file, and the numbers of plain Python."""
+    command, batch, plain = (tmp_path / f"{door}.json" for door in ("command", "batch", "plain"))
+    scene = SAMPLES / "wrist.blend"
+    for done in (
+        installed("--background", scene, "--command", "skin_calib", "fit", "-o", command),
+        installed("--background", scene, "--python", ROOT / "examples" / "batch_fit.py", "--", "-o", batch),
+    ):
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "surface to mesh  mean" in done.stdout
+    assert command.read_bytes() == batch.read_bytes()
+    words = ["-m", "skin_calib_addon", "fit", str(SAMPLES / "wrist.plan.json"), "-o", str(plain)]
+    subprocess.run([sys.executable, *words], cwd=ROOT, check=True, capture_output=True)
+    ours, theirs = (json.loads(path.read_text())["patches"][0]["taxels"] for path in (command, plain))
+    assert ours["id"] == theirs["id"]
+    for name in ("position", "normal", "corners"):
+        assert_allclose(ours[name], theirs[name], atol=1e-9)  # another NumPy and SciPy round otherwise
+
+
+def test_command_line_of_blender_fits_plans_side_by_side(installed, tmp_path):
+    """``--jobs`` is taken, though Blender's process has to do them one by one."""
+    plans = [SAMPLES / "wrist.plan.json", SAMPLES / "edge.plan.json"]
+    done = installed("--command", "skin_calib", "fit", *plans, "-o", tmp_path, "--jobs", 2)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["edge.calibration.json", "wrist.calibration.json"]
+
+
+def test_command_line_of_blender_ends_with_the_codes(installed, tmp_path):
+    """1 where the data is wrong, 2 where the call is, as without Blender, with one line that says why."""
+    out = tmp_path / "out.json"
+    done = installed("--background", "--factory-startup", "--command", "skin_calib", "fit", "-o", out)
+    assert done.returncode != 0  # factory settings have no extension
+    empty = installed("--background", "--command", "skin_calib", "fit", "-o", out)
+    assert empty.returncode == 1 and "skin-calib: the scene has no link to fit" in empty.stderr
+    no_output = installed("--background", SAMPLES / "wrist.blend", "--command", "skin_calib", "fit")
+    assert no_output.returncode == 2 and "-o/--output" in no_output.stderr
+    batch = ROOT / "examples" / "batch_fit.py"
+    no_output = installed("--background", SAMPLES / "wrist.blend", "--python", batch, "--", "--report", out)
+    assert no_output.returncode == 2 and "-o/--output" in no_output.stderr
+    assert not out.exists()

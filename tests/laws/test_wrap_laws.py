@@ -1,0 +1,138 @@
+"""What holds for any sheet: it goes where the link goes, and hangs on the surface, not on how it was found."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.geometry import BSplineSurface, TubeGrid, fit_surface
+from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, cone_surface, cylinder, weld, wrist, wrist_surface
+
+seeds = st.integers(0, 2**32 - 1)
+SHEET = SheetLattice(6, 22, (0.01, 0.01))
+SMALL = SheetLattice(3, 5, (0.01, 0.008))
+
+
+def taxels(surface, lattice=SHEET, origin=None, direction=(0, 1, 0)):
+    """Taxels of a sheet."""
+    return sheet_taxels(wrap_sheet(surface, lattice, origin, direction), "s")
+
+
+def scaled(lattice, scale):
+    """A sheet of larger cells."""
+    return SheetLattice(lattice.rows, lattice.columns, (lattice.pitch[0] * scale, lattice.pitch[1] * scale))
+
+
+@settings(max_examples=5)
+@given(seed=seeds, scale=st.floats(0.3, 3), centred=st.booleans())
+def test_moving_the_mesh_moves_the_taxels(seed, scale, centred):
+    """From mesh to taxels: positions, normals, tangents and corners go along, neighbours and strain stay."""
+    motion, mesh = Motion(seed, scale), wrist()
+    grid = TubeGrid(8, 16, margin=0.002)
+    origin, direction = None if centred else (0.036, -0.004, 0.03), (0.1, 1, 0.1)
+    lattice = SHEET if centred else SMALL
+    here = taxels(fit_surface(mesh, grid).surface, lattice, origin, direction)
+    moved = fit_surface(motion.mesh(mesh), TubeGrid(8, 16, margin=0.002 * scale)).surface
+    there = taxels(
+        moved, scaled(lattice, scale), None if centred else motion.points(origin), motion.directions(direction)
+    )
+    assert_allclose(there.positions_link, motion.points(here.positions_link), rtol=0, atol=1e-8 * scale)
+    assert_allclose(there.corners_link, motion.points(here.corners_link), rtol=0, atol=1e-8 * scale)
+    assert_allclose(there.normals_link, motion.directions(here.normals_link), rtol=0, atol=1e-6)
+    assert_allclose(there.tangents_link, motion.directions(here.tangents_link), rtol=0, atol=1e-6)
+    assert_allclose(there.areas, here.areas * scale**2, rtol=1e-5)
+    assert_allclose(there.quality["strain"], here.quality["strain"], rtol=0, atol=1e-6)
+    assert there.neighbours == here.neighbours
+
+
+def mirrored(surface):
+    """The surface with x turned round; v runs the other way, so that it still looks outward."""
+    net = surface.control_net[:, ::-1] * (-1, 1, 1)
+    return BSplineSurface(net, surface.knots_u, surface.knots_v, surface.degree, surface.closed)
+
+
+def test_mirrored_surface_has_the_mirrored_sheet():
+    """Rows run to the mirrored direction; as the next row lies on the left, the rows of the sheet change places."""
+    here, there = taxels(wrist_surface()), taxels(mirrored(wrist_surface()))
+    swap = np.arange(132).reshape(6, 22)[::-1].ravel()
+    assert_allclose(there.positions_link[swap], here.positions_link * (-1, 1, 1), rtol=0, atol=1e-7)
+    assert_allclose(there.normals_link[swap], here.normals_link * (-1, 1, 1), rtol=0, atol=1e-6)
+    assert_allclose(there.quality["strain"][swap, :2], here.quality["strain"][:, :2], rtol=0, atol=1e-6)
+
+
+def test_sheet_does_not_see_the_parametrisation():
+    """The seam in another place, under the sheet: the same sheet."""
+    surface = cone_surface(0.045, 0.035)
+    rolled = np.roll(surface.control_net[:, :64], 20, axis=1)
+    turned = BSplineSurface(
+        np.concatenate((rolled, rolled[:, :3]), axis=1),
+        surface.knots_u,
+        surface.knots_v,
+        surface.degree,
+        surface.closed,
+    )
+    for origin, direction in (((0.04, 0.0, 0.03), (0, 1, 0.2)), ((-0.03, 0.028, 0.06), (1, 1, -0.3))):
+        places = [taxels(s, SMALL, origin, direction).positions_link for s in (surface, turned)]
+        assert_allclose(*places, rtol=0, atol=1e-8)
+
+
+@settings(max_examples=8)
+@given(angle=st.floats(-3, 3), height=st.floats(0.03, 0.06))
+def test_turned_sheet_is_the_same_sheet(angle, height):
+    """Rows the other way, from the opposite corner: each cell lies where its opposite lay, with the same strain."""
+    surface, lattice = wrist_surface(), SheetLattice(3, 3, (0.01, 0.01))
+    origin = surface.points([[height / LENGTH, angle / 7 % 1]])[0]
+    here = taxels(
+        surface, lattice, origin, np.cross(surface.normals([[height / LENGTH, angle / 7 % 1]])[0], (0, 0, -1))
+    )
+    far = here.positions_link[-1]
+    there = taxels(surface, lattice, far, -here.tangents_link[-1])
+    assert_allclose(there.positions_link[::-1], here.positions_link, rtol=0, atol=2e-4)
+    assert_allclose(there.quality["strain"][::-1], here.quality["strain"], rtol=0, atol=1e-2)
+
+
+@pytest.mark.parametrize("around", [48, 96, 192])
+def test_taxels_are_off_by_no_more_than_the_surface(around):
+    """From the mesh of a cylinder: the error of every taxel is of the size of the facets' sagitta."""
+    mesh = cylinder(around=around)
+    sagitta = RADIUS * (1 - np.cos(np.pi / around))
+    found = taxels(fit_surface(mesh, TubeGrid(8, 24, Z_AXIS)).surface, SMALL, (RADIUS, 0, 0.04))
+    turn, height = found.index[:, 1] * 0.008 / RADIUS, 0.04 + 0.01 * found.index[:, 0]
+    truth = np.column_stack((RADIUS * np.cos(turn), RADIUS * np.sin(turn), height))
+    assert np.linalg.norm(found.positions_link - truth, axis=1).max() < 2 * sagitta + 1e-6
+
+
+def test_finer_fit_moves_the_taxels_by_no_more_than_its_error():
+    """Finer planes and lines: on the mean by less than the coarse fit's worst place is off, nowhere by twice that.
+
+    A radius that is off changes lengths on the way to a cell too.
+    """
+    fits = [fit_surface(wrist(), TubeGrid(n, lines, margin=0.002)) for n, lines in ((6, 12), (10, 20), (16, 32))]
+    places = [taxels(fit.surface, SMALL, (0.036, -0.004, 0.03), (0, 1, 0)).positions_link for fit in fits]
+    for coarse, before, after in zip(fits, places, places[1:]):
+        moved = np.linalg.norm(after - before, axis=1)
+        assert moved.mean() < coarse.errors.hausdorff
+        assert moved.max() < 2 * coarse.errors.hausdorff
+
+
+def test_finer_lattice_of_the_same_sheet_agrees():
+    """Cells of half the pitch: each large cell has its corners, edges and centre where small ones have corners."""
+    surface = wrist_surface()
+    coarse, fine = (
+        surface.points(wrap_sheet(surface, lattice, None, (0, 1, 0)).uv.reshape(-1, 2)).reshape(*lattice.node_shape, 3)
+        for lattice in (SheetLattice(3, 5, (0.01, 0.01)), SheetLattice(6, 10, (0.005, 0.005)))
+    )
+    assert np.linalg.norm(coarse - fine[::2, ::2], axis=2).mean() < 1e-4
+
+
+@pytest.mark.parametrize("weld_again", [False, True])
+def test_taxels_are_the_same_again(weld_again):
+    """Nothing random: the same arrays to the bit."""
+    mesh = wrist()
+    again = weld(mesh.vertices, mesh.faces) if weld_again else mesh
+    found = [taxels(fit_surface(m, TubeGrid(8, 16, margin=0.002)).surface) for m in (mesh, again)]
+    for name in ("positions_link", "normals_link", "tangents_link", "corners_link", "areas", "uv"):
+        a, b = (getattr(t, name) for t in found)
+        assert a.tobytes() == b.tobytes()

@@ -1,0 +1,158 @@
+"""Meshes for tests, built from formulas, in metres."""
+
+from functools import cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sample_scenes import shapes
+from skin_calib_addon.geometry import Axis, BSplineSurface, TriangleMesh, TubeGrid, fit_surface, weld
+from skin_calib_addon.geometry.bspline import clamped_knots, greville, periodic_knots
+
+RADIUS, LENGTH = 0.035, 0.1
+TURN = 2 * np.pi
+Z_AXIS = Axis((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@cache
+def cylinder(radius=RADIUS, length=LENGTH, around=96, along=26):
+    """A tube about z from 0 to ``length``; its first vertices lie in the x-z plane."""
+    return cone(radius, radius, length, around, along)
+
+
+@cache
+def cone(bottom=0.045, top=0.030, length=LENGTH, around=96, along=26):
+    """A tube about z whose radius goes from ``bottom`` to ``top``."""
+
+    def point(angle, height):
+        radius = bottom + (top - bottom) * height
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), length * height))
+
+    return welded(shapes.tube_mesh(point, around, along))
+
+
+@cache
+def wrist():
+    """The sample of a tapered, bent, irregular tube."""
+    return welded(shapes.wrist())
+
+
+def welded(mesh):
+    """A trimesh in the canonical order."""
+    return weld(mesh.vertices, mesh.faces)
+
+
+def sheet(height, size=(0.1, 0.08), cells=(20, 16)):
+    """The graph z = height(x, y) over a rectangle that starts at the origin; faces look up."""
+    a, b = cells
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(a + 1), np.arange(b + 1), indexing="ij"))
+    x, y = size[0] * i / a, size[1] * j / b
+    p = (np.arange(a)[:, None] * (b + 1) + np.arange(b)).ravel()
+    q, r, s = p + b + 1, p + b + 2, p + 1
+    faces = np.concatenate((np.column_stack((p, q, r)), np.column_stack((p, r, s))))
+    return weld(np.column_stack((x, y, height(x, y))), faces)
+
+
+def dome():
+    """A sheet bent upwards in the middle, looking up."""
+    return sheet(lambda x, y: 0.02 - 2 * ((x - 0.05) ** 2 + (y - 0.04) ** 2))
+
+
+def box(low, high):
+    """A closed box; faces look outward."""
+    corners = np.array(np.meshgrid(*zip(low, high), indexing="ij")).reshape(3, -1).T
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    return weld(corners, [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))])
+
+
+def together(*meshes):
+    """Several meshes as one."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts)])
+    return weld(np.concatenate([mesh.vertices for mesh in meshes]), faces)
+
+
+def keep(mesh, wanted):
+    """The faces whose centre is ``wanted(centres)``."""
+    return weld(mesh.vertices, mesh.faces[wanted(mesh.triangles.mean(axis=1))])
+
+
+def with_hole(mesh, centre, radius):
+    """The mesh without the faces near a point."""
+    return keep(mesh, lambda centres: np.linalg.norm(centres - centre, axis=1) > radius)
+
+
+class Motion:
+    """A rotation, a shift and a scale, and what they do to meshes, points and directions."""
+
+    def __init__(self, seed, scale=1.0):
+        self.rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+        self.shift = np.random.default_rng(seed + 1).uniform(-1, 1, 3)
+        self.scale = scale
+
+    @classmethod
+    def none(cls):
+        """Everything stays."""
+        motion = cls(0)
+        motion.rotation, motion.shift = np.eye(3), np.zeros(3)
+        return motion
+
+    def points(self, points):
+        """Where points go."""
+        return self.scale * np.asarray(points) @ self.rotation.T + self.shift
+
+    def directions(self, directions):
+        """Where directions point to."""
+        return np.asarray(directions) @ self.rotation.T
+
+    def mesh(self, mesh):
+        """The mesh in its new place."""
+        return weld(self.points(mesh.vertices), mesh.faces)
+
+    def axis(self, axis):
+        """The axis in its new place."""
+        return axis and Axis(tuple(self.points(axis.point)), tuple(self.directions(axis.direction)))
+
+
+def shuffled(mesh, seed):
+    """The same triangles, listed in another order and starting at other corners."""
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(len(mesh.vertices))
+    faces = np.argsort(order)[mesh.faces[rng.permutation(len(mesh.faces))]]
+    turn = (rng.integers(0, 3, len(faces))[:, None] + np.arange(3)) % 3
+    return mesh.vertices[order], np.take_along_axis(faces, turn, axis=1)
+
+
+def same_mesh(a: TriangleMesh, b: TriangleMesh):
+    """Equal to the bit."""
+    return a.vertices.tobytes() == b.vertices.tobytes() and a.faces.tobytes() == b.faces.tobytes()
+
+
+@cache
+def cone_surface(bottom=0.045, top=0.030, length=LENGTH, lines=64):
+    """A closed cubic surface on a cone about z, off by ten nanometres: what a perfect fit would give."""
+    knots_u, knots_v = clamped_knots(4, 3), periodic_knots(lines, 3)
+    height = greville(knots_u, 3)
+    # Through a point at each knot, a uniform cubic's own angles; the net is a ring of one radius by symmetry.
+    angle = TURN * (np.arange(lines + 3) % lines) / lines
+    swell = 6 / (4 + 2 * np.cos(TURN / lines))
+    radius = (bottom + (top - bottom) * height) * swell
+    ring = np.column_stack((np.cos(angle), -np.sin(angle)))  # clockwise, so that r_u x r_v points outward
+    z = np.broadcast_to((length * height)[:, None, None], (4, lines + 3, 1))
+    net = np.concatenate((radius[:, None, None] * ring, z), axis=2)
+    return BSplineSurface(net, knots_u, knots_v, (3, 3), (False, True))
+
+
+@cache
+def plane_surface(width=0.1, depth=0.08):
+    """The surface z = 0 over a rectangle at the origin, with x and y linear in u and v; it looks up."""
+    knots = clamped_knots(6, 3)
+    place = greville(knots, 3)
+    x, y = np.meshgrid(width * place, depth * place, indexing="ij")
+    return BSplineSurface(np.stack((x, y, 0 * x), axis=-1), knots, knots, (3, 3))
+
+
+@cache
+def wrist_surface():
+    """A fit of the wrist sample: doubly curved."""
+    return fit_surface(wrist(), TubeGrid(10, 20, margin=0.002)).surface

@@ -1,0 +1,358 @@
+"""The command line: codes, files, and one line for everything that is wrong."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration import load_calibration
+from skin_calib_addon.cli import main
+from skin_calib_addon.geometry.mesh import save_mesh
+from skin_calib_addon.plan import load_plan
+from tests.shapes import LENGTH, RADIUS, box, cylinder, together
+from tests.unit.test_mesh import write
+
+ROOT = Path(__file__).parents[2]
+ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+AXIS = {"point": [0, 0, 0], "direction": [0, 0, 1]}
+TUBE = {"kind": "tube", "n": 6, "lines": 12, "axis": AXIS, "margin": 0.003}
+SHEET = {"kind": "sheet", "rows": 2, "columns": 4, "pitch": [0.01, 0.01], "origin": "center", "direction": [0, 1, 0]}
+PLAN = {
+    "format": "skin-plan",
+    "version": 1,
+    "link": "tube",
+    "mesh": "tube.ply",
+    "unit": "m",
+    "grid": TUBE,
+    "skins": [SHEET | {"name": "tube"}],
+}
+
+
+def planes(stations):
+    """A grid of planes across z."""
+    u = [{"point": [0, 0, z], "normal": [0, 0, 1]} for z in stations]
+    angles = np.arange(5) * np.pi / 5
+    v = [{"point": [0, 0, 0], "normal": [float(np.cos(a)), float(np.sin(a)), 0]} for a in angles]
+    return {"kind": "planes", "u": u, "v": v, "closed": True}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a mesh and a plan for it."""
+    save_mesh(cylinder(around=24, along=8), tmp_path / "tube.ply")
+    write_plan(tmp_path)
+    return tmp_path
+
+
+def write_plan(folder, name="tube", **changes):
+    """A plan file; the path to it."""
+    path = folder / f"{name}.plan.json"
+    path.write_text(json.dumps(PLAN | changes))
+    return path
+
+
+def run(*words):
+    """Run a command in a process of its own: code, output, errors."""
+    done = subprocess.run(
+        [sys.executable, "-m", "skin_calib_addon", *map(str, words)], capture_output=True, text=True, env=ENVIRONMENT
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def assert_refused(capsys, code, message, *words):
+    """The call ends with this code, one line on stderr that holds the message, and nothing on stdout."""
+    assert main([str(word) for word in words]) == code
+    out, err = capsys.readouterr()
+    assert out == "" and err.startswith("skin-calib: ") and err.endswith("\n") and err.count("\n") == 1
+    assert message in err
+
+
+def test_fit_writes_a_calibration(folder, capsys):
+    """Code 0, nothing on stderr, ten lines on stdout, and a valid file."""
+    out = folder / "out.json"
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(out)]) == 0
+    text, err = capsys.readouterr()
+    assert err == "" and len(text.splitlines()) == 10
+    assert text.splitlines()[0] == "link             tube" and text.splitlines()[-1] == f"calibration      {out}"
+    calibration = load_calibration(out)
+    assert calibration.link == "tube" and len(calibration.patches[0].taxels.ids) == 8
+    assert not list(folder.glob(".*"))  # no temporary file stays
+
+
+def test_fit_makes_the_same_bytes_again(folder):
+    """Twice in this process and once in another: one calibration, one file."""
+    plan, outs = folder / "tube.plan.json", [folder / f"{k}.json" for k in range(3)]
+    for out in outs[:2]:
+        assert main(["fit", str(plan), "-o", str(out)]) == 0
+    code, _, err = run("fit", plan, "-o", outs[2])
+    assert (code, err) == (0, "")
+    assert outs[0].read_bytes() == outs[1].read_bytes() == outs[2].read_bytes()
+
+
+def test_fit_writes_report_and_picture(folder):
+    """Beside the calibration, where they are asked for."""
+    words = ("--picture", folder / "p.png", "--report", folder / "r.json")
+    assert main([*map(str, ("fit", folder / "tube.plan.json", "-o", folder / "out.json", *words))]) == 0
+    assert (folder / "p.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    report = json.loads((folder / "r.json").read_text())
+    errors = load_calibration(folder / "out.json").surfaces[0].errors
+    assert report["errors"]["hausdorff"] == errors.hausdorff
+    assert report["errors"]["surface_to_mesh"]["mean"] == errors.surface_to_mesh.mean
+    assert (report["link"], report["control_points"], report["taxels"], report["missing"]) == ("tube", 72, 8, 0.0)
+    assert set(report["seconds"]) == {"load", "cut", "fit", "wrap", "errors"}
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
+    """Files are named for their plans; one bad plan spoils its own only, and the code."""
+    (folder / "out").mkdir()
+    names = ("a", "b", "c")
+    paths = [write_plan(folder, name, **({"mesh": "none.ply"} if name == "b" else {})) for name in names]
+    words = ["fit", *map(str, paths), "-o", str(folder / "out"), "--report", str(folder / "out"), "--jobs", jobs]
+    assert main(words) == 1
+    out, err = capsys.readouterr()
+    assert sorted(p.name for p in (folder / "out").iterdir()) == [
+        *("a.calibration.json", "a.report.json", "c.calibration.json", "c.report.json")
+    ]
+    assert (folder / "out" / "a.calibration.json").read_bytes() == (folder / "out" / "c.calibration.json").read_bytes()
+    assert err.count("\n") == 1 and err.startswith("skin-calib: b: no mesh file at ") and len(out.splitlines()) == 20
+
+
+MESHES = {
+    "missing": (None, "no mesh file at"),
+    "garbage": (b"\x00\x01garbage", "bad.stl"),
+    "empty": (b"", "bad.stl"),
+    "no faces": (b"\0" * 84, "bad.stl: the mesh has no faces"),
+}
+
+
+@pytest.mark.parametrize("case", MESHES)
+def test_bad_mesh_is_refused(folder, capsys, case):
+    """Missing, unreadable, empty, without faces: code 1, one line, no file."""
+    data, message = MESHES[case]
+    if data is not None:
+        (folder / "bad.stl").write_bytes(data)
+    plan = write_plan(folder, mesh="bad.stl")
+    assert_refused(capsys, 1, message, "fit", plan, "-o", folder / "out.json", "--report", folder / "r.json")
+    assert not {"out.json", "r.json"} & {p.name for p in folder.iterdir()}
+
+
+def test_mesh_with_a_vertex_that_is_no_number_is_refused(folder, capsys):
+    """NaN in the file."""
+    lines = ["OFF", "3 1 0", "0 0 0", "nan 0 0", "0 1 0", "3 0 1 2"]
+    (folder / "nan.off").write_text("\n".join(lines))
+    message = "nan.off: vertex 1 of the mesh is not finite"
+    assert_refused(capsys, 1, message, "fit", write_plan(folder, mesh="nan.off"), "-o", folder / "out.json")
+    assert not (folder / "out.json").exists()
+
+
+BAD_PLANS = {
+    "metres as millimetres": ({"unit": "mm"}, 'set "unit": "m"'),
+    "plane misses": (
+        {"grid": planes([0.01, 0.03, 0.05, 0.07, 0.3])},
+        "u-plane 4, through (0.0, 0.0, 300.0) mm, misses",
+    ),
+    "axis misses": ({"grid": TUBE | {"axis": AXIS | {"point": [1, 0, 0]}}}, "the mesh"),
+    "margin": ({"grid": TUBE | {"margin": 0.05}}, "margin 50 mm at both ends leaves nothing"),
+    "n too small": ({"grid": TUBE | {"n": 3}}, "degree 3 needs at least 4 u-planes, the grid has 3"),
+    "one plane": ({"grid": planes([0.05])}, "degree 3 needs at least 4 u-planes, the grid has 1"),
+    "m too small": (
+        {"grid": TUBE | {"lines": 4}, "degree": [3, 4]},
+        "degree 4 needs at least 5 v-lines, the grid has 4",
+    ),
+    "unknown key": ({"grip": 1}, '/grip is not known here; did you mean "grid"?'),
+    "misspelt key": ({"skins": [SHEET | {"nmae": "a"}]}, "/skins/0"),
+    "huge number": ({"skins": [SHEET | {"name": "a", "origin": [0, 1e300, 0]}]}, "/skins/0/origin/1 must be at most"),
+    "cut of everything": (
+        {"cover": {"cuts": [{"point": [0, 0, 1], "normal": [0, 0, 1]}]}},
+        "cut 0 removes the whole mesh",
+    ),
+    "cell off": ({"skins": [SHEET | {"name": "a", "rows": 30}]}, "cell (0, 0) lies"),
+    "upright rows": (
+        {"skins": [SHEET | {"name": "a", "direction": [-1, 0, 0], "origin": [RADIUS, 0, 0.05]}]},
+        "upright",
+    ),
+    "same skin twice": ({"skins": 2 * [SHEET | {"name": "a"}]}, "two skins are called 'a'"),
+    "two lines in a name": ({"link": "a\nb"}, "/link must match"),
+    "mesh name of two lines": ({"mesh": "a\nb.ply"}, "no mesh file at"),
+    "mesh name too long": ({"mesh": "a" * 5000 + ".ply"}, "no mesh file at"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_PLANS)
+def test_bad_plan_is_refused(folder, capsys, case):
+    """Every mistake an author can make: code 1, one line that says what and where, no file of any kind."""
+    changes, message = BAD_PLANS[case]
+    plan, before = write_plan(folder, **changes), sorted(folder.iterdir())
+    words = ("--picture", folder / "p.png", "--report", folder / "r.json")
+    assert_refused(capsys, 1, message, "fit", plan, "-o", folder / "out.json", *words)
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("case", "message"), [("plane misses", "misses the mesh"), ("one plane", "4 u-planes"), ("cell off", "cell (0, 0)")]
+)
+def test_bad_plan_is_one_line_for_a_user_too(folder, case, message):
+    """In a process of its own, where warnings of NumPy would show: one line, code 1."""
+    code, out, err = run("fit", write_plan(folder, **BAD_PLANS[case][0]), "-o", folder / "out.json")
+    assert code == 1 and out == "" and err.count("\n") == 1 and message in err
+    assert "Traceback" not in err and not (folder / "out.json").exists()
+
+
+@pytest.mark.parametrize("option", ["-o", "--picture", "--report"])
+@pytest.mark.parametrize("target", ["none/x", "x" * 5000])
+def test_missing_folder_is_said_at_once(folder, capsys, option, target):
+    """Code 2 before anything is computed, for each file; a name that no system takes is one line too."""
+    words = {"-o": folder / "out.json", option: folder / target}
+    code = 2 if target == "none/x" else 1
+    message = f"no folder {folder / 'none'} to write x into; create it first" if code == 2 else "cannot write"
+    assert_refused(
+        capsys, code, message, "fit", folder / "tube.plan.json", *(w for pair in words.items() for w in pair)
+    )
+    assert not (folder / "none").exists()
+
+
+def test_failed_fit_leaves_the_old_file(folder, capsys):
+    """What was there before is there after, to the byte."""
+    out = folder / "out.json"
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(out)])
+    old = out.read_bytes()
+    capsys.readouterr()
+    assert_refused(capsys, 1, "4 u-planes", "fit", write_plan(folder, grid=TUBE | {"n": 2}), "-o", out)
+    assert out.read_bytes() == old
+
+
+@pytest.mark.parametrize(("option", "code"), [("-o", 2), ("--picture", 2), ("--report", 2)])
+def test_many_plans_need_a_folder(folder, capsys, option, code):
+    """One file cannot take two calibrations, pictures or reports."""
+    (folder / "out").mkdir()
+    words = {"-o": folder / "out", option: folder / "one.file"}
+    plans = write_plan(folder, "a"), write_plan(folder, "b")
+    message = f"2 links need a folder, and {folder / 'one.file'} is none"
+    assert_refused(capsys, code, message, "fit", *plans, *(w for pair in words.items() for w in pair))
+    assert not list((folder / "out").iterdir()) and not (folder / "one.file").exists()
+
+
+def test_plans_of_one_name_are_refused(folder, capsys):
+    """They would write one file."""
+    (folder / "out").mkdir()
+    (folder / "other").mkdir()
+    plans = write_plan(folder, "a"), write_plan(folder / "other", "a")
+    assert_refused(capsys, 2, "two plans are both called 'a'; rename one", "fit", *plans, "-o", folder / "out")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "the following arguments are required: COMMAND"),
+        (("fat",), "invalid choice: 'fat'"),
+        (("fit", "-o", "x"), "the following arguments are required: PLAN"),
+        (("fit", "p.json"), "the following arguments are required: -o/--output"),
+        (("fit", "p.json", "-o", "x", "--jobs", "0"), "'0' is not a number of 1 or more"),
+        (("fit", "p.json", "-o", "x", "--job\ns", "0"), "unrecognized arguments: --job s"),
+        (("check",), "the following arguments are required: FILE"),
+    ],
+)
+def test_wrong_call_is_one_line(capsys, words, message):
+    """Code 2, what is wrong, and where the help is."""
+    with pytest.raises(SystemExit) as caught:
+        main(list(words))
+    out, err = capsys.readouterr()
+    assert caught.value.code == 2 and out == "" and err.count("\n") == 1 and message in err and "--help" in err
+
+
+def test_help_names_every_command(capsys):
+    """Code 0; the words that stand in the documentation."""
+    with pytest.raises(SystemExit) as caught:
+        main(["--help"])
+    assert caught.value.code == 0
+    out = capsys.readouterr().out
+    assert all(word in out for word in ("fit", "check", "show"))
+
+
+def test_check_passes_what_is_right(folder, capsys):
+    """A plan and the calibration made from it: code 0, no findings."""
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
+    capsys.readouterr()
+    for path in (folder / "tube.plan.json", folder / "out.json"):
+        assert main(["check", str(path)]) == 0
+        assert capsys.readouterr() == (f"{path}: 0 errors, 0 warnings\n", "")
+
+
+def test_check_names_every_finding_with_its_pointer(folder, capsys):
+    """Of a plan and of a calibration: each on its line, then how many; code 1."""
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
+    document = json.loads((folder / "out.json").read_text())
+    document["patches"][0]["taxels"]["area"][2] = -1.0
+    document["units"]["length"] = "mm"
+    (folder / "out.json").write_text(json.dumps(document))
+    capsys.readouterr()
+    assert main(["check", str(folder / "out.json")]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert any("error: /patches/0/taxels/area/2 " in line for line in lines)
+    assert any("error: /units/length " in line for line in lines)
+    assert lines[-1] == f"{folder / 'out.json'}: {len(lines) - 1} errors, 0 warnings"
+    plan = write_plan(folder, grid=TUBE | {"n": 0}, unit="inch")
+    assert main(["check", str(plan)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[1] for line in lines[:-1]] == ["/unit", "/grid/n"] and lines[
+        -1
+    ] == f"{plan}: 2 errors, 0 warnings"
+
+
+def test_check_refuses_a_plan_that_fit_refuses(folder, capsys):
+    """Members that are right each by itself and do not go together."""
+    plan = write_plan(folder, grid=TUBE | {"m": 6})
+    assert main(["check", str(plan)]) == 1
+    assert '"m" (planes) or "lines"' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["check", "show"])
+def test_missing_or_broken_file_is_one_line(folder, capsys, command):
+    """A path that is not there, a folder; code 1."""
+    assert_refused(capsys, 1, "No such file", command, folder / "none.json")
+    assert_refused(capsys, 1, "not a regular file", command, folder)
+
+
+def test_show_refuses_a_plan(folder, capsys):
+    """It is no calibration: the file and a first finding."""
+    assert_refused(capsys, 1, f"'{folder / 'tube.plan.json'}' has 11 errors", "show", folder / "tube.plan.json")
+
+
+def test_show_prints_a_table_and_draws(folder, capsys):
+    """Link, mesh, surface with its errors, patches with their channels and strain; a PNG where asked for."""
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
+    capsys.readouterr()
+    assert main(["show", str(folder / "out.json"), "--picture", str(folder / "p.png")]) == 0
+    out, err = capsys.readouterr()
+    for text in ("tube.ply: 192 vertices, 336 faces", "6 x 15 control points, degree (3, 3)", "surface to mesh: mean",
+                 "sheet of 2 x 4, 8 taxels, channels 0 to 7", "largest strain"):  # fmt: skip
+        assert text in out
+    assert err == "" and (folder / "p.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_scene_plans_stand_in_for_files(folder, capsys):
+    """Where a scene is open: its links are fitted from their own meshes, to the same bytes as from files."""
+    plan, mesh = load_plan(folder / "tube.plan.json"), cylinder(around=24, along=8)
+    assert main(["fit", "-o", str(folder / "a.json")], lambda: [(plan, mesh)]) == 0
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "b.json")], lambda: []) == 0
+    assert (folder / "a.json").read_bytes() == (folder / "b.json").read_bytes()
+    capsys.readouterr()
+    assert main(["fit", "-o", str(folder / "c.json")], lambda: []) == 1
+    assert "the scene has no link to fit" in capsys.readouterr().err
+
+
+def test_inner_parts_are_cut_away_on_the_way(folder, capsys):
+    """Unit, shells and cuts of the plan are followed: the summary tells the faces of file and cover."""
+    tube = cylinder(around=24, along=8)
+    inner = box((-0.01, -0.01, 0.03), (0.01, 0.01, LENGTH / 2))
+    write(together(tube, inner), folder / "both.stl", 1000)
+    cut = {"cuts": [{"point": [0, 0, 0.05], "normal": [0, 0, -1]}]}
+    for name, cover, faces in (("a", {}, 336), ("b", {"shell": "all"}, 348), ("c", cut, 216)):  # a cut splits faces
+        plan = write_plan(folder, name, mesh="both.stl", unit="mm", cover=cover)
+        main(["fit", str(plan), "-o", str(folder / f"{name}.json")])
+        assert f"both.stl: 348 faces; cover {faces} faces" in capsys.readouterr().out

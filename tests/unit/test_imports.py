@@ -1,0 +1,245 @@
+"""Who may import whom: the architecture, read from the source."""
+
+import ast
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+OURS = "skin_calib_addon"
+BLENDER = {"bpy", "bpy_extras", "bmesh", "gpu", "gpu_extras", "mathutils", "blf"}
+
+SHARED = ("", "arrays", "errors", "deviation", "atomic_file")
+BELOW = {
+    "geometry": (*SHARED, "geometry"),
+    "calibration": (*SHARED, "calibration"),
+    "skin": (*SHARED, "geometry", "skin", "calibration.model"),
+    "runtime": (*SHARED, "calibration", "runtime"),
+}
+PURE = (*BELOW["geometry"], "calibration", "skin")
+ABOVE = {
+    "plan": PURE,
+    "pipeline": (*PURE, "plan"),
+    "report": (*PURE, "plan", "pipeline"),
+    "picture": (*PURE, "plan", "pipeline"),
+    "cli": (*PURE, "plan", "pipeline", "report", "picture", "runtime"),
+    "__main__": ("cli",),
+    "blender": (*PURE, "plan", "pipeline", "report", "picture", "cli", "blender"),
+}
+# A module may import what stands here; what stands nowhere is shared, and imports what is shared.
+MAY_IMPORT = BELOW | ABOVE
+LIBRARIES = {
+    "calibration": {"numpy"},
+    "runtime": {"numpy"},
+    "geometry": {"numpy", "scipy", "trimesh"},
+    "skin": {"numpy", "scipy"},
+    "picture": {"numpy", "matplotlib"},
+    "blender": {"numpy", *BLENDER},
+    "": {"numpy"},
+}
+
+
+@dataclass(frozen=True)
+class Import:
+    """One imported module as it stands in a file."""
+
+    path: str  # of the file, from the root
+    line: int
+    name: str  # absolute; our own from ``skin_calib_addon`` on
+    relative: bool
+
+    def __str__(self):
+        return f"{self.path}:{self.line} imports {self.name}"
+
+
+def sources(root):
+    """Every Python file of the extension, from the root."""
+    yield from (p for p in (root / "__init__.py",) if p.exists())
+    for folder in (OURS, "operators", "panels"):
+        yield from sorted((root / folder).rglob("*.py"))
+
+
+def imports(root, path):
+    """All imports of a file, also those inside functions and under ``TYPE_CHECKING``."""
+    shown = path.relative_to(root)
+    package = shown.with_suffix("").parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield Import(shown.as_posix(), node.lineno, alias.name, False)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            module = (*base, *(node.module or "").split(".")) if node.module else base
+            for alias in node.names:
+                here = root.joinpath(*module, alias.name)
+                is_module = node.level and (here.is_dir() or here.with_suffix(".py").is_file())
+                yield Import(
+                    shown.as_posix(),
+                    node.lineno,
+                    ".".join((*module, alias.name) if is_module else module),
+                    node.level > 0,
+                )
+
+
+def part_of(path):
+    """The part of the package that a file belongs to, as it is named in the tables above."""
+    inner = Path(path).relative_to(OURS).with_suffix("")
+    return "" if inner.as_posix() == "__init__" else inner.parts[0]
+
+
+def is_ours(name):
+    """Whether a module belongs to the extension."""
+    return name.split(".")[0] in (OURS, "operators", "panels")
+
+
+def may_import(path, name):
+    """Whether a file of the pure package may import one of our modules."""
+    allowed = MAY_IMPORT.get(part_of(path), SHARED)
+    inner = name.removeprefix(OURS).removeprefix(".")
+    return any(inner == a or (a and inner.startswith(a + ".")) for a in allowed)
+
+
+def blender_offenders(root):
+    """Blender's modules outside of the places that talk to Blender."""
+    for path in sources(root):
+        shown = path.relative_to(root).as_posix()
+        if not shown.startswith((f"{OURS}/blender/", "operators/", "panels/")):
+            yield from (str(i) for i in imports(root, path) if i.name.split(".")[0] in BLENDER)
+
+
+def absolute_offenders(root):
+    """Absolute imports of our own code: Blender loads us under another name."""
+    for path in sources(root):
+        yield from (str(i) for i in imports(root, path) if is_ours(i.name) and not i.relative)
+
+
+def layer_offenders(root):
+    """Imports against the layers."""
+    for path in sources(root):
+        shown = path.relative_to(root).as_posix()
+        for i in imports(root, path):
+            top = i.name.split(".")[0]
+            if shown.startswith(f"{OURS}/"):
+                allowed = top == OURS and may_import(shown, i.name)
+            else:  # operators and panels import themselves, and all of the package
+                allowed = top in (OURS, shown.split("/")[0])
+            if is_ours(i.name) and not allowed:
+                yield str(i)
+
+
+def library_offenders(root):
+    """Libraries that a part does without."""
+    for path in sources(root):
+        shown = path.relative_to(root).as_posix()
+        if not shown.startswith(f"{OURS}/"):
+            continue
+        allowed = LIBRARIES.get(part_of(shown), LIBRARIES[""])
+        for i in imports(root, path):
+            library = i.name.split(".")[0]
+            if not is_ours(i.name) and library not in sys.stdlib_module_names and library not in allowed:
+                yield str(i)
+
+
+def eager_offenders(root):
+    """Imports of the root ``__init__`` and of the package's while they are loaded: plain Python must pass by."""
+    for path in (root / "__init__.py", root / OURS / "__init__.py"):
+        tree = ast.parse(path.read_text("utf-8"))
+        for node in tree.body:
+            if isinstance(node, (ast.Import, ast.ImportFrom)):
+                yield f"{path.relative_to(root)}:{node.lineno}"
+
+
+RULES = [blender_offenders, absolute_offenders, layer_offenders, library_offenders, eager_offenders]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_imports_keep_the_layers(rule):
+    """No file imports what it must not; the offenders are listed as file:line."""
+    assert list(rule(ROOT)) == []
+
+
+def test_sources_are_all_there():
+    """The rules above read every file of the extension, and know where each belongs."""
+    shown = {p.relative_to(ROOT).as_posix() for p in sources(ROOT)}
+    assert {"__init__.py", "operators/__init__.py", f"{OURS}/runtime/skin.py", f"{OURS}/blender/scene.py"} <= shown
+    parts = {part_of(s) for s in shown if s.startswith(OURS)}
+    assert parts == {*MAY_IMPORT, *SHARED}
+
+
+OFFENCES = [
+    ("geometry/fit.py", "import bpy", {blender_offenders, library_offenders}),
+    ("geometry/fit.py", "def f():\n    from mathutils import Vector", {blender_offenders, library_offenders}),
+    ("geometry/fit.py", "from skin_calib_addon.arrays import unit", {absolute_offenders}),
+    ("geometry/fit.py", "import skin_calib_addon.skin", {absolute_offenders, layer_offenders}),
+    ("geometry/fit.py", "from ..skin import wrap", {layer_offenders}),
+    ("geometry/fit.py", "from ..calibration.model import Patch", {layer_offenders}),
+    ("geometry/fit.py", "from .. import plan", {layer_offenders}),
+    ("skin/wrap.py", "from ..calibration import file", {layer_offenders}),
+    ("skin/wrap.py", "from ..calibration.validate import validate", {layer_offenders}),
+    ("skin/wrap.py", "import trimesh", {library_offenders}),
+    ("calibration/model.py", "from ..geometry.mesh import weld", {layer_offenders}),
+    ("calibration/model.py", "import scipy.sparse", {library_offenders}),
+    ("runtime/skin.py", "from ..skin.lattice import CENTRE", {layer_offenders}),
+    ("runtime/skin.py", "def f():\n    import scipy", {library_offenders}),
+    ("plan.py", "from .pipeline import calibrate", {layer_offenders}),
+    ("plan.py", "from . import cli", {layer_offenders}),
+    ("picture.py", "from .blender import scene", {layer_offenders}),
+    ("arrays.py", "from .geometry import mesh", {layer_offenders}),
+    ("arrays.py", "from .deviation import SurfaceErrors", set()),
+    ("blender/scene.py", "from ...operators import fit", {layer_offenders}),
+    ("blender/scene.py", "import bpy\nfrom ..cli import main", set()),
+    ("skin/wrap.py", "from ..calibration.model import TaxelArray\nfrom ..geometry import mesh", set()),
+    ("runtime/skin.py", "import json\nfrom ..calibration.file import load_calibration", set()),
+    ("__init__.py", "import numpy", {eager_offenders}),
+    ("../__init__.py", "import bpy", {blender_offenders, eager_offenders}),
+    ("../__init__.py", "def register():\n    from .skin_calib_addon.blender import registration", set()),
+    ("../operators/fit.py", "from ..panels import skin", {layer_offenders}),
+    ("../operators/fit.py", "from ..skin_calib_addon.blender import scene\nfrom . import exchange\nimport bpy", set()),
+    ("../panels/skin.py", "from skin_calib_addon.plan import Plan", {absolute_offenders}),
+]
+
+
+PLACES = ("geometry/mesh", "skin/lattice", "skin/wrap", "calibration/file", "plan", "cli", "__init__", "../__init__")
+PLACES += ("blender/scene", "../operators/fit", "../operators/exchange", "../panels/skin")
+
+
+@pytest.mark.parametrize(("path", "code", "broken"), OFFENCES)
+def test_each_rule_fires(tmp_path, path, code, broken):
+    """An offence in a house of its own is found by the rules that it breaks, at its line, and by no other."""
+    for folder in ("geometry", "skin", "calibration", "runtime", "blender", "../operators", "../panels"):
+        (tmp_path / OURS / folder).mkdir(parents=True, exist_ok=True)
+    for place in PLACES:
+        (tmp_path / OURS / f"{place}.py").write_text("")
+    (tmp_path / OURS / path).write_text(code)
+    found = {rule: list(rule(tmp_path)) for rule in RULES}
+    assert {rule for rule, offenders in found.items() if offenders} == broken
+    shown = (Path(OURS) / path).as_posix().removeprefix(f"{OURS}/../")
+    line = code.count("\n") + 1
+    assert all(o.startswith(f"{shown}:{line}") for offenders in found.values() for o in offenders)
+
+
+@pytest.mark.parametrize(
+    ("statement", "absent"),
+    [
+        ("import skin_calib_addon", "numpy scipy trimesh matplotlib bpy"),
+        ("import skin_calib_addon.runtime", "scipy trimesh matplotlib bpy"),
+        ("from skin_calib_addon.runtime import load; load(PATH)", "scipy trimesh matplotlib bpy"),
+        ("import skin_calib_addon.calibration", "scipy trimesh matplotlib bpy"),
+        ("import skin_calib_addon.cli", "matplotlib bpy"),
+    ],
+)
+def test_runtime_loads_nothing_but_numpy(tmp_path, statement, absent):
+    """In a fresh process: what a controller imports, and reading a file with it, brings no library along."""
+    from skin_calib_addon.calibration import save_calibration
+    from tests.samples import small_calibration
+
+    save_calibration(small_calibration(), tmp_path / "c.json")
+    code = f"PATH = {str(tmp_path / 'c.json')!r}\n{statement}\n"
+    code += f"import sys; print(*(set({absent.split()}) & set(sys.modules)))"
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "\n", "")
