@@ -109,6 +109,11 @@ def ours(link, n, m, spacing):
     return fit_surface(link.mesh, TubeGrid(n, 2 * m, link.axis, link.margin, spacing)).surface
 
 
+def auto(link, tolerance):
+    """Our smallest fit with a mean error within a tolerance [mm]."""
+    return fit_to_tolerance(link.mesh, tolerance / 1e3, axis=link.axis, margin=link.margin)
+
+
 def paper(link, n, m, solver):
     """The paper's surface along the same planes, as one of ours so that it is measured alike."""
     frame = frame_of(np.array(link.axis.point), np.array(link.axis.direction))
@@ -147,10 +152,7 @@ def measure(repeats):
                 fit, time = timed(lambda n=n, m=m: paper(link, n, m, "nlls"), max(1, repeats // 4))  # noqa: B023
                 yield Row(link.name, "paper, NLLS", n, m, *errors(distance, as_surface(fit)), time)
         for tolerance in TOLERANCES[link.name]:
-            fit, time = timed(
-                lambda t=tolerance: fit_to_tolerance(link.mesh, t / 1e3, axis=link.axis, margin=link.margin),  # noqa: B023
-                max(1, repeats // 3),
-            )
+            fit, time = timed(lambda t=tolerance: auto(link, t), max(1, repeats // 3))  # noqa: B023
             n, lines = fit.lines.origins.shape[:2]
             yield Row(link.name, f"ours, auto {tolerance} mm", n, lines / 2, *errors(distance, fit.surface), time)
 
@@ -165,9 +167,8 @@ def table(rows):
         ratios = "– | –"
         if own and "auto" not in r.method:
             ratios = f"{r.mean / own.mean:.2f} | {r.milliseconds / own.milliseconds:.1f}"
-        text.append(
-            f"| {r.link} | {r.n} x {r.m:g} | {r.method} | {r.mean:.4f} | {r.max:.3f} | {r.milliseconds:.1f} | {ratios} |"
-        )
+        figures = f"{r.mean:.4f} | {r.max:.3f} | {r.milliseconds:.1f}"
+        text.append(f"| {r.link} | {r.n} x {r.m:g} | {r.method} | {figures} | {ratios} |")
         if r.link == "HRP-4C wrist" and r.method == "paper, linear" and (r.n, r.m) in TABLE_2:
             mean, largest, time = TABLE_2[r.n, r.m]
             text.append(f"| {r.link} | {r.n} x {r.m} | paper, its Table 2 | {mean} | {largest} | {time} | – | – |")
