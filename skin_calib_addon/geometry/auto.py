@@ -14,9 +14,10 @@ from .mesh import TriangleMesh
 from .spacing import Survey
 
 MOST_PLANES, MOST_LINES = 60, 160
-MOST_FITS = 8
-# A fit that uses this much of its tolerance is small enough.
-GOOD = 0.9
+MOST_FITS, MOST_TARGETS = 8, 30
+# A fit that uses this much of its tolerance is small enough, and so is one between targets as close as this.
+GOOD, CLOSE = 0.9, 1.05
+AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 # What a mean and a largest error are of a root mean square, as a first guess; the first fit tells better.
 SHARE = {"mean": 0.74, "max": 5.0}
 
@@ -119,28 +120,28 @@ def fit_to_tolerance(
     model, distance = ErrorModel(survey, degrees), MeshDistance(mesh)
     target, share = tolerance, SHARE[measure]
     best: SurfaceFit | None = None
-    tried: set[tuple[int, int]] = set()
-    least = np.inf
-    for _ in range(MOST_FITS):
+    tried: dict[tuple[int, int], float] = {}
+    # Targets between which the answer lies: the largest that kept the tolerance, the smallest that did not.
+    kept, missed = 0.0, np.inf
+    for _ in range(MOST_TARGETS):
         size = model.smallest_grid(target / share)
-        if size is None or (best and (size in tried or np.prod(size) >= net_size(best))):
+        if size is None or missed <= CLOSE * kept or (size not in tried and len(tried) == MOST_FITS):
             break
-        if size in tried:  # it was not good enough, and a slightly smaller error asks for no other
-            target *= 0.9
-            continue
-        tried.add(size)
-        fit = fit_surface(mesh, survey.line_grid(*size, "auto", degrees), degrees)
-        error = getattr(quick_error(distance, fit), measure)
-        least = min(least, error)
-        if error <= tolerance and (best is None or net_size(fit) < net_size(best)):
-            best = fit
-            if error > GOOD * tolerance:
-                break
-        # Aim higher by what was missed, or lower by what was to spare.
-        target *= tolerance / error * (0.97 if error > tolerance else 1.0)
+        if size not in tried:
+            fit = fit_surface(mesh, survey.line_grid(*size, "auto", degrees), degrees)
+            tried[size] = getattr(quick_error(distance, fit), measure)
+            if tried[size] <= tolerance and (best is None or net_size(fit) < net_size(best)):
+                best = fit
+        error = tried[size]
+        kept, missed = (max(kept, target), missed) if error <= tolerance else (kept, min(missed, target))
+        if GOOD * tolerance < error <= tolerance:
+            break
+        target = float(np.sqrt(kept * missed)) if kept and missed < np.inf else target * tolerance / error * AIM
     if best is None:
         if not tried:  # not even the largest net is predicted to come so close
             least = share * float(np.hypot(model.along(MOST_PLANES), model.across(MOST_LINES)))
+        else:
+            least = min(tried.values())
         raise UnreachableTolerance(
             f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: about {least * 1e3:.2g} "
             "mm can be reached, its facets stand off from any smooth surface; ask for more, or refine the mesh",

@@ -155,7 +155,8 @@ def pseudo_inverse(matrix: Array) -> Array:
 
 def second_differences(count: int, closed: bool) -> Array:
     """Matrix of second differences of ``count`` values, all round where ``closed``."""
-    bend = np.eye(count) - 2 * np.roll(np.eye(count), 1, axis=1) + np.roll(np.eye(count), 2, axis=1)
+    here: Array = np.eye(count)
+    bend: Array = here - 2 * np.roll(here, 1, axis=1) + np.roll(here, 2, axis=1)
     return bend if closed else bend[:-2]
 
 

@@ -84,7 +84,9 @@ def shells(mesh: TriangleMesh) -> IntArray:
     """Number of the shell of each face, shape (f,): faces are joined over edges that exactly two of them share."""
     count = len(mesh.faces)
     a, b = mesh.adjacency
-    return connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1]
+    return connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1].astype(
+        np.int64
+    )
 
 
 def hull_planes(points: Array) -> Array:

@@ -129,7 +129,7 @@ class MeshDistance:
         open_, seen, k = np.arange(len(points)), 0, 8
         while len(open_):
             k = min(k, self.tree.n)
-            far, index = self.tree.query(points[open_], k=np.arange(seen + 1, k + 1))
+            far, index = map(np.asarray, self.tree.query(points[open_], k=np.arange(seen + 1, k + 1)))
             if seen == 0:
                 try_pairs(open_, self.face[index[:, 0]])
             # A piece has no point nearer than its centre less the reach of a piece.

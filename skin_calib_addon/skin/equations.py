@@ -52,8 +52,9 @@ class LatticeEquations:
         blocks = along[:, :, None] * along[:, None]
         if stretch is not None:
             blocks += stretch[:, None, None] * turn[:, :, None] * turn[:, None]
-        entries = np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], self.width * self.size)
-        band = entries.reshape(self.width, self.size)
+        band: Array = np.zeros(self.width * self.size)
+        band += np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], band.size)
+        band = band.reshape(self.width, self.size)
         right = np.zeros((self.size, 2))
         right[:, 0] = -np.bincount(self.unknowns.ravel(), (along * strain[:, None]).ravel(), self.size)
         # The heading ties two nodes that the band does not reach: its equation comes in as a rank-one change

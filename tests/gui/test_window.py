@@ -33,7 +33,7 @@ def blender():
 @pytest.mark.parametrize("driver, size", [("drive_fit.py", "1200x1300"), ("drive_edit.py", "1000x1350")])
 def test_window(blender, driver, size, tmp_path):
     """Every step of the driver does in the window what it says."""
-    words = ["--install", ROOT, "--blend", SAMPLES / "wrist.blend", "--size", size, "--out", tmp_path, "--timeout", 240]
+    words = ["--install", ROOT, "--blend", SAMPLES / "wrist.blend", "--size", size, "--out", tmp_path, "--timeout", 500]
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver)]
     done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
