@@ -16,8 +16,9 @@ class DistanceStatistics:
     @classmethod
     def of(cls, distances: Array, weights: Array) -> "DistanceStatistics":
         """Statistics of distances [m], shape (k,), each standing for the area in ``weights``."""
-        share = weights / weights.sum()
-        return cls(float(share @ distances), float((share @ distances**2) ** 0.5), float(distances.max()))
+        share = weights / weights.sum()  # sums, not products of BLAS, whose last bits depend on its threads
+        mean, square = (share * distances).sum(), (share * distances**2).sum()
+        return cls(float(mean), float(square**0.5), float(distances.max()))
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,9 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
         If the mesh is no tube: sections across its axis are empty.
     """
     normals, areas = mesh.face_normals, mesh.face_areas
-    direction = np.linalg.eigh((normals * areas[:, None]).T @ normals)[1][:, 0]
-    point = areas @ mesh.triangles.mean(axis=1) / areas.sum()
+    spread = np.einsum("f,fi,fj->ij", areas, normals, normals)
+    direction = np.linalg.eigh(spread)[1][:, 0]
+    point = (areas[:, None] * mesh.triangles.mean(axis=1)).sum(axis=0) / areas.sum()
     for _ in range(3):
         frame = frame_of(point, direction)
         height = frame.stations(mesh.vertices)

@@ -155,8 +155,9 @@ def pseudo_inverse(matrix: Array) -> Array:
 
 def second_differences(count: int, closed: bool) -> Array:
     """Matrix of second differences of ``count`` values, all round where ``closed``."""
-    here: Array = np.eye(count)
-    bend: Array = here - 2 * np.roll(here, 1, axis=1) + np.roll(here, 2, axis=1)
+    bend: Array = np.eye(count)
+    bend -= 2 * np.roll(np.eye(count), 1, axis=1)
+    bend += np.roll(np.eye(count), 2, axis=1)
     return bend if closed else bend[:-2]
 
 
