@@ -14,6 +14,9 @@ from .geodesic import trace_both
 from .lattice import SheetLattice
 
 MOST_STEPS = 30
+# A step that raises the sum of squares by more than this is taken back. Less is no sign of harm: the pulls are those of
+# geodesics, the lengths those of cubics, and the rest of the one is not quite the least of the other.
+RISE = 1.01
 # A step that moves no node by more than this share of the pitch is the last.
 SETTLED = 1e-4
 # A first guess that lies beyond an edge by this share of the surface will not come back.
@@ -134,8 +137,8 @@ def unroll(
 def relax(surface: BSplineSurface, lattice: SheetLattice, uv: Array, pinned: tuple[int, int], across: Array) -> Array:
     """Newton's method on the parameters of the nodes until the strains have the least sum of squares.
 
-    The pinned node stays, and the row through it keeps its direction there. A step that would raise the sum is taken
-    back, and the next one leaves the strains' own stiffness out (Gauss-Newton).
+    The pinned node stays, and the row through it keeps its direction there. A step that would raise the sum much is
+    taken back, and the next one leaves the strains' own stiffness out (Gauss-Newton).
 
     Raises
     ------
@@ -158,10 +161,10 @@ def relax(surface: BSplineSurface, lattice: SheetLattice, uv: Array, pinned: tup
         # The direction is held by a residual of its own: where the row through the pinned node heads across itself.
         heading = FIRM / lattice.step[1] * ((points[pin + 1] - points[pin - 1]) @ across - turned)
         energy = strain @ strain + heading**2
-        if energy > least:
+        if energy > RISE * least:
             x, full = (best + x) / 2, False
             continue
-        best, least = x, energy
+        best, least = x, min(energy, least)
         ends = basis[pairs]
         slopes = np.matmul(ends, pull[..., None])[..., 0] / lengths[:, None, None]
         sideways = np.matmul(ends, np.cross(normals[pairs], pull)[..., None])[..., 0] / lengths[:, None, None]

@@ -56,6 +56,19 @@ def test_axis_does_not_see_the_order_of_faces():
     assert (frame.point == again.point).all() and (frame.e3 == again.e3).all()
 
 
+def test_axis_joins_the_centres_of_its_own_sections():
+    """Of a bent, tapered, irregular tube: the line through the circles of sections across it is the axis itself."""
+    frame = find_axis(wrist())
+    height = frame.stations(wrist().vertices)
+    middle, reach = (height.min() + height.max()) / 2, np.ptp(height) / 4
+    sections = cut_sections(wrist(), frame.planes(np.linspace(middle - reach, middle + reach, 9)))
+    centres, _ = section_circles(sections, frame)
+    direction = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
+    assert np.linalg.norm(np.cross(direction, frame.e3)) < 1e-6
+    off = centres.mean(axis=0) - frame.point
+    assert np.linalg.norm(off - (off @ frame.e3) * frame.e3) < 1e-7
+
+
 @given(seed=seeds)
 def test_tube_frame_moves_with_the_mesh(seed):
     """Point, axis and angle zero of an irregular tube go where the mesh goes, found or given."""

@@ -83,6 +83,25 @@ def test_fit_writes_a_calibration(folder, capsys):
     assert not list(folder.glob(".*"))  # no temporary file stays
 
 
+def test_fit_keeps_what_the_plan_says_of_the_link(folder):
+    """Response, free members, degree, names, channels and origin arrive in the calibration, beside the mesh."""
+    response = {"kind": "polynomial", "coefficients": [0.0, 0.5, 0.25]}
+    skins = [SHEET | {"name": "a", "first_channel": 7}, SHEET | {"name": "b", "origin": [RADIUS, 0, 0.03]}]
+    plan = write_plan(folder, response=response, x_note={"by": "us"}, degree=[4, 3], skins=skins)
+    assert main(["fit", str(plan), "-o", str(folder / "out.json")]) == 0
+    calibration = load_calibration(folder / "out.json")
+    assert calibration.response.coefficients == (0.0, 0.5, 0.25) and calibration.extra == {"x_note": {"by": "us"}}
+    assert calibration.surfaces[0].degree == (4, 3) and calibration.surfaces[0].closed == (False, True)
+    assert [(p.name, p.taxels.channels.tolist()) for p in calibration.patches] == [
+        ("a", list(range(7, 15))),
+        ("b", list(range(15, 23))),
+    ]
+    assert np.linalg.norm(calibration.patches[1].taxels.positions_link[0] - (RADIUS, 0, 0.03)) < 5e-4
+    mesh = cylinder(around=24, along=8)
+    assert (calibration.mesh.file, calibration.mesh.sha256) == ("tube.ply", mesh.sha256)
+    assert (calibration.mesh.vertices, calibration.mesh.faces) == (len(mesh.vertices), len(mesh.faces))
+
+
 def test_fit_makes_the_same_bytes_again(folder):
     """Twice in this process and once in another: one calibration, one file."""
     plan, outs = folder / "tube.plan.json", [folder / f"{k}.json" for k in range(3)]

@@ -125,6 +125,8 @@ def test_contact_lies_among_its_taxels(reading):
         assert (contact.position >= places.min(axis=0) - 1e-12).all() and (
             contact.position <= places.max(axis=0) + 1e-12
         ).all()
+        pressed = np.array([reading[c] for c in skin.channels[contact.taxels]])
+        assert_allclose(contact.position, np.average(places, axis=0, weights=pressed), rtol=1e-12)
         assert_allclose(contact.force, sum(reading[c] for c in skin.channels[contact.taxels]), rtol=1e-12)
         assert_allclose(contact.area, skin.areas[contact.taxels].sum(), rtol=1e-12)
         assert_allclose(np.linalg.norm(contact.normal), 1, rtol=1e-12)

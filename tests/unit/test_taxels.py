@@ -166,6 +166,15 @@ def test_cells_on_two_sides_of_something_thin_are_no_neighbours():
     assert neighbours(("a", "b"), positions, np.abs(normals), edges) == (("b",), ("a",))
 
 
+def test_neighbours_of_unlike_cells_know_each_other():
+    """A small cell beside a large one: it lies ahead of the large one's side, and is beside it from both views."""
+    sizes, positions = np.array((0.015, 0.004)), np.array(((0, 0, 0), (0.019, 0.005, 0)))
+    normals = np.tile((0, 0, 1.0), (2, 1))
+    sides = np.array(((1.0, 0, 0), (0, 1.0, 0), (-1.0, 0, 0), (0, -1.0, 0)))
+    edges = positions[:, None] + sizes[:, None, None] * sides
+    assert neighbours(("large", "small"), positions, normals, edges) == (("small",), ("large",))
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1)])
 def test_thin_sheets_have_taxels_too(shape):
     """One cell, one row, one column."""
