@@ -129,6 +129,8 @@ def test_sector_of_a_tube_along_x_counts_from_y():
     lying = type(cylinder())(motion, cylinder().faces)
     grid = SectorGrid(5, 8, 0.0, 1.0, Axis((0, 0, 0), (1, 0, 0)), 0.01).line_grid(lying)
     assert_allclose(grid.directions[0, -1], (0, 1, 0), rtol=0, atol=1e-12)
+    nearly = SectorGrid(5, 8, 0.0, 1.0, Axis((0.05, 0, 0), (1, 0.1, 0.2)), 0.03).line_grid(lying)
+    assert nearly.directions[0, -1] @ (0, 1, 0) > 0.99
 
 
 @pytest.mark.parametrize(("start", "stop"), [(1.0, 1.0), (1.0, 0.0), (0.0, 6.2832), (0.0, 7.0)])

@@ -81,6 +81,7 @@ def test_picture_is_the_same_again(tmp_path):
     for name in ("a.png", "b.png"):
         draw_calibration(small_calibration(), tmp_path / name)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert b"matplotlib" not in (tmp_path / "a.png").read_bytes()
 
 
 @pytest.mark.parametrize(

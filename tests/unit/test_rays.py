@@ -113,15 +113,17 @@ def test_axis_parallel_rays_hit_axis_parallel_corners(seed):
 
 @given(seed=seeds)
 def test_outermost_of_overlapping_shells_counts(seed):
-    """An inner polygon, whole or in parts, is never hit; the outer one hides it."""
-    outer, inner = sides(polygon(seed, radius=3.0)), sides(polygon(seed + 1, corners=7))
+    """An inner polygon, whole or in parts, is never hit; the outer one hides it, in each row its own."""
     rng = np.random.default_rng(seed)
-    for part in (inner, inner[rng.random(7) < 0.5]):
-        ends = in_random_order(seed, np.concatenate((outer, part)))
-        directions = fan(seed)[None]
-        row = np.zeros(len(ends), int)
-        distance, _ = cast_all(row, ends, 0 * directions, directions, centres=CENTRE)
-        assert_allclose(distance[0], [cast_on_segments(np.zeros(2), d, outer) for d in directions[0]], rtol=1e-12)
+    outer = [sides(polygon(seed + i, radius=3.0)) for i in range(3)]
+    inner = [sides(polygon(seed + 9, corners=7))[rng.random(7) < share] for share in (0.5, 0.0, 1.0)]
+    ends = np.concatenate([in_random_order(seed, np.concatenate(pair)) for pair in zip(outer, inner)])
+    row = np.repeat(np.arange(3), [len(a) + len(b) for a, b in zip(outer, inner)])
+    directions = np.stack([fan(seed + i, 15) for i in range(3)])
+    distance, hit = cast_all(row, ends, 0 * directions, directions, centres=np.zeros((3, 2)))
+    expected_ones = [[cast_on_segments(np.zeros(2), d, o) for d in fan_] for o, fan_ in zip(outer, directions)]
+    assert_allclose(distance, expected_ones, rtol=1e-12)
+    assert np.linalg.norm(ends[hit], axis=-1).min() > 1.5  # the ends of the outer ones
 
 
 @given(seed=seeds)
