@@ -112,8 +112,8 @@ def test_fit_makes_the_same_bytes_again(folder):
     assert outs[0].read_bytes() == outs[1].read_bytes() == outs[2].read_bytes()
 
 
-def test_fit_writes_report_and_picture(folder):
-    """Beside the calibration, where they are asked for."""
+def test_fit_writes_report_and_picture(folder, capsys):
+    """Beside the calibration, where they are asked for; the summary has the same numbers, in millimetres."""
     words = ("--picture", folder / "p.png", "--report", folder / "r.json")
     assert main([*map(str, ("fit", folder / "tube.plan.json", "-o", folder / "out.json", *words))]) == 0
     assert (folder / "p.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
@@ -123,6 +123,10 @@ def test_fit_writes_report_and_picture(folder):
     assert report["errors"]["surface_to_mesh"]["mean"] == errors.surface_to_mesh.mean
     assert (report["link"], report["control_points"], report["taxels"], report["missing"]) == ("tube", 72, 8, 0.0)
     assert set(report["seconds"]) == {"load", "cut", "fit", "wrap", "errors"}
+    out = capsys.readouterr().out
+    assert f"Hausdorff        {errors.hausdorff * 1e3:.4f} mm" in out
+    there = errors.surface_to_mesh
+    assert f"mean {there.mean * 1e3:.4f}, rms {there.rms * 1e3:.4f}, max {there.max * 1e3:.4f} mm" in out
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
