@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import eigh, solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..arrays import Array, BoolArray, product, unit
@@ -14,8 +14,8 @@ from .lines import LineGrid
 
 SITES_PER_SPAN = 3
 SCHULZ_ROUNDS = 3  # each squares the error of an inverse
-# Weight of the net's second differences beside 1 for a sample: they only say what holes leave open.
-SMOOTHING = 1e-5
+# Stiffness that only says what holes leave open.
+SLACK = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +102,18 @@ class TensorBasis:
         net = np.roll(net, self.v.shift, axis=1)
         return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
 
-    def solve(self, residuals: Array, offsets: Array) -> Array:
-        """Steps of the offsets, shape (n, m), that take most of the residuals (k, l); NaN ones weigh nothing."""
+    def solve(self, residuals: Array, offsets: Array, stiffness: float = 0.0) -> Array:
+        """Steps of the offsets, shape (n, m), that take most of the residuals (k, l); NaN ones weigh nothing.
+
+        Least squares, plus ``stiffness`` times the squares of the second differences of the offsets that result.
+        """
         known = ~np.isnan(residuals)
-        if known.all():
+        if not known.all():
+            return self._solve_with_holes(np.where(known, residuals, 0.0), known, offsets, max(stiffness, SLACK))
+        if not stiffness:
             return product(product(product(self.u.inverse, residuals), self.B), self._B_gram_inverse)
-        return self._solve_with_holes(np.where(known, residuals, 0.0), known, offsets)
+        right = product(product(self.N.T, residuals), self.B) - stiffness * self._bending(offsets)
+        return self._solve_modes(right, stiffness)
 
     @cached_property
     def _B_gram_inverse(self) -> Array:
@@ -121,28 +127,47 @@ class TensorBasis:
             inverse = 2 * inverse - product(product(inverse, gram), inverse)
         return inverse
 
-    def _solve_with_holes(self, residuals: Array, known: BoolArray, offsets: Array) -> Array:
-        """Conjugate gradients on the weighted normal equations; the factors of the whole precondition them.
+    @cached_property
+    def _modes(self) -> tuple[Array, Array, Array]:
+        """Vectors (n, n) and (m, m) that make least squares and bending diagonal at once, and the bending (n, m)."""
+        modes = [
+            eigh(bending_matrix(len(factor.T), closed), product(factor.T, factor), check_finite=False)
+            for factor, closed in ((self.N, False), (self.B, self.v.repeats > 0))
+        ]
+        (bend_u, U), (bend_v, V) = modes
+        return U, V, bend_u[:, None] + bend_v
 
-        What the samples leave open is bent as little as may be.
-        """
+    def modes(self, offsets: Array) -> tuple[Array, Array]:
+        """Offsets as amplitudes of modes of even weight in the residuals, and how much each bends; shapes (n, m)."""
+        U, V, bend = self._modes
+        gram_u, gram_v = product(self.N.T, self.N), product(self.B.T, self.B)
+        return product(product(product(U.T, gram_u), offsets), product(gram_v, V)), bend
+
+    def _solve_modes(self, right: Array, stiffness: float) -> Array:
+        """Solve the normal equations of the whole, stiffness included."""
+        U, V, bend = self._modes
+        return product(product(U, product(product(U.T, right), V) / (1 + stiffness * bend)), V.T)
+
+    def _bending(self, net: Array) -> Array:
+        """Gradient of the squares of second differences, each direction weighted by the samples of the other."""
+        bend_u, bend_v = bending_matrix(len(net), False), bending_matrix(net.shape[1], self.v.repeats > 0)
+        by_v = product(product(bend_u, net), product(self.B.T, self.B))
+        return by_v + product(product(product(self.N.T, self.N), net), bend_v)
+
+    def _solve_with_holes(self, residuals: Array, known: BoolArray, offsets: Array, stiffness: float) -> Array:
+        """Conjugate gradients on the weighted normal equations; the factors of the whole precondition them."""
         n, m = offsets.shape
-        bend_u, bend_v = second_differences(n, False), second_differences(m, self.v.repeats > 0)
-        bend_u, bend_v = bend_u.T @ bend_u, bend_v.T @ bend_v
-
-        def bending(net: Array) -> Array:
-            return SMOOTHING * (bend_u @ net + net @ bend_v)
 
         def normal(step: Array) -> Array:
             net = step.reshape(n, m)
             moved = product(product(self.N, net), self.B.T)
-            return (product(product(self.N.T, known * moved), self.B) + bending(net)).ravel()
+            return (product(product(self.N.T, known * moved), self.B) + stiffness * self._bending(net)).ravel()
 
         def precondition(gradient: Array) -> Array:
-            return product(product(self.u.gram_inverse, gradient.reshape(n, m)), self._B_gram_inverse).ravel()
+            return self._solve_modes(gradient.reshape(n, m), stiffness).ravel()
 
         A, P = (LinearOperator((n * m, n * m), f, dtype=float) for f in (normal, precondition))
-        right = (product(product(self.N.T, residuals), self.B) - bending(offsets)).ravel()
+        right = (product(product(self.N.T, residuals), self.B) - stiffness * self._bending(offsets)).ravel()
         # What only the slight stiffness holds is the last to settle: to the same nanometre on every machine.
         return cg(A, right, M=P, rtol=1e-12, maxiter=500)[0].reshape(n, m)
 
@@ -153,12 +178,14 @@ def pseudo_inverse(matrix: Array) -> Array:
     return solve_triangular(r, q.T, check_finite=False)
 
 
-def second_differences(count: int, closed: bool) -> Array:
-    """Matrix of second differences of ``count`` values, all round where ``closed``."""
+@lru_cache(maxsize=256)
+def bending_matrix(count: int, closed: bool) -> Array:
+    """Matrix of the sum of squared second differences of ``count`` values, all round where ``closed``."""
     bend: Array = np.eye(count)
     bend -= 2 * np.roll(np.eye(count), 1, axis=1)
     bend += np.roll(np.eye(count), 2, axis=1)
-    return bend if closed else bend[:-2]
+    bend = bend if closed else bend[:-2]
+    return product(bend.T, bend)
 
 
 def check_counts(count: int, degree: int, what: str) -> None:

@@ -17,6 +17,7 @@ from .lines import LineGrid
 from .mesh import TriangleMesh
 from .planes import Planes
 from .samples import RaySamples, SampleRows
+from .smoothing import best_stiffness
 
 MOST_PASSES = 10
 # The pass that moves no control point by more than this share of the mesh's size is the last: the next moves a tenth.
@@ -24,6 +25,7 @@ SETTLED = 3e-4
 # Passes end where the misfit has grown by this factor over the least: the section is no fan about its centre.
 WORSE = 1.2
 CHORD_ROUNDS = 2
+STIFF_PASSES = 2
 # With more samples missing than this, the surface would be made up rather than fitted.
 LARGEST_GAP = 0.5
 # A surface whose area element falls below this share of its mean is folded, or closes to a point.
@@ -40,6 +42,7 @@ class SurfaceFit:
     residuals: Array  # (k, l) along the sample rays [m]; NaN where the mesh has nothing
     points: Array  # (k, l, 3) where the rays met the mesh [m]
     passes: int
+    noise: float  # standard deviation of the scan about the surface where that was smoothed [m]; else 0
 
     @cached_property
     def errors(self) -> SurfaceErrors:
@@ -134,7 +137,12 @@ def fit_surface(
         if misfit_of(lifted_samples.residuals + gaps) > misfit_of(samples.residuals):
             break  # a smooth surface through the corners would fit better than one through the facets, not worse
         offsets, samples = lifted, lifted_samples
-    return SurfaceFit(mesh, lines, surface_at(lines, basis, offsets), samples.residuals, samples.points, passes)
+    stiffness, noise = best_stiffness(mesh, basis, samples.residuals, offsets, samples.faces)
+    for _ in range(STIFF_PASSES if stiffness else 0):
+        offsets = offsets + basis.solve(samples.residuals, offsets, stiffness)
+        samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
+        passes += 1
+    return SurfaceFit(mesh, lines, surface_at(lines, basis, offsets), samples.residuals, samples.points, passes, noise)
 
 
 def settle(

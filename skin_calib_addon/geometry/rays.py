@@ -1,21 +1,25 @@
-"""Cast fans of rays on mesh sections: how far along each ray the outermost surface lies."""
+"""Cast fans of rays on mesh sections: how far along each ray the outer curve of the section lies."""
 
 import numpy as np
 
 from ..arrays import Array, BoolArray, IntArray
+from .curves import in_order, outer_curve
 
 TURN = 2 * np.pi
 DIAMOND_TURN = 4.0
 # A ray through the end that two segments share may miss both by rounding; it counts as a hit within this share.
 ROUNDING = 1e-9
+PROBES = 64  # rays that tell which curve of a section is the outer one
 
 
 class RayCaster:
     """Segments in planes, sorted once so that many fans of rays can be cast on them.
 
     Where the rays of a row all start at its centre, or all run in one direction, the segment under a ray is found by
-    bisection of an abscissa: a measure of the angle about the centre, or the position across the direction. Rows in
-    which segments lie over each other (inner shells, folds), and rays of no such order, are compared with all segments.
+    bisection of an abscissa: a measure of the angle about the centre, or the position across the direction. A row in
+    which segments lie over each other keeps only its outer curve, if it has one (see ``curves.outer_curve``), and
+    where that folds back, rays follow it in order (``curves.in_order``). Without such a curve the outermost segment
+    counts. Rays of no such order are compared with all segments.
 
     Parameters
     ----------
@@ -33,45 +37,87 @@ class RayCaster:
     def __init__(
         self, row: IntArray, ends: Array, rows: int, centres: Array | None = None, direction: Array | None = None
     ):
+        self.centres, self.direction = centres, direction
+        self.ordered = len(row) > 0 and (centres is not None or direction is not None)
+        self.segment: IntArray = np.arange(len(row))  # as the caller counts them
+        self.followed: BoolArray = np.zeros(rows, bool)
+        self._sort(row, ends, rows)
+        if self.ordered and not self.clean.all():
+            kept = self._outer_curves(ends)
+            self.segment = self.segment[kept]
+            self._sort(row[kept], ends[kept], rows)
+
+    def _sort(self, row: IntArray, ends: Array, rows: int) -> None:
+        """Sort the segments by their abscissae, and tell which rows have no two over each other."""
         self.ends = ends
         self.bounds = np.searchsorted(row, np.arange(rows + 1))
-        self.centres, self.across = centres, None
-        begin: Array
+        if not self.ordered:
+            self.clean: BoolArray = np.zeros(rows, bool)
+            return
         sweep: Array
-        if centres is not None:
-            angle = diamond_angle(ends - centres[row][:, None] if centres.any() else ends)
+        if self.centres is not None:
+            angle = diamond_angle(ends - self.centres[row][:, None] if self.centres.any() else ends)
             sweep = angle[:, 1] - angle[:, 0]
             sweep -= DIAMOND_TURN * np.rint(sweep / DIAMOND_TURN)
             begin, sweep = np.minimum(angle[:, 0], angle[:, 0] + sweep), np.abs(sweep)
             begin += DIAMOND_TURN * (begin < 0)
             self.low, self.width = 0.0, DIAMOND_TURN
-        elif direction is not None and len(ends):
-            self.across = np.array((direction[1], -direction[0]))
+        else:
+            assert self.direction is not None
+            self.across = np.array((self.direction[1], -self.direction[0]))
             x = ends[..., 0] * self.across[0] + ends[..., 1] * self.across[1]
             begin, sweep = x.min(axis=1), x.max(axis=1) - x.min(axis=1)
             self.low = float(begin.min())
             self.width = 2 * float((begin + sweep).max() - self.low) or 1.0  # twice, so that rows keep apart
             begin = begin - self.low
-        else:
-            self.clean: BoolArray = np.zeros(rows, bool)
-            return
         key = row * self.width + begin
         self.order: IntArray = np.argsort(key, kind="stable")
         self.key: Array = key[self.order]
-        self.clean = self._clean(row, self.key + sweep[self.order], rows)
+        self.stop: Array = self.key + sweep[self.order]
+        self.row = row
+        self.clean = self._clean(rows)
 
-    def _clean(self, row: IntArray, stop: Array, rows: int) -> BoolArray:
+    def _clean(self, rows: int) -> BoolArray:
         """Which rows have at most one segment over each abscissa; there the first hit is the only one."""
         following = np.append(self.key[1:], np.inf)
         first, last = self.bounds[:-1], self.bounds[1:] - 1
         filled = last >= first
         # The last segment of a row is followed by its first, one turn on; by nothing where the rays are parallel.
-        following[last[filled]] = self.key[first[filled]] + self.width if self.across is None else np.inf
-        overlaps = stop - following > ROUNDING * self.width
-        return np.bincount(row[overlaps], minlength=rows) == 0
+        following[last[filled]] = self.key[first[filled]] + self.width if self.centres is not None else np.inf
+        overlaps = self.stop - following > ROUNDING * self.width
+        return np.bincount(self.row[overlaps], minlength=rows) == 0
+
+    def _outer_curves(self, ends: Array) -> BoolArray:
+        """Which segments are kept, shape (s,): of rows in which they lie over each other, the outer curve's."""
+        rows = np.flatnonzero(~self.clean)
+        origins, directions = (np.zeros((len(self.clean), PROBES, 2)) for _ in range(2))
+        origins[rows], directions[rows] = self._probes(rows)
+        probe, segment, distance = self._crossings(origins, directions, rows)
+        kept = np.ones(len(ends), bool)
+        row = probe // PROBES
+        for i in rows:
+            place, mine = slice(self.bounds[i], self.bounds[i + 1]), slice(*np.searchsorted(row, (i, i + 1)))
+            crossings = (probe[mine] % PROBES, segment[mine] - self.bounds[i], distance[mine])
+            curve = outer_curve(ends[place], *crossings)
+            if curve is not None:
+                kept[place], self.followed[i] = curve, True
+        return kept
+
+    def _probes(self, rows: IntArray) -> tuple[Array, Array]:
+        """Origins and directions of even rays over some rows, shapes (len(rows), PROBES, 2)."""
+        part = (np.arange(PROBES) + 0.5) / PROBES
+        if self.centres is not None:
+            directions = np.column_stack((np.cos(TURN * part), np.sin(TURN * part)))
+            return self.centres[rows][:, None], directions
+        assert self.direction is not None
+        first = self.key[self.bounds[rows]] - rows * self.width
+        last = np.maximum.reduceat(self.stop, self.bounds[rows]) - rows * self.width
+        x = self.low + first[:, None] + (last - first)[:, None] * part
+        below = (self.ends @ self.direction).min() - self.width
+        return x[..., None] * self.across + below * self.direction, self.direction
 
     def cast(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
-        """Distance along each ray to the outermost segment of its row.
+        """Distance along each ray to the outer curve of its row.
 
         Parameters
         ----------
@@ -91,20 +137,24 @@ class RayCaster:
             return distance, hit
         if self.clean.any():
             distance, hit = self._bisect(origins, directions)
-        # A ray through a corner may have been given a segment of hardly any length there: misses are looked at again.
-        open_ = np.isnan(distance) | ~self.clean[:, None]
+        if self.ordered and not self.clean.all():
+            self._cast_overlapping(origins, directions, distance, hit)
+        # A ray through a corner or a rim may have been given a segment beside it: misses are looked at again.
+        open_ = np.isnan(distance)
         for i in np.flatnonzero(open_.any(axis=1)):
-            segments = slice(self.bounds[i], self.bounds[i + 1])
+            place = slice(self.bounds[i], self.bounds[i + 1])
             rays = open_[i]
-            distance[i, rays], found = outermost(self.ends[segments], origins[i, rays], directions[i, rays])
+            distance[i, rays], found = outermost(self.ends[place], origins[i, rays], directions[i, rays])
             hit[i, rays] = np.where(np.isnan(distance[i, rays]), 0, found + self.bounds[i])
-        return distance, hit
+        return distance, self.segment[hit]
+
+    def _abscissae(self, origins: Array, directions: Array) -> Array:
+        if self.centres is not None:
+            return diamond_angle(directions)
+        return np.clip(origins @ self.across - self.low, 0.0, self.width * (1 - ROUNDING))
 
     def _bisect(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
-        if self.across is None:
-            x = diamond_angle(directions)
-        else:
-            x = np.clip(origins @ self.across - self.low, 0.0, self.width * (1 - ROUNDING))
+        x = self._abscissae(origins, directions)
         rows = np.arange(len(x))[:, None]
         place = np.searchsorted(self.key, rows * self.width + x, side="right") - 1
         first, last = self.bounds[:-1, None], self.bounds[1:, None] - 1
@@ -114,8 +164,54 @@ class RayCaster:
         start = self.ends[hit, 0]
         step = self.ends[hit, 1] - start
         distance = crossing(start - origins, step, directions)
-        distance[np.broadcast_to(last < first, distance.shape)] = np.nan
+        distance[np.broadcast_to((last < first) | ~self.clean[:, None], distance.shape)] = np.nan
         return distance, hit
+
+    def _cast_overlapping(self, origins: Array, directions: Array, distance: Array, hit: IntArray) -> None:
+        """Fill in the rows in which segments lie over each other."""
+        shape = distance.shape
+        ray, segment, along = self._crossings(origins, directions, np.flatnonzero(~self.clean))
+        last = np.lexsort((along, ray))
+        last = last[np.append(ray[last][1:] != ray[last][:-1], True)] if len(last) else last
+        distance.ravel()[ray[last]], hit.ravel()[ray[last]] = along[last], segment[last]
+        for i in np.flatnonzero(self.followed & ~self.clean):
+            mine = slice(*np.searchsorted(ray, (i * shape[1], (i + 1) * shape[1])))
+            folded, way = in_order(ray[mine] % shape[1], along[mine], shape[1])
+            distance[i, folded] = way
+
+    def _crossings(self, origins: Array, directions: Array, rows: IntArray) -> tuple[IntArray, IntArray, Array]:
+        """All crossings of the rays of some rows: number of the ray, ascending, of the segment, and distance [m].
+
+        A ray through the end that two segments share crosses just one of them.
+        """
+        x = self._abscissae(origins, directions)
+        chosen = np.zeros(len(x), bool)
+        chosen[rows] = True
+        key = (np.arange(len(x))[:, None] * self.width + np.broadcast_to(x, origins.shape[:2])).ravel()
+        by_key = np.argsort(key, kind="stable")
+        key = key[by_key]
+        place = np.flatnonzero(chosen[self.row])  # segments in the order of their abscissae keep their rows
+        slack = ROUNDING * self.width
+        begin, stop = self.key[place] - slack, self.stop[place] + slack
+        low, high = self.row[place] * self.width, (self.row[place] + 1) * self.width
+        pairs = []
+        for turn in (0.0, self.width) if self.centres is not None else (0.0,):  # segments over the zero angle, again
+            first = np.searchsorted(key, np.maximum(begin - turn, low))
+            count = np.maximum(np.searchsorted(key, np.minimum(stop - turn, high)) - first, 0)
+            which = np.repeat(np.arange(len(place)), count)
+            pairs.append((by_key[np.arange(len(which)) + np.repeat(first - np.cumsum(count) + count, count)], which))
+        ray, which = (np.concatenate(parts) for parts in zip(*pairs))
+        segment = self.order[place][which]
+        offset = self.ends[segment] - origins.reshape(-1, 2)[ray][:, None]
+        direction = np.broadcast_to(directions, origins.shape).reshape(-1, 2)[ray]
+        side = direction[:, None, 0] * offset[..., 1] - direction[:, None, 1] * offset[..., 0]
+        crosses = (side[:, 0] > 0) != (side[:, 1] > 0)
+        part = side[:, 0] / np.where(crosses, side[:, 0] - side[:, 1], 1.0)
+        reach = direction[:, None, 0] * offset[..., 0] + direction[:, None, 1] * offset[..., 1]
+        distance = reach[:, 0] + part * (reach[:, 1] - reach[:, 0])
+        met = np.flatnonzero(crosses & (distance > 0))
+        met = met[np.argsort(ray[met], kind="stable")]
+        return ray[met], segment[met], distance[met]
 
 
 def diamond_angle(vectors: Array) -> Array:
