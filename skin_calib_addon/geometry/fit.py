@@ -39,10 +39,19 @@ class SurfaceFit:
     mesh: TriangleMesh
     lines: LineGrid
     surface: BSplineSurface
-    residuals: Array  # (k, l) along the sample rays [m]; NaN where the mesh has nothing
-    points: Array  # (k, l, 3) where the rays met the mesh [m]
+    samples: RaySamples
     passes: int
     noise: float  # standard deviation of the scan about the surface where that was smoothed [m]; else 0
+
+    @property
+    def residuals(self) -> Array:
+        """Distances from surface to mesh along the sample rays, shape (k, l) [m]; NaN where the mesh has nothing."""
+        return self.samples.residuals
+
+    @property
+    def points(self) -> Array:
+        """Where the sample rays met the mesh, shape (k, l, 3) [m]."""
+        return self.samples.points
 
     @cached_property
     def errors(self) -> SurfaceErrors:
@@ -142,7 +151,7 @@ def fit_surface(
         offsets = offsets + basis.solve(samples.residuals, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         passes += 1
-    return SurfaceFit(mesh, lines, surface_at(lines, basis, offsets), samples.residuals, samples.points, passes, noise)
+    return SurfaceFit(mesh, lines, surface_at(lines, basis, offsets), samples, passes, noise)
 
 
 def settle(

@@ -75,6 +75,9 @@ class RayCaster:
         self.key: Array = key[self.order]
         self.stop: Array = self.key + sweep[self.order]
         self.row = row
+        # By component, in the order of the abscissae.
+        self.start, stop = (np.stack([ends[:, i, c][self.order] for c in (0, 1)]) for i in (0, 1))
+        self.step = stop - self.start
         self.clean = self._clean(rows)
 
     def _clean(self, rows: int) -> BoolArray:
@@ -159,13 +162,15 @@ class RayCaster:
         place = np.searchsorted(self.key, rows * self.width + x, side="right") - 1
         first, last = self.bounds[:-1, None], self.bounds[1:, None] - 1
         # A ray before the first segment of its row can only lie on the last one, which crosses the zero angle.
-        place = np.where(place < first, last, place)
-        hit = self.order[np.clip(place, 0, None)]
-        start = self.ends[hit, 0]
-        step = self.ends[hit, 1] - start
-        distance = crossing(start - origins, step, directions)
-        distance[np.broadcast_to((last < first) | ~self.clean[:, None], distance.shape)] = np.nan
-        return distance, hit
+        place = np.where(place < first, np.maximum(last, 0), place)
+        start_x, start_y, step_x, step_y = (part.take(place) for part in (*self.start, *self.step))
+        if self.centres is None or self.centres.any():
+            start_x, start_y = start_x - origins[..., 0], start_y - origins[..., 1]
+        distance = crossing(start_x, start_y, step_x, step_y, directions[..., 0], directions[..., 1])
+        unknown = (last < first)[:, 0] | ~self.clean
+        if unknown.any():
+            distance[unknown] = np.nan
+        return distance, self.order[place]
 
     def _cast_overlapping(self, origins: Array, directions: Array, distance: Array, hit: IntArray) -> None:
         """Fill in the rows in which segments lie over each other."""
@@ -223,19 +228,21 @@ def diamond_angle(vectors: Array) -> Array:
     return np.where(angle < 0, angle + DIAMOND_TURN, angle)
 
 
-def crossing(offset: Array, step: Array, direction: Array) -> Array:
-    """Distance along rays to segments that start at ``offset`` from them and run along ``step``; NaN for a miss."""
-    turn = direction[..., 0] * step[..., 1] - direction[..., 1] * step[..., 0]
-    turn = np.where(turn == 0, np.nan, turn)
-    distance = (offset[..., 0] * step[..., 1] - offset[..., 1] * step[..., 0]) / turn
-    part = (offset[..., 0] * direction[..., 1] - offset[..., 1] * direction[..., 0]) / turn
-    return np.where((np.abs(part - 0.5) <= 0.5 + ROUNDING) & (distance > 0), distance, np.nan)
+def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Array, y: Array) -> Array:
+    """Distance along rays (x, y) to segments from ``start``, seen from the ray's origin, to ``step`` beyond; NaN: none."""
+    turn = x * step_y - y * step_x
+    with np.errstate(divide="ignore", invalid="ignore"):  # a ray along its segment
+        distance = (start_x * step_y - start_y * step_x) / turn
+        part = (start_x * y - start_y * x) / turn
+        hits = (np.abs(part - 0.5) <= 0.5 + ROUNDING) & (distance > 0)
+    return distance if hits.all() else np.where(hits & (turn != 0), distance, np.nan)
 
 
 def outermost(ends: Array, origins: Array, directions: Array) -> tuple[Array, IntArray]:
     """Distance to the furthest crossing of each ray with any of the segments, and which; shapes (l,)."""
     if len(ends) == 0:
         return np.full(len(origins), np.nan), np.zeros(len(origins), np.int64)
-    distance = crossing(ends[:, 0] - origins[:, None], ends[:, 1] - ends[:, 0], directions[:, None])
+    offset, step = np.moveaxis(ends[:, 0] - origins[:, None], -1, 0), (ends[:, 1] - ends[:, 0]).T
+    distance = crossing(*offset, *step, *directions.T[..., None])
     hit = np.where(np.isnan(distance), -np.inf, distance).argmax(axis=1)
     return distance[np.arange(len(hit)), hit], hit

@@ -1,6 +1,7 @@
 """Samples of the mesh at the sites of a fit: sections through the rows of sites, and rays cast on them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,9 +19,19 @@ class RaySamples:
     """Where rays through the surface's own points met the mesh, one per sample site."""
 
     residuals: Array  # (k, l) from the surface outward to the mesh along the ray [m]; NaN where there is none
-    points: Array  # (k, l, 3) on the mesh [m]
-    rays: Array  # (k, l, 3) unit
+    origins: Array  # (k, l, 3) where the rays start [m]
+    arms: Array  # (k, l, 3) from there to the surface [m]
     faces: IntArray  # (k, l) that were met
+
+    @cached_property
+    def rays(self) -> Array:
+        """Unit directions, shape (k, l, 3)."""
+        return unit(self.arms)
+
+    @cached_property
+    def points(self) -> Array:
+        """Where the rays met the mesh, shape (k, l, 3) [m]; NaN where they did not."""
+        return self.origins + self.arms + self.residuals[..., None] * self.rays
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,32 +41,28 @@ class SampleRows:
     mesh: TriangleMesh
     sections: Sections
     caster: RayCaster
-    points: Array  # (k, 3) origin of each row's plane frame [m]
-    axes: Array  # (k, 2, 3) unit vectors in each row's plane
+    axes: Array  # (k, 2, 3) unit vectors in each row's plane; (1, 2, 3) where the rows are parallel
     origins: Array  # (k, l, 3) where the rays start [m]
+    local: Array  # (k, l, 2) or (1, 1, 2) the same in the frames of the rows [m]
     flat: bool  # whether rays stay in the plane of their row
 
     @classmethod
     def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis) -> "SampleRows":
         """Cut the mesh with a plane through every row of sample sites; they lie between the author's planes too."""
         planes = lines.planes_u
-        points = basis.N @ lines.origins[:, 0]
+        points = basis.N @ lines.origins[:, 0]  # of each row's frame
         flat = planes.are_parallel()
         if flat:
-            first = perpendicular(planes.normals[0])
-            frame = np.array((first, np.cross(planes.normals[0], first)))
-            flat_vertices = np.stack([along(mesh.vertices, axis) for axis in frame], axis=1)
+            axes = frames_of(planes.normals[:1])
+            flat_vertices = np.stack([along(mesh.vertices, axis) for axis in axes[0]]).T
             normals = np.broadcast_to(planes.normals[0], points.shape)
             sections = cut_sections(mesh, Planes(points, normals), flat_vertices)
-            ends = sections.ends - (points @ frame.T)[sections.plane, None]
-            axes = np.broadcast_to(frame, (len(points), 2, 3))
+            ends = sections.ends - (points @ axes[0].T)[sections.plane, None]
         else:
             normals = unit(basis.N @ planes.normals)
             sections = cut_sections(mesh, Planes(points, normals))
-            firsts = np.array([perpendicular(normal) for normal in normals])
-            axes = np.stack((firsts, np.cross(normals, firsts)), axis=1)
-            local = sections.ends - points[sections.plane, None]
-            ends = np.matmul(local, axes[sections.plane].transpose(0, 2, 1))
+            axes = frames_of(normals)
+            ends = across(sections.ends - points[sections.plane, None], axes[sections.plane])
         concurrent = (lines.origins == lines.origins[:, :1]).all()
         parallel = (lines.directions == lines.directions[0, 0]).all()
         caster = RayCaster(
@@ -65,20 +72,21 @@ class SampleRows:
             centres=np.zeros((len(points), 2)) if concurrent else None,
             direction=axes[0] @ lines.directions[0, 0] if parallel else None,
         )
-        return cls(mesh, sections, caster, points, axes, basis.blend(lines.origins), flat)
+        origins = basis.blend(lines.origins)
+        local = np.zeros((1, 1, 2)) if concurrent else across(origins - points[:, None], axes)
+        return cls(mesh, sections, caster, axes, origins, local, flat)
 
     def cast(self, arms: Array) -> RaySamples:
         """Cast rays from the origins along ``arms`` (k, l, 3), which end on the surface [m]."""
-        length = np.linalg.norm(arms, axis=2)
-        rays = arms / length[..., None]
-        # 2-D frame of each row: what leaves the plane of a fanned row is put right below.
-        origins = np.matmul(self.origins - self.points[:, None], self.axes.transpose(0, 2, 1))
-        directions = np.matmul(rays, self.axes.transpose(0, 2, 1))
+        flat_arms = across(arms, self.axes)
+        length = np.hypot(flat_arms[..., 0], flat_arms[..., 1])
+        directions = flat_arms / length[..., None]
+        origins = np.broadcast_to(self.local, directions.shape)
         distance, hit = self.caster.cast(origins, directions)
-        if not self.flat:
-            distance = self._onto_facets(distance, hit, rays)
-        points = self.origins + distance[..., None] * rays
-        return RaySamples(distance - length, points, rays, self.sections.face[hit])
+        if not self.flat:  # what leaves the plane of a fanned row is put right
+            length = np.linalg.norm(arms, axis=2)
+            distance = self._onto_facets(distance, hit, arms / length[..., None])
+        return RaySamples(distance - length, self.origins, arms, self.sections.face[hit])
 
     def _onto_facets(self, distance: Array, hit: IntArray, rays: Array) -> Array:
         """Distance to the planes of the facets that were hit, for rays that leave the plane of their row."""
@@ -87,3 +95,16 @@ class SampleRows:
         offset = ((self.sections.ends[hit, 0] - self.origins) * normal).sum(axis=2)
         steep = np.abs(slope) > 0.2  # a facet seen edge-on says nothing of the distance
         return np.where(steep & ~np.isnan(distance), offset / np.where(steep, slope, 1.0), distance)
+
+
+def frames_of(normals: Array) -> Array:
+    """Two unit vectors across each normal, shape (k, 2, 3)."""
+    firsts = np.array([perpendicular(normal) for normal in normals])
+    return np.stack((firsts, np.cross(normals, firsts)), axis=1)
+
+
+def across(vectors: Array, axes: Array) -> Array:
+    """Components of vectors (k, l, 3) along the axes of their rows (k, 2, 3), shape (k, l, 2); contiguous by component."""
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    e = axes[:, None]
+    return np.moveaxis(np.stack([x * e[..., i, 0] + y * e[..., i, 1] + z * e[..., i, 2] for i in (0, 1)]), 0, -1)

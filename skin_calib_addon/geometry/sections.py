@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, IntArray, along
+from ..arrays import Array, IntArray, along
 from .mesh import TriangleMesh
 from .planes import Planes
 
@@ -23,8 +23,8 @@ class Sections:
 def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None) -> Sections:
     """Cut a mesh with every plane at once.
 
-    A vertex that lies on a plane counts as below it, so that no position is degenerate; each edge is cut with its
-    vertices in the order of their index, so that the two faces beside it agree to the bit.
+    A vertex that lies on a plane counts as below it, so that no position is degenerate; each edge is cut by a formula
+    that is symmetric in its vertices, so that the two faces beside it agree to the bit.
 
     Parameters
     ----------
@@ -42,6 +42,14 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
     return cut(mesh, planes, mesh.vertices if values is None else values)
 
 
+# By which corners of a face lie above a plane (1, 2 and 4 for the first, second and third): the one that is alone on its
+# side, and those to whose sides the cut runs from and to. A corner above the plane and one below see their segment run
+# in opposite directions.
+TIP = np.array((0, 0, 1, 2, 2, 1, 0, 0))
+START = np.array((0, 1, 2, 1, 0, 0, 2, 0))
+STOP = np.array((0, 2, 0, 0, 1, 2, 1, 0))
+
+
 def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
     """Cut with parallel planes: each vertex has one height, and its rank among the levels tells all crossings."""
     level = along(planes.points, planes.normals[0])
@@ -55,61 +63,50 @@ def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections
     count = np.maximum(np.maximum(a, b), c) - first
     cut = np.flatnonzero(count)
     count, first = count[cut].astype(np.int64), first[cut].astype(np.int64)
-    face = np.repeat(cut, count)
-    place = np.arange(len(face)) + np.repeat(first - np.cumsum(count) + count, count)
+    part = np.repeat(np.arange(len(cut)), count)
+    place = np.arange(len(part)) + np.repeat(first - np.cumsum(count) + count, count)
     by_plane = np.argsort(order[place].astype(np.int16), kind="stable")
-    face, place = face[by_plane], place[by_plane]
+    part, place = part[by_plane], place[by_plane]
     plane = order[place]
-    ends = _segments(
-        mesh,
-        values,
-        face,
-        lambda vertex: height[vertex] - level[plane],
-        *(rank[corner[face]] > place for corner in mesh.corners),
-    )
+    above = sum((rank[cut][part] > place) * weight for rank, weight in ((a, 1), (b, 2), (c, 4)))
+    face, lift = cut[part], level[plane]
+    ends = _segments(mesh, values, face, np.asarray(above), lambda vertex: height[vertex] - lift)
     return Sections(plane, face, ends, len(planes))
 
 
 def _cut_any(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
     """Cut with planes of any direction: each vertex is compared with each plane."""
     height = planes.normals @ mesh.vertices.T - (planes.points * planes.normals).sum(axis=1)[:, None]
-    side = height > 0
-    a, b, c = (side[:, corner] for corner in mesh.corners)
-    plane, face = np.nonzero((a != b) | (b != c))
-    sides = (x[plane, face] for x in (a, b, c))
-    ends = _segments(mesh, values, face, lambda vertex: height[plane, vertex], *sides)
+    side = (height > 0).astype(np.int8)
+    above = sum(side[:, corner] * np.int8(weight) for corner, weight in zip(mesh.corners, (1, 2, 4)))
+    plane, face = np.nonzero((above > 0) & (above < 7))
+    ends = _segments(mesh, values, face, above[plane, face], lambda vertex: height[plane, vertex])
     return Sections(plane, face, ends, len(planes))
 
 
 def _segments(
-    mesh: TriangleMesh,
-    values: Array,
-    face: IntArray,
-    height: Callable[[IntArray], Array],
-    a_above: BoolArray,
-    b_above: BoolArray,
-    c_above: BoolArray,
+    mesh: TriangleMesh, values: Array, face: IntArray, above: IntArray, height: Callable[[IntArray], Array]
 ) -> Array:
     """Ends of the segment in which a plane cuts each face, shape (s, 2, c).
 
     Parameters
     ----------
+    above : array of int, shape (s,)
+        Which corners lie above the plane, as in ``TIP``.
     height : function
         Heights above its plane [m] of one vertex for each segment.
-    a_above, b_above, c_above : array of bool, shape (s,)
-        On which side of the plane the corners lie.
     """
-    # The corner that is alone on its side comes first; the winding of the face is kept.
-    alone = np.where(a_above == b_above, 2, np.where(a_above == c_above, 1, 0))
-    a, b, c = (corner[face] for corner in mesh.corners)
-    tip, following, last = (np.choose(alone, turn) for turn in ((a, b, c), (b, c, a), (c, a, b)))
-    upward = np.choose(alone, (a_above, b_above, c_above))
-    ends = np.empty((len(face), 2, values.shape[1]))
-    # A tip above the plane and one below it see their segment run in opposite directions.
-    for i, other in enumerate((np.where(upward, following, last), np.where(upward, last, following))):
-        low, high = np.minimum(tip, other), np.maximum(tip, other)
-        low_height = height(low)
-        part = low_height / (low_height - height(high))
-        start = values[low]
-        ends[:, i] = start + part[:, None] * (values[high] - start)
-    return ends
+    corners, base = mesh.faces.reshape(-1), 3 * face
+    tip = corners[base + TIP[above]]
+    tip_height = height(tip)
+    columns = np.ascontiguousarray(values.T)
+    tips = [column[tip] for column in columns]
+    ends = np.empty((len(columns), 2, len(face)))
+    for i, table in enumerate((START, STOP)):
+        other = corners[base + table[above]]
+        other_height = height(other)
+        between = tip_height - other_height
+        for end, column, tip_value in zip(ends, columns, tips):
+            # The same to the bit from whichever end of the edge: the faces on both sides of it agree.
+            end[i] = (tip_height * column[other] - other_height * tip_value) / between
+    return ends.transpose(2, 1, 0)
