@@ -1,4 +1,4 @@
-"""The smallest grid that meets a tolerance: predicted from a survey of the tube, proved by fits."""
+"""The smallest grid that meets a tolerance: predicted from a survey, proved by fits."""
 
 from dataclasses import dataclass
 
@@ -6,12 +6,14 @@ import numpy as np
 
 from ..deviation import DistanceStatistics
 from ..errors import InvalidPlan, UnreachableTolerance
-from .axis import ALL_ROUND, Axis, stations_between, tube_frame
+from .axis import Axis
+from .charts import Chart
 from .distance import MeshDistance, surface_samples
 from .fit import SurfaceFit, fit_surface
-from .grids import Grid
+from .grids import AcrossGrid, Grid, SectorGrid, TubeGrid
 from .mesh import TriangleMesh
-from .spacing import Survey
+from .spacing import line_places, plane_places, spaced_lines
+from .survey import Survey
 
 MOST_PLANES, MOST_LINES = 60, 160
 MOST_FITS, MOST_TARGETS = 8, 30
@@ -24,16 +26,30 @@ SHARE = {"mean": 0.74, "max": 5.0}
 
 @dataclass(frozen=True)
 class AutoGrid:
-    """The smallest tube grid whose distance from surface to mesh keeps within ``tolerance`` [m], mean or max."""
+    """The smallest grid whose distance from surface to mesh keeps within ``tolerance`` [m], mean or max.
+
+    Round a tube; in a sector of it, or over a face that looks along ``normal``, where these are given.
+    """
 
     tolerance: float
     measure: str = "mean"  # or "max"
     axis: Axis | None = None
     margin: float | None = None
+    sector: tuple[float, float] | None = None  # [rad], as of SectorGrid
+    normal: tuple[float, float, float] | None = None  # as of AcrossGrid
+
+    def chart(self, mesh: TriangleMesh) -> Chart:
+        """Where the grid will lie on ``mesh``."""
+        if self.normal is not None:
+            along = self.axis.direction if self.axis else None
+            return AcrossGrid(0, 0, self.normal, along, self.margin).chart(mesh)
+        if self.sector is not None:
+            return SectorGrid(0, 0, *self.sector, self.axis, self.margin).chart(mesh)
+        return TubeGrid(0, 0, self.axis, self.margin).chart(mesh)
 
 
 class ErrorModel:
-    """Predicted error of every grid on a surveyed tube: errors along and across it add in squares.
+    """Predicted error of every grid on a survey: errors along and across add in squares.
 
     Least-squares fits are projections, and those along u and along v commute: what the one leaves is at a right angle
     to what the other leaves.
@@ -45,21 +61,21 @@ class ErrorModel:
         self._across: dict[int, float] = {}
 
     def along(self, planes: int) -> float:
-        """Error of some planes along the tube, root mean square [m]."""
+        """Error of some planes along the chart, root mean square [m]."""
         if planes not in self._along:
-            stations = self.survey.plane_stations(planes, "auto", self.degree[0])
-            self._along[planes] = self.survey.error_along(stations, self.degree[0])
+            s = plane_places(self.survey, planes, "auto", self.degree[0])
+            self._along[planes], _ = self.survey.error_along(s, self.degree[0])
         return self._along[planes]
 
     def across(self, lines: int) -> float:
-        """Error of some lines across the tube, root mean square [m]."""
+        """Error of some lines across the chart, root mean square [m]."""
         if lines not in self._across:
-            angles = self.survey.line_angles(lines, "auto", self.degree[1])
-            self._across[lines] = self.survey.error_across(angles, self.degree[1])
+            t = line_places(self.survey, lines, "auto", self.degree[1])
+            self._across[lines], _ = self.survey.error_across(t, self.degree[1])
         return self._across[lines]
 
     def fewest_lines(self, error: float) -> int | None:
-        """Fewest lines that leave at most this error across the tube, found by bisection; None if none do."""
+        """Fewest lines that leave at most this error across, found by bisection; None if none do."""
         low, high = self.degree[1] + 1, MOST_LINES
         step = low
         while step < high and self.across(step) > error:  # double up to a first good number: small nets cost little
@@ -94,8 +110,10 @@ def fit_to_tolerance(
     degree: int | tuple[int, int] = 3,
     axis: Axis | None = None,
     margin: float | None = None,
+    sector: tuple[float, float] | None = None,
+    normal: tuple[float, float, float] | None = None,
 ) -> SurfaceFit:
-    """Fit the smallest tube grid whose distance from surface to mesh keeps within a tolerance.
+    """Fit the smallest grid whose distance from surface to mesh keeps within a tolerance.
 
     Parameters
     ----------
@@ -106,6 +124,8 @@ def fit_to_tolerance(
         Which distance must keep within it.
     degree, axis, margin
         As for ``TubeGrid`` and ``fit_surface``.
+    sector, normal
+        As for ``AutoGrid``: where the grid is no tube.
 
     Raises
     ------
@@ -115,8 +135,7 @@ def fit_to_tolerance(
     if not tolerance > 0 or measure not in SHARE:
         raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
     degrees = (degree, degree) if isinstance(degree, int) else degree
-    frame = tube_frame(mesh, axis)
-    survey = Survey.of(mesh, frame, stations_between(mesh, frame, margin, ALL_ROUND))
+    survey = Survey.of(mesh, AutoGrid(tolerance, measure, axis, margin, sector, normal).chart(mesh), MOST_PLANES)
     model, distance = ErrorModel(survey, degrees), MeshDistance(mesh)
     target, share = tolerance, SHARE[measure]
     best: SurfaceFit | None = None
@@ -128,7 +147,7 @@ def fit_to_tolerance(
         if size is None or missed <= CLOSE * kept or (size not in tried and len(tried) == MOST_FITS):
             break
         if size not in tried:
-            fit = fit_surface(mesh, survey.line_grid(*size, "auto", degrees), degrees)
+            fit = fit_surface(mesh, spaced_lines(survey, *size, "auto", degrees), degrees)
             tried[size] = getattr(quick_error(distance, fit), measure)
             if tried[size] <= tolerance and (best is None or net_size(fit) < net_size(best)):
                 best = fit
@@ -165,5 +184,6 @@ def fit_grid(mesh: TriangleMesh, grid: Grid | AutoGrid, degree: tuple[int, int],
     """Fit along a grid that the author gave, or the smallest that meets a tolerance; ``chords`` as for fit_surface."""
     if not isinstance(grid, AutoGrid):
         return fit_surface(mesh, grid, degree, chords)
-    fit = fit_to_tolerance(mesh, grid.tolerance, grid.measure, degree, grid.axis, grid.margin)
+    where = (grid.axis, grid.margin, grid.sector, grid.normal)
+    fit = fit_to_tolerance(mesh, grid.tolerance, grid.measure, degree, *where)
     return fit_surface(mesh, fit.lines, degree, chords) if chords else fit

@@ -7,12 +7,14 @@ import numpy as np
 from ..arrays import Array, unit
 from ..errors import InvalidPlan
 from .axis import ALL_ROUND, Axis, find_axis, stations_between, tube_frame
+from .charts import Chart, FaceChart, TubeChart, chart_lines
 from .frames import frame_of
-from .lines import LineGrid, fan
+from .lines import LineGrid
 from .mesh import TriangleMesh
 from .planes import Planes, perpendicular
 from .rays import TURN
-from .spacing import Survey
+from .spacing import spaced_lines
+from .survey import Survey
 
 # Planes of the two families that meet at less than this cut each other nowhere definite.
 SMALLEST_ANGLE = np.deg2rad(3.0)
@@ -35,15 +37,14 @@ class TubeGrid:
     margin: float | None = None  # [m] left free at both ends; None: up to the first complete sections
     spacing: str = "auto"  # of the planes; "uniform", "arc" or "curvature" for the lines, the u-planes then even
 
+    def chart(self, mesh: TriangleMesh) -> TubeChart:
+        """Stations and angles on ``mesh``."""
+        frame = tube_frame(mesh, self.axis)
+        return TubeChart(frame, stations_between(mesh, frame, self.margin, ALL_ROUND))
+
     def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
         """The lines of the control points on ``mesh`` for a surface of this degree."""
-        frame = tube_frame(mesh, self.axis)
-        span = stations_between(mesh, frame, self.margin, ALL_ROUND)
-        if self.spacing == "uniform":
-            # Clockwise about the axis, so that r_u x r_v points outward.
-            angles = -TURN * np.arange(self.lines) / self.lines
-            return fan(frame, np.linspace(*span, self.n), angles, closed=True)
-        return Survey.of(mesh, frame, span).line_grid(self.n, self.lines, self.spacing, degree)
+        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
 
 
 @dataclass(frozen=True)
@@ -58,8 +59,8 @@ class SectorGrid:
     margin: float | None = None
     spacing: str = "auto"
 
-    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
-        """The lines of the control points on ``mesh`` for a surface of this degree."""
+    def chart(self, mesh: TriangleMesh) -> TubeChart:
+        """Stations and angles on ``mesh``."""
         if not 0 < self.stop - self.start < TURN:
             raise InvalidPlan(f'"from" {self.start:g} and "to" {self.stop:g} must span more than 0 and less than 2 pi')
         found = (
@@ -68,11 +69,11 @@ class SectorGrid:
         x_axis, y_axis = np.eye(3)[:2]
         frame = frame_of(found.point, found.e3, y_axis if abs(found.e3 @ x_axis) > 0.9 else x_axis)
         span = stations_between(mesh, frame, self.margin, np.linspace(self.start, self.stop, 90))
-        if self.spacing == "uniform":
-            angles = np.linspace(self.stop, self.start, self.lines)
-            return fan(frame, np.linspace(*span, self.n), angles, closed=False)
-        survey = Survey.of(mesh, frame, span, (self.start, self.stop))
-        return survey.line_grid(self.n, self.lines, self.spacing, degree)
+        return TubeChart(frame, span, (self.start, self.stop))
+
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh`` for a surface of this degree."""
+        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
 
 
 @dataclass(frozen=True)
@@ -84,9 +85,10 @@ class AcrossGrid:
     normal: tuple[float, float, float]  # out of the robot
     along: tuple[float, float, float] | None = None  # the u-planes lie across it; None: the longer side
     margin: float | None = None  # [m] left free at all four sides; None: a hundredth of the longer one
+    spacing: str = "auto"
 
-    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
-        """The lines of the control points on ``mesh``; they do not depend on the degree."""
+    def chart(self, mesh: TriangleMesh) -> FaceChart:
+        """Lengths over the faces of ``mesh`` that look along ``normal``."""
         up = unit(self.normal)
         faces = mesh.faces[mesh.face_normals @ up > 0.5]
         if len(faces) == 0:
@@ -98,12 +100,13 @@ class AcrossGrid:
         margin = 0.01 * max(np.ptp(x), np.ptp(y)) if self.margin is None else self.margin
         if 2 * margin >= min(np.ptp(x), np.ptp(y)):
             raise InvalidPlan(f"margin {margin * 1e3:g} mm leaves nothing of the face; make it smaller")
-        x, y = (np.linspace(s.min() + margin, s.max() - margin, k) for s, k in ((x, self.n), (y, self.lines)))
         below = ((mesh.vertices @ up).min() - 0.1 * mesh.size) * up  # rays start inside and go outward
-        points = below + x[:, None] * along
-        origins = points[:, None] + y[:, None] * side
-        planes = Planes(points, np.broadcast_to(along, points.shape))
-        return LineGrid(planes, origins, np.broadcast_to(up, origins.shape), False, numbered(self.lines))
+        span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
+        return FaceChart(below, along, side, up, span, breadth)
+
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh`` for a surface of this degree."""
+        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
 
     def _along(self, seen: Array, up: Array) -> Array:
         if self.along is not None:
@@ -222,6 +225,15 @@ def check_order(places: Array, name: str, size: float) -> None:
             f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}; list them in the order in which they lie",
             plane=i + 1,
         )
+
+
+def lines_on(chart: Chart, mesh: TriangleMesh, n: int, lines: int, spacing: str, degree: tuple[int, int]) -> LineGrid:
+    """The lines of ``n`` planes and ``lines`` lines in each over a chart; even ones need no look at the mesh."""
+    if spacing == "uniform":
+        last = lines if chart.closed else lines - 1
+        t = chart.breadth[0] + (chart.breadth[1] - chart.breadth[0]) * np.arange(lines) / last
+        return chart_lines(chart, np.linspace(*chart.span, n), t)
+    return spaced_lines(Survey.of(mesh, chart, n), n, lines, spacing, degree)
 
 
 Grid = TubeGrid | SectorGrid | AcrossGrid | PlanesGrid

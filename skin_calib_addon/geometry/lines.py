@@ -1,11 +1,8 @@
-"""The lines P_u ∩ P_v on which control points move, and the fans of rays along them."""
+"""The lines P_u ∩ P_v on which control points move."""
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..arrays import Array, freeze
-from .frames import TubeFrame
 from .planes import Planes
 
 
@@ -26,12 +23,3 @@ class LineGrid:
     def __post_init__(self):
         n, m = len(self.planes_u), len(self.v_names)
         freeze(self, origins=(n, m, 3), directions=(n, m, 3))
-
-
-def fan(frame: TubeFrame, stations: Array, angles: Array, closed: bool) -> LineGrid:
-    """Lines that leave an axis at every station and angle."""
-    planes = frame.planes(stations)
-    shape = (len(stations), len(angles), 3)
-    names = tuple(f"half-plane at {np.rad2deg(a) % 360:.0f} degrees" for a in angles)
-    origins = np.broadcast_to(planes.points[:, None], shape)
-    return LineGrid(planes, origins, np.broadcast_to(frame.rays(angles), shape), closed, names)

@@ -152,9 +152,9 @@ class RayCaster:
         return distance, self.segment[hit]
 
     def _abscissae(self, origins: Array, directions: Array) -> Array:
-        if self.centres is not None:
-            return diamond_angle(directions)
-        return np.clip(origins @ self.across - self.low, 0.0, self.width * (1 - ROUNDING))
+        """Of rays, short of the whole width: the row's number times the width must not round up to the next row."""
+        x = diamond_angle(directions) if self.centres is not None else origins @ self.across - self.low
+        return np.clip(x, 0.0, self.width * (1 - ROUNDING))
 
     def _bisect(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
         x = self._abscissae(origins, directions)
@@ -229,7 +229,7 @@ def diamond_angle(vectors: Array) -> Array:
 
 
 def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Array, y: Array) -> Array:
-    """Distance along rays (x, y) to segments from ``start``, seen from the ray's origin, to ``step`` beyond; NaN: none."""
+    """Distance along rays (x, y) to segments from ``start``, seen from its origin, to ``step`` beyond; NaN: none."""
     turn = x * step_y - y * step_x
     with np.errstate(divide="ignore", invalid="ignore"):  # a ray along its segment
         distance = (start_x * step_y - start_y * step_x) / turn

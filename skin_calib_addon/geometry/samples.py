@@ -49,31 +49,47 @@ class SampleRows:
     @classmethod
     def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis) -> "SampleRows":
         """Cut the mesh with a plane through every row of sample sites; they lie between the author's planes too."""
-        planes = lines.planes_u
-        points = basis.N @ lines.origins[:, 0]  # of each row's frame
+        points = basis.N @ lines.origins[:, 0]
+        parallel = lines.planes_u.are_parallel()
+        normals = np.broadcast_to(lines.planes_u.normals[0], points.shape)
+        planes = Planes(points, normals if parallel else unit(basis.N @ lines.planes_u.normals))
+        concurrent = bool((lines.origins == lines.origins[:, :1]).all())
+        direction = lines.directions[0, 0] if (lines.directions == lines.directions[0, 0]).all() else None
+        return cls.cut(mesh, planes, basis.blend(lines.origins), concurrent, direction)
+
+    @classmethod
+    def cut(
+        cls, mesh: TriangleMesh, planes: Planes, origins: Array, concurrent: bool, direction: Array | None
+    ) -> "SampleRows":
+        """Cut the mesh with planes in which rays will start.
+
+        Parameters
+        ----------
+        origins : array, shape (k, l, 3)
+            Of the rays in each plane [m].
+        concurrent : bool
+            Whether the rays of each plane all start at its point.
+        direction : array, shape (3,), or None
+            Where all rays run to, if they do.
+        """
         flat = planes.are_parallel()
         if flat:
             axes = frames_of(planes.normals[:1])
             flat_vertices = np.stack([along(mesh.vertices, axis) for axis in axes[0]]).T
-            normals = np.broadcast_to(planes.normals[0], points.shape)
-            sections = cut_sections(mesh, Planes(points, normals), flat_vertices)
-            ends = sections.ends - (points @ axes[0].T)[sections.plane, None]
+            sections = cut_sections(mesh, planes, flat_vertices)
+            ends = sections.ends - (planes.points @ axes[0].T)[sections.plane, None]
         else:
-            normals = unit(basis.N @ planes.normals)
-            sections = cut_sections(mesh, Planes(points, normals))
-            axes = frames_of(normals)
-            ends = across(sections.ends - points[sections.plane, None], axes[sections.plane])
-        concurrent = (lines.origins == lines.origins[:, :1]).all()
-        parallel = (lines.directions == lines.directions[0, 0]).all()
+            sections = cut_sections(mesh, planes)
+            axes = frames_of(planes.normals)
+            ends = across(sections.ends - planes.points[sections.plane, None], axes[sections.plane])
         caster = RayCaster(
             sections.plane,
             ends,
-            len(points),
-            centres=np.zeros((len(points), 2)) if concurrent else None,
-            direction=axes[0] @ lines.directions[0, 0] if parallel else None,
+            len(planes),
+            centres=np.zeros((len(planes), 2)) if concurrent else None,
+            direction=axes[0] @ direction if direction is not None else None,
         )
-        origins = basis.blend(lines.origins)
-        local = np.zeros((1, 1, 2)) if concurrent else across(origins - points[:, None], axes)
+        local = np.zeros((1, 1, 2)) if concurrent else across(origins - planes.points[:, None], axes)
         return cls(mesh, sections, caster, axes, origins, local, flat)
 
     def cast(self, arms: Array) -> RaySamples:
@@ -97,6 +113,19 @@ class SampleRows:
         return np.where(steep & ~np.isnan(distance), offset / np.where(steep, slope, 1.0), distance)
 
 
+def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Array) -> Array:
+    """Distance along rays in some planes to the mesh, shape (k, l) [m]; NaN where there is none.
+
+    Parameters
+    ----------
+    origins, directions : array, shape (k, l, 3)
+        Of the rays of each plane [m]; they all start at its point, or all run one way.
+    """
+    concurrent = bool((origins == planes.points[:, None]).all())
+    rows = SampleRows.cut(mesh, planes, origins, concurrent, None if concurrent else directions[0, 0])
+    return rows.cast(directions).residuals + 1
+
+
 def frames_of(normals: Array) -> Array:
     """Two unit vectors across each normal, shape (k, 2, 3)."""
     firsts = np.array([perpendicular(normal) for normal in normals])
@@ -104,7 +133,7 @@ def frames_of(normals: Array) -> Array:
 
 
 def across(vectors: Array, axes: Array) -> Array:
-    """Components of vectors (k, l, 3) along the axes of their rows (k, 2, 3), shape (k, l, 2); contiguous by component."""
+    """Components of vectors (k, l, 3) along the axes of their rows (k, 2, 3), shape (k, l, 2), stored by component."""
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     e = axes[:, None]
     return np.moveaxis(np.stack([x * e[..., i, 0] + y * e[..., i, 1] + z * e[..., i, 2] for i in (0, 1)]), 0, -1)

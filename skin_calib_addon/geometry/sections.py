@@ -42,9 +42,9 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
     return cut(mesh, planes, mesh.vertices if values is None else values)
 
 
-# By which corners of a face lie above a plane (1, 2 and 4 for the first, second and third): the one that is alone on its
-# side, and those to whose sides the cut runs from and to. A corner above the plane and one below see their segment run
-# in opposite directions.
+# By which corners of a face lie above a plane (1, 2 and 4 for the first, second and third): the one that is alone on
+# its side, and those to whose sides the cut runs from and to. A tip above the plane and one below see their segment
+# run in opposite directions.
 TIP = np.array((0, 0, 1, 2, 2, 1, 0, 0))
 START = np.array((0, 1, 2, 1, 0, 0, 2, 0))
 STOP = np.array((0, 2, 0, 0, 1, 2, 1, 0))

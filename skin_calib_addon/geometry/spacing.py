@@ -1,194 +1,157 @@
-"""Where the planes of a tube go when the author leaves it open: where they lower the error most."""
+"""Where planes and lines go when the author leaves it open: where they lower the error most."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
-from ..arrays import Array, product, unit
-from ..errors import EmptySection
+from ..arrays import Array
 from .basis import check_counts, spline_sites
 from .bspline import greville
-from .frames import TubeFrame
-from .lines import LineGrid, fan
-from .mesh import TriangleMesh
-from .rays import TURN, RayCaster
-from .sections import cut_sections
+from .charts import chart_lines
+from .lines import LineGrid
+from .rays import TURN
+from .survey import Survey
 
 SPACINGS = ("auto", "uniform", "arc", "curvature")
-ROWS, RAYS = 29, 720  # of a survey
-OUTLINE_STEP = 4  # every so many rows stand for the outline
 # Lines lie as densely as this power of the curvature: a corner gets them, a flat keeps a few.
 CURVATURE_POWER = 0.35
-SMOOTHING_ANGLE = 0.02  # [rad] over which curvature is averaged: facets are corners too
-PROFILES = 45  # along the tube, evenly around it
-ROUNDS = 4
-DENSE = 6  # sites per span where errors along the tube are judged: a short spline passes through three
-SAME = 1e-7  # share of an error, and of a radius, by which errors may differ and be the same
+FLAT = 1e-3  # share of the mean below which a curvature is none but rounding
+SMOOTHING_STEPS = 2.3  # of the outlines, over which curvature is averaged: facets are corners too
+# Spans get shorter as this power of their mean square error: that of a cubic falls as the ninth power of its length.
+ERROR_POWER = 0.11
+EVENED = 3  # rounds of making the errors of all spans alike
+QUIETEST = 1e-4  # share of the mean below which the error of a span counts no more
+GAIN = 0.98  # an error is lower where it is below this share of that of the first, plainest choice
+NOTHING = 1e-7  # share of the heights below which an error is none
 PHASES = (0.0, 0.25, 0.5, 0.75)  # shares of a line's interval by which closed lines may be turned
 
-
-@dataclass(frozen=True, eq=False)
-class Survey:
-    """A tube as a height map: how far the mesh lies from the axis at even stations and angles.
-
-    The angles go all round, or over a sector from its first to its last half-plane.
-    """
-
-    frame: TubeFrame
-    span: tuple[float, float]  # first and last station of the planes [m]
-    stations: Array  # (k,) [m]
-    angles: Array  # (l,) [rad], ascending
-    radii: Array  # (k, l) [m]; gaps are filled from beside
-    closed: bool
-
-    @classmethod
-    def of(
-        cls, mesh: TriangleMesh, frame: TubeFrame, span: tuple[float, float], sector: tuple[float, float] | None = None
-    ) -> "Survey":
-        """Survey a mesh between two stations, all round or in a sector.
-
-        Raises
-        ------
-        EmptySection
-            If no ray meets the mesh.
-        """
-        stations = np.linspace(*span, ROWS)
-        angles = np.arange(RAYS) * TURN / RAYS if sector is None else np.linspace(*sector, RAYS)
-        planes = frame.planes(stations)
-        sections = cut_sections(mesh, planes, frame.across(mesh.vertices - frame.point))
-        caster = RayCaster(sections.plane, sections.ends, ROWS, centres=np.zeros((ROWS, 2)))
-        rays = np.broadcast_to(np.column_stack((np.cos(angles), np.sin(angles))), (ROWS, RAYS, 2))
-        radii, _ = caster.cast(np.zeros((ROWS, RAYS, 2)), rays)
-        return cls(frame, span, stations, angles, filled(radii), sector is None)
-
-    def radii_at(self, angles: Array) -> Array:
-        """Radii of every row at some angles, shape (k, len(angles)) [m]."""
-        if self.closed:
-            place = (angles % TURN) * RAYS / TURN
-            before = np.floor(place).astype(int) % RAYS
-            after = (before + 1) % RAYS
-        else:
-            place = np.clip((angles - self.angles[0]) / (self.angles[-1] - self.angles[0]), 0, 1) * (RAYS - 1)
-            before = np.minimum(place.astype(int), RAYS - 2)
-            after = before + 1
-        share = place - np.floor(place)
-        return self.radii[:, before] * (1 - share) + self.radii[:, after] * share
-
-    def density(self, spacing: str) -> Array:
-        """How densely lines should lie at each angle, shape (l,); any scale."""
-        if spacing == "uniform":
-            return np.ones(len(self.angles))
-        radii = self.radii[::OUTLINE_STEP]
-        x, y = radii * np.cos(self.angles), radii * np.sin(self.angles)
-        dx, dy = np.roll(x, -1, axis=1) - x, np.roll(y, -1, axis=1) - y
-        length, heading = np.hypot(dx, dy), np.arctan2(dy, dx)
-        turn = heading - np.roll(heading, 1, axis=1)
-        turn -= TURN * np.rint(turn / TURN)
-        length = (length + np.roll(length, 1, axis=1)) / 2
-        if not self.closed:  # the ends have no curve on one side
-            turn[:, [0, -1]], length[:, [0, -1]] = turn[:, [1, -2]], length[:, [1, -2]]
-        if spacing == "arc":
-            return length.mean(axis=0)
-        # Averaged over the smoothing angle as a convolution round the circle.
-        waves = np.fft.rfftfreq(RAYS, (self.angles[1] - self.angles[0]) / TURN)
-        turn, length = (
-            np.fft.irfft(np.fft.rfft(x) * np.exp(-0.5 * (waves * SMOOTHING_ANGLE) ** 2), RAYS) for x in (turn, length)
-        )
-        return ((np.abs(turn) / length) ** CURVATURE_POWER * length).mean(axis=0)
-
-    def line_grid(self, n: int, lines: int, spacing: str, degree: tuple[int, int]) -> LineGrid:
-        """The lines of ``n`` planes and ``lines`` half-planes, clockwise so that r_u x r_v points outward.
-
-        Raises
-        ------
-        UnderdeterminedFit
-            If they are too few for the degree.
-        """
-        check_counts(n, degree[0], "u-planes")
-        check_counts(lines, degree[1], "v-lines")
-        angles = self.line_angles(lines, spacing, degree[1])
-        return fan(self.frame, self.plane_stations(n, spacing, degree[0]), angles, self.closed)
-
-    def line_angles(self, count: int, spacing: str, degree: int) -> Array:
-        """Angles of ``count`` lines, descending; the spacing that leaves the least error where it is ``auto``."""
-        choices = SPACINGS[1:] if spacing == "auto" else (spacing,)
-        phases = PHASES if self.closed and spacing == "auto" else (0.0,)
-        densities = [self.density(choice) for choice in choices]
-        candidates = [self._quantiles(density, count, phase) for density in densities for phase in phases]
-        if not self.closed:
-            ends = np.linspace(self.angles[-1], self.angles[0], 2)
-            abscissae = greville(spline_sites(count, degree, False).knots, degree)
-            candidates.append(ends[0] + abscissae * (ends[1] - ends[0]))
-        errors = [self.error_across(c, degree) for c in candidates] if len(candidates) > 1 else [0.0]
-        return candidates[self._least(errors)]
-
-    def _quantiles(self, density: Array, count: int, phase: float) -> Array:
-        """Angles with equal shares of a density between them, descending."""
-        if self.closed:
-            edges = np.append(self.angles, TURN) - self.angles[1] / 2
-            shares = (np.arange(count) + phase) / count
-            share = np.append(0.0, np.cumsum(density))
-        else:
-            edges, shares = self.angles, np.linspace(0, 1, count)
-            share = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2))
-        return np.interp(shares, share / share[-1], edges)[::-1]
-
-    def error_across(self, angles: Array, degree: int) -> float:
-        """Error that lines at these angles leave between sections and fits, root mean square [m]."""
-        lines = np.column_stack((np.cos(angles), np.sin(angles)))
-        sites = spline_sites(len(angles), degree, self.closed)
-        rays = sites.values @ lines
-        radii = self.radii_at(np.arctan2(rays[:, 1], rays[:, 0]))[::OUTLINE_STEP]
-        # The lines fan out from the rays: offsets reach a ray by its cosine to each line, and a few rounds mend that.
-        fanned = sites.values * (unit(rays) @ lines.T)
-        for _ in range(ROUNDS):
-            radii = radii - product(product(radii, sites.inverse.T), fanned.T)
-        return spread(radii, 1 - len(angles) / len(rays))
-
-    def plane_stations(self, count: int, spacing: str, degree: int) -> Array:
-        """Stations of ``count`` planes: even ones, or those of a linear parametrisation where that is better."""
-        first, last = self.span
-        even = np.linspace(first, last, count)
-        linear = first + (last - first) * greville(spline_sites(count, degree, False).knots, degree)
-        if spacing != "auto":
-            return even
-        return (even, linear)[self._least([self.error_along(stations, degree) for stations in (even, linear)])]
-
-    def _least(self, errors: list[float]) -> int:
-        """Which error is the smallest; of those that only rounding tells apart, the first, for symmetric shapes."""
-        least = min(errors) * (1 + SAME) + SAME * float(self.radii.mean())
-        return next(i for i, error in enumerate(errors) if error <= least)
-
-    def error_along(self, stations: Array, degree: int) -> float:
-        """Error that planes at these stations leave between profiles and fits, root mean square [m]."""
-        sites = spline_sites(len(stations), degree, False, DENSE)
-        at = sites.values @ stations
-        profiles = self.radii[:, :: RAYS // PROFILES]
-        place = np.clip(np.searchsorted(self.stations, at) - 1, 0, len(self.stations) - 2)
-        share = ((at - self.stations[place]) / (self.stations[place + 1] - self.stations[place]))[:, None]
-        radii = profiles[place] * (1 - share) + profiles[place + 1] * share
-        fitted = product(sites.values, product(sites.inverse, radii))
-        return spread(radii - fitted, 1 - len(stations) / len(at))
+# A spacing is a piecewise linear map from the share of the intervals behind a place, 0 to 1, to the place.
+Map = tuple[Array, Array]
 
 
-def spread(residuals: Array, free: float) -> float:
-    """Root mean square of residuals of which only a share is free: the rest went into the fit's unknowns [m]."""
-    return float(np.sqrt(np.mean(residuals**2) / free))
-
-
-def filled(radii: Array) -> Array:
-    """Radii with each gap closed by the nearest value, along its row rather than across rows.
+def spaced_lines(survey: Survey, n: int, lines: int, spacing: str, degree: tuple[int, int]) -> LineGrid:
+    """The lines of ``n`` planes and ``lines`` lines in each.
 
     Raises
     ------
-    EmptySection
-        If there is nothing to fill from.
+    UnderdeterminedFit
+        If they are too few for the degree.
     """
-    if np.isnan(radii).all():
-        raise EmptySection("no ray from the axis meets the mesh; move the axis into it, or give another grid")
-    missing = np.isnan(radii)
-    if not missing.any():
-        return radii
-    rows, columns = distance_transform_edt(missing, sampling=(4.0, 1.0), return_distances=False, return_indices=True)
-    return radii[rows, columns]
+    check_counts(n, degree[0], "u-planes")
+    check_counts(lines, degree[1], "v-lines")
+    s, t = plane_places(survey, n, spacing, degree[0]), line_places(survey, lines, spacing, degree[1])
+    return chart_lines(survey.chart, s, t)
+
+
+def plane_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
+    """Places of ``count`` planes along the chart; those that leave the least error where the spacing is ``auto``."""
+    even = np.linspace(*survey.chart.span, count)
+    if spacing != "auto":
+        return even
+    shares = greville(spline_sites(count, degree, False).knots, degree)
+    linear = np.array((0.0, 1.0)), np.array(survey.chart.span)
+    maps, errors = evened(survey.error_along, linear, shares, degree, False)
+    candidates = [even, *(place(m, shares) for m in maps)]
+    return best(candidates, [survey.error_along(even, degree)[0], *errors], survey)
+
+
+def line_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
+    """Places of ``count`` lines across the chart, ascending; those that leave the least error for ``auto``."""
+    closed = survey.chart.closed
+    even = np.arange(count) / count if closed else np.linspace(0, 1, count)
+    if spacing != "auto":
+        maps = density_maps(survey)
+        return place(maps.get(spacing, maps["uniform"]), even)
+    shares = even if closed else greville(spline_sites(count, degree, False).knots, degree)
+    maps = list(density_maps(survey).values())
+    if closed:
+        maps = [turned(m, phase / count) for m in maps for phase in PHASES]
+    errors = [survey.error_across(place(m, shares), degree)[0] for m in maps]
+    more, lower = evened(survey.error_across, maps[int(np.argmin(errors))], shares, degree, closed)
+    candidates, errors = [place(m, shares) for m in maps + more], errors + lower
+    if not closed:
+        candidates.append(place(maps[0], even))
+        errors.append(survey.error_across(candidates[-1], degree)[0])
+    return best(candidates, errors, survey)
+
+
+def turned(m: Map, share: float) -> Map:
+    """A closed map that starts where the given share of it lies behind."""
+    shares, places = m
+    turn = places[-1] - places[0]
+    after = np.concatenate((shares[shares > share], 1 + shares[(shares > 0) & (shares < share)]))
+    knots = np.concatenate(([share], after, [1 + share]))
+    period = np.concatenate((shares, 1 + shares[1:])), np.concatenate((places, turn + places[1:]))
+    return knots - share, place(period, knots)
+
+
+def best(candidates: list[Array], errors: list[float], survey: Survey) -> Array:
+    """The candidate of the least error; the first where that gains hardly anything, for symmetric shapes."""
+    least = int(np.argmin(errors))
+    plain = errors[least] > GAIN * errors[0] - NOTHING * float(np.abs(survey.profiles).mean())
+    return candidates[0 if plain else least]
+
+
+def place(m: Map, shares: Array) -> Array:
+    """Places at some shares of a map."""
+    return np.interp(shares, *m)
+
+
+def evened(
+    error: Callable[[Array, int], tuple[float, Array]], start: Map, shares: Array, degree: int, closed: bool
+) -> tuple[list[Map], list[float]]:
+    """Maps from a first one on, each with shorter spans where the one before left more error; and their errors.
+
+    Parameters
+    ----------
+    error : function
+        Of places and degree: the error of a fit, and the mean squares of its spans.
+    shares : array, shape (m,)
+        At which the control points lie.
+    """
+    maps, errors = [start], []
+    for _ in range(EVENED):
+        m = maps[-1]
+        left, energy = error(place(m, shares), degree)
+        errors.append(left)
+        if not energy.any():
+            return maps, errors
+        energy = np.maximum(energy / energy.mean(), QUIETEST)
+        beside = np.concatenate((energy[-1:], energy, energy[:1])) if closed else np.pad(energy, 1, mode="edge")
+        # Rounded, so that the last bits of the heights do not come through: a mesh that is moved takes its lines along.
+        weight = np.round((beside[:-2] + 2 * energy + beside[2:]) ** ERROR_POWER, 4)
+        shared = np.append(0.0, np.cumsum(weight))
+        maps.append((shared / shared[-1], place(m, np.linspace(0, 1, len(energy) + 1))))
+    return maps, [*errors, error(place(maps[-1], shares), degree)[0]]
+
+
+def density_maps(survey: Survey) -> dict[str, Map]:
+    """Maps that give each place the share of a density behind it: of nothing, arc length, a power of curvature."""
+    t, edges, closed = survey.outline_t, survey.chart.breadth, survey.chart.closed
+    maps = {"uniform": (np.array((0.0, 1.0)), np.array(edges))}
+    for spacing, density in zip(("arc", "curvature"), outline_densities(survey)):
+        following = np.roll(density, -1) if closed else density[1:]
+        share = np.append(0.0, np.cumsum((density[: len(following)] + following) / 2))
+        if share[-1] > 0:  # a plane has no curvature
+            maps[spacing] = share / share[-1], np.append(t, edges[1]) if closed else t
+    return maps
+
+
+def outline_densities(survey: Survey) -> tuple[Array, Array]:
+    """Arc length, and the power of curvature over it, per step of t on the outlines, shape (l,)."""
+    origins, rays = survey.chart.rays(survey.profile_s[:1], survey.outline_t)
+    points = origins + survey.outlines[..., None] * rays
+    step = np.roll(points, -1, axis=1) - points
+    length = np.sqrt((step**2).sum(axis=2))
+    heading = step / np.maximum(length, 1e-300)[..., None]
+    turn = np.sqrt(((heading - np.roll(heading, 1, axis=1)) ** 2).sum(axis=2))
+    length = (length + np.roll(length, 1, axis=1)) / 2
+    if not survey.chart.closed:  # the ends have no curve on one side
+        turn[:, [0, -1]], length[:, [0, -1]] = turn[:, [1, -2]], length[:, [1, -2]]
+    # Averaged as a convolution all round.
+    l = len(survey.outline_t)
+    window = np.exp(-0.5 * (TURN * np.fft.rfftfreq(l) * SMOOTHING_STEPS) ** 2)
+    smooth_turn, smooth_length = (np.fft.irfft(np.fft.rfft(x) * window, l) for x in (turn, length))
+    curvature = np.abs(smooth_turn) / smooth_length
+    curvature = np.maximum(curvature, FLAT * curvature.mean())
+    return length.mean(axis=0), (curvature**CURVATURE_POWER * smooth_length).mean(axis=0)

@@ -192,7 +192,7 @@ def test_fit_is_never_worse_than_its_own_start(case, monkeypatch):
 def test_ragged_meshes_are_fitted_nearly_as_well(seed):
     """Tubes with a tenth of their faces gone at random: gaps are counted, and the surface lies on what is gone too."""
     rng = np.random.default_rng(seed)
-    mesh, grid = keep(WRIST, lambda c: rng.random(len(c)) > 0.1), TubeGrid(8, 16, NEAR_Z, 0.004)
+    mesh, grid = keep(WRIST, lambda c: rng.random(len(c)) > 0.1), TubeGrid(8, 16, NEAR_Z, 0.004, "uniform")
     fit = fit_surface(mesh, grid)
     assert 0.05 < fit.missing < 0.15
     ragged, whole = (MeshDistance(WRIST)(f.surface.points(UV))[0] for f in (fit, fit_surface(WRIST, grid)))

@@ -212,3 +212,15 @@ def test_cast_on_nothing_meets_nothing():
     for order in ({"centres": CENTRE}, {"direction": np.array((0.0, 1.0))}, {}):
         caster = RayCaster(np.empty(0, int), np.empty((0, 2, 2)), 1, **order)
         assert np.isnan(caster.cast(0 * directions, directions)[0]).all()
+
+
+def test_ray_a_hair_below_zero_stays_in_its_row():
+    """An angle of minus 1e-17 is a whole turn by rounding, and minus 1e-16 is one where the row's number is added."""
+    corners = [radius * np.array([(1, -1e-17), (0, 1), (-1, 0), (0, -1)]) for radius in np.arange(1.0, 9.0)]
+    ends = np.concatenate([sides(c) for c in corners])
+    for turn in (-1e-17, -3e-16, -0.0, 1e-17):
+        directions = np.tile((1.0, turn), (8, 1, 1))
+        caster = RayCaster(np.repeat(np.arange(8), 4), ends, 8, centres=np.zeros((8, 2)))
+        distance, hit = caster.cast(0 * directions, directions)
+        assert_allclose(distance[:, 0], np.arange(1.0, 9.0), rtol=1e-12)
+        assert_array_equal(hit[:, 0] // 4, np.arange(8))

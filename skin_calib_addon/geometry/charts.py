@@ -1,0 +1,105 @@
+"""Charts: two coordinates, s along the u-direction and t across it, that give the plane and the ray at each place."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array, unit
+from .frames import TubeFrame
+from .lines import LineGrid
+from .planes import Planes
+from .rays import TURN
+
+
+@dataclass(frozen=True, eq=False)
+class TubeChart:
+    """Around an axis: s is the station [m], t the angle [rad], clockwise so that r_u x r_v points outward."""
+
+    frame: TubeFrame
+    span: tuple[float, float]  # first and last station [m]
+    sector: tuple[float, float] | None = None  # first and last angle, counter-clockwise [rad]; None: all round
+
+    @property
+    def closed(self) -> bool:
+        """Whether t goes all round."""
+        return self.sector is None
+
+    @property
+    def breadth(self) -> tuple[float, float]:
+        """First and last t."""
+        return (0.0, TURN) if self.sector is None else (0.0, self.sector[1] - self.sector[0])
+
+    def angles(self, t: Array) -> Array:
+        """Angles from ``frame.e1`` towards ``frame.e2``."""
+        return (0.0 if self.sector is None else self.sector[1]) - t
+
+    def planes(self, s: Array) -> Planes:
+        """One plane across the axis at each station."""
+        return self.frame.planes(s)
+
+    def rays(self, s: Array, t: Array) -> tuple[Array, Array]:
+        """Origins and unit directions of the rays at every pair, shapes (k, l, 3)."""
+        shape = (len(s), len(t), 3)
+        points = self.frame.planes(s).points[:, None]
+        return np.broadcast_to(points, shape), np.broadcast_to(self.frame.rays(self.angles(t)), shape)
+
+    def blend(self, weights: Array, t: Array) -> tuple[Array, Array]:
+        """Where the blended rays of some lines run to, and what a step along each line is along them.
+
+        Parameters
+        ----------
+        weights : array, shape (l, m)
+        t : array, shape (m,)
+            Of the lines.
+
+        Returns
+        -------
+        t : array, shape (l,)
+        steps : array, shape (l, m)
+        """
+        lines = np.column_stack((np.cos(t), np.sin(t)))
+        rays = unit(weights @ lines)
+        return np.arctan2(rays[:, 1], rays[:, 0]) % TURN, weights * (rays @ lines.T)
+
+    def names(self, t: Array) -> tuple[str, ...]:
+        """What the lines are called in messages."""
+        return tuple(f"half-plane at {np.rad2deg(a) % 360:.0f} degrees" for a in self.angles(t))
+
+
+@dataclass(frozen=True, eq=False)
+class FaceChart:
+    """Over a face: s and t are lengths along two directions across its outward normal [m]."""
+
+    corner: Array  # (3,) [m], inside of the robot; s = t = 0
+    along: Array  # (3,) unit, of s
+    side: Array  # (3,) unit, of t; along x side = up
+    up: Array  # (3,) unit, of the rays
+    span: tuple[float, float]
+    breadth: tuple[float, float]
+    closed = False
+
+    def planes(self, s: Array) -> Planes:
+        """One plane across ``along`` at each s."""
+        points = self.corner + s[:, None] * self.along
+        return Planes(points, np.broadcast_to(self.along, points.shape))
+
+    def rays(self, s: Array, t: Array) -> tuple[Array, Array]:
+        """Origins and unit directions of the rays at every pair, shapes (k, l, 3)."""
+        origins = self.planes(s).points[:, None] + t[:, None] * self.side
+        return origins, np.broadcast_to(self.up, origins.shape)
+
+    def blend(self, weights: Array, t: Array) -> tuple[Array, Array]:
+        """As for a tube; the rays of all lines run the same way."""
+        return weights @ t, weights
+
+    def names(self, t: Array) -> tuple[str, ...]:
+        """What the lines are called in messages."""
+        return tuple(f"v-plane {j}" for j in range(len(t)))
+
+
+Chart = TubeChart | FaceChart
+
+
+def chart_lines(chart: Chart, s: Array, t: Array) -> LineGrid:
+    """The lines of the control points at every pair of s and t."""
+    return LineGrid(chart.planes(s), *chart.rays(s, t), chart.closed, chart.names(t))

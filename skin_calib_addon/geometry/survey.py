@@ -1,0 +1,121 @@
+"""A first look at a mesh in its chart: a few outlines and profiles, and what spacings of lines would leave of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array, IntArray, product
+from ..errors import EmptySection
+from .basis import spline_sites
+from .charts import Chart
+from .mesh import TriangleMesh
+from .samples import cast_rays
+
+OUTLINES, OUTLINE_RAYS = 8, 720  # across
+PROFILES = 48  # along
+ROWS_PER_SPAN = 4  # of a profile
+FEWEST_ROWS, MOST_ROWS = 24, 72
+ROUNDS = 4
+DENSE = 6  # sites per span where errors along are judged: a short spline passes through three
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Heights of a mesh over a chart: distances along its rays, on a few dense lines in each direction."""
+
+    chart: Chart
+    outline_t: Array  # (l,) all round, or from edge to edge
+    outlines: Array  # (OUTLINES, l) [m]
+    profile_s: Array  # (k,)
+    profiles: Array  # (k, PROFILES) [m]
+
+    @classmethod
+    def of(cls, mesh: TriangleMesh, chart: Chart, planes: int) -> "Survey":
+        """Survey a mesh, finely enough to place up to so many planes.
+
+        Raises
+        ------
+        EmptySection
+            If no ray meets the mesh.
+        """
+        rows = min(max(ROWS_PER_SPAN * planes, FEWEST_ROWS), MOST_ROWS)
+        s, t = np.linspace(*chart.span, rows + 1), np.linspace(*chart.breadth, OUTLINE_RAYS + 1)
+        if chart.closed:
+            t = t[:-1]
+        outline_s = np.linspace(*chart.span, 2 * OUTLINES + 1)[1::2]
+        profile_t = t[:: OUTLINE_RAYS // PROFILES][:PROFILES]
+        outlines, profiles = (
+            cast_rays(mesh, chart.planes(rows), *chart.rays(rows, columns))
+            for rows, columns in ((outline_s, t), (s, profile_t))
+        )
+        return cls(chart, t, filled(outlines, chart.closed), s, filled(profiles.T, False).T)
+
+    def error_across(self, t: Array, degree: int) -> tuple[float, Array]:
+        """What lines at some t leave between outlines and fits.
+
+        Returns
+        -------
+        error : float
+            Root mean square, corrected for what went into the unknowns [m].
+        energies : array, shape (spans,)
+            Mean square of each span of the spline [m^2].
+        """
+        sites = spline_sites(len(t), degree, self.chart.closed)
+        at, steps = self.chart.blend(sites.values, t)
+        heights = interpolated(self.outlines, self.outline_t, at, self.chart.closed)
+        # The lines fan out from the rays: a few rounds mend what the factors of parallel ones leave.
+        for _ in range(ROUNDS if steps is not sites.values else 1):
+            heights = heights - product(product(heights, sites.inverse.T), steps.T)
+        return spread(heights.T, sites.values.shape[1], len(t) if self.chart.closed else len(t) - degree)
+
+    def error_along(self, s: Array, degree: int) -> tuple[float, Array]:
+        """What planes at some s leave between profiles and fits, as for lines across."""
+        sites = spline_sites(len(s), degree, False, DENSE)
+        heights = interpolated(self.profiles.T, self.profile_s, sites.values @ s, False).T
+        return spread(heights - product(sites.values, product(sites.inverse, heights)), len(s), len(s) - degree)
+
+
+def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> Array:
+    """Heights (r, k) at even places ``known`` as straight lines between them, at ``wanted``; shape (r, len(wanted))."""
+    step = known[1] - known[0]
+    place = (wanted - known[0]) / step
+    if closed:
+        before: IntArray = np.floor(place).astype(np.int64) % len(known)
+        after = (before + 1) % len(known)
+    else:
+        place = np.clip(place, 0, len(known) - 1)
+        before = np.minimum(place.astype(np.int64), len(known) - 2)
+        after = before + 1
+    share = place - np.floor(place) if closed else place - before
+    return heights[:, before] * (1 - share) + heights[:, after] * share
+
+
+def spread(residuals: Array, unknowns: int, spans: int) -> tuple[float, Array]:
+    """Root mean square of residuals (sites, r) of which some went into unknowns, and mean squares by span."""
+    squares = (residuals**2).mean(axis=1)
+    free = 1 - unknowns / len(squares)
+    span = np.minimum((np.arange(len(squares)) * spans) // len(squares), spans - 1)
+    return float(np.sqrt(squares.mean() / free)), np.bincount(span, squares) / np.bincount(span)
+
+
+def filled(heights: Array, closed: bool) -> Array:
+    """Heights (r, k) with each gap bridged by a straight line along its row; a row of gaps is taken from beside.
+
+    Raises
+    ------
+    EmptySection
+        If there is nothing to fill from.
+    """
+    missing = np.isnan(heights)
+    if not missing.any():
+        return heights
+    if missing.all():
+        raise EmptySection("no ray of the grid meets the mesh; move the axis into it, or give another grid")
+    heights, places = heights.copy(), np.arange(heights.shape[1])
+    whole = np.flatnonzero(~missing.all(axis=1))
+    for i in np.flatnonzero(missing.any(axis=1)):
+        source = i if i in whole else whole[np.argmin(np.abs(whole - i))]
+        known = np.flatnonzero(~missing[source])
+        period = len(places) if closed else None
+        heights[i] = np.interp(places, known, heights[source, known], period=period)
+    return heights
