@@ -47,6 +47,8 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
         overlay.prepare(key, result)
         scene.write_result(link, context.scene, result, key)
         overlay.redraw()
+        for doubt in result.doubts:
+            self.report({"WARNING"}, doubt)
         mean = result.fit.errors.surface_to_mesh.mean
         self.report({"INFO"}, f"{link.skin_calib.link}: mean error {mean * 1e3:.4f} mm")
         return {"FINISHED"}

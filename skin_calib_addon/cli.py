@@ -112,12 +112,15 @@ def _fit(options: argparse.Namespace, scene_plans: ScenePlans | None) -> int:
     work = [(job, _targets(options, job[0])) for job in jobs]
     failed = False
     processes = 1 if scene_plans else options.jobs  # Blender's program cannot be started again as a plain Python
-    for (name, _, _), (text, error) in zip(jobs, _run(work, processes)):
+    for (name, _, _), (text, error, doubts) in zip(jobs, _run(work, processes)):
+        which = f"{name}: " if len(jobs) > 1 else ""
+        for doubt in doubts:
+            _complain(f"{which}warning: {doubt}")
         if error is None:
             print(text)
         else:
             failed = True
-            _complain(f"{name}: {error}" if len(jobs) > 1 else error)
+            _complain(which + error)
     return WRONG_DATA if failed else DONE
 
 
@@ -142,8 +145,8 @@ def _run(work: list[Any], jobs: int):
         yield from pool.map(_fit_one, work)
 
 
-def _fit_one(work: Any) -> tuple[str, str | None]:
-    """Fit one link and write its files; what to print, and what went wrong."""
+def _fit_one(work: Any) -> tuple[str, str | None, tuple[str, ...]]:
+    """Fit one link and write its files; what to print, what went wrong, and what is doubtful."""
     (_, plan, mesh), targets = work
     try:
         result = calibrate(load_plan(plan) if isinstance(plan, Path) else plan, mesh)
@@ -154,8 +157,8 @@ def _fit_one(work: Any) -> tuple[str, str | None]:
             write_bytes_safely(targets["report"], (text + "\n").encode())
         save_calibration(result.calibration, targets["calibration"])
     except SkinCalibError as error:
-        return "", str(error)
-    return summary(result, targets["calibration"]), None
+        return "", str(error), ()
+    return summary(result, targets["calibration"]), None, result.doubts
 
 
 def _draw(result: Calibrated, path: Path) -> None:

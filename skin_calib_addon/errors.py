@@ -37,6 +37,10 @@ class UnderdeterminedFit(SkinCalibError):
     """Too few planes or samples for the control points asked for."""
 
 
+class PoorFit(SkinCalibError):
+    """The surface cannot follow the mesh along these lines."""
+
+
 class OutsideSurface(SkinCalibError):
     """A cell of the skin lies off the fitted surface."""
 

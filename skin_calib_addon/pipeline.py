@@ -3,7 +3,10 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from time import perf_counter
+
+import numpy as np
 
 from . import __version__
 from .calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
@@ -27,6 +30,11 @@ class Calibrated:
     cover: TriangleMesh
     fit: SurfaceFit
     seconds: dict[str, float]  # by stage
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What the author should look at: of the fit, and taxels that lie where the mesh has a hole."""
+        return (*self.fit.doubts, *(d for p in self.calibration.patches for d in _untrusted(p, self.fit)))
 
 
 def calibrate(plan: Plan, mesh: TriangleMesh | None = None) -> Calibrated:
@@ -75,6 +83,15 @@ def lay(skin: SheetSkin, surface: BSplineSurface) -> Patch:
     taxels = sheet_taxels(sheet, skin.name, skin.first_channel)
     shape = (skin.lattice.rows, skin.lattice.columns)
     return Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels)
+
+
+def _untrusted(patch: Patch, fit: SurfaceFit) -> tuple[str, ...]:
+    """The taxels of a patch that lie where the surface spans a hole, in a line, if there are any."""
+    over = np.flatnonzero(~fit.is_trusted(patch.taxels.uv))
+    if len(over) == 0:
+        return ()
+    ids = ", ".join(str(patch.taxels.ids[i]) for i in over[:5]) + (", ..." if len(over) > 5 else "")
+    return (f"{len(over)} taxels of {patch.name} lie over a hole of the mesh, where the surface is a guess: {ids}",)
 
 
 def surface_model(fit: SurfaceFit) -> SurfaceModel:

@@ -106,27 +106,37 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
             )
         return low + margin, high - margin
     stations = low + (high - low) * (np.arange(192) + 0.5) / 192
-    complete = is_complete(cut_sections(mesh, frame.planes(stations)), frame, angles)
-    edge = np.flatnonzero(np.diff(np.r_[0, complete, 0]))
+    met = rays_met(cut_sections(mesh, frame.planes(stations)), frame, angles)
+    edge = np.flatnonzero(np.diff(np.r_[0, met.all(axis=1), 0]))
     if len(edge) == 0:
-        raise EmptySection("no section across the axis goes all the way round; use a patch grid, or give the axis")
+        raise EmptySection(
+            f"no section across the axis goes all the way round; {_opening(met, stations, angles, frame)}; close it, "
+            "use a patch grid, or give the axis"
+        )
     first, last = edge.reshape(-1, 2)[np.argmax(np.diff(edge.reshape(-1, 2), axis=1))]
     if last - first < 2:
         raise EmptySection(
             f"sections across the axis go all the way round for less than {(high - low) * 1e3 / 96:.1f} mm of it; "
-            "use a patch grid, or give the axis"
+            f"{_opening(met, stations, angles, frame)}; close it, use a patch grid, or give the axis"
         )
     return float(stations[first]), float(stations[last - 1])
 
 
-def is_complete(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:
-    """Whether every ray at ``angles`` from the axis meets the section, shape (sections.planes,)."""
+def _opening(met: BoolArray, stations: Array, angles: Array, frame: TubeFrame) -> str:
+    """Where the fullest section that is open is so, in words."""
+    i = int(np.argmax(np.where(met.all(axis=1), -1, met.sum(axis=1))))
+    j = int(np.argmin(met.sum(axis=0) + len(met) * met[i]))
+    place = ", ".join(f"{x * 1e3:.1f}" for x in frame.point + stations[i] * frame.e3)
+    return f"the fullest, through ({place}) mm, is open at {np.rad2deg(angles[j]) % 360:.0f} degrees"
+
+
+def rays_met(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:
+    """Which rays at ``angles`` from the axis meet the section, shape (sections.planes, len(angles))."""
     shape = (sections.planes, len(angles))
     directions = np.broadcast_to(np.column_stack((np.cos(angles), np.sin(angles))), (*shape, 2))
     centres = np.zeros((sections.planes, 2))
     caster = RayCaster(sections.plane, frame.across(sections.ends - frame.point), sections.planes, centres=centres)
-    distance, _ = caster.cast(np.zeros((*shape, 2)), directions)
-    return ~np.isnan(distance).any(axis=1)
+    return ~np.isnan(caster.cast(np.zeros((*shape, 2)), directions)[0])
 
 
 ALL_ROUND = np.arange(90) * TURN / 90

@@ -5,12 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, BoolArray, IntArray
 from ..deviation import SurfaceErrors
-from ..errors import EmptySection
+from ..errors import EmptySection, PoorFit
 from .basis import TensorBasis
 from .bspline import BSplineSurface, greville
 from .chords import chord_gaps
+from .diagnosis import condition, doubts, dropped_loops, furthest, millimetres
 from .distance import MeshDistance, footpoints, lies_at, surface_errors, surface_samples
 from .grids import Grid
 from .lines import LineGrid
@@ -30,6 +31,8 @@ STIFF_PASSES = 2
 LARGEST_GAP = 0.5
 # A surface whose area element falls below this share of its mean is folded, or closes to a point.
 FOLDED = 1e-3
+# A surface that stays further off than this share of the mesh's size is no fit.
+FURTHEST = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +41,11 @@ class SurfaceFit:
 
     mesh: TriangleMesh
     lines: LineGrid
+    basis: TensorBasis
     surface: BSplineSurface
     samples: RaySamples
     passes: int
+    settled: bool  # whether the passes came to rest
     noise: float  # standard deviation of the scan about the surface where that was smoothed [m]; else 0
 
     @property
@@ -79,6 +84,26 @@ class SurfaceFit:
         _, weights = surface_samples(self.surface)
         return float(weights.min() / weights.mean())
 
+    def is_trusted(self, uv: Array) -> BoolArray:
+        """Whether the mesh was met all around each of some parameters (m, 2); elsewhere the surface spans a hole."""
+        return lies_at(self.surface, np.asarray(uv, float).reshape(-1, 2), ~np.isnan(self.residuals))
+
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of the least squares."""
+        return condition(self.basis)
+
+    @cached_property
+    def dropped_loops(self) -> IntArray:
+        """How many curves of the section through each row of samples the surface does not follow, shape (k,)."""
+        return dropped_loops(SampleRows.of(self.mesh, self.lines, self.basis), self.samples)
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What an author should look at before trusting this surface: a line each of what, where, and what to do."""
+        parts = self.lines, self.basis, self.samples
+        return doubts(self.mesh, *parts, self.smallest_area, self.settled)
+
     def is_within(self, tolerance: float) -> bool:
         """Whether surface and mesh keep within ``tolerance`` [m] of each other everywhere, with no hole and no fold."""
         return self.missing == 0 and self.smallest_area > FOLDED and self.errors.hausdorff <= tolerance
@@ -97,7 +122,7 @@ class SurfaceFit:
         planes = Planes(self.lines.planes_u.points[kept], self.lines.planes_u.normals[kept])
         names, closed = self.lines.v_names, self.lines.closed
         lines = LineGrid(planes, self.lines.origins[kept], self.lines.directions[kept], closed, names)
-        surface = fit_surface(self.mesh, lines, self.surface.degree).surface
+        surface = fit_lines(self.mesh, lines, self.surface.degree).surface
         at = greville(self.surface.knots_u, self.surface.degree[0])[i]  # where the plane lies, near enough
         row = int(np.rint(at * (len(self.residuals) - 1)))
         points = self.points[row][~np.isnan(self.residuals[row])]
@@ -130,18 +155,33 @@ def fit_surface(
         If there are too few planes for the degree.
     EmptySection
         If a plane misses the mesh, or half of the samples find none.
+    PoorFit
+        If the surface stays far off the mesh somewhere; names the planes and the place.
     """
-    degree_u, degree_v = (degree, degree) if isinstance(degree, int) else degree
-    lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, (degree_u, degree_v))
-    basis = TensorBasis.of(lines, degree_u, degree_v)
+    degrees = (degree, degree) if isinstance(degree, int) else degree
+    lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, degrees)
+    fit = fit_lines(mesh, lines, degrees, chords)
+    distance, where = furthest(mesh, lines, fit.basis, fit.samples)
+    if distance > FURTHEST * mesh.size:
+        raise PoorFit(
+            f"the surface stays {distance * 1e3:.1f} mm off the mesh {where}; cut away what stands out there, move the "
+            "planes away from it, place more of them, or use a patch grid",
+            distance=distance,
+        )
+    return fit
+
+
+def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
+    """``fit_surface`` along lines that are placed, however far off the surface stays."""
+    basis = TensorBasis.of(lines, *degree)
     rows = SampleRows.of(mesh, lines, basis)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
     check_coverage(lines, basis, samples.residuals)
-    offsets, samples, passes = settle(lines, basis, rows, offsets, samples)
+    offsets, samples, passes, settled = settle(lines, basis, rows, offsets, samples)
     for _ in range(CHORD_ROUNDS if chords else 0):
         gaps = chord_gaps(mesh, surface_at(lines, basis, offsets), samples)
-        lifted, lifted_samples, more = settle(lines, basis, rows, offsets, samples, gaps)
+        lifted, lifted_samples, more, settled = settle(lines, basis, rows, offsets, samples, gaps)
         passes += more
         if misfit_of(lifted_samples.residuals + gaps) > misfit_of(samples.residuals):
             break  # a smooth surface through the corners would fit better than one through the facets, not worse
@@ -151,7 +191,7 @@ def fit_surface(
         offsets = offsets + basis.solve(samples.residuals, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         passes += 1
-    return SurfaceFit(mesh, lines, surface_at(lines, basis, offsets), samples, passes, noise)
+    return SurfaceFit(mesh, lines, basis, surface_at(lines, basis, offsets), samples, passes, settled, noise)
 
 
 def settle(
@@ -161,7 +201,7 @@ def settle(
     offsets: Array,
     samples: RaySamples,
     gaps: Array | float = 0.0,
-) -> tuple[Array, RaySamples, int]:
+) -> tuple[Array, RaySamples, int, bool]:
     """Passes of solving and casting until no control point moves, or the residuals grow.
 
     Parameters
@@ -178,8 +218,11 @@ def settle(
     offsets, samples
         Those of the pass with the least residuals.
     passes : int
+    settled : bool
+        Whether no control point moved in the last.
     """
     best, least = (offsets, samples), misfit_of(samples.residuals + gaps)
+    settled = False
     for passes in range(1, MOST_PASSES + 1):  # noqa: B007
         step = basis.solve(samples.residuals + gaps, offsets)
         offsets = offsets + step
@@ -189,9 +232,10 @@ def settle(
             break
         if misfit < least:
             best, least = (offsets, samples), misfit
-        if np.abs(step).max() < SETTLED * rows.mesh.size:
+        settled = bool(np.abs(step).max() < SETTLED * rows.mesh.size)
+        if settled:
             break
-    return *best, passes
+    return *best, passes, settled
 
 
 def misfit_of(residuals: Array) -> float:
@@ -223,8 +267,9 @@ def check_coverage(lines: LineGrid, basis: TensorBasis, residuals: Array) -> Non
             name, place = (
                 (f"u-plane {i}", lines.origins[i, 0]) if what == "u" else (lines.v_names[i], lines.origins[0, i])
             )
-            at = ", ".join(f"{round(x * 1e3, 1) + 0.0:.1f}" for x in place)  # no minus zero
-            raise EmptySection(f"{name}, through ({at}) mm, misses the mesh; move it, or widen the margin", plane=i)
+            raise EmptySection(
+                f"{name}, through {millimetres(place)}, misses the mesh; move it, or widen the margin", plane=i
+            )
     if missed.mean() > LARGEST_GAP:
         raise EmptySection(
             f"{missed.mean():.0%} of the sample rays meet no mesh; move the axis or the planes, or use a patch grid",

@@ -1,6 +1,6 @@
 """How an author says where the planes are: tubes, sectors, planes across a sole, planes one by one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from .survey import Survey
 
 # Planes of the two families that meet at less than this cut each other nowhere definite.
 SMALLEST_ANGLE = np.deg2rad(3.0)
+SMALL_ANGLE = 10.0  # [degrees] at which they do so badly
 # v-planes that pass a common point within this share of the distances involved were meant to share it.
 CONCURRENT = 1e-9
 # Planes nearer to each other than this share of the mesh's size are the same.
@@ -140,10 +141,19 @@ class PlanesGrid:
                 f"u-plane {i} and v-plane {j} are {np.rad2deg(np.arcsin(sine[i, j])):.1f} degrees from parallel; turn "
                 "one so that they cross"
             )
+        angle = np.rad2deg(np.arcsin(min(sine[i, j], 1.0)))
+        doubts = (
+            (
+                f"u-plane {i} and v-plane {j} are only {angle:.1f} degrees from parallel: their line slides far for a "
+                "small turn of either; turn one of them",
+            )
+            if angle < SMALL_ANGLE
+            else ()
+        )
         points = np.array([self._line_points(i) for i in range(len(self.u))])
         check_order(points.mean(axis=1), "u", mesh.size)
         build = self._closed_lines if self.closed else self._open_lines
-        return build(mesh, points, unit(across))
+        return replace(build(mesh, points, unit(across)), doubts=doubts)
 
     def _line_points(self, i: int) -> Array:
         """Point of each line of u-plane ``i`` nearest to the place where all v-planes come closest, shape (m, 3)."""

@@ -19,6 +19,7 @@ class LineGrid:
     directions: Array  # (n, m, 3) unit, out of the robot
     closed: bool  # whether the last line neighbours the first
     v_names: tuple[str, ...]  # what the author calls each v-line, for messages
+    doubts: tuple[str, ...] = ()  # what is questionable about how the planes were placed
 
     def __post_init__(self):
         n, m = len(self.planes_u), len(self.v_names)

@@ -54,6 +54,7 @@ class RayCaster:
         if not self.ordered:
             self.clean: BoolArray = np.zeros(rows, bool)
             return
+        begin: Array
         sweep: Array
         if self.centres is not None:
             angle = diamond_angle(ends - self.centres[row][:, None] if self.centres.any() else ends)
@@ -64,7 +65,7 @@ class RayCaster:
             self.low, self.width = 0.0, DIAMOND_TURN
         else:
             assert self.direction is not None
-            self.across = np.array((self.direction[1], -self.direction[0]))
+            self.across: Array = np.array((self.direction[1], -self.direction[0]))
             x = ends[..., 0] * self.across[0] + ends[..., 1] * self.across[1]
             begin, sweep = x.min(axis=1), x.max(axis=1) - x.min(axis=1)
             self.low = float(begin.min())

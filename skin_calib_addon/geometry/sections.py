@@ -68,9 +68,10 @@ def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections
     by_plane = np.argsort(order[place].astype(np.int16), kind="stable")
     part, place = part[by_plane], place[by_plane]
     plane = order[place]
-    above = sum((rank[cut][part] > place) * weight for rank, weight in ((a, 1), (b, 2), (c, 4)))
+    is_above = [rank[cut][part] > place for rank in (a, b, c)]
+    above = is_above[0] + 2 * is_above[1] + 4 * is_above[2]
     face, lift = cut[part], level[plane]
-    ends = _segments(mesh, values, face, np.asarray(above), lambda vertex: height[vertex] - lift)
+    ends = _segments(mesh, values, face, above, lambda vertex: height[vertex] - lift)
     return Sections(plane, face, ends, len(planes))
 
 
@@ -78,7 +79,8 @@ def _cut_any(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
     """Cut with planes of any direction: each vertex is compared with each plane."""
     height = planes.normals @ mesh.vertices.T - (planes.points * planes.normals).sum(axis=1)[:, None]
     side = (height > 0).astype(np.int8)
-    above = sum(side[:, corner] * np.int8(weight) for corner, weight in zip(mesh.corners, (1, 2, 4)))
+    a, b, c = (side[:, corner] for corner in mesh.corners)
+    above = a + 2 * b + 4 * c
     plane, face = np.nonzero((above > 0) & (above < 7))
     ends = _segments(mesh, values, face, above[plane, face], lambda vertex: height[plane, vertex])
     return Sections(plane, face, ends, len(planes))

@@ -60,8 +60,8 @@ def line_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
     closed = survey.chart.closed
     even = np.arange(count) / count if closed else np.linspace(0, 1, count)
     if spacing != "auto":
-        maps = density_maps(survey)
-        return place(maps.get(spacing, maps["uniform"]), even)
+        named = density_maps(survey)
+        return place(named.get(spacing, named["uniform"]), even)
     shares = even if closed else greville(spline_sites(count, degree, False).knots, degree)
     maps = list(density_maps(survey).values())
     if closed:

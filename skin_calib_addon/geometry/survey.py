@@ -26,8 +26,10 @@ class Survey:
     chart: Chart
     outline_t: Array  # (l,) all round, or from edge to edge
     outlines: Array  # (OUTLINES, l) [m]
+    outlines_known: Array  # (OUTLINES, l) 1 where the mesh was met, 0 where a gap was bridged
     profile_s: Array  # (k,)
-    profiles: Array  # (k, PROFILES) [m]
+    profiles: Array  # (PROFILES, k) [m]
+    profiles_known: Array  # (PROFILES, k)
 
     @classmethod
     def of(cls, mesh: TriangleMesh, chart: Chart, planes: int) -> "Survey":
@@ -48,7 +50,8 @@ class Survey:
             cast_rays(mesh, chart.planes(rows), *chart.rays(rows, columns))
             for rows, columns in ((outline_s, t), (s, profile_t))
         )
-        return cls(chart, t, filled(outlines, chart.closed), s, filled(profiles.T, False).T)
+        met, profiles_met = (~np.isnan(h) * 1.0 for h in (outlines, profiles.T))
+        return cls(chart, t, filled(outlines, chart.closed), met, s, filled(profiles.T, False), profiles_met)
 
     def error_across(self, t: Array, degree: int) -> tuple[float, Array]:
         """What lines at some t leave between outlines and fits.
@@ -62,17 +65,20 @@ class Survey:
         """
         sites = spline_sites(len(t), degree, self.chart.closed)
         at, steps = self.chart.blend(sites.values, t)
-        heights = interpolated(self.outlines, self.outline_t, at, self.chart.closed)
+        closed = self.chart.closed
+        heights, met = (interpolated(h, self.outline_t, at, closed) for h in (self.outlines, self.outlines_known))
         # The lines fan out from the rays: a few rounds mend what the factors of parallel ones leave.
         for _ in range(ROUNDS if steps is not sites.values else 1):
             heights = heights - product(product(heights, sites.inverse.T), steps.T)
-        return spread(heights.T, sites.values.shape[1], len(t) if self.chart.closed else len(t) - degree)
+        return spread(heights, met, len(t), len(t) if closed else len(t) - degree)
 
     def error_along(self, s: Array, degree: int) -> tuple[float, Array]:
         """What planes at some s leave between profiles and fits, as for lines across."""
         sites = spline_sites(len(s), degree, False, DENSE)
-        heights = interpolated(self.profiles.T, self.profile_s, sites.values @ s, False).T
-        return spread(heights - product(sites.values, product(sites.inverse, heights)), len(s), len(s) - degree)
+        at = sites.values @ s
+        heights, met = (interpolated(h, self.profile_s, at, False) for h in (self.profiles, self.profiles_known))
+        left = heights - product(product(heights, sites.inverse.T), sites.values.T)
+        return spread(left, met, len(s), len(s) - degree)
 
 
 def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> Array:
@@ -90,12 +96,16 @@ def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> A
     return heights[:, before] * (1 - share) + heights[:, after] * share
 
 
-def spread(residuals: Array, unknowns: int, spans: int) -> tuple[float, Array]:
-    """Root mean square of residuals (sites, r) of which some went into unknowns, and mean squares by span."""
-    squares = (residuals**2).mean(axis=1)
-    free = 1 - unknowns / len(squares)
+def spread(residuals: Array, met: Array, unknowns: int, spans: int) -> tuple[float, Array]:
+    """Root mean square of residuals (r, sites) of which some went into unknowns, and mean squares by span.
+
+    Sites beside which the mesh was not met (``met`` below 1) do not count; a span of such has no error.
+    """
+    counts = (met == 1).sum(axis=0)
+    squares = (residuals**2 * (met == 1)).sum(axis=0)
     span = np.minimum((np.arange(len(squares)) * spans) // len(squares), spans - 1)
-    return float(np.sqrt(squares.mean() / free)), np.bincount(span, squares) / np.bincount(span)
+    by_span = np.bincount(span, squares) / np.maximum(np.bincount(span, counts), 1)
+    return float(np.sqrt(squares.sum() / max(counts.sum() * (1 - unknowns / len(squares)), 1))), by_span
 
 
 def filled(heights: Array, closed: bool) -> Array:

@@ -12,7 +12,7 @@ from skin_calib_addon.geometry.axis import (
     Axis,
     find_axis,
     frame_of,
-    is_complete,
+    rays_met,
     section_circles,
     stations_between,
     tube_frame,
@@ -154,8 +154,8 @@ def test_sections_are_complete_where_every_ray_meets_them():
     slotted = keep(cylinder(along=41), lambda c: ~((c[:, 2] > 0.05) & (c[:, 0] > 0.02)))
     frame = frame_of(np.zeros(3), np.array((0, 0, 1.0)), np.array((1.0, 0, 0)))
     sections = cut_sections(slotted, frame.planes(np.array((0.02, 0.08, 0.3))))
-    assert is_complete(sections, frame, ALL_ROUND).tolist() == [True, False, False]
-    assert is_complete(sections, frame, np.linspace(2, 4, 30)).tolist() == [True, True, False]
+    assert rays_met(sections, frame, ALL_ROUND).all(axis=1).tolist() == [True, False, False]
+    assert rays_met(sections, frame, np.linspace(2, 4, 30)).all(axis=1).tolist() == [True, True, False]
 
 
 @pytest.mark.parametrize("margin", [0.05, 0.06, 10.0])
@@ -169,14 +169,14 @@ def test_margin_that_leaves_nothing_is_refused(margin):
 def test_half_tube_has_no_complete_section():
     """All round there is nothing; the message says what else to use."""
     half = keep(cylinder(), lambda c: c[:, 0] > 0)
-    with pytest.raises(EmptySection, match="no section across the axis goes all the way round; use a patch grid"):
+    with pytest.raises(EmptySection, match="no section across the axis goes all the way round; the fullest, through \(.*\) mm, is open at \d+ degrees"):
         stations_between(half, z_frame(half), None, ALL_ROUND)
 
 
 def test_ring_that_is_complete_in_one_place_only_is_refused():
     """Planes need room between them: a half tube with a thin whole ring."""
     half = keep(cylinder(along=201), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < 0.0003))
-    with pytest.raises(EmptySection, match=r"all the way round for less than 1\.0 mm of it; use a patch grid"):
+    with pytest.raises(EmptySection, match=r"all the way round for less than 1\.0 mm of it; the fullest, through .* is open at \d+ degrees"):
         stations_between(half, z_frame(half), None, ALL_ROUND)
 
 
