@@ -73,7 +73,7 @@ class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
             self.lay_out_size(layout, grid)
             layout.prop(grid, "auto_axis")
             if not grid.auto_axis:
-                if grid.kind != "across":
+                if "across" not in (grid.kind, grid.kind == "auto" and grid.region):
                     layout.prop(grid, "point")
                 layout.prop(grid, "direction")
             layout.prop(grid, "auto_margin")
@@ -89,14 +89,15 @@ class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
         if grid.kind == "auto":
             column.prop(grid, "tolerance")
             column.prop(grid, "measure")
-            return
-        column.prop(grid, "n")
-        column.prop(grid, "lines")
-        if grid.kind == "across":
-            layout.prop(grid, "normal")
+            column.prop(grid, "region")
         else:
+            column.prop(grid, "n")
+            column.prop(grid, "lines")
             layout.prop(grid, "spacing")
-        if grid.kind == "sector":
+        region = grid.region if grid.kind == "auto" else grid.kind
+        if region == "across":
+            layout.prop(grid, "normal")
+        if region == "sector":
             column = layout.column(align=True)
             column.prop(grid, "start")
             column.prop(grid, "stop")

@@ -135,7 +135,10 @@ def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
                 _direction(plane["normal"], f"the normal of {name}-plane {i} is zero; give its direction")
         return PlanesGrid(u, v, grid["closed"])
     if grid["kind"] == "auto":
-        return AutoGrid(grid["tolerance"], grid.get("measure", "mean"), _axis(grid), grid.get("margin"))
+        sector, outward = _region(grid)
+        return AutoGrid(
+            grid["tolerance"], grid.get("measure", "mean"), _axis(grid), grid.get("margin"), sector, outward
+        )
     if ("m" in grid) == ("lines" in grid):
         raise InvalidPlan('the grid needs either "m" (planes) or "lines", not both and not none')
     line = _axis(grid)
@@ -143,12 +146,23 @@ def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
     if grid["kind"] == "tube":
         return TubeGrid(n, grid.get("lines", 2 * grid.get("m", 0)), line, margin, spacing)
     lines = grid.get("lines", grid.get("m", 0))
-    if "normal" in grid and not {"from", "to"} & grid.keys():
-        normal = _direction(grid["normal"], 'the "normal" of the grid is zero; give the direction the face looks to')
-        return AcrossGrid(n, lines, normal, line.direction if line else None, margin)
-    if "normal" not in grid and {"from", "to"} <= grid.keys():
-        return SectorGrid(n, lines, grid["from"], grid["to"], line, margin, spacing)
+    sector, outward = _region(grid)
+    if outward is not None:
+        return AcrossGrid(n, lines, outward, line.direction if line else None, margin, spacing)
+    if sector is not None:
+        return SectorGrid(n, lines, *sector, line, margin, spacing)
     raise InvalidPlan('a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)')
+
+
+def _region(grid: dict[str, Any]) -> tuple[tuple[float, float] | None, tuple[float, float, float] | None]:
+    """The sector, or the outward direction of the face, that a grid is for; neither for a whole tube."""
+    both = {"from", "to"} & grid.keys()
+    if "normal" in grid and both or len(both) == 1:
+        raise InvalidPlan('a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)')
+    if "normal" in grid:
+        message = 'the "normal" of the grid is zero; give the direction the face looks to'
+        return None, _direction(grid["normal"], message)
+    return ((grid["from"], grid["to"]) if both else None), None
 
 
 def _axis(grid: dict[str, Any]) -> Axis | None:
@@ -226,6 +240,10 @@ def plan_document(plan: Plan) -> dict[str, Any]:
 def _grid_document(grid: Grid | AutoGrid) -> dict[str, Any]:
     if isinstance(grid, AutoGrid):
         auto = {"kind": "auto", "tolerance": grid.tolerance, "measure": grid.measure, "axis": _line(grid.axis)}
+        if grid.sector is not None:
+            auto |= {"from": grid.sector[0], "to": grid.sector[1]}
+        if grid.normal is not None:
+            auto["normal"] = [*grid.normal]
         return auto | ({} if grid.margin is None else {"margin": grid.margin})
     if isinstance(grid, PlanesGrid):
         sides = {
@@ -238,12 +256,13 @@ def _grid_document(grid: Grid | AutoGrid) -> dict[str, Any]:
         "n": grid.n,
         "lines": grid.lines,
     }
+    document["spacing"] = grid.spacing
     if isinstance(grid, AcrossGrid):
         document["normal"] = [*grid.normal]
         if grid.along:
             document["axis"] = {"point": [0.0, 0.0, 0.0], "direction": [*grid.along]}
     else:
-        document |= {"axis": _line(grid.axis), "spacing": grid.spacing}
+        document["axis"] = _line(grid.axis)
     if isinstance(grid, SectorGrid):
         document |= {"from": grid.start, "to": grid.stop}
     if grid.margin is not None:

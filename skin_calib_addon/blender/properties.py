@@ -63,10 +63,20 @@ class SKIN_PG_grid(bpy.types.PropertyGroup):
         description="How the planes lie",
         items=[
             ("tube", "Tube", "Planes across an axis and half-planes all round it"),
-            ("auto", "Auto", "The smallest tube that keeps within a tolerance"),
+            ("auto", "Auto", "The smallest grid that keeps within a tolerance"),
             ("sector", "Sector", "A tube that goes only part of the way round"),
             ("across", "Across", "Two families of parallel planes across a sole or a palm"),
             ("planes", "Planes", "Planes one by one"),
+        ],
+        **PLAN,
+    )
+    region: EnumProperty(
+        name="Region",
+        description="Where the automatic grid lies",
+        items=[
+            ("tube", "Tube", "All round the axis"),
+            ("sector", "Sector", "Part of the way round"),
+            ("across", "Across", "Over a sole or a palm"),
         ],
         **PLAN,
     )
@@ -81,7 +91,7 @@ class SKIN_PG_grid(bpy.types.PropertyGroup):
     )
     spacing: EnumProperty(
         name="Spacing",
-        description="Where the planes and lines of a tube go",
+        description="Where the planes and lines go",
         items=[
             ("auto", "Auto", "Planes and lines where they lower the error most"),
             ("uniform", "Uniform", "At equal heights and angles"),

@@ -96,12 +96,13 @@ def _grid(grid: Any, metre: float) -> dict[str, Any]:
     if not grid.auto_margin:
         document["margin"] = exact(grid.margin, metre)
     if grid.kind == "auto":
-        return document | {"tolerance": exact(grid.tolerance, metre), "measure": grid.measure}
-    document |= {"n": grid.n, "lines": grid.lines}
-    if grid.kind == "across":
-        return document | {"normal": _vector(grid.normal)}
-    document["spacing"] = grid.spacing
-    if grid.kind == "sector":
+        document |= {"tolerance": exact(grid.tolerance, metre), "measure": grid.measure}
+    else:
+        document |= {"n": grid.n, "lines": grid.lines, "spacing": grid.spacing}
+    region = grid.region if grid.kind == "auto" else grid.kind
+    if region == "across":
+        document["normal"] = _vector(grid.normal)
+    if region == "sector":
         document |= {"from": exact(grid.start), "to": exact(grid.stop)}
     return document
 
@@ -187,7 +188,8 @@ def _set_grid(grid: Any, document: dict[str, Any], metre: float) -> None:
         _set_planes(grid.u, document["u"], metre)
         _set_planes(grid.v, document["v"], metre)
         return
-    grid.kind = kind if kind != "patch" else "across" if "normal" in document else "sector"
+    grid.region = "across" if "normal" in document else "sector" if "from" in document else "tube"
+    grid.kind = kind if kind != "patch" else grid.region
     axis = document.get("axis", "auto")
     grid.auto_axis = axis == "auto"
     if not grid.auto_axis:
@@ -197,13 +199,13 @@ def _set_grid(grid: Any, document: dict[str, Any], metre: float) -> None:
         grid.margin = document["margin"] / metre
     if kind == "auto":
         grid.tolerance, grid.measure = document["tolerance"] / metre, document.get("measure", "mean")
-        return
-    grid.n = document["n"]
-    grid.lines = document.get("lines", document.get("m", 0) * (2 if kind == "tube" else 1))
-    grid.spacing = document.get("spacing", "auto")
-    if grid.kind == "sector":
+    else:
+        grid.n = document["n"]
+        grid.lines = document.get("lines", document.get("m", 0) * (2 if kind == "tube" else 1))
+        grid.spacing = document.get("spacing", "auto")
+    if grid.region == "sector":
         grid.start, grid.stop = document["from"], document["to"]
-    if grid.kind == "across":
+    if grid.region == "across":
         grid.normal = document["normal"]
 
 

@@ -17,6 +17,7 @@ CHANGES = {
     "paper's m": {"grid": {"kind": "tube", "n": 5, "m": 6, "axis": AXIS}},
     "spacing": {"grid": TUBE | {"spacing": "auto", "lines": 16}},
     "auto": {"grid": {"kind": "auto", "tolerance": 0.0005, "measure": "max", "margin": 0.004}},
+    "auto across": {"grid": {"kind": "auto", "tolerance": 0.001, "normal": [0, -1, 0], "margin": 0.02}, "skins": []},
     "sector": {
         "grid": {"kind": "patch", "n": 5, "lines": 9, "axis": AXIS, "from": 0.25, "to": 2.875},
         "skins": SLANTED,

@@ -169,14 +169,14 @@ def test_margin_that_leaves_nothing_is_refused(margin):
 def test_half_tube_has_no_complete_section():
     """All round there is nothing; the message says what else to use."""
     half = keep(cylinder(), lambda c: c[:, 0] > 0)
-    with pytest.raises(EmptySection, match="no section across the axis goes all the way round; the fullest, through \(.*\) mm, is open at \d+ degrees"):
+    with pytest.raises(EmptySection, match=r"no section .* all the way round; the fullest, .* is open at \d+ deg"):
         stations_between(half, z_frame(half), None, ALL_ROUND)
 
 
 def test_ring_that_is_complete_in_one_place_only_is_refused():
     """Planes need room between them: a half tube with a thin whole ring."""
     half = keep(cylinder(along=201), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < 0.0003))
-    with pytest.raises(EmptySection, match=r"all the way round for less than 1\.0 mm of it; the fullest, through .* is open at \d+ degrees"):
+    with pytest.raises(EmptySection, match=r"round for less than 1\.0 mm of it; the fullest, .* is open at \d+ deg"):
         stations_between(half, z_frame(half), None, ALL_ROUND)
 
 

@@ -75,6 +75,7 @@ rest = {
     "margin": st.floats(0, 10),
     "spacing": st.sampled_from(["auto", "uniform", "arc"]),
 }
+rest_of_auto = {"axis": rest["axis"], "margin": rest["margin"]}
 closed_or_open = st.fixed_dictionaries(
     {
         "kind": st.just("planes"),
@@ -94,7 +95,12 @@ grids = st.one_of(
     closed_or_open,
     st.fixed_dictionaries(
         {"kind": st.just("auto"), "tolerance": lengths},
-        optional={"measure": st.sampled_from(["mean", "max"]), "axis": rest["axis"], "margin": rest["margin"]},
+        optional={"measure": st.sampled_from(["mean", "max"]), "axis": rest["axis"], "margin": rest["margin"]}
+        | {"normal": vectors},
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("auto"), "tolerance": lengths, "from": st.floats(-9, 9), "to": st.floats(-9, 9)},
+        optional=rest_of_auto,
     ),
 )
 sheets = st.fixed_dictionaries(
@@ -160,8 +166,8 @@ def test_plan_keeps_what_the_author_wrote(document):
     if grid["kind"] == "planes":
         assert [p["point"] for p in kept["u"]] == [p["point"] for p in grid["u"]] and kept["closed"] == grid["closed"]
     else:
-        # Planes across a face take the direction of an axis and no other spacing than the even one.
-        across = {"axis", "spacing"} if "normal" in grid else set()
+        # Planes across a face take the direction of an axis alone.
+        across = {"axis"} if "normal" in grid and grid["kind"] == "patch" else set()
         assert {k: kept.get(k) for k in grid.keys() - across} == {k: v for k, v in grid.items() if k not in across}
 
 
