@@ -26,6 +26,8 @@ FORMAT, VERSION = "skin-plan", 1
 SHORTEST = 1e-6
 HIGHEST_CHANNEL = 2**31 - 1
 
+NO_REGION = 'a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)'
+
 
 @dataclass(frozen=True)
 class SheetSkin:
@@ -151,14 +153,14 @@ def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
         return AcrossGrid(n, lines, outward, line.direction if line else None, margin, spacing)
     if sector is not None:
         return SectorGrid(n, lines, *sector, line, margin, spacing)
-    raise InvalidPlan('a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)')
+    raise InvalidPlan(NO_REGION)
 
 
 def _region(grid: dict[str, Any]) -> tuple[tuple[float, float] | None, tuple[float, float, float] | None]:
     """The sector, or the outward direction of the face, that a grid is for; neither for a whole tube."""
     both = {"from", "to"} & grid.keys()
     if "normal" in grid and both or len(both) == 1:
-        raise InvalidPlan('a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)')
+        raise InvalidPlan(NO_REGION)
     if "normal" in grid:
         message = 'the "normal" of the grid is zero; give the direction the face looks to'
         return None, _direction(grid["normal"], message)

@@ -4,21 +4,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..deviation import DistanceStatistics
+from ..arrays import Array
 from ..errors import InvalidPlan, UnreachableTolerance
 from .axis import Axis
-from .charts import Chart
-from .distance import MeshDistance, surface_samples
-from .fit import SurfaceFit, fit_surface
+from .charts import Chart, chart_lines
+from .fit import SurfaceFit, fit_lines, fit_surface
 from .grids import AcrossGrid, Grid, SectorGrid, TubeGrid
+from .lines import LineGrid
 from .mesh import TriangleMesh
-from .spacing import line_places, plane_places, spaced_lines
+from .spacing import line_places, plane_places
 from .survey import Survey
 
 MOST_PLANES, MOST_LINES = 60, 160
 MOST_FITS, MOST_TARGETS = 8, 30
+CHECKED = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
 # A fit that uses this much of its tolerance is small enough, and so is one between targets as close as this.
 GOOD, CLOSE = 0.9, 1.05
+SAFETY = 1.05  # of distances to the planes of facets, which where facets meet are a little shorter than to the mesh
+HOPE = 1.1  # a prediction may be off by this factor
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 # What a mean and a largest error are of a root mean square, as a first guess; the first fit tells better.
 SHARE = {"mean": 0.74, "max": 5.0}
@@ -57,35 +60,50 @@ class ErrorModel:
 
     def __init__(self, survey: Survey, degree: tuple[int, int]):
         self.survey, self.degree = survey, degree
-        self._along: dict[int, float] = {}
-        self._across: dict[int, float] = {}
+        self._along: dict[int, tuple[float, Array]] = {}
+        self._across: dict[int, tuple[float, Array]] = {}
 
-    def along(self, planes: int) -> float:
-        """Error of some planes along the chart, root mean square [m]."""
+    def along(self, planes: int) -> tuple[float, Array]:
+        """Error of some planes along the chart, root mean square [m], and where they lie."""
         if planes not in self._along:
             s = plane_places(self.survey, planes, "auto", self.degree[0])
-            self._along[planes], _ = self.survey.error_along(s, self.degree[0])
+            self._along[planes] = self.survey.error_along(s, self.degree[0])[0], s
         return self._along[planes]
 
-    def across(self, lines: int) -> float:
-        """Error of some lines across the chart, root mean square [m]."""
+    def across(self, lines: int) -> tuple[float, Array]:
+        """Error of some lines across the chart, root mean square [m], and where they lie."""
         if lines not in self._across:
             t = line_places(self.survey, lines, "auto", self.degree[1])
-            self._across[lines], _ = self.survey.error_across(t, self.degree[1])
+            self._across[lines] = self.survey.error_across(t, self.degree[1])[0], t
         return self._across[lines]
+
+    def error(self, size: tuple[int, int]) -> float:
+        """Error of a grid of some planes and lines, root mean square [m]."""
+        return float(np.hypot(self.along(size[0])[0], self.across(size[1])[0]))
+
+    def lines(self, size: tuple[int, int]) -> LineGrid:
+        """The lines of a grid."""
+        return chart_lines(self.survey.chart, self.along(size[0])[1], self.across(size[1])[1])
+
+    def best_below(self, size: tuple[int, int]) -> tuple[int, int] | None:
+        """The best grid with fewer control points than one of about as many planes; None if there is none."""
+        net = size[0] * size[1]
+        planes = range(max(size[0] - 1, self.degree[0] + 1), min(size[0] + 1, MOST_PLANES) + 1)
+        sizes = [(n, (net - 1) // n) for n in planes if self.degree[1] < (net - 1) // n <= MOST_LINES]
+        return min(sizes, key=self.error, default=None)
 
     def fewest_lines(self, error: float) -> int | None:
         """Fewest lines that leave at most this error across, found by bisection; None if none do."""
         low, high = self.degree[1] + 1, MOST_LINES
         step = low
-        while step < high and self.across(step) > error:  # double up to a first good number: small nets cost little
+        while step < high and self.across(step)[0] > error:  # double up to a first good number: small nets cost little
             low, step = step + 1, 2 * step
         high = min(step, high)
-        if self.across(high) > error:
+        if self.across(high)[0] > error:
             return None
         while low < high:
             middle = (low + high) // 2
-            low, high = (low, middle) if self.across(middle) <= error else (middle + 1, high)
+            low, high = (low, middle) if self.across(middle)[0] <= error else (middle + 1, high)
         return high
 
     def smallest_grid(self, error: float) -> tuple[int, int] | None:
@@ -95,7 +113,7 @@ class ErrorModel:
         for n in range(self.degree[0] + 1, MOST_PLANES + 1):
             if fewest is None or (best and n * fewest >= best[0] * best[1]):
                 break
-            left = self.along(n)
+            left, _ = self.along(n)
             if left < error:
                 lines = self.fewest_lines(float(np.sqrt(error**2 - left**2)))
                 if lines and (best is None or n * lines < best[0] * best[1]):
@@ -136,48 +154,70 @@ def fit_to_tolerance(
         raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
     degrees = (degree, degree) if isinstance(degree, int) else degree
     survey = Survey.of(mesh, AutoGrid(tolerance, measure, axis, margin, sector, normal).chart(mesh), MOST_PLANES)
-    model, distance = ErrorModel(survey, degrees), MeshDistance(mesh)
-    target, share = tolerance, SHARE[measure]
-    best: SurfaceFit | None = None
-    tried: dict[tuple[int, int], float] = {}
-    # Targets between which the answer lies: the largest that kept the tolerance, the smallest that did not.
-    kept, missed = 0.0, np.inf
-    for _ in range(MOST_TARGETS):
-        size = model.smallest_grid(target / share)
-        if size is None or missed <= CLOSE * kept or (size not in tried and len(tried) == MOST_FITS):
-            break
-        if size not in tried:
-            fit = fit_surface(mesh, spaced_lines(survey, *size, "auto", degrees), degrees)
-            tried[size] = getattr(quick_error(distance, fit), measure)
-            if tried[size] <= tolerance and (best is None or net_size(fit) < net_size(best)):
-                best = fit
-        error = tried[size]
-        kept, missed = (max(kept, target), missed) if error <= tolerance else (kept, min(missed, target))
-        if GOOD * tolerance < error <= tolerance:
-            break
-        target = float(np.sqrt(kept * missed)) if kept and missed < np.inf else target * tolerance / error * AIM
-    if best is None:
-        if not tried:  # not even the largest net is predicted to come so close
-            least = share * float(np.hypot(model.along(MOST_PLANES), model.across(MOST_LINES)))
+    model = ErrorModel(survey, degrees)
+    search = Search(mesh, model, tolerance, measure)
+    search.by_target()
+    search.downwards()
+    if search.best is None:
+        if not search.tried:  # not even the largest net is predicted to come so close
+            least = SHARE[measure] * model.error((MOST_PLANES, MOST_LINES))
         else:
-            least = min(tried.values())
+            least = min(search.tried.values())
         raise UnreachableTolerance(
             f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: about {least * 1e3:.2g} "
             "mm can be reached, its facets stand off from any smooth surface; ask for more, or refine the mesh",
             reached=float(least),
         )
-    return best
+    return search.best
+
+
+class Search:
+    """Fits that look for the smallest net within a tolerance; ``best`` is the smallest that was found."""
+
+    def __init__(self, mesh: TriangleMesh, model: ErrorModel, tolerance: float, measure: str):
+        self.mesh, self.model, self.tolerance, self.measure = mesh, model, tolerance, measure
+        self.best: SurfaceFit | None = None
+        self.tried: dict[tuple[int, int], float] = {}
+
+    def error(self, size: tuple[int, int]) -> float:
+        """Error of the fit of this size [m]; it becomes the best where it keeps the tolerance with a smaller net."""
+        if size not in self.tried:
+            fit = fit_lines(self.mesh, self.model.lines(size), self.model.degree)
+            self.tried[size] = SAFETY * getattr(fit.distances(CHECKED), self.measure)
+            if self.tried[size] <= self.tolerance and (self.best is None or net_size(fit) < net_size(self.best)):
+                self.best = fit
+        return self.tried[size]
+
+    def by_target(self) -> None:
+        """Fit the smallest grid that is predicted to reach a target, and learn from each what to aim at."""
+        target, share = self.tolerance, SHARE[self.measure]
+        # Targets between which the answer lies: the largest that kept the tolerance, the smallest that did not.
+        kept, missed = 0.0, np.inf
+        for _ in range(MOST_TARGETS):
+            size = self.model.smallest_grid(target / share)
+            if size is None or missed <= CLOSE * kept or (size not in self.tried and len(self.tried) == MOST_FITS):
+                break
+            error = self.error(size)
+            good = error <= self.tolerance
+            kept, missed = (max(kept, target), missed) if good else (kept, min(missed, target))
+            if GOOD * self.tolerance < error <= self.tolerance:
+                break
+            between = float(np.sqrt(kept * missed)) if kept and missed < np.inf else 0.0
+            target = between or target * self.tolerance / error * AIM
+
+    def downwards(self) -> None:
+        """Try the most promising smaller nets, as long as they keep the tolerance and something is left of it."""
+        while self.best is not None:
+            n, m = self.best.offsets.shape
+            size = self.model.best_below((n, m))
+            allowed = HOPE * self.tolerance / self.tried[n, m] * self.model.error((n, m))
+            if size is None or self.model.error(size) > allowed or self.error(size) > self.tolerance:
+                break
 
 
 def net_size(fit: SurfaceFit) -> int:
     """Number of control points."""
-    return int(np.prod(fit.lines.origins.shape[:2]))
-
-
-def quick_error(distance: MeshDistance, fit: SurfaceFit) -> DistanceStatistics:
-    """Distance from surface to mesh."""
-    uv, weights = surface_samples(fit.surface)
-    return DistanceStatistics.of(distance(fit.surface.points(uv))[0], weights)
+    return fit.offsets.size
 
 
 def fit_grid(mesh: TriangleMesh, grid: Grid | AutoGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:

@@ -66,8 +66,8 @@ class TensorBasis:
     degree_v: int
 
     @classmethod
-    def of(cls, lines: LineGrid, degree_u: int, degree_v: int) -> "TensorBasis":
-        """Basis for the lines of a grid.
+    def of(cls, lines: LineGrid, degree_u: int, degree_v: int, per_span: int = SITES_PER_SPAN) -> "TensorBasis":
+        """Basis for the lines of a grid, at so many sites per span.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class TensorBasis:
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
-        u, v = spline_sites(n, degree_u, False), spline_sites(m, degree_v, lines.closed)
+        u, v = spline_sites(n, degree_u, False, per_span), spline_sites(m, degree_v, lines.closed, per_span)
         common = unit(lines.directions.mean(axis=0))
         return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
 

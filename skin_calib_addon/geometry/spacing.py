@@ -9,21 +9,16 @@ from .basis import check_counts, spline_sites
 from .bspline import greville
 from .charts import chart_lines
 from .lines import LineGrid
-from .rays import TURN
 from .survey import Survey
 
 SPACINGS = ("auto", "uniform", "arc", "curvature")
-# Lines lie as densely as this power of the curvature: a corner gets them, a flat keeps a few.
-CURVATURE_POWER = 0.35
-FLAT = 1e-3  # share of the mean below which a curvature is none but rounding
-SMOOTHING_STEPS = 2.3  # of the outlines, over which curvature is averaged: facets are corners too
 # Spans get shorter as this power of their mean square error: that of a cubic falls as the ninth power of its length.
 ERROR_POWER = 0.11
 EVENED = 3  # rounds of making the errors of all spans alike
 QUIETEST = 1e-4  # share of the mean below which the error of a span counts no more
 GAIN = 0.98  # an error is lower where it is below this share of that of the first, plainest choice
 NOTHING = 1e-7  # share of the heights below which an error is none
-PHASES = (0.0, 0.25, 0.5, 0.75)  # shares of a line's interval by which closed lines may be turned
+PHASES = (0.0, 0.5)  # shares of a line's interval by which closed lines may be turned
 
 # A spacing is a piecewise linear map from the share of the intervals behind a place, 0 to 1, to the place.
 Map = tuple[Array, Array]
@@ -129,29 +124,9 @@ def density_maps(survey: Survey) -> dict[str, Map]:
     """Maps that give each place the share of a density behind it: of nothing, arc length, a power of curvature."""
     t, edges, closed = survey.outline_t, survey.chart.breadth, survey.chart.closed
     maps = {"uniform": (np.array((0.0, 1.0)), np.array(edges))}
-    for spacing, density in zip(("arc", "curvature"), outline_densities(survey)):
+    for spacing, density in survey.densities.items():
         following = np.roll(density, -1) if closed else density[1:]
         share = np.append(0.0, np.cumsum((density[: len(following)] + following) / 2))
         if share[-1] > 0:  # a plane has no curvature
             maps[spacing] = share / share[-1], np.append(t, edges[1]) if closed else t
     return maps
-
-
-def outline_densities(survey: Survey) -> tuple[Array, Array]:
-    """Arc length, and the power of curvature over it, per step of t on the outlines, shape (l,)."""
-    origins, rays = survey.chart.rays(survey.profile_s[:1], survey.outline_t)
-    points = origins + survey.outlines[..., None] * rays
-    step = np.roll(points, -1, axis=1) - points
-    length = np.sqrt((step**2).sum(axis=2))
-    heading = step / np.maximum(length, 1e-300)[..., None]
-    turn = np.sqrt(((heading - np.roll(heading, 1, axis=1)) ** 2).sum(axis=2))
-    length = (length + np.roll(length, 1, axis=1)) / 2
-    if not survey.chart.closed:  # the ends have no curve on one side
-        turn[:, [0, -1]], length[:, [0, -1]] = turn[:, [1, -2]], length[:, [1, -2]]
-    # Averaged as a convolution all round.
-    l = len(survey.outline_t)
-    window = np.exp(-0.5 * (TURN * np.fft.rfftfreq(l) * SMOOTHING_STEPS) ** 2)
-    smooth_turn, smooth_length = (np.fft.irfft(np.fft.rfft(x) * window, l) for x in (turn, length))
-    curvature = np.abs(smooth_turn) / smooth_length
-    curvature = np.maximum(curvature, FLAT * curvature.mean())
-    return length.mean(axis=0), (curvature**CURVATURE_POWER * smooth_length).mean(axis=0)

@@ -1,6 +1,7 @@
 """A first look at a mesh in its chart: a few outlines and profiles, and what spacings of lines would leave of them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -9,12 +10,17 @@ from ..errors import EmptySection
 from .basis import spline_sites
 from .charts import Chart
 from .mesh import TriangleMesh
+from .rays import TURN
 from .samples import cast_rays
 
 OUTLINES, OUTLINE_RAYS = 8, 720  # across
 PROFILES = 48  # along
 ROWS_PER_SPAN = 4  # of a profile
 FEWEST_ROWS, MOST_ROWS = 24, 72
+# Lines lie as densely as this power of the curvature: a corner gets them, a flat keeps a few.
+CURVATURE_POWER = 0.35
+FLAT = 1e-3  # share of the mean below which a curvature is none but rounding
+SMOOTHING_STEPS = 2.3  # of the outlines, over which curvature is averaged: facets are corners too
 ROUNDS = 4
 DENSE = 6  # sites per span where errors along are judged: a short spline passes through three
 
@@ -52,6 +58,27 @@ class Survey:
         )
         met, profiles_met = (~np.isnan(h) * 1.0 for h in (outlines, profiles.T))
         return cls(chart, t, filled(outlines, chart.closed), met, s, filled(profiles.T, False), profiles_met)
+
+    @cached_property
+    def densities(self) -> dict[str, Array]:
+        """Arc length, and a power of the curvature over it, per step of t on the outlines, shapes (l,)."""
+        origins, rays = self.chart.rays(self.profile_s[:1], self.outline_t)
+        points = origins + self.outlines[..., None] * rays
+        step = np.roll(points, -1, axis=1) - points
+        length = np.sqrt((step**2).sum(axis=2))
+        heading = step / np.maximum(length, 1e-300)[..., None]
+        turn = np.sqrt(((heading - np.roll(heading, 1, axis=1)) ** 2).sum(axis=2))
+        length = (length + np.roll(length, 1, axis=1)) / 2
+        if not self.chart.closed:  # the ends have no curve on one side
+            turn[:, [0, -1]], length[:, [0, -1]] = turn[:, [1, -2]], length[:, [1, -2]]
+        # Averaged as a convolution all round.
+        l = len(self.outline_t)
+        window = np.exp(-0.5 * (TURN * np.fft.rfftfreq(l) * SMOOTHING_STEPS) ** 2)
+        smooth_turn, smooth_length = (np.fft.irfft(np.fft.rfft(x) * window, l) for x in (turn, length))
+        curvature = np.abs(smooth_turn) / smooth_length
+        curvature = np.maximum(curvature, FLAT * curvature.mean())
+        curved = curvature**CURVATURE_POWER * smooth_length
+        return {"arc": length.mean(axis=0), "curvature": curved.mean(axis=0)}
 
     def error_across(self, t: Array, degree: int) -> tuple[float, Array]:
         """What lines at some t leave between outlines and fits.
