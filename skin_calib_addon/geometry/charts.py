@@ -9,13 +9,14 @@ from .frames import TubeFrame
 from .lines import LineGrid
 from .planes import Planes
 from .rays import TURN
+from .spine import Spine
 
 
 @dataclass(frozen=True, eq=False)
 class TubeChart:
     """Around an axis: s is the station [m], t the angle [rad], clockwise so that r_u x r_v points outward."""
 
-    frame: TubeFrame
+    frame: TubeFrame | Spine
     span: tuple[float, float]  # first and last station [m]
     sector: tuple[float, float] | None = None  # first and last angle, counter-clockwise [rad]; None: all round
 
@@ -39,9 +40,8 @@ class TubeChart:
 
     def rays(self, s: Array, t: Array) -> tuple[Array, Array]:
         """Origins and unit directions of the rays at every pair, shapes (k, l, 3)."""
-        shape = (len(s), len(t), 3)
-        points = self.frame.planes(s).points[:, None]
-        return np.broadcast_to(points, shape), np.broadcast_to(self.frame.rays(self.angles(t)), shape)
+        directions = self.frame.fan(s, self.angles(t))
+        return np.broadcast_to(self.frame.planes(s).points[:, None], directions.shape), directions
 
     def blend(self, weights: Array, t: Array) -> tuple[Array, Array]:
         """Where the blended rays of some lines run to, and what a step along each line is along them.
@@ -63,7 +63,7 @@ class TubeChart:
 
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""
-        return tuple(f"half-plane at {np.rad2deg(a) % 360:.0f} degrees" for a in self.angles(t))
+        return tuple(f"half-plane at {round(np.rad2deg(a), 1) % 360:g} degrees" for a in self.angles(t))
 
 
 @dataclass(frozen=True, eq=False)

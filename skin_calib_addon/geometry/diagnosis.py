@@ -25,13 +25,14 @@ def condition(basis: TensorBasis) -> float:
 def dropped_loops(rows: SampleRows, samples: RaySamples) -> IntArray:
     """How many curves of each row's section the surface does not follow, shape (k,): inner walls, bolts, boxes."""
     sections, faces = rows.sections, len(rows.mesh.faces)
+    ends = rows.flat_ends()
     met = np.zeros((sections.planes, faces), bool)
     np.put_along_axis(met, samples.faces, ~np.isnan(samples.residuals), axis=1)
     bounds = np.searchsorted(sections.plane, np.arange(sections.planes + 1))
     dropped = np.zeros(sections.planes, np.int64)
     for i, (first, last) in enumerate(zip(bounds, bounds[1:])):
         if last > first:
-            curve = curves(sections.ends[first:last])
+            curve = curves(ends[first:last])
             dropped[i] = len(np.unique(curve)) - len(np.unique(curve[met[i, sections.face[first:last]]]))
     return dropped
 
@@ -64,7 +65,7 @@ def doubts(
     Parameters
     ----------
     smallest_area : float
-        Least area element of the surface over its mean.
+        Least area element of the surface, seen along the rays, over its mean.
     settled : bool
         Whether the passes came to rest.
     """
@@ -85,7 +86,9 @@ def doubts(
             f"the surface is {distance * 1e3:.1f} mm off the mesh {where}; cut away what stands out there, move the "
             "planes away from it, or place more of them"
         )
-    if smallest_area < NARROW:
+    if smallest_area <= 0:
+        found.append("the surface folds over: planes cross each other inside the mesh; move or turn them apart")
+    elif smallest_area < NARROW:
         found.append("the surface nearly folds or closes to a point; move planes apart, or widen the margin")
     if not settled:
         found.append("the passes did not come to rest: the section is no fan about its axis; move the axis, or cut")

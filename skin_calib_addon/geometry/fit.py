@@ -33,6 +33,7 @@ LARGEST_GAP = 0.5
 FOLDED = 1e-3
 # A surface that stays further off than this share of the mesh's size is no fit.
 FURTHEST = 0.05
+DENSE = 5  # places per control point, in each direction, at which the area element is looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +82,19 @@ class SurfaceFit:
 
     @cached_property
     def smallest_area(self) -> float:
-        """Least ``|r_u x r_v|`` over its mean, on a dense grid: near zero where the surface folds or closes up."""
-        _, weights = surface_samples(self.surface)
-        return float(weights.min() / weights.mean())
+        """Least ``|r_u x r_v|`` over its mean, on a dense grid: near zero where the surface closes to a point.
+
+        Negative where ``r_u x r_v`` turns against the rays: the surface has folded over.
+        """
+        k, l = (DENSE * size for size in self.offsets.shape)
+        v = np.arange(l) / l if self.lines.closed else np.linspace(0, 1, l)
+        uv = np.column_stack((np.repeat(np.linspace(0, 1, k), l), np.tile(v, k)))
+        r = self.surface.derivatives(uv)
+        normals = np.cross(r[1, 0], r[0, 1])
+        s = self.surface
+        outward = BSplineSurface(self.basis.close(self.lines.directions), s.knots_u, s.knots_v, s.degree, s.closed)
+        areas = np.linalg.norm(normals, axis=1)
+        return float((areas * np.sign((normals * outward.points(uv)).sum(axis=1))).min() / areas.mean())
 
     def distances(self, per_span: int) -> DistanceStatistics:
         """Distance from surface to mesh at other sites than the fit's, by rays: to the planes of the facets they meet.

@@ -25,6 +25,10 @@ class TubeFrame:
         """Unit directions away from the axis, shape (len(angles), 3)."""
         return np.cos(angles)[:, None] * self.e1 + np.sin(angles)[:, None] * self.e2
 
+    def fan(self, stations: Array, angles: Array) -> Array:
+        """The same at every station, shape (len(stations), len(angles), 3)."""
+        return np.broadcast_to(self.rays(angles), (len(stations), len(angles), 3))
+
     def across(self, vectors: Array) -> Array:
         """Components across the axis, shape (..., 2)."""
         return np.stack((along(vectors, self.e1), along(vectors, self.e2)), axis=-1)

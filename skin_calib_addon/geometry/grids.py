@@ -14,6 +14,7 @@ from .mesh import TriangleMesh
 from .planes import Planes, perpendicular
 from .rays import TURN
 from .spacing import spaced_lines
+from .spine import find_spine, spine_span
 from .survey import Survey
 
 # Planes of the two families that meet at less than this cut each other nowhere definite.
@@ -41,6 +42,10 @@ class TubeGrid:
     def chart(self, mesh: TriangleMesh) -> TubeChart:
         """Stations and angles on ``mesh``."""
         frame = tube_frame(mesh, self.axis)
+        if self.axis is None:
+            spine = find_spine(mesh, frame)
+            if spine is not None:
+                return TubeChart(spine, spine_span(mesh, spine, self.margin))
         return TubeChart(frame, stations_between(mesh, frame, self.margin, ALL_ROUND))
 
     def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:

@@ -39,7 +39,8 @@ class SampleRows:
     """Sections through the rows of sample sites, and where the rays start that sample them."""
 
     mesh: TriangleMesh
-    sections: Sections
+    planes: Planes  # of the rows
+    sections: Sections  # with ends across the planes where these are parallel
     caster: RayCaster
     axes: Array  # (k, 2, 3) unit vectors in each row's plane; (1, 2, 3) where the rows are parallel
     origins: Array  # (k, l, 3) where the rays start [m]
@@ -77,11 +78,10 @@ class SampleRows:
             axes = frames_of(planes.normals[:1])
             flat_vertices = np.stack([along(mesh.vertices, axis) for axis in axes[0]]).T
             sections = cut_sections(mesh, planes, flat_vertices)
-            ends = sections.ends - (planes.points @ axes[0].T)[sections.plane, None]
         else:
-            sections = cut_sections(mesh, planes)
             axes = frames_of(planes.normals)
-            ends = across(sections.ends - planes.points[sections.plane, None], axes[sections.plane])
+            sections = cut_sections(mesh, planes)
+        ends = flat_ends(sections, planes, axes)
         caster = RayCaster(
             sections.plane,
             ends,
@@ -90,7 +90,11 @@ class SampleRows:
             direction=axes[0] @ direction if direction is not None else None,
         )
         local = np.zeros((1, 1, 2)) if concurrent else across(origins - planes.points[:, None], axes)
-        return cls(mesh, sections, caster, axes, origins, local, flat)
+        return cls(mesh, planes, sections, caster, axes, origins, local, flat)
+
+    def flat_ends(self) -> Array:
+        """Ends of the segments in the frames of their rows, shape (s, 2, 2) [m]."""
+        return flat_ends(self.sections, self.planes, self.axes)
 
     def cast(self, arms: Array) -> RaySamples:
         """Cast rays from the origins along ``arms`` (k, l, 3), which end on the surface [m]."""
@@ -124,6 +128,13 @@ def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Ar
     concurrent = bool((origins == planes.points[:, None]).all())
     rows = SampleRows.cut(mesh, planes, origins, concurrent, None if concurrent else directions[0, 0])
     return rows.cast(directions).residuals + 1
+
+
+def flat_ends(sections: Sections, planes: Planes, axes: Array) -> Array:
+    """Ends of segments in the frames of their rows; sections of parallel planes have them so but for the origin."""
+    if len(axes) == 1:
+        return sections.ends - (planes.points @ axes[0].T)[sections.plane, None]
+    return across(sections.ends - planes.points[sections.plane, None], axes[sections.plane])
 
 
 def frames_of(normals: Array) -> Array:
