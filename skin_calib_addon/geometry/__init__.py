@@ -1,6 +1,6 @@
 """Mesh to cover to sections to fitted surface."""
 
-from .auto import AutoGrid, fit_grid, fit_to_tolerance
+from .auto import AutoGrid, fit_grid, fit_to_count, fit_to_tolerance
 from .axis import Axis
 from .bspline import BSplineSurface
 from .cover import CoverSpec, Cut, cut_cover
@@ -26,6 +26,7 @@ __all__ = [
     "cut_cover",
     "fit_grid",
     "fit_surface",
+    "fit_to_count",
     "fit_to_tolerance",
     "load_mesh",
     "weld",

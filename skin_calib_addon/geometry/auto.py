@@ -1,13 +1,16 @@
 """The smallest grid that meets a tolerance: predicted from a survey, proved by fits."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from ..arrays import Array
-from ..errors import InvalidPlan, UnreachableTolerance
+from ..deviation import DistanceStatistics
+from ..errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from .axis import Axis
 from .charts import Chart, chart_lines
+from .distance import MeshDistance, surface_samples
 from .fit import SurfaceFit, fit_lines, fit_surface
 from .grids import AcrossGrid, Grid, SectorGrid, TubeGrid
 from .lines import LineGrid
@@ -21,6 +24,7 @@ CHECKED = 5  # sites per span at which a fit is held against the mesh: not those
 # A fit that uses this much of its tolerance is small enough, and so is one between targets as close as this.
 GOOD, CLOSE = 0.9, 1.05
 SAFETY = 1.05  # of distances to the planes of facets, which where facets meet are a little shorter than to the mesh
+PLAUSIBLE = 2.0  # a tolerance that the largest net is predicted to miss by more is not tried with it
 HOPE = 1.1  # a prediction may be off by this factor
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 # What a mean and a largest error are of a root mean square, as a first guess; the first fit tells better.
@@ -76,6 +80,11 @@ class ErrorModel:
             t = line_places(self.survey, lines, "auto", self.degree[1])
             self._across[lines] = self.survey.error_across(t, self.degree[1])[0], t
         return self._across[lines]
+
+    @property
+    def smallest(self) -> tuple[int, int]:
+        """Planes and lines of the smallest grid that the degree allows."""
+        return self.degree[0] + 1, self.degree[1] + 1
 
     def error(self, size: tuple[int, int]) -> float:
         """Error of a grid of some planes and lines, root mean square [m]."""
@@ -156,13 +165,9 @@ def fit_to_tolerance(
     survey = Survey.of(mesh, AutoGrid(tolerance, measure, axis, margin, sector, normal).chart(mesh), MOST_PLANES)
     model = ErrorModel(survey, degrees)
     search = Search(mesh, model, tolerance, measure)
-    search.by_target()
-    search.downwards()
+    search.run()
     if search.best is None:
-        if not search.tried:  # not even the largest net is predicted to come so close
-            least = SHARE[measure] * model.error((MOST_PLANES, MOST_LINES))
-        else:
-            least = min(search.tried.values())
+        least = min(error for error, _ in search.tried.values())
         raise UnreachableTolerance(
             f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: about {least * 1e3:.2g} "
             "mm can be reached, its facets stand off from any smooth surface; ask for more, or refine the mesh",
@@ -171,36 +176,105 @@ def fit_to_tolerance(
     return search.best
 
 
+def fit_to_count(
+    mesh: TriangleMesh,
+    control_points: int,
+    degree: int | tuple[int, int] = 3,
+    axis: Axis | None = None,
+    margin: float | None = None,
+    sector: tuple[float, float] | None = None,
+    normal: tuple[float, float, float] | None = None,
+) -> SurfaceFit:
+    """Fit the grid that leaves the least error with at most so many control points, planes and lines in any proportion.
+
+    Parameters
+    ----------
+    control_points : int
+    degree, axis, margin, sector, normal
+        As for ``fit_to_tolerance``.
+
+    Raises
+    ------
+    UnderdeterminedFit
+        If they are too few for the degree.
+    """
+    degrees = (degree, degree) if isinstance(degree, int) else degree
+    fewest_n, fewest_m = degrees[0] + 1, degrees[1] + 1
+    if control_points < fewest_n * fewest_m:
+        raise UnderdeterminedFit(
+            f"degree {degrees[0]} x {degrees[1]} needs at least {fewest_n * fewest_m} control points, not "
+            f"{control_points}; allow more, or lower the degree"
+        )
+    most = min(control_points // fewest_m, MOST_PLANES)
+    survey = Survey.of(mesh, AutoGrid(0.0, "mean", axis, margin, sector, normal).chart(mesh), most)
+    model = ErrorModel(survey, degrees)
+    sizes = [(n, min(control_points // n, MOST_LINES)) for n in range(fewest_n, most + 1)]
+    return fit_surface(mesh, model.lines(min(sizes, key=model.error)), degrees)
+
+
 class Search:
     """Fits that look for the smallest net within a tolerance; ``best`` is the smallest that was found."""
 
     def __init__(self, mesh: TriangleMesh, model: ErrorModel, tolerance: float, measure: str):
         self.mesh, self.model, self.tolerance, self.measure = mesh, model, tolerance, measure
-        self.best: SurfaceFit | None = None
-        self.tried: dict[tuple[int, int], float] = {}
+        self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
+        self.exact = cache(MeshDistance)  # made when it is needed
+
+    @property
+    def best(self) -> SurfaceFit | None:
+        """The smallest of the nets tried that keep the tolerance."""
+        kept = [fit for error, fit in self.tried.values() if error <= self.tolerance]
+        return min(kept, key=net_size, default=None)
+
+    def run(self) -> None:
+        """Look for the smallest net; the winner is proved by exact distances, and if it fails, the next one is."""
+        self.by_target(MOST_FITS)
+        largest = MOST_PLANES, MOST_LINES
+        least = SHARE[self.measure] * self.model.error(largest)
+        plausible = not self.tried or least < PLAUSIBLE * self.tolerance
+        if self.best is None and plausible and self.error(largest) <= self.tolerance:
+            self.by_target(2 * MOST_FITS, kept=least)
+        proved: SurfaceFit | None = None
+        while self.best is not None and self.best is not proved:
+            self.downwards()
+            proved = self.best
+            size = proved.offsets.shape
+            self.tried[size] = self.exact_error(proved), proved
 
     def error(self, size: tuple[int, int]) -> float:
-        """Error of the fit of this size [m]; it becomes the best where it keeps the tolerance with a smaller net."""
+        """Error of the fit of this size, by rays [m]."""
         if size not in self.tried:
             fit = fit_lines(self.mesh, self.model.lines(size), self.model.degree)
-            self.tried[size] = SAFETY * getattr(fit.distances(CHECKED), self.measure)
-            if self.tried[size] <= self.tolerance and (self.best is None or net_size(fit) < net_size(self.best)):
-                self.best = fit
-        return self.tried[size]
+            self.tried[size] = SAFETY * getattr(fit.distances(CHECKED), self.measure), fit
+        return self.tried[size][0]
 
-    def by_target(self) -> None:
-        """Fit the smallest grid that is predicted to reach a target, and learn from each what to aim at."""
-        target, share = self.tolerance, SHARE[self.measure]
+    def exact_error(self, fit: SurfaceFit) -> float:
+        """Error of a fit by exact distances [m]."""
+        uv, weights = surface_samples(fit.surface)
+        distance = self.exact(self.mesh)(fit.surface.points(uv))[0]
+        return float(getattr(DistanceStatistics.of(distance, weights), self.measure))
+
+    def by_target(self, fits: int, kept: float = 0.0) -> None:
+        """Fit the smallest grid that is predicted to reach a target, and learn from each what to aim at.
+
+        Parameters
+        ----------
+        fits : int
+            How many there may be in all.
+        kept : float
+            A target that is known to keep the tolerance [m]; 0 if none is.
+        """
+        target, share = kept or self.tolerance, SHARE[self.measure]
         # Targets between which the answer lies: the largest that kept the tolerance, the smallest that did not.
-        kept, missed = 0.0, np.inf
+        missed = self.tolerance if kept else np.inf
         for _ in range(MOST_TARGETS):
             size = self.model.smallest_grid(target / share)
-            if size is None or missed <= CLOSE * kept or (size not in self.tried and len(self.tried) == MOST_FITS):
+            if size is None or missed <= CLOSE * kept or (size not in self.tried and len(self.tried) == fits):
                 break
             error = self.error(size)
             good = error <= self.tolerance
             kept, missed = (max(kept, target), missed) if good else (kept, min(missed, target))
-            if GOOD * self.tolerance < error <= self.tolerance:
+            if GOOD * self.tolerance < error <= self.tolerance or (good and size == self.model.smallest):
                 break
             between = float(np.sqrt(kept * missed)) if kept and missed < np.inf else 0.0
             target = between or target * self.tolerance / error * AIM
@@ -210,7 +284,7 @@ class Search:
         while self.best is not None:
             n, m = self.best.offsets.shape
             size = self.model.best_below((n, m))
-            allowed = HOPE * self.tolerance / self.tried[n, m] * self.model.error((n, m))
+            allowed = HOPE * self.tolerance / self.tried[n, m][0] * self.model.error((n, m))
             if size is None or self.model.error(size) > allowed or self.error(size) > self.tolerance:
                 break
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import eigh, solve_triangular
+from scipy.linalg import circulant, eigh, solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..arrays import Array, BoolArray, product, unit
@@ -30,12 +30,15 @@ class SplineSites:
     @cached_property
     def inverse(self) -> Array:
         """Pseudo-inverse of ``values``, shape (n, k)."""
-        return pseudo_inverse(self.values)
+        return product(self.gram_inverse, self.values.T) if self.repeats else pseudo_inverse(self.values)
 
     @cached_property
     def gram_inverse(self) -> Array:
-        """Inverse of ``values.T @ values``, from the pseudo-inverse, shape (n, n)."""
-        return self.inverse @ self.inverse.T
+        """Inverse of ``values.T @ values``, shape (n, n): circulant where closed, else from the pseudo-inverse."""
+        if not self.repeats:
+            return product(self.inverse, self.inverse.T)
+        first = product(self.values[:, :1].T, self.values)[0]
+        return circulant(np.fft.irfft(1 / np.fft.rfft(first).real, len(first)))
 
 
 @lru_cache(maxsize=256)

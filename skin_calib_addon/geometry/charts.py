@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, unit
+from ..arrays import Array, product
 from .frames import TubeFrame
 from .lines import LineGrid
 from .planes import Planes
@@ -43,23 +43,25 @@ class TubeChart:
         directions = self.frame.fan(s, self.angles(t))
         return np.broadcast_to(self.frame.planes(s).points[:, None], directions.shape), directions
 
-    def blend(self, weights: Array, t: Array) -> tuple[Array, Array]:
-        """Where the blended rays of some lines run to, and what a step along each line is along them.
+    def blend(self, weights: Array, t: Array, heights: Array) -> tuple[Array, Array]:
+        """Where a spline lies whose control points stand on some lines.
 
         Parameters
         ----------
         weights : array, shape (l, m)
+            Basis functions at the sites.
         t : array, shape (m,)
             Of the lines.
+        heights : array, shape (r, m)
+            Of the control points along their lines, in each of r rows [m].
 
         Returns
         -------
-        t : array, shape (l,)
-        steps : array, shape (l, m)
+        t, heights : array, shape (r, l)
+            Of the spline's points.
         """
-        lines = np.column_stack((np.cos(t), np.sin(t)))
-        rays = unit(weights @ lines)
-        return np.arctan2(rays[:, 1], rays[:, 0]) % TURN, weights * (rays @ lines.T)
+        x, y = (product(heights * wave, weights.T) for wave in (np.cos(t), np.sin(t)))
+        return np.arctan2(y, x) % TURN, np.hypot(x, y)
 
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""
@@ -88,9 +90,10 @@ class FaceChart:
         origins = self.planes(s).points[:, None] + t[:, None] * self.side
         return origins, np.broadcast_to(self.up, origins.shape)
 
-    def blend(self, weights: Array, t: Array) -> tuple[Array, Array]:
-        """As for a tube; the rays of all lines run the same way."""
-        return weights @ t, weights
+    def blend(self, weights: Array, t: Array, heights: Array) -> tuple[Array, Array]:
+        """As for a tube; all rays run the same way."""
+        height = product(heights, weights.T)
+        return np.broadcast_to(weights @ t, height.shape), height
 
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""

@@ -31,6 +31,7 @@ STIFF_PASSES = 2
 LARGEST_GAP = 0.5
 # A surface whose area element falls below this share of its mean is folded, or closes to a point.
 FOLDED = 1e-3
+FEWEST_SITES = 20  # along a direction
 # A surface that stays further off than this share of the mesh's size is no fit.
 FURTHEST = 0.05
 DENSE = 5  # places per control point, in each direction, at which the area element is looked at
@@ -104,9 +105,10 @@ class SurfaceFit:
         Parameters
         ----------
         per_span : int
-            Sites in each span, in each direction.
+            Sites in each span, in each direction; more where there are few spans.
         """
-        basis = TensorBasis.of(self.lines, *self.surface.degree, per_span)
+        spans = min(size - degree for size, degree in zip(self.offsets.shape, self.surface.degree))
+        basis = TensorBasis.of(self.lines, *self.surface.degree, max(per_span, -(-FEWEST_SITES // max(spans, 1))))
         arms = basis.blend(self.offsets[..., None] * self.lines.directions)
         samples = SampleRows.of(self.mesh, self.lines, basis).cast(arms)
         points = samples.origins + arms
@@ -214,16 +216,17 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
     check_coverage(lines, basis, samples.residuals)
     offsets, samples, passes, settled = settle(lines, basis, rows, offsets, samples)
+    gaps = np.zeros(samples.residuals.shape)  # how far out of the facets the surface is to lie
     for _ in range(CHORD_ROUNDS if chords else 0):
-        gaps = chord_gaps(mesh, surface_at(lines, basis, offsets), samples)
-        lifted, lifted_samples, more, settled = settle(lines, basis, rows, offsets, samples, gaps)
+        lift = chord_gaps(mesh, surface_at(lines, basis, offsets), samples)
+        lifted, lifted_samples, more, settled = settle(lines, basis, rows, offsets, samples, lift)
         passes += more
-        if misfit_of(lifted_samples.residuals + gaps) > misfit_of(samples.residuals):
+        if misfit_of(lifted_samples.residuals + lift) > misfit_of(samples.residuals + gaps):
             break  # a smooth surface through the corners would fit better than one through the facets, not worse
-        offsets, samples = lifted, lifted_samples
-    stiffness, noise = best_stiffness(mesh, basis, samples.residuals, offsets, samples.faces)
+        offsets, samples, gaps = lifted, lifted_samples, lift
+    stiffness, noise = best_stiffness(mesh, basis, samples.residuals + gaps, offsets, samples.faces)
     for _ in range(STIFF_PASSES if stiffness else 0):
-        offsets = offsets + basis.solve(samples.residuals, offsets, stiffness)
+        offsets = offsets + basis.solve(samples.residuals + gaps, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         passes += 1
     surface = surface_at(lines, basis, offsets)

@@ -11,8 +11,8 @@ FINEST = 3e-4
 # A mesh with fewer vertices than this for each control point has none to spare: its facets are the shape.
 FEWEST_VERTICES = 3
 # Half of the samples of a normal error lie within 0.67 of its standard deviation; where edges, steps or openings make
-# the residuals, a few large ones rule and most are far smaller.
-NORMAL = 0.55
+# the residuals, a few large ones rule and most are far smaller, and over facets that are chords most are alike.
+NORMAL = 0.55, 0.75
 # Stiffness must lower the expected error of prediction by this factor, or least squares stay as they are.
 GAIN = 0.98
 STIFFNESSES = np.logspace(-5, 4, 37)
@@ -45,7 +45,7 @@ def best_stiffness(
     known = ~np.isnan(residuals)
     square = float((residuals[known] ** 2).sum())
     rms = np.sqrt(square / known.sum())
-    if rms <= FINEST * mesh.size or np.median(np.abs(residuals[known])) < NORMAL * rms:
+    if rms <= FINEST * mesh.size or not NORMAL[0] < np.median(np.abs(residuals[known])) / rms < NORMAL[1]:
         return 0.0, 0.0
     vertices = len(np.unique(mesh.faces[np.unique(faces[known])]))
     if vertices < FEWEST_VERTICES * offsets.size:

@@ -65,8 +65,8 @@ def line_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
     more, lower = evened(survey.error_across, maps[int(np.argmin(errors))], shares, degree, closed)
     candidates, errors = [place(m, shares) for m in maps + more], errors + lower
     if not closed:
-        candidates.append(place(maps[0], even))
-        errors.append(survey.error_across(candidates[-1], degree)[0])
+        candidates = [place(maps[0], even), *candidates]
+        errors = [survey.error_across(candidates[0], degree)[0], *errors]
     return best(candidates, errors, survey)
 
 

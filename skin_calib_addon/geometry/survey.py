@@ -90,49 +90,55 @@ class Survey:
         energies : array, shape (spans,)
             Mean square of each span of the spline [m^2].
         """
-        sites = spline_sites(len(t), degree, self.chart.closed)
-        at, steps = self.chart.blend(sites.values, t)
         closed = self.chart.closed
-        heights, met = (interpolated(h, self.outline_t, at, closed) for h in (self.outlines, self.outlines_known))
-        # The lines fan out from the rays: a few rounds mend what the factors of parallel ones leave.
-        for _ in range(ROUNDS if steps is not sites.values else 1):
-            heights = heights - product(product(heights, sites.inverse.T), steps.T)
-        return spread(heights, met, len(t), len(t) if closed else len(t) - degree)
+        sites = spline_sites(len(t), degree, closed)
+        offsets = interpolated(self.outlines, self.outline_t, np.broadcast_to(t, (len(self.outlines), len(t))), closed)
+        for _ in range(ROUNDS):  # as the passes of a fit: rays through the spline's own points
+            at, reached = self.chart.blend(sites.values, t, offsets)
+            residuals = interpolated(self.outlines, self.outline_t, at, closed) - reached
+            offsets = offsets + product(residuals, sites.inverse.T)
+        at, reached = self.chart.blend(sites.values, t, offsets)
+        residuals = interpolated(self.outlines, self.outline_t, at, closed) - reached
+        met = interpolated(self.outlines_known, self.outline_t, at, closed)
+        return spread(residuals, met, len(t), len(t) if closed else len(t) - degree, closed)
 
     def error_along(self, s: Array, degree: int) -> tuple[float, Array]:
         """What planes at some s leave between profiles and fits, as for lines across."""
         sites = spline_sites(len(s), degree, False, DENSE)
-        at = sites.values @ s
+        at = np.broadcast_to(sites.values @ s, (PROFILES, len(sites.values)))
         heights, met = (interpolated(h, self.profile_s, at, False) for h in (self.profiles, self.profiles_known))
         left = heights - product(product(heights, sites.inverse.T), sites.values.T)
-        return spread(left, met, len(s), len(s) - degree)
+        return spread(left, met, len(s), len(s) - degree, False)
 
 
 def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> Array:
-    """Heights (r, k) at even places ``known`` as straight lines between them, at ``wanted``; shape (r, len(wanted))."""
-    step = known[1] - known[0]
-    place = (wanted - known[0]) / step
-    if closed:
-        before: IntArray = np.floor(place).astype(np.int64) % len(known)
-        after = (before + 1) % len(known)
-    else:
+    """Heights (r, k) at even places ``known`` as straight lines between them, at ``wanted`` (r, l); shape (r, l)."""
+    place = (wanted - known[0]) / (known[1] - known[0])
+    if not closed:
         place = np.clip(place, 0, len(known) - 1)
-        before = np.minimum(place.astype(np.int64), len(known) - 2)
-        after = before + 1
-    share = place - np.floor(place) if closed else place - before
-    return heights[:, before] * (1 - share) + heights[:, after] * share
+    before: IntArray = np.floor(place).astype(np.int64)
+    if not closed:
+        before = np.minimum(before, len(known) - 2)
+    share = place - before
+    low, high = (np.take_along_axis(heights, i % len(known), axis=1) for i in (before, before + 1))
+    return low * (1 - share) + high * share
 
 
-def spread(residuals: Array, met: Array, unknowns: int, spans: int) -> tuple[float, Array]:
+def spread(residuals: Array, met: Array, unknowns: int, spans: int, closed: bool) -> tuple[float, Array]:
     """Root mean square of residuals (r, sites) of which some went into unknowns, and mean squares by span.
 
-    Sites beside which the mesh was not met (``met`` below 1) do not count; a span of such has no error.
+    Sites beside which the mesh was not met (``met`` below 1) do not count; a span of such has no error. One on a knot
+    counts half for each side, so that a mirrored mesh has mirrored errors.
     """
-    counts = (met == 1).sum(axis=0)
-    squares = (residuals**2 * (met == 1)).sum(axis=0)
-    span = np.minimum((np.arange(len(squares)) * spans) // len(squares), spans - 1)
-    by_span = np.bincount(span, squares) / np.maximum(np.bincount(span, counts), 1)
-    return float(np.sqrt(squares.sum() / max(counts.sum() * (1 - unknowns / len(squares)), 1))), by_span
+    sites = residuals.shape[1]
+    counts = (met == 1).sum(axis=0) * 0.5
+    squares = (residuals**2 * (met == 1)).sum(axis=0) * 0.5
+    place, last = np.arange(sites) * spans, sites if closed else sites - 1
+    sides = [(place + side) // last for side in (0, -1)]
+    sides = [side % spans if closed else np.clip(side, 0, spans - 1) for side in sides]
+    by_span, count = (sum(np.bincount(side, x, spans) for side in sides) for x in (squares, counts))
+    left = 2 * squares.sum() / max(2 * counts.sum() * (1 - unknowns / sites), 1)
+    return float(np.sqrt(left)), by_span / np.maximum(count, 1)
 
 
 def filled(heights: Array, closed: bool) -> Array:
