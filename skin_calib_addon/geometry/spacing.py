@@ -41,7 +41,7 @@ def spaced_lines(survey: Survey, n: int, lines: int, spacing: str, degree: tuple
 def plane_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
     """Places of ``count`` planes along the chart; those that leave the least error where the spacing is ``auto``."""
     even = np.linspace(*survey.chart.span, count)
-    if spacing != "auto":
+    if spacing != "auto" or not survey.fills:
         return even
     shares = greville(spline_sites(count, degree, False).knots, degree)
     linear = np.array((0.0, 1.0)), np.array(survey.chart.span)
@@ -54,6 +54,8 @@ def line_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
     """Places of ``count`` lines across the chart, ascending; those that leave the least error for ``auto``."""
     closed = survey.chart.closed
     even = np.arange(count) / count if closed else np.linspace(0, 1, count)
+    if spacing == "auto" and not survey.fills:
+        spacing = "uniform"
     if spacing != "auto":
         named = density_maps(survey)
         return place(named.get(spacing, named["uniform"]), even)

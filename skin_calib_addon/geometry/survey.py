@@ -21,6 +21,7 @@ FEWEST_ROWS, MOST_ROWS = 24, 72
 CURVATURE_POWER = 0.35
 FLAT = 1e-3  # share of the mean below which a curvature is none but rounding
 SMOOTHING_STEPS = 2.3  # of the outlines, over which curvature is averaged: facets are corners too
+FULL = 0.98  # share of the rays that meet a mesh which fills its chart
 ROUNDS = 4
 DENSE = 6  # sites per span where errors along are judged: a short spline passes through three
 
@@ -58,6 +59,11 @@ class Survey:
         )
         met, profiles_met = (~np.isnan(h) * 1.0 for h in (outlines, profiles.T))
         return cls(chart, t, filled(outlines, chart.closed), met, s, filled(profiles.T, False), profiles_met)
+
+    @property
+    def fills(self) -> bool:
+        """Whether the mesh fills the chart; where it leaves corners of an open one out, errors there are guesses."""
+        return self.chart.closed or float(self.outlines_known.mean()) > FULL
 
     @cached_property
     def densities(self) -> dict[str, Array]:
