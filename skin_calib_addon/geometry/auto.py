@@ -19,12 +19,12 @@ from .spacing import line_places, plane_places
 from .survey import Survey
 
 MOST_PLANES, MOST_LINES = 60, 160
-MOST_FITS, MOST_TARGETS = 8, 30
+MOST_FITS, MORE_FITS, MOST_TARGETS = 8, 3, 30
 CHECKED = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
 # A fit that uses this much of its tolerance is small enough, and so is one between targets as close as this.
 GOOD, CLOSE = 0.9, 1.05
 SAFETY = 1.05  # of distances to the planes of facets, which where facets meet are a little shorter than to the mesh
-PLAUSIBLE = 2.0  # a tolerance that the largest net is predicted to miss by more is not tried with it
+PLAUSIBLE = 1.5  # a tolerance that the largest net is predicted to miss by more is not tried with it
 HOPE = 1.1  # a prediction may be off by this factor
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 # What a mean and a largest error are of a root mean square, as a first guess; the first fit tells better.
@@ -229,17 +229,24 @@ class Search:
     def run(self) -> None:
         """Look for the smallest net; the winner is proved by exact distances, and if it fails, the next one is."""
         self.by_target(MOST_FITS)
-        largest = MOST_PLANES, MOST_LINES
-        least = SHARE[self.measure] * self.model.error(largest)
-        plausible = not self.tried or least < PLAUSIBLE * self.tolerance
-        if self.best is None and plausible and self.error(largest) <= self.tolerance:
-            self.by_target(2 * MOST_FITS, kept=least)
+        if self.best is None:
+            self.from_the_largest()
         proved: SurfaceFit | None = None
         while self.best is not None and self.best is not proved:
             self.downwards()
             proved = self.best
             size = proved.offsets.shape
             self.tried[size] = self.exact_error(proved), proved
+            if self.best is None:  # rays promised what exact distances do not keep
+                self.by_target(len(self.tried) + MORE_FITS)
+
+    def from_the_largest(self) -> None:
+        """Look below the largest net, where that keeps the tolerance though the predictions promised nothing."""
+        largest = MOST_PLANES, MOST_LINES
+        least = SHARE[self.measure] * self.model.error(largest)
+        plausible = not self.tried or least < PLAUSIBLE * self.tolerance
+        if plausible and self.error(largest) <= self.tolerance:
+            self.by_target(len(self.tried) + MORE_FITS, kept=least)
 
     def error(self, size: tuple[int, int]) -> float:
         """Error of the fit of this size, by rays [m]."""

@@ -14,6 +14,7 @@ from .lines import LineGrid
 
 SITES_PER_SPAN = 3
 SCHULZ_ROUNDS = 3  # each squares the error of an inverse
+NEAR = 0.1  # to one, that a matrix times its inverse must be
 # Stiffness that only says what holes leave open.
 SLACK = 1e-5
 
@@ -123,12 +124,14 @@ class TensorBasis:
         """Inverse of ``B.T @ B``, shape (m, m), near enough for the passes to mend the rest.
 
         It is that of ``M``, which comes from QR factors that all grids of a size share, improved by Newton's iteration
-        (Schulz, 1933): the cosines in ``B`` take nothing but a share of what ``M`` does, so it converges.
+        (Schulz, 1933), for the cosines in ``B`` take little of what ``M`` does where lines are close. Where they are
+        not, they are few, and inverted as they are.
         """
         gram, inverse = product(self.B.T, self.B), self.v.gram_inverse
         for _ in range(SCHULZ_ROUNDS):
             inverse = 2 * inverse - product(product(inverse, gram), inverse)
-        return inverse
+        off = np.abs(product(inverse, gram) - np.eye(len(gram))).max()
+        return inverse if off < NEAR else np.linalg.inv(gram)
 
     @cached_property
     def _modes(self) -> tuple[Array, Array, Array]:

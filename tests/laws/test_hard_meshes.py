@@ -1,0 +1,318 @@
+"""Ugly input: the surface of the clean mesh, or one line that says what is wrong."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.errors import InvalidMesh, SkinCalibError
+from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, dome, keep, same_mesh, sheet, together, wrist
+
+seeds = st.integers(0, 2**32 - 1)
+UV = np.random.default_rng(0).uniform(0, 1, (300, 2))
+UP = (0.0, 0.0, 1.0)
+NEAR_Z = Axis((0.001, -0.001, 0.02), (0.02, 0.01, 1.0))
+# An automatic and an even tube, a sector, a face; each with its mesh.
+CASES = {
+    "tube": (wrist(), TubeGrid(8, 16, NEAR_Z, 0.004)),
+    "even tube": (wrist(), TubeGrid(8, 16, NEAR_Z, 0.004, "uniform")),
+    "sector": (wrist(), SectorGrid(6, 9, -1.0, 1.5, NEAR_Z, 0.004)),
+    "face": (dome(), AcrossGrid(6, 7, UP, (1.0, 0, 0), 0.004)),
+}
+NETS = {name: fit_surface(mesh, grid).surface.control_net for name, (mesh, grid) in CASES.items()}
+
+
+def fit_or_error(mesh, grid, **options):
+    """A fit, or None where it is refused with one line."""
+    try:
+        return fit_surface(mesh, grid, **options)
+    except SkinCalibError as error:
+        assert str(error) and "\n" not in str(error)
+        return None
+
+
+def slivered(mesh, rng, share, width):
+    """Some faces split at a point ``width`` [m] from a corner: one sliver each, and the rest."""
+    vertices, faces = [*mesh.vertices], []
+    for face in mesh.faces:
+        if rng.random() > share:
+            faces.append(face)
+            continue
+        a, b, c = np.roll(face, rng.integers(3))
+        way = mesh.vertices[b] - mesh.vertices[a]
+        # Inside of the face, so that the neighbours need no split.
+        inner = mesh.vertices[a] + width * way / np.linalg.norm(way) + width * (mesh.vertices[c] - mesh.vertices[a])
+        d = len(vertices)
+        vertices.append(inner)
+        faces += [(a, b, d), (b, c, d), (c, a, d)]
+    return weld(vertices, faces)
+
+
+@pytest.mark.parametrize("case", CASES)
+@settings(max_examples=3)
+@given(seed=seeds)
+def test_triangle_soup_is_the_mesh(case, seed):
+    """Every face with three vertices of its own, in any order, as STL has them: the same net, to the bit."""
+    mesh, grid = CASES[case]
+    triangles = mesh.triangles[np.random.default_rng(seed).permutation(len(mesh.faces))]
+    soup = weld(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    assert same_mesh(soup, mesh)
+    assert fit_surface(soup, grid).surface.control_net.tobytes() == NETS[case].tobytes()
+
+
+@pytest.mark.parametrize("case", CASES)
+@settings(max_examples=3)
+@given(seed=seeds)
+def test_repeated_and_degenerate_faces_are_nothing(case, seed):
+    """Faces listed twice, started at another corner, faces with two equal corners, loose vertices: to the bit."""
+    mesh, grid = CASES[case]
+    rng = np.random.default_rng(seed)
+    again = np.roll(mesh.faces[rng.random(len(mesh.faces)) < 0.3], rng.integers(3), axis=1)
+    a, b = rng.integers(0, len(mesh.vertices), (2, 50))
+    flat = np.concatenate((np.column_stack((a, a, b)), np.column_stack((a, b, a)), np.column_stack((b, b, b))))
+    loose = np.concatenate((mesh.vertices, rng.uniform(-1, 1, (20, 3))))
+    ugly = weld(loose, np.concatenate((mesh.faces, again, flat)))
+    assert same_mesh(ugly, mesh)
+    assert fit_surface(ugly, grid).surface.control_net.tobytes() == NETS[case].tobytes()
+
+
+@pytest.mark.parametrize("case", ["tube", "even tube", "sector"])
+@settings(max_examples=4)
+@given(seed=seeds)
+def test_winding_does_not_matter_to_tubes(case, seed):
+    """Half of the faces wound the wrong way round: to a billionth of the size, for cuts run the other way along."""
+    mesh, grid = CASES[case]
+    wrong = np.random.default_rng(seed).random(len(mesh.faces)) < 0.5
+    mixed = weld(mesh.vertices, np.where(wrong[:, None], mesh.faces[:, ::-1], mesh.faces))
+    fit = fit_surface(mixed, grid)
+    assert_allclose(fit.surface.control_net, NETS[case], rtol=0, atol=1e-9 * mesh.size)
+    assert fit.missing == 0 and fit.doubts == ()
+
+
+def test_face_of_mixed_winding_is_fitted_where_its_edges_are_told():
+    """Half of a dome's faces wound wrongly: those that look up still span it, and rays meet the others too."""
+    mesh, grid = CASES["face"]
+    wrong = np.random.default_rng(3).random(len(mesh.faces)) < 0.5
+    fit = fit_surface(weld(mesh.vertices, np.where(wrong[:, None], mesh.faces[:, ::-1], mesh.faces)), grid)
+    assert fit.missing == 0
+    assert_allclose(fit.surface.control_net, NETS["face"], rtol=0, atol=1e-9 * mesh.size)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_both_sides_of_every_face_are_one_surface(case):
+    """Each face beside its own back, as some exporters write: the same surface, to a billionth of the size."""
+    mesh, grid = CASES[case]
+    double = weld(mesh.vertices, np.concatenate((mesh.faces, mesh.faces[:, ::-1])))
+    assert len(double.faces) == 2 * len(mesh.faces)
+    fit = fit_surface(double, grid)
+    assert_allclose(fit.surface.control_net, NETS[case], rtol=0, atol=1e-9 * mesh.size)
+
+
+@pytest.mark.parametrize("case", CASES)
+@settings(max_examples=4)
+@given(seed=seeds, width=st.sampled_from([1e-6, 1e-9, 1e-12]))
+def test_slivers_do_not_matter(case, seed, width):
+    """A tenth of the faces split beside a corner, to slivers down to a picometre: the shape is the same to a
+    billionth of the size where slivers are that thin, and the surface moves no further than they are wide."""
+    mesh, grid = CASES[case]
+    fit = fit_surface(slivered(mesh, np.random.default_rng(seed), 0.1, width), grid)
+    assert fit.missing == 0
+    assert_allclose(fit.surface.control_net, NETS[case], rtol=0, atol=width + 1e-9 * mesh.size)
+
+
+@settings(max_examples=6)
+@given(seed=seeds, gap=st.sampled_from([1e-15, 1e-12, 1e-9, 1e-7]))
+def test_hairline_cracks_do_not_matter(seed, gap):
+    """Soup whose corners are rounded apart, so that no two faces share a vertex: the surface is the clean one's, as
+    far as the cracks are wide; a ray that slips through a crack counts as missing and takes little with it."""
+    mesh, grid = CASES["even tube"]
+    corners = mesh.triangles.reshape(-1, 3)
+    moved = corners + gap * np.random.default_rng(seed).uniform(-1, 1, corners.shape)
+    fit = fit_surface(weld(moved, np.arange(len(moved)).reshape(-1, 3)), grid)
+    assert fit.missing < 0.01
+    assert_allclose(fit.surface.points(UV), surface_of("even tube").points(UV), rtol=0, atol=2e-5)
+
+
+def surface_of(case):
+    """The surface of the clean mesh."""
+    mesh, grid = CASES[case]
+    return fit_surface(mesh, grid).surface
+
+
+@settings(max_examples=8)
+@given(rings=st.integers(8, 20), lines=st.sampled_from([8, 12, 16, 24, 48]), n=st.integers(4, 12))
+def test_planes_through_vertices_miss_nothing(rings, lines, n):
+    """u-planes through rings of vertices, v-planes along edges, and sections along them: no ray slips, and the net is
+    that of planes a nanometre beside, to a few nanometres."""
+    mesh = cylinder(around=48, along=rings + 1)
+    inner = LENGTH * np.arange(1, rings) / rings
+    stations = inner[np.unique(np.linspace(0, len(inner) - 1, n).round().astype(int))]
+    angle = np.arange(lines // 2) * 2 * np.pi / lines
+    v = np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle))
+    fits = [
+        fit_surface(
+            mesh,
+            PlanesGrid(
+                Planes((stations + aside)[:, None] * UP, np.tile(UP, (len(stations), 1))),
+                Planes(np.zeros((len(v), 3)) + aside, v),
+                True,
+            ),
+        )
+        for aside in (0.0, 1e-9)
+    ]
+    assert [fit.missing for fit in fits] == [0, 0]
+    assert_allclose(fits[0].surface.control_net, fits[1].surface.control_net, rtol=0, atol=1e-8)
+
+
+def test_planes_through_rows_of_a_sheet_miss_nothing():
+    """Planes across a face along the very rows of its vertices, and over its own edge: exact to the rounding."""
+    slope = sheet(lambda x, y: 0.02 + 0.3 * x)
+    x, y = np.linspace(0.0, 0.1, 21)[[1, 3, 6, 10, 15, 19]], np.linspace(0.0, 0.08, 17)[[1, 4, 8, 12, 15]]
+    grid = PlanesGrid(
+        Planes(x[:, None] * (1.0, 0, 0), np.tile((1.0, 0, 0), (6, 1))),
+        Planes(y[:, None] * (0, 1.0, 0), np.tile((0, 1.0, 0), (5, 1))),
+        False,
+    )
+    fit = fit_surface(slope, grid)
+    points = fit.surface.points(UV)
+    assert fit.missing == 0
+    assert_allclose(points[:, 2], 0.02 + 0.3 * points[:, 0], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("around", "lines", "error"), [(12, 12, 3e-5), (12, 16, 3e-5), (24, 12, 4e-6), (24, 20, 2e-6), (48, 24, 1e-6)]
+)
+def test_regular_tube_is_round_by_its_chords(around, lines, error):
+    """Corners on a cylinder of 35 mm, facets 1.2, .3 and .07 mm inside of it: with chords the cylinder is found to what
+    the fourth power of the facets' angles leaves, as II is a parabola and not a circle."""
+    fit = fit_surface(cylinder(around=around), TubeGrid(6, lines, Z_AXIS, 0.004, "uniform"), chords=True)
+    radius = np.linalg.norm(fit.surface.points(UV)[:, :2], axis=1)
+    assert np.abs(radius - RADIUS).mean() < error
+    assert fit.noise == 0  # facets are no noise of a scan where they are said to be chords
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_uneven_tube_is_round_by_its_chords(seed):
+    """20 corners at uneven angles on a cylinder: chords leave less than a tenth of the facets' own distance."""
+    angle = 2 * np.pi * (np.arange(20) + np.random.default_rng(seed).uniform(-0.2, 0.2, 20)) / 20
+    mesh = cylinder(around=20)
+    order = np.rint(np.arctan2(mesh.vertices[:, 1], mesh.vertices[:, 0]) / (2 * np.pi) * 20).astype(int) % 20
+    vertices = np.column_stack((RADIUS * np.cos(angle[order]), RADIUS * np.sin(angle[order]), mesh.vertices[:, 2]))
+    fit = fit_surface(weld(vertices, mesh.faces), TubeGrid(6, 14, Z_AXIS, 0.004, "uniform"), chords=True)
+    facets = 2 / 3 * RADIUS * (1 - np.cos(np.pi / 20))
+    assert np.abs(np.linalg.norm(fit.surface.points(UV)[:, :2], axis=1) - RADIUS).mean() < 0.1 * facets
+
+
+def cap(rings=24, around=72, deepest=np.pi / 2):
+    """A cap of a sphere about its pole, where all its meridians meet; it looks up."""
+    tilt = deepest * np.arange(1, rings + 1) / rings
+    angle = 2 * np.pi * np.arange(around) / around
+    ring = np.stack(
+        [
+            np.sin(tilt)[:, None] * np.cos(angle),
+            np.sin(tilt)[:, None] * np.sin(angle),
+            np.repeat(np.cos(tilt)[:, None], around, axis=1),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    k = np.arange(around)
+    after = (k + 1) % around
+    faces = [np.column_stack((0 * k, 1 + k, 1 + after))]
+    for r in range(rings - 1):
+        p, q = 1 + r * around + k, 1 + r * around + after
+        faces += [np.column_stack((p, p + around, q + around)), np.column_stack((p, q + around, q))]
+    return weld(RADIUS * np.vstack(((0, 0, 1.0), ring)), np.concatenate(faces))
+
+
+@pytest.mark.parametrize("margin", [0.008, 0.012, 0.02])
+def test_pole_under_a_face_grid_is_smooth(margin):
+    """Planes across the cap of a sphere, with its pole amid them: the sphere to its facets where it looks up."""
+    mesh = cap()
+    fit = fit_surface(mesh, AcrossGrid(10, 10, UP, (1.0, 0, 0), margin))
+    if fit.missing == 0:
+        radius = np.linalg.norm(fit.surface.points(UV), axis=1)
+        assert np.abs(radius - RADIUS).max() < 2e-4
+    assert np.abs(np.linalg.norm(fit.surface.points(UV), axis=1) - RADIUS).max() < 2e-3
+    assert (fit.surface.normals(UV)[:, 2] > 0).all()
+
+
+@pytest.mark.parametrize("margin", [0.0, 1e-6, 1e-4, 1e-3, 5e-3])
+@pytest.mark.parametrize("sector", [(-1.0, 1.0), (-2.5, 2.5)])
+def test_pole_at_the_end_of_a_sector_is_fitted_or_refused(margin, sector):
+    """Planes across the axis of a cap up to its pole, where its section shrinks to nothing: a surface on the sphere
+    as near as 5% of its radius, or one line."""
+    fit = fit_or_error(cap(), SectorGrid(10, 10, *sector, Z_AXIS, margin))
+    if fit is not None:
+        assert np.abs(np.linalg.norm(fit.surface.points(UV), axis=1) - RADIUS).max() < 0.05 * RADIUS
+        assert np.isfinite(fit.errors.hausdorff) and np.isfinite(fit.condition)
+
+
+@pytest.mark.parametrize("margin", [None, 0.0, 1e-6, 0.002])
+@pytest.mark.parametrize("spacing", ["auto", "uniform", "curvature"])
+def test_walls_along_the_lines_are_fitted_or_refused(margin, spacing):
+    """A block with a lower step whose wall runs along the rays: a surface or one line, no other error."""
+    block = together(box((0, 0, 0), (0.1, 0.08, 0.03)), box((0.03, 0.02, 0.03), (0.07, 0.06, 0.034)))
+    fit = fit_or_error(block, AcrossGrid(10, 9, UP, (1.0, 0, 0), margin, spacing))
+    if fit is not None:
+        assert fit.surface.points(UV)[:, 2].min() > 0.0 and fit.surface.points(UV)[:, 2].max() < 0.06
+
+
+@settings(max_examples=6)
+@given(height=st.floats(0.005, 0.1), margin=st.floats(1e-4, 0.02))
+def test_walls_outside_of_the_margin_do_not_matter(height, margin):
+    """The top of a block, whose walls stand just outside of the planes: flat to the rounding, however high it is."""
+    block = box((0, 0, 0), (0.1, 0.08, height))
+    fit = fit_surface(block, AcrossGrid(6, 6, UP, None, margin))
+    assert fit.missing == 0
+    assert_allclose(fit.surface.points(UV)[:, 2], height, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("case", CASES)
+@settings(max_examples=6)
+@given(seed=seeds, share=st.floats(0.02, 0.97))
+def test_torn_meshes_are_fitted_or_refused(case, seed, share):
+    """Any share of the faces gone at random: a finite surface, or one line."""
+    mesh, grid = CASES[case]
+    rng = np.random.default_rng(seed)
+    try:
+        torn = keep(mesh, lambda c: rng.random(len(c)) > share)
+    except InvalidMesh as error:
+        assert "\n" not in str(error)
+        return
+    fit = fit_or_error(torn, grid)
+    if fit is not None:
+        assert np.isfinite(fit.surface.control_net).all()
+        assert 0 <= fit.missing < 0.55  # half at the first cast, and a few more as the rays move
+        assert all("\n" not in d for d in fit.doubts)
+        assert (fit.dropped_loops >= 0).all()
+
+
+@pytest.mark.parametrize("case", ["even tube", "sector", "face"])
+@settings(max_examples=3)
+@given(seed=seeds, noise=st.floats(1e-5, 0.05))
+def test_noise_of_any_size_is_fitted_or_refused(case, seed, noise):
+    """Vertices moved by a hundredth of a millimetre to more than the tube's own radius: a surface, or one line."""
+    mesh, grid = CASES[case]
+    moved = mesh.vertices + noise * np.random.default_rng(seed).normal(size=mesh.vertices.shape)
+    fit = fit_or_error(weld(moved, mesh.faces), grid)
+    if fit is not None:
+        assert np.isfinite(fit.surface.control_net).all()
+        assert np.isfinite(fit.condition) and all("\n" not in d for d in fit.doubts)
+
+
+@settings(max_examples=10)
+@given(seed=seeds, count=st.integers(1, 30))
+def test_few_random_triangles_are_fitted_or_refused(seed, count):
+    """A handful of faces anywhere: every kind of grid gives a surface or one line."""
+    rng = np.random.default_rng(seed)
+    mesh = weld(rng.uniform(-0.05, 0.05, (3 * count, 3)), np.arange(3 * count).reshape(-1, 3))
+    for grid in (
+        TubeGrid(5, 8),
+        TubeGrid(5, 8, Z_AXIS, 0.01, "uniform"),
+        SectorGrid(5, 6, -1.0, 1.0, Z_AXIS, 0.01),
+        AcrossGrid(5, 6, UP),
+    ):
+        fit = fit_or_error(mesh, grid)
+        assert fit is None or np.isfinite(fit.surface.control_net).all()
