@@ -26,7 +26,7 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: $(READY)  ## the paper's method beside ours, on the samples and the data that is there
+bench: $(VENV)/bench-ready  ## the paper's method and the peers beside ours: tables, CSV files, charts
 	$(BIN)/python benchmarks/run.py
 
 extension: $(READY)  ## one zip per platform in dist/
@@ -38,7 +38,11 @@ samples: $(READY)  ## make the sample scenes again
 $(READY): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "No Python 3.13 or 3.11 found: install one, or name it: make PYTHON=/path/to/python3.13"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[picture,blender,test,check,bench]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[picture,blender,test,check]'
+	touch $@
+
+$(VENV)/bench-ready: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bench]'
 	touch $@
 
 clean:

@@ -1,0 +1,184 @@
+"""What the benchmarks fit: analytic shapes and real links, each with its axis, its margin and, where known, its truth.
+
+Everything but the bundled wrist lies in ``../shared/data`` beside the project and is left out where that is absent.
+"""
+
+import importlib.util
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skin_calib_addon.geometry import (
+    Axis,
+    CoverSpec,
+    Cut,
+    SectorGrid,
+    TriangleMesh,
+    TubeGrid,
+    cut_cover,
+    load_mesh,
+    weld,
+)
+
+Array = NDArray[np.float64]
+
+ROOT = Path(__file__).resolve().parent.parent
+SHARED = ROOT.parent / "shared" / "data"
+Z = (0.0, 0.0, 1.0)
+HALF_TUBE = float(np.deg2rad(95.0))  # the mesh goes to 100 degrees on either side; a ray at its very edge may miss
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A mesh, and the axis, margin and sector that every method is given."""
+
+    name: str
+    mesh: TriangleMesh
+    axis: Axis
+    margin: float | None  # [m]; None: as far as sections are complete
+    sector: tuple[float, float] | None = None  # [rad] where the link is open
+    truth: Callable | None = None  # distances of points (k, 3) [m] to the true surface, shape (k,) [m]
+    real: bool = False  # a link of a robot, not a shape that somebody wrote down
+
+    @property
+    def closed(self) -> bool:
+        """Whether the lines go all the way round."""
+        return self.sector is None
+
+    def lines(self, m: int) -> int:
+        """Lines that ``m`` full planes through the axis give; half as many where the link goes about half round."""
+        return 2 * m if self.closed else m
+
+    def grid(self, n: int, lines: int, spacing: str = "auto"):
+        """Our grid of ``n`` planes and so many lines."""
+        if self.sector is None:
+            return TubeGrid(n, lines, self.axis, self.margin, spacing)
+        return SectorGrid(n, lines, *self.sector, self.axis, self.margin, spacing)
+
+    @cached_property
+    def fan(self) -> "Fan":
+        """The same region for the peers: that of our even planes."""
+        placed = self.grid(4, 4, "uniform").line_grid(self.mesh)
+        points, axis = placed.planes_u.points, placed.planes_u.normals[0]
+        e1 = placed.directions[0, 0]
+        turn = 2 * np.pi if self.sector is None else self.sector[1] - self.sector[0]
+        return Fan(points[0], points[-1], axis, e1, np.cross(e1, axis), turn, self.closed)
+
+
+@dataclass(frozen=True, eq=False)
+class Fan:
+    """A tube's region as parameters: ``s`` in [0, 1] along the axis, ``t`` in [0, turn] around it, clockwise."""
+
+    first: Array  # (3,) [m] on the axis, as is last
+    last: Array
+    e3: Array  # unit, along the axis; e1 and e2 are across it
+    e1: Array  # where t is 0
+    e2: Array  # where t is a quarter of a turn
+    turn: float  # [rad]
+    closed: bool
+    tilt: float = 0.0  # [rad] between the first plane and the last; they turn about e1
+
+    def tilts(self, s):
+        """Tilt of the planes at ``s`` [rad]."""
+        return self.tilt * (np.asarray(s, float) - 0.5)
+
+    def origins(self, s):
+        """Points of the axis, shape (len(s), 3) [m]."""
+        return self.first + np.asarray(s, float)[:, None] * (self.last - self.first)
+
+    def normals(self, s):
+        """Normals of the planes at ``s``, shape (len(s), 3)."""
+        tilts = self.tilts(s)[:, None]
+        return np.cos(tilts) * self.e3 + np.sin(tilts) * self.e2
+
+    def directions(self, s, t):
+        """Unit vectors off the axis in the planes at ``s`` and the half-planes at ``t``, (len(s), len(t), 3)."""
+        outward = np.cos(t)[:, None] * self.e1 + np.sin(t)[:, None] * self.e2
+        if self.tilt == 0:
+            return np.broadcast_to(outward, (len(s), *outward.shape))
+        rise = -np.tan(self.tilts(s))[:, None] * np.sin(t)  # along the axis, to stay in the tilted plane
+        arms = outward + rise[..., None] * self.e3
+        return arms / np.linalg.norm(arms, axis=2, keepdims=True)
+
+    def points(self, s, t, radii):
+        """Points at distances ``radii`` (len(s), len(t)) from the axis, in their planes [m]."""
+        return self.origins(s)[:, None] + radii[..., None] * self.directions(s, t)
+
+
+def bundled_wrist() -> Link:
+    """The sample that every user has."""
+    mesh = load_module(ROOT / "sample_scenes" / "shapes.py").wrist()
+    return Link("bundled wrist", weld(mesh.vertices, mesh.faces), Axis((0.0015, 0.0005, 0.0), Z), 0.002)
+
+
+def has_shapes() -> bool:
+    """Whether the shapes with a truth and the real links are there."""
+    return SHARED.is_dir()
+
+
+def all_links() -> Iterator[Link]:
+    """The bundled wrist, and where the data is there, the shapes and the real links."""
+    yield bundled_wrist()
+    if not has_shapes():
+        print(f"no {SHARED} beside the project: shapes with a truth and real links are left out", file=sys.stderr)
+        return
+    shapes = target_shapes()
+    middle = Axis((0.0, 0.0, 0.0), Z)
+    yield shape_link("cylinder", shapes.cylinder(), middle)
+    yield shape_link("wrist sample", shapes.wrist(), Axis((0.0032, 0.0008, 0.0), Z))
+    yield shape_link("rounded square", shapes.rounded_square(), middle)
+    yield shape_link("half tube", shapes.half_tube(), middle, sector=(-HALF_TUBE, HALF_TUBE))
+    yield shape_link("cone", shapes.cone(), middle)
+    yield from real_links()
+
+
+def real_links() -> Iterator[Link]:
+    """Covers of robots: between cuts where the link itself ends in forks or caps, and some of them whole."""
+    wrist = Axis((-0.0016, -0.0027, -0.1908), (0.0174, -0.0167, 0.9997))
+    yield Link("HRP-4C wrist", cover("hrp4c_r_wrist_y_cover_only"), wrist, 0.007, real=True)
+    middle = Axis((0.0, 0.006, 0.0), Z)
+    cuts = Cut((0.0, 0.0, 0.045), Z), Cut((0.0, 0.0, 0.165), (0.0, 0.0, -1.0))
+    yield Link("TALOS forearm", cover("talos_arm_5_forearm", *cuts), middle, 0.008, real=True)
+    yield Link("TALOS forearm, twin", cover("talos_arm_5_forearm_collision", *cuts), middle, 0.008, real=True)
+    jvrc, jvrc_axis = cover("jvrc1_r_elbow_p"), Axis((-0.0178, 0.0, -0.1043), (0.0411, 0.0022, -0.9992))
+    yield Link("JVRC-1 forearm", jvrc, jvrc_axis, 0.012, real=True)
+    cut = Cut((0.016, 0.0, 0.0), (-1.0, 0.0, 0.0))
+    yield Link("G1 wrist", cover("g1_left_wrist_roll", cut), Axis((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), 0.001, real=True)
+    point, along = np.array((0.0105, 0.0025, -0.0542)), np.array((0.1222, 0.0308, -0.992))
+    thigh_axis = Axis(tuple(point), tuple(along))
+    cuts = Cut(tuple(point - 0.083 * along), tuple(along)), Cut(tuple(point - 0.017 * along), tuple(-along))
+    yield Link("iCub thigh", cover("icub27_l_upper_leg", *cuts), thigh_axis, 0.003, real=True)  # above the knee
+    # As far as sections are complete, which is what a user gets who says nothing: end caps and knee included.
+    yield Link("TALOS twin, whole", cover("talos_arm_5_forearm_collision"), middle, None, real=True)
+    yield Link("JVRC-1 forearm, whole", jvrc, jvrc_axis, None, real=True)
+    yield Link("iCub thigh, whole", cover("icub27_l_upper_leg"), thigh_axis, None, real=True)
+
+
+def cover(name: str, *cuts: Cut) -> TriangleMesh:
+    """The outer shell of a real link."""
+    return cut_cover(load_mesh(SHARED / "meshes" / f"{name}.stl"), CoverSpec(cuts=cuts))
+
+
+def shape_link(name: str, shape: dict, axis: Axis, sector: tuple[float, float] | None = None) -> Link:
+    """One of the targets' shapes, which are in millimetres."""
+    mesh = weld(shape["mesh"].vertices / 1e3, shape["mesh"].faces)
+    closest = shape["truth"].closest
+    return Link(name, mesh, axis, 0.002, sector, lambda points: np.abs(closest(points * 1e3)[0]) / 1e3)
+
+
+def target_shapes():
+    """The module of the targets' shapes."""
+    return load_module(SHARED / "shapes.py")
+
+
+def load_module(path: Path):
+    """A Python file as a module, whatever it is called: ours and theirs are both ``shapes``."""
+    spec = importlib.util.spec_from_file_location(f"{path.parent.name}_shapes", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

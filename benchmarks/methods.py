@@ -1,0 +1,59 @@
+"""Ours and the paper's method, as surfaces that are measured like everybody else's."""
+
+import numpy as np
+import paper_method
+from links import Fan, Link
+from measure import Surface, tensor
+
+from skin_calib_addon.geometry import Planes, PlanesGrid, SurfaceFit, fit_surface, fit_to_count, fit_to_tolerance
+from skin_calib_addon.geometry.bspline import clamped_knots
+
+
+def ours(link: Link, n: int, lines: int, spacing: str = "auto") -> SurfaceFit:
+    """Our surface along ``n`` planes and so many lines."""
+    return fit_surface(link.mesh, link.grid(n, lines, spacing))
+
+
+def ours_best(link: Link, control_points: int) -> SurfaceFit:
+    """Our surface with the best proportion of planes and lines for as many control points."""
+    return fit_to_count(link.mesh, control_points, axis=link.axis, margin=link.margin, sector=link.sector)
+
+
+def ours_fanned(link: Link, fan: Fan, n: int, lines: int) -> SurfaceFit:
+    """Our surface along planes that are not parallel, as an author places them."""
+    s, angles = np.linspace(0, 1, n), np.arange(lines // 2) * 2 * np.pi / lines
+    across = np.cos(angles)[:, None] * fan.e2 - np.sin(angles)[:, None] * fan.e1
+    u = Planes(fan.origins(s), fan.normals(s))
+    v = Planes(np.broadcast_to(fan.first, across.shape), across)
+    return fit_surface(link.mesh, PlanesGrid(u, v, closed=True))
+
+
+def auto(link: Link, tolerance: float) -> SurfaceFit:
+    """Our smallest surface with a mean error within a tolerance [mm]."""
+    return fit_to_tolerance(link.mesh, tolerance / 1e3, axis=link.axis, margin=link.margin, sector=link.sector)
+
+
+def paper(link: Link, fan: Fan, n: int, lines: int, solver: str = "linear", parameters: str = "good"):
+    """The paper's surface along our even planes, or along fanned ones."""
+    if not fan.closed:
+        raise ValueError("the paper's method closes its curves; this link is open")
+    s, angles = np.linspace(0, 1, n), -np.arange(lines) * 2 * np.pi / lines  # counter-clockwise
+    u_planes = np.stack((fan.origins(s), fan.normals(s)), axis=1)
+    outward = np.cos(angles)[:, None] * fan.e1 + np.sin(angles)[:, None] * fan.e2
+    v_planes = np.stack(np.broadcast_arrays(fan.first, fan.e3, outward), axis=1)
+    return paper_method.fit(
+        link.mesh.vertices, link.mesh.faces, u_planes, v_planes, solver=solver, parameters=parameters
+    )
+
+
+def surface_of_ours(fit: SurfaceFit) -> Surface:
+    """Our fit, with what it says of itself."""
+    made, count = fit.surface, int(np.prod(fit.lines.origins.shape[:2]))
+    notes = [f"{fit.missing:.0%} of the samples missing"] if fit.missing else []
+    return Surface(tensor(made.control_net, made.knots_u, made.knots_v, made.degree), count, "; ".join(notes))
+
+
+def surface_of_paper(fit: paper_method.PaperFit) -> Surface:
+    """A geomdl surface of cubic clamped uniform knots; its last column repeats the first."""
+    n, m, _ = fit.control_net.shape
+    return Surface(tensor(fit.control_net, clamped_knots(n, 3), clamped_knots(m, 3), (3, 3)), n * (m - 1))
