@@ -149,9 +149,10 @@ class SurfaceFit:
         """Error that each inner u-plane would find if the surface had been fitted without it, shape (n - 2,) [m].
 
         The mean distance from the section of the plane that was left out to the surface of the others: it shows where
-        the planes are too far apart, which the error of the fit itself cannot show.
+        the planes are too far apart, which the error of the fit itself cannot show. Empty where there are just as many
+        planes as the degree needs.
         """
-        inner = range(1, len(self.lines.planes_u) - 1)
+        inner = range(1, len(self.lines.planes_u) - 1 if len(self.lines.planes_u) > self.surface.degree[0] + 1 else 1)
         return np.array([self._without(i) for i in inner])
 
     def _without(self, i: int) -> float:

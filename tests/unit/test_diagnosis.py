@@ -377,3 +377,9 @@ def test_doubts_go_where_the_mesh_goes():
     place = named(there.doubts[0], there.lines)[0]
     station = (place - motion.points((0, 0, 0))) @ motion.directions((0, 0, 1.0))
     assert_allclose(station, named(here.doubts[0], here.lines)[0][2], atol=2e-4)
+
+
+def test_planes_that_cannot_be_spared_are_not_left_out():
+    """As many planes as the degree needs: no error without one of them; one more plane, and there are errors."""
+    assert len(fit_surface(cylinder(), TubeGrid(4, 12, Z_AXIS, 0.01)).leave_one_out()) == 0
+    assert len(fit_surface(cylinder(), TubeGrid(5, 12, Z_AXIS, 0.01)).leave_one_out()) == 3
