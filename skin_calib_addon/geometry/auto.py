@@ -235,8 +235,8 @@ class Search:
         while self.best is not None and self.best is not proved:
             self.downwards()
             proved = self.best
-            size = proved.offsets.shape
-            self.tried[size] = self.exact_error(proved), proved
+            n, m = proved.offsets.shape
+            self.tried[n, m] = self.exact_error(proved), proved
             if self.best is None:  # rays promised what exact distances do not keep
                 self.by_target(len(self.tried) + MORE_FITS)
 

@@ -79,7 +79,7 @@ def in_order(ray: IntArray, distance: Array, rays: int) -> tuple[IntArray, Array
     order = np.lexsort((distance, ray))
     rank = np.arange(len(ray)) - np.searchsorted(ray, ray)  # ``ray`` is sorted, and stays so in this order
     ways = np.bincount(ray, np.where(rank % 2 == 0, 1.0, -1.0) * distance[order], minlength=rays)
-    return folded, ways[folded]
+    return folded, np.asarray(ways[folded], np.float64)
 
 
 def narrow_runs(chosen: BoolArray, most: int) -> IntArray:
