@@ -67,3 +67,8 @@ class InvalidReading(SkinCalibError):
 
 class UnreachableTolerance(SkinCalibError):
     """No surface comes as close to the mesh as was asked for."""
+
+
+def millimetres(point) -> str:
+    """A place (3,) [m] in the link frame, in words for messages."""
+    return f"({', '.join(f'{round(float(x) * 1e3, 1) + 0.0:.1f}' for x in point)}) mm"  # no minus zero

@@ -45,14 +45,20 @@ class AutoGrid:
     sector: tuple[float, float] | None = None  # [rad], as of SectorGrid
     normal: tuple[float, float, float] | None = None  # as of AcrossGrid
 
-    def chart(self, mesh: TriangleMesh) -> Chart:
-        """Where the grid will lie on ``mesh``."""
-        if self.normal is not None:
-            along = self.axis.direction if self.axis else None
-            return AcrossGrid(0, 0, self.normal, along, self.margin).chart(mesh)
-        if self.sector is not None:
-            return SectorGrid(0, 0, *self.sector, self.axis, self.margin).chart(mesh)
-        return TubeGrid(0, 0, self.axis, self.margin).chart(mesh)
+
+def chart_of(
+    mesh: TriangleMesh,
+    axis: Axis | None = None,
+    margin: float | None = None,
+    sector: tuple[float, float] | None = None,
+    normal: tuple[float, float, float] | None = None,
+) -> Chart:
+    """Where an automatic grid lies on a mesh: over a face, in a sector, or else all round; as of ``AutoGrid``."""
+    if normal is not None:
+        return AcrossGrid(0, 0, normal, axis.direction if axis else None, margin).chart(mesh)
+    if sector is not None:
+        return SectorGrid(0, 0, *sector, axis, margin).chart(mesh)
+    return TubeGrid(0, 0, axis, margin).chart(mesh)
 
 
 class ErrorModel:
@@ -162,7 +168,7 @@ def fit_to_tolerance(
     if not tolerance > 0 or measure not in SHARE:
         raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
     degrees = (degree, degree) if isinstance(degree, int) else degree
-    survey = Survey.of(mesh, AutoGrid(tolerance, measure, axis, margin, sector, normal).chart(mesh), MOST_PLANES)
+    survey = Survey.of(mesh, chart_of(mesh, axis, margin, sector, normal), MOST_PLANES)
     model = ErrorModel(survey, degrees)
     search = Search(mesh, model, tolerance, measure)
     search.run()
@@ -206,7 +212,7 @@ def fit_to_count(
             f"{control_points}; allow more, or lower the degree"
         )
     most = min(control_points // fewest_m, MOST_PLANES)
-    survey = Survey.of(mesh, AutoGrid(0.0, "mean", axis, margin, sector, normal).chart(mesh), most)
+    survey = Survey.of(mesh, chart_of(mesh, axis, margin, sector, normal), most)
     model = ErrorModel(survey, degrees)
     sizes = [(n, min(control_points // n, MOST_LINES)) for n in range(fewest_n, most + 1)]
     return fit_surface(mesh, model.lines(min(sizes, key=model.error)), degrees)

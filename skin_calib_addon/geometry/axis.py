@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array, BoolArray, along
-from ..errors import EmptySection, InvalidPlan
+from ..errors import EmptySection, InvalidPlan, millimetres
 from .frames import TubeFrame, frame_of
 from .mesh import TriangleMesh
 from .rays import TURN, RayCaster
@@ -107,13 +107,12 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
         return low + margin, high - margin
     stations = low + (high - low) * (np.arange(192) + 0.5) / 192
     met = rays_met(cut_sections(mesh, frame.planes(stations)), frame, angles)
-    edge = np.flatnonzero(np.diff(np.r_[0, met.all(axis=1), 0]))
-    if len(edge) == 0:
+    first, last = longest_run(met.all(axis=1))
+    if first == last:
         raise EmptySection(
             f"no section across the axis goes all the way round; {_opening(met, stations, angles, frame)}; close it, "
             "use a patch grid, or give the axis"
         )
-    first, last = edge.reshape(-1, 2)[np.argmax(np.diff(edge.reshape(-1, 2), axis=1))]
     if last - first < 2:
         raise EmptySection(
             f"sections across the axis go all the way round for less than {(high - low) * 1e3 / 96:.1f} mm of it; "
@@ -122,12 +121,21 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
     return float(stations[first]), float(stations[last - 1])
 
 
+def longest_run(chosen: BoolArray) -> tuple[int, int]:
+    """First index of the longest run of the chosen, and the one behind its last; the same twice where there is none."""
+    edges = np.flatnonzero(np.diff(np.r_[0, chosen, 0])).reshape(-1, 2)
+    if len(edges) == 0:
+        return 0, 0
+    first, last = edges[np.argmax(np.diff(edges, axis=1))]
+    return int(first), int(last)
+
+
 def _opening(met: BoolArray, stations: Array, angles: Array, frame: TubeFrame) -> str:
     """Where the fullest section that is open is so, in words."""
     i = int(np.argmax(np.where(met.all(axis=1), -1, met.sum(axis=1))))
     j = int(np.argmin(met.sum(axis=0) + len(met) * met[i]))
-    place = ", ".join(f"{x * 1e3:.1f}" for x in frame.point + stations[i] * frame.e3)
-    return f"the fullest, through ({place}) mm, is open at {np.rad2deg(angles[j]) % 360:.0f} degrees"
+    place = millimetres(frame.point + stations[i] * frame.e3)
+    return f"the fullest, through {place}, is open at {np.rad2deg(angles[j]) % 360:.0f} degrees"
 
 
 def rays_met(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ..arrays import Array, IntArray
+from ..arrays import IntArray
+from ..errors import millimetres
 from .basis import TensorBasis
 from .curves import curves
 from .lines import LineGrid
@@ -41,11 +42,6 @@ def nearest_names(lines: LineGrid, basis: TensorBasis, site: tuple[int, int]) ->
     """The u-plane and the v-line that count most at a sample site, as an author knows them."""
     i, j = int(np.argmax(basis.N[site[0]])), int(np.argmax(basis.M[site[1]]))
     return f"u-plane {i} and {lines.v_names[j]}"
-
-
-def millimetres(point: Array) -> str:
-    """A place in the link frame, for messages."""
-    return f"({', '.join(f'{round(x * 1e3, 1) + 0.0:.1f}' for x in point)}) mm"  # no minus zero
 
 
 def furthest(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> tuple[float, str]:

@@ -7,11 +7,11 @@ import numpy as np
 
 from ..arrays import Array, BoolArray, IntArray
 from ..deviation import DistanceStatistics, SurfaceErrors
-from ..errors import EmptySection, PoorFit
+from ..errors import EmptySection, PoorFit, millimetres
 from .basis import TensorBasis
 from .bspline import BSplineSurface, greville
 from .chords import chord_gaps
-from .diagnosis import condition, doubts, dropped_loops, furthest, millimetres
+from .diagnosis import condition, doubts, dropped_loops, furthest
 from .distance import MeshDistance, footpoints, lies_at, surface_errors, surface_samples
 from .grids import Grid
 from .lines import LineGrid
@@ -106,6 +106,11 @@ class SurfaceFit:
         ----------
         per_span : int
             Sites in each span, in each direction; more where there are few spans.
+
+        Returns
+        -------
+        DistanceStatistics
+            Weighted by the area of each site [m].
         """
         spans = min(size - degree for size, degree in zip(self.offsets.shape, self.surface.degree))
         basis = TensorBasis.of(self.lines, *self.surface.degree, max(per_span, -(-FEWEST_SITES // max(spans, 1))))

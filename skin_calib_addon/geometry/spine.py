@@ -6,8 +6,9 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..arrays import Array, BoolArray, unit
+from ..arrays import Array, unit
 from ..errors import EmptySection, InvalidPlan
+from .axis import ALL_ROUND, longest_run
 from .frames import TubeFrame
 from .mesh import TriangleMesh
 from .planes import Planes
@@ -22,7 +23,6 @@ DEGREE = 4  # of the curve: a limb bends once or twice
 STRAIGHT = 0.25
 TRIALS = 192  # stations tried for complete sections
 INSET = 0.15  # share of the length left out at both ends, where sections slant off the mesh
-ALL_ROUND = np.arange(60) * 2 * np.pi / 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,16 @@ def find_spine(mesh: TriangleMesh, frame: TubeFrame) -> Spine | None:
     """The curve through the centres of the sections across a straight axis; None if that serves.
 
     Centres of the sections across a first curve give the next one, until the planes stand upright on it.
+
+    Raises
+    ------
+    EmptySection
+        If the sections across a bent axis are open.
     """
     height = frame.stations(mesh.vertices)
     inset = INSET * float(np.ptp(height))
-    planes = frame.planes(np.linspace(height.min() + inset, height.max() - inset, STATIONS))
-    centres, radius = section_centres(mesh, planes, frame.fan(planes.points[:, 0], ALL_ROUND))
+    stations = np.linspace(height.min() + inset, height.max() - inset, STATIONS)
+    centres, radius = section_centres(mesh, frame.planes(stations), frame.fan(stations, ALL_ROUND))
     if len(centres) <= DEGREE:
         return None
     off = centres - centres.mean(axis=0)
@@ -122,6 +127,8 @@ def spine_span(mesh: TriangleMesh, spine: Spine, margin: float | None) -> tuple[
 
     Raises
     ------
+    EmptySection
+        If no sections are complete.
     InvalidPlan
         If the margin leaves nothing.
     """
@@ -129,21 +136,12 @@ def spine_span(mesh: TriangleMesh, spine: Spine, margin: float | None) -> tuple[
     trials = np.linspace(-0.5 * length, 1.5 * length, TRIALS)
     planes, fan = spine.planes(trials), spine.fan(trials, ALL_ROUND)
     met = ~np.isnan(cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan))
-    run = longest_run(met.all(axis=1) if margin is None else met.mean(axis=1) > 0.5)
-    low, high = float(trials[run[0]]), float(trials[run[1] - 1])
-    if margin is not None:
-        low, high = low + margin, high - margin
-    if low >= high:
-        raise InvalidPlan(
-            f"margin {(margin or 0) * 1e3:g} mm at both ends leaves nothing along the axis; make it smaller"
-        )
-    return low, high
-
-
-def longest_run(chosen: BoolArray) -> tuple[int, int]:
-    """First index of the longest run of the chosen, and the one behind it."""
-    edges = np.flatnonzero(np.diff(np.r_[0, chosen, 0])).reshape(-1, 2)
-    if len(edges) == 0:
-        raise EmptySection("no section across the bent axis goes all the way round; use a patch grid, or give the axis")
-    first, last = edges[np.argmax(np.diff(edges, axis=1))]
-    return int(first), int(last)
+    first, last = longest_run(met.all(axis=1) if margin is None else met.mean(axis=1) > 0.5)
+    if last - first < 2:
+        raise EmptySection("no sections across the bent axis go all the way round; use a patch grid, or give the axis")
+    low, high = float(trials[first]), float(trials[last - 1])
+    if margin is None:
+        return low, high
+    if low + margin >= high - margin:
+        raise InvalidPlan(f"margin {margin * 1e3:g} mm at both ends leaves nothing along the axis; make it smaller")
+    return low + margin, high - margin

@@ -14,7 +14,7 @@ from skin_calib_addon.geometry import (
     fit_surface,
     fit_to_tolerance,
 )
-from skin_calib_addon.geometry.auto import ErrorModel, net_size
+from skin_calib_addon.geometry.auto import ErrorModel, chart_of, net_size
 from skin_calib_addon.geometry.distance import MeshDistance, surface_samples
 from skin_calib_addon.geometry.survey import Survey
 from skin_calib_addon.plan import plan_from
@@ -257,7 +257,7 @@ def test_chart_of_an_automatic_grid_is_that_of_its_kind():
 def test_smallest_grid_of_the_model_keeps_its_error():
     """The errors along and across of the grid it names keep within it; one plane or one line less does not."""
     mesh = coarse_wrist()
-    model = ErrorModel(Survey.of(mesh, AutoGrid(1e-4, **SECTOR).chart(mesh), 60), (3, 3))
+    model = ErrorModel(Survey.of(mesh, chart_of(mesh, **SECTOR), 60), (3, 3))
     for error in np.geomspace(2e-3, 2e-5, 12):
         n, lines = model.smallest_grid(error)
         assert model.error((n, lines)) <= error
