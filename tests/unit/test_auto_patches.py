@@ -241,9 +241,9 @@ def test_chords_go_on_from_the_smallest_grid():
 def test_chart_of_an_automatic_grid_is_that_of_its_kind():
     """A tube, a sector, a face: the same stations and edges as the grids of given size have."""
     tube, sector, face = (
-        AutoGrid(1e-4, axis=Z_AXIS, margin=0.004).chart(wrist()),
-        AutoGrid(1e-4, axis=Z_AXIS, margin=0.004, sector=(-1.0, 1.5)).chart(wrist()),
-        AutoGrid(1e-4, normal=UP, margin=0.004).chart(dome()),
+        chart_of(wrist(), Z_AXIS, 0.004),
+        chart_of(wrist(), Z_AXIS, 0.004, sector=(-1.0, 1.5)),
+        chart_of(dome(), margin=0.004, normal=UP),
     )
     for chart, grid, mesh in (
         (tube, TubeGrid(4, 4, Z_AXIS, 0.004), wrist()),
