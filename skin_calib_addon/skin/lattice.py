@@ -53,3 +53,42 @@ CENTRE = ((0, 0),)
 # Counter-clockwise seen from outside: x along the row, y to the next row, z out of the robot.
 CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 EDGES = ((0, 1), (1, 0), (0, -1), (-1, 0))
+
+
+@dataclass(frozen=True)
+class HexLattice:
+    """Regular hexagons of ``side``, with a ``gap`` between the sides that face each other; rows run along x.
+
+    A cell has axial coordinates (q, r): one step in q leads along x, one in r to 60 degrees from it. Boards that are
+    trimmed at their sides stand closer than their outlines: then the gap is negative.
+    """
+
+    side: float  # [m]
+    gap: float  # [m]
+
+    def __post_init__(self):
+        if self.side <= 0 or self.pitch <= 0:
+            raise InvalidPlan(
+                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.gap * 1e3:g} mm have no room; lengths "
+                "are in metres"
+            )
+
+    @property
+    def pitch(self) -> float:
+        """Distance between the centres of neighbours [m]."""
+        return float(np.sqrt(3)) * self.side + self.gap
+
+    def centres(self, cells: IntArray) -> Array:
+        """Flat centres of cells with axial coordinates of shape (n, 2); shape (n, 2) [m]."""
+        q, r = np.asarray(cells).T
+        return self.pitch * np.column_stack((q + r / 2, np.sqrt(0.75) * r))
+
+    @property
+    def corners(self) -> Array:
+        """Corners of a cell about its centre, counter-clockwise from 30 degrees below x, shape (6, 2) [m]."""
+        angles = np.deg2rad(60 * np.arange(6) - 30)
+        return self.side * np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+# Side k of a hexagon lies between its corners k and k + 1; beyond it stands the cell this far away. They are its ports.
+PORTS = ((1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1))
