@@ -1,12 +1,12 @@
 """B-spline bases and tensor-product surfaces: evaluation, derivatives, normals."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, IntArray, freeze, unit
+from ..arrays import Array, IntArray, freeze, product, unit
 from ..errors import InvalidKnotVector
 
 
@@ -131,31 +131,40 @@ class SpanPolynomials:
         return cls(starts, lengths, first, derivatives.transpose(1, 2, 0) * scale)
 
     def monomials(self, u: Array, order: int) -> tuple[IntArray, Array]:
-        """Span of each parameter, and the derivatives of the powers there, shape (order + 1, m, degree + 1).
+        """Span of each parameter, and the derivatives of the powers there, shape (m, order + 1, degree + 1).
 
         Beyond the ends of the domain a spline goes on along its tangent.
         """
-        degree = self.coefficients.shape[2] - 1
-        end = self.starts[-1] + self.lengths[-1]
-        inside = np.minimum(np.maximum(u, self.starts[0]), end)
+        count = self.coefficients.shape[2]
+        inside = np.minimum(np.maximum(u, self.starts[0]), self.starts[-1] + self.lengths[-1])
         span = np.searchsorted(self.starts, inside, side="right") - 1
         length = self.lengths[span]
-        powers = np.ones((len(u), degree + 1))
-        np.cumprod(
-            np.broadcast_to(((inside - self.starts[span]) / length)[:, None], (len(u), degree)), 1, None, powers[:, 1:]
-        )
+        powers = np.empty((len(u), count))
+        powers[:, 0] = 1.0
+        powers[:, 1:] = ((inside - self.starts[span]) / length)[:, None]
+        np.multiply.accumulate(powers, axis=1, out=powers)
         beyond = u - inside
-        leaves = beyond.any()
-        values = np.zeros((max(order, leaves) + 1, len(u), degree + 1))
-        values[0] = powers
-        factor = np.ones(degree + 1)
-        for d in range(1, len(values)):
-            factor[d:] *= np.arange(1, degree + 2 - d)
-            values[d, :, d:] = factor[d:] * powers[:, : degree + 1 - d] / (length**d)[:, None]
+        leaves = bool(beyond.any())
+        values = product(powers, _derivatives(count, max(order, leaves)))
+        values = values.reshape(len(u), -1, count)
+        scale = 1 / length
+        factor = scale
+        for d in range(1, values.shape[1]):
+            values[:, d] *= factor[:, None]
+            factor = factor * scale
         if leaves:
-            values[0] += beyond[:, None] * values[1]
-            values[2:, beyond != 0] = 0.0
-        return span, values[: order + 1]
+            values[:, 0] += beyond[:, None] * values[:, 1]
+            values[beyond != 0, 2:] = 0.0
+        return span, values[:, : order + 1]
+
+
+@cache
+def _derivatives(count: int, order: int) -> Array:
+    """From ``count`` powers of a number to those and their derivatives up to ``order``, one after another."""
+    blocks = [np.eye(count)]
+    for _ in range(order):
+        blocks.append(blocks[-1] @ np.diag(np.arange(1.0, count), 1))
+    return np.concatenate(blocks, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,8 +213,8 @@ class BSplineSurface:
         u, v = self.wrap(uv).T
         (span_u, U), (span_v, V) = (spans.monomials(x, order) for spans, x in zip(self._spans, (u, v)))
         patches = self._patches[span_u, span_v]
-        rows = np.matmul(U.transpose(1, 0, 2), patches).reshape(len(u), order + 1, V.shape[2], 3)
-        return np.matmul(V.transpose(1, 0, 2)[:, None], rows).transpose(1, 2, 0, 3)
+        rows = np.matmul(U, patches).reshape(len(u), order + 1, V.shape[2], 3)
+        return np.matmul(V[:, None], rows).transpose(1, 2, 0, 3)
 
     def wrap(self, uv: Any) -> Array:
         """Parameters with closed directions brought back into [0, 1), shape (m, 2)."""

@@ -11,9 +11,11 @@ from .mesh import TriangleMesh
 
 # Samples along each span of the surface's grid when distances are measured.
 SAMPLES_PER_SPAN = 6
+STARTS_PER_SPAN = 3  # of the grid whose nearest point begins the search for a footpoint
 NEWTON_STEPS = 8
 FOUND = 1e-9  # step of a footpoint's parameters that is none
 MOST_PARTS = 64  # of one side of a face
+FEW = 8  # points for which no tree is worth its making
 # A triangle with less height than this share of its length is no plane; its sides have all of its points.
 FLAT = 1e-8
 
@@ -61,14 +63,23 @@ def lies_at(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
 
 def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
     """Parameters of a dense grid of cell centres, shape (k, 2), and the area that each stands for [m^2]."""
-    n, m = (
-        SAMPLES_PER_SPAN * (len(np.unique(k[d : len(k) - d])) - 1)
+    uv = _pairs(*sample_lines(surface, SAMPLES_PER_SPAN))
+    r = surface.derivatives(uv)
+    return uv, np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1) / len(uv)
+
+
+def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
+    """Even parameters u and v, in the middle of equal parts, so many to a span."""
+    counts = (
+        per_span * (len(np.unique(k[d : len(k) - d])) - 1)
         for k, d in zip((surface.knots_u, surface.knots_v), surface.degree)
     )
-    u, v = (np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m
-    uv = np.column_stack((np.repeat(u, m), np.tile(v, n)))
-    r = surface.derivatives(uv)
-    return uv, np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1) / (n * m)
+    u, v = ((np.arange(n) + 0.5) / n for n in counts)
+    return u, v
+
+
+def _pairs(u: Array, v: Array) -> Array:
+    return np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))
 
 
 def mesh_samples(mesh: TriangleMesh) -> tuple[Array, Array, IntArray]:
@@ -175,9 +186,13 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
 
     The nearest of a dense grid starts a Gauss-Newton descent that stays within the surface.
     """
-    uv_grid, _ = surface_samples(surface)
-    _, index = cKDTree(surface.points(uv_grid)).query(points)
-    uv = uv_grid[index]
+    lines = sample_lines(surface, STARTS_PER_SPAN)
+    grid = surface.grid_points(*lines).reshape(-1, 3)
+    if len(points) <= FEW:
+        index = np.array([int(np.argmin(((grid - p) ** 2).sum(axis=1))) for p in points], np.int64)
+    else:
+        index = cKDTree(grid).query(points)[1]
+    uv = _pairs(*lines)[index]
     moving = np.arange(len(points))
     for _ in range(NEWTON_STEPS):
         r = surface.derivatives(uv[moving])

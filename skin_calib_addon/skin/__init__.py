@@ -1,7 +1,8 @@
-"""Flat lattices of cells, wrapped on a surface."""
+"""Flat lattices, and how they lie on a surface."""
 
-from .lattice import SheetLattice
+from .landmarks import Landmark
+from .lattice import HexLattice, SheetLattice
 from .taxels import sheet_taxels
 from .wrap import WrappedSheet, wrap_sheet
 
-__all__ = ["SheetLattice", "WrappedSheet", "sheet_taxels", "wrap_sheet"]
+__all__ = ["HexLattice", "Landmark", "SheetLattice", "WrappedSheet", "sheet_taxels", "wrap_sheet"]

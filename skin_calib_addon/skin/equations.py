@@ -1,82 +1,75 @@
-"""Newton's equations of a lattice of nodes, each of which meets only those beside it."""
+"""Newton's equations of a net: a banded matrix, for only nodes beside each other meet, and the ties that hold it."""
 
 import numpy as np
-from scipy.linalg import LinAlgError, solveh_banded
+from scipy.linalg import LinAlgError, solve, solveh_banded
 
-from ..arrays import Array, IntArray
-
-# Weight of the sheet's direction beside the strains: it must hold, and the equations must stay solvable.
-FIRM = 100.0
+from ..arrays import Array
+from .net import Net
 
 
-class LatticeEquations:
-    """Newton's equations of a lattice: a banded matrix, for only nodes beside each other meet.
+class NetEquations:
+    """Newton's equations of a net that ties hold in place."""
 
-    Nodes are counted along the shorter side, which keeps the band narrow.
-    """
-
-    def __init__(self, shape: tuple[int, int], pairs: IntArray, pin: int):
-        a, b = shape
-        count = np.arange(a * b).reshape(b, a).T if a <= b else np.arange(a * b).reshape(a, b)
-        self.place, self.pin = count.ravel(), pin
-        unknowns = (2 * self.place[pairs][:, :, None] + np.arange(2)).reshape(-1, 4)
+    def __init__(self, net: Net):
+        self.place, self.size = net.place, 2 * len(net.flat)
+        unknowns = (2 * net.place[net.pairs][:, :, None] + np.arange(2)).reshape(-1, 4)
         row, column = np.repeat(unknowns, 4, axis=1), np.tile(unknowns, (1, 4))
         self.lower = row >= column
-        self.unknowns, self.size = unknowns, 2 * a * b
-        self.width = int((row - column).max()) + 1
+        self.unknowns = unknowns
+        self.width = int((row - column).max(initial=0)) + 1
         self.entry = ((row - column) * self.size + column)[self.lower]
+        # Two nodes held by springs, which are taken back below, keep the matrix from being singular: a sheet on a
+        # cylinder slides and turns at no cost.
+        far = int(np.argmax((net.flat**2).sum(axis=1)))
+        self.held = (2 * net.place[[net.pin, far], None] + np.arange(2)).ravel()[: 2 if far == net.pin else 4]
 
-    def newton_step(
-        self,
-        slopes: Array,
-        sideways: Array,
-        stretch: Array | None,
-        strain: Array,
-        turn_slopes: Array,
-        heading: float,
+    def step(
+        self, along: Array, sideways: Array, stretch: Array | None, strain: Array, rows: Array, off: Array, loads: Array
     ) -> Array | None:
-        """Step of the parameters of all nodes, shape (nodes, 2); None if the matrix is not positive definite.
+        """Step of the parameters of all nodes, shape (n, 2); None if the matrix is not positive definite.
 
         Parameters
         ----------
-        slopes, sideways : array, shape (e, 2, 2)
-            How the strain of each edge, and its turn, change with the parameters of its two ends.
+        along, sideways : array, shape (e, 2, 2)
+            How the strain of each pair, and its turn, change with the parameters of its two nodes.
         stretch : array, shape (e,), or None
             Stiffness against turning; None leaves it out (Gauss-Newton).
         strain : array, shape (e,)
-        turn_slopes : array, shape (2, 2)
-            How the heading changes with the parameters of the nodes before and after the pinned one.
-        heading : float
+        rows : array, shape (k, n, 2)
+            How each tie changes with the parameters.
+        off : array, shape (k,)
+            By how much each tie is not kept.
+        loads : array, shape (k, n, 2)
+            The forces that may keep the ties, as they act on the parameters.
         """
-        along, turn = slopes.reshape(-1, 4), sideways.reshape(-1, 4)
+        along, turn = along.reshape(-1, 4), sideways.reshape(-1, 4)
         blocks = along[:, :, None] * along[:, None]
         if stretch is not None:
             blocks += stretch[:, None, None] * turn[:, :, None] * turn[:, None]
-        band: Array = np.zeros(self.width * self.size)
-        band += np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], band.size)
+        band = np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], self.width * self.size)
         band = band.reshape(self.width, self.size)
-        right = np.zeros((self.size, 2))
+        spring = float(band[0].mean())
+        band[0, self.held] += spring
+
+        k = len(off)
+        right = np.zeros((self.size, 1 + k + len(self.held)))
         right[:, 0] = -np.bincount(self.unknowns.ravel(), (along * strain[:, None]).ravel(), self.size)
-        # The heading ties two nodes that the band does not reach: its equation comes in as a rank-one change
-        # (Sherman and Morrison, 1950), and a little of it stays in the band, so that no turn is free there.
-        turning = (2 * self.place[[self.pin - 1, self.pin + 1], None] + np.arange(2)).ravel()
-        right[turning, 1] = turn_slopes.ravel()
-        right[turning, 0] -= turn_slopes.ravel() * heading
-        band[0, turning] += (turn_slopes.ravel() / FIRM) ** 2
-        self._hold_pinned(band, right)
+        right[:, 1 : 1 + k] = self._in_order(loads).T
+        right[self.held, 1 + k + np.arange(len(self.held))] = spring
         try:
-            steps = solveh_banded(band, right, overwrite_ab=True, lower=True, check_finite=False)
-        except LinAlgError:
+            answers = solveh_banded(band, right, overwrite_ab=True, lower=True, check_finite=False)
+            # The step is answers @ (1, forces, steps of the held nodes); it keeps the ties, and is what it says.
+            ties = np.concatenate((self._in_order(rows) @ answers, answers[self.held]))
+            ties[k:, 1 + k :] -= np.eye(len(self.held))
+            ties[:k, 0] += off
+            shares = solve(ties[:, 1:], -ties[:, 0], check_finite=False)
+        except (LinAlgError, ValueError):
             return None
-        plain, tie = steps.T
-        slope = right[:, 1]
-        step = plain - tie * (slope @ plain) / (1 + slope @ tie)
+        step = answers[:, 0] + answers[:, 1:] @ shares
         return step.reshape(-1, 2)[self.place] if np.isfinite(step).all() else None
 
-    def _hold_pinned(self, band: Array, right: Array) -> None:
-        """Replace the equations of the pinned node by "no step"."""
-        for i in (2 * self.place[self.pin], 2 * self.place[self.pin] + 1):
-            band[:, i] = 0.0
-            reach = np.arange(1, min(self.width, i + 1))
-            band[reach, i - reach] = 0.0
-            band[0, i], right[i] = 1.0, 0.0
+    def _in_order(self, values: Array) -> Array:
+        """Values of nodes as values of unknowns, shape (k, 2 n)."""
+        ordered = np.empty_like(values)
+        ordered[:, self.place] = values
+        return ordered.reshape(len(values), -1)

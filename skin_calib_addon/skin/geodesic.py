@@ -1,13 +1,50 @@
 """Geodesics on a surface: the straight lines of a sheet that bends and does not stretch."""
 
 import numpy as np
+from scipy.interpolate import RectBivariateSpline
 
-from ..arrays import Array, unit
+from ..arrays import Array, BoolArray, unit
 from ..geometry.bspline import BSplineSurface
 from ..geometry.distance import footpoints
 
 # Parts into which a step along a geodesic is divided until its speed keeps within this of one.
 PARTS, UNIT_SPEED = (1, 4, 16), 0.03
+# Share of a step that may be rounding.
+ROUNDING = 1e-6
+
+
+def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: float) -> Array:
+    """Lay flat points on a surface: along a geodesic from ``uv``, and along geodesics that leave it at right angles.
+
+    On a developable surface the image is isometric; elsewhere it is a first guess.
+
+    Parameters
+    ----------
+    flat : array, shape (n, 2)
+        From the point at ``uv``, x along the first geodesic [m].
+    uv : array, shape (2,)
+    along : array, shape (3,)
+        Unit tangent there.
+    step : float
+        Between the points of the geodesics, which the others lie between [m].
+
+    Returns
+    -------
+    array, shape (n, 2)
+        Parameters, which go on over a seam.
+    """
+    (left, below), (right, above) = (
+        np.maximum(np.ceil(reach / step - ROUNDING), 1).astype(int) for reach in (-flat.min(axis=0), flat.max(axis=0))
+    )
+    row, tangents = trace_both(surface, uv[None], along[None], step, left, left + right + 1)
+    row, tangents = row[:, 0], tangents[:, 0]
+    across = np.cross(surface.normals(row), tangents)
+    grid = trace_both(surface, row, across, step, below, below + above + 1)[0]
+    y, x = step * np.arange(-below, above + 1), step * np.arange(-left, right + 1)
+    splines = [
+        RectBivariateSpline(y, x, grid[..., k], kx=min(3, len(y) - 1), ky=min(3, len(x) - 1)) for k in (0, 1)
+    ]
+    return np.column_stack([spline.ev(flat[:, 1], flat[:, 0]) for spline in splines])
 
 
 def trace_both(
@@ -31,8 +68,8 @@ def trace_both(
     )
 
 
-def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: float, count: int) -> tuple[Array, Array]:
-    """Follow geodesics: ``count`` steps of ``step`` metres from each ``uv`` along its unit tangent.
+def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: Array | float, count: int) -> tuple[Array, Array]:
+    """Follow geodesics: ``count`` steps of ``step`` metres, one for all or (k, 1), from each ``uv`` along its tangent.
 
     Returns
     -------
@@ -41,57 +78,88 @@ def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: float, coun
         Unit.
     """
     path, headings = [uv], [tangents]
+    steps = np.broadcast_to(step, (len(uv), 1))
+    r = surface.derivatives(uv, order=2)
+    state = np.stack((uv, in_basis(r[1, 0], r[0, 1], tangents)), axis=1)
     for _ in range(count):
-        uv, tangents = _advance(surface, uv, tangents, step)
-        path.append(uv)
+        state, r, tangents = _advance(surface, state, r, steps)
+        path.append(state[:, 0])
         headings.append(tangents)
     return np.stack(path), np.stack(headings)
 
 
-def _advance(surface: BSplineSurface, uv: Array, tangents: Array, step: float) -> tuple[Array, Array]:
+def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tuple[Array, Array, Array]:
     """One step along geodesics (Runge-Kutta 4), in more parts where the surface bends sharply.
 
     A geodesic keeps its unit speed: where the speed has changed, the step was too long for the bend. What no number of
     parts brings over a bend goes on straight and comes down on the nearest point of the surface.
+
+    Parameters
+    ----------
+    start : array, shape (k, 2, 2)
+        Parameters, and their speed.
+    r : array, shape (3, 3, k, 3)
+        Derivatives of the surface there.
+    step : array, shape (k, 1)
+
+    Returns
+    -------
+    state, r : array
+        The same at the end.
+    tangents : array, shape (k, 3)
+        Unit, at the end.
     """
-    r = surface.derivatives(uv)
-    start = np.stack((uv, in_basis(r[1, 0], r[0, 1], tangents)), axis=1)
+    first = r
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for parts in PARTS:
-            state, h = start, step / parts
+            state, r, h = start, first, step[:, None] / parts
             for _ in range(parts):
-                k1 = _geodesic_slope(surface, state)
-                k2 = _geodesic_slope(surface, state + h / 2 * k1)
-                k3 = _geodesic_slope(surface, state + h / 2 * k2)
-                k4 = _geodesic_slope(surface, state + h * k3)
+                k1 = _slope(r, state)
+                k2 = _slope_at(surface, state + h / 2 * k1)
+                k3 = _slope_at(surface, state + h / 2 * k2)
+                k4 = _slope_at(surface, state + h * k3)
                 state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-            r = surface.derivatives(state[:, 0])
+                r = surface.derivatives(state[:, 0], order=2)
             velocity = r[1, 0] * state[:, 1, :1] + r[0, 1] * state[:, 1, 1:]
-            kept = np.abs(np.linalg.norm(velocity, axis=1) - 1) < UNIT_SPEED
+            speed = np.sqrt((velocity**2).sum(axis=1, keepdims=True))
+            kept = np.abs(speed[:, 0] - 1) < UNIT_SPEED
             if kept.all():
-                return state[:, 0], unit(velocity)
-        new_uv, new_tangents = state[:, 0], unit(velocity)
-    lost = ~kept
-    straight = surface.points(uv[lost]) + step * tangents[lost]
-    new_uv[lost] = footpoints(surface, straight)[0]
-    normals = surface.normals(new_uv[lost])
-    new_tangents[lost] = unit(tangents[lost] - (tangents[lost] * normals).sum(axis=1, keepdims=True) * normals)
+                state[:, 1] /= speed
+                return state, r, velocity / speed
+    return _stepped_over(surface, start, first, step, state, unit(velocity), ~kept)
+
+
+def _stepped_over(
+    surface: BSplineSurface, start: Array, first: Array, step: Array, state: Array, tangents: Array, lost: BoolArray
+) -> tuple[Array, Array, Array]:
+    """The end of a step where what is ``lost`` goes straight ahead."""
+    uv = start[lost, 0]
+    ahead = first[1, 0, lost] * start[lost, 1, :1] + first[0, 1, lost] * start[lost, 1, 1:]
+    found = footpoints(surface, first[0, 0, lost] + step[lost] * ahead)[0]
     # Footpoints lie in [0, 1]; paths go on over a seam.
-    turns = np.rint(uv[lost] - new_uv[lost])
-    new_uv[lost] += np.where(surface.closed, turns, 0.0)
-    return new_uv, new_tangents
-
-
-def _geodesic_slope(surface: BSplineSurface, state: Array) -> Array:
-    """Rate of parameters and of their speed on a geodesic: its acceleration has no part in the surface."""
+    state[lost, 0] = found + np.where(surface.closed, np.rint(uv - found), 0.0)
     r = surface.derivatives(state[:, 0], order=2)
+    normals = unit(np.cross(r[1, 0, lost], r[0, 1, lost]))
+    tangents[lost] = unit(ahead - (ahead * normals).sum(axis=1, keepdims=True) * normals)
+    state[:, 1] = in_basis(r[1, 0], r[0, 1], tangents)
+    return state, r, tangents
+
+
+def _slope_at(surface: BSplineSurface, state: Array) -> Array:
+    return _slope(surface.derivatives(state[:, 0], order=2), state)
+
+
+def _slope(r: Array, state: Array) -> Array:
+    """Rate of parameters and of their speed on a geodesic: its acceleration has no part in the surface."""
     du, dv = state[:, 1, :1], state[:, 1, 1:]
     bend = r[2, 0] * du**2 + 2 * r[1, 1] * du * dv + r[0, 2] * dv**2
-    return np.stack((state[:, 1], -in_basis(r[1, 0], r[0, 1], bend)), axis=1)
+    slope = np.empty_like(state)
+    slope[:, 0] = state[:, 1]
+    slope[:, 1] = -in_basis(r[1, 0], r[0, 1], bend)
+    return slope
 
 
 def in_basis(a: Array, b: Array, vectors: Array) -> Array:
     """Components of the tangential part of vectors in the basis (a, b), shape (k, 2)."""
-    aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
-    va, vb = (vectors * a).sum(1), (vectors * b).sum(1)
+    (aa, ab, va), (_, bb, vb) = np.einsum("iks,jks->ijk", np.stack((a, b)), np.stack((a, b, vectors)))
     return np.column_stack((bb * va - ab * vb, aa * vb - ab * va)) / (aa * bb - ab * ab)[:, None]

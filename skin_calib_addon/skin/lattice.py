@@ -2,24 +2,29 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from ..arrays import Array, IntArray
 from ..errors import InvalidPlan
 
+Hand = Literal["right", "left"]
+Offsets = tuple[tuple[int, int], ...]
+
 
 @dataclass(frozen=True)
 class SheetLattice:
     """``rows`` x ``columns`` rectangular cells; a row runs along x, and the next row lies in the direction of y.
 
-    Its nodes stand at half the pitch, so that every cell has one at its centre, its corners and its edges: node
+    Of a left-handed sheet the next row lies on the other side: against y. Its nodes stand at half the pitch, so that every cell has one at its centre, its corners and its edges: node
     (2 i + 1, 2 j + 1) is the centre of cell (i, j).
     """
 
     rows: int
     columns: int
     pitch: tuple[float, float]  # [m] from one row to the next, and from one column to the next
+    hand: Hand = "right"
 
     def __post_init__(self):
         if self.rows < 1 or self.columns < 1 or min(self.pitch) <= 0:
@@ -35,22 +40,26 @@ class SheetLattice:
 
     @property
     def step(self) -> tuple[float, float]:
-        """Distance between neighbouring nodes, from row to row and along a row [m]."""
-        return self.pitch[0] / 2, self.pitch[1] / 2
+        """Along y and x from one node to the next, across the rows and along them [m]."""
+        return (self.pitch[0] if self.hand == "right" else -self.pitch[0]) / 2, self.pitch[1] / 2
 
     @cached_property
     def index(self) -> IntArray:
         """Row and column of each cell, shape (rows * columns, 2), row by row."""
         return np.stack(np.divmod(np.arange(self.rows * self.columns), self.columns), axis=1)
 
-    def at_cells(self, nodes: Array, offsets: tuple[tuple[int, int], ...]) -> Array:
+    def counter_clockwise(self, offsets: Offsets) -> Offsets:
+        """Offsets that run counter-clockwise for a right-handed sheet, so that they do; the first stays the first."""
+        return offsets if self.hand == "right" else (offsets[0], *offsets[:0:-1])
+
+    def at_cells(self, nodes: Array, offsets: Offsets) -> Array:
         """Node values at half-pitch ``offsets`` (row, column) from the centres, shape (cells, offsets, ...)."""
         i, j = (2 * self.index + 1).T
         return np.stack([nodes[i + a, j + b] for a, b in offsets], axis=1)
 
 
 CENTRE = ((0, 0),)
-# Counter-clockwise seen from outside: x along the row, y to the next row, z out of the robot.
+# Counter-clockwise seen from outside where the next row lies along y: x along the row, z out of the robot.
 CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 EDGES = ((0, 1), (1, 0), (0, -1), (-1, 0))
 

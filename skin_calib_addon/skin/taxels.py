@@ -5,7 +5,8 @@ from scipy.spatial import cKDTree
 
 from ..arrays import Array, unit
 from ..calibration.model import TaxelArray
-from .lattice import CENTRE, CORNERS, EDGES
+from .lattice import CENTRE, CORNERS, EDGES, Offsets
+from .strain import cell_strain
 from .wrap import WrappedSheet
 
 # Shares of a cell that may be rounding: neighbours at a whole cell's gap are none, those shifted by half a side are.
@@ -21,29 +22,35 @@ def sheet_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Taxe
     name : str
         Name of the patch; ids read ``name.row.column``.
     first_channel : int
-        Channel of cell (0, 0); the others follow row by row.
+        Channel of cell (0, 0); the others follow row by row. Cells that are trimmed keep theirs.
     """
-    surface, lattice = sheet.surface, sheet.lattice
-    nodes = surface.points(sheet.uv.reshape(-1, 2)).reshape(*lattice.node_shape, 3)
-    uv = lattice.at_cells(sheet.uv, CENTRE)[:, 0]
-    positions, normals = surface.points(uv), surface.normals(uv)
-    edges = lattice.at_cells(nodes, EDGES)
+    surface, lattice, inside = sheet.surface, sheet.lattice, sheet.inside
+    flat = sheet.uv.reshape(-1, 2)
+    nodes, upright = surface.points(flat), surface.normals(flat)
+    nodes = (nodes + sheet.offset * upright).reshape(*lattice.node_shape, 3)
+
+    def at_cells(values: Array, offsets: Offsets) -> Array:
+        return lattice.at_cells(values, lattice.counter_clockwise(offsets))[inside]
+
+    positions, uv = at_cells(nodes, CENTRE)[:, 0], at_cells(sheet.uv, CENTRE)[:, 0]
+    normals = at_cells(upright.reshape(nodes.shape), CENTRE)[:, 0]
+    edges = at_cells(nodes, EDGES)
     row = edges[:, 0] - edges[:, 2]
     tangents = unit(row - (row * normals).sum(axis=1, keepdims=True) * normals)
-    corners = lattice.at_cells(nodes, CORNERS)
-    ids = tuple(f"{name}.{i}.{j}" for i, j in lattice.index)
+    index, strain = lattice.index[inside], cell_strain(sheet)[inside]
+    ids = tuple(f"{name}.{i}.{j}" for i, j in index)
     return TaxelArray(
         ids=ids,
-        channels=first_channel + np.arange(len(ids)),
-        index=lattice.index,
+        channels=first_channel + np.flatnonzero(inside),
+        index=index,
         uv=surface.wrap(uv),
         positions_link=positions,
         normals_link=normals,
         tangents_link=tangents,
-        corners_link=corners,
-        areas=fan_areas(positions, corners),
+        corners_link=at_cells(nodes, CORNERS),
+        areas=np.prod(lattice.pitch) * (1 + strain[:, 0]) * (1 + strain[:, 1]) * np.cos(strain[:, 2]),
         neighbours=neighbours(ids, positions, normals, edges),
-        quality={"strain": sheet.strain},
+        quality={"strain": strain, "size": (1 + strain[:, :2]) * lattice.pitch[::-1]},
     )
 
 

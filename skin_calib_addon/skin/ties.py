@@ -1,0 +1,76 @@
+"""How an author holds a net in place: by a point and a direction."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, unit
+from ..errors import InvalidPlan
+from ..geometry.bspline import BSplineSurface
+from .geodesic import trace
+from .net import Net
+from .relax import Ties
+
+# Steps of the geodesics that tell the direction: one crosses knots, where the surface's third derivatives jump.
+PARTS = 2
+# A direction with less than this share in the surface stands upright.
+UPRIGHT = 0.05
+
+
+def row_axis(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> Array:
+    """The part of a direction in the surface at ``uv``, unit, shape (3,).
+
+    Raises
+    ------
+    InvalidPlan
+        If it has next to none.
+    """
+    normal, wanted = surface.normals(uv[None])[0], np.asarray(direction, float)
+    tangent = wanted - (wanted @ normal) * normal
+    if np.linalg.norm(tangent) < UPRIGHT * np.linalg.norm(wanted) or not wanted.any():
+        raise InvalidPlan(
+            f'"direction" {wanted.tolist()} stands upright on the surface at the origin; give one along the rows'
+        )
+    return unit(tangent)
+
+
+def pinned(surface: BSplineSurface, net: Net, uv: Array, along: Array, centre: bool = False) -> Ties:
+    """Hold the pinned node where it is, and the ways from it to those beside it, its x axis running ``along``.
+
+    Parameters
+    ----------
+    uv : array, shape (n, 2)
+        A first guess of all nodes.
+    along : array, shape (3,)
+        Unit tangent at the pinned node.
+    centre : bool
+        Whether, instead of the node, the mean of the outermost nodes is held in the middle of each open parameter.
+    """
+    pin, beside = net.pin, net.beside_pin
+    across = np.cross(surface.normals(uv[[pin]])[0], along)
+    reach = np.linalg.norm(net.flat[beside], axis=1)
+    ways = net.flat[beside] @ np.stack((along, across)) / reach[:, None]
+    # A geodesic turns on its way, by what its end tells.
+    path, tangents = trace(surface, np.repeat(uv[[pin]], len(beside), axis=0), ways, reach[:, None] / PARTS, PARTS)
+    sides = np.cross(surface.normals(path[-1]), tangents[-1]) * (reach / (reach**2).sum())[:, None]
+    nodes, place = np.full((1, 2, 2), pin), uv[[pin]].copy()
+    for axis in np.flatnonzero(np.logical_not(surface.closed) & centre):
+        nodes[0, axis], place[0, axis] = (np.argmin(uv[:, axis]), np.argmax(uv[:, axis])), 0.5
+    ways = surface.points(path[-1]) - surface.points(uv[[pin]])
+    return Ties(nodes, place, pin, beside, ways, sides, rigid_loads(net, *flat_axes(surface, net, uv)))
+
+
+def rigid_loads(net: Net, x_axis: Array, y_axis: Array) -> Array:
+    """Forces on all nodes that push a net along its x and y axes, and that turn it, shape (3, n, 3)."""
+    x, y = (net.flat - net.shares @ net.flat).T / max(float(np.ptp(net.flat)), net.pitch)
+    return np.stack((x_axis, y_axis, x[:, None] * y_axis - y[:, None] * x_axis)) * net.shares[:, None]
+
+
+def flat_axes(surface: BSplineSurface, net: Net, uv: Array) -> tuple[Array, Array]:
+    """Where the axes of the flat net point at each node, unit, shapes (n, 3): as the pairs there say on the mean."""
+    points, normals = surface.points(uv), surface.normals(uv)
+    chords = points[net.pairs[:, 1]] - points[net.pairs[:, 0]]
+    parts = (net.arms[:, :, None] * chords[:, None]).reshape(-1, 6)
+    sums = np.stack([np.bincount(net.pairs.ravel(), np.repeat(p, 2), len(points)) for p in parts.T], axis=1)
+    x_axis = sums[:, :3] - np.cross(normals, sums[:, 3:])  # each chord, turned back by the angle of its arm
+    x_axis = unit(x_axis - (x_axis * normals).sum(axis=1, keepdims=True) * normals)
+    return x_axis, np.cross(normals, x_axis)
