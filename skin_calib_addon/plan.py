@@ -19,25 +19,11 @@ from .geometry.axis import Axis
 from .geometry.cover import CoverSpec, Cut
 from .geometry.grids import AcrossGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
 from .geometry.planes import Planes
-from .skin.lattice import SheetLattice
+from .plan_skins import Skin, direction_from, skin_document, skins_from
 
 FORMAT, VERSION = "skin-plan", 1
-# A shorter vector points nowhere.
-SHORTEST = 1e-6
-HIGHEST_CHANNEL = 2**31 - 1
 
 NO_REGION = 'a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)'
-
-
-@dataclass(frozen=True)
-class SheetSkin:
-    """A sheet of ``rows`` x ``columns`` cells and where it lies on the link."""
-
-    name: str
-    lattice: SheetLattice
-    origin: tuple[float, float, float] | None  # centre of cell (0, 0) [m]; None: centred on the surface
-    direction: tuple[float, float, float]  # where the rows run to
-    first_channel: int
 
 
 @dataclass(frozen=True)
@@ -50,7 +36,7 @@ class Plan:
     cover: CoverSpec
     grid: Grid | AutoGrid
     degree: tuple[int, int]
-    skins: tuple[SheetSkin, ...]
+    skins: tuple[Skin, ...]
     response: Response = Response()
     chords: bool = False  # whether the mesh's facets are chords of the true surface
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
@@ -113,13 +99,13 @@ def plan_from(document: dict[str, Any]) -> Plan:
         cover=CoverSpec(
             cover.get("shell", "outer"),
             tuple(
-                Cut(tuple(c["point"]), _direction(c["normal"], f"the normal of cut {i} is zero; say what to keep"))
+                Cut(tuple(c["point"]), direction_from(c["normal"], f"the normal of cut {i} is zero; say what to keep"))
                 for i, c in enumerate(cover.get("cuts", ()))
             ),
         ),
         grid=_grid(document["grid"]),
         degree=tuple(document.get("degree", (3, 3))),
-        skins=_skins(document["skins"]),
+        skins=skins_from(document["skins"]),
         response=Response(tuple(document["response"]["coefficients"])) if "response" in document else Response(),
         chords=document.get("chords", False),
         extra={k: v for k, v in document.items() if k.startswith("x_")},
@@ -134,7 +120,7 @@ def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
         )
         for name in ("u", "v"):
             for i, plane in enumerate(grid[name]):
-                _direction(plane["normal"], f"the normal of {name}-plane {i} is zero; give its direction")
+                direction_from(plane["normal"], f"the normal of {name}-plane {i} is zero; give its direction")
         return PlanesGrid(u, v, grid["closed"])
     if grid["kind"] == "auto":
         sector, outward = _region(grid)
@@ -163,7 +149,7 @@ def _region(grid: dict[str, Any]) -> tuple[tuple[float, float] | None, tuple[flo
         raise InvalidPlan(NO_REGION)
     if "normal" in grid:
         message = 'the "normal" of the grid is zero; give the direction the face looks to'
-        return None, _direction(grid["normal"], message)
+        return None, direction_from(grid["normal"], message)
     return ((grid["from"], grid["to"]) if both else None), None
 
 
@@ -171,37 +157,8 @@ def _axis(grid: dict[str, Any]) -> Axis | None:
     axis = grid.get("axis", "auto")
     if axis == "auto":
         return None
-    direction = _direction(axis["direction"], 'the "direction" of the axis is zero; give where the link runs to')
+    direction = direction_from(axis["direction"], 'the "direction" of the axis is zero; give where the link runs to')
     return Axis(tuple(axis["point"]), direction)
-
-
-def _direction(vector: list[float], message: str) -> tuple[float, float, float]:
-    if np.linalg.norm(vector) < SHORTEST:
-        raise InvalidPlan(message)
-    x, y, z = vector
-    return x, y, z
-
-
-def _skins(skins: list[dict[str, Any]]) -> tuple[SheetSkin, ...]:
-    result: list[SheetSkin] = []
-    channel = 0
-    for skin in skins:
-        name, first = skin["name"], skin.get("first_channel", channel)
-        channel = first + skin["rows"] * skin["columns"]
-        if channel - 1 > HIGHEST_CHANNEL:
-            raise InvalidPlan(f"skin {name!r} would end on channel {channel - 1}; the highest is {HIGHEST_CHANNEL}")
-        for other in result:
-            if name == other.name:
-                raise InvalidPlan(f"two skins are called {name!r}; names must differ")
-            taken = range(other.first_channel, other.first_channel + other.lattice.rows * other.lattice.columns)
-            if first < taken.stop and taken.start < channel:
-                both = max(first, taken.start)
-                raise InvalidPlan(f"skins {other.name!r} and {name!r} share channel {both}; move a first_channel")
-        lattice = SheetLattice(skin["rows"], skin["columns"], tuple(skin["pitch"]))
-        origin = None if skin["origin"] == "center" else tuple(skin["origin"])
-        direction = _direction(skin["direction"], f"the direction of skin {name!r} is zero; say where its rows run to")
-        result.append(SheetSkin(name, lattice, origin, direction, first))
-    return tuple(result)
 
 
 def plan_document(plan: Plan) -> dict[str, Any]:
@@ -218,19 +175,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         },
         "grid": _grid_document(plan.grid),
         "degree": [*plan.degree],
-        "skins": [
-            {
-                "name": skin.name,
-                "kind": "sheet",
-                "rows": skin.lattice.rows,
-                "columns": skin.lattice.columns,
-                "pitch": [*skin.lattice.pitch],
-                "origin": "center" if skin.origin is None else [*skin.origin],
-                "direction": [*skin.direction],
-                "first_channel": skin.first_channel,
-            }
-            for skin in plan.skins
-        ],
+        "skins": [skin_document(skin) for skin in plan.skins],
     }
     if plan.chords:
         document["chords"] = True

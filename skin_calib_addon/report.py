@@ -1,5 +1,6 @@
 """What a calibration is, in words and numbers: the summary of a fit, the table of a file."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -7,15 +8,18 @@ import numpy as np
 
 from .calibration.model import LinkCalibration
 from .deviation import DistanceStatistics
-from .pipeline import Calibrated
+from .pipeline import Calibrated, Laid
+from .skin.board_taxels import angles
+
+# What is told of boards, in metres.
+BOARD_LENGTHS = ("pitch_error", "gap", "collision", "overhang")
 
 
 def summary(result: Calibrated, path: Path) -> str:
-    """Ten lines about one fit: what, how far off, how long."""
+    """A dozen lines about one fit: what, how far off, how it sits, how long."""
     fit, seconds, errors = result.fit, result.seconds, result.fit.errors
     n, m = fit.lines.origins.shape[:2]
     taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
-    strain = [np.abs(p.taxels.quality["strain"][:, :2]).max() for p in result.calibration.patches]
     mesh = result.calibration.mesh
     return "\n".join(
         (
@@ -27,11 +31,48 @@ def summary(result: Calibrated, path: Path) -> str:
             f"mesh to surface  {_millimetres(errors.mesh_to_surface)}",
             f"Hausdorff        {errors.hausdorff * 1e3:.4f} mm",
             f"taxels           {taxels} in {len(result.calibration.patches)} patches",
-            f"largest strain   {max(strain, default=0.0):.2%}",
+            *(line for laid in result.laid for line in _how_it_sits(laid)),
             "time             " + ", ".join(f"{name} {s * 1e3:.1f} ms" for name, s in seconds.items()),
             f"calibration      {path}",
         )
     )
+
+
+def _how_it_sits(laid: Laid) -> Iterator[str]:
+    """A line or two about a patch: the strain of a sheet and how it closes, the worst of the boards."""
+    quality, name = laid.patch.taxels.quality, f"{laid.patch.name[:16]:16} "
+    if "strain" in quality:
+        strain = np.abs(quality["strain"]).max(axis=0)
+        yield f"{name}strain at most {strain[:2].max():.2%}, shear {np.rad2deg(strain[2]):.2f} degrees"
+    if laid.closure is not None:
+        gaps = 1e3 * laid.closure.gaps
+        yield f"{name}{laid.closure.of} close with gaps of {gaps.min():.2f} to {gaps.max():.2f} mm"
+    if "pitch_error" in quality:
+        worst = {key: 1e3 * np.abs(quality[key]).max() for key in BOARD_LENGTHS if key in quality}
+        lengths = ", ".join(f"{key.replace('_', ' ')} {value:.2f}" for key, value in worst.items())
+        yield f"{name}tilt at most {np.rad2deg(quality['tilt'].max()):.1f} degrees; at most {lengths} mm"
+
+
+def _patch_document(laid: Laid) -> dict[str, Any]:
+    """How one patch sits, for the report."""
+    taxels = laid.patch.taxels
+    document: dict[str, Any] = {
+        "name": laid.patch.name,
+        "kind": laid.patch.kind,
+        "taxels": len(taxels.ids),
+        "area": {"min": taxels.areas.min(), "mean": taxels.areas.mean(), "max": taxels.areas.max()},
+    }
+    for key, values in sorted(taxels.quality.items()):
+        document[key] = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+    if laid.closure is not None:
+        closure = laid.closure
+        document["closure"] = {"of": closure.of, "gaps": closure.gaps.tolist(), "steps": closure.steps.tolist()}
+    if taxels.ports:
+        row = {taxel: i for i, taxel in enumerate(taxels.ids)}
+        pairs = [(i, row[b]) for i, beside in enumerate(taxels.neighbours) for b in beside if i < row.get(b, -1)]
+        tilts = angles(taxels.normals_link, np.array(pairs, int).reshape(-1, 2))
+        document["tilts"] = [[taxels.ids[a], taxels.ids[b], t] for (a, b), t in zip(pairs, tilts.tolist())]
+    return document
 
 
 def _millimetres(d: DistanceStatistics) -> str:
@@ -63,6 +104,7 @@ def report_document(result: Calibrated) -> dict[str, Any]:
         "smallest_area": fit.smallest_area,
         "errors": errors | {"hausdorff": fit.errors.hausdorff},
         "taxels": sum(len(p.taxels.ids) for p in result.calibration.patches),
+        "patches": [_patch_document(laid) for laid in result.laid],
         "seconds": result.seconds,
     }
 

@@ -27,7 +27,7 @@ _VECTORS = {
     "corners": "corners_link",
     "area": "areas",
 }
-_QUALITY = ("gap", "strain", "tilt")
+_QUALITY = ("collision", "gap", "overhang", "pitch_error", "size", "strain", "tilt")
 
 
 def save_calibration(calibration: LinkCalibration, path: str | os.PathLike[str]) -> None:
@@ -159,6 +159,7 @@ def _patch_document(patch: Patch) -> Document:
         "index": taxels.index.tolist(),
         **{name: _floats(getattr(taxels, field)) for name, field in _VECTORS.items()},
         "neighbours": [list(ids) for ids in taxels.neighbours],
+        **({"ports": [list(ids) for ids in taxels.ports]} if taxels.ports else {}),
         **{name: _floats(column) for name, column in sorted(taxels.quality.items())},
     }
     return {
@@ -167,6 +168,7 @@ def _patch_document(patch: Patch) -> Document:
         "surface": patch.surface,
         "shape": [int(count) for count in patch.shape],
         "pitch": _floats(patch.pitch),
+        **({"offset": float(patch.offset)} if patch.offset else {}),
         "taxels": columns,
         **_free(patch.extra),
     }
@@ -180,6 +182,7 @@ def _patch(document: Document) -> Patch:
         index=np.array(columns["index"], np.int64),
         **{field: np.array(columns[name], float) for name, field in _VECTORS.items()},
         neighbours=tuple(map(tuple, columns["neighbours"])),
+        ports=tuple(map(tuple, columns.get("ports", ()))),
         quality={name: np.array(columns[name], float) for name in _QUALITY if name in columns},
     )
     return Patch(
@@ -188,6 +191,7 @@ def _patch(document: Document) -> Patch:
         surface=document["surface"],
         shape=_pair(document["shape"], int),
         pitch=_pair(document["pitch"], float),
+        offset=float(document.get("offset", 0.0)),
         taxels=taxels,
         extra=_extra(document),
     )

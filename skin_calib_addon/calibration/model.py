@@ -53,6 +53,7 @@ class TaxelArray:
     corners_link: Array  # (n, k, 3) [m], counter-clockwise seen from outside
     areas: Array  # (n,) [m^2]
     neighbours: tuple[tuple[str, ...], ...]
+    ports: tuple[tuple[str | None, ...], ...] = ()  # the board beside each side of each board, or none
     quality: dict[str, Array] = field(default_factory=dict)  # e.g. strain (n, 3), gap (n,), tilt (n,)
 
     def __post_init__(self):
@@ -70,11 +71,13 @@ class TaxelArray:
         )
         if len(self.neighbours) != n:
             raise ValueError(f"TaxelArray.neighbours has {len(self.neighbours)} rows, expected {n}")
+        if self.ports and len(self.ports) != n:
+            raise ValueError(f"TaxelArray.ports has {len(self.ports)} rows, expected {n}")
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Taxels placed together: a sheet, or hexagonal boards."""
+    """Taxels placed together: a sheet, hexagonal boards, or a set that came from elsewhere."""
 
     name: str
     kind: str
@@ -83,6 +86,7 @@ class Patch:
     pitch: tuple[float, float]  # [m]
     taxels: TaxelArray
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
+    offset: float = 0.0  # height of the skin's middle above the surface [m]
 
 
 @dataclass(frozen=True)

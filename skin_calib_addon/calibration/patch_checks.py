@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from .findings import Finding, error, warning
+from .findings import Finding, error, show, warning
 from .parts import Part, needs
 from .surface_checks import FARTHEST
 
@@ -74,6 +74,15 @@ def areas_fit_corners(patch: Part, area: Array, corners: Array) -> Iterator[Find
         yield warning("area", patch.at("area", row), message, float(area[row]))
 
 
+@needs("ports", "neighbours")
+def ports_are_neighbours(patch: Part, ports: list[Any], neighbours: list[Any]) -> Iterator[Finding]:
+    for row, (sides, beside) in enumerate(zip(ports, neighbours)):
+        for side, other in enumerate(sides):
+            if other is not None and other not in beside:
+                message = f"is {show(other)}, which is not among the neighbours of the taxel"
+                yield error("unknown-neighbour", patch.at("ports", row, side), message, other)
+
+
 @needs("position")
 def positions_are_in_metres(patch: Part, position: Array) -> Iterator[Finding]:
     distance = np.linalg.norm(position, axis=1)
@@ -107,6 +116,7 @@ def _fan(corners: Array) -> Array:
 
 SHAPE_CHECKS = (columns_are_parallel, corners_are_rectangular)
 CHECKS = (
+    ports_are_neighbours,
     normals_are_unit,
     tangents_are_unit,
     tangents_are_square,

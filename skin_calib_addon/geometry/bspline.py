@@ -146,7 +146,7 @@ class SpanPolynomials:
         beyond = u - inside
         leaves = bool(beyond.any())
         values = product(powers, _derivatives(count, max(order, leaves)))
-        values = values.reshape(len(u), -1, count)
+        values = values.reshape(len(u), max(order, leaves) + 1, count)
         scale = 1 / length
         factor = scale
         for d in range(1, values.shape[1]):

@@ -191,7 +191,7 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
     if len(points) <= FEW:
         index = np.array([int(np.argmin(((grid - p) ** 2).sum(axis=1))) for p in points], np.int64)
     else:
-        index = cKDTree(grid).query(points)[1]
+        index = np.asarray(cKDTree(grid).query(points)[1])
     uv = _pairs(*lines)[index]
     moving = np.arange(len(points))
     for _ in range(NEWTON_STEPS):

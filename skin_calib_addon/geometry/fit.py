@@ -112,10 +112,7 @@ class SurfaceFit:
         DistanceStatistics
             Weighted by the area of each site [m].
         """
-        spans = min(size - degree for size, degree in zip(self.offsets.shape, self.surface.degree))
-        basis = TensorBasis.of(self.lines, *self.surface.degree, max(per_span, -(-FEWEST_SITES // max(spans, 1))))
-        arms = basis.blend(self.offsets[..., None] * self.lines.directions)
-        samples = SampleRows.of(self.mesh, self.lines, basis).cast(arms)
+        arms, samples = self.resampled(per_span)
         points = samples.origins + arms
         step = np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)
         if not self.lines.closed:
@@ -125,6 +122,25 @@ class SurfaceFit:
         slope = np.abs((samples.rays * self.mesh.face_normals[samples.faces]).sum(axis=2))
         known = ~np.isnan(samples.residuals)
         return DistanceStatistics.of(np.abs(samples.residuals * slope)[known], areas[known])
+
+    def resampled(self, per_span: int) -> tuple[Array, RaySamples]:
+        """Rays through the surface at even sites, all in all or between those of the fit, and where they meet the mesh.
+
+        Parameters
+        ----------
+        per_span : int
+            Sites in each span, in each direction; more where there are few spans.
+
+        Returns
+        -------
+        arms : array, shape (k, l, 3)
+            From the origins of the rays to the surface [m].
+        samples : RaySamples
+        """
+        spans = min(size - degree for size, degree in zip(self.offsets.shape, self.surface.degree))
+        basis = TensorBasis.of(self.lines, *self.surface.degree, max(per_span, -(-FEWEST_SITES // max(spans, 1))))
+        arms = basis.blend(self.offsets[..., None] * self.lines.directions)
+        return arms, SampleRows.of(self.mesh, self.lines, basis).cast(arms)
 
     def is_trusted(self, uv: Array) -> BoolArray:
         """Whether the mesh was met all around each of some parameters (m, 2); elsewhere the surface spans a hole."""

@@ -6,6 +6,9 @@ from scipy.linalg import LinAlgError, solve, solveh_banded
 from ..arrays import Array
 from .net import Net
 
+# Share of the mean stiffness that nodes have against any move: what hangs on one pair alone is free to swing about it.
+LITTLE = 1e-9
+
 
 class NetEquations:
     """Newton's equations of a net that ties hold in place."""
@@ -46,10 +49,11 @@ class NetEquations:
         blocks = along[:, :, None] * along[:, None]
         if stretch is not None:
             blocks += stretch[:, None, None] * turn[:, :, None] * turn[:, None]
-        band = np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], self.width * self.size)
-        band = band.reshape(self.width, self.size)
+        entries = np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], self.width * self.size)
+        band: Array = entries.reshape(self.width, self.size)
         spring = float(band[0].mean())
         band[0, self.held] += spring
+        band[0] += LITTLE * spring
 
         k = len(off)
         right = np.zeros((self.size, 1 + k + len(self.held)))
@@ -62,7 +66,8 @@ class NetEquations:
             ties = np.concatenate((self._in_order(rows) @ answers, answers[self.held]))
             ties[k:, 1 + k :] -= np.eye(len(self.held))
             ties[:k, 0] += off
-            shares = solve(ties[:, 1:], -ties[:, 0], check_finite=False)
+            largest = np.abs(ties[:, 1:]).max(axis=0)  # a force that meets little stiffness moves much
+            shares = solve(ties[:, 1:] / largest, -ties[:, 0], check_finite=False) / largest
         except (LinAlgError, ValueError):
             return None
         step = answers[:, 0] + answers[:, 1:] @ shares

@@ -41,9 +41,7 @@ def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: 
     across = np.cross(surface.normals(row), tangents)
     grid = trace_both(surface, row, across, step, below, below + above + 1)[0]
     y, x = step * np.arange(-below, above + 1), step * np.arange(-left, right + 1)
-    splines = [
-        RectBivariateSpline(y, x, grid[..., k], kx=min(3, len(y) - 1), ky=min(3, len(x) - 1)) for k in (0, 1)
-    ]
+    splines = [RectBivariateSpline(y, x, grid[..., k], kx=min(3, len(y) - 1), ky=min(3, len(x) - 1)) for k in (0, 1)]
     return np.column_stack([spline.ev(flat[:, 1], flat[:, 0]) for spline in splines])
 
 

@@ -17,8 +17,8 @@ Offsets = tuple[tuple[int, int], ...]
 class SheetLattice:
     """``rows`` x ``columns`` rectangular cells; a row runs along x, and the next row lies in the direction of y.
 
-    Of a left-handed sheet the next row lies on the other side: against y. Its nodes stand at half the pitch, so that every cell has one at its centre, its corners and its edges: node
-    (2 i + 1, 2 j + 1) is the centre of cell (i, j).
+    Of a left-handed sheet the next row lies on the other side: against y. Its nodes stand at half the pitch, so that
+    every cell has one at its centre, its corners and its edges: node (2 i + 1, 2 j + 1) is the centre of cell (i, j).
     """
 
     rows: int
@@ -87,10 +87,20 @@ class HexLattice:
         """Distance between the centres of neighbours [m]."""
         return float(np.sqrt(3)) * self.side + self.gap
 
+    @property
+    def row_step(self) -> float:
+        """Distance between rows [m]."""
+        return float(np.sqrt(0.75)) * self.pitch
+
+    @property
+    def area(self) -> float:
+        """Of one cell [m^2]."""
+        return float(np.sqrt(6.75)) * self.side**2
+
     def centres(self, cells: IntArray) -> Array:
         """Flat centres of cells with axial coordinates of shape (n, 2); shape (n, 2) [m]."""
-        q, r = np.asarray(cells).T
-        return self.pitch * np.column_stack((q + r / 2, np.sqrt(0.75) * r))
+        q, r = np.asarray(cells).reshape(-1, 2).T
+        return np.column_stack((self.pitch * (q + r / 2), self.row_step * r))
 
     @property
     def corners(self) -> Array:
@@ -99,5 +109,5 @@ class HexLattice:
         return self.side * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
-# Side k of a hexagon lies between its corners k and k + 1; beyond it stands the cell this far away. They are its ports.
+# Side k of a hexagon lies between its corners k and k + 1; beyond it stands the cell this far away.
 PORTS = ((1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1))

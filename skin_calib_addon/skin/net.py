@@ -6,6 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ..arrays import Array, IntArray
+from .lattice import PORTS, HexLattice
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,7 +15,7 @@ class Net:
 
     flat: Array  # (n, 2) places from the pinned node [m]
     pairs: IntArray  # (e, 2)
-    shares: Array  # (n,) of the area of the lattice, one in all
+    shares: Array  # (n,) of the forces that hold it, one in all
     straight: bool = False  # whether distances are measured through space (boards) or along the surface (a sheet)
 
     @cached_property
@@ -82,3 +83,21 @@ def _trapezoid(n: int) -> Array:
     if n > 1:
         weights[[0, -1]] = 0.5
     return weights
+
+
+def board_net(lattice: HexLattice, cells: IntArray) -> Net:
+    """Centres of boards, whose distance from the next ones is kept through space; the first is pinned.
+
+    Parameters
+    ----------
+    cells : array of int, shape (n, 2)
+        Axial coordinates.
+    """
+    number = {cell: i for i, cell in enumerate(map(tuple, cells.tolist()))}
+    pairs = [
+        (i, number[q + a, r + b]) for (q, r), i in number.items() for a, b in PORTS[:3] if (q + a, r + b) in number
+    ]
+    joined = np.array(pairs, np.int64).reshape(-1, 2)
+    # The first is held by itself and those beside it: what hangs on one pair alone bears no force across it.
+    holding = np.isin(np.arange(len(cells)), np.append(joined[(joined == 0).any(axis=1)], 0))
+    return Net(lattice.centres(cells - cells[0]), joined, holding / holding.sum(), straight=True)

@@ -90,7 +90,7 @@ def relax(surface: BSplineSurface, net: Net, uv: Array, ties: Ties, weights: Arr
         if energy > RISE * least:
             x, full = (best + x) / 2, False
             continue
-        best, least = x, min(energy, least)
+        best, least = x, min(float(energy), least)
         ends = np.stack((basis[start], basis[stop]), axis=1)
         slopes = np.matmul(ends, pull[..., None])[..., 0] * per_length
         across = np.cross(np.stack((normals[start], normals[stop]), axis=1), pull)

@@ -23,6 +23,8 @@ from .ties import pinned, row_axis
 FAR = 0.5
 # Of a sheet that is trimmed, weight of the strains beyond the edges of the surface.
 BEYOND = 1e-3
+# Share of the surface by which a point on its edge may be beyond.
+ROUNDING = 1e-9
 # Geodesics of a first guess have points no nearer than this share of the surface's size: they turn slowly.
 STEP = 0.1
 
@@ -78,7 +80,7 @@ def wrap_sheet(
     OutsideSurface
         Names the first cell whose centre lies off the surface.
     """
-    check_size(surface, lattice)
+    check_size(surface, lattice.pitch)
     layer = offset_surface(surface, offset)
     if landmarks:
         origin, pin = landmarks[0].point, (2 * landmarks[0].cell[0] + 1, 2 * landmarks[0].cell[1] + 1)
@@ -152,15 +154,12 @@ def on_surface(surface: BSplineSurface, uv: Array) -> BoolArray:
     return (surface.closed | (np.abs(uv - 0.5) <= 0.5 + ROUNDING)).all(axis=-1)
 
 
-ROUNDING = 1e-9  # share of the surface by which a point on its edge may be beyond
-
-
-def check_size(surface: BSplineSurface, lattice: SheetLattice) -> None:
+def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
     """Raise InvalidPlan for cells that are larger than the surface."""
-    if max(lattice.pitch) > size_of(surface):
+    if max(pitch) > size_of(surface):
         raise InvalidPlan(
-            f"a cell of {lattice.pitch[0] * 1e3:g} x {lattice.pitch[1] * 1e3:g} mm is larger than the whole surface, "
-            f"{size_of(surface) * 1e3:.1f} mm; the pitch is in metres"
+            f"a cell of {pitch[0] * 1e3:g} x {pitch[1] * 1e3:g} mm is larger than the whole surface, "
+            f"{size_of(surface) * 1e3:.1f} mm; lengths are in metres"
         )
 
 
@@ -172,23 +171,26 @@ def check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array, slac
     slack : float
         By how much a cell must be beyond, as a share of the surface, before any is named.
     """
-    centres = uv[1::2, 1::2]
-    for axis, what in ((0, "u"), (1, "v")):
-        beyond = np.abs(centres[..., axis] - 0.5) - 0.5
-        if surface.closed[axis] or beyond.max() <= slack + ROUNDING:
-            continue
-        off = np.argwhere(beyond > ROUNDING)
-        if len(off):
-            row, column = (int(k) for k in off[0])
-            edge = float(np.clip(centres[row, column, axis], 0, 1))
-            far = centres[row, column].copy()
-            inner = far.copy()
-            inner[axis] = edge
-            gap = float(np.linalg.norm(np.diff(surface.points(np.stack((far, inner))), axis=0)))
-            raise OutsideSurface(
-                f"cell ({row}, {column}) lies {gap * 1e3:.1f} mm beyond the edge {what} = {edge:g} of the surface, the "
-                f"first of {len(off)}; move the origin, turn the direction, or widen the grid",
-                row=row,
-                column=column,
-                distance=gap,
-            )
+    centres = uv[1::2, 1::2].reshape(-1, 2)
+    beyond = np.where(surface.closed, 0.0, np.abs(centres - 0.5) - 0.5).max(axis=1)
+    if beyond.max() <= slack + ROUNDING:
+        return
+    off = np.flatnonzero(beyond > ROUNDING)
+    row, column = lattice.index[off[0]].tolist()
+    gap, edge = off_edge(surface, centres[off[0]])
+    raise OutsideSurface(
+        f"cell ({row}, {column}) lies {gap * 1e3:.1f} mm beyond the edge {edge} of the surface, the first of "
+        f"{len(off)}; move the origin, turn the direction, or widen the grid",
+        row=row,
+        column=column,
+        distance=gap,
+    )
+
+
+def off_edge(surface: BSplineSurface, uv: Array) -> tuple[float, str]:
+    """How far parameters (2,) lie beyond the edge of the surface that they are furthest beyond [m], and its name."""
+    axis = int(np.argmax(np.where(surface.closed, 0.0, np.abs(uv - 0.5))))
+    inner = uv.copy()
+    inner[axis] = np.clip(uv[axis], 0, 1)
+    gap = float(np.linalg.norm(np.diff(surface.points(np.stack((uv, inner))), axis=0)))
+    return gap, f"{'uv'[axis]} = {inner[axis]:g}"

@@ -260,7 +260,7 @@ def test_planes_are_kept_in_their_order():
         ("/grid", SECTOR | {"from": None}, "/grid/from", "must be a finite number, not null"),
         ("/degree", [3], "/degree", "must hold 2, not 1"),
         ("/degree/1", 6, "/degree/1", "must be at most 5"),
-        ("/skins/0/kind", "sheets", "/skins/0/kind", 'must be "sheet"'),
+        ("/skins/0/kind", "sheets", "/skins/0/kind", 'did you mean "sheet"'),
         ("/skins/0/rows", 0, "/skins/0/rows", "must be at least 1"),
         ("/skins/0/pitch/0", 0, "/skins/0/pitch/0", "must be at least"),
         ("/skins/0/pitch/1", 10, "/skins/0/pitch/1", "must be at most 1"),

@@ -161,18 +161,18 @@ def test_rows_that_end_far_apart_are_no_neighbours():
 def test_cells_on_two_sides_of_something_thin_are_no_neighbours():
     """Back to back at the same place: they face apart."""
     positions, normals = np.zeros((2, 3)), np.array(((0, 0, 1.0), (0, 0, -1.0)))
-    edges = np.tile(0.005 * np.array(((1.0, 0, 0), (0, 1.0, 0), (-1.0, 0, 0), (0, -1.0, 0))), (2, 1, 1))
-    assert neighbours(("a", "b"), positions, normals, edges) == ((), ())
-    assert neighbours(("a", "b"), positions, np.abs(normals), edges) == (("b",), ("a",))
+    corners = np.tile(0.005 * np.array(((1.0, -1, 0), (1, 1.0, 0), (-1.0, 1, 0), (-1, -1.0, 0))), (2, 1, 1))
+    assert neighbours(("a", "b"), positions, normals, corners) == ((), ())
+    assert neighbours(("a", "b"), positions, np.abs(normals), corners) == (("b",), ("a",))
 
 
 def test_neighbours_of_unlike_cells_know_each_other():
     """A small cell beside a large one: it lies ahead of the large one's side, and is beside it from both views."""
     sizes, positions = np.array((0.015, 0.004)), np.array(((0, 0, 0), (0.019, 0.005, 0)))
     normals = np.tile((0, 0, 1.0), (2, 1))
-    sides = np.array(((1.0, 0, 0), (0, 1.0, 0), (-1.0, 0, 0), (0, -1.0, 0)))
-    edges = positions[:, None] + sizes[:, None, None] * sides
-    assert neighbours(("large", "small"), positions, normals, edges) == (("small",), ("large",))
+    square = np.array(((1.0, -1, 0), (1, 1.0, 0), (-1.0, 1, 0), (-1, -1.0, 0)))
+    corners = positions[:, None] + sizes[:, None, None] * square
+    assert neighbours(("large", "small"), positions, normals, corners) == (("small",), ("large",))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1)])

@@ -1,0 +1,151 @@
+"""Which boards lie on a surface, and where: as many as fit, all that fit as it lies, or those the author chose."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ..arrays import Array
+from ..errors import OutsideSurface
+from ..geometry.bspline import BSplineSurface
+from ..geometry.distance import footpoints
+from ..geometry.fit import SurfaceFit
+from .boards import WrappedBoards, at_rest, root_of, unrolled
+from .fill import Placement, fill
+from .lattice import HexLattice
+from .net import board_net
+from .offset import offset_surface
+from .outline import FlatMap, Zone, disc, flat_loops, outline
+from .region import Region
+from .wrap import on_surface, size_of
+
+Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
+# The map that lays a surface flat has no more nodes than this to its size.
+NODES = 30
+# Nodes of the map that geodesics have brought this much of a pitch too near or too far are led astray.
+AMISS = 0.3
+# How far boards on a bent surface may stick out because their lattice strains, and still count as inside [m].
+LIP = 5e-4
+# Distances that differ by less are the same [m].
+SLIGHT = 1e-6
+
+
+def lay_boards(
+    surface: BSplineSurface,
+    lattice: HexLattice,
+    choice: Choice,
+    origin: ArrayLike | None,
+    direction: ArrayLike | None,
+    *,
+    offset: float = 0.0,
+    fit: SurfaceFit | None = None,
+    excluded: Sequence[Zone] = (),
+) -> tuple[WrappedBoards, Array]:
+    """Choose boards and lay them on a surface.
+
+    Parameters
+    ----------
+    choice : "fill", "all" or cells
+        "fill" takes the offset and rotation of the lattice with which most boards fit; "all" leaves the root at the
+        origin and its row along the direction, and takes all boards that fit; cells are axial coordinates.
+    origin : array, shape (3,), or None
+        Where the root cell (0, 0) lies, or near which it lies if the lattice is free [m]. None: the middle.
+    direction : array, shape (3,), or None
+        Where the row of the root runs to, or nearly so if the lattice is free. None: along the surface's v.
+    fit : SurfaceFit, optional
+        What the surface comes from: boards keep to where its mesh has faces.
+    excluded : sequence of Zone
+        Places that boards keep clear of.
+
+    Returns
+    -------
+    boards : WrappedBoards
+    overhang : array, shape (n,)
+        How far each board sticks out over an edge of the surface or the mesh, or into an excluded zone [m].
+
+    Raises
+    ------
+    InvalidPlan
+        If no board fits.
+    """
+    layer, start = offset_surface(surface, offset), root_of(surface, origin)
+    if direction is None:
+        direction = layer.derivatives(start[None])[0, 1, 0]
+    to_flat = _map_of(layer, lattice, fit, start, direction)
+    loops = flat_loops(to_flat, outline(surface, fit, float(start[1])))
+    centres = np.array([zone.point for zone in excluded]).reshape(-1, 3)
+    places = to_flat(centres, footpoints(surface, centres)[0])
+    region = Region((*loops, *(disc(place, zone.radius) for place, zone in zip(places, excluded))))
+    if choice == "fill":
+        placement = rooted(fill(region, lattice))
+    elif choice == "all":
+        placement = fill(region, lattice, np.zeros(2), 0.0)
+    else:
+        placement = Placement(lattice, np.zeros(2), 0.0, np.array(choice))
+    while True:
+        cells = placement.cells
+        uv, tangents = at_rest(layer, lattice, cells, *to_flat.at(placement.centres, placement.angle))
+        inside = on_surface(layer, uv)
+        out = overhangs(region, placement, to_flat(layer.points(uv), uv))
+        if isinstance(choice, str):
+            inside &= out <= LIP
+        if inside.all():
+            return WrappedBoards(surface, offset, lattice, cells, uv, tangents), out
+        if not isinstance(choice, str):
+            raise OutsideSurface(
+                f"board {cells[~inside][0].tolist()} lies beyond the edge of the surface, the first of "
+                f"{np.count_nonzero(~inside)}; leave it out, or move the origin"
+            )
+        # On a surface bent both ways the boards keep their pitch and leave their flat places: the worst goes.
+        placement = replace(placement, cells=cells[np.arange(len(cells)) != np.where(inside, out, np.inf).argmax()])
+
+
+def rooted(placement: Placement) -> Placement:
+    """The same boards, counted from the cell next to the flat origin."""
+    away = np.linalg.norm(placement.centres, axis=1)
+    root = placement.cells[np.flatnonzero(away < away.min() + SLIGHT)[0]]
+    centre = placement.centres[(placement.cells == root).all(axis=1)][0]
+    return replace(placement, offset=centre, cells=placement.cells - root)
+
+
+def overhangs(region: Region, placement: Placement, centres: Array) -> Array:
+    """How far each board, its centre laid flat, sticks out of the region, shape (n,) [m]."""
+    turn = np.array(
+        ((np.cos(placement.angle), np.sin(placement.angle)), (-np.sin(placement.angle), np.cos(placement.angle)))
+    )
+    out = -region.rooms(centres, placement.lattice.corners @ turn)
+    return np.where(out > SLIGHT, out, 0.0)
+
+
+def _map_of(
+    layer: BSplineSurface, lattice: HexLattice, fit: SurfaceFit | None, start: Array, direction: ArrayLike
+) -> FlatMap:
+    """A flat map of all of a surface that the mesh covers, by boards as large as these where they are not too many."""
+    size = size_of(layer)
+    if lattice.pitch < size / NODES:
+        lattice = HexLattice(size / NODES / np.sqrt(3), 0.0)
+    grid = layer.grid_points(np.linspace(0, 1, 33), np.linspace(0, 1, 33))
+    length, breadth = (float(np.linalg.norm(np.diff(grid, axis=k), axis=2).sum(axis=k).max()) for k in (0, 1))
+    reach = float(np.hypot(length, breadth))
+    count = int(np.ceil(reach / lattice.row_step)) + 1
+    r, q = np.indices((2 * count + 1, 2 * count + 1)).reshape(2, -1) - count
+    cells = np.column_stack((q, r))
+    cells = cells[(lattice.centres(cells) ** 2).sum(axis=1) <= reach**2]
+    uv, _ = unrolled(layer, lattice.centres(cells), start, direction, 2 * lattice.pitch)
+    kept = on_surface(layer, uv) & (~np.array(layer.closed) | (np.abs(uv - start) <= 0.5)).all(axis=1)
+    if fit is not None:
+        kept &= fit.is_trusted(layer.wrap(np.where(kept[:, None], uv, start)))
+    kept |= (cells == 0).all(axis=1)
+    cells, points = cells[kept], layer.points(uv[kept])
+    # Of these, what hangs together with the root: geodesics that have left the mesh may come back anywhere.
+    pairs = board_net(lattice, cells).pairs
+    pairs = pairs[np.abs(np.linalg.norm(np.diff(points[pairs], axis=1)[:, 0], axis=1) / lattice.pitch - 1) < AMISS]
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
+    group = connected_components(links, directed=False)[1]
+    cells = cells[group == group[(cells == 0).all(axis=1)]]
+    guess = unrolled(layer, lattice.centres(cells), start, direction, 2 * lattice.pitch)
+    return FlatMap(layer, lattice.centres(cells), *at_rest(layer, lattice, cells, *guess))

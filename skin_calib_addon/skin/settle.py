@@ -1,0 +1,176 @@
+"""Move a lattice of boards in a region until they have the most room: a sequence of linear programmes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog
+
+from ..arrays import Array, unit
+from .lattice import HexLattice
+from .region import Region, along_edges
+
+MOST_MOVES = 12
+# What may bound the room after a move is no further off than this many steps: both sides of a gap go less than 2.5.
+HORIZON = 5
+# By this share of a step the room after a move may differ from what its linear programme says: boards turn on circles.
+BEND = 0.05
+# Lengths below this are nothing to a board that settles [m].
+SETTLED = 1e-11
+# A price above this says that a row bounds the room.
+PRICE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """How a lattice lies in the plane: the centre of cell (0, 0) [m], and the angle of its rows to x [rad]."""
+
+    offset: Array  # (2,)
+    angle: float
+
+    def turn(self, vectors: Array) -> Array:
+        """Vectors (..., 2) of the lattice, turned with it."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return vectors @ np.array(((c, s), (-s, c)))
+
+    def place(self, points: Array) -> Array:
+        """Points (..., 2) of the lattice, where they lie in the plane [m]."""
+        return self.offset + self.turn(points)
+
+
+@dataclass(frozen=True, eq=False)
+class Settling:
+    """Boards in a region that look for room."""
+
+    region: Region
+    lattice: HexLattice
+    step: float  # the longest move along x, along y, and of the region's furthest point in a turn [m]
+    is_free: tuple[bool, bool, bool]  # along x, along y, to turn
+
+    def rooms(self, pose: Pose, centres: Array) -> Array:
+        """Room of boards with ``centres`` (n, 2) on the lattice, shape (n,) [m]."""
+        return self.region.rooms(pose.place(centres), pose.turn(self.lattice.corners))
+
+    def settle(
+        self, pose: Pose, centres: Array, count: int, floor: float = -np.inf, even: bool = False
+    ) -> tuple[Pose, float]:
+        """Turn and shift the lattice until the ``count`` roomiest boards have as much room as they find near here.
+
+        Parameters
+        ----------
+        centres : array, shape (n, 2)
+            The boards to choose from, on the lattice [m].
+        floor : float
+            Where they cannot get that much room [m], they are left early.
+        even : bool
+            Once the least room is the largest, let the boards that can still move share what room they have.
+
+        Returns
+        -------
+        pose : Pose
+        room : float
+            The least room of the boards there [m].
+        """
+        rooms, step = self.rooms(pose, centres), self.step
+        room = np.partition(rooms, -count)[-count]
+        centres = centres[rooms >= room - 2 * HORIZON * step]
+        rooms = rooms[rooms >= room - 2 * HORIZON * step]
+        for _ in range(MOST_MOVES):
+            chosen = np.argsort(-rooms, kind="stable")[:count]
+            bound = chosen[rooms[chosen] <= room + HORIZON * step]
+            moved, way, gain = self.move(pose, centres[bound], room, step, even)
+            if way < (1 - BEND) * step and room + gain < floor - BEND * step:
+                break
+            if (way if even else gain) < SETTLED:
+                break
+            new = self.rooms(moved, centres)
+            reached = np.partition(new, -count)[-count]
+            if reached > room - (BEND * step if even else 0):
+                pose, rooms, room = moved, new, reached
+            else:
+                step /= 4
+        return pose, float(room)
+
+    def move(self, pose: Pose, centres: Array, room: float, step: float, even: bool) -> tuple[Pose, float, float]:
+        """The move within a step that gives these boards the most room, if outlines moved straight on.
+
+        Returns
+        -------
+        pose : Pose
+        way, gain : float
+            How far this leads, and by how much the least room grows [m].
+        """
+        points, normals, gaps = contacts(
+            self.region, pose.place(centres), pose.turn(self.lattice.corners), room + HORIZON * step
+        )
+        x, y = (points - pose.offset).T
+        reach = self.region.reach(pose.offset)
+        slopes = np.column_stack((normals, (normals[:, 1] * x - normals[:, 0] * y) / reach))
+        way, gain = widest(slopes, (gaps - room) / step, self.is_free, 3 if even else 1)
+        moved = Pose(pose.offset + step * way[:2], float(pose.angle + step * way[2] / reach))
+        return moved, step * np.abs(way).max(), step * gain
+
+
+def widest(slopes: Array, gaps: Array, is_free: tuple[bool, ...], rounds: int) -> tuple[Array, float]:
+    """The ``way`` within [-1, 1] that makes the least of ``gaps + slopes @ way`` the largest, and that least gap.
+
+    In each further round the gaps that bound the last one keep their size, and the least of the others is made the
+    largest.
+    """
+    held, sizes, gain, way = np.zeros(len(gaps), bool), np.zeros(len(gaps)), 0.0, np.zeros(3)
+    bounds = [(-free, free) for free in map(int, is_free)] + [(None, HORIZON)]
+    for turn in range(rounds):
+        table = np.column_stack((-slopes, ~held))
+        found = linprog((0, 0, 0, -1), A_ub=table, b_ub=gaps - sizes, bounds=bounds, method="highs-ds")
+        if found.status != 0:  # rounding has closed what was held: stay with the round before
+            break
+        way, size = found.x[:3], found.x[3]
+        gain = gain if turn else size
+        tight = ~held & (found.ineqlin.marginals < -PRICE)
+        held, sizes = held | tight, np.where(tight, size, sizes)
+        if held.all() or not tight.any():
+            break
+    return way, gain
+
+
+def contacts(region: Region, centres: Array, corners: Array, within: float) -> tuple[Array, Array, Array]:
+    """Where boards and the border of their region are, or may come to be, close to each other.
+
+    A corner of a board meets an edge of the region, or a side of a board meets a reflex point of the region.
+
+    Returns
+    -------
+    points : array, shape (k, 2)
+        Where they touch, or would [m].
+    normals : array, shape (k, 2)
+        Unit, where the board goes to get away.
+    gaps : array, shape (k,)
+        How far they are apart, at most ``within``; negative where they cross [m].
+    """
+    reach = np.linalg.norm(corners[0])
+    board, edge = np.nonzero(region.distances(centres) <= reach + within)
+    edges, outline = region.edges[edge], centres[board, None] + corners
+    along = unit(edges[:, 1] - edges[:, 0])
+    inward = np.sign(along_edges(centres[board], edges)[2])[:, None]
+    apart, share, height = along_edges(outline, edges[:, None])
+    # Behind a reflex point the line of an edge bounds nothing; behind a convex one it bounds the room as the edge does.
+    past = region.is_reflex[region.ends[edge]]
+    bounds = ((share >= 0) | ~past[:, :1]) & ((share <= 1) | ~past[:, 1:]) & (apart <= within)
+    pair, corner = np.nonzero(bounds)
+    normals = inward * np.column_stack((-along[:, 1], along[:, 0]))
+    at_corners = outline[pair, corner], normals[pair], (inward * height)[pair, corner]
+
+    reflex = region.points[region.is_reflex]
+    arms = reflex - centres[:, None]
+    board, point = np.nonzero(np.linalg.norm(arms, axis=2) <= reach + within)
+    arms = arms[board, point]
+    sides = unit(corners + np.roll(corners, -1, axis=0))
+    normals = sides[(arms @ sides.T).argmax(axis=1)]
+    out = (arms * normals).sum(axis=1) - np.sqrt(0.75) * reach
+    aside = arms[:, 1] * normals[:, 0] - arms[:, 0] * normals[:, 1]
+    past_side = np.sign(aside) * np.maximum(np.abs(aside) - reach / 2, 0) * (out > 0)
+    away = out[:, None] * normals + past_side[:, None] * np.column_stack((-normals[:, 1], normals[:, 0]))
+    gaps = np.where(past_side == 0, out, np.linalg.norm(away, axis=1))
+    normals = np.where((past_side == 0)[:, None], -normals, -unit(away))
+    is_near = gaps <= within
+    at_points = reflex[point[is_near]], normals[is_near], gaps[is_near]
+    return tuple(np.concatenate(both) for both in zip(at_corners, at_points))
