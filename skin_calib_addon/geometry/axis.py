@@ -12,6 +12,10 @@ from .rays import TURN, RayCaster
 from .sections import Sections, cut_sections
 
 
+# What is thinner than this share of its width is no tube.
+THIN = 0.15
+
+
 @dataclass(frozen=True)
 class Axis:
     """A line along the link, in the link frame: ``point`` [m] and ``direction`` (any length)."""
@@ -41,10 +45,20 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
     ------
     EmptySection
         If the mesh is no tube: sections across its axis are empty.
+    InvalidPlan
+        If the mesh is a thin sheet, whose side only the author can choose.
     """
     normals, areas = mesh.face_normals, mesh.face_areas
     spread = np.einsum("f,fi,fj->ij", areas, normals, normals)
-    direction = np.linalg.eigh(spread)[1][:, 0]
+    axes = np.linalg.eigh(spread)[1]
+    thickness, width = np.sort(np.ptp(mesh.vertices @ axes, axis=0))[:2]
+    if thickness < THIN * width:
+        x, y, z = np.round(axes[:, 2], 2) + 0.0
+        raise InvalidPlan(
+            f"the mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, with two sides: say "
+            f'which one carries the skin by a patch with "normal" ({x:g}, {y:g}, {z:g}), or its opposite'
+        )
+    direction = axes[:, 0]
     point = (areas[:, None] * mesh.triangles.mean(axis=1)).sum(axis=0) / areas.sum()
     for _ in range(3):
         frame = frame_of(point, direction)

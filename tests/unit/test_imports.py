@@ -22,13 +22,14 @@ BELOW = {
 }
 PURE = (*BELOW["geometry"], "calibration", "skin")
 ABOVE = {
-    "plan": PURE,
-    "pipeline": (*PURE, "plan"),
+    "plan_skins": PURE,
+    "plan": (*PURE, "plan_skins"),
+    "pipeline": (*PURE, "plan_skins", "plan"),
     "report": (*PURE, "plan", "pipeline"),
     "picture": (*PURE, "plan", "pipeline"),
     "cli": (*PURE, "plan", "pipeline", "report", "picture", "runtime"),
     "__main__": ("cli",),
-    "blender": (*PURE, "plan", "pipeline", "report", "picture", "cli", "blender"),
+    "blender": (*PURE, "plan_skins", "plan", "pipeline", "report", "picture", "cli", "blender"),
 }
 # A module may import what stands here; what stands nowhere is shared, and imports what is shared.
 MAY_IMPORT = BELOW | ABOVE

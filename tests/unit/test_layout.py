@@ -1,0 +1,114 @@
+"""Which boards lie on a surface: as many as fit, all that fit as it lies, or those that the author chose."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.errors import InvalidPlan, OutsideSurface
+from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
+from skin_calib_addon.skin import HexLattice, Zone, lay_boards
+from tests.shapes import Z_AXIS, cone_surface, cylinder, keep, plane_surface, sheet, with_hole, wrist_surface
+
+SMALL = HexLattice(0.006, 0.0)
+FLOOR = plane_surface(0.1, 0.08)
+
+
+def corners(boards, lattice):
+    """Corners of flat boards that look up, shape (n, 6, 2)."""
+    axes = np.stack((boards.tangents, np.cross((0, 0, 1), boards.tangents)), axis=1)
+    return boards.surface.points(boards.uv)[:, None, :2] + (lattice.corners @ axes)[..., :2]
+
+
+def flat_fit(mesh):
+    """A surface on a flat mesh that looks up."""
+    return fit_surface(mesh, AcrossGrid(6, 6, (0, 0, 1), (1, 0, 0)))
+
+
+def test_all_keeps_the_origin_and_the_direction():
+    """Every board that fits and none besides, on a rectangle: by the corners of a large lattice."""
+    origin, turn = np.array((0.047, 0.041)), 0.2
+    boards, overhang = lay_boards(FLOOR, SMALL, "all", (*origin, 0), (np.cos(turn), np.sin(turn), 0))
+    many = np.array([(q, r) for q in range(-15, 16) for r in range(-15, 16)])
+    axes = np.array(((np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))))
+    places = origin + (SMALL.centres(many)[:, None] + SMALL.corners) @ axes
+    fits = ((places > 0) & (places < (0.1, 0.08))).all(axis=(1, 2))
+    assert set(map(tuple, boards.cells.tolist())) == set(map(tuple, many[fits].tolist()))
+    assert_allclose(overhang, 0)
+    assert_allclose(np.sort(corners(boards, SMALL).ravel()), np.sort(places[fits].ravel()), rtol=0, atol=1e-9)
+
+
+def test_fill_finds_more_than_the_lattice_as_it_lies():
+    """Free to slide and turn: never fewer than from any origin and direction tried, all inside, the root near the origin."""
+    boards, _ = lay_boards(FLOOR, SMALL, "fill", (0.05, 0.04, 0), (1, 0, 0))
+    found = corners(boards, SMALL)
+    assert (found > -1e-8).all() and (found < np.array((0.1, 0.08)) + 1e-8).all()
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        turn, origin = rng.uniform(0, np.pi / 3), rng.uniform((0.045, 0.035), (0.055, 0.045))
+        tried, _ = lay_boards(FLOOR, SMALL, "all", (*origin, 0), (np.cos(turn), np.sin(turn), 0))
+        assert len(tried.cells) <= len(boards.cells)
+    away = np.linalg.norm(FLOOR.points(boards.uv)[:, :2] - (0.05, 0.04), axis=1)
+    assert boards.cells[away.argmin()].tolist() == [0, 0]
+    assert (np.lexsort(boards.cells.T) == np.arange(len(boards.cells))).all()  # by r, then q
+
+
+def test_boards_keep_off_holes_edges_and_zones():
+    """A plate with a notch and a hole, and a screw to stay clear of: no corner over any, no middle of a hole covered."""
+    mesh = sheet(lambda x, y: 0 * x, cells=(50, 40))
+    mesh = with_hole(keep(mesh, lambda c: (c[:, 0] < 0.07) | (c[:, 1] < 0.05)), (0.03, 0.03, 0), 0.008)
+    fit, screw = flat_fit(mesh), Zone((0.08, 0.02, 0.001), 0.007)
+    for choice in ("all", "fill"):
+        boards, _ = lay_boards(fit.surface, SMALL, choice, None, (1, 0, 0), fit=fit, excluded=(screw,))
+        outlines = corners(boards, SMALL)
+        share = np.linspace(0, 1, 20)[:, None, None, None]
+        points = (outlines + share * (np.roll(outlines, -1, axis=1) - outlines)).reshape(-1, 2)
+        assert not ((points[:, 0] > 0.0705) & (points[:, 1] > 0.0505)).any()
+        for centre, radius in (((0.03, 0.03), 0.006), ((0.08, 0.02), 0.007 - 1e-6)):
+            assert np.linalg.norm(points - centre, axis=1).min() > radius
+            assert np.linalg.norm(outlines.mean(axis=1) - centre, axis=1).min() > radius
+    bare, _ = lay_boards(fit.surface, SMALL, "all", None, (1, 0, 0), fit=fit)
+    kept, _ = lay_boards(fit.surface, SMALL, "all", None, (1, 0, 0), fit=fit, excluded=(screw,))
+    assert set(map(tuple, kept.cells.tolist())) < set(map(tuple, bare.cells.tolist()))
+
+
+def test_zone_beyond_the_edge_makes_no_room():
+    """A zone that reaches over the rim takes boards away, and what of it lies outside takes none in."""
+    zone = Zone((0.1, 0.04, 0), 0.015)
+    boards, _ = lay_boards(FLOOR, SMALL, "all", (0.05, 0.04, 0), (1, 0, 0), excluded=(zone,))
+    found = corners(boards, SMALL)
+    assert (found < np.array((0.1, 0.08)) + 1e-9).all()
+    assert np.linalg.norm(found.reshape(-1, 2) - (0.1, 0.04), axis=1).min() > 0.015
+
+
+def test_boards_go_round_a_tube_and_end_at_a_seam():
+    """Opposite of the root; none over it twice, none over the rims, pitch kept."""
+    fit = fit_surface(cylinder(0.05, 0.2, 96, 30), TubeGrid(6, 24, Z_AXIS, margin=1e-3))
+    boards, overhang = lay_boards(fit.surface, HexLattice(0.01, 0.0), "all", (0.05, 0, 0.1), (0, 1, 0), fit=fit)
+    places = fit.surface.points(boards.uv)
+    assert len(places) > 60 and overhang.max() <= 5e-4
+    distance = np.linalg.norm(places[:, None] - places, axis=2) + np.eye(len(places))
+    assert distance.min() > 0.99 * HexLattice(0.01, 0.0).pitch
+    assert places[:, 2].min() > 0.008 and places[:, 2].max() < 0.192
+
+
+def test_boards_by_hand_are_laid_and_their_overhang_told():
+    """Those named, in their order; one over the rim says how far it sticks out."""
+    cells = ((0, 0), (3, 0), (4, 0))
+    boards, overhang = lay_boards(FLOOR, SMALL, cells, (0.05, 0.04, 0), (1, 0, 0))
+    assert boards.cells.tolist() == [[0, 0], [3, 0], [4, 0]]
+    reach = 0.05 + 4 * SMALL.pitch + SMALL.pitch / 2 - 0.1  # of its flat side
+    assert_allclose(overhang, (0, 0, max(reach, 0)), rtol=0, atol=1e-9)
+    with pytest.raises(OutsideSurface, match=r"board \[9, 0\] lies beyond the edge of the surface, the first of 1"):
+        lay_boards(FLOOR, SMALL, ((0, 0), (9, 0)), (0.05, 0.04, 0), (1, 0, 0))
+
+
+def test_bent_surface_is_filled_within_its_edges():
+    """A wrist, bent both ways: boards beyond the rim by more than half a millimetre are left out."""
+    boards, overhang = lay_boards(wrist_surface(), HexLattice(0.008, 0.0), "fill", None, None)
+    assert len(boards.cells) > 50 and overhang.max() <= 5e-4
+
+
+def test_no_board_fits():
+    """A clear line, for boards wider than the cone is long."""
+    with pytest.raises(InvalidPlan, match="no board with sides of 40 mm fits in the region"):
+        lay_boards(cone_surface(0.06, 0.06, 0.05), HexLattice(0.04, 0.0), "fill", None, (0, 1, 0))
