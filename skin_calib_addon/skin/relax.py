@@ -14,6 +14,8 @@ MOST_STEPS = 30
 # A step that raises the sum of squares by more than this is taken back. Less is no sign of harm: the pulls are those of
 # geodesics, the lengths those of cubics, and the rest of the one is not quite the least of the other.
 RISE = 1.01
+# Ties that are off by less, in parameters or radians, are kept.
+KEPT = 1e-6
 # A step that moves no node by more than this share of the pitch is the last.
 SETTLED = 1e-4
 
@@ -57,8 +59,8 @@ class Ties:
 def relax(surface: BSplineSurface, net: Net, uv: Array, ties: Ties, weights: Array | None = None) -> Array:
     """Newton's method on the parameters of the nodes until their strains have the least sum of squares.
 
-    A step that would raise the sum much is taken back, and the next one leaves the strains' own stiffness out
-    (Gauss-Newton).
+    A step that raises the sum much, and not to keep the ties, is taken back, and the next one leaves the strains' own
+    stiffness out (Gauss-Newton).
 
     Parameters
     ----------
@@ -79,24 +81,25 @@ def relax(surface: BSplineSurface, net: Net, uv: Array, ties: Ties, weights: Arr
     system, (start, stop) = NetEquations(net), net.pairs.T
     scale = np.ones(len(net.pairs)) if weights is None else np.sqrt(weights)
     per_length = (scale / net.lengths)[:, None, None]
-    x, best, least, full = uv, uv, np.inf, True
+    x, best, least, amiss, full = uv, uv, np.inf, 0.0, True
     for _ in range(MOST_STEPS):
         r = surface.derivatives(x)
         points, basis = r[0, 0], np.stack((r[1, 0], r[0, 1]), axis=1)
         normals = unit(np.cross(r[1, 0], r[0, 1]))
         measured, pull = pair_lengths(points, normals, net.pairs, net.straight)
         strain = scale * (measured / net.lengths - 1)
-        energy = strain @ strain
-        if energy > RISE * least:
+        energy, off = float(strain @ strain), ties.off(x, points)
+        mended = amiss > KEPT and np.abs(off).max() < amiss / 2
+        if energy > RISE * least and not mended:
             x, full = (best + x) / 2, False
             continue
-        best, least = x, min(float(energy), least)
+        best, least, amiss = x, energy if mended else min(energy, least), float(np.abs(off).max())
         ends = np.stack((basis[start], basis[stop]), axis=1)
         slopes = np.matmul(ends, pull[..., None])[..., 0] * per_length
         across = np.cross(np.stack((normals[start], normals[stop]), axis=1), pull)
         sideways = np.matmul(ends, across[..., None])[..., 0] * per_length
         loads = np.matmul(basis, ties.loads[..., None])[..., 0]
-        rows, off = ties.rows(basis), ties.off(x, points)
+        rows = ties.rows(basis)
         step = None
         if full:
             step = system.step(slopes, sideways, 1 - net.lengths / measured, strain, rows, off, loads)

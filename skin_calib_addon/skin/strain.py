@@ -60,15 +60,17 @@ def closure(sheet: WrappedSheet) -> Closure | None:
 def _meeting(layer: BSplineSurface, line: Array, turn: Array) -> tuple[float, float]:
     """Gap and step where the beginning of a line of nodes (k, 2) comes round again."""
     again = line[0] + turn
-    points = layer.points(np.concatenate((line, again[None])))
-    normals = layer.normals(np.concatenate((line, again[None])))
+    r = layer.derivatives(np.concatenate((line, again[None])))
+    points, normals = r[0, 0], unit(np.cross(r[1, 0], r[0, 1]))
     ways = pair_lengths(points, normals, np.column_stack((np.arange(len(line) - 1), np.arange(1, len(line)))))[0]
     done = np.append(0.0, np.cumsum(ways))
     # The node next to where it comes round, and the way from there.
-    nearest = int(np.argmin(np.linalg.norm(line - again, axis=1)))
+    lengths = np.linalg.norm(r[(1, 0), (0, 1), -1], axis=1)
+    nearest = int(np.argmin(np.linalg.norm((line - again) * lengths, axis=1)))
     beside = nearest + (1 if nearest == 0 else -1)
-    ahead = unit(points[nearest] - points[beside]) * (1 if beside < nearest else -1)
-    way = points[-1] - points[nearest]
-    length = pair_lengths(points, normals, np.array([[nearest, len(line)]]))[0][0] if way.any() else 0.0
-    way = unit(way - (way @ normals[nearest]) * normals[nearest]) * length
-    return float(done[nearest] + way @ ahead - done[-1]), float(way @ np.cross(normals[nearest], unit(ahead)))
+    up = normals[nearest]
+    ahead = (points[nearest] - points[beside]) * (1 if beside < nearest else -1)
+    ahead, way = (unit(arm - (arm @ up) * up) for arm in (ahead, points[-1] - points[nearest]))
+    if way.any():
+        way = way * pair_lengths(points, normals, np.array([[nearest, len(line)]]))[0][0]
+    return float(done[nearest] + way @ ahead - done[-1]), float(way @ np.cross(up, ahead))

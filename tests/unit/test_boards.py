@@ -111,7 +111,9 @@ def test_ports_name_the_board_beside_each_side():
         assert set(beside) == set(expected) - {None}
 
 
-@pytest.mark.parametrize("cells", [[(0, 0)], [(0, 0), (1, 0)], [(k, 0) for k in range(4)], [(-2, -1), (2, 2)], [(3, 0)]])
+@pytest.mark.parametrize(
+    "cells", [[(0, 0)], [(0, 0), (1, 0)], [(k, 0) for k in range(4)], [(-2, -1), (2, 2)], [(3, 0)]]
+)
 def test_few_boards_and_boards_apart_find_their_places(cells):
     """One, a chain, two islands, none at the root: on a plane exactly, on a cylinder with the pitch kept."""
     lattice = HexLattice(0.006, 0.0)

@@ -7,11 +7,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.errors import InvalidPlan, OutsideSurface, SkinCalibError
-from skin_calib_addon.geometry import BSplineSurface
+from skin_calib_addon.geometry import BSplineSurface, TubeGrid, fit_surface
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
-from skin_calib_addon.skin.strain import cell_strain
+from skin_calib_addon.skin.net import grid_net
+from skin_calib_addon.skin.relax import relax
+from skin_calib_addon.skin.strain import cell_strain, closure
+from skin_calib_addon.skin.ties import pinned, row_axis
 from skin_calib_addon.skin.wrap import WrappedSheet
-from tests.shapes import LENGTH, RADIUS, cone_surface, plane_surface, wrist_surface
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, wrist_surface
 
 SQUARE = (0.01, 0.01)
 # The arcs between nodes are taken for cubics: so much of a cell they are off where a surface bends by 17 degrees.
@@ -207,3 +210,140 @@ def test_upright_direction_is_refused(direction):
     """A direction along the normal, or none at all, says nothing of the rows."""
     with pytest.raises(InvalidPlan, match=r'"direction" \[.*\] stands upright on the surface at the origin'):
         wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(2, 2, SQUARE), (RADIUS, 0, 0.05), direction)
+
+
+def test_left_handed_sheet_is_the_mirror_image():
+    """The next row lies on the other side; the same cells, strains and areas on a mirrored surface."""
+    right = wrap_sheet(plane_surface(0.3, 0.3), SheetLattice(3, 5, (0.01, 0.02)), (0.15, 0.15, 0), (1, 0.2, 0))
+    left = wrap_sheet(plane_surface(0.3, 0.3), SheetLattice(3, 5, (0.01, 0.02), "left"), (0.15, 0.15, 0), (1, -0.2, 0))
+    assert_allclose(centres(left) - 0.15, (centres(right) - 0.15) * (1, -1, 1), rtol=0, atol=1e-12)
+    taxels = sheet_taxels(left, "s")
+    arms = taxels.corners_link - taxels.positions_link[:, None]
+    assert (np.cross(arms, np.roll(arms, -1, axis=1))[..., 2] > 0).all()
+    tangent, bound = taxels.tangents_link[0], arms[0, 0]
+    assert (
+        bound @ tangent < 0 and np.cross((0, 0, 1), tangent) @ bound > 0
+    )  # the first corner is where the sheet begins
+    assert taxels.neighbours == sheet_taxels(right, "s").neighbours
+
+
+def test_trimmed_sheet_leaves_out_what_lies_off_the_surface():
+    """Cells with their centre on a plane stay where they were, with their ids and channels."""
+    lattice, plane = SheetLattice(9, 12, SQUARE), plane_surface()
+    with pytest.raises(OutsideSurface):
+        wrap_sheet(plane, lattice, (0.02, 0.03, 0), (1, 0, 0))
+    taxels = sheet_taxels(wrap_sheet(plane, lattice, (0.02, 0.03, 0), (1, 0, 0), trim=True), "s", first_channel=7)
+    expected = [(i, j) for i in range(9) for j in range(12) if 0.02 + 0.01 * j <= 0.1 and 0.03 + 0.01 * i <= 0.08]
+    assert taxels.index.tolist() == [list(cell) for cell in expected]
+    assert taxels.channels.tolist() == [7 + 12 * i + j for i, j in expected]
+    places = [(0.02 + 0.01 * j, 0.03 + 0.01 * i, 0) for i, j in expected]
+    assert_allclose(taxels.positions_link, places, rtol=0, atol=1e-9)
+
+
+def test_trimmed_sheet_on_a_bent_surface_is_at_rest():
+    """What is left of a sheet taller than an egg lies as the sheet that fits does."""
+    small = centres(wrap_sheet(barrel(), SheetLattice(7, 9, SQUARE), None, (0, 1, 0)))
+    sheet = wrap_sheet(barrel(), SheetLattice(13, 9, SQUARE), None, (0, 1, 0), trim=True)
+    kept = sheet_taxels(sheet, "s")
+    assert 60 < len(kept.ids) < 117
+    rows = kept.positions_link[np.isin(kept.index[:, 0], range(3, 10))].reshape(7, 9, 3)
+    assert np.linalg.norm(rows - small, axis=2).max() < 1e-3
+
+
+@pytest.mark.parametrize("columns", [20, 22, 24, 40])
+def test_closure_of_a_cylinder_is_its_circumference_less_the_rows(columns):
+    """A gap where the row is too short, an overlap where it is too long or winds again; no step."""
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, columns, SQUARE), None, (0, 1, 0))
+    found = closure(sheet)
+    assert found.of == "rows"
+    assert_allclose(found.gaps, 2 * np.pi * RADIUS - 0.01 * columns, rtol=0, atol=5e-6)
+    assert_allclose(found.steps, 0, atol=1e-6)
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_closure_of_a_helix_has_a_step(hand):
+    """Rows that climb meet their beginning aside of their end: the way there, 33 mm in one arc, is good to a hundredth."""
+    climb, around = 0.15, 2 * np.pi * RADIUS
+    lattice = SheetLattice(2, 21, SQUARE, hand)
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), lattice, None, (0, np.cos(climb), np.sin(climb)))
+    found = closure(sheet)
+    assert_allclose(found.gaps, around * np.cos(climb) - 0.21, rtol=0, atol=3e-4)
+    sign = -1 if hand == "right" else 1
+    assert_allclose(found.steps, sign * around * np.sin(climb), rtol=0, atol=3e-4)
+
+
+def test_closure_where_columns_go_round_and_where_nothing_does():
+    """Rows along the axis: the columns close. On a cone the gap grows with the radius; a short sheet has none."""
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(21, 4, SQUARE), None, (0, 0, 1))
+    assert closure(sheet).of == "columns"
+    assert_allclose(closure(sheet).gaps, 2 * np.pi * RADIUS - 0.21, rtol=0, atol=5e-6)
+    assert closure(wrap_sheet(cone_surface(), SheetLattice(3, 9, SQUARE), None, (0, 1, 0))) is None
+    assert closure(wrap_sheet(plane_surface(), SheetLattice(3, 4, SQUARE), None, (1, 0, 0))) is None
+
+
+def coarse_places(surface, fine, parts):
+    """Centres of cells ``parts`` times as large as those of a fine sheet, from its nodes."""
+    points = surface.points(fine.uv.reshape(-1, 2)).reshape(*fine.lattice.node_shape, 3)
+    return points[parts :: 2 * parts, parts :: 2 * parts]
+
+
+@pytest.mark.parametrize("origin", [None, (0.036, -0.004, 0.012)])
+def test_sheet_lies_where_a_four_times_finer_one_does(origin):
+    """On a wrist, bent both ways: within half a millimetre in the mean and one at most, centred and from a corner."""
+    surface = wrist_surface()
+    coarse, fine = (SheetLattice(4 * k, 18 * k, (0.01 / k, 0.01 / k)) for k in (1, 4))
+    start = None
+    sheet = wrap_sheet(surface, coarse, origin, (0, 1, 0))
+    if origin is not None:  # its corner cell has its centre a little further in
+        start = surface.points(sheet.uv[1:2, 1])[0]
+        arm = surface.points(sheet.uv[[0, 1, 1, 2], [1, 0, 2, 1]])
+        start = start + 0.375 * ((arm[0] - arm[3]) + (arm[1] - arm[2]))
+    moved = coarse_places(surface, wrap_sheet(surface, fine, start, (0, 1, 0)), 4) - centres(sheet)
+    away = np.linalg.norm(moved, axis=2)
+    assert away.mean() < 5e-4 and away.max() < 1e-3
+
+
+def test_sheet_is_the_same_from_any_first_guess():
+    """Nodes thrown about by up to a millimetre come to rest at the same places."""
+    surface, lattice = wrist_surface(), SheetLattice(5, 16, SQUARE)
+    sheet = wrap_sheet(surface, lattice, (0.036, -0.004, 0.02), (0, 1, 0))
+    net = grid_net(lattice.node_shape, lattice.step, (1, 1))
+    uv = sheet.uv.reshape(-1, 2)
+    ties = pinned(surface, net, uv, row_axis(surface, uv[net.pin], (0, 1, 0)))
+    rng = np.random.default_rng(0)
+    for size in (1e-4, 1e-3):
+        thrown = uv + rng.uniform(-1, 1, uv.shape) * size * (1 / 0.1, 1 / 0.22)
+        thrown[net.pin] = uv[net.pin]
+        again = relax(surface, net, thrown, ties)
+        assert np.linalg.norm(surface.points(again) - surface.points(uv), axis=1).max() < 5e-5
+
+
+@pytest.mark.parametrize("ends", [(0.035, 0.035), (0.042, 0.030), (0.058, 0.026)])
+@pytest.mark.parametrize("chords", [False, True])
+@pytest.mark.parametrize("climb", [0.0, 0.3])
+def test_sheet_on_a_fitted_tube_lies_where_unrolling_puts_it(ends, chords, climb):
+    """On a cylinder and on cones of 4.3 and 11.3 degrees, from the mesh, by its corner cell, in mm: 0.05 in the mean and
+    0.1 at most; 0.02 and 0.05 where the facets are taken for chords."""
+    length, lattice = 0.16, SheetLattice(6, 22, SQUARE)
+    surface = fit_surface(cone(*ends, length, 96, 49), TubeGrid(20, 60, Z_AXIS, margin=1e-4), chords=chords).surface
+    i, j = lattice.index.T
+    flat_places = np.column_stack(((j - 10.5) * 0.01, (i - 2.5) * 0.01))
+    truth = unrolled_from_the_middle(ends, length, flat_places, climb)
+    little = np.array((1e-6, 0))
+    along = unrolled_from_the_middle(ends, length, flat_places[:1] + little, climb)[0] - truth[0]
+    found = sheet_taxels(wrap_sheet(surface, lattice, truth[0], along), "s").positions_link
+    off = np.linalg.norm(found - truth, axis=1)
+    assert off.mean() < (2e-5 if chords else 5e-5) and off.max() < (5e-5 if chords else 1e-4)
+
+
+def unrolled_from_the_middle(ends, length, flat_places, climb):
+    """Where flat places lie on a cone about z, unrolled from the middle of its line at y = 0, rows climbing so much."""
+    slope, radius = np.arctan((ends[0] - ends[1]) / length), (ends[0] + ends[1]) / 2
+    c, s = np.cos(climb), np.sin(climb)
+    x, y = (flat_places @ np.array(((c, s), (-s, c)))).T
+    if slope == 0:
+        return np.column_stack((radius * np.cos(x / radius), radius * np.sin(x / radius), length / 2 + y))
+    tip = radius / np.sin(slope)
+    reach, turn = np.hypot(x, tip - y), np.arctan2(x, tip - y) / np.sin(slope)
+    away = reach * np.sin(slope)
+    return np.column_stack((away * np.cos(turn), away * np.sin(turn), length / 2 + (tip - reach) * np.cos(slope)))
