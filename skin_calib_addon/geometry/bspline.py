@@ -167,6 +167,10 @@ def _derivatives(count: int, order: int) -> Array:
     return np.concatenate(blocks, axis=1)
 
 
+# Shares of a span where a surface is looked at for its curvature.
+MIDDLES = np.array((0.0, 0.5))
+
+
 @dataclass(frozen=True, eq=False)
 class BSplineSurface:
     """A tensor-product B-spline surface over (u, v) in [0, 1] x [0, 1], in the link frame [m].
@@ -230,6 +234,18 @@ class BSplineSurface:
         A = basis_functions(u, self.knots_u, self.degree[0])
         B = basis_functions(v, self.knots_v, self.degree[1])
         return np.einsum("ki,ijc,lj->klc", A, self.control_net, B, optimize=True)
+
+    @cached_property
+    def sharpest(self) -> float:
+        """Largest curvature of its coordinate lines' normal sections at points spread over all spans [1/m]."""
+        u, v = (spans.starts[:, None] + spans.lengths[:, None] * MIDDLES for spans in self._spans)
+        r = self.derivatives(np.column_stack((np.repeat(u.ravel(), v.size), np.tile(v.ravel(), u.size))), order=2)
+        normals = unit(np.cross(r[1, 0], r[0, 1]))
+        bends = [
+            np.abs((second * normals).sum(axis=1)) / (first**2).sum(axis=1)
+            for first, second in ((r[1, 0], r[2, 0]), (r[0, 1], r[0, 2]))
+        ]
+        return float(np.max(bends))
 
     @cached_property
     def _spans(self) -> tuple[SpanPolynomials, SpanPolynomials]:

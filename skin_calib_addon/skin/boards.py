@@ -18,7 +18,7 @@ from .net import board_net
 from .offset import offset_surface
 from .relax import relax
 from .ties import flat_axes, pinned, row_axis
-from .wrap import STEP, check_size, off_edge, on_surface, size_of
+from .wrap import check_size, guess_step, off_edge, on_surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def wrap_boards(
     """
     check_size(surface, (lattice.pitch, lattice.pitch))
     layer, places = offset_surface(surface, offset), np.array(cells, np.int64).reshape(-1, 2)
-    guess = unrolled(layer, lattice.centres(places), root_of(surface, origin), direction, 2 * lattice.pitch)
+    guess = unrolled(layer, lattice, places, root_of(surface, origin), direction)
     uv, tangents = at_rest(layer, lattice, places, *guess)
     for cell, place in zip(places.tolist(), uv):
         if not on_surface(layer, place):
@@ -108,12 +108,12 @@ def at_rest(
 
 
 def unrolled(
-    layer: BSplineSurface, flat: Array, start: Array, direction: ArrayLike, step: float
+    layer: BSplineSurface, lattice: HexLattice, cells: IntArray, start: Array, direction: ArrayLike
 ) -> tuple[Array, Array]:
-    """Where geodesics lead to flat points (n, 2), and their x axis there: parameters (n, 2), unit vectors (n, 3)."""
-    ahead = flat + (1e-3 * step, 0.0)
-    both = np.concatenate((flat, ahead))
-    uv = unroll(layer, both, start, row_axis(layer, start, direction), max(step, STEP * size_of(layer)))
+    """Where geodesics lead to cells, and how the rows run there: parameters (n, 2), unit vectors (n, 3)."""
+    flat = lattice.centres(cells)
+    both = np.concatenate((flat, flat + (1e-3 * lattice.pitch, 0.0)))
+    uv = unroll(layer, both, start, row_axis(layer, start, direction), guess_step(layer, lattice.pitch))
     here, there = np.split(layer.points(uv), 2)
     uv = uv[: len(flat)]
     normals = layer.normals(uv)

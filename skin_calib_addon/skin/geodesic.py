@@ -7,8 +7,9 @@ from ..arrays import Array, BoolArray, unit
 from ..geometry.bspline import BSplineSurface
 from ..geometry.distance import footpoints
 
-# Parts into which a step along a geodesic is divided until its speed keeps within this of one.
-PARTS, UNIT_SPEED = (1, 4, 16), 0.03
+# Parts into which a step along a geodesic is divided until its speed keeps within this of one, and the surface turns by
+# no more than this in each [rad].
+PARTS, UNIT_SPEED, TURN = (1, 4, 16), 0.03, 0.6
 # Share of a step that may be rounding.
 ROUNDING = 1e-6
 
@@ -107,7 +108,7 @@ def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tu
     tangents : array, shape (k, 3)
         Unit, at the end.
     """
-    first = r
+    first, up = r, unit(np.cross(r[1, 0], r[0, 1]))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for parts in PARTS:
             state, r, h = start, first, step[:, None] / parts
@@ -120,7 +121,8 @@ def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tu
                 r = surface.derivatives(state[:, 0], order=2)
             velocity = r[1, 0] * state[:, 1, :1] + r[0, 1] * state[:, 1, 1:]
             speed = np.sqrt((velocity**2).sum(axis=1, keepdims=True))
-            kept = np.abs(speed[:, 0] - 1) < UNIT_SPEED
+            turned = np.arccos(np.clip((unit(np.cross(r[1, 0], r[0, 1])) * up).sum(axis=1), -1, 1))
+            kept = (np.abs(speed[:, 0] - 1) < UNIT_SPEED) & (turned < TURN * parts)
             if kept.all():
                 state[:, 1] /= speed
                 return state, r, velocity / speed

@@ -135,7 +135,7 @@ def _map_of(
     r, q = np.indices((2 * count + 1, 2 * count + 1)).reshape(2, -1) - count
     cells = np.column_stack((q, r))
     cells = cells[(lattice.centres(cells) ** 2).sum(axis=1) <= reach**2]
-    uv, _ = unrolled(layer, lattice.centres(cells), start, direction, 2 * lattice.pitch)
+    uv, _ = unrolled(layer, lattice, cells, start, direction)
     kept = on_surface(layer, uv) & (~np.array(layer.closed) | (np.abs(uv - start) <= 0.5)).all(axis=1)
     if fit is not None:
         kept &= fit.is_trusted(layer.wrap(np.where(kept[:, None], uv, start)))
@@ -147,5 +147,5 @@ def _map_of(
     links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
     group = connected_components(links, directed=False)[1]
     cells = cells[group == group[(cells == 0).all(axis=1)]]
-    guess = unrolled(layer, lattice.centres(cells), start, direction, 2 * lattice.pitch)
+    guess = unrolled(layer, lattice, cells, start, direction)
     return FlatMap(layer, lattice.centres(cells), *at_rest(layer, lattice, cells, *guess))

@@ -16,7 +16,7 @@ MOST_STEPS = 30
 RISE = 1.01
 # Ties that are off by less, in parameters or radians, are kept.
 KEPT = 1e-6
-# A step that moves no node by more than this share of the pitch is the last.
+# Where nothing else is said, a step that moves no node by more than this share of the pitch is the last.
 SETTLED = 1e-4
 
 
@@ -56,7 +56,9 @@ class Ties:
         return np.append(off, ((points[self.turning] - points[self.pin] - self.ways) * self.sides).sum())
 
 
-def relax(surface: BSplineSurface, net: Net, uv: Array, ties: Ties, weights: Array | None = None) -> Array:
+def relax(
+    surface: BSplineSurface, net: Net, uv: Array, ties: Ties, weights: Array | None = None, settled: float = SETTLED
+) -> Array:
     """Newton's method on the parameters of the nodes until their strains have the least sum of squares.
 
     A step that raises the sum much, and not to keep the ties, is taken back, and the next one leaves the strains' own
@@ -68,6 +70,8 @@ def relax(surface: BSplineSurface, net: Net, uv: Array, ties: Ties, weights: Arr
         A first guess.
     weights : array, shape (e,), optional
         Of the strain of each pair.
+    settled : float
+        A step that moves no node by more than this share of the pitch is the last.
 
     Returns
     -------
@@ -112,7 +116,7 @@ def relax(surface: BSplineSurface, net: Net, uv: Array, ties: Ties, weights: Arr
                 "surface, or lay the skin elsewhere"
             )
         x = x + step
-        if np.linalg.norm(np.matmul(step[:, None], basis)[:, 0], axis=1).max() < SETTLED * net.pitch:
+        if np.linalg.norm(np.matmul(step[:, None], basis)[:, 0], axis=1).max() < settled * net.pitch:
             break
     return x
 

@@ -16,17 +16,23 @@ from .landmarks import Goal, Landmark
 from .lattice import SheetLattice
 from .net import Net, grid_net
 from .offset import offset_surface
-from .relax import Ties, relax
+from .relax import SETTLED, Ties, relax
 from .ties import pinned, row_axis
 
 # A first guess that lies beyond an edge by this share of the surface will not come back.
 FAR = 0.5
 # Of a sheet that is trimmed, weight of the strains beyond the edges of the surface.
 BEYOND = 1e-3
+# Rounds in which a sheet comes to rest, and by how much of its pitch its pinned node may still move in the last.
+ROUNDS, MOVED = 4, 0.01
+# Moves that end the rest of every second node: a share of the pitch.
+ROUGH = 0.01
 # Share of the surface by which a point on its edge may be beyond.
 ROUNDING = 1e-9
 # Geodesics of a first guess have points no nearer than this share of the surface's size: they turn slowly.
 STEP = 0.1
+# Where they turn by more than this from one to the next [rad], the parameters between them are not told by cubics.
+BEND = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +93,7 @@ def wrap_sheet(
     else:
         pin = (1, 1) if origin is not None else (lattice.rows, lattice.columns)
     start = np.array((0.5, 0.5)) if origin is None else footpoints(surface, np.asarray(origin, float)[None])[0][0]
-    along, step = row_axis(layer, start, direction), max(2 * max(lattice.pitch), STEP * size_of(surface))
+    along, step = row_axis(layer, start, direction), guess_step(layer, max(lattice.pitch))
 
     def by_direction(net: Net, uv: Array) -> Ties:
         return pinned(layer, net, uv, row_axis(layer, uv[net.pin], direction), centre=origin is None)
@@ -120,17 +126,22 @@ def settle(
 ) -> Array:
     """Bring the nodes to rest: every second of them, the pinned one among them, and then all, shape (a, b, 2)."""
 
-    def rest(net: Net, uv: Array) -> Array:
+    def rest(net: Net, uv: Array, settled: float = SETTLED) -> Array:
         weights = None
         if trim:
             weights = np.where(on_surface(layer, uv)[net.pairs].any(axis=1), 1.0, BEYOND)
-        return relax(layer, net, uv, hold(net, uv), weights)
+        for _ in range(ROUNDS):
+            before, uv = uv[net.pin], relax(layer, net, uv, hold(net, uv), weights, settled)
+            # Where a centred sheet has moved, its direction is another.
+            if np.linalg.norm(np.diff(layer.points([before, uv[net.pin]]), axis=0)) < MOVED * net.pitch:
+                break
+        return uv
 
     first = (pin[0] % 2, pin[1] % 2)
     sparse = uv[first[0] :: 2, first[1] :: 2]
-    if min(sparse.shape[:2]) > 1:
+    if min(sparse.shape[:2]) > 1 and layer.sharpest * min(lattice.pitch) < BEND:
         net = grid_net(sparse.shape[:2], (2 * lattice.step[0], 2 * lattice.step[1]), (pin[0] // 2, pin[1] // 2))
-        uv = between(rest(net, sparse.reshape(-1, 2)).reshape(sparse.shape), first, lattice.node_shape)
+        uv = between(rest(net, sparse.reshape(-1, 2), ROUGH).reshape(sparse.shape), first, lattice.node_shape)
     return rest(grid_net(lattice.node_shape, lattice.step, pin), uv.reshape(-1, 2)).reshape(uv.shape)
 
 
@@ -142,6 +153,11 @@ def between(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
         spline = make_interp_spline(known, uv, k=3 if n > 3 else 1, axis=axis)
         uv = spline(np.arange(shape[axis]))
     return uv
+
+
+def guess_step(surface: BSplineSurface, pitch: float) -> float:
+    """How far apart points on the geodesics of a first guess may be for those between them to lie near [m]."""
+    return min(max(2 * pitch, STEP * size_of(surface)), max(pitch / 2, BEND / max(surface.sharpest, 1e-9)))
 
 
 def size_of(surface: BSplineSurface) -> float:

@@ -268,7 +268,7 @@ def test_closure_of_a_helix_has_a_step(hand):
     sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), lattice, None, (0, np.cos(climb), np.sin(climb)))
     found = closure(sheet)
     assert_allclose(found.gaps, around * np.cos(climb) - 0.21, rtol=0, atol=3e-4)
-    sign = -1 if hand == "right" else 1
+    sign = 1 if hand == "right" else -1  # opposite of the x axis the next row of a right-handed sheet lies below
     assert_allclose(found.steps, sign * around * np.sin(climb), rtol=0, atol=3e-4)
 
 
