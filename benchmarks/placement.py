@@ -1,0 +1,166 @@
+"""Placement: where the cells of a sheet lie and how long it takes to tell, beside the paper's rule and equal arcs.
+
+Truth is the exact unrolling of a cylinder and of two cones; on the wrist sample, bent both ways and scaled by 1.18, it
+is the sheet's own lattice four times as fine. Sheets are the paper's: 6 x 22 cells of 10 mm.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from links import has_shapes
+from measure import timed
+from stability import wrist_link
+
+from skin_calib_addon.geometry import Axis, BSplineSurface, TriangleMesh, TubeGrid, fit_surface, weld
+from skin_calib_addon.skin import SheetLattice, WrappedSheet, wrap_sheet
+
+ROWS, COLUMNS, PITCH = 6, 22, 0.01
+SHEET = SheetLattice(ROWS, COLUMNS, (PITCH, PITCH))
+LENGTH = 0.16  # of the tubes [m]
+TUBES = {"cylinder 35 mm": (0.035, 0.035), "cone 4.3 degrees": (0.042, 0.030), "cone 11.3 degrees": (0.058, 0.026)}
+WRIST_SCALE = 1.18
+GRID = TubeGrid(20, 60, margin=1e-4)
+Z_AXIS = Axis((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to place 132 cells on one surface."""
+
+    surface: str
+    method: str
+    mean: float  # [mm] off the truth
+    max: float  # [mm]
+    milliseconds: float
+
+
+def measure(repeats: int) -> Iterator[Row]:
+    """All rows."""
+    for name, ends in TUBES.items():
+        mesh = tube(*ends)
+        for kind, chords in (("facets", False), ("facets as chords", True)):
+            surface = fit_surface(mesh, TubeGrid(20, 60, Z_AXIS, 1e-4), chords=chords).surface
+            yield from rows(f"{name}, {kind}", surface, lambda s, e=ends: unrolled(s, e), repeats)
+    if has_shapes():
+        mesh = wrist_link().mesh
+        surface = fit_surface(weld(WRIST_SCALE * mesh.vertices, mesh.faces), GRID).surface
+        yield from rows("wrist x 1.18", surface, finer, repeats)
+
+
+def rows(name: str, surface: BSplineSurface, truth: Callable[[WrappedSheet], Array], repeats: int) -> Iterator[Row]:
+    """Every method on one surface; each is held against the truth from the same middle and direction."""
+    sheet = wrap_sheet(surface, SHEET, None, (0, 1, 0))
+    exact = truth(sheet)
+    for method, place in METHODS.items():
+        found, milliseconds = timed(lambda place=place: place(surface), repeats)
+        off = 1e3 * np.linalg.norm(found - exact, axis=1)
+        yield Row(name, method, float(off.mean()), float(off.max()), milliseconds)
+
+
+def ours(surface: BSplineSurface) -> Array:
+    """Least strain."""
+    return surface.points(wrap_sheet(surface, SHEET, None, (0, 1, 0)).uv[1::2, 1::2].reshape(-1, 2))
+
+
+def paper_rule(surface: BSplineSurface) -> Array:
+    """The paper's rule at its best: cells at equal steps of the parameters about the middle, as long as the sheet is.
+
+    As the paper has it, S(k / 6, l / 22) covers the whole surface and takes corners for centres; here the steps are
+    those of the sheet, and the cells' own centres are meant.
+    """
+    middle = surface.derivatives(np.array([[0.5, 0.5]]))
+    steps = PITCH / np.linalg.norm(middle[(1, 0), (0, 1), 0], axis=1)
+    return surface.points(0.5 + cells_about_the_middle() * steps * facing(surface))
+
+
+def equal_arcs(surface: BSplineSurface) -> Array:
+    """Equal lengths along the curve v = 1/2, and from there along each curve of constant u."""
+    fine = np.linspace(0, 1, 2001)
+    sign = facing(surface)
+    along_u = arcs(surface.points(np.column_stack((fine, np.full_like(fine, 0.5)))))
+    u = np.interp(along_u[1000] + sign[0] * (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH, along_u, fine)
+    places = []
+    for height in u:
+        round_ = np.column_stack((np.full_like(fine, height), fine))
+        along_v = arcs(surface.points(round_))
+        wanted = along_v[1000] + sign[1] * (np.arange(COLUMNS) - (COLUMNS - 1) / 2) * PITCH
+        turns = np.floor(wanted / along_v[-1])
+        places.append(surface.points(np.column_stack((
+            np.full(COLUMNS, height), turns + np.interp(wanted - turns * along_v[-1], along_v, fine)
+        ))))  # fmt: skip
+    return np.concatenate(places)
+
+
+def arcs(points: Array) -> Array:
+    """Lengths from the first of many points along them."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+
+
+def cells_about_the_middle() -> Array:
+    """Row and column of each cell from the middle of the sheet, shape (132, 2)."""
+    i, j = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
+    return np.column_stack((i - (ROWS - 1) / 2, j - (COLUMNS - 1) / 2))
+
+
+def facing(surface: BSplineSurface) -> Array:
+    """Whether rows along y, and the rows after them, run with the parameters (1) or against them (-1): u, v."""
+    r = surface.derivatives(np.array([[0.5, 0.5]]))
+    normal = np.cross(r[1, 0, 0], r[0, 1, 0])
+    row = np.array((0, 1.0, 0))
+    return np.sign((np.cross(normal, row) @ r[1, 0, 0], row @ r[0, 1, 0]))
+
+
+METHODS = {
+    "ours": ours,
+    "equal arc lengths": equal_arcs,
+    "paper's rule": paper_rule,
+}
+
+
+def tube(bottom: float, top: float, around: int = 96, along: int = 49) -> TriangleMesh:
+    """A tube about z whose radius goes from ``bottom`` to ``top``."""
+    height, angle = np.meshgrid(np.linspace(0, 1, along), 2 * np.pi * np.arange(around) / around, indexing="ij")
+    radius = bottom + (top - bottom) * height
+    points = np.stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * height), axis=-1).reshape(-1, 3)
+    i, j = (k.ravel() for k in np.indices((along - 1, around)))
+    a, b = i * around + j, i * around + (j + 1) % around
+    faces = np.concatenate((np.column_stack((a, b, b + around)), np.column_stack((a, b + around, a + around))))
+    return weld(points, faces)
+
+
+def unrolled(sheet: WrappedSheet, ends: tuple[float, float]) -> Array:
+    """Exact places of the cells on a cone about z, from where the sheet has its middle, with rows along y."""
+    bottom, top = ends
+    x, y, height = sheet.surface.points(sheet.uv[ROWS, COLUMNS][None])[0]
+    start, slope = np.arctan2(y, x), np.arctan((bottom - top) / LENGTH)
+    radius = bottom + (top - bottom) * height / LENGTH
+    round_ = np.array((-np.sin(start), np.cos(start), 0))
+    up = np.array((-np.sin(slope) * np.cos(start), -np.sin(slope) * np.sin(start), np.cos(slope)))
+    along = np.array((0, 1.0, 0))
+    heading = np.arctan2(along @ up, along @ round_)
+    i, j = cells_about_the_middle().T * PITCH
+    a = np.cos(heading) * j - np.sin(heading) * i
+    b = np.sin(heading) * j + np.cos(heading) * i
+    if slope == 0:
+        turn, far, z = a / radius, np.full_like(a, radius), height + b
+    else:
+        tip = radius / np.sin(slope)
+        reach, turn = np.hypot(a, tip - b), np.arctan2(a, tip - b) / np.sin(slope)
+        far, z = reach * np.sin(slope), height + (tip - reach) * np.cos(slope)
+    return np.column_stack((far * np.cos(start + turn), far * np.sin(start + turn), z))
+
+
+def finer(sheet: WrappedSheet) -> Array:
+    """Centres of the same cells in a lattice four times as fine."""
+    fine = SheetLattice(4 * ROWS, 4 * COLUMNS, (PITCH / 4, PITCH / 4))
+    uv = wrap_sheet(sheet.surface, fine, None, (0, 1, 0)).uv[4::8, 4::8]
+    return sheet.surface.points(uv.reshape(-1, 2))
+
+
+def table(rows: list[Row]) -> str:
+    """What was measured, in columns."""
+    lines = ["surface                              method                      mean mm    max mm       ms"]
+    lines += [f"{r.surface:36} {r.method:24} {r.mean:10.4f} {r.max:9.4f} {r.milliseconds:8.1f}" for r in rows]
+    return "\n".join(lines)
