@@ -283,6 +283,13 @@ def test_each_place_that_breaks_the_schema_is_found(pointer, value, where, messa
     assert message in finding.message
 
 
+@pytest.mark.parametrize("cells", ["fill", "all", [[0, 0], [1, -1]], None])
+def test_boards_are_chosen_in_three_ways(cells):
+    """By filling, all that fit, or one by one; what is none of these is told, not tripped over."""
+    findings = check_plan(WHOLE | {"skins": [{"name": "sole", "kind": "hexagons", "cells": cells}]})
+    assert [(f.pointer, f.code) for f in findings] == ([] if cells else [("/skins/0/cells", "type")])
+
+
 def test_all_findings_come_at_once():
     """Three mistakes in one plan, three findings."""
     document = changed("/unit", "inch")
