@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ..arrays import Array
-from ..errors import OutsideSurface
+from ..errors import InvalidPlan, OutsideSurface
 from ..geometry.bspline import BSplineSurface
 from ..geometry.distance import footpoints
 from ..geometry.fit import SurfaceFit
@@ -86,22 +86,23 @@ def lay_boards(
         placement = fill(region, lattice, np.zeros(2), 0.0)
     else:
         placement = Placement(lattice, np.zeros(2), 0.0, np.array(choice))
-    while True:
-        cells = placement.cells
-        uv, tangents = at_rest(layer, lattice, cells, *to_flat.at(placement.centres, placement.angle))
-        inside = on_surface(layer, uv)
-        out = overhangs(region, placement, to_flat(layer.points(uv), uv))
-        if isinstance(choice, str):
-            inside &= out <= LIP
-        if inside.all():
-            return WrappedBoards(surface, offset, lattice, cells, uv, tangents), out
-        if not isinstance(choice, str):
+    guess = to_flat.at(placement.centres, placement.angle)
+    boards = WrappedBoards(surface, offset, lattice, placement.cells, *at_rest(layer, lattice, placement.cells, *guess))
+    out = overhangs(region, placement, to_flat(layer.points(boards.uv), boards.uv))
+    inside = on_surface(layer, boards.uv)
+    if not isinstance(choice, str):
+        if not inside.all():
             raise OutsideSurface(
-                f"board {cells[~inside][0].tolist()} lies beyond the edge of the surface, the first of "
+                f"board {placement.cells[~inside][0].tolist()} lies beyond the edge of the surface, the first of "
                 f"{np.count_nonzero(~inside)}; leave it out, or move the origin"
             )
-        # On a surface bent both ways the boards keep their pitch and leave their flat places: the worst goes.
-        placement = replace(placement, cells=cells[np.arange(len(cells)) != np.where(inside, out, np.inf).argmax()])
+        return boards, out
+    # On a surface bent both ways boards keep their pitch and leave their flat places: what sticks out goes.
+    inside &= out <= LIP
+    if not inside.any():
+        raise InvalidPlan("no board fits on this surface, which is bent too much for them; take smaller ones")
+    kept = replace(boards, cells=boards.cells[inside], uv=boards.uv[inside], tangents=boards.tangents[inside])
+    return kept, out[inside]
 
 
 def rooted(placement: Placement) -> Placement:

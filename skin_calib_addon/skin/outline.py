@@ -11,12 +11,12 @@ from scipy.spatial import cKDTree
 
 from ..arrays import Array, BoolArray, IntArray, unit
 from ..geometry.bspline import BSplineSurface
-from ..geometry.distance import footpoints, split_faces
+from ..geometry.distance import footpoints
 from ..geometry.fit import SurfaceFit
 from ..geometry.mesh import TriangleMesh
 
-# The outline is followed in steps of this share of the size of the mesh; faces are looked at in pieces of twice that,
-# and are met where no ray next to a piece ends further from it than a step.
+# The outline is followed in steps of this share of the size of the mesh; a face between the rays is met where the ray
+# next to it ends within such a step.
 STEP = 0.01
 # Cosine of the angle that a face of the surface may have with it, and rays in each direction that look for faces.
 FACING, RAYS = 0.5, 200
@@ -144,24 +144,28 @@ def _border(surface: BSplineSurface, middle: float) -> Polyline:
 
 
 def _outermost(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolArray:
-    """Which faces the rays of the fit meet, in part at least, and look the surface's way."""
-    points, face, _ = split_faces(fit.mesh, 2 * step)
-    uv, _ = footpoints(surface, points)
-    normals = surface.normals(uv)
-    height = ((points - surface.points(uv)) * normals).sum(axis=1)
-    # A face behind another is not met: there the ray next to it ends higher.
-    spans = min(size - degree for size, degree in zip(fit.offsets.shape, surface.degree))
-    met = fit.resampled(-(-RAYS // spans))[1].residuals
+    """Which faces the rays of the fit meet, or would if they were not too small, and look the surface's way."""
+    mesh, spans = fit.mesh, min(size - degree for size, degree in zip(fit.offsets.shape, surface.degree))
+    samples = fit.resampled(-(-RAYS // spans))[1]
+    met = samples.residuals
+    known = ~np.isnan(met)
+    faces = samples.faces[known]
+    # A face between the rays counts where the ray next to its middle ends at its height, not before it.
+    small = np.setdiff1d(np.arange(len(mesh.faces)), faces)
+    centres = mesh.triangles[small].mean(axis=1)
+    uv, _ = footpoints(surface, centres)
+    height = ((centres - surface.points(uv)) * surface.normals(uv)).sum(axis=1)
     (k, l), closed = met.shape, surface.closed[1]
     row = np.clip(np.rint(uv[:, 0] * (k - 1)), 0, k - 1).astype(int)
     column = np.rint(uv[:, 1] * (l if closed else l - 1)).astype(int) % l
     beside = np.abs(height - met[row, column]) < step
-    beside &= (normals * fit.mesh.face_normals[face]).sum(axis=1) > FACING
     for axis in (0, 1):
         if not surface.closed[axis]:
             beside &= (uv[:, axis] > 0) & (uv[:, axis] < 1)
-    chosen = np.zeros(len(fit.mesh.faces), bool)
-    chosen[face[beside]] = True
+    sites = np.stack(np.meshgrid(np.linspace(0, 1, k), np.linspace(0, 1, l, endpoint=not closed), indexing="ij"), -1)
+    chosen = np.zeros(len(mesh.faces), bool)
+    for face, place in ((faces, sites[known]), (small[beside], uv[beside])):
+        chosen[face[(surface.normals(place) * mesh.face_normals[face]).sum(axis=1) > FACING]] = True
     return chosen
 
 

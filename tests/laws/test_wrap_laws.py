@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry import BSplineSurface, TubeGrid, fit_surface
-from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin import HexLattice, SheetLattice, sheet_taxels, wrap, wrap_sheet
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, cone_surface, cylinder, weld, wrist, wrist_surface
 
 seeds = st.integers(0, 2**32 - 1)
@@ -136,3 +136,37 @@ def test_taxels_are_the_same_again(weld_again):
     for name in ("positions_link", "normals_link", "tangents_link", "corners_link", "areas", "uv"):
         a, b = (getattr(t, name) for t in found)
         assert a.tobytes() == b.tobytes()
+
+
+@settings(max_examples=4)
+@given(seed=seeds, scale=st.floats(0.3, 3))
+def test_moving_the_surface_moves_the_boards(seed, scale):
+    """The same boards, in the moved place, as well as before."""
+    motion, surface = Motion(seed, scale), wrist_surface()
+    moved = BSplineSurface(
+        motion.points(surface.control_net), surface.knots_u, surface.knots_v, surface.degree, surface.closed
+    )
+    origin, direction = surface.points([[0.5, 0.3]])[0], (0.1, 1, 0.1)
+    here = wrap(surface, HexLattice(0.008, 0.0), origin, direction, cells="all")
+    there = wrap(
+        moved, HexLattice(0.008 * scale, 0.0), motion.points(origin), motion.directions(direction), cells="all"
+    )
+    assert here.ids == there.ids and here.neighbours == there.neighbours
+    assert_allclose(there.positions_link, motion.points(here.positions_link), rtol=0, atol=2e-7 * scale)
+    assert_allclose(there.normals_link, motion.directions(here.normals_link), rtol=0, atol=1e-5)
+    assert_allclose(there.corners_link, motion.points(here.corners_link), rtol=0, atol=1e-6 * scale)
+    for name in ("gap", "pitch_error"):
+        assert_allclose(there.quality[name], here.quality[name] * scale, rtol=0, atol=1e-6 * scale)
+
+
+def test_mirrored_surface_has_the_mirrored_boards():
+    """Rows along the mirror: each board has its image, on the other side of the root's row."""
+    origin = wrist_surface().points([[0.5, 0.3]])[0]
+    here, there = (
+        wrap(surface, HexLattice(0.008, 0.0), origin * sign, (0, 1, 0), cells="all")
+        for surface, sign in ((wrist_surface(), (1, 1, 1)), (mirrored(wrist_surface()), (-1, 1, 1)))
+    )
+    image = {(q + r, -r): i for i, (q, r) in enumerate(here.index.tolist())}
+    order = [image[tuple(cell)] for cell in there.index.tolist()]
+    assert sorted(order) == list(range(len(here.ids)))
+    assert_allclose(there.positions_link, here.positions_link[order] * (-1, 1, 1), rtol=0, atol=1e-6)

@@ -1,0 +1,86 @@
+"""Skins on real robot links; they are not part of the project, so the tests run where the data lies."""
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.errors import InvalidPlan, SkinCalibError
+from skin_calib_addon.geometry import AcrossGrid, AutoGrid, CoverSpec, TubeGrid, cut_cover, fit_grid, load_mesh
+from skin_calib_addon.geometry.distance import MeshDistance
+from skin_calib_addon.skin import HexLattice, SheetLattice, board_taxels, lay_boards, sheet_taxels, wrap_sheet
+from tests.real.test_real_links import DATA, FACES, MESHES, fit_of
+
+pytestmark = pytest.mark.skipif(not MESHES, reason=f"no real links here: {DATA} has no STL file")
+
+# Links without room for a board of 2 cm: pins all over a palm, and a fit of a narrow ring between openings.
+CROWDED = {"g1_left_palm_force_sensor", "talos_arm_5_forearm"}
+NEAR = 0.5e-3  # [m] a taxel nearer to the mesh has its nearest face under it
+
+
+def flipped(taxels, fit, path):
+    """Taxels over the mesh whose normal looks into it."""
+    trusted = fit.is_trusted(taxels.uv)
+    if path.stem in FACES:  # with walls and edges beside the surface, the author's direction is what counts
+        looks = taxels.normals_link @ FACES[path.stem]
+    else:
+        distance, face, _ = MeshDistance(fit.mesh)(taxels.positions_link)
+        trusted &= distance < NEAR
+        looks = (taxels.normals_link * fit.mesh.face_normals[face]).sum(axis=1)
+    return trusted, trusted & (looks <= 0)
+
+
+def sheet_on(fit):
+    """A sheet over the middle, without the cells that fall off."""
+    direction = fit.surface.derivatives(np.array([[0.5, 0.5]]))[0, 1, 0]
+    return sheet_taxels(wrap_sheet(fit.surface, SheetLattice(8, 12, (0.005, 0.005)), None, direction, trim=True), "s")
+
+
+def boards_on(fit):
+    """All boards that fit."""
+    boards, overhang = lay_boards(fit.surface, HexLattice(0.01, 0.0), "all", None, None, fit=fit)
+    return board_taxels(boards, "b", overhang=overhang)
+
+
+@pytest.mark.parametrize("lay", [sheet_on, boards_on])
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_no_normal_of_a_real_link_is_flipped(path, lay):
+    """A sheet, and boards over as much of each link as they find: every taxel over the mesh looks out of it."""
+    _, fit = fit_of(path)
+    if isinstance(fit, SkinCalibError):
+        pytest.skip(f"no surface to lay a skin on: {fit}")
+    if lay is boards_on and path.stem in CROWDED:
+        with pytest.raises(InvalidPlan, match="no board with sides of 10 mm fits in the region"):
+            lay(fit)
+        return
+    taxels = lay(fit)
+    normals, tangents = taxels.normals_link, taxels.tangents_link
+    assert np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-12
+    frames = np.stack((tangents, np.cross(normals, tangents), normals), axis=1)
+    np.testing.assert_allclose(np.linalg.det(frames), 1, rtol=1e-12)
+    counted, wrong = flipped(taxels, fit, path)
+    assert not wrong.any(), [taxels.ids[i] for i in np.flatnonzero(wrong)]
+    assert np.count_nonzero(counted) > 5
+
+
+@pytest.mark.parametrize("stem", ["g1_left_ankle_roll_foot", "hrp4c_r_ankle_r_foot"])
+def test_foot_soles_are_filled(stem):
+    """More boards than the lattice as it lies, within half a millimetre of the mesh's edges and holes."""
+    path = DATA / f"{stem}.stl"
+    if not path.exists():
+        pytest.skip(f"no {path.name} here")
+    fit, lattice = fit_of(path)[1], HexLattice(0.0163, 0.0)
+    filled, overhang = lay_boards(fit.surface, lattice, "fill", None, (1, 0, 0), fit=fit)
+    plain, _ = lay_boards(fit.surface, lattice, "all", None, (1, 0, 0), fit=fit)
+    assert len(filled.cells) > len(plain.cells) and overhang.max() <= 5e-4
+
+
+@pytest.mark.parametrize("grid", [TubeGrid(8, 20), AutoGrid(1e-4)])
+def test_thin_sheet_asks_for_its_side(grid):
+    """The force sensor of a palm, 2 mm thick: which side carries the skin is the author's to say."""
+    path = DATA / "g1_left_palm_force_sensor.stl"
+    if not path.exists():
+        pytest.skip(f"no {path.name} here")
+    cover = cut_cover(load_mesh(path), CoverSpec())
+    with pytest.raises(InvalidPlan, match='thin sheet, 2.0 mm thick .* with two sides: .* "normal"'):
+        fit_grid(cover, grid, (3, 3))
+    fit = fit_grid(cover, AcrossGrid(8, 8, (0, 0, 1)), (3, 3))
+    assert (fit.surface.normals(np.random.default_rng(0).random((200, 2)))[:, 2] > 0.5).all()
