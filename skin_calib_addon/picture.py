@@ -20,6 +20,11 @@ QUADS = (60, 120)  # how finely a surface is drawn, along u and v
 LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # from the viewer's right and above
 NORMAL_LENGTH = 0.006  # [m]
 PLAIN = np.array((0.78, 0.80, 0.83))
+# What colours the cells, the first that there is: name, scale, least end of the bar, label.
+SHOWN = (
+    ("strain", 100.0, 0.1, "strain of the cell [%]"),
+    ("gap", 1e3, 0.1, "height of corners, or of the taxel [mm]"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,18 +144,17 @@ class _ErrorPanel(_Panel):
 
 
 class _TaxelPanel(_Panel):
-    unit = "strain of the cell [%]"
-
     def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array):
         self.taxels = [p.taxels for p in calibration.patches]
         self.title = f"{sum(len(t.ids) for t in self.taxels)} taxels and their normals"
-        strains = [
-            100 * np.abs(t.quality.get("strain", np.zeros((len(t.ids), 2)))[:, :2]).max(axis=1) for t in self.taxels
-        ]
-        scale = self.scale("viridis", max(0.1, *(float(s.max()) for s in strains)) if strains else 0.1)
+        shown = {name for t in self.taxels for name in t.quality}
+        name, scale, least, self.unit = next((q for q in SHOWN if q[0] in shown), SHOWN[0])
+        values = [scale * np.abs(t.quality.get(name, np.zeros((len(t.ids), 1)))) for t in self.taxels]
+        values = [v.reshape(len(v), -1)[:, :2].max(axis=1) for v in values]
+        colours = self.scale("viridis", max(least, *(float(v.max()) for v in values)) if values else least)
         self.layers = [(quads, normals, PLAIN, None)]
-        for t, strain in zip(self.taxels, strains):
-            self.layers.append((t.corners_link, t.normals_link, scale.to_rgba(strain)[:, :3], "white"))
+        for t, v in zip(self.taxels, values):
+            self.layers.append((t.corners_link, t.normals_link, colours.to_rgba(v)[:, :3], "white"))
 
     def decorate(self, axis: Any, camera: Camera) -> None:
         for t in self.taxels:

@@ -131,7 +131,9 @@ def _map_of(
         lattice = HexLattice(size / NODES / np.sqrt(3), 0.0)
     grid = layer.grid_points(np.linspace(0, 1, 33), np.linspace(0, 1, 33))
     length, breadth = (float(np.linalg.norm(np.diff(grid, axis=k), axis=2).sum(axis=k).max()) for k in (0, 1))
-    reach = float(np.hypot(length, breadth))
+    reach = float(np.hypot(length, breadth / 2 if layer.closed[1] else breadth))
+    if fit is not None:  # a surface may go far astray where it has no mesh
+        reach = min(reach, (2.0 if layer.closed[1] else 1.0) * fit.mesh.size)
     count = int(np.ceil(reach / lattice.row_step)) + 1
     r, q = np.indices((2 * count + 1, 2 * count + 1)).reshape(2, -1) - count
     cells = np.column_stack((q, r))
