@@ -12,8 +12,8 @@ from .rays import TURN, RayCaster
 from .sections import Sections, cut_sections
 
 
-# What is thinner than this share of its width is no tube.
-THIN = 0.15
+# What is thinner than this share of its width, with as much of its area on each side, has two sides and is no tube.
+THIN, SIDE = 0.15, 0.25
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,8 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
     spread = np.einsum("f,fi,fj->ij", areas, normals, normals)
     axes = np.linalg.eigh(spread)[1]
     thickness, width = np.sort(np.ptp(mesh.vertices @ axes, axis=0))[:2]
-    if thickness < THIN * width:
+    facing = normals @ axes[:, 2]
+    if thickness < THIN * width and min(areas[facing > 0].sum(), areas[facing < 0].sum()) > SIDE * areas.sum():
         x, y, z = np.round(axes[:, 2], 2) + 0.0
         raise InvalidPlan(
             f"the mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, with two sides: say "
