@@ -25,7 +25,7 @@ MOST_PASSES = 10
 SETTLED = 3e-4
 # Passes end where the misfit has grown by this factor over the least: the section is no fan about its centre.
 WORSE = 1.2
-CHORD_ROUNDS = 2
+CHORD_ROUNDS = 3
 STIFF_PASSES = 2
 # With more samples missing than this, the surface would be made up rather than fitted.
 LARGEST_GAP = 0.5

@@ -182,11 +182,12 @@ def test_planes_through_rows_of_a_sheet_miss_nothing():
 
 
 @pytest.mark.parametrize(
-    ("around", "lines", "error"), [(12, 12, 3e-5), (12, 16, 3e-5), (24, 12, 4e-6), (24, 20, 2e-6), (48, 24, 1e-6)]
+    ("around", "lines", "error"),
+    [(12, 12, 5e-6), (12, 14, 5e-6), (12, 16, 1.2e-6), (24, 12, 4e-6), (24, 20, 6e-7), (48, 24, 4e-7)],
 )
 def test_regular_tube_is_round_by_its_chords(around, lines, error):
     """Corners on a cylinder of 35 mm, facets 1.2, .3 and .07 mm inside of it: with chords the cylinder is found to what
-    the fourth power of the facets' angles leaves, as II is a parabola and not a circle."""
+    so many lines can carry (2.3 µm for 12 of them) and a few rounds leave."""
     fit = fit_surface(cylinder(around=around), TubeGrid(6, lines, Z_AXIS, 0.004, "uniform"), chords=True)
     radius = np.linalg.norm(fit.surface.points(UV)[:, :2], axis=1)
     assert np.abs(radius - RADIUS).mean() < error
