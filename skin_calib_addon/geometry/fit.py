@@ -251,6 +251,7 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
         offsets = offsets + basis.solve(samples.residuals + gaps, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         passes += 1
+    check_coverage(lines, basis, samples.residuals)  # the rays have moved with the surface
     surface = surface_at(lines, basis, offsets)
     return SurfaceFit(mesh, lines, basis, offsets, surface, samples, passes, settled, noise)
 

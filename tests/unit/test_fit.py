@@ -7,6 +7,8 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.errors import EmptySection, UnderdeterminedFit
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry import fit as fit_module
+from skin_calib_addon.geometry.basis import TensorBasis
+from skin_calib_addon.geometry.samples import SampleRows
 from tests.oracles import best_step, cast_on_mesh, distance_to_mesh
 from tests.shapes import (
     LENGTH,
@@ -286,6 +288,19 @@ def test_mesh_that_is_mostly_missing_is_refused():
     with pytest.raises(EmptySection, match=r"5\d% of the sample rays meet no mesh") as caught:
         fit_surface(stripes, TubeGrid(12, 12, Z_AXIS, 0.002))
     assert 0.5 < caught.value.numbers["missing"] < 0.6
+
+
+def test_mesh_that_is_mostly_missing_at_the_last_is_refused():
+    """Every other face at random: the first rays meet just more than half, those through the fitted surface less."""
+    mesh = wrist()
+    torn = weld(mesh.vertices, mesh.faces[np.random.default_rng(56).random(len(mesh.faces)) > 0.5])
+    grid = TubeGrid(6, 14, Z_AXIS, 0.004, "uniform")
+    lines = grid.line_grid(torn)
+    basis = TensorBasis.of(lines, 3, 3)
+    first = SampleRows.of(torn, lines, basis).cast(basis.blend(torn.size * lines.directions))
+    assert np.isnan(first.residuals).mean() < 0.5
+    with pytest.raises(EmptySection, match="51% of the sample rays meet no mesh"):
+        fit_surface(torn, grid)
 
 
 def test_fit_keeps_what_it_was_made_from():
