@@ -8,7 +8,7 @@ import numpy as np
 from ..arrays import Array, BoolArray, IntArray
 from ..deviation import DistanceStatistics, SurfaceErrors
 from ..errors import EmptySection, PoorFit, millimetres
-from .basis import TensorBasis
+from .basis import SITES_PER_SPAN, TensorBasis
 from .bspline import BSplineSurface, greville
 from .chords import chord_gaps
 from .diagnosis import condition, doubts, dropped_loops, furthest
@@ -18,7 +18,7 @@ from .lines import LineGrid
 from .mesh import TriangleMesh
 from .planes import Planes
 from .samples import RaySamples, SampleRows
-from .smoothing import best_stiffness
+from .smoothing import best_stiffness, looks_noisy, sites_for_noise
 
 MOST_PASSES = 10
 # The pass that moves no control point by more than this share of the mesh's size is the last: the next moves a tenth.
@@ -246,7 +246,9 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
         if misfit_of(lifted_samples.residuals + lift) > misfit_of(samples.residuals + gaps):
             break  # a smooth surface through the corners would fit better than one through the facets, not worse
         offsets, samples, gaps = lifted, lifted_samples, lift
-    stiffness, noise = best_stiffness(mesh, basis, samples.residuals + gaps, offsets, samples.faces)
+    stiffness = noise = 0.0
+    if looks_noisy(mesh, samples, gaps, offsets.size):
+        stiffness, noise = best_stiffness(mesh, basis, samples, gaps, offsets)
     for _ in range(STIFF_PASSES if stiffness else 0):
         offsets = offsets + basis.solve(samples.residuals + gaps, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
@@ -273,6 +275,14 @@ def settle(
     samples : RaySamples
         Where the rays through the surface with these offsets met the mesh.
     gaps : array, shape (k, l), or 0
+    if settled and looks_noisy(mesh, samples, 0.0, offsets.size):
+        per_span = sites_for_noise(mesh, samples)
+        if per_span > SITES_PER_SPAN:
+            basis = TensorBasis.of(lines, *degree, per_span)
+            rows = SampleRows.of(mesh, lines, basis)
+            samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
+            offsets, samples, more, settled = settle(lines, basis, rows, offsets, samples)
+            passes += more
         How far out of the mesh the surface is to lie at each site [m].
 
     Returns

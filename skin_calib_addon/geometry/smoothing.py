@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from ..arrays import Array, IntArray
-from .basis import TensorBasis
+from ..arrays import Array
+from .basis import SITES_PER_SPAN, TensorBasis
 from .mesh import TriangleMesh
+from .samples import RaySamples
 
 # Residuals below this share of the mesh's size are facets of a good model: nothing is gained over them.
 FINEST = 3e-4
@@ -15,25 +16,58 @@ FEWEST_VERTICES = 3
 NORMAL = 0.55, 0.75
 # Stiffness must lower the expected error of prediction by this factor, or least squares stay as they are.
 GAIN = 0.98
+MOST_SITES = 9  # per span
 STIFFNESSES = np.logspace(-5, 4, 37)
 
 
+def looks_noisy(mesh: TriangleMesh, samples: RaySamples, gaps: Array | float, unknowns: int) -> bool:
+    """Whether what least squares leave looks like the error of a scan that is denser than the net.
+
+    Parameters
+    ----------
+    gaps : array, shape (k, l), or 0
+        How far out of the mesh the surface is to lie at each site [m].
+    unknowns : int
+        Control points.
+    """
+    known = ~np.isnan(samples.residuals)
+    size = np.abs((samples.residuals + gaps)[known])
+    rms = np.sqrt((size**2).mean())
+    if rms <= FINEST * mesh.size or not NORMAL[0] < np.median(size) / rms < NORMAL[1]:
+        return False
+    return vertices_met(mesh, samples) >= FEWEST_VERTICES * unknowns
+
+
+def sites_for_noise(mesh: TriangleMesh, samples: RaySamples) -> int:
+    """Sites per span, in each direction, that make about as many samples as the mesh has vertices there.
+
+    Fewer leave vertices out of the mean that takes the noise away.
+    """
+    met = int((~np.isnan(samples.residuals)).sum())
+    return min(int(np.ceil(SITES_PER_SPAN * np.sqrt(vertices_met(mesh, samples) / met))), MOST_SITES)
+
+
+def vertices_met(mesh: TriangleMesh, samples: RaySamples) -> int:
+    """How many vertices the faces have that rays met."""
+    return len(np.unique(mesh.faces[np.unique(samples.faces[~np.isnan(samples.residuals)])]))
+
+
 def best_stiffness(
-    mesh: TriangleMesh, basis: TensorBasis, residuals: Array, offsets: Array, faces: IntArray
+    mesh: TriangleMesh, basis: TensorBasis, samples: RaySamples, gaps: Array | float, offsets: Array
 ) -> tuple[float, float]:
-    """Stiffness of the net with the least generalised cross-validation (Craven and Wahba, 1979).
+    """Stiffness of the net with the least generalised cross-validation (Craven and Wahba, 1979), for a noisy scan.
 
     Samples that share facets share the noise of their corners. The mean of the facets over many vertices scatters as
     that of half as many independent samples of the facets would, so no more than those count.
 
     Parameters
     ----------
-    residuals : array, shape (k, l)
-        Of the least squares without stiffness [m]; NaN where a ray met nothing.
+    samples : RaySamples
+        Of the least squares without stiffness.
+    gaps : array, shape (k, l), or 0
+        How far out of the mesh the surface is to lie at each site [m].
     offsets : array, shape (n, m)
         Of the control points along their lines [m].
-    faces : array of int, shape (k, l)
-        That were met.
 
     Returns
     -------
@@ -42,15 +76,9 @@ def best_stiffness(
     noise : float
         Standard deviation of the mesh about the surface that it leaves [m]; 0 with it.
     """
-    known = ~np.isnan(residuals)
-    square = float((residuals[known] ** 2).sum())
-    rms = np.sqrt(square / known.sum())
-    if rms <= FINEST * mesh.size or not NORMAL[0] < np.median(np.abs(residuals[known])) / rms < NORMAL[1]:
-        return 0.0, 0.0
-    vertices = len(np.unique(mesh.faces[np.unique(faces[known])]))
-    if vertices < FEWEST_VERTICES * offsets.size:
-        return 0.0, 0.0
-    independent = min(int(known.sum()), vertices / 2)
+    known = ~np.isnan(samples.residuals)
+    square = float(((samples.residuals + gaps)[known] ** 2).sum())
+    independent = min(int(known.sum()), vertices_met(mesh, samples) / 2)
     amplitude, bend = basis.modes(offsets)
     damping = 1 / (1 + STIFFNESSES[:, None, None] * bend)  # of each mode, for each stiffness
     squares = square + (amplitude**2 * (1 - damping) ** 2).sum(axis=(1, 2))
