@@ -6,6 +6,7 @@ from ..arrays import IntArray
 from ..errors import millimetres
 from .basis import TensorBasis
 from .curves import curves
+from .distance import MeshDistance
 from .lines import LineGrid
 from .mesh import TriangleMesh
 from .samples import RaySamples, SampleRows
@@ -45,9 +46,16 @@ def nearest_names(lines: LineGrid, basis: TensorBasis, site: tuple[int, int]) ->
 
 
 def furthest(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> tuple[float, str]:
-    """Largest distance of a surface point from the plane of the facet that its ray met [m], and where it is."""
+    """Largest distance of a sample site's surface point from the mesh [m], and where it is.
+
+    To the plane of the facet that its ray met; where that is far, to the nearest facet: a ray that just misses a rim
+    meets what lies behind it.
+    """
     slope = np.abs((samples.rays * mesh.face_normals[samples.faces]).sum(axis=2))
     distance = np.abs(np.nan_to_num(samples.residuals)) * slope
+    far = distance > FAR * mesh.size
+    if far.any():
+        distance[far] = np.minimum(distance[far], MeshDistance(mesh)((samples.origins + samples.arms)[far])[0])
     site = np.unravel_index(np.argmax(distance), distance.shape)
     at = int(site[0]), int(site[1])
     return float(distance[at]), f"at {millimetres(samples.points[at])}, near {nearest_names(lines, basis, at)}"
