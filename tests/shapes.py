@@ -155,4 +155,4 @@ def plane_surface(width=0.1, depth=0.08):
 @cache
 def wrist_surface():
     """A fit of the wrist sample: doubly curved."""
-    return fit_surface(wrist(), TubeGrid(10, 20, margin=0.002)).surface
+    return fit_surface(wrist(), TubeGrid(10, 20, margin=0.002, spacing="uniform")).surface

@@ -11,20 +11,21 @@ from ..errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from .axis import Axis
 from .charts import Chart, chart_lines
 from .distance import MeshDistance, surface_samples
-from .fit import SurfaceFit, fit_lines, fit_surface
+from .fit import SurfaceFit, check_fit, fit_lines, fit_surface
 from .grids import AcrossGrid, Grid, SectorGrid, TubeGrid
 from .lines import LineGrid
 from .mesh import TriangleMesh
-from .spacing import line_places, plane_places
+from .spacing import guessed_lines, guessed_planes, moved_lines, moved_planes
 from .survey import Survey
 
-MOST_PLANES, MOST_LINES = 60, 160
-MOST_FITS, MORE_FITS, MOST_TARGETS = 8, 3, 30
+LARGEST = MOST_PLANES, MOST_LINES = 60, 160
+MOST_FITS, MORE_FITS, MOST_TARGETS, MOST_STEPS = 8, 3, 30, 8
+PROMISING = 3  # proportions of planes and lines that are tried, of those that are predicted
 CHECKED = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
 # A fit that uses this much of its tolerance is small enough, and so is one between targets as close as this.
 GOOD, CLOSE = 0.9, 1.05
 SAFETY = 1.05  # of distances to the planes of facets, which where facets meet are a little shorter than to the mesh
-PLAUSIBLE = 1.5  # a tolerance that the largest net is predicted to miss by more is not tried with it
+EASY = 2.0  # times the least predicted error, which a net of moderate size keeps
 HOPE = 1.1  # a prediction may be off by this factor
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 # What a mean and a largest error are of a root mean square, as a first guess; the first fit tells better.
@@ -70,22 +71,20 @@ class ErrorModel:
 
     def __init__(self, survey: Survey, degree: tuple[int, int]):
         self.survey, self.degree = survey, degree
-        self._along: dict[int, tuple[float, Array]] = {}
-        self._across: dict[int, tuple[float, Array]] = {}
+        self.along = cache(self._along)
+        self.across = cache(self._across)
+        self.planes = cache(lambda n: moved_planes(survey, self.along(n)[1], degree[0]))
+        self.v_lines = cache(lambda m: moved_lines(survey, self.across(m)[1], degree[1]))
 
-    def along(self, planes: int) -> tuple[float, Array]:
+    def _along(self, planes: int) -> tuple[float, Array]:
         """Error of some planes along the chart, root mean square [m], and where they lie."""
-        if planes not in self._along:
-            s = plane_places(self.survey, planes, "auto", self.degree[0])
-            self._along[planes] = self.survey.error_along(s, self.degree[0])[0], s
-        return self._along[planes]
+        s = guessed_planes(self.survey, planes, self.degree[0])
+        return self.survey.error_along(s, self.degree[0])[0], s
 
-    def across(self, lines: int) -> tuple[float, Array]:
+    def _across(self, lines: int) -> tuple[float, Array]:
         """Error of some lines across the chart, root mean square [m], and where they lie."""
-        if lines not in self._across:
-            t = line_places(self.survey, lines, "auto", self.degree[1])
-            self._across[lines] = self.survey.error_across(t, self.degree[1])[0], t
-        return self._across[lines]
+        t = guessed_lines(self.survey, lines, self.degree[1])
+        return self.survey.error_across(t, self.degree[1])[0], t
 
     @property
     def smallest(self) -> tuple[int, int]:
@@ -97,8 +96,8 @@ class ErrorModel:
         return float(np.hypot(self.along(size[0])[0], self.across(size[1])[0]))
 
     def lines(self, size: tuple[int, int]) -> LineGrid:
-        """The lines of a grid."""
-        return chart_lines(self.survey.chart, self.along(size[0])[1], self.across(size[1])[1])
+        """The lines of a grid; they are moved to where they leave less than is predicted."""
+        return chart_lines(self.survey.chart, self.planes(size[0]), self.v_lines(size[1]))
 
     def best_below(self, size: tuple[int, int]) -> tuple[int, int] | None:
         """The best grid with fewer control points than one of about as many planes; None if there is none."""
@@ -173,7 +172,7 @@ def fit_to_tolerance(
     search = Search(mesh, model, tolerance, measure)
     search.run()
     if search.best is None:
-        least = min(error for error, _ in search.tried.values())
+        least = min(search.reachable, *(error for error, _ in search.tried.values()))
         raise UnreachableTolerance(
             f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: about {least * 1e3:.2g} "
             "mm can be reached, its facets stand off from any smooth surface; ask for more, or refine the mesh",
@@ -215,7 +214,10 @@ def fit_to_count(
     survey = Survey.of(mesh, chart_of(mesh, axis, margin, sector, normal), most)
     model = ErrorModel(survey, degrees)
     sizes = [(n, min(control_points // n, MOST_LINES)) for n in range(fewest_n, most + 1)]
-    return fit_surface(mesh, model.lines(min(sizes, key=model.error)), degrees)
+    fits = [fit_lines(mesh, model.lines(size), degrees) for size in sorted(sizes, key=model.error)[:PROMISING]]
+    best = min(fits, key=lambda fit: fit.distances(CHECKED).mean)
+    check_fit(best)
+    return best
 
 
 class Search:
@@ -224,6 +226,8 @@ class Search:
     def __init__(self, mesh: TriangleMesh, model: ErrorModel, tolerance: float, measure: str):
         self.mesh, self.model, self.tolerance, self.measure = mesh, model, tolerance, measure
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
+        self.proved: set[tuple[int, int]] = set()  # sizes whose error does not exceed the tolerance for certain
+        self.reachable = np.inf  # the least error [m], where it is not hoped to keep the tolerance
         self.exact = cache(MeshDistance)  # made when it is needed
 
     @property
@@ -233,32 +237,53 @@ class Search:
         return min(kept, key=net_size, default=None)
 
     def run(self) -> None:
-        """Look for the smallest net; the winner is proved by exact distances, and if it fails, the next one is."""
+        """Look for the smallest net; the winner is proved where ``errors`` looks, and if it fails, the next one is."""
         self.by_target(MOST_FITS)
         if self.best is None:
-            self.from_the_largest()
+            self.from_experience()
         proved: SurfaceFit | None = None
         while self.best is not None and self.best is not proved:
             self.downwards()
             proved = self.best
             n, m = proved.offsets.shape
-            self.tried[n, m] = self.exact_error(proved), proved
+            if (n, m) not in self.proved:
+                self.tried[n, m] = self.exact_error(proved), proved
             if self.best is None:  # rays promised what exact distances do not keep
                 self.by_target(len(self.tried) + MORE_FITS)
 
-    def from_the_largest(self) -> None:
-        """Look below the largest net, where that keeps the tolerance though the predictions promised nothing."""
-        largest = MOST_PLANES, MOST_LINES
-        least = SHARE[self.measure] * self.model.error(largest)
-        plausible = not self.tried or least < PLAUSIBLE * self.tolerance
-        if plausible and self.error(largest) <= self.tolerance:
-            self.by_target(len(self.tried) + MORE_FITS, kept=least)
+    def from_experience(self) -> None:
+        """Where the predictions promise nothing, learn from fits how far they are off; go on while there is hope."""
+        least = self.model.error(LARGEST)
+        easy = min(self.tried, key=self.error, default=self.model.smallest_grid(EASY * least))
+        assert easy is not None  # the largest net is one of those that keep more than its own error
+        share = self.share_of_predicted(easy)
+        if self.hopes(share * least):
+            self.by_target(len(self.tried) + MORE_FITS, start=AIM * SHARE[self.measure] / share * self.tolerance)
+        share = self.share_of_predicted(min(self.tried, key=self.error))
+        if self.best is None and self.hopes(share * least) and self.error(LARGEST) <= self.tolerance:
+            self.by_target(len(self.tried) + MORE_FITS, kept=SHARE[self.measure] * least)
+
+    def share_of_predicted(self, size: tuple[int, int]) -> float:
+        """The error of the fit of this size over what is predicted."""
+        return self.error(size) / self.model.error(size)
+
+    def hopes(self, least: float) -> bool:
+        """Whether the least error to expect [m] is about the tolerance; it is what can be reached where it is not."""
+        hope = least <= HOPE * self.tolerance
+        self.reachable = np.inf if hope else least
+        return hope
 
     def error(self, size: tuple[int, int]) -> float:
-        """Error of the fit of this size, by rays [m]."""
+        """What the error of the fit of this size does not exceed, or about what it is [m]."""
         if size not in self.tried:
             fit = fit_lines(self.mesh, self.model.lines(size), self.model.degree)
-            self.tried[size] = SAFETY * getattr(fit.distances(CHECKED), self.measure), fit
+            bounds = fit.bounds()
+            error = float(getattr(bounds, self.measure)) if bounds else np.inf
+            if error <= self.tolerance:
+                self.proved.add(size)
+            else:
+                error = min(error, SAFETY * getattr(fit.distances(CHECKED), self.measure))
+            self.tried[size] = error, fit
         return self.tried[size][0]
 
     def exact_error(self, fit: SurfaceFit) -> float:
@@ -267,7 +292,7 @@ class Search:
         distance = self.exact(self.mesh)(fit.surface.points(uv))[0]
         return float(getattr(DistanceStatistics.of(distance, weights), self.measure))
 
-    def by_target(self, fits: int, kept: float = 0.0) -> None:
+    def by_target(self, fits: int, kept: float = 0.0, start: float = 0.0) -> None:
         """Fit the smallest grid that is predicted to reach a target, and learn from each what to aim at.
 
         Parameters
@@ -276,8 +301,10 @@ class Search:
             How many there may be in all.
         kept : float
             A target that is known to keep the tolerance [m]; 0 if none is.
+        start : float
+            The first target [m]; 0 for the one that is known, or else the tolerance.
         """
-        target, share = kept or self.tolerance, SHARE[self.measure]
+        target, share = start or kept or self.tolerance, SHARE[self.measure]
         # Targets between which the answer lies: the largest that kept the tolerance, the smallest that did not.
         missed = self.tolerance if kept else np.inf
         for _ in range(MOST_TARGETS):
@@ -294,7 +321,9 @@ class Search:
 
     def downwards(self) -> None:
         """Try the most promising smaller nets, as long as they keep the tolerance and something is left of it."""
-        while self.best is not None:
+        for _ in range(MOST_STEPS):
+            if self.best is None:
+                break
             n, m = self.best.offsets.shape
             size = self.model.best_below((n, m))
             allowed = HOPE * self.tolerance / self.tried[n, m][0] * self.model.error((n, m))

@@ -43,14 +43,21 @@ class SplineSites:
 
 
 @lru_cache(maxsize=256)
-def spline_sites(count: int, degree: int, closed: bool, per_span: int = SITES_PER_SPAN) -> SplineSites:
-    """Even sites for ``count`` control points: both ends among them, or all round where ``closed``."""
+def spline_sites(
+    count: int, degree: int, closed: bool, per_span: int = SITES_PER_SPAN, between: bool = False
+) -> SplineSites:
+    """Even sites for ``count`` control points: both ends among them, or all round where ``closed``.
+
+    With ``between`` those in the middle of as many steps.
+    """
+    start = 0.5 if between else 0.0
     if not closed:
         knots = clamped_knots(count, degree)
-        sites = np.linspace(0, 1, max(per_span * (count - degree), count) + 1)  # a short spline has few spans
+        steps = max(per_span * (count - degree), count)  # a short spline has few spans
+        sites = (np.arange(steps + (not between)) + start) / steps
         return SplineSites(knots, basis_functions(sites, knots, degree), 0, 0)
     knots, shift = periodic_knots(count, degree), (degree - 1) // 2
-    values = basis_functions(np.arange(per_span * count) / (per_span * count), knots, degree)
+    values = basis_functions((np.arange(per_span * count) + start) / (per_span * count), knots, degree)
     values[:, :degree] += values[:, count:]
     return SplineSites(knots, np.roll(values[:, :count], -shift, axis=1), degree, shift)
 
@@ -70,8 +77,15 @@ class TensorBasis:
     degree_v: int
 
     @classmethod
-    def of(cls, lines: LineGrid, degree_u: int, degree_v: int, per_span: int = SITES_PER_SPAN) -> "TensorBasis":
-        """Basis for the lines of a grid, at so many sites per span.
+    def of(
+        cls,
+        lines: LineGrid,
+        degree_u: int,
+        degree_v: int,
+        per_span: int = SITES_PER_SPAN,
+        between: bool = False,
+    ) -> "TensorBasis":
+        """Basis for the lines of a grid, at so many sites per span, or ``between`` them.
 
         Raises
         ------
@@ -81,7 +95,8 @@ class TensorBasis:
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
-        u, v = spline_sites(n, degree_u, False, per_span), spline_sites(m, degree_v, lines.closed, per_span)
+        u = spline_sites(n, degree_u, False, per_span, between)
+        v = spline_sites(m, degree_v, lines.closed, per_span, between)
         common = unit(lines.directions.mean(axis=0))
         return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
 

@@ -26,6 +26,11 @@ class TubeChart:
         return self.sector is None
 
     @property
+    def bends(self) -> bool:
+        """Whether the rays start on a curve."""
+        return isinstance(self.frame, Spine)
+
+    @property
     def breadth(self) -> tuple[float, float]:
         """First and last t."""
         return (0.0, TURN) if self.sector is None else (0.0, self.sector[1] - self.sector[0])
@@ -63,6 +68,20 @@ class TubeChart:
         x, y = (product(heights * wave, weights.T) for wave in (np.cos(t), np.sin(t)))
         return np.arctan2(y, x) % TURN, np.hypot(x, y)
 
+    def blend_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array) -> tuple[Array, Array]:
+        """How t and height of the spline's points change as lines move across, shapes (r, l, m).
+
+        Parameters
+        ----------
+        weights, t, heights
+            As for ``blend``.
+        at, reach : array, shape (r, l)
+            Its answer.
+        """
+        aside = t - at[..., None]
+        moved = weights * heights[:, None]
+        return moved * np.cos(aside) / reach[..., None], -moved * np.sin(aside)
+
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""
         return tuple(f"half-plane at {round(np.rad2deg(a), 1) % 360:g} degrees" for a in self.angles(t))
@@ -79,6 +98,7 @@ class FaceChart:
     span: tuple[float, float]
     breadth: tuple[float, float]
     closed = False
+    bends = False
 
     def planes(self, s: Array) -> Planes:
         """One plane across ``along`` at each s."""
@@ -94,6 +114,11 @@ class FaceChart:
         """As for a tube; all rays run the same way."""
         height = product(heights, weights.T)
         return np.broadcast_to(weights @ t, height.shape), height
+
+    def blend_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array) -> tuple[Array, Array]:
+        """As for a tube; no line moves up or down."""
+        moved = np.broadcast_to(weights, (*reach.shape, len(t)))
+        return moved, np.zeros((1, 1, 1))
 
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""

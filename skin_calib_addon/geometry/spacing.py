@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, product
 from .basis import check_counts, spline_sites
 from .bspline import greville
 from .charts import chart_lines
@@ -18,7 +18,12 @@ EVENED = 3  # rounds of making the errors of all spans alike
 QUIETEST = 1e-4  # share of the mean below which the error of a span counts no more
 GAIN = 0.98  # an error is lower where it is below this share of that of the first, plainest choice
 NOTHING = 1e-7  # share of the heights below which an error is none
-PHASES = (0.0, 0.5)  # shares of a line's interval by which closed lines may be turned
+MOST_MOVED = 80  # of more planes or lines each makes little difference, and all take long
+MOST_MOVES = 8
+NEAREST = 0.1  # share of the mean interval below which none is made shorter: lines that meet say the same
+FIRST_DAMPING, EASED, RAISED = 0.01, 4.0, 6.0  # of Gauss-Newton steps, and by what it changes as they succeed or fail
+SLIGHT = 0.98  # share of the squares that a step must leave to be the last
+HALF = 0.5  # share of a line's interval by which closed lines may be turned
 
 # A spacing is a piecewise linear map from the share of the intervals behind a place, 0 to 1, to the place.
 Map = tuple[Array, Array]
@@ -40,36 +45,116 @@ def spaced_lines(survey: Survey, n: int, lines: int, spacing: str, degree: tuple
 
 def plane_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
     """Places of ``count`` planes along the chart; those that leave the least error where the spacing is ``auto``."""
-    even = np.linspace(*survey.chart.span, count)
-    if spacing != "auto" or not survey.fills:
-        return even
-    shares = greville(spline_sites(count, degree, False).knots, degree)
-    linear = np.array((0.0, 1.0)), np.array(survey.chart.span)
-    maps, errors = evened(survey.error_along, linear, shares, degree, False)
-    candidates = [even, *(place(m, shares) for m in maps)]
-    return best(candidates, [survey.error_along(even, degree)[0], *errors], survey)
+    if spacing != "auto":
+        return np.linspace(*survey.chart.span, count)
+    return moved_planes(survey, guessed_planes(survey, count, degree), degree)
 
 
 def line_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
     """Places of ``count`` lines across the chart, ascending; those that leave the least error for ``auto``."""
-    closed = survey.chart.closed
-    even = np.arange(count) / count if closed else np.linspace(0, 1, count)
-    if spacing == "auto" and not survey.fills:
-        spacing = "uniform"
-    if spacing != "auto":
-        named = density_maps(survey)
-        return place(named.get(spacing, named["uniform"]), even)
+    if spacing == "auto" and survey.fills:
+        return moved_lines(survey, guessed_lines(survey, count, degree), degree)
+    maps = density_maps(survey)
+    return place(maps.get(spacing, maps["uniform"]), even_shares(count, survey.chart.closed))
+
+
+def even_shares(count: int, closed: bool) -> Array:
+    """Shares of even steps: from the first place on all round, or from edge to edge."""
+    return np.arange(count) / count if closed else np.linspace(0, 1, count)
+
+
+def guessed_planes(survey: Survey, count: int, degree: int) -> Array:
+    """Even planes, or such as leave alike errors in all spans."""
+    even = np.linspace(*survey.chart.span, count)
+    if not survey.fills:
+        return even
+    looked, judged = survey.halves
+    shares = greville(spline_sites(count, degree, False).knots, degree)
+    linear = np.array((0.0, 1.0)), np.array(survey.chart.span)
+    maps, errors = evened(looked.error_along, linear, shares, degree, False)
+    candidates = [even, *(place(m, shares) for m in maps)]
+    errors = [looked.error_along(even, degree)[0], *errors]
+    return best([even, candidates[int(np.argmin(errors))]], judged.error_along, degree, survey)
+
+
+def moved_planes(survey: Survey, places: Array, degree: int) -> Array:
+    """Planes from some places moved one by one to where they leave the least error, if they do leave less."""
+    if (
+        not survey.fills or survey.chart.bends or len(places) > MOST_MOVED
+    ):  # the survey does not see the axis' own error
+        return places
+    looked, judged = survey.halves
+    moved = moved_places(looked.slopes_along, places, degree, survey.chart.span, False)
+    return best([places, moved], judged.error_along, degree, survey)
+
+
+def guessed_lines(survey: Survey, count: int, degree: int) -> Array:
+    """Lines at even places, even lengths or a power of the curvature, or such as leave alike errors in all spans."""
+    closed, even = survey.chart.closed, even_shares(count, survey.chart.closed)
+    if not survey.fills:
+        return place(density_maps(survey)["uniform"], even)
+    looked, judged = survey.halves
     shares = even if closed else greville(spline_sites(count, degree, False).knots, degree)
-    maps = list(density_maps(survey).values())
+    maps = list(density_maps(looked).values())
+    plain = place(maps[0], even)
     if closed:
-        maps = [turned(m, phase / count) for m in maps for phase in PHASES]
-    errors = [survey.error_across(place(m, shares), degree)[0] for m in maps]
-    more, lower = evened(survey.error_across, maps[int(np.argmin(errors))], shares, degree, closed)
-    candidates, errors = [place(m, shares) for m in maps + more], errors + lower
-    if not closed:
-        candidates = [place(maps[0], even), *candidates]
-        errors = [survey.error_across(candidates[0], degree)[0], *errors]
-    return best(candidates, errors, survey)
+        maps = [turned(m, turn / count) for m in maps for turn in (0.0, HALF)]
+    start = min(maps, key=lambda m: looked.error_across(place(m, shares), degree)[0])
+    more, errors = evened(looked.error_across, start, shares, degree, closed)
+    return best([plain, place(more[int(np.argmin(errors))], shares)], judged.error_across, degree, survey)
+
+
+def moved_lines(survey: Survey, places: Array, degree: int) -> Array:
+    """Lines from some places moved one by one to where they leave the least error, if they do leave less."""
+    if not survey.fills or len(places) > MOST_MOVED:
+        return places
+    looked, judged = survey.halves
+    moved = moved_places(looked.slopes_across, places, degree, survey.chart.breadth, survey.chart.closed)
+    return best([places, moved], judged.error_across, degree, survey)
+
+
+def moved_places(
+    slopes: Callable[[Array, int], tuple[Array, Array]],
+    places: Array,
+    degree: int,
+    edges: tuple[float, float],
+    closed: bool,
+) -> Array:
+    """Places moved one by one to where they leave the least error: Gauss-Newton with Marquardt's damping.
+
+    Parameters
+    ----------
+    slopes : function
+        Of places and degree: what they leave, and how that changes as each moves.
+    """
+    free = slice(None) if closed else slice(1, -1)
+    residuals, change = slopes(places, degree)
+    damping = FIRST_DAMPING
+    for _ in range(MOST_MOVES if residuals.any() else 0):
+        gram = product(change[:, free].T, change[:, free])
+        gram[np.diag_indices_from(gram)] += damping * np.trace(gram) / len(gram)
+        step = np.zeros(len(places))
+        step[free] = -np.linalg.lstsq(gram, change[:, free].T @ residuals)[0]
+        after = kept_apart(places, places + step, edges, closed)
+        left, changed = slopes(after, degree)
+        before, now = residuals @ residuals, left @ left
+        if now < before:
+            places, residuals, change, damping = after, left, changed, damping / EASED
+        else:
+            damping *= RAISED
+        if SLIGHT * before < now < before:
+            break
+    return places
+
+
+def kept_apart(places: Array, moved: Array, edges: tuple[float, float], closed: bool) -> Array:
+    """Places that were moved, but for intervals that lose more than half or get shorter than ``NEAREST``."""
+    breadth = edges[1] - edges[0]
+    before, after = (np.append(np.diff(x), x[0] + breadth - x[-1]) if closed else np.diff(x) for x in (places, moved))
+    least = np.minimum(np.maximum(before / 2, NEAREST * before.mean()), before)
+    after = np.maximum(after, least)
+    ways = np.append(0.0, np.cumsum(after * breadth / after.sum()))
+    return moved[0] + ways[:-1] if closed else np.append(edges[0] + ways[:-1], edges[1])
 
 
 def turned(m: Map, share: float) -> Map:
@@ -82,11 +167,13 @@ def turned(m: Map, share: float) -> Map:
     return knots - share, place(period, knots)
 
 
-def best(candidates: list[Array], errors: list[float], survey: Survey) -> Array:
-    """The candidate of the least error; the first where that gains hardly anything, for symmetric shapes."""
-    least = int(np.argmin(errors))
-    plain = errors[least] > GAIN * errors[0] - NOTHING * float(np.abs(survey.profiles).mean())
-    return candidates[0 if plain else least]
+def best(
+    candidates: list[Array], error: Callable[[Array, int], tuple[float, Array]], degree: int, survey: Survey
+) -> Array:
+    """The candidate of the least error, or the first that leaves hardly more: for symmetric shapes, and noise."""
+    errors = np.array([error(candidate, degree)[0] for candidate in candidates])
+    nothing = NOTHING * float(np.abs(survey.profiles).mean())
+    return candidates[int(np.argmax(GAIN * errors - nothing <= errors.min()))]
 
 
 def place(m: Map, shares: Array) -> Array:

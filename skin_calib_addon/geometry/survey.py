@@ -1,19 +1,19 @@
 """A first look at a mesh in its chart: a few outlines and profiles, and what spacings of lines would leave of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..arrays import Array, IntArray, product
 from ..errors import EmptySection
-from .basis import spline_sites
+from .basis import SplineSites, spline_sites
 from .charts import Chart
 from .mesh import TriangleMesh
 from .rays import TURN
 from .samples import cast_rays
 
-OUTLINES, OUTLINE_RAYS = 8, 720  # across
+OUTLINES, OUTLINE_RAYS = 17, 720  # across
 PROFILES = 48  # along
 ROWS_PER_SPAN = 4  # of a profile
 FEWEST_ROWS, MOST_ROWS = 24, 72
@@ -22,8 +22,9 @@ CURVATURE_POWER = 0.35
 FLAT = 1e-3  # share of the mean below which a curvature is none but rounding
 SMOOTHING_STEPS = 2.3  # of the outlines, over which curvature is averaged: facets are corners too
 FULL = 0.98  # share of the rays that meet a mesh which fills its chart
-ROUNDS = 4
-DENSE = 6  # sites per span where errors along are judged: a short spline passes through three
+ROUNDS = 5
+STILL = 1e-4  # a round that moves the offsets by this share of what they leave, both squared, is the last
+LOOKED, JUDGED = 7, 10  # sites per span: a short spline passes through three, and facets come in round numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,7 @@ class Survey:
     profile_s: Array  # (k,)
     profiles: Array  # (PROFILES, k) [m]
     profiles_known: Array  # (PROFILES, k)
+    per_span: int = LOOKED  # sites in each span at which errors are seen
 
     @classmethod
     def of(cls, mesh: TriangleMesh, chart: Chart, planes: int) -> "Survey":
@@ -86,6 +88,21 @@ class Survey:
         curved = curvature**CURVATURE_POWER * smooth_length
         return {"arc": length.mean(axis=0), "curvature": curved.mean(axis=0)}
 
+    @cached_property
+    def halves(self) -> tuple["Survey", "Survey"]:
+        """Every other outline and profile, and the rest at other sites: what the one promises the other proves."""
+        return self._every_other(0, LOOKED), self._every_other(1, JUDGED)
+
+    def _every_other(self, start: int, per_span: int) -> "Survey":
+        return replace(
+            self,
+            outlines=self.outlines[start::2],
+            outlines_known=self.outlines_known[start::2],
+            profiles=self.profiles[start::2],
+            profiles_known=self.profiles_known[start::2],
+            per_span=per_span,
+        )
+
     def error_across(self, t: Array, degree: int) -> tuple[float, Array]:
         """What lines at some t leave between outlines and fits.
 
@@ -97,40 +114,113 @@ class Survey:
             Mean square of each span of the spline [m^2].
         """
         closed = self.chart.closed
-        sites = spline_sites(len(t), degree, closed)
-        offsets = interpolated(self.outlines, self.outline_t, np.broadcast_to(t, (len(self.outlines), len(t))), closed)
-        for _ in range(ROUNDS):  # as the passes of a fit: rays through the spline's own points
-            at, reached = self.chart.blend(sites.values, t, offsets)
-            residuals = interpolated(self.outlines, self.outline_t, at, closed) - reached
-            offsets = offsets + product(residuals, sites.inverse.T)
-        at, reached = self.chart.blend(sites.values, t, offsets)
-        residuals = interpolated(self.outlines, self.outline_t, at, closed) - reached
+        at, _, _, residuals = self._fit_across(t, degree)
         met = interpolated(self.outlines_known, self.outline_t, at, closed)
         return spread(residuals, met, len(t), len(t) if closed else len(t) - degree, closed)
 
+    def slopes_across(self, t: Array, degree: int) -> tuple[Array, Array]:
+        """What lines at some t leave, and how that changes as each moves.
+
+        Returns
+        -------
+        residuals : array, shape (k,)
+            Between outlines and fits [m]; 0 where the mesh was not met.
+        slopes : array, shape (k, m)
+            Their derivatives, as far as the heights have any.
+        """
+        closed, weights = self.chart.closed, spline_sites(len(t), degree, self.chart.closed, self.per_span)
+        at, reach, offsets, residuals = self._fit_across(t, degree)
+        met = interpolated(self.outlines_known, self.outline_t, at, closed) == 1
+        steep = interpolated(self._outline_slopes, self.outline_t, at, closed)
+        aside, up = self.chart.blend_slopes(weights.values, t, offsets, at, reach)
+        slopes = refitted(steep[..., None] * aside - up, weights)
+        return (residuals * met).ravel(), (slopes * met[..., None]).reshape(-1, len(t))
+
+    def _fit_across(self, t: Array, degree: int) -> tuple[Array, Array, Array, Array]:
+        """Least squares on lines at some t: where their points lie, heights, offsets (r, m), residuals, (r, l)."""
+        closed = self.chart.closed
+        sites = spline_sites(len(t), degree, closed, self.per_span)
+        offsets = interpolated(self.outlines, self.outline_t, np.broadcast_to(t, (len(self.outlines), len(t))), closed)
+        for _ in range(ROUNDS):  # as the passes of a fit: rays through the spline's own points
+            at, reach = self.chart.blend(sites.values, t, offsets)
+            residuals = interpolated(self.outlines, self.outline_t, at, closed) - reach
+            step = product(residuals, sites.inverse.T)
+            if (step**2).mean() < STILL * (residuals**2).mean():
+                break
+            offsets = offsets + step
+        return at, reach, offsets, residuals
+
     def error_along(self, s: Array, degree: int) -> tuple[float, Array]:
-        """What planes at some s leave between profiles and fits, as for lines across."""
-        sites = spline_sites(len(s), degree, False, DENSE)
-        at = np.broadcast_to(sites.values @ s, (PROFILES, len(sites.values)))
-        heights, met = (interpolated(h, self.profile_s, at, False) for h in (self.profiles, self.profiles_known))
-        left = heights - product(product(heights, sites.inverse.T), sites.values.T)
-        return spread(left, met, len(s), len(s) - degree, False)
+        """What planes at some s leave between profiles and fits, as for lines across; each place by its length."""
+        sites, at, residuals = self._fit_along(s, degree)
+        met = interpolated(self.profiles_known, self.profile_s, at, False)
+        return spread(residuals, met, len(s), len(s) - degree, False, lengths(sites.values @ s))
+
+    def slopes_along(self, s: Array, degree: int) -> tuple[Array, Array]:
+        """What planes at some s leave, and how that changes as each moves; as for lines across, but for the lengths."""
+        sites, at, residuals = self._fit_along(s, degree)
+        met = interpolated(self.profiles_known, self.profile_s, at, False) == 1
+        steep = interpolated(self._profile_slopes, self.profile_s, at, False)
+        root = np.sqrt(lengths(sites.values @ s))
+        slopes = root[:, None] * refitted(steep[..., None] * sites.values, sites)
+        slopes += residuals[..., None] * (lengths(sites.values) / (2 * root[:, None]))
+        return (root * residuals * met).ravel(), (slopes * met[..., None]).reshape(-1, len(s))
+
+    def _fit_along(self, s: Array, degree: int) -> tuple[SplineSites, Array, Array]:
+        """Least squares on planes at some s: the sites, where they lie and what is left there, (r, l)."""
+        sites = spline_sites(len(s), degree, False, self.per_span)
+        at = np.broadcast_to(sites.values @ s, (len(self.profiles), len(sites.values)))
+        heights = interpolated(self.profiles, self.profile_s, at, False)
+        return sites, at, heights - product(product(heights, sites.inverse.T), sites.values.T)
+
+    @cached_property
+    def _outline_slopes(self) -> Array:
+        if not self.chart.closed:
+            return np.gradient(self.outlines, self.outline_t, axis=1)
+        step = self.outline_t[1] - self.outline_t[0]
+        return (np.roll(self.outlines, -1, axis=1) - np.roll(self.outlines, 1, axis=1)) / (2 * step)
+
+    @cached_property
+    def _profile_slopes(self) -> Array:
+        return np.gradient(self.profiles, self.profile_s, axis=1)
+
+
+def refitted(changes: Array, sites: SplineSites) -> Array:
+    """What least squares leave of changes (r, l, m) at the sites."""
+    r, l, m = changes.shape
+    flat = changes.transpose(1, 0, 2).reshape(l, -1)
+    left = flat - product(sites.values, product(sites.inverse, flat))
+    return left.reshape(l, r, m).transpose(1, 0, 2)
+
+
+def lengths(places: Array) -> Array:
+    """How much lies about each of some ascending places (l, ...): half of the way between its neighbours."""
+    steps = np.diff(places, axis=0) / 2
+    none = np.zeros_like(steps[:1])
+    return np.concatenate((none, steps)) + np.concatenate((steps, none))
 
 
 def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> Array:
     """Heights (r, k) at even places ``known`` as straight lines between them, at ``wanted`` (r, l); shape (r, l)."""
+    r, k = heights.shape
     place = (wanted - known[0]) / (known[1] - known[0])
     if not closed:
-        place = np.clip(place, 0, len(known) - 1)
+        place = np.clip(place, 0, k - 1)
     before: IntArray = np.floor(place).astype(np.int64)
     if not closed:
-        before = np.minimum(before, len(known) - 2)
+        before = np.minimum(before, k - 2)
     share = place - before
-    low, high = (np.take_along_axis(heights, i % len(known), axis=1) for i in (before, before + 1))
-    return low * (1 - share) + high * share
+    after = before + 1
+    if closed:
+        before, after = before % k, after % k
+    start = k * np.arange(r)[:, None]
+    low, high = heights.take(before + start), heights.take(after + start)
+    return low + share * (high - low)
 
 
-def spread(residuals: Array, met: Array, unknowns: int, spans: int, closed: bool) -> tuple[float, Array]:
+def spread(
+    residuals: Array, met: Array, unknowns: int, spans: int, closed: bool, weights: Array | float = 1.0
+) -> tuple[float, Array]:
     """Root mean square of residuals (r, sites) of which some went into unknowns, and mean squares by span.
 
     Sites beside which the mesh was not met (``met`` below 1) do not count; a span of such has no error. One on a knot
@@ -143,7 +233,8 @@ def spread(residuals: Array, met: Array, unknowns: int, spans: int, closed: bool
     sides = [(place + side) // last for side in (0, -1)]
     sides = [side % spans if closed else np.clip(side, 0, spans - 1) for side in sides]
     by_span, count = (sum(np.bincount(side, x, spans) for side in sides) for x in (squares, counts))
-    left = 2 * squares.sum() / max(2 * counts.sum() * (1 - unknowns / sites), 1)
+    known = (counts * weights).sum() * (1 - unknowns / sites)
+    left = (squares * weights).sum() / known if known > 0 else 0.0
     return float(np.sqrt(left)), by_span / np.maximum(count, 1)
 
 

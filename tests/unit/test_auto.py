@@ -63,3 +63,17 @@ def test_nonsense_is_refused(wrist, tolerance, measure):
     """A tolerance is a positive length, of the mean or the largest distance."""
     with pytest.raises(InvalidPlan, match="tolerance is a positive length"):
         fit_to_tolerance(wrist, tolerance, measure, axis=Z, margin=MARGIN)
+
+
+def test_hopeless_tolerance_takes_no_large_fit(wrist, monkeypatch):
+    """A tenth of what facets allow: refused by what a moderate net tells, not by the largest one."""
+    sizes = []
+
+    def counted(mesh, lines, degree):
+        sizes.append(lines.origins.shape[0] * lines.origins.shape[1])
+        return fit_lines(mesh, lines, degree)
+
+    monkeypatch.setattr("skin_calib_addon.geometry.auto.fit_lines", counted)
+    with pytest.raises(UnreachableTolerance, match="can be reached"):
+        fit_to_tolerance(wrist, 2e-7, axis=Z, margin=MARGIN)
+    assert len(sizes) <= 3 and max(sizes) < 3000

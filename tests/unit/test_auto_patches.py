@@ -221,8 +221,8 @@ def test_plan_is_carried_out(members, kind, measure, tolerance):
     assert getattr(fit.errors.surface_to_mesh, measure) <= 1.05 * tolerance
     assert fit.surface.closed == (False, kind == "tube")
     if kind == "sector":
-        angle = np.arctan2(*fit.surface.points(surface_samples(fit.surface)[0])[:, 1::-1].T)
-        assert -1.0 < angle.min() < -0.9 and 1.4 < angle.max() < 1.5
+        edges = fit.surface.points(((0.5, 0.0), (0.5, 1.0)))
+        np.testing.assert_allclose(np.arctan2(edges[:, 1], edges[:, 0]), (1.5, -1.0), rtol=1e-9)
     if kind == "face" and "axis" in members:
         across = fit.lines.planes_u.normals @ (0, 1.0, 0)
         np.testing.assert_allclose(across, 1, rtol=1e-12)
@@ -235,7 +235,7 @@ def test_chords_go_on_from_the_smallest_grid():
     assert plain.lines.origins.tobytes() == bulged.lines.origins.tobytes()
     uv = surface_samples(plain.surface)[0]
     inside, truth = (np.linalg.norm(f.surface.points(uv)[:, :2], axis=1) for f in (plain, bulged))
-    assert np.abs(truth - 0.035).max() < 3e-5 < 1e-4 < np.abs(inside - 0.035).mean()
+    assert np.abs(truth - 0.035).mean() < 2e-5 < 1e-4 < np.abs(inside - 0.035).mean()
 
 
 def test_chart_of_an_automatic_grid_is_that_of_its_kind():

@@ -309,3 +309,26 @@ def test_fit_keeps_what_it_was_made_from():
     fit = fit_surface(motion.mesh(mesh), TubeGrid(6, 12, motion.axis(Z_AXIS)))
     assert fit.lines.origins.shape == (6, 12, 3) and fit.mesh.sha256 == motion.mesh(mesh).sha256
     assert 1 <= fit.passes <= 10
+
+
+@pytest.mark.parametrize(
+    ("mesh", "grid"),
+    [
+        (wrist(), TubeGrid(6, 11, Z_AXIS, 0.004)),
+        (wrist(), SectorGrid(5, 6, -1.0, 1.5, Z_AXIS, 0.004)),
+        (sheet(lambda x, y: 0.02 - 2 * (x - 0.05) ** 2), AcrossGrid(5, 5, (0, 0, 1.0), margin=0.004)),
+        (cylinder(around=12), TubeGrid(4, 9, Z_AXIS, 0.004)),
+    ],
+)
+def test_bounds_are_no_less_than_the_errors(mesh, grid):
+    """At the very points of the report, by the facets that rays meet instead of the nearest ones: hardly more."""
+    fit = fit_surface(mesh, grid)
+    bounds, exact = fit.bounds(), fit.errors.surface_to_mesh
+    for measure in ("mean", "rms", "max"):
+        assert 1 - 1e-12 <= getattr(bounds, measure) / getattr(exact, measure) < 1.02
+
+
+def test_no_bounds_over_a_hole():
+    """Where a ray meets nothing, nothing is proved."""
+    holed = with_hole(cylinder(), (0.035, 0, 0.05), 0.01)
+    assert fit_surface(holed, TubeGrid(8, 16, Z_AXIS, 0.004)).bounds() is None

@@ -108,7 +108,7 @@ def test_tube_lines_leave_the_axis_square(n, lines, turn):
     assert (np.diff(stations, axis=0) > 0).all()
     assert np.abs(grid.directions @ along).max() < 1e-13
     cosines = grid.directions[0] @ grid.directions[0].T - 2 * np.eye(lines)
-    assert cosines.max() < np.cos(0.3 * 2 * np.pi / lines)
+    assert cosines.max() < np.cos(0.05 * 2 * np.pi / lines)
     assert grid.closed and len(grid.v_names) == lines
 
 

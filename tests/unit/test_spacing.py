@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.errors import EmptySection
-from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.basis import spline_sites
 from skin_calib_addon.geometry.charts import FaceChart, TubeChart, chart_lines
 from skin_calib_addon.geometry.distance import MeshDistance, surface_samples
 from skin_calib_addon.geometry.frames import frame_of
-from skin_calib_addon.geometry.spacing import density_maps, evened, line_places, place, plane_places, turned
+from skin_calib_addon.geometry.spacing import density_maps, evened, kept_apart, line_places, place, plane_places, turned
 from skin_calib_addon.geometry.survey import PROFILES, Survey, filled, interpolated, spread
 from tests.shapes import (
     LENGTH,
@@ -193,17 +193,18 @@ def test_flat_sheet_keeps_even_planes():
 
 @pytest.mark.parametrize("hole", [0.01, 0.02])
 def test_gaps_do_not_attract_planes(hole):
-    """A hole in a round tube leaves even places even; one away from the ring leaves those of the ring, nearly."""
+    """A hole in a round tube leaves even places even; planes for a ring and a hole away from it are as
+    good for the ring alone as its own."""
     holed = with_hole(cylinder(), (RADIUS, 0, 0.04), hole)
     survey = survey_of(holed, TubeGrid(8, 16, Z_AXIS, 0.004))
     assert (survey.outlines_known == 0).any() and (survey.profiles_known == 0).any()
     assert_array_equal(plane_places(survey, 8, "auto", 3), np.linspace(*survey.chart.span, 8))
     assert_allclose(np.diff(line_places(survey, 16, "auto", 3)), TURN / 16, rtol=1e-4)
-    places = [
-        plane_places(survey_of(mesh, TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3)
-        for mesh in (bumped(), with_hole(bumped(), (RADIUS, 0, 0.03), hole))
-    ]
-    assert np.abs(places[1] - places[0]).max() < 1e-3
+    grid = TubeGrid(10, 16, Z_AXIS, 0.004)
+    whole, holed = (survey_of(m, grid) for m in (bumped(), with_hole(bumped(), (RADIUS, 0, 0.03), hole)))
+    places = [plane_places(survey, 10, "auto", 3) for survey in (whole, holed)]
+    left = [whole.error_along(s, 3)[0] for s in (*places, np.linspace(0.004, 0.096, 10))]
+    assert left[1] < 1.3 * left[0] < 0.1 * left[2]
 
 
 def test_gaps_in_a_face_do_not_attract_planes():
@@ -296,6 +297,51 @@ def test_spans_get_shorter_where_the_error_is(closed):
     assert_allclose(lengths, lengths[::-1], rtol=1e-9)
     same, errors = evened(lambda places, degree: (0.0, 0 * energy), start, np.linspace(0, 1, 10), 3, closed)
     assert same == [start] and errors == [0.0]
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@given(seed=seeds)
+def test_moved_places_stay_in_order_and_apart(closed, seed):
+    """However far a step goes: ends stay, no interval loses more than about half or falls below a tenth of the mean."""
+    rng = np.random.default_rng(seed)
+    places = 0.2 + np.cumsum(rng.uniform(0.3, 1, 9)) / 10
+    edges = (places[0], places[0] + 1.2) if closed else (places[0], places[-1])
+    step = rng.normal(size=9) * 10 ** rng.uniform(-3, 0) * (1 if closed else np.r_[0, np.ones(7), 0])
+    after = kept_apart(places, places + step, edges, closed)
+    intervals = [np.append(np.diff(x), x[0] + 1.2 - x[-1]) if closed else np.diff(x) for x in (places, after)]
+    assert_allclose(intervals[1].sum(), intervals[0].sum(), rtol=1e-12)
+    assert (intervals[1] > 0).all() and (closed or (after[[0, -1]] == edges).all())
+    slight = kept_apart(places, places + 1e-3 * step / np.abs(step).max(), edges, closed)
+    assert_allclose(slight, places + 1e-3 * step / np.abs(step).max(), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "grid"),
+    [
+        pytest.param(wrist(), TubeGrid(9, 14, Z_AXIS, 0.004), id="tube"),
+        pytest.param(dome(), AcrossGrid(7, 8, (0, 0, 1.0)), id="face"),
+    ],
+)
+def test_slopes_are_differences(mesh, grid):
+    """What a survey says of moving planes and lines points where differences of its residuals point."""
+    survey = survey_of(mesh, grid)
+    for slopes, places in zip((survey.slopes_along, survey.slopes_across), even_places(grid, survey)):
+        residuals, change = slopes(places, 3)
+        way = 1e-4 * np.ptp(places) * np.eye(len(places))[1:-1]
+        differences = np.array([(slopes(places + w, 3)[0] - slopes(places - w, 3)[0]) / (2 * w.max()) for w in way]).T
+        downhill, expected = change[:, 1:-1].T @ residuals, differences.T @ residuals
+        assert downhill @ expected > 0.98 * np.linalg.norm(downhill) * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("lines", [12, 20, 40])
+def test_noise_does_not_attract_lines(lines):
+    """A noisy round tube keeps even lines and planes: what one half of the survey promises the other does not keep."""
+    tube = cylinder()
+    noise = 3e-4 * np.random.default_rng(0).standard_normal(len(tube.vertices))
+    noisy = weld(tube.vertices + noise[:, None] * tube.vertices * (1, 1, 0) / RADIUS, tube.faces)
+    survey = survey_of(noisy, TubeGrid(8, lines, Z_AXIS, 0.004))
+    assert_array_equal(line_places(survey, lines, "auto", 3), TURN * (np.arange(lines) / lines))
+    assert_array_equal(plane_places(survey, 8, "auto", 3), np.linspace(*survey.chart.span, 8))
 
 
 @given(seed=seeds, share=st.floats(0, 0.999))
