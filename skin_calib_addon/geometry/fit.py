@@ -132,7 +132,7 @@ class SurfaceFit:
         return DistanceStatistics.of(np.abs(samples.residuals * slope)[known], areas[known])
 
     def resampled(self, per_span: int) -> tuple[Array, RaySamples]:
-        """Rays through the surface at even sites, all in all or between those of the fit, and where they meet the mesh.
+        """Rays through the surface at other even sites than those of the fit, and where they meet the mesh.
 
         Parameters
         ----------
