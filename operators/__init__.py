@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import exchange, fit
+from . import exchange, fit, lists, place
 
-CLASSES = (*fit.CLASSES, *exchange.CLASSES)
+CLASSES = (*fit.CLASSES, *lists.CLASSES, *place.CLASSES, *exchange.CLASSES)
 
 
 def register():

@@ -13,7 +13,7 @@ from ..skin_calib_addon.calibration.strict_json import parse, read
 from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
 from ..skin_calib_addon.geometry.mesh import load_mesh, read_mesh, save_mesh
 from ..skin_calib_addon.plan import load_plan, plan_document, plan_from, save_plan
-from .fit import OnLink
+from .on_link import OnLink
 
 
 class SKIN_OT_import_plan(bpy.types.Operator, ImportHelper):

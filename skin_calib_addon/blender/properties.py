@@ -14,16 +14,8 @@ from bpy.props import (
     StringProperty,
 )
 
-
-def _outdate(group, _context):
-    group.id_data.skin_calib.result.outdated = True
-
-
-FIXED = {"options": set()}  # not animatable
-PLAN = FIXED | {"update": _outdate}
-PLACE = PLAN | {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5}
-WAY = PLAN | {"subtype": "XYZ", "precision": 5}
-LENGTH = FIXED | {"subtype": "DISTANCE", "unit": "LENGTH", "precision": 6}
+from . import skin_properties
+from .options import FIXED, LENGTH, PLACE, PLAN, WAY
 
 
 class SKIN_PG_plane(bpy.types.PropertyGroup):
@@ -144,32 +136,6 @@ class SKIN_PG_grid(bpy.types.PropertyGroup):
     closed: BoolProperty(name="Closed", description="The v-planes go all the way round", default=True, **PLAN)
 
 
-class SKIN_PG_skin(bpy.types.PropertyGroup):
-    """A sheet of taxels."""
-
-    name: StringProperty(
-        name="Name", description="Name of the patch; ids of taxels begin with it", default="skin", **PLAN
-    )
-    rows: IntProperty(name="Rows", description="Rows of cells", default=6, min=1, max=1000, **PLAN)
-    columns: IntProperty(name="Columns", description="Cells in a row", default=22, min=1, max=1000, **PLAN)
-    pitch: FloatVectorProperty(
-        name="Pitch",
-        description="From row to row, and from column to column",
-        size=2,
-        unit="LENGTH",
-        default=(0.01, 0.01),
-        min=0,
-        precision=5,
-        **PLAN,
-    )
-    centred: BoolProperty(name="Centred", description="Centre the sheet on the surface", default=True, **PLAN)
-    origin: FloatVectorProperty(
-        name="Origin", description="Where the centre of cell (0, 0) lies, in the link frame", **PLACE
-    )
-    direction: FloatVectorProperty(name="Direction", description="Where the rows run to", default=(0, 1, 0), **WAY)
-    first_channel: IntProperty(name="First Channel", description="Channel of cell (0, 0)", min=0, **PLAN)
-
-
 class SKIN_PG_result(bpy.types.PropertyGroup):
     """What the last fit gave."""
 
@@ -180,6 +146,9 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
     hausdorff: FloatProperty(name="Hausdorff", description="Largest distance, both ways", **LENGTH)
     control_points: IntProperty(name="Control Points", description="Control points of the surface", **FIXED)
     taxels: IntProperty(name="Taxels", description="Taxels of all skins", **FIXED)
+    doubts: StringProperty(
+        name="Doubts", description="What to look at, an empty line after each, broken into lines", **FIXED
+    )
     seconds: FloatProperty(name="Time", description="How long the fit took", unit="TIME_ABSOLUTE", precision=3, **FIXED)
 
 
@@ -198,7 +167,9 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         description="Vertices lie on the true surface and facets inside of it: bulge over them",
         **PLAN,
     )
-    skins: CollectionProperty(type=SKIN_PG_skin, name="Skins", description="Sheets of taxels", **FIXED)
+    skins: CollectionProperty(
+        type=skin_properties.SKIN_PG_skin, name="Skins", description="Sheets and boards on the link", **FIXED
+    )
     response: CollectionProperty(
         type=SKIN_PG_number,
         name="Response",
@@ -217,7 +188,7 @@ CLASSES = (
     SKIN_PG_number,
     SKIN_PG_cover,
     SKIN_PG_grid,
-    SKIN_PG_skin,
+    *skin_properties.CLASSES,
     SKIN_PG_result,
     SKIN_PG_link,
 )

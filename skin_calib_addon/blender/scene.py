@@ -7,21 +7,26 @@ in its frame by the object's own location, rotation and scale. How the parent is
 
 import json
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from ..errors import CalibrationFormatError, InvalidMesh, InvalidPlan
 from ..geometry.mesh import LARGEST, METRES, SMALLEST, TriangleMesh, weld
 from ..pipeline import Calibrated
 from ..plan import FORMAT, VERSION, Plan, check_plan, plan_from
+from .decimals import exact, in_units, vector
+from .skins import set_skin, skin_document
 
 # Blender's numbers are single; these are the largest it holds.
 LARGEST_NUMBER, LARGEST_COUNT = 3e38, 2**31 - 1
 # Columns of a parent's frame that differ in length, or lean, by more than this share are no rotation with a scale.
 UNEVEN = 1e-4
+# Characters of a line in the sidebar as wide as it opens.
+DOUBT_WIDTH = 34
 
 
 def links(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -57,29 +62,17 @@ def plan_document(link: bpy.types.Object, scene: bpy.types.Scene) -> dict[str, A
         "cover": {"shell": settings.cover.shell, "cuts": [_plane(cut, metre) for cut in settings.cover.cuts]},
         "grid": _grid(settings.grid, metre),
         "degree": [*settings.degree],
-        "skins": [_skin(skin, metre) for skin in settings.skins],
+        "skins": [skin_document(skin, metre) for skin in settings.skins],
     }
     if settings.chords:
         document["chords"] = True
     if settings.response:
-        document["response"] = {"kind": "polynomial", "coefficients": _vector(c.value for c in settings.response)}
+        document["response"] = {"kind": "polynomial", "coefficients": vector(c.value for c in settings.response)}
     return document | json.loads(settings.extra or "{}")
 
 
-def exact(value: float, unit: float = 1.0) -> float:
-    """The decimal that a single-precision property stands for, times a unit.
-
-    0.0045 typed is 0.0045, not 0.00449999981; 4.9 mm are 0.0049 m, not 0.004900000000000001.
-    """
-    return float(f"{float(str(np.float32(value))) * unit:.9g}")
-
-
-def _vector(values: Any, metre: float = 1.0) -> list[float]:
-    return [exact(x, metre) for x in values]
-
-
 def _plane(plane: Any, metre: float) -> dict[str, Any]:
-    return {"point": _vector(plane.point, metre), "normal": _vector(plane.normal)}
+    return {"point": vector(plane.point, metre), "normal": vector(plane.normal)}
 
 
 def _grid(grid: Any, metre: float) -> dict[str, Any]:
@@ -90,7 +83,7 @@ def _grid(grid: Any, metre: float) -> dict[str, Any]:
             "v": [_plane(p, metre) for p in grid.v],
             "closed": grid.closed,
         }
-    axis = {"point": _vector(grid.point, metre), "direction": _vector(grid.direction)}
+    axis = {"point": vector(grid.point, metre), "direction": vector(grid.direction)}
     document: dict[str, Any] = {"kind": "patch" if grid.kind in ("sector", "across") else grid.kind}
     document["axis"] = "auto" if grid.auto_axis else axis
     if not grid.auto_margin:
@@ -101,23 +94,10 @@ def _grid(grid: Any, metre: float) -> dict[str, Any]:
         document |= {"n": grid.n, "lines": grid.lines, "spacing": grid.spacing}
     region = grid.region if grid.kind == "auto" else grid.kind
     if region == "across":
-        document["normal"] = _vector(grid.normal)
+        document["normal"] = vector(grid.normal)
     if region == "sector":
         document |= {"from": exact(grid.start), "to": exact(grid.stop)}
     return document
-
-
-def _skin(skin: Any, metre: float) -> dict[str, Any]:
-    return {
-        "name": skin.name,
-        "kind": "sheet",
-        "rows": skin.rows,
-        "columns": skin.columns,
-        "pitch": _vector(skin.pitch, metre),
-        "origin": "center" if skin.centred else _vector(skin.origin, metre),
-        "direction": _vector(skin.direction),
-        "first_channel": skin.first_channel,
-    }
 
 
 def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, document: dict[str, Any]) -> None:
@@ -134,17 +114,8 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, document: dict[st
     settings.degree = document.get("degree", (3, 3))
     settings.chords = document.get("chords", False)
     settings.skins.clear()
-    channel = 0
     for skin in document["skins"]:
-        item = settings.skins.add()
-        for name in ("name", "rows", "columns", "direction"):
-            setattr(item, name, skin[name])
-        item.pitch = _units(skin["pitch"], metre)
-        item.centred = skin["origin"] == "center"
-        if not item.centred:
-            item.origin = _units(skin["origin"], metre)
-        item.first_channel = skin.get("first_channel", channel)
-        channel = item.first_channel + item.rows * item.columns
+        set_skin(settings.skins.add(), skin, metre)
     settings.response.clear()
     for coefficient in document.get("response", {}).get("coefficients", ()):
         settings.response.add().value = coefficient
@@ -170,15 +141,11 @@ def check_numbers(part: Any, metre: float = 1.0) -> None:
         raise InvalidPlan(f"the plan holds {part}; Blender's properties keep numbers up to {largest:g}: change it")
 
 
-def _units(lengths: Any, metre: float) -> list[float]:
-    return [x / metre for x in lengths]
-
-
 def _set_planes(collection: Any, planes: Any, metre: float) -> None:
     collection.clear()
     for plane in planes:
         item = collection.add()
-        item.point, item.normal = _units(plane["point"], metre), plane["normal"]
+        item.point, item.normal = in_units(plane["point"], metre), plane["normal"]
 
 
 def _set_grid(grid: Any, document: dict[str, Any], metre: float) -> None:
@@ -193,7 +160,7 @@ def _set_grid(grid: Any, document: dict[str, Any], metre: float) -> None:
     axis = document.get("axis", "auto")
     grid.auto_axis = axis == "auto"
     if not grid.auto_axis:
-        grid.point, grid.direction = _units(axis["point"], metre), axis["direction"]
+        grid.point, grid.direction = in_units(axis["point"], metre), axis["direction"]
     grid.auto_margin = "margin" not in document
     if not grid.auto_margin:
         grid.margin = document["margin"] / metre
@@ -231,7 +198,7 @@ def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMes
     finally:
         evaluated.to_mesh_clear()
     unit = metres_per_unit(context.scene) * _scale(link)
-    placed = np.array([_vector(row, unit) for row in _local(link)[:3]])
+    placed = np.array([vector(row, unit) for row in _local(link)[:3]])
     points = vertices.reshape(-1, 3).astype(float)
     if not np.array_equal(placed, np.eye(3, 4)):  # times one plus zero is exact, but only where nothing is infinite
         points = points @ placed[:, :3].T + placed[:, 3]
@@ -284,6 +251,19 @@ def link_frame(link: bpy.types.Object) -> Matrix:
     return Matrix.LocRotScale(place, turn, None)
 
 
+def cursor_on(link: bpy.types.Object, scene: bpy.types.Scene) -> Vector:
+    """The 3D cursor in the link frame, in Blender units."""
+    return link_frame(link).inverted() @ scene.cursor.location
+
+
+def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, way: Vector) -> Vector | None:
+    """Where a ray in the world first meets the object, in the link frame in Blender units; None where it does not."""
+    to_world = link.matrix_world
+    local = to_world.inverted()
+    met, place, _, _ = link.evaluated_get(depsgraph).ray_cast(local @ start, local.to_3x3() @ way)
+    return link_frame(link).inverted() @ (to_world @ place) if met else None
+
+
 def metres_per_unit(scene: bpy.types.Scene) -> float:
     """Length of one Blender unit [m]."""
     return exact(scene.unit_settings.scale_length)
@@ -311,6 +291,7 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
     record.control_points = int(np.prod(result.fit.lines.origins.shape[:2]))
     record.taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
     record.seconds = sum(result.seconds.values())
+    record.doubts = "\n\n".join(fill(doubt, DOUBT_WIDTH) for doubt in result.doubts)
 
 
 def why_no_link(context: bpy.types.Context, named: bool = True) -> str:

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tests.blender.conftest import ROOT
+from tests.blender.conftest import BOARDS, CLEAR, LEFT, PINNED, ROOT
 
 SAMPLES = ROOT / "sample_scenes"
 
@@ -35,6 +35,19 @@ def test_sample_gives_the_same_bytes_at_every_door(bpy, addon, run, tmp_path, na
     run("examples/batch_fit.py", SAMPLES / f"{name}.blend", "--", "-o", batch)
     run("-m", "skin_calib_addon", "fit", SAMPLES / f"{name}.plan.json", "-o", plain)
     assert button.read_bytes() == command.read_bytes() == batch.read_bytes() == plain.read_bytes()
+
+
+def test_skins_of_all_sorts_give_the_same_bytes_at_every_door(bpy, addon, run, plan_file, fit_plainly, tmp_path):
+    """Boards, excluded zones, a left hand, an offset, trimming and landmarks go through each door unchanged."""
+    button, command, batch = (tmp_path / f"{door}.json" for door in ("button", "command", "batch"))
+    source = plan_file(skins=[BOARDS | {"cells": "all", "excluded": CLEAR}, LEFT, PINNED | {"name": "pinned"}])
+    bpy.ops.skin_calib.import_plan(filepath=str(source))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "arm.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
+    assert bpy.ops.skin_calib.export_calibration(filepath=str(button)) == {"FINISHED"}
+    assert addon.command.main(["fit", "-o", str(command)]) == 0
+    run("examples/batch_fit.py", tmp_path / "arm.blend", "--", "-o", batch)
+    assert button.read_bytes() == command.read_bytes() == batch.read_bytes() == fit_plainly(source)
 
 
 @pytest.mark.parametrize("name", ["wrist", "sole", "edge"])

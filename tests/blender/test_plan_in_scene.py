@@ -2,16 +2,19 @@
 
 import json
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from tests.blender.conftest import PLAN
+from tests.blender.conftest import BOARDS, CLEAR, LANDMARKS, LEFT, LISTED, PINNED, PLAN
 
 TUBE = PLAN["grid"]
 CUT = {"point": [0.0, 0.0, 0.0331], "normal": [0.0, 0.125, 1.0]}
 AXIS = {"point": [0.001, 0.0125, 0.0], "direction": [0.01, 0.0, 1.0]}
 ACROSS = [{"point": [0, 0, z], "normal": [0, 0, 1]} for z in (0.03, 0.05, 0.07, 0.09)]
 ALONG = [{"point": [0, 0.01, 0], "normal": n} for n in ([1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 1, 0])]
-SLANTED = [PLAN["skins"][0] | {"direction": [0.5, 0.25, 0.125]}]
+BAND = PLAN["skins"][0]
+SLANTED = [BAND | {"direction": [0.5, 0.25, 0.125]}]
 CHANGES = {
     "as it is": {},
     "paper's m": {"grid": {"kind": "tube", "n": 5, "m": 6, "axis": AXIS}},
@@ -26,7 +29,12 @@ CHANGES = {
     "planes": {"grid": {"kind": "planes", "u": ACROSS, "v": ALONG, "closed": True}, "skins": SLANTED},
     "cut": {"cover": {"shell": "all", "cuts": [CUT]}, "chords": True, "degree": [2, 4]},
     "response": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.02, 5e-05]}, "x_by": {"who": "前腕"}},
-    "origin": {"skins": [PLAN["skins"][0] | {"origin": [0.03, 0.02, 0.05], "first_channel": 7}]},
+    "origin": {"skins": [BAND | {"origin": [0.03, 0.02, 0.05], "first_channel": 7}]},
+    "left hand, offset, trim": {"skins": [LEFT]},
+    "landmarks": {"skins": [PINNED]},
+    "all boards": {"skins": [BAND | {"first_channel": 90}, BOARDS | {"cells": "all", "excluded": CLEAR}]},
+    "listed boards": {"skins": [BOARDS | LISTED | {"first_channel": 5}, LEFT]},
+    "standard boards": {"skins": [BAND, {"name": "boards", "kind": "hexagons", "cells": [[0, 0], [-1, 1]]}]},
 }
 
 
@@ -118,7 +126,8 @@ def test_steps_are_undone_and_redone_one_by_one(bpy, addon, link):
     def state():
         plan = bpy.context.scene.objects["arm"].skin_calib
         drawn = bool(addon.overlay._prepared.get(plan.result.key))
-        return len(plan.skins), len(plan.cover.cuts), plan.result.taxels, plan.result.outdated, drawn
+        points = [len(entries) for s in plan.skins for entries in (s.landmarks, s.excluded)]
+        return len(plan.skins), len(plan.cover.cuts), sum(points), plan.result.taxels, plan.result.outdated, drawn
 
     def step(operator, **arguments):
         assert operator("EXEC_DEFAULT", True, **arguments) == {"FINISHED"}
@@ -131,13 +140,23 @@ def test_steps_are_undone_and_redone_one_by_one(bpy, addon, link):
     step(bpy.ops.skin_calib.cut_add)
     step(bpy.ops.skin_calib.skin_remove, index=0)
     step(bpy.ops.skin_calib.cut_remove, index=0)
+    step(bpy.ops.skin_calib.landmark_add, skin=0)
+    step(bpy.ops.skin_calib.landmark_remove, skin=0, index=0)
+    step(bpy.ops.skin_calib.skin_add, kind="hexagons")
+    step(bpy.ops.skin_calib.zone_add, skin=1)
+    step(bpy.ops.skin_calib.zone_remove, skin=1, index=0)
     assert states == [
-        (1, 0, 0, True, False),
-        (1, 0, 6, False, True),
-        (2, 0, 6, True, True),
-        (2, 1, 6, True, True),
-        (1, 1, 6, True, True),
-        (1, 0, 6, True, True),
+        (1, 0, 0, 0, True, False),
+        (1, 0, 0, 6, False, True),
+        (2, 0, 0, 6, True, True),
+        (2, 1, 0, 6, True, True),
+        (1, 1, 0, 6, True, True),
+        (1, 0, 0, 6, True, True),
+        (1, 0, 1, 6, True, True),
+        (1, 0, 0, 6, True, True),
+        (2, 0, 0, 6, True, True),
+        (2, 0, 1, 6, True, True),
+        (2, 0, 0, 6, True, True),
     ]
     for expected in states[-2::-1]:
         bpy.ops.ed.undo()
@@ -158,12 +177,116 @@ def test_export_is_of_the_plan_as_it_is_now(bpy, link, fit_scene, tmp_path):
     assert len(json.loads((tmp_path / "out.json").read_text())["surfaces"][0]["control_net"]) == 6
 
 
-def test_added_sheet_follows_the_others(bpy, link):
-    """Its name is new, its channels come after theirs, its cells are 10 mm wide in any unit."""
+def test_filled_boards_are_the_same_at_every_door(bpy, plan_file, fit_plainly, fit_scene, tmp_path):
+    """So is the skin after them, whose channels follow however many boards there are."""
+    source = plan_file(skins=[BOARDS | {"excluded": CLEAR, "first_channel": 2}, BAND])
+    bpy.ops.skin_calib.import_plan(filepath=str(source))
+    data = fit_scene()
+    assert data == fit_plainly(source)
+    boards, band = (patch["taxels"]["channel"] for patch in json.loads(data)["patches"])
+    assert len(boards) > 12 and boards + band == list(range(2, 2 + len(boards) + 6))
+    assert bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "again.plan.json")) == {"FINISHED"}
+    assert fit_plainly(tmp_path / "again.plan.json") == data
+    assert bpy.ops.skin_calib.export_calibration(filepath=str(tmp_path / "button.json")) == {"FINISHED"}
+    assert (tmp_path / "button.json").read_bytes() == data
+
+
+def test_what_a_plan_leaves_out_stays_left_out(bpy, addon, plan_file, capfd):
+    """Standard boards have no gap, direction or channel of their own, and no number of theirs is rounded."""
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[{"name": "boards", "kind": "hexagons"}])))
+    (document,) = addon.scene.plan_document(bpy.context.object, bpy.context.scene)["skins"]
+    standard = {"side": 0.0163, "cells": "fill", "origin": "center", "offset": 0.0}
+    assert document == {"name": "boards", "kind": "hexagons"} | standard
+    assert "seven digits" not in capfd.readouterr().out
+
+
+def test_options_of_the_other_kind_wait(bpy, addon, plan_file):
+    """A sheet that is turned to boards and back is what it was; landmarks take the place of the origin while there."""
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[PINNED])))
+    link, read = (
+        bpy.context.object,
+        lambda: addon.scene.plan_document(bpy.context.object, bpy.context.scene)["skins"][0],
+    )
+    before = read()
+    assert before["landmarks"] == LANDMARKS and "origin" not in before
+    link.skin_calib.skins[0].kind = "hexagons"
+    assert read().keys() & {"rows", "landmarks", "trim"} == set() and read()["side"] == 0.0163
+    link.skin_calib.skins[0].kind = "sheet"
+    assert read() == before
+    for _ in LANDMARKS:
+        bpy.ops.skin_calib.landmark_remove(skin=0, index=0)
+    assert read()["origin"] == "center" and "landmarks" not in read()
+
+
+def test_lengths_of_skins_are_the_decimals_typed(bpy, addon, link):
+    """In a scene of millimetres, 0.5 is 0.0005 in the plan, whatever the option."""
     bpy.context.scene.unit_settings.scale_length = 0.001
+    sheet = link.skin_calib.skins[0]
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    boards = link.skin_calib.skins[1]
+    bpy.context.scene.cursor.location = (40.1, 9.9, 60.3)
+    bpy.ops.skin_calib.landmark_add(skin=0)
+    bpy.ops.skin_calib.zone_add(skin=1)
+    sheet.offset, boards.offset, boards.side, boards.auto_gap, boards.gap = 0.5, 0.7, 16.3, False, -0.48
+    first, second = addon.scene.plan_document(link, bpy.context.scene)["skins"]
+    point = [0.0401, 0.0099, 0.0603]
+    assert first["offset"] == 0.0005 and first["landmarks"] == [{"cell": [0, 0], "point": point}]
+    assert (second["offset"], second["side"], second["gap"]) == (0.0007, 0.0163, -0.00048)
+    assert second["excluded"] == [{"point": point, "radius": 0.005}]
+
+
+@pytest.mark.parametrize("text", ["0,0 1,0 -2,13", " 0, 0  1 ,0\t-2,13 "])
+def test_cells_are_read_as_people_write_them(bpy, addon, link, text):
+    """Spaces do not matter; the panel knows at once whether a list can be read."""
+    skin = link.skin_calib.skins[0]
+    skin.kind, skin.choice = "hexagons", "listed"
+    assert skin.cells_wrong
+    skin.cells = text
+    assert not skin.cells_wrong
+    assert addon.scene.plan_document(link, bpy.context.scene)["skins"][0]["cells"] == [[0, 0], [1, 0], [-2, 13]]
+    skin.cells = text + ";"
+    assert skin.cells_wrong
+
+
+def test_doubts_of_a_fit_are_told_and_kept(bpy, addon, plan_file, capfd):
+    """Boards that do not sit are warned of at the button, and stay listed with the result until the next fit."""
+    narrow = [{"name": "boards", "kind": "hexagons", "cells": [[0, 0], [1, 0]], "origin": [0.04, 0.01, 0.06]}]
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=narrow)))
+    capfd.readouterr()
+    bpy.ops.skin_calib.fit()
+    result = bpy.context.object.skin_calib.result
+    (doubt,) = addon.results.find(result.key).doubts
+    assert "stand off the surface" in doubt and f"Warning: {doubt}" in capfd.readouterr().out
+    assert " ".join(result.doubts.split()) == doubt and max(map(len, result.doubts.splitlines())) < 40
+    bpy.context.object.skin_calib.skins[0].side = 0.008
+    bpy.ops.skin_calib.fit()
+    assert bpy.context.object.skin_calib.result.doubts == ""
+
+
+def test_overlay_draws_boards_as_it_draws_cells(bpy, addon, plan_file):
+    """Six sides for each board, and its normal."""
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[BOARDS | LISTED])))
+    bpy.ops.skin_calib.fit()
+    key = bpy.context.object.skin_calib.result.key
+    (patch,) = addon.results.find(key).calibration.patches
+    _, outlines, sticks = addon.overlay._prepared[key]
+    corners = patch.taxels.corners_link
+    sides = np.stack((corners, np.roll(corners, -1, axis=1)), axis=2)
+    assert_allclose(outlines.points.reshape(3, 6, 2, 3), sides, atol=1e-7)
+    assert_allclose(sticks.points.reshape(3, 2, 3)[:, 0], patch.taxels.positions_link, atol=1e-7)
+
+
+def test_added_skins_follow_the_others(bpy, addon, link):
+    """Their names are new, their channels come after those before, their sizes are the usual ones in any unit."""
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    link.skin_calib.skins[0].pitch = (8.5, 10)
     bpy.ops.skin_calib.skin_add()
-    bpy.ops.skin_calib.skin_add()
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
     skins = link.skin_calib.skins
-    assert [s.name for s in skins] == ["band", "skin", "skin_2"]
-    assert [s.first_channel for s in skins] == [0, 6, 138]
-    assert list(skins[1].pitch) == [10.0, 10.0]
+    assert [s.name for s in skins] == ["band", "skin", "skin_2", "skin_3"]
+    plan = addon.scene.read_plan(link, bpy.context.scene)
+    assert [s.first_channel for s in plan.skins] == [0, 6, 138, 270]
+    assert plan.skins[2].lattice.pitch == (0.01, 0.01)
+    assert abs(plan.skins[3].lattice.pitch - 0.02775) < 1e-15
+    assert list(skins[1].pitch) == [10.0, 10.0] and f"{skins[1].side:g}" == "16.3"

@@ -9,10 +9,25 @@ from tests.blender.conftest import PLAN
 
 def scene_state(bpy, addon):
     """Everything that a refused operator might have changed."""
-    return [
-        (o.name, addon.scene.plan_document(o, bpy.context.scene), o.skin_calib.result.key, tuple(o.location))
-        for o in bpy.data.objects
-    ], [m.name for m in bpy.data.meshes]
+    return [(o.name, values(o.skin_calib), tuple(o.location)) for o in bpy.data.objects], [
+        m.name for m in bpy.data.meshes
+    ]
+
+
+def values(group):
+    """All properties of a group and of those in it."""
+    return {
+        item.identifier: values(value)
+        if item.type == "POINTER"
+        else [values(entry) for entry in value]
+        if item.type == "COLLECTION"
+        else [*value]
+        if getattr(item, "is_array", False)
+        else value
+        for item in group.bl_rna.properties
+        if item.identifier != "rna_type"
+        for value in [getattr(group, item.identifier)]
+    }
 
 
 def folder_state(folder):
@@ -72,6 +87,59 @@ def wide_sheet(bpy, link):
     link.skin_calib.skins[0].rows = 50
 
 
+def boards_of(link, **options):
+    link.skin_calib.skins[0].kind = "hexagons"
+    for name, value in options.items():
+        setattr(link.skin_calib.skins[0], name, value)
+
+
+def no_cells(bpy, link):
+    boards_of(link, choice="listed")
+
+
+def no_cell(bpy, link):
+    boards_of(link, choice="listed", cells="0,0 1;0")
+
+
+def same_cells(bpy, link):
+    boards_of(link, choice="listed", cells="0,0 1,0 0,0")
+
+
+def far_cell(bpy, link):
+    boards_of(link, choice="listed", cells="0,0 40,0")
+
+
+def wide_boards(bpy, link):
+    boards_of(link, side=0.3)
+
+
+def no_side(bpy, link):
+    boards_of(link, side=0)
+
+
+def no_radius(bpy, link):
+    boards_of(link)
+    link.skin_calib.skins[0].excluded.add().radius = 0
+
+
+def no_way(bpy, link):
+    boards_of(link, auto_direction=False, direction=(0, 0, 0))
+
+
+def landmark_beside(bpy, link):
+    link.skin_calib.skins[0].landmarks.add().cell = (2, 0)
+
+
+def same_landmarks(bpy, link):
+    for z in (0.05, 0.06):
+        link.skin_calib.skins[0].landmarks.add().point = (0.035, 0.02, z)
+
+
+def channel_beyond(bpy, link):
+    skin = link.skin_calib.skins[0]
+    skin.auto_channel, skin.first_channel = False, 2**31 - 1
+
+
 def not_a_number(bpy, link):
     link.skin_calib.skins[0].direction = (0, math.nan, 0)
 
@@ -94,6 +162,17 @@ BAD_LINKS = {
     shared_channels: "skins 'band' and 'other' share channel 0",
     no_pitch: "the plan of arm is not valid: .*/skins/0/pitch",
     wide_sheet: r"cell \(0, 0\) lies .* mm beyond the edge",
+    no_cells: "skin 'band' lists no cells; write some",
+    no_cell: "skin 'band': '1;0' is no cell; write each as q,r",
+    same_cells: "skin 'band' names a cell twice",
+    far_cell: r"board \[40, 0\] lies beyond the edge of the surface",
+    wide_boards: "no board with sides of 300 mm fits",
+    no_side: "the plan of arm is not valid: .*/skins/0/side",
+    no_radius: "the plan of arm is not valid: .*/skins/0/excluded/0/radius",
+    no_way: "the direction of skin 'band' is zero",
+    landmark_beside: r"a landmark of skin 'band' is of cell \[2, 0\]; the sheet has 2 x 3 cells",
+    same_landmarks: "landmarks 0 and 1 share a cell or a point",
+    channel_beyond: "skin 'band' would end on channel 2147483652",
     not_a_number: "the plan holds nan",
     no_tolerance: "the plan of arm is not valid: .*/grid/tolerance must be more than 0",
 }
@@ -168,7 +247,7 @@ def bare_object(bpy, kind="MESH"):
     return bare
 
 
-@pytest.mark.parametrize("operator", ["fit", "skin_add", "cut_add", "export_plan", "export_calibration"])
+@pytest.mark.parametrize("operator", ["fit", "skin_add", "cut_add", "place", "export_plan", "export_calibration"])
 def test_button_without_a_link_says_why(bpy, operator):
     """Nothing active, an empty active, a mesh without a name: the message tells what to do."""
     press = getattr(bpy.ops.skin_calib, operator)
@@ -180,17 +259,62 @@ def test_button_without_a_link_says_why(bpy, operator):
     bare_object(bpy)
     if operator in ("skin_add", "cut_add"):
         assert press() == {"FINISHED"}
+    elif operator == "place":
+        with pytest.raises(RuntimeError, match="no skin 0 here; there are 0"):
+            press()
     else:
         with pytest.raises(RuntimeError, match="Give the object a link name first"):
             press()
 
 
-@pytest.mark.parametrize("operator", ["skin_remove", "cut_remove"])
-def test_entry_that_is_not_there_is_not_removed(bpy, link, operator):
-    """An index beyond the list is refused."""
-    with pytest.raises(RuntimeError, match="no entry 5 here"):
-        getattr(bpy.ops.skin_calib, operator)(index=5)
-    assert len(link.skin_calib.skins) == 1
+POINTS = {"point": (0.01, 0.02, 0.03)}
+NOT_THERE = {
+    "cut_remove": {"index": 0},
+    "skin_remove": {"index": 2},
+    "landmark_add": {"skin": 2},
+    "landmark_remove": {"skin": 0, "index": 1},
+    "zone_add": {"skin": 2},
+    "zone_remove": {"skin": 1, "index": 1},
+    "place": POINTS | {"skin": 2},
+    "place_at_cursor": {"skin": 1, "what": "zone", "index": 1},
+}
+
+
+def with_entries(bpy):
+    """A landmark on the sheet that is there, and a zone on boards beside it."""
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    bpy.ops.skin_calib.landmark_add(skin=0)
+    bpy.ops.skin_calib.zone_add(skin=1)
+
+
+@pytest.mark.parametrize("operator", NOT_THERE)
+def test_entry_that_is_not_there_is_refused(bpy, addon, link, operator):
+    """An index beyond the list is named, with how many there are."""
+    with_entries(bpy)
+    before = scene_state(bpy, addon)
+    with pytest.raises(RuntimeError, match=r"Error: no .+ \d here; there are \d, counted from 0"):
+        getattr(bpy.ops.skin_calib, operator)(**NOT_THERE[operator])
+    assert scene_state(bpy, addon) == before
+
+
+OTHER_KIND = {
+    "landmark_add": {"skin": 1},
+    "landmark_remove": {"skin": 1},
+    "zone_add": {"skin": 0},
+    "zone_remove": {"skin": 0},
+    "place": POINTS | {"skin": 1, "what": "landmark"},
+    "place_at_cursor": {"skin": 0, "what": "zone"},
+}
+
+
+@pytest.mark.parametrize("operator", OTHER_KIND)
+def test_what_the_other_kind_has_is_refused(bpy, addon, link, operator):
+    """Boards have no landmarks, sheets no zones."""
+    with_entries(bpy)
+    before = scene_state(bpy, addon)
+    with pytest.raises(RuntimeError, match="Error: skin '(band|skin)' has no .+, which belong to .+; change its kind"):
+        getattr(bpy.ops.skin_calib, operator)(**OTHER_KIND[operator])
+    assert scene_state(bpy, addon) == before
 
 
 def test_linked_library_is_fitted_from_outside_and_not_edited(bpy, addon, link, fit_scene, tmp_path):

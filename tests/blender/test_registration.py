@@ -1,11 +1,15 @@
 """The extension comes and goes without a trace, and says what each of its parts is for."""
 
-from types import MethodType
+from types import MethodType, SimpleNamespace
 
 import pytest
 
-OPERATORS = ("fit", "skin_add", "skin_remove", "cut_add", "cut_remove")
+OPERATORS = (
+    *("fit", "skin_add", "skin_remove", "cut_add", "cut_remove", "landmark_add", "landmark_remove"),
+    *("zone_add", "zone_remove", "place", "place_at_cursor"),
+)
 EXCHANGE = ("import_plan", "export_plan", "export_calibration")
+KINDS = {"sheet": "a flexible sheet of taxels", "hexagons": "rigid hexagonal boards"}
 PANELS = ("link", "cut", "grid", "fit", "skin", "inspect", "export")
 
 
@@ -69,7 +73,14 @@ def properties(group, path=""):
 def test_property_has_tooltip_and_no_animation(bpy):
     """Each property of a plan is explained, and none can be keyed."""
     found = dict(properties(bpy.types.Object.bl_rna.properties["skin_calib"].fixed_type))
-    assert {"link", "cover.cuts.normal", "grid.tolerance", "skins.name", "result.mean"} < found.keys()
+    assert {
+        "link",
+        "cover.cuts.normal",
+        "grid.tolerance",
+        "skins.name",
+        "skins.landmarks.cell",
+        "result.mean",
+    } < found.keys()
     assert [path for path, item in found.items() if len(item.description) < 6] == []
     assert [path for path, item in found.items() if item.is_animatable and item.type != "POINTER"] == []
 
@@ -126,10 +137,58 @@ def test_panel_lays_out_what_there_is(bpy, link, kind):
     plan.skins[0].centred = False
     bpy.ops.skin_calib.cut_add()
     shown = {name: draw(bpy, name) for name in PANELS}
-    assert shown["skin"][:3] == ["name", "Remove Sheet", "rows"]
+    assert shown["skin"][:4] == ["name", "Remove Skin", "kind", "rows"]
     assert ("tolerance" in shown["grid"]) == (kind == "auto")
     assert shown["fit"] == ["Fit"]
     assert "Fit the link to see its skin" in shown["inspect"]
+
+
+EVERY_SKIN = {"name", "kind", "offset", "centred", "origin", "direction", "auto_channel", "first_channel"}
+SHEETS = {"rows", "columns", "pitch", "hand", "trim"}
+BOARDS = {"side", "auto_gap", "gap", "choice", "cells", "auto_direction"}
+
+
+@pytest.mark.parametrize("kind, own", [("sheet", SHEETS), ("hexagons", BOARDS)])
+def test_panel_shows_what_applies_to_the_kind(bpy, link, kind, own):
+    """Each option of a skin has its field, those of the other kind have none, and none is forgotten."""
+    skin = link.skin_calib.skins[0]
+    names = {p.identifier for p in skin.bl_rna.properties} - {"rna_type", "landmarks", "excluded", "cells_wrong"}
+    assert names == EVERY_SKIN | SHEETS | BOARDS
+    skin.kind, skin.choice = kind, "listed"
+    skin.centred = skin.auto_gap = skin.auto_direction = skin.auto_channel = False
+    assert names & set(draw(bpy, "skin")) == EVERY_SKIN | own
+    skin.centred = skin.auto_gap = skin.auto_direction = skin.auto_channel = True
+    skin.choice = "fill"
+    hidden = {"origin", "first_channel"} | ({"direction", "gap", "cells"} if kind == "hexagons" else set())
+    assert names & set(draw(bpy, "skin")) == (EVERY_SKIN | own) - hidden
+
+
+def test_panel_lists_landmarks_and_zones(bpy, link):
+    """Each has its fields and buttons; landmarks hide the origin that they replace."""
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    bpy.ops.skin_calib.landmark_add(skin=0)
+    bpy.ops.skin_calib.zone_add(skin=1)
+    shown = draw(bpy, "skin")
+    assert shown.count("centred") == 1 and "Landmarks hold it, no origin" in shown
+    heads = [["Landmark 0", "Place on Link", "Place at 3D Cursor", "Remove Landmark", "cell", "point"]]
+    heads += [["Excluded Zone 0", "Place on Link", "Place at 3D Cursor", "Remove Excluded Zone", "point", "radius"]]
+    for head in heads:
+        start = shown.index(head[0])
+        assert shown[start : start + len(head)] == head
+
+
+def test_panel_tells_doubts_line_by_line(bpy, link):
+    """As they were broken when the fit was done."""
+    link.skin_calib.result.key, link.skin_calib.result.doubts = "key", "one\ntwo\n\nthree"
+    assert draw(bpy, "fit")[-3:] == ["one", "two", "three"]
+
+
+def test_add_button_says_which_kind_it_adds(bpy):
+    """One operator, two buttons, a tooltip for each."""
+    describe = bpy.types.SKIN_CALIB_OT_skin_add.description
+    for kind, words in KINDS.items():
+        button = SimpleNamespace(bl_rna=bpy.ops.skin_calib.skin_add.get_rna_type(), kind=kind)
+        assert describe(bpy.context, button) == f"Add {words} to the active link"
 
 
 def test_panel_says_what_to_do_next(bpy):
@@ -141,5 +200,11 @@ def test_panel_says_what_to_do_next(bpy):
     bpy.context.scene.collection.objects.link(bare)
     bpy.context.view_layer.objects.active = bare
     assert "Name the link to begin" in draw(bpy, "link")
+    assert draw(bpy, "skin")[0] == "Add a sheet, or boards"
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    bare.skin_calib.skins[0].choice = "listed"
+    assert "List them as 0,0 1,0 0,1" in draw(bpy, "skin")
+    bare.skin_calib.skins[0].cells = "0,0"
+    assert "List them as 0,0 1,0 0,1" not in draw(bpy, "skin")
     bare.skin_calib.result.key, bare.skin_calib.result.outdated = "key", True
     assert "The plan has changed: fit again" in draw(bpy, "fit")

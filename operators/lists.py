@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Add to what the plan of the active link lists, and take away: cuts, skins, landmarks, excluded zones."""
+
+import bpy
+
+from ..skin_calib_addon.blender import scene, skins
+from ..skin_calib_addon.errors import SkinCalibError
+from .on_link import Edit, entry
+
+INDEX = {"min": 0, "options": {"HIDDEN"}}
+
+
+class OnSkin:
+    """Works on one skin of the plan."""
+
+    skin: bpy.props.IntProperty(name="Skin", description="Which skin, from 0", **INDEX)
+
+    def of_kind(self, plan, kind, what):
+        """The skin, if it is of the kind that has such things."""
+        skin = entry(plan.skins, self.skin, "skin")
+        if skin.kind != kind:
+            raise SkinCalibError(f"skin {skin.name!r} has no {what}, which belong to {kind}; change its kind first")
+        return skin
+
+
+class SKIN_OT_cut_add(Edit, bpy.types.Operator):
+    """Add a plane that cuts the cover; it starts at the 3D cursor and keeps what lies above"""
+
+    bl_idname = "skin_calib.cut_add"
+    bl_label = "Add Cut"
+
+    def edit(self, context, plan):
+        plan.cover.cuts.add().point = scene.cursor_on(context.object, context.scene)
+
+
+class SKIN_OT_cut_remove(Edit, bpy.types.Operator):
+    """Remove this cut from the active link"""
+
+    bl_idname = "skin_calib.cut_remove"
+    bl_label = "Remove Cut"
+
+    index: bpy.props.IntProperty(name="Index", description="Which cut, from 0", **INDEX)
+
+    def edit(self, context, plan):
+        entry(plan.cover.cuts, self.index, "cut")
+        plan.cover.cuts.remove(self.index)
+
+
+class SKIN_OT_skin_add(Edit, bpy.types.Operator):
+    """Add a skin to the active link: a sheet of taxels, or hexagonal boards"""
+
+    bl_idname = "skin_calib.skin_add"
+    bl_label = "Add Skin"
+
+    kind: bpy.props.EnumProperty(
+        name="Kind",
+        description="What the skin is made of",
+        items=[
+            ("sheet", "Sheet", "Add a flexible sheet of taxels to the active link"),
+            ("hexagons", "Hexagons", "Add rigid hexagonal boards to the active link"),
+        ],
+    )
+
+    @classmethod
+    def description(cls, _context, properties):
+        return properties.bl_rna.properties["kind"].enum_items[properties.kind].description
+
+    def edit(self, context, plan):
+        skins.add_skin(plan.skins, self.kind, scene.metres_per_unit(context.scene))
+
+
+class SKIN_OT_skin_remove(Edit, bpy.types.Operator):
+    """Remove this skin from the active link"""
+
+    bl_idname = "skin_calib.skin_remove"
+    bl_label = "Remove Skin"
+
+    index: bpy.props.IntProperty(name="Index", description="Which skin, from 0", **INDEX)
+
+    def edit(self, context, plan):
+        entry(plan.skins, self.index, "skin")
+        plan.skins.remove(self.index)
+
+
+class SKIN_OT_landmark_add(OnSkin, Edit, bpy.types.Operator):
+    """Pin a cell of this sheet to the place of the 3D cursor; the first landmark takes the place of the origin"""
+
+    bl_idname = "skin_calib.landmark_add"
+    bl_label = "Add Landmark"
+
+    def edit(self, context, plan):
+        skin = self.of_kind(plan, "sheet", "landmarks")
+        skin.landmarks.add().point = scene.cursor_on(context.object, context.scene)
+
+
+class SKIN_OT_landmark_remove(OnSkin, Edit, bpy.types.Operator):
+    """Let go of this cell; without landmarks the origin holds the sheet again"""
+
+    bl_idname = "skin_calib.landmark_remove"
+    bl_label = "Remove Landmark"
+
+    index: bpy.props.IntProperty(name="Index", description="Which landmark, from 0", **INDEX)
+
+    def edit(self, context, plan):
+        landmarks = self.of_kind(plan, "sheet", "landmarks").landmarks
+        entry(landmarks, self.index, "landmark")
+        landmarks.remove(self.index)
+
+
+class SKIN_OT_zone_add(OnSkin, Edit, bpy.types.Operator):
+    """Keep boards away from the place of the 3D cursor"""
+
+    bl_idname = "skin_calib.zone_add"
+    bl_label = "Add Excluded Zone"
+
+    def edit(self, context, plan):
+        zone = self.of_kind(plan, "hexagons", "excluded zones").excluded.add()
+        zone.point = scene.cursor_on(context.object, context.scene)
+        zone.radius = skins.RADIUS / scene.metres_per_unit(context.scene)
+
+
+class SKIN_OT_zone_remove(OnSkin, Edit, bpy.types.Operator):
+    """Let boards lie in this zone again"""
+
+    bl_idname = "skin_calib.zone_remove"
+    bl_label = "Remove Excluded Zone"
+
+    index: bpy.props.IntProperty(name="Index", description="Which zone, from 0", **INDEX)
+
+    def edit(self, context, plan):
+        zones = self.of_kind(plan, "hexagons", "excluded zones").excluded
+        entry(zones, self.index, "excluded zone")
+        zones.remove(self.index)
+
+
+CLASSES = (
+    SKIN_OT_cut_add,
+    SKIN_OT_cut_remove,
+    SKIN_OT_skin_add,
+    SKIN_OT_skin_remove,
+    SKIN_OT_landmark_add,
+    SKIN_OT_landmark_remove,
+    SKIN_OT_zone_add,
+    SKIN_OT_zone_remove,
+)

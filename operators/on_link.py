@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What operators on a link have in common: when they can work, and how an edit of its plan ends."""
+
+from ..skin_calib_addon.blender import scene
+from ..skin_calib_addon.errors import SkinCalibError
+
+
+class OnMesh:
+    """Works on the active object if it is a mesh of this file."""
+
+    @classmethod
+    def poll(cls, context):
+        return cls.says(scene.why_no_link(context, named=False))
+
+    @classmethod
+    def says(cls, reason):
+        """Whether there is no reason to refuse; Blender shows the reason at the button."""
+        if reason:
+            cls.poll_message_set(reason)
+        return not reason
+
+
+class OnLink(OnMesh):
+    """Works on the active object if it also has a link name."""
+
+    @classmethod
+    def poll(cls, context):
+        return cls.says(scene.why_no_link(context))
+
+
+class Edit(OnMesh):
+    """Changes the plan of the active object, in one step of undo, or refuses and leaves it as it was."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        plan = context.object.skin_calib
+        try:
+            self.edit(context, plan)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        plan.result.outdated = True
+        return {"FINISHED"}
+
+
+def entry(entries, index, what):
+    """One entry of a list of the plan.
+
+    Raises
+    ------
+    SkinCalibError
+        If it is not there.
+    """
+    if not 0 <= index < len(entries):
+        raise SkinCalibError(f"no {what} {index} here; there are {len(entries)}, counted from 0")
+    return entries[index]

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The skins of a plan: from properties in scene units to the plan's document in metres, and back."""
+
+import re
+from typing import Any
+
+from ..errors import InvalidPlan
+from ..plan_skins import GAP, SIDE
+from .decimals import exact, in_units, vector
+
+PITCH = 0.01  # of a new sheet [m]
+RADIUS = 0.005  # of a new zone [m]
+CELL = re.compile(r"(-?\d{1,4}),(-?\d{1,4})")
+
+
+def read_cells(text: str) -> list[list[int]]:
+    """Axial coordinates written as "0,0 1,0 0,1".
+
+    Raises
+    ------
+    InvalidPlan
+        Names the word that is none.
+    """
+    cells = []
+    for word in re.sub(r"\s*,\s*", ",", text).split():
+        found = CELL.fullmatch(word)
+        if not found:
+            raise InvalidPlan(f"{word!r} is no cell; write each as q,r with spaces between, such as 0,0 1,0 0,1")
+        cells.append([int(number) for number in found.groups()])
+    return cells
+
+
+def skin_document(skin: Any, metre: float) -> dict[str, Any]:
+    """The document of a skin.
+
+    Raises
+    ------
+    InvalidPlan
+        If its list of cells is empty or cannot be read.
+    """
+    document = _sheet(skin, metre) if skin.kind == "sheet" else _boards(skin, metre)
+    document |= {"name": skin.name, "kind": skin.kind, "offset": exact(skin.offset, metre)}
+    if not skin.auto_channel:
+        document["first_channel"] = skin.first_channel
+    return document
+
+
+def _sheet(skin: Any, metre: float) -> dict[str, Any]:
+    if skin.landmarks:
+        places = [{"cell": [*mark.cell], "point": vector(mark.point, metre)} for mark in skin.landmarks]
+        held: dict[str, Any] = {"landmarks": places}
+    else:
+        held = {"origin": _origin(skin, metre)}
+    return held | {
+        "rows": skin.rows,
+        "columns": skin.columns,
+        "pitch": vector(skin.pitch, metre),
+        "direction": vector(skin.direction),
+        "hand": skin.hand,
+        "trim": skin.trim,
+    }
+
+
+def _boards(skin: Any, metre: float) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        "side": exact(skin.side, metre),
+        "cells": _cells(skin) if skin.choice == "listed" else skin.choice,
+        "origin": _origin(skin, metre),
+    }
+    if not skin.auto_gap:
+        document["gap"] = exact(skin.gap, metre)
+    if not skin.auto_direction:
+        document["direction"] = vector(skin.direction)
+    if skin.excluded:
+        document["excluded"] = [
+            {"point": vector(zone.point, metre), "radius": exact(zone.radius, metre)} for zone in skin.excluded
+        ]
+    return document
+
+
+def _origin(skin: Any, metre: float) -> Any:
+    return "center" if skin.centred else vector(skin.origin, metre)
+
+
+def _cells(skin: Any) -> list[list[int]]:
+    try:
+        cells = read_cells(skin.cells)
+    except InvalidPlan as error:
+        raise InvalidPlan(f"skin {skin.name!r}: {error}") from error
+    if not cells:
+        raise InvalidPlan(f"skin {skin.name!r} lists no cells; write some, such as 0,0 1,0 0,1, or let it fill")
+    return cells
+
+
+def add_skin(skins: Any, kind: str, metre: float) -> Any:
+    """A new skin at the end of a collection, in usual sizes, called as no other one there."""
+    names = {skin.name for skin in skins}
+    skin = skins.add()
+    skin.name = next(n for n in ("skin", *(f"skin_{k}" for k in range(2, len(names) + 3))) if n not in names)
+    skin.kind, skin.auto_channel = kind, True
+    _set_usual_sizes(skin, metre)
+    return skin
+
+
+def _set_usual_sizes(skin: Any, metre: float) -> None:
+    """Also those of the other kind, for the author may change it; the defaults of properties know no unit."""
+    skin.pitch, skin.side, skin.gap = in_units((PITCH, PITCH), metre), SIDE / metre, GAP / metre
+
+
+def set_skin(skin: Any, document: dict[str, Any], metre: float) -> None:
+    """Set a new skin of a collection from its document."""
+    _set_usual_sizes(skin, metre)
+    skin.name, skin.kind = document["name"], document["kind"]
+    skin.offset = document.get("offset", 0.0) / metre
+    origin = document.get("origin", "center")
+    skin.centred = origin == "center"
+    if not skin.centred:
+        skin.origin = in_units(origin, metre)
+    if "direction" in document:
+        skin.direction, skin.auto_direction = document["direction"], False
+    skin.auto_channel = "first_channel" not in document
+    if not skin.auto_channel:
+        skin.first_channel = document["first_channel"]
+    if skin.kind == "sheet":
+        _set_sheet(skin, document, metre)
+    else:
+        _set_boards(skin, document, metre)
+
+
+def _set_sheet(skin: Any, document: dict[str, Any], metre: float) -> None:
+    skin.rows, skin.columns, skin.pitch = document["rows"], document["columns"], in_units(document["pitch"], metre)
+    skin.hand, skin.trim = document.get("hand", "right"), document.get("trim", False)
+    for landmark in document.get("landmarks", ()):
+        item = skin.landmarks.add()
+        item.cell, item.point = landmark["cell"], in_units(landmark["point"], metre)
+
+
+def _set_boards(skin: Any, document: dict[str, Any], metre: float) -> None:
+    skin.side = document.get("side", SIDE) / metre
+    # The standard gap has more digits than a property keeps.
+    skin.auto_gap = document.get("gap", GAP) == GAP
+    if not skin.auto_gap:
+        skin.gap = document["gap"] / metre
+    cells = document.get("cells", "fill")
+    skin.choice = cells if isinstance(cells, str) else "listed"
+    if skin.choice == "listed":
+        skin.cells = " ".join(f"{q},{r}" for q, r in cells)
+    for zone in document.get("excluded", ()):
+        item = skin.excluded.add()
+        item.point, item.radius = in_units(zone["point"], metre), zone["radius"] / metre

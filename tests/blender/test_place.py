@@ -1,0 +1,96 @@
+"""Points of a skin are put on the link by hand: typed, at the 3D cursor, or where a ray from the eye meets the mesh."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.blender.test_link_frame import frame_for
+
+POINT = (0.0358, 0.0208, 0.0523)
+TARGETS = [(0, "origin", 0), (1, "landmark", 0), (2, "zone", 1)]  # row of `points`, what it is, of which skin
+
+
+def points(link):
+    """Origin, landmark and zone of the two skins that `with_skins` makes."""
+    sheet, boards = link.skin_calib.skins
+    places = (sheet.origin, sheet.landmarks[0].point, boards.excluded[0].point)
+    return np.array([tuple(place) for place in places])
+
+
+@pytest.fixture
+def with_skins(bpy, link):
+    """A sheet with a landmark, and boards with an excluded zone."""
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    bpy.ops.skin_calib.landmark_add(skin=0)
+    bpy.ops.skin_calib.zone_add(skin=1)
+    return link
+
+
+@pytest.mark.parametrize("row, what, skin", TARGETS)
+def test_given_point_is_put_there_and_nowhere_else(bpy, with_skins, row, what, skin):
+    """The twin of the click takes the point itself, in the link frame, and undoes in one step."""
+    bpy.ops.ed.undo_push(message="start")
+    before = points(with_skins)
+    assert bpy.ops.skin_calib.place("EXEC_DEFAULT", True, what=what, skin=skin, point=POINT) == {"FINISHED"}
+    link = bpy.context.scene.objects["arm"]
+    expected = before.copy()
+    expected[row] = POINT
+    assert_allclose(points(link), expected, atol=1e-7)
+    assert link.skin_calib.skins[0].centred == (what != "origin") and link.skin_calib.result.outdated
+    bpy.ops.ed.undo()
+    assert_allclose(points(bpy.context.scene.objects["arm"]), before)
+    assert bpy.context.scene.objects["arm"].skin_calib.skins[0].centred
+
+
+@pytest.mark.parametrize("row, what, skin", TARGETS)
+def test_cursor_is_taken_in_the_link_frame(bpy, with_skins, row, what, skin):
+    """However the parent stands in the world, what the cursor points at is kept as the link sees it."""
+    from mathutils import Vector
+
+    frame = frame_for(bpy, with_skins, (2, 2, 2))
+    bpy.context.scene.cursor.location = frame.matrix_world @ Vector(POINT) / 2 + frame.matrix_world.translation / 2
+    bpy.ops.skin_calib.place_at_cursor(what=what, skin=skin)
+    assert_allclose(points(with_skins)[row], POINT, atol=1e-6)
+
+
+def test_ray_meets_the_mesh_that_one_sees(bpy, addon, link):
+    """First the near side, with modifiers, scale and parent counted, in the frame in which the plan's points are."""
+    from mathutils import Vector
+
+    link.modifiers.new("thick", "SOLIDIFY").thickness = -0.002  # outwards
+    link.scale = (1.0, 1.5, 0.5)
+    frame_for(bpy, link)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    seen = addon.scene.read_mesh(link, bpy.context)
+    middle = np.array((0.0, 0.015, 0.03))
+    for way in np.array(((1, 0, 0), (-0.6, 0.8, 0.1), (0, -1, 0.2))):
+        eye = middle - 0.5 * way / np.linalg.norm(way)
+        to_world = addon.scene.link_frame(link)
+        start, ahead = (to_world @ Vector(p) for p in (eye, eye + way))
+        point = np.array(addon.scene.point_on(link, depsgraph, start, ahead - start))
+        expected = first_crossing(seen, eye, way)
+        assert_allclose(point, expected, atol=1e-6)
+    assert addon.scene.point_on(link, depsgraph, start, start - ahead) is None
+
+
+def first_crossing(mesh, eye, way):
+    """Where a ray first meets a mesh, by looking at every triangle (Moeller and Trumbore)."""
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    across = np.cross(way, c - a)
+    scale = ((b - a) * across).sum(axis=1)
+    u = ((eye - a) * across).sum(axis=1) / scale
+    up = np.cross(eye - a, b - a)
+    v, t = (up @ way) / scale, ((c - a) * up).sum(axis=1) / scale
+    met = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+    return eye + t[met].min() * way
+
+
+def test_origin_that_is_placed_holds_the_sheet(bpy, addon, link):
+    """The calibration has cell (0, 0) where the origin was put, next to it on the surface."""
+    bpy.ops.skin_calib.place(skin=0, point=POINT)
+    bpy.ops.skin_calib.fit()
+    result = addon.results.find(link.skin_calib.result.key)
+    taxels = result.calibration.patches[0].taxels
+    way, normal = taxels.positions_link[0] - POINT, taxels.normals_link[0]
+    assert np.linalg.norm(way) < 0.001
+    assert_allclose(way - (way @ normal) * normal, 0, atol=2e-7)
