@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
 
@@ -15,25 +15,8 @@ from .geometry.bspline import BSplineSurface
 from .geometry.cover import cut_cover
 from .geometry.fit import SurfaceFit
 from .geometry.mesh import TriangleMesh, load_mesh
+from .laying import SURFACE, Laid, lay_all
 from .plan import Plan
-from .plan_skins import BoardSkin, Skin, first_channels
-from .skin.board_taxels import board_taxels
-from .skin.doubts import sitting_doubts
-from .skin.joined import joined
-from .skin.layout import lay_boards
-from .skin.strain import Closure, closure
-from .skin.taxels import sheet_taxels
-from .skin.wrap import wrap_sheet
-
-SURFACE = "cover"
-
-
-@dataclass(frozen=True, eq=False)
-class Laid:
-    """A patch on the surface, and how it closes round the link if it does."""
-
-    patch: Patch
-    closure: Closure | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +32,8 @@ class Calibrated:
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What the author should look at: of the fit, and taxels that lie where the mesh has a hole."""
-        of_patches = (_untrusted(p.patch, self.fit) + sitting_doubts(p.patch, p.closure) for p in self.laid)
-        return self.fit.doubts + tuple(doubt for doubts in of_patches for doubt in doubts)
+        of_skins = (_untrusted(done.patch, self.fit) + done.doubts for done in self.laid)
+        return self.fit.doubts + tuple(doubt for doubts in of_skins for doubt in doubts)
 
 
 def calibrate(plan: Plan, mesh: TriangleMesh | None = None) -> Calibrated:
@@ -92,42 +75,6 @@ def stage(seconds: dict[str, float], name: str) -> Iterator[None]:
     start = perf_counter()
     yield
     seconds[name] = perf_counter() - start
-
-
-def lay(skin: Skin, fit: SurfaceFit, first_channel: int) -> Laid:
-    """Lay one skin on the surface of a fit."""
-    if isinstance(skin, BoardSkin):
-        boards, overhang = lay_boards(
-            fit.surface, skin.lattice, skin.choice, skin.origin, skin.direction,
-            offset=skin.offset, fit=fit, excluded=skin.excluded,
-        )  # fmt: skip
-        taxels = board_taxels(boards, skin.name, first_channel, overhang)
-        columns, rows = (int(k) + 1 for k in np.ptp(boards.cells, axis=0))
-        pitch = skin.lattice.pitch
-        return Laid(Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset))
-    sheet = wrap_sheet(
-        fit.surface, skin.lattice, skin.origin, skin.direction,
-        offset=skin.offset, landmarks=skin.landmarks, trim=skin.trim,
-    )  # fmt: skip
-    taxels = sheet_taxels(sheet, skin.name, first_channel)
-    shape = (skin.lattice.rows, skin.lattice.columns)
-    patch = Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
-    return Laid(patch, closure(sheet))
-
-
-def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit) -> tuple[Laid, ...]:
-    """Lay the skins of a link one after another, and join those that touch."""
-    laid: list[Laid] = []
-    for k, skin in enumerate(skins):
-        counts = [
-            len(done.patch.taxels.ids) if other.count is None else other.count for done, other in zip(laid, skins)
-        ]
-        first = first_channels(skins[: k + 1], [*counts, None])[k]
-        assert first is not None  # the numbers of all skins before are known
-        laid.append(lay(skin, fit, first))
-    first_channels(skins, [skin.count or len(done.patch.taxels.ids) for skin, done in zip(skins, laid)])
-    patches = joined(tuple(done.patch for done in laid))
-    return tuple(replace(done, patch=patch) for done, patch in zip(laid, patches))
 
 
 def _untrusted(patch: Patch, fit: SurfaceFit) -> tuple[str, ...]:

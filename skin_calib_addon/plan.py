@@ -19,7 +19,7 @@ from .geometry.axis import Axis
 from .geometry.cover import CoverSpec, Cut
 from .geometry.grids import AcrossGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
 from .geometry.planes import Planes
-from .plan_skins import Skin, direction_from, skin_document, skins_from
+from .plan_skins import ImportedSkin, Skin, direction_from, skin_document, skins_from
 
 FORMAT, VERSION = "skin-plan", 1
 
@@ -43,7 +43,7 @@ class Plan:
 
 
 def load_plan(path: str | Path) -> Plan:
-    """Read a plan file; its mesh path becomes relative to the file's folder.
+    """Read a plan file; paths in it become relative to the file's folder.
 
     Raises
     ------
@@ -59,7 +59,10 @@ def load_plan(path: str | Path) -> Plan:
         more = f" (and {len(findings) - 1} more: run check)" if len(findings) > 1 else ""
         raise CalibrationFormatError(f"{path.name} is no valid plan: {findings[0]}{more}", findings)
     plan = plan_from(document)
-    return replace(plan, mesh=path.parent / plan.mesh)
+    skins = tuple(
+        replace(skin, file=path.parent / skin.file) if isinstance(skin, ImportedSkin) else skin for skin in plan.skins
+    )
+    return replace(plan, mesh=path.parent / plan.mesh, skins=skins)
 
 
 def check_plan(document: Any) -> tuple[Finding, ...]:

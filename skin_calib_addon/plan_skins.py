@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ SIDE = 0.0163
 GAP = 0.02775 - float(np.sqrt(3)) * SIDE
 
 Point = tuple[float, float, float]
+Rows = tuple[Point, Point, Point]
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,21 @@ class BoardSkin:
         return None if isinstance(self.choice, str) else len(self.choice)
 
 
-Skin = SheetSkin | BoardSkin
+@dataclass(frozen=True)
+class ImportedSkin:
+    """Taxels of a file that another program wrote."""
+
+    name: str
+    file: Path
+    format: str | None = None  # None: the content tells
+    rotation: Rows | None = None  # of the file's frame into the link's; None: the file is in the link frame
+    translation: Point = (0.0, 0.0, 0.0)  # [m]
+    snap: bool = False  # whether taxels are moved to the surface
+    first_channel: int | None = None  # None: after the skin before; channels of the file count from there
+    count = None  # how many channels it takes is told by the file
+
+
+Skin = SheetSkin | BoardSkin | ImportedSkin
 
 
 def skins_from(documents: list[dict[str, Any]]) -> tuple[Skin, ...]:
@@ -71,7 +87,7 @@ def skins_from(documents: list[dict[str, Any]]) -> tuple[Skin, ...]:
     InvalidPlan
         If their members do not go together.
     """
-    read: dict[str, Callable[[dict[str, Any]], Skin]] = {"sheet": _sheet, "hexagons": _boards}
+    read: dict[str, Callable[[dict[str, Any]], Skin]] = {"sheet": _sheet, "hexagons": _boards, "imported": _imported}
     skins = tuple(read[document["kind"]](document) for document in documents)
     for i, skin in enumerate(skins):
         if skin.name in {other.name for other in skins[:i]}:
@@ -157,6 +173,24 @@ def _boards(document: dict[str, Any]) -> BoardSkin:
     )
 
 
+def _imported(document: dict[str, Any]) -> ImportedSkin:
+    frame = document.get("frame", {})
+    return ImportedSkin(
+        name=document["name"],
+        file=Path(document["file"]),
+        format=document.get("format"),
+        rotation=_rows(frame["rotation"]) if frame else None,
+        translation=tuple(frame.get("translation", (0.0, 0.0, 0.0))),
+        snap=document.get("snap", False),
+        first_channel=document.get("first_channel"),
+    )
+
+
+def _rows(matrix: list[list[float]]) -> Rows:
+    x, y, z = ((a, b, c) for a, b, c in matrix)
+    return x, y, z
+
+
 def _origin(document: dict[str, Any]) -> Point | None:
     origin = document.get("origin", "center")
     return None if origin == "center" else tuple(origin)
@@ -172,12 +206,12 @@ def direction_from(vector: list[float], message: str) -> Point:
 
 def skin_document(skin: Skin) -> dict[str, Any]:
     """The skin as the document that reads back to it."""
-    document = _sheet_document(skin) if isinstance(skin, SheetSkin) else _boards_document(skin)
-    if skin.first_channel is not None:
-        document["first_channel"] = skin.first_channel
-    if skin.offset:
-        document["offset"] = skin.offset
-    return document
+    if isinstance(skin, ImportedSkin):
+        document = _imported_document(skin)
+    else:
+        document = _sheet_document(skin) if isinstance(skin, SheetSkin) else _boards_document(skin)
+        document |= {"offset": skin.offset} if skin.offset else {}
+    return document | ({} if skin.first_channel is None else {"first_channel": skin.first_channel})
 
 
 def _sheet_document(skin: SheetSkin) -> dict[str, Any]:
@@ -212,3 +246,12 @@ def _boards_document(skin: BoardSkin) -> dict[str, Any]:
     if skin.excluded:
         document["excluded"] = [{"point": [*z.point], "radius": z.radius} for z in skin.excluded]
     return document
+
+
+def _imported_document(skin: ImportedSkin) -> dict[str, Any]:
+    document: dict[str, Any] = {"name": skin.name, "kind": "imported", "file": skin.file.as_posix()}
+    if skin.format is not None:
+        document["format"] = skin.format
+    if skin.rotation is not None:
+        document["frame"] = {"rotation": [[*row] for row in skin.rotation], "translation": [*skin.translation]}
+    return document | ({"snap": True} if skin.snap else {})

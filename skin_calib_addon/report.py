@@ -8,8 +8,10 @@ import numpy as np
 
 from .calibration.model import LinkCalibration
 from .deviation import DistanceStatistics
-from .pipeline import Calibrated, Laid
+from .laying import Laid
+from .pipeline import Calibrated
 from .skin.board_taxels import angles
+from .skin.imported import Distances
 
 # What is told of boards, in metres.
 BOARD_LENGTHS = ("pitch_error", "gap", "collision", "overhang")
@@ -47,10 +49,18 @@ def _how_it_sits(laid: Laid) -> Iterator[str]:
     if laid.closure is not None:
         gaps = 1e3 * laid.closure.gaps
         yield f"{name}{laid.closure.of} close with gaps of {gaps.min():.2f} to {gaps.max():.2f} mm"
+    if laid.imported is not None:
+        before = laid.imported.before
+        yield f"{name}to the surface {_millimetres(before.surface)}"
     if "pitch_error" in quality:
         worst = {key: 1e3 * np.abs(quality[key]).max() for key in BOARD_LENGTHS if key in quality}
         lengths = ", ".join(f"{key.replace('_', ' ')} {value:.2f}" for key, value in worst.items())
         yield f"{name}tilt at most {np.rad2deg(quality['tilt'].max()):.1f} degrees; at most {lengths} mm"
+
+
+def _distances(distances: Distances) -> dict[str, Any]:
+    of = {"surface": distances.surface, "mesh": distances.mesh}
+    return {name: {"mean": d.mean, "rms": d.rms, "max": d.max} for name, d in of.items() if d is not None}
 
 
 def _patch_document(laid: Laid) -> dict[str, Any]:
@@ -64,6 +74,8 @@ def _patch_document(laid: Laid) -> dict[str, Any]:
     }
     for key, values in sorted(taxels.quality.items()):
         document[key] = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+    if laid.imported is not None:
+        document["distances"] = {name: _distances(getattr(laid.imported, name)) for name in ("before", "after")}
     if laid.closure is not None:
         closure = laid.closure
         document["closure"] = {"of": closure.of, "gaps": closure.gaps.tolist(), "steps": closure.steps.tolist()}

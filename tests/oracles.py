@@ -152,3 +152,87 @@ def _line_of(surface, lines, column):
     off = np.linalg.norm(gap - (gap * lines.directions).sum(axis=2, keepdims=True) * lines.directions, axis=2)
     side = (gap * lines.directions).sum(axis=2) < 0  # half-planes go one way only
     return int((off + side * np.linalg.norm(gap, axis=2)).max(axis=0).argmin())
+
+
+def is_inside(point, loops):
+    """Whether a ray from the point along x crosses the loops an odd number of times, one edge after the other."""
+    crossings = 0
+    for loop in loops:
+        for (ax, ay), (bx, by) in zip(loop, np.roll(loop, -1, axis=0)):
+            if (ay > point[1]) != (by > point[1]):
+                crossings += point[0] < ax + (point[1] - ay) / (by - ay) * (bx - ax)
+    return crossings % 2 == 1
+
+
+def points_on(loop, count):
+    """So many points on each edge of a loop, its corners among them."""
+    share = np.arange(count)[:, None] / count
+    return np.concatenate([a + share * (b - a) for a, b in zip(loop, np.roll(loop, -1, axis=0))])
+
+
+def depth_in(point, outline):
+    """How deep a point lies in an outline that turns left at every corner; negative outside, as the distance to it."""
+    sides = list(zip(outline, np.roll(outline, -1, axis=0)))
+    gap = min(np.linalg.norm(point - nearest_on_segment(point, a, b)) for a, b in sides)
+    left = [(b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0]) for a, b in sides]
+    return gap if min(left) >= 0 else -gap
+
+
+def room_of(outline, loops, count):
+    """Signed room of one board in loops: its corners against all edges, and points on all edges against the board."""
+    edges = [edge for loop in loops for edge in zip(loop, np.roll(loop, -1, axis=0))]
+    apart = [min(np.linalg.norm(corner - nearest_on_segment(corner, *edge)) for edge in edges) for corner in outline]
+    corners = [gap if is_inside(corner, loops) else -gap for corner, gap in zip(outline, apart)]
+    return min(*corners, *(-depth_in(point, outline) for loop in loops for point in points_on(loop, count)))
+
+
+def boards_inside(centres, corners, loops):
+    """Which hexagons with ``corners`` about ``centres`` lie in the loops: the centre does, and no edge enters one."""
+    edges = [edge for loop in loops for edge in zip(loop, np.roll(loop, -1, axis=0))]
+    x, y = centres.T
+    inside = np.zeros(len(centres), bool)
+    for (ax, ay), (bx, by) in edges:
+        if ay != by:
+            inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) / (by - ay) * (bx - ax))
+    rows = np.flatnonzero(inside)
+    middles = (corners + np.roll(corners, -1, axis=0))[:3] / 2
+    apothem = np.linalg.norm(middles[0])
+    normals = middles / apothem
+    heights = normals @ centres[rows].T
+    for a, b in edges:
+        first, last = 0.0, 1.0
+        for normal, height in zip(normals, heights):  # the part of the edge between two sides that face each other
+            start, run = a @ normal - height, (b - a) @ normal
+            half = (apothem - 1e-9) / max(abs(run), 1e-15)
+            middle = -start / (run if abs(run) > 1e-15 else 1e-15)
+            first, last = np.maximum(first, middle - half), np.minimum(last, middle + half)
+        is_clear = first >= last
+        rows, heights = rows[is_clear], heights[:, is_clear]
+    fits = np.zeros(len(centres), bool)
+    fits[rows] = True
+    return fits
+
+
+def most_boards(loops, lattice, offsets, angles):
+    """The most boards inside at any of the offsets (n, 2), given on the lattice, and any of the angles."""
+    low, high = (getattr(np.concatenate(loops), way)(axis=0) for way in ("min", "max"))
+    reach = np.linalg.norm(high - low) / 2 + np.linalg.norm(offsets, axis=1).max()
+    n = int(reach / lattice.pitch) + 2
+    cells = lattice.centres(np.array([(q, r) for q in range(-2 * n, 2 * n + 1) for r in range(-n, n + 1)]))
+    cells = cells[np.linalg.norm(cells, axis=1) <= reach]
+    board = np.sqrt(0.75) * lattice.side - 1e-9
+    most = 0
+    for angle in angles:
+        turn = np.array(((np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))))
+        centres = ((low + high) / 2 + (offsets @ turn)[:, None] + cells @ turn).reshape(-1, 2)
+        near = np.flatnonzero(((centres >= low + board) & (centres <= high - board)).all(axis=1))
+        fits = near[boards_inside(centres[near], lattice.corners @ turn, loops)]
+        most = max(most, np.bincount(fits // len(cells), minlength=1).max())
+    return most
+
+
+def all_offsets(lattice, step):
+    """The offsets of a lattice in steps not longer than this, (n, 2)."""
+    parts = int(np.ceil(lattice.pitch / step))
+    share = np.array([(i, j) for i in range(parts) for j in range(parts)]) / parts - 0.5
+    return share @ lattice.centres(np.eye(2, dtype=int))

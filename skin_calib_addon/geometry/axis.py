@@ -11,7 +11,6 @@ from .mesh import TriangleMesh
 from .rays import TURN, RayCaster
 from .sections import Sections, cut_sections
 
-
 # What is thinner than this share of its width, with as much of its area on each side, has two sides and is no tube.
 THIN, SIDE = 0.15, 0.25
 

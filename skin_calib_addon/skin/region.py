@@ -1,5 +1,6 @@
 """Flat regions with holes, and how much room hexagonal boards have in them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +11,8 @@ from ..errors import InvalidPlan
 
 # Pairs of points and edges that are held against each other at a time, to keep the memory small.
 CHUNK = 2**20
+# Digits of a point that count: what is closer than a picometre is the same.
+SAME_POINT = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,8 +20,8 @@ class Region:
     """What lies inside an odd number of ``loops``: outlines, islands and holes, in any order, wound either way.
 
     Each loop is an array of shape (k, 2) [m] whose end joins its start. Points that repeat and edges without length
-    count for nothing, and so does an edge that is there twice: a bridge from an outline to a hole, or the common side of
-    two loops that lie beside each other. So the triangles of a flat mesh are a region too.
+    count for nothing, and so does an edge that is there twice: a bridge from an outline to a hole, or the common side
+    of two loops that lie beside each other. So the triangles of a flat mesh are a region too.
     """
 
     loops: tuple[Array, ...]
@@ -33,17 +36,13 @@ class Region:
             loop.setflags(write=False)
         object.__setattr__(self, "loops", loops)
         if not len(self.edges):
-            raise InvalidPlan(
-                "the region is empty: none of its loops encloses anything; give an outline of three points"
-            )
+            raise InvalidPlan("the region is empty: none of its loops encloses anything; give three points or more")
 
     @cached_property
     def edges(self) -> Array:
         """Ends of the edges that part inside from outside, shape (e, 2, 2) [m]."""
-        ends = [np.stack((loop, np.roll(loop, -1, axis=0)), axis=1) for loop in self.loops if len(loop)]
-        pairs = (
-            np.concatenate(ends) + 0.0 if ends else np.empty((0, 2, 2))
-        )  # no minus zero: equal points are equal bits
+        loops = [np.round(loop, SAME_POINT) + 0.0 for loop in self.loops if len(loop)]  # no minus zero
+        pairs = np.concatenate([np.stack((a, np.roll(a, -1, axis=0)), axis=1) for a in loops] or [np.empty((0, 2, 2))])
         pairs = pairs[(pairs[:, 0] != pairs[:, 1]).any(axis=1)]
         (ax, ay), (bx, by) = pairs[:, 0].T, pairs[:, 1].T
         swap = (bx < ax) | ((bx == ax) & (by < ay))
@@ -98,11 +97,12 @@ class Region:
         """Which points of shape (n, 2) lie inside, shape (n,): where a ray along x crosses an odd number of edges."""
         points = np.asarray(points, float)
         (ax, ay), (bx, by) = self.edges[:, 0].T, self.edges[:, 1].T
-        slope = (bx - ax) / np.where(by == ay, 1.0, by - ay)
+        rises = by > ay
         inside = np.empty(len(points), bool)
         for part in parts(len(points), len(ax)):
             x, y = points[part, :1], points[part, 1:]
-            crosses = ((ay > y) != (by > y)) & (x < ax + (y - ay) * slope)
+            is_left = (bx - ax) * (y - ay) > (by - ay) * (x - ax)
+            crosses = ((ay > y) != (by > y)) & (is_left == rises)
             inside[part] = np.count_nonzero(crosses, axis=1) % 2 == 1
         return inside
 
@@ -171,7 +171,7 @@ def hexagon_distances(points: Array, corners: Array) -> Array:
     return np.where(beyond < 0, beyond, np.hypot(beyond, np.maximum(aside, 0)))
 
 
-def parts(rows: int, columns: int):
-    """Slices of so many rows that few pairs with the columns are held at a time."""
+def parts(rows: int, columns: int) -> Iterator[slice]:
+    """Slices of rows, each of so many that few pairs with the columns are held at a time."""
     step = max(1, CHUNK // max(columns, 1))
     return (slice(start, start + step) for start in range(0, rows, step))

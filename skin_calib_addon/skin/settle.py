@@ -10,6 +10,7 @@ from .lattice import HexLattice
 from .region import Region, along_edges
 
 MOST_MOVES = 12
+RETRY = 1
 # What may bound the room after a move is no further off than this many steps: both sides of a gap go less than 2.5.
 HORIZON = 5
 # By this share of a step the room after a move may differ from what its linear programme says: boards turn on circles.
@@ -18,6 +19,8 @@ BEND = 0.05
 SETTLED = 1e-11
 # A price above this says that a row bounds the room.
 PRICE = 1e-6
+# Slopes that differ by less than this are the same.
+PARALLEL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +81,11 @@ class Settling:
             chosen = np.argsort(-rooms, kind="stable")[:count]
             bound = chosen[rooms[chosen] <= room + HORIZON * step]
             moved, way, gain = self.move(pose, centres[bound], room, step, even)
-            if way < (1 - BEND) * step and room + gain < floor - BEND * step:
-                break
-            if (way if even else gain) < SETTLED:
-                break
+            if (way < (1 - BEND) * step and room + gain < floor - BEND * step) or (way if even else gain) < SETTLED:
+                if step < self.step / RETRY:
+                    break
+                step /= 4
+                continue
             new = self.rooms(moved, centres)
             reached = np.partition(new, -count)[-count]
             if reached > room - (BEND * step if even else 0):
@@ -99,40 +103,43 @@ class Settling:
         way, gain : float
             How far this leads, and by how much the least room grows [m].
         """
+        within = max(room, 0) + HORIZON * step
         points, normals, gaps = contacts(
-            self.region, pose.place(centres), pose.turn(self.lattice.corners), room + HORIZON * step
+            self.region, pose.place(centres), pose.turn(self.lattice.corners), within, step
         )
         x, y = (points - pose.offset).T
         reach = self.region.reach(pose.offset)
         slopes = np.column_stack((normals, (normals[:, 1] * x - normals[:, 0] * y) / reach))
-        way, gain = widest(slopes, (gaps - room) / step, self.is_free, 3 if even else 1)
+        way, gain = widest(slopes, (gaps - room) / step, self.is_free, even)
         moved = Pose(pose.offset + step * way[:2], float(pose.angle + step * way[2] / reach))
         return moved, step * np.abs(way).max(), step * gain
 
 
-def widest(slopes: Array, gaps: Array, is_free: tuple[bool, ...], rounds: int) -> tuple[Array, float]:
+def widest(slopes: Array, gaps: Array, is_free: tuple[bool, ...], even: bool) -> tuple[Array, float]:
     """The ``way`` within [-1, 1] that makes the least of ``gaps + slopes @ way`` the largest, and that least gap.
 
-    In each further round the gaps that bound the last one keep their size, and the least of the others is made the
-    largest.
+    With ``even``, the gaps that this leaves no play keep their sizes, then the least of the others is made the largest,
+    and so on.
     """
-    held, sizes, gain, way = np.zeros(len(gaps), bool), np.zeros(len(gaps)), 0.0, np.zeros(3)
+    held, sizes, way = np.zeros(len(gaps), bool), np.zeros(len(gaps)), np.zeros(3)
     bounds = [(-free, free) for free in map(int, is_free)] + [(None, HORIZON)]
-    for turn in range(rounds):
+    while not held.all():
         table = np.column_stack((-slopes, ~held))
         found = linprog((0, 0, 0, -1), A_ub=table, b_ub=gaps - sizes, bounds=bounds, method="highs-ds")
-        if found.status != 0:  # rounding has closed what was held: stay with the round before
+        if found.status != 0 or found.x is None:  # rounding has closed what was held: the last round is good enough
             break
-        way, size = found.x[:3], found.x[3]
-        gain = gain if turn else size
+        way = found.x[:3]
         tight = ~held & (found.ineqlin.marginals < -PRICE)
-        held, sizes = held | tight, np.where(tight, size, sizes)
-        if held.all() or not tight.any():
+        if not even or not tight.any():
             break
-    return way, gain
+        # Where gaps bound each other nothing moves along their slopes; those with slopes in the same span stay as well.
+        span = slopes[held | tight]
+        held = np.linalg.norm(slopes - slopes @ np.linalg.pinv(span, rcond=PARALLEL) @ span, axis=1) < PARALLEL
+        sizes = np.where(held, gaps + slopes @ way, 0.0)
+    return way, float((gaps + slopes @ way).min(initial=HORIZON))
 
 
-def contacts(region: Region, centres: Array, corners: Array, within: float) -> tuple[Array, Array, Array]:
+def contacts(region: Region, centres: Array, corners: Array, within: float, step: float) -> tuple[Array, Array, Array]:
     """Where boards and the border of their region are, or may come to be, close to each other.
 
     A corner of a board meets an edge of the region, or a side of a board meets a reflex point of the region.
@@ -146,31 +153,43 @@ def contacts(region: Region, centres: Array, corners: Array, within: float) -> t
     gaps : array, shape (k,)
         How far they are apart, at most ``within``; negative where they cross [m].
     """
-    reach = np.linalg.norm(corners[0])
-    board, edge = np.nonzero(region.distances(centres) <= reach + within)
+    at_edges = corner_contacts(region, centres, corners, within, step)
+    at_points = point_contacts(region.points[region.is_reflex], centres, corners, within)
+    points, normals, gaps = (np.concatenate(both) for both in zip(at_edges, at_points))
+    return points, normals, gaps
+
+
+def corner_contacts(
+    region: Region, centres: Array, corners: Array, within: float, step: float
+) -> tuple[Array, Array, Array]:
+    """Contacts of the corners of boards with the edges of a region; boards lie on the side of their centres."""
+    board, edge = np.nonzero(region.distances(centres) <= np.linalg.norm(corners[0]) + within)
     edges, outline = region.edges[edge], centres[board, None] + corners
     along = unit(edges[:, 1] - edges[:, 0])
-    inward = np.sign(along_edges(centres[board], edges)[2])[:, None]
+    inward = np.where(along_edges(centres[board], edges)[2] < 0, -1.0, 1.0)[:, None]
     apart, share, height = along_edges(outline, edges[:, None])
-    # Behind a reflex point the line of an edge bounds nothing; behind a convex one it bounds the room as the edge does.
-    past = region.is_reflex[region.ends[edge]]
-    bounds = ((share >= 0) | ~past[:, :1]) & ((share <= 1) | ~past[:, 1:]) & (apart <= within)
-    pair, corner = np.nonzero(bounds)
+    # Past a reflex end the line of an edge bounds nothing. Past a convex one it does, but further off may be anything.
+    past = np.where(region.is_reflex[region.ends[edge]], 0.0, step)
+    length = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)[:, None]
+    is_bound = (share * length >= -past[:, :1]) & ((share - 1) * length <= past[:, 1:])
+    pair, corner = np.nonzero(is_bound & (apart <= within))
     normals = inward * np.column_stack((-along[:, 1], along[:, 0]))
-    at_corners = outline[pair, corner], normals[pair], (inward * height)[pair, corner]
+    return outline[pair, corner], normals[pair], (inward * height)[pair, corner]
 
-    reflex = region.points[region.is_reflex]
-    arms = reflex - centres[:, None]
-    board, point = np.nonzero(np.linalg.norm(arms, axis=2) <= reach + within)
+
+def point_contacts(points: Array, centres: Array, corners: Array, within: float) -> tuple[Array, Array, Array]:
+    """Contacts of points (p, 2) with the sides of boards: with their lines from inside, with their ends from beyond."""
+    side = np.linalg.norm(corners[0])
+    arms = points - centres[:, None]
+    board, point = np.nonzero(np.linalg.norm(arms, axis=2) <= side + within)
     arms = arms[board, point]
-    sides = unit(corners + np.roll(corners, -1, axis=0))
-    normals = sides[(arms @ sides.T).argmax(axis=1)]
-    out = (arms * normals).sum(axis=1) - np.sqrt(0.75) * reach
-    aside = arms[:, 1] * normals[:, 0] - arms[:, 0] * normals[:, 1]
-    past_side = np.sign(aside) * np.maximum(np.abs(aside) - reach / 2, 0) * (out > 0)
-    away = out[:, None] * normals + past_side[:, None] * np.column_stack((-normals[:, 1], normals[:, 0]))
-    gaps = np.where(past_side == 0, out, np.linalg.norm(away, axis=1))
-    normals = np.where((past_side == 0)[:, None], -normals, -unit(away))
+    outward = unit(corners + np.roll(corners, -1, axis=0))
+    outward = outward[(arms @ outward.T).argmax(axis=1)]
+    along = np.column_stack((-outward[:, 1], outward[:, 0]))
+    out, aside = (arms * outward).sum(axis=1) - np.sqrt(0.75) * side, (arms * along).sum(axis=1)
+    past = (aside - np.clip(aside, -side / 2, side / 2)) * (out > 0)
+    away = out[:, None] * outward + past[:, None] * along
+    gaps = np.where(past == 0, out, np.linalg.norm(away, axis=1))
+    normals = -np.where((past == 0)[:, None], outward, unit(away))
     is_near = gaps <= within
-    at_points = reflex[point[is_near]], normals[is_near], gaps[is_near]
-    return tuple(np.concatenate(both) for both in zip(at_corners, at_points))
+    return points[point[is_near]], normals[is_near], gaps[is_near]

@@ -17,15 +17,16 @@ SHARED = ("", "arrays", "errors", "deviation", "atomic_file")
 BELOW = {
     "geometry": (*SHARED, "geometry"),
     "calibration": (*SHARED, "calibration"),
-    "skin": (*SHARED, "geometry", "skin", "calibration.model"),
+    "skin": (*SHARED, "geometry", "skin", *(f"calibration.{m}" for m in ("model", "findings", "exchange.taxel_set"))),
     "runtime": (*SHARED, "calibration", "runtime"),
 }
 PURE = (*BELOW["geometry"], "calibration", "skin")
 ABOVE = {
     "plan_skins": PURE,
     "plan": (*PURE, "plan_skins"),
-    "pipeline": (*PURE, "plan_skins", "plan"),
-    "report": (*PURE, "plan", "pipeline"),
+    "laying": (*PURE, "plan_skins"),
+    "pipeline": (*PURE, "laying", "plan"),
+    "report": (*PURE, "plan", "laying", "pipeline"),
     "picture": (*PURE, "plan", "pipeline"),
     "cli": (*PURE, "plan", "pipeline", "report", "picture", "runtime"),
     "__main__": ("cli",),

@@ -1,0 +1,149 @@
+"""Patches of hexagonal skin cells: the ``SkinConfig`` XML of TUM's skin driver, metres and rotation matrices."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...arrays import Array
+from ..findings import Finding, error, warning
+from .taxel_set import Draft, line
+from .text import MOST_TAXELS, BadNumber, real, whole
+from .xml_nodes import Node, Refused, children_of_root
+
+ROOT = "SkinConfig"
+BASE, BEYOND = "tf_rootCell_base", "tf_base_dh"
+NOBODY = (0, 16383)  # ids at a port without a neighbour
+ROTATION = 1e-4  # how far a matrix may be off a rotation: files give six decimals and more
+Pose = tuple[Array, Array]  # translation (3,) [m] and rotation (3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """One board, in the frame of its patch's root cell."""
+
+    line: int
+    id: int
+    patch: str
+    pose: Pose
+    ports: tuple[int, ...]  # ids of its neighbours
+
+
+@dataclass
+class Patches:
+    """What is said of all patches of a file."""
+
+    cells: list[Cell] = field(default_factory=list)
+    frames: dict[str, str] = field(default_factory=dict)  # base frame of each patch
+    bases: dict[str, Pose] = field(default_factory=dict)  # of its root cell in that frame
+
+
+def read_tum(text: str) -> Draft:
+    """Cells in the base frame: position, z axis as normal, x axis as tangent, neighbours at the ports.
+
+    The channel of a cell is its place among the cells of the file.
+    """
+    draft, patches = Draft(normals=[], tangents=[], neighbours=[]), Patches()
+    try:
+        for node in children_of_root(text, ROOT):
+            draft.findings += _take(patches, node)
+    except Refused as problem:
+        draft.findings.append(problem.finding)
+    if not patches.cells and not draft.broken:
+        draft.findings.append(error("no-taxels", "", "has no cell; check that it is the right file"))
+    if not draft.broken:
+        _place(draft, patches)
+        draft.findings += _strangers(draft, patches)
+    return draft
+
+
+def _take(patches: Patches, node: Node) -> Iterator[Finding]:
+    """Put a child of the root into the patches."""
+    if node.tag == "cell":
+        if len(patches.cells) == MOST_TAXELS:
+            raise Refused("size", node.line, f"opens one cell too many; at most {MOST_TAXELS} are read")
+        ports = tuple(_whole(port, "id") for port in node.child("neighbors").children)
+        cell = Cell(node.line, _whole(node, "id"), node.attributes.get("patch", ""), _pose(node), ports)
+        patches.cells.append(cell)
+    elif node.tag == "patchExtrinsics":
+        patch = node.attribute("patchId")
+        patches.frames[patch] = node.attributes.get("baseFrame", "")
+        patches.bases[patch] = _pose(node.child(BASE))
+        shift, turn = _pose(node.child(BEYOND))
+        if shift.any() or (turn != np.eye(3)).any():
+            message = (
+                f"opens patch {patch} with a {BEYOND} that does something; it is not applied: cells are in the base"
+            )
+            yield warning("unused-transform", line(node.line), message)
+
+
+def _place(draft: Draft, patches: Patches) -> None:
+    """Put the cells into the draft, in the base frame of their patch."""
+    assert draft.normals is not None and draft.tangents is not None and draft.neighbours is not None
+    names = set(patches.frames.values())
+    draft.frame = names.pop() or None if len(names) == 1 else None
+    known = {cell.id for cell in patches.cells}
+    for channel, cell in enumerate(patches.cells):
+        position, rotation = cell.pose
+        if cell.patch in patches.bases:
+            shift, turn = patches.bases[cell.patch]
+            position, rotation = turn @ position + shift, turn @ rotation
+        draft.lines.append(cell.line)
+        draft.labels.append(str(cell.id))
+        draft.channels.append(channel)
+        draft.positions.append(tuple(position.tolist()))
+        draft.normals.append(tuple(rotation[:, 2].tolist()))
+        draft.tangents.append(tuple(rotation[:, 0].tolist()))
+        draft.neighbours.append(tuple(str(i) for i in dict.fromkeys(cell.ports) if i in known and i != cell.id))
+
+
+def _strangers(draft: Draft, patches: Patches) -> Iterator[Finding]:
+    """Neighbours that the file does not hold, and patches whose place it does not tell."""
+    known = {cell.id for cell in patches.cells}
+    beyond = [cell for cell in patches.cells if set(cell.ports) - known - set(NOBODY)]
+    if beyond:
+        ids = sorted({i for cell in beyond for i in cell.ports} - known - set(NOBODY))
+        message = f"opens a cell whose neighbours are not all in this file; {len(ids)} are not, cell {ids[0]} the first"
+        yield warning("unknown-neighbour", line(beyond[0].line), message, len(ids))
+    lost = [cell for cell in patches.cells if cell.patch not in patches.bases]
+    if lost:
+        message = "opens a cell of a patch without patchExtrinsics: it stays in the frame of its root cell"
+        yield warning("no-frame", line(lost[0].line), message, len(lost))
+    if len(set(patches.frames.values())) > 1:
+        message = f"has patches in {len(set(patches.frames.values()))} base frames; they are read as if it were one"
+        yield warning("frames", "", message, sorted(set(patches.frames.values())))
+
+
+def _pose(node: Node) -> Pose:
+    """Position and rotation that a node holds."""
+    shift, turn = _matrix(node, "pos", 1)[:, 0], _matrix(node, "rot", 3)
+    with np.errstate(all="ignore"):  # absurd numbers overflow, and are no rotation
+        proper = np.abs(turn @ turn.T - np.eye(3)).max() <= ROTATION and np.linalg.det(turn) > 0
+    if not proper:
+        raise Refused("rotation", node.child("rot").line, "opens a rot that is no rotation; export it again")
+    return shift, turn
+
+
+def _matrix(node: Node, name: str, columns: int) -> Array:
+    """The numbers of a matrix of three rows."""
+    found = np.full((3, columns), np.nan)
+    holder = node.child(name).child("matrix")
+    for element in holder.children:
+        i, j = _whole(element, "row"), _whole(element, "col")
+        if not (0 <= i < 3 and 0 <= j < columns):
+            raise Refused("size", element.line, f"holds element ({i}, {j}) of a {name}, which is 3 x {columns}")
+        try:
+            found[i, j] = real(element.text.strip())
+        except BadNumber as problem:
+            raise Refused(problem.code, element.line, str(problem)) from problem
+    if np.isnan(found).any():
+        i, j = (int(k) for k in np.argwhere(np.isnan(found))[0])
+        raise Refused("missing", holder.line, f"opens a matrix without element ({i}, {j})")
+    return found
+
+
+def _whole(node: Node, name: str) -> int:
+    try:
+        return whole(node.attribute(name).strip())
+    except BadNumber as problem:
+        raise Refused(problem.code, node.line, f"{problem} ({node.tag} {name})") from problem

@@ -1,0 +1,99 @@
+"""The children of an XML document's root, one small tree after the other, with lines; no entities, no surprises."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from ..findings import error, show
+from .taxel_set import line
+
+MOST_DEPTH = 16
+MOST_NODES = 1000  # in one child of the root: a cell has about 25
+LONGEST_WORD = 64  # characters of text that are kept of a node: it holds a number
+PIECE = 2**16  # characters that are parsed at once
+
+
+class Refused(Exception):
+    """The document cannot be used; ``finding`` says why, and in which line."""
+
+    def __init__(self, code: str, number: int, message: str):
+        super().__init__(message)
+        self.finding = error(code, line(number), message)
+
+
+@dataclass
+class Node:
+    """An element with what is in it."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    children: list["Node"] = field(default_factory=list)
+    text: str = ""
+
+    def child(self, tag: str) -> "Node":
+        """The first child of that name; Refused if there is none."""
+        for node in self.children:
+            if node.tag == tag:
+                return node
+        raise Refused("missing", self.line, f"opens a {self.tag} without {tag}")
+
+    def attribute(self, name: str) -> str:
+        """What an attribute holds; Refused if it is missing."""
+        if name not in self.attributes:
+            raise Refused("missing", self.line, f"opens a {self.tag} without the attribute {name}")
+        return self.attributes[name]
+
+
+def children_of_root(text: str, root: str) -> Iterator[Node]:
+    """Each child of the root element, as soon as it is read.
+
+    Raises
+    ------
+    Refused
+        If the text is not well-formed, has another root, declares an entity, or exceeds a limit.
+    """
+    path: list[Node] = []
+    done: list[Node] = []
+    nodes = 0
+    parser = expat.ParserCreate("utf-8")  # whatever the document declares: it is decoded already
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal nodes
+        node = Node(tag, attributes, parser.CurrentLineNumber)
+        nodes = nodes + 1 if len(path) > 1 else 0
+        if not path and tag != root:
+            raise Refused("syntax", node.line, f"opens {show(tag)}; a {root} is needed")
+        if len(path) == MOST_DEPTH:
+            raise Refused("depth", node.line, f"nests more than {MOST_DEPTH} levels")
+        if nodes > MOST_NODES:
+            raise Refused(
+                "size", node.line, f"opens element {nodes} in one {path[1].tag}; at most {MOST_NODES} are read"
+            )
+        if len(path) > 1:
+            path[-1].children.append(node)
+        path.append(node)
+
+    def end(tag: str) -> None:
+        node = path.pop()
+        if len(path) == 1:
+            done.append(node)
+
+    def data(piece: str) -> None:
+        if len(path[-1].text) < LONGEST_WORD:
+            path[-1].text = (path[-1].text.lstrip() + piece)[:LONGEST_WORD]
+
+    def entity(*_: object) -> None:
+        raise Refused("entity", parser.CurrentLineNumber, "declares an entity; write the document without")
+
+    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, data
+    parser.EntityDeclHandler = entity
+    try:
+        for at in range(0, len(text), PIECE):
+            parser.Parse(text[at : at + PIECE], False)
+            yield from done
+            done.clear()
+        parser.Parse("", True)
+    except expat.ExpatError as problem:
+        message = f"is not XML at column {problem.offset + 1}: {expat.ErrorString(problem.code)}"
+        raise Refused("syntax", problem.lineno, message) from problem

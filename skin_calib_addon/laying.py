@@ -1,0 +1,112 @@
+"""Lay the skins of a plan on the fitted surface, each in its own way."""
+
+from dataclasses import dataclass, replace
+from functools import singledispatch
+
+import numpy as np
+
+from .calibration.exchange import read_taxels
+from .calibration.model import Patch
+from .errors import InvalidPlan
+from .geometry.fit import SurfaceFit
+from .plan_skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
+from .skin.board_taxels import board_taxels
+from .skin.doubts import sitting_doubts
+from .skin.imported import ImportedTaxels, imported_taxels, placed
+from .skin.joined import joined
+from .skin.layout import lay_boards
+from .skin.strain import Closure, closure
+from .skin.taxels import sheet_taxels
+from .skin.wrap import wrap_sheet
+
+SURFACE = "cover"
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """A patch on the surface, and what is told of how it got there."""
+
+    patch: Patch
+    closure: Closure | None = None  # of a sheet that goes round the link
+    imported: ImportedTaxels | None = None
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What the author should look at."""
+        found = () if self.imported is None else self.imported.findings
+        of_file = tuple(f"{self.patch.name}: {str(finding).removeprefix('warning: ')}" for finding in found)
+        return sitting_doubts(self.patch, self.closure) + of_file
+
+
+def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit) -> tuple[Laid, ...]:
+    """Lay the skins of a link one after another, and join those that touch.
+
+    Raises
+    ------
+    SkinCalibError
+        If one does not fit, two share a channel, or imported taxels are in another frame.
+    """
+    laid: list[Laid] = []
+    counts: list[int | None] = []
+    for k, skin in enumerate(skins):
+        first = first_channels(skins[: k + 1], [*counts, None])[k]
+        assert first is not None  # the numbers of all skins before are known
+        done = lay(skin, fit, first)
+        laid.append(done)
+        counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
+    first_channels(skins, counts)
+    patches = joined(tuple(done.patch for done in laid))
+    return tuple(replace(done, patch=patch) for done, patch in zip(laid, patches))
+
+
+@singledispatch
+def lay(skin: Skin, fit: SurfaceFit, first_channel: int) -> Laid:
+    """Lay one skin on the surface of a fit."""
+    raise TypeError(f"no way to lay a {type(skin).__name__}")
+
+
+@lay.register
+def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int) -> Laid:
+    sheet = wrap_sheet(
+        fit.surface,
+        skin.lattice,
+        skin.origin,
+        skin.direction,
+        offset=skin.offset,
+        landmarks=skin.landmarks,
+        trim=skin.trim,
+    )
+    taxels, shape = sheet_taxels(sheet, skin.name, first_channel), (skin.lattice.rows, skin.lattice.columns)
+    patch = Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
+    return Laid(patch, closure(sheet))
+
+
+@lay.register
+def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int) -> Laid:
+    boards, overhang = lay_boards(
+        fit.surface,
+        skin.lattice,
+        skin.choice,
+        skin.origin,
+        skin.direction,
+        offset=skin.offset,
+        fit=fit,
+        excluded=skin.excluded,
+    )
+    taxels, pitch = board_taxels(boards, skin.name, first_channel, overhang), skin.lattice.pitch
+    columns, rows = (int(k) + 1 for k in np.ptp(boards.cells, axis=0))
+    return Laid(Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset))
+
+
+@lay.register
+def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int) -> Laid:
+    taxel_set = read_taxels(skin.file, skin.format)
+    if skin.rotation is not None:
+        taxel_set = placed(taxel_set, skin.rotation, skin.translation)
+    found = imported_taxels(taxel_set, fit.surface, skin.name, fit.mesh, snap=skin.snap)
+    wrong = next((finding for finding in found.findings if finding.severity == "error"), None)
+    if wrong is not None:
+        raise InvalidPlan(f"skin {skin.name!r}, {skin.file.name}: {wrong.message}")
+    taxels = replace(found.taxels, channels=found.taxels.channels + first_channel)
+    shape = (len(taxels.ids), 1)
+    return Laid(Patch(skin.name, "imported", SURFACE, shape, (found.pitch, found.pitch), taxels), imported=found)
