@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ..skin_calib_addon.blender import results, scene
+from ..skin_calib_addon.blender import results, scene, skins
 from ..skin_calib_addon.calibration.file import save_calibration
 from ..skin_calib_addon.calibration.strict_json import parse, read
 from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
@@ -32,6 +32,7 @@ class SKIN_OT_import_plan(bpy.types.Operator, ImportHelper):
             plan = load_plan(path)
             document, _ = parse(read(path))  # numbers as the author wrote them
             scene.check_numbers(document, scene.metres_per_unit(context.scene))
+            skins.check_kinds(document["skins"])
             load_mesh(plan.mesh, plan.unit)  # refuses a wrong unit
             mesh = read_mesh(plan.mesh)
         except SkinCalibError as error:

@@ -92,6 +92,22 @@ def _cells(skin: Any) -> list[list[int]]:
     return cells
 
 
+def check_kinds(documents: list[dict[str, Any]]) -> None:
+    """Refuse skins of a plan that have no place in a scene.
+
+    Raises
+    ------
+    InvalidPlan
+        Names the first.
+    """
+    for document in documents:
+        if document["kind"] == "imported":
+            raise InvalidPlan(
+                f"skin {document['name']!r} is imported from a file, which a scene has no place for; calibrate this plan "
+                "by the command line"
+            )
+
+
 def add_skin(skins: Any, kind: str, metre: float) -> Any:
     """A new skin at the end of a collection, in usual sizes, called as no other one there."""
     names = {skin.name for skin in skins}

@@ -340,3 +340,12 @@ def test_import_from_edit_mode_leaves_it(bpy, plan_file, link):
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("leg")))
     assert bpy.context.object.name == "leg" and bpy.context.mode == "OBJECT"
     assert [o.name for o in bpy.context.selected_objects] == ["leg"]
+
+
+def test_plan_with_imported_taxels_is_refused_whole(bpy, addon, plan_file):
+    """A scene has no place for a file of taxels: one line that names the skin, and nothing in the scene."""
+    before = scene_state(bpy, addon)
+    path = plan_file(skins=[{"name": "thigh", "kind": "imported", "file": "taxels.csv"}])
+    with pytest.raises(RuntimeError, match="Error: skin 'thigh' is imported from a file, which a scene has no place for"):
+        bpy.ops.skin_calib.import_plan(filepath=str(path))
+    assert scene_state(bpy, addon) == before
