@@ -103,8 +103,8 @@ def check_kinds(documents: list[dict[str, Any]]) -> None:
     for document in documents:
         if document["kind"] == "imported":
             raise InvalidPlan(
-                f"skin {document['name']!r} is imported from a file, which a scene has no place for; calibrate this plan "
-                "by the command line"
+                f"skin {document['name']!r} is imported from a file, which a scene has no place for; calibrate this "
+                "plan by the command line"
             )
 
 

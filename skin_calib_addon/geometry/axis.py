@@ -55,8 +55,8 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
     if thickness < THIN * width and min(areas[facing > 0].sum(), areas[facing < 0].sum()) > SIDE * areas.sum():
         x, y, z = np.round(axes[:, 2], 2) + 0.0
         raise InvalidPlan(
-            f"the mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, with two sides: say "
-            f'which one carries the skin by a patch with "normal" ({x:g}, {y:g}, {z:g}), or its opposite'
+            f"the mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, with two sides: "
+            f'say which one carries the skin by a patch with "normal" ({x:g}, {y:g}, {z:g}), or its opposite'
         )
     direction = axes[:, 0]
     point = (areas[:, None] * mesh.triangles.mean(axis=1)).sum(axis=0) / areas.sum()

@@ -78,8 +78,8 @@ class HexLattice:
     def __post_init__(self):
         if self.side <= 0 or self.pitch <= 0:
             raise InvalidPlan(
-                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.gap * 1e3:g} mm have no room; lengths "
-                "are in metres"
+                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.gap * 1e3:g} mm have no room; "
+                "lengths are in metres"
             )
 
     @property

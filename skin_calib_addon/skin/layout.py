@@ -79,7 +79,7 @@ def lay_boards(
     loops = flat_loops(to_flat, outline(surface, fit, float(start[1])))
     centres = np.array([zone.point for zone in excluded]).reshape(-1, 3)
     places = to_flat(centres, footpoints(surface, centres)[0])
-    region = Region((*loops, *(disc(place, zone.radius) for place, zone in zip(places, excluded))))
+    region = Region(tuple(loops), tuple(disc(place, zone.radius) for place, zone in zip(places, excluded)))
     if choice == "fill":
         placement = rooted(fill(region, lattice))
     elif choice == "all":

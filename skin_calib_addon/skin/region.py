@@ -1,10 +1,11 @@
 """Flat regions with holes, and how much room hexagonal boards have in them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arrays import Array, BoolArray, IntArray, unit
 from ..errors import InvalidPlan
@@ -13,6 +14,8 @@ from ..errors import InvalidPlan
 CHUNK = 2**20
 # Digits of a point that count: what is closer than a picometre is the same.
 SAME_POINT = 12
+# Places of an edge where its sides are looked at.
+LOOKS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,30 +28,32 @@ class Region:
     """
 
     loops: tuple[Array, ...]
+    excluded: tuple[Array, ...] = ()  # loops whose inside is none of the region, wherever they lie
 
     def __post_init__(self):
-        loops = tuple(np.array(loop, float) for loop in self.loops)
-        for number, loop in enumerate(loops):
-            if loop.ndim != 2 or loop.shape[1] != 2:
-                raise InvalidPlan(f"loop {number} of the region has shape {loop.shape}; give points (x, y) [m]")
-            if not np.isfinite(loop).all():
-                raise InvalidPlan(f"loop {number} of the region holds a number that is not finite; leave the point out")
-            loop.setflags(write=False)
-        object.__setattr__(self, "loops", loops)
+        for name in ("loops", "excluded"):
+            object.__setattr__(self, name, checked_loops(getattr(self, name)))
         if not len(self.edges):
             raise InvalidPlan("the region is empty: none of its loops encloses anything; give three points or more")
 
     @cached_property
     def edges(self) -> Array:
         """Ends of the edges that part inside from outside, shape (e, 2, 2) [m]."""
-        loops = [np.round(loop, SAME_POINT) + 0.0 for loop in self.loops if len(loop)]  # no minus zero
-        pairs = np.concatenate([np.stack((a, np.roll(a, -1, axis=0)), axis=1) for a in loops] or [np.empty((0, 2, 2))])
-        pairs = pairs[(pairs[:, 0] != pairs[:, 1]).any(axis=1)]
-        (ax, ay), (bx, by) = pairs[:, 0].T, pairs[:, 1].T
-        swap = (bx < ax) | ((bx == ax) & (by < ay))
-        pairs[swap] = pairs[swap, ::-1]
-        found, times = np.unique(pairs.reshape(-1, 4), axis=0, return_counts=True)
-        return found[times % 2 == 1].reshape(-1, 2, 2)
+        if not self.excluded:
+            return self._drawn[0]
+        edges = np.concatenate(self._drawn)
+        # Of edges that cross, what lies in a zone, or of a zone what lies outside, parts nothing.
+        along = edges[:, 1] - edges[:, 0]
+        aside = 1e-6 * np.ptp(edges.reshape(-1, 2), axis=0).max() * unit(np.column_stack((-along[:, 1], along[:, 0])))
+        shares = np.linspace(0, 1, LOOKS + 2)[1:-1, None, None]
+        places = edges[:, 0] + shares * along
+        left, right = (self.contains((places + side * aside).reshape(-1, 2)).reshape(LOOKS, -1) for side in (1, -1))
+        return edges[(left != right).any(axis=0)]
+
+    @cached_property
+    def _drawn(self) -> list[Array]:
+        """Edges of all loops, and then of each zone."""
+        return [edges_of(self.loops), *(edges_of((zone,)) for zone in self.excluded)]
 
     @cached_property
     def points(self) -> Array:
@@ -94,16 +99,12 @@ class Region:
         return 1e-6 * float(np.ptp(self.box, axis=0).max())
 
     def contains(self, points: Array) -> BoolArray:
-        """Which points of shape (n, 2) lie inside, shape (n,): where a ray along x crosses an odd number of edges."""
+        """Which points of shape (n, 2) lie inside, shape (n,)."""
         points = np.asarray(points, float)
-        (ax, ay), (bx, by) = self.edges[:, 0].T, self.edges[:, 1].T
-        rises = by > ay
-        inside = np.empty(len(points), bool)
-        for part in parts(len(points), len(ax)):
-            x, y = points[part, :1], points[part, 1:]
-            is_left = (bx - ax) * (y - ay) > (by - ay) * (x - ax)
-            crosses = ((ay > y) != (by > y)) & (is_left == rises)
-            inside[part] = np.count_nonzero(crosses, axis=1) % 2 == 1
+        outline, *zones = self._drawn
+        inside = encloses(outline, points)
+        for zone in zones:
+            inside &= ~encloses(zone, points)
         return inside
 
     def distances(self, points: Array) -> Array:
@@ -134,6 +135,43 @@ class Region:
         inside = self.contains(outline.reshape(-1, 2)).reshape(-1, 6)
         poke = hexagon_distances(deepest(self.edges[edge] - centres[board, None], corners), corners).min(axis=1)
         return np.minimum(np.where(inside, apart, -apart).min(axis=1), np.minimum.reduceat(poke, first))
+
+
+def checked_loops(loops: Iterable[ArrayLike]) -> tuple[Array, ...]:
+    """The loops as read-only arrays; raises InvalidPlan for one that is none."""
+    checked = tuple(np.array(loop, float) for loop in loops)
+    for number, loop in enumerate(checked):
+        if loop.ndim != 2 or loop.shape[1] != 2:
+            raise InvalidPlan(f"loop {number} of the region has shape {loop.shape}; give points (x, y) [m]")
+        if not np.isfinite(loop).all():
+            raise InvalidPlan(f"loop {number} of the region holds a number that is not finite; leave the point out")
+        loop.setflags(write=False)
+    return checked
+
+
+def edges_of(loops: Sequence[Array]) -> Array:
+    """Edges of loops, without those that are there twice, shape (e, 2, 2) [m]."""
+    rounded = [np.round(loop, SAME_POINT) + 0.0 for loop in loops if len(loop)]  # no minus zero
+    pairs = np.concatenate([np.stack((a, np.roll(a, -1, axis=0)), axis=1) for a in rounded] or [np.empty((0, 2, 2))])
+    pairs = pairs[(pairs[:, 0] != pairs[:, 1]).any(axis=1)]
+    (ax, ay), (bx, by) = pairs[:, 0].T, pairs[:, 1].T
+    swap = (bx < ax) | ((bx == ax) & (by < ay))
+    pairs[swap] = pairs[swap, ::-1]
+    found, times = np.unique(pairs.reshape(-1, 4), axis=0, return_counts=True)
+    return found[times % 2 == 1].reshape(-1, 2, 2)
+
+
+def encloses(edges: Array, points: Array) -> BoolArray:
+    """From which of the points (n, 2) a ray along x crosses an odd number of edges, shape (n,)."""
+    (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
+    rises = by > ay
+    inside = np.empty(len(points), bool)
+    for part in parts(len(points), len(ax)):
+        x, y = points[part, :1], points[part, 1:]
+        is_left = (bx - ax) * (y - ay) > (by - ay) * (x - ax)
+        crosses = ((ay > y) != (by > y)) & (is_left == rises)
+        inside[part] = np.count_nonzero(crosses, axis=1) % 2 == 1
+    return inside
 
 
 def along_edges(points: Array, edges: Array) -> tuple[Array, Array, Array]:

@@ -10,7 +10,6 @@ from .lattice import HexLattice
 from .region import Region, along_edges
 
 MOST_MOVES = 12
-RETRY = 1
 # What may bound the room after a move is no further off than this many steps: both sides of a gap go less than 2.5.
 HORIZON = 5
 # By this share of a step the room after a move may differ from what its linear programme says: boards turn on circles.
@@ -81,15 +80,15 @@ class Settling:
             chosen = np.argsort(-rooms, kind="stable")[:count]
             bound = chosen[rooms[chosen] <= room + HORIZON * step]
             moved, way, gain = self.move(pose, centres[bound], room, step, even)
-            if (way < (1 - BEND) * step and room + gain < floor - BEND * step) or (way if even else gain) < SETTLED:
-                if step < self.step / RETRY:
-                    break
-                step /= 4
-                continue
+            if way < (1 - BEND) * step and room + gain < floor - BEND * step:
+                break
+            if (way if even else gain) < SETTLED:
+                break
             new = self.rooms(moved, centres)
             reached = np.partition(new, -count)[-count]
             if reached > room - (BEND * step if even else 0):
                 pose, rooms, room = moved, new, reached
+                step = min(step, 2 * way)  # a short move has been told to a share of the step only
             else:
                 step /= 4
         return pose, float(room)

@@ -166,7 +166,7 @@ BAD_LINKS = {
     no_cell: "skin 'band': '1;0' is no cell; write each as q,r",
     same_cells: "skin 'band' names a cell twice",
     far_cell: r"board \[40, 0\] lies beyond the edge of the surface",
-    wide_boards: "no board with sides of 300 mm fits",
+    wide_boards: "no board with sides of 300 mm lies wholly in the region",
     no_side: "the plan of arm is not valid: .*/skins/0/side",
     no_radius: "the plan of arm is not valid: .*/skins/0/excluded/0/radius",
     no_way: "the direction of skin 'band' is zero",
@@ -346,6 +346,8 @@ def test_plan_with_imported_taxels_is_refused_whole(bpy, addon, plan_file):
     """A scene has no place for a file of taxels: one line that names the skin, and nothing in the scene."""
     before = scene_state(bpy, addon)
     path = plan_file(skins=[{"name": "thigh", "kind": "imported", "file": "taxels.csv"}])
-    with pytest.raises(RuntimeError, match="Error: skin 'thigh' is imported from a file, which a scene has no place for"):
+    with pytest.raises(
+        RuntimeError, match="Error: skin 'thigh' is imported from a file, which a scene has no place for"
+    ):
         bpy.ops.skin_calib.import_plan(filepath=str(path))
     assert scene_state(bpy, addon) == before

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from matplotlib.path import Path
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.errors import InvalidPlan, OutsideSurface
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.skin import HexLattice, Zone, lay_boards
+from skin_calib_addon.skin.fill import fill
+from skin_calib_addon.skin.region import Region
 from tests.shapes import Z_AXIS, cone_surface, cylinder, keep, plane_surface, sheet, with_hole, wrist_surface
 
 SMALL = HexLattice(0.006, 0.0)
@@ -38,7 +41,7 @@ def test_all_keeps_the_origin_and_the_direction():
 
 
 def test_fill_finds_more_than_the_lattice_as_it_lies():
-    """Free to slide and turn: never fewer than from any origin and direction tried, all inside, the root near the origin."""
+    """Free to slide and turn: never fewer than from any origin and direction tried; the root near the origin."""
     boards, _ = lay_boards(FLOOR, SMALL, "fill", (0.05, 0.04, 0), (1, 0, 0))
     found = corners(boards, SMALL)
     assert (found > -1e-8).all() and (found < np.array((0.1, 0.08)) + 1e-8).all()
@@ -53,7 +56,7 @@ def test_fill_finds_more_than_the_lattice_as_it_lies():
 
 
 def test_boards_keep_off_holes_edges_and_zones():
-    """A plate with a notch and a hole, and a screw to stay clear of: no corner over any, no middle of a hole covered."""
+    """A plate with a notch and a hole, and a screw to stay clear of: no outline over any."""
     mesh = sheet(lambda x, y: 0 * x, cells=(50, 40))
     mesh = with_hole(keep(mesh, lambda c: (c[:, 0] < 0.07) | (c[:, 1] < 0.05)), (0.03, 0.03, 0), 0.008)
     fit, screw = flat_fit(mesh), Zone((0.08, 0.02, 0.001), 0.007)
@@ -78,6 +81,24 @@ def test_zone_beyond_the_edge_makes_no_room():
     found = corners(boards, SMALL)
     assert (found < np.array((0.1, 0.08)) + 1e-9).all()
     assert np.linalg.norm(found.reshape(-1, 2) - (0.1, 0.04), axis=1).min() > 0.015
+
+
+def test_zone_over_a_hole_does_not_close_it():
+    """Holes and zones add up, wherever they overlap: no board comes to lie in both."""
+    hole = 0.006 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 40, endpoint=False)]) + 0.03
+    plate = np.array(((0, 0), (0.06, 0), (0.06, 0.06), (0, 0.06)))
+    zones = tuple(hole + shift for shift in ((0.003, 0.0), (0.0, 0.004), (0.031, 0.0)))
+    region = Region((plate, hole), zones)
+    points = np.random.default_rng(0).uniform(-0.01, 0.07, (20000, 2))
+    free = ((points > 0) & (points < 0.06)).all(axis=1)
+    for loop in (hole, *zones):
+        free &= ~Path(loop).contains_points(points)
+    clear = region.distances(points).min(axis=1) > 1e-4
+    assert (region.contains(points) == free)[clear].all()
+    assert (region.distances(points[free]).min(axis=1) > 0).all()
+    boards = fill(region, HexLattice(0.002, 0.0), np.zeros(2), 0.0)
+    for loop in (hole, *zones):
+        assert not Path(loop).contains_points(boards.corners.reshape(-1, 2), radius=-1e-9).any()
 
 
 def test_boards_go_round_a_tube_and_end_at_a_seam():
@@ -110,5 +131,5 @@ def test_bent_surface_is_filled_within_its_edges():
 
 def test_no_board_fits():
     """A clear line, for boards wider than the cone is long."""
-    with pytest.raises(InvalidPlan, match="no board with sides of 40 mm fits in the region"):
+    with pytest.raises(InvalidPlan, match="no board with sides of 40 mm lies wholly in the region"):
         lay_boards(cone_surface(0.06, 0.06, 0.05), HexLattice(0.04, 0.0), "fill", None, (0, 1, 0))

@@ -262,7 +262,7 @@ def test_closure_of_a_cylinder_is_its_circumference_less_the_rows(columns):
 
 @pytest.mark.parametrize("hand", ["right", "left"])
 def test_closure_of_a_helix_has_a_step(hand):
-    """Rows that climb meet their beginning aside of their end: the way there, 33 mm in one arc, is good to a hundredth."""
+    """Rows that climb meet their beginning aside of their end: 33 mm aside, in one arc."""
     climb, around = 0.15, 2 * np.pi * RADIUS
     lattice = SheetLattice(2, 21, SQUARE, hand)
     sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), lattice, None, (0, np.cos(climb), np.sin(climb)))
@@ -322,8 +322,8 @@ def test_sheet_is_the_same_from_any_first_guess():
 @pytest.mark.parametrize("chords", [False, True])
 @pytest.mark.parametrize("climb", [0.0, 0.3])
 def test_sheet_on_a_fitted_tube_lies_where_unrolling_puts_it(ends, chords, climb):
-    """On a cylinder and on cones of 4.3 and 11.3 degrees, from the mesh, by its corner cell, in mm: 0.05 in the mean and
-    0.1 at most; 0.02 and 0.05 where the facets are taken for chords."""
+    """From meshes of a cylinder and of cones of 4.3 and 11.3 degrees, by its corner cell: within 0.05 mm in the mean
+    and 0.1 at most; 0.02 and 0.05 where the facets are taken for chords."""
     length, lattice = 0.16, SheetLattice(6, 22, SQUARE)
     surface = fit_surface(cone(*ends, length, 96, 49), TubeGrid(20, 60, Z_AXIS, margin=1e-4), chords=chords).surface
     i, j = lattice.index.T

@@ -74,6 +74,9 @@ def _take(draft: Draft, rows: Lines) -> Iterator[Finding]:
 def _hold_against(draft: Draft, number: int, content: str) -> Iterator[Finding]:
     """What the table says otherwise than the rows."""
     words = content.removeprefix(TABLE).replace("(", " ").replace(")", " ").split(None, MOST_TAXELS)
+    if len(words) > MOST_TAXELS:
+        yield error("size", line(number), f"has more than {MOST_TAXELS} entries in {TABLE}")
+        return
     try:
         table = np.array([whole(word) for word in words], np.int64)
     except BadNumber as problem:

@@ -8,6 +8,7 @@ from ...errors import CalibrationFormatError
 from ..strict_json import read
 
 MOST_BYTES = 64 * 2**20
+MOST_LINES = 2**21
 MOST_LINE = 2**20  # characters
 MOST_TAXELS = 100_000
 
@@ -30,7 +31,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     Raises
     ------
     CalibrationFormatError
-        If it cannot be read, is beyond `MOST_BYTES`, has a line beyond `MOST_LINE`, or is no text in UTF-8.
+        If it cannot be read, is beyond `MOST_BYTES`, `MOST_LINES` or `MOST_LINE`, or is no text in UTF-8.
     """
     data = read(path)
     if len(data) > MOST_BYTES:
@@ -41,8 +42,11 @@ def read_text(path: str | os.PathLike[str]) -> str:
         message = f"'{path}' is not UTF-8 at byte {problem.start}; save it as UTF-8"
         raise CalibrationFormatError(message) from problem
     text = text.replace("\r\n", "\n").replace("\r", "\n")
+    lines = text.count("\n") + 1
+    if lines > MOST_LINES:
+        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed {MOST_LINES}")
     start = 0
-    for number in range(1, text.count("\n") + 2):
+    for number in range(1, lines + 1):
         stop = text.find("\n", start)
         stop = len(text) if stop < 0 else stop
         if stop - start > MOST_LINE:

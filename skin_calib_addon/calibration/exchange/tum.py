@@ -53,7 +53,7 @@ def read_tum(text: str) -> Draft:
         draft.findings.append(error("no-taxels", "", "has no cell; check that it is the right file"))
     if not draft.broken:
         _place(draft, patches)
-        draft.findings += _strangers(draft, patches)
+        draft.findings += _strangers(patches)
     return draft
 
 
@@ -71,9 +71,7 @@ def _take(patches: Patches, node: Node) -> Iterator[Finding]:
         patches.bases[patch] = _pose(node.child(BASE))
         shift, turn = _pose(node.child(BEYOND))
         if shift.any() or (turn != np.eye(3)).any():
-            message = (
-                f"opens patch {patch} with a {BEYOND} that does something; it is not applied: cells are in the base"
-            )
+            message = f"opens patch {patch}, whose {BEYOND} is not applied: its cells are given in the base frame"
             yield warning("unused-transform", line(node.line), message)
 
 
@@ -97,7 +95,7 @@ def _place(draft: Draft, patches: Patches) -> None:
         draft.neighbours.append(tuple(str(i) for i in dict.fromkeys(cell.ports) if i in known and i != cell.id))
 
 
-def _strangers(draft: Draft, patches: Patches) -> Iterator[Finding]:
+def _strangers(patches: Patches) -> Iterator[Finding]:
     """Neighbours that the file does not hold, and patches whose place it does not tell."""
     known = {cell.id for cell in patches.cells}
     beyond = [cell for cell in patches.cells if set(cell.ports) - known - set(NOBODY)]
@@ -109,9 +107,11 @@ def _strangers(draft: Draft, patches: Patches) -> Iterator[Finding]:
     if lost:
         message = "opens a cell of a patch without patchExtrinsics: it stays in the frame of its root cell"
         yield warning("no-frame", line(lost[0].line), message, len(lost))
-    if len(set(patches.frames.values())) > 1:
-        message = f"has patches in {len(set(patches.frames.values()))} base frames; they are read as if it were one"
-        yield warning("frames", "", message, sorted(set(patches.frames.values())))
+    frames = sorted(set(patches.frames.values()))
+    if len(frames) > 1:
+        yield warning(
+            "frames", "", f"has patches in {len(frames)} base frames; they are read as if it were one", frames
+        )
 
 
 def _pose(node: Node) -> Pose:

@@ -56,7 +56,7 @@ def children_of_root(text: str, root: str) -> Iterator[Node]:
     path: list[Node] = []
     done: list[Node] = []
     nodes = 0
-    parser = expat.ParserCreate("utf-8")  # whatever the document declares: it is decoded already
+    parser = expat.ParserCreate()  # given text, not bytes, it does not heed the encoding that is declared
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal nodes

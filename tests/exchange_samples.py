@@ -1,0 +1,85 @@
+"""Taxel files for tests, written from formulas in the formats of other programs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+RADIUS = 0.03  # [m]
+
+
+def points_round(count, radius=RADIUS):
+    """Points on a spiral round z, and the directions away from it; their first numbers are whole."""
+    angle = 2 * np.pi * np.arange(count) / 12
+    outward = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle)).round(15)
+    return (radius * outward + np.outer(np.arange(count), (0, 0, 0.001))).round(9), outward
+
+
+def matrix(degrees, axis="z"):
+    """A rotation about an axis."""
+    return Rotation.from_euler(axis, degrees, degrees=True).as_matrix().round(12)
+
+
+def icub_text(rows, entries=None, head="name\tl_arm\nspatial_sampling\ttaxel\n"):
+    """A positions file: rows ``x y z nx ny nz``, and the entries of its table."""
+    made = f"taxel2Repr ( {entries} )\n" if entries else ""
+    return head + made + "[calibration]\n" + "".join(" ".join(f"{x:.17g}" for x in row) + "\n" for row in rows)
+
+
+def csv_text(positions, normals=None, tangents=None):
+    """A table of positions, with directions where there are some."""
+    given = [("xyz", "", positions), ("xyz", "n", normals), ("xyz", "t", tangents)]
+    given = [(axes, prefix, vectors) for axes, prefix, vectors in given if vectors is not None]
+    header = ",".join(prefix + axis for axes, prefix, _ in given for axis in axes)
+    rows = np.column_stack([vectors for _, _, vectors in given])
+    return "\n".join((header, *(",".join(repr(float(x)) for x in row) for row in rows))) + "\n"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A board of a patch."""
+
+    id: int
+    position: np.ndarray
+    rotation: np.ndarray
+    ports: tuple[int, ...]
+
+
+CELLS = (
+    Cell(5, np.zeros(3), np.eye(3), (0, 0, 4, 6)),
+    Cell(6, np.array((-0.0239, -0.0141, -0.0008)), matrix(4, "y"), (5, 0, 0, 7)),
+    Cell(7, np.array((-0.0476, -0.0285, -0.0027)), matrix(30) @ matrix(5, "y"), (6, 0, 16383, 0)),
+)
+NOWHERE = (np.eye(3), (0.0, 0.0, 0.0))
+
+
+def tum_text(cells, base=NOWHERE, beyond=NOWHERE):
+    """A patch with where its root cell lies in the base."""
+    places = "".join(
+        f"<{name}>{_pose(shift, turn)}</{name}>\n"
+        for name, (turn, shift) in (("tf_rootCell_base", base), ("tf_base_dh", beyond))
+    )
+    boards = "".join(
+        f'<cell id="{c.id}" patch="2" segment="1"><rootCellId>5</rootCellId>\n<neighbors id="{c.id}" size="4">'
+        + "".join(f'<neighbor port="{k + 1}" id="{n}"/>' for k, n in enumerate(c.ports))
+        + f"</neighbors>\n{_pose(c.position, c.rotation)}</cell>\n"
+        for c in cells
+    )
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<!DOCTYPE scfg>\n<SkinConfig numberOfCells="3">\n'
+        '<patchDriverSettings patchId="2" prefix="/"/>\n'
+        f'<patchExtrinsics patchId="2" baseFrame="world" dhFrame="" jointId="0">\n{places}</patchExtrinsics>\n'
+        f"{boards}</SkinConfig>"
+    )
+
+
+def _pose(shift, turn):
+    parts = (("pos", np.reshape(shift, (3, 1))), ("rot", turn))
+    return "".join(
+        f'<{name}><matrix rows="3" cols="{values.shape[1]}">\n'
+        + "".join(
+            f'<element row="{i}" col="{j}">{float(values[i, j])!r}</element>\n' for i, j in np.ndindex(values.shape)
+        )
+        + f"</matrix></{name}>\n"
+        for name, values in parts
+    )

@@ -1,0 +1,107 @@
+"""What holds for any taxel file: what was written is read, and no bytes of any kind end in another error than ours."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration.exchange import FORMATS, read_taxels
+from skin_calib_addon.calibration.exchange.reading import READERS, format_of
+from skin_calib_addon.calibration.exchange.taxel_set import finished
+from skin_calib_addon.errors import CalibrationFormatError
+from tests.exchange_samples import CELLS, Cell, csv_text, icub_text, points_round, tum_text
+from tests.shapes import Motion
+
+seeds = st.integers(0, 2**32 - 1)
+ROUND, OUTWARD = points_round(6)
+SAMPLES = (
+    icub_text(np.column_stack((ROUND, OUTWARD)), "3 -1 -2 3 3"),
+    tum_text(CELLS),
+    csv_text(ROUND, normals=OUTWARD, tangents=OUTWARD),
+    csv_text(ROUND).replace("x,y,z", "id,row,frame").replace("\n", "\na,3,b,c,", 1),
+)
+# What breaks readers: numbers that are none or too large, marks of each format, halves of characters, endless words.
+WORDS = (
+    "nan", "inf", "-1e999", "1e308", "-0", "0x10", "1_0", "９", "", " ", "\t", "\n", "\r", "\x00", "\x1c", "\u2028",
+    '"', "'", ",", ";", "#", "(", ")", "[calibration]", "[", "]", "taxel2Repr ( 1 ", "name", "frame", "x,y,z", "id",
+    "<", ">", "</cell>", "<cell>", "<!--", "<![CDATA[", "]]>", "&a;", "&#0;", "<!ENTITY a 'b'>", "<?xml?>", "<pos/>",
+    "\ud7ff", "\U0001f916", "é", "a" * 300, "9" * 5000, "1 " * 300, "<a>" * 30,
+)  # fmt: skip
+
+
+@st.composite
+def spoilt(draw):
+    """A sample with a few places cut out, doubled, or filled with something strange."""
+    content = draw(st.sampled_from(SAMPLES))
+    for _ in range(draw(st.integers(0, 5))):
+        a, b = sorted(draw(st.tuples(*2 * [st.integers(0, len(content))])))
+        b = draw(st.sampled_from((a, min(a + 3, b), b)))
+        filling = draw(st.sampled_from((*WORDS, content[a:b], 2 * content[a:b])) | st.text(max_size=5))
+        content = content[:a] + filling + content[b:]
+    return content
+
+
+def assert_sound(taxels):
+    """A set that keeps what it promises."""
+    n = len(taxels.labels)
+    assert n > 0 and len(set(taxels.labels)) == n and len(set(taxels.channels.tolist())) == n
+    assert taxels.channels.min() >= 0 and np.isfinite(taxels.positions).all()
+    for vectors in (taxels.normals, taxels.tangents):
+        if vectors is not None:
+            assert_allclose(np.linalg.norm(vectors, axis=1), 1, rtol=1e-12)
+    assert all(finding.severity == "warning" for finding in taxels.findings)
+
+
+@settings(max_examples=300)
+@given(content=spoilt(), name=st.sampled_from((None, *FORMATS)))
+def test_spoilt_files_are_read_or_refused(content, name):
+    """Sound taxels, or at least one error with a place in words; no other exception."""
+    name = name or format_of(content)
+    if name is None:
+        return
+    taxels, findings = finished(READERS[name](content.replace("\r\n", "\n").replace("\r", "\n")))
+    if taxels is None:
+        assert any(finding.severity == "error" for finding in findings)
+    else:
+        assert_sound(taxels)
+    assert all("\n" not in str(finding) and len(str(finding)) < 1000 for finding in findings)
+
+
+@settings(max_examples=100)
+@given(data=st.binary(max_size=300) | spoilt().map(lambda s: s.encode("utf-8", "surrogatepass")))
+def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
+    """From the file on."""
+    path = tmp_path_factory.getbasetemp() / "bytes"
+    path.write_bytes(data)
+    try:
+        assert_sound(read_taxels(path))
+    except CalibrationFormatError as problem:
+        assert "\n" not in str(problem) and str(path) in str(problem)
+
+
+@given(seed=seeds, count=st.integers(1, 30))
+def test_what_was_written_is_read(tmp_path_factory, seed, count):
+    """Positions to the bit and normals to rounding, in every format; channels that leave gaps too."""
+    rng = np.random.default_rng(seed)
+    positions = rng.uniform(-0.3, 0.3, (count, 3))
+    turns = [Motion(seed + i).rotation for i in range(count)]
+    normals, tangents = (np.array([turn[:, k] for turn in turns]) for k in (2, 0))
+    rows = np.zeros((3 * count, 6))
+    channels = np.sort(rng.choice(3 * count, count, replace=False))
+    rows[channels] = np.column_stack((positions, normals))
+    cells = [Cell(i + 1, p, turn, (i, i + 2)) for i, (p, turn) in enumerate(zip(positions, turns))]
+    path = tmp_path_factory.getbasetemp() / "written"
+    for content, expected in (
+        (icub_text(rows), channels),
+        (csv_text(positions, normals, tangents), np.arange(count)),
+        (tum_text(cells), np.arange(count)),
+    ):
+        path.write_text(content)
+        taxels = read_taxels(path)
+        assert (taxels.positions == positions).all() and taxels.channels.tolist() == expected.tolist()
+        assert_allclose(taxels.normals, normals, rtol=0, atol=1e-12)
+        if taxels.tangents is not None:
+            assert_allclose(taxels.tangents, tangents, rtol=0, atol=1e-12)
+    ids = [str(i + 1) for i in range(count)]
+    beside = [tuple(ids[j] for j in (i - 1, i + 1) if 0 <= j < count) for i in range(count)]
+    assert taxels.neighbours == tuple(beside)

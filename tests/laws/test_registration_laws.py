@@ -1,0 +1,66 @@
+"""What holds for any cloud that lies on a mesh: its place is found, wherever both are and however they are listed."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.geometry.distance import MeshDistance, mesh_samples
+from skin_calib_addon.geometry.registration import find_frame
+from tests.shapes import Motion, weld, wrist
+
+seeds = st.integers(0, 2**32 - 1)
+POINTS, _, FACES = mesh_samples(wrist())
+
+
+def piece(seed, share, noise=0.0):
+    """Points on the wrist within reach of one of them, which cover a share of its length, off it by a noise [m]."""
+    rng = np.random.default_rng(seed)
+    near = np.linalg.norm(POINTS - POINTS[rng.integers(len(POINTS))], axis=1) < share * wrist().size
+    chosen = rng.choice(np.flatnonzero(near), min(120, int(near.sum())), replace=False)
+    return POINTS[chosen] + noise * rng.normal(size=(len(chosen), 1)) * wrist().face_normals[FACES[chosen]]
+
+
+@settings(max_examples=6)
+@given(seed=seeds, share=st.floats(0.4, 1))
+def test_any_motion_of_a_large_piece_is_undone(seed, share):
+    """A piece of the link, or the whole: brought back to a hundredth of a millimetre from any frame."""
+    points, motion = piece(seed, share), Motion(seed)
+    fit = find_frame(wrist(), motion.points(points))
+    assert fit.verdict in ("moved", "ambiguous")  # a piece may well fit elsewhere to a tenth of a millimetre
+    assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).max() < 1e-5
+
+
+@settings(max_examples=4)
+@given(seed=seeds, noise=st.floats(0, 5e-4))
+def test_noise_moves_the_place_by_no_more_than_the_slack(seed, noise):
+    """Taxels off the mesh: they lie no further off than where they came from, and as far from there as was told."""
+    points, motion = piece(seed, 1.0, noise), Motion(seed)
+    fit = find_frame(wrist(), motion.points(points))
+    truth = MeshDistance(wrist())(points)[0]
+    assert fit.after.mean <= 1.02 * truth.mean() + 1e-6
+    assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).mean() <= fit.slack
+
+
+@settings(max_examples=3)
+@given(seed=seeds)
+def test_moving_the_mesh_moves_the_cloud(seed):
+    """The mesh elsewhere, the cloud where it was: it goes to the same place on the mesh."""
+    points, motion = Motion(seed + 7).points(piece(seed, 1.0)), Motion(seed)
+    here, there = find_frame(wrist(), points), find_frame(motion.mesh(wrist()), points)
+    assert there.verdict == here.verdict
+    assert_allclose(there(points), motion.points(here(points)), rtol=0, atol=1e-5)
+    assert_allclose(there.slack, here.slack, rtol=1e-2)
+
+
+@settings(max_examples=2)
+@given(seed=seeds)
+def test_order_and_repetition_do_not_matter(seed):
+    """The taxels in another order, the mesh listed another way: the same place. Asked again: the same bits."""
+    points = Motion(seed).points(piece(seed, 1.0))
+    shuffle = np.random.default_rng(seed).permutation(len(points))
+    first, other = find_frame(wrist(), points), find_frame(wrist(), points[shuffle])
+    assert_allclose(other(points), first(points), rtol=0, atol=1e-5)
+    again = find_frame(weld(wrist().vertices, wrist().faces[::-1]), points)
+    assert again.rotation.tobytes() == first.rotation.tobytes()
+    assert again.translation.tobytes() == first.translation.tobytes()
