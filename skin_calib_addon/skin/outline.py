@@ -28,7 +28,7 @@ NODES = 4
 INVERSE_STEPS = 6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Zone:
     """A disc that boards must keep clear of: a screw, a cable outlet."""
 
