@@ -287,10 +287,13 @@ class Search:
         return self.tried[size][0]
 
     def exact_error(self, fit: SurfaceFit) -> float:
-        """Error of a fit by exact distances [m]."""
+        """Error of a fit by exact distances [m], as in ``errors``: what spans a hole does not count."""
         uv, weights = surface_samples(fit.surface)
-        distance = self.exact(self.mesh)(fit.surface.points(uv))[0]
-        return float(getattr(DistanceStatistics.of(distance, weights), self.measure))
+        trusted = fit.is_trusted(uv)
+        if not trusted.any():
+            return np.inf
+        distance = self.exact(self.mesh)(fit.surface.points(uv[trusted]))[0]
+        return float(getattr(DistanceStatistics.of(distance, weights[trusted]), self.measure))
 
     def by_target(self, fits: int, kept: float = 0.0, start: float = 0.0) -> None:
         """Fit the smallest grid that is predicted to reach a target, and learn from each what to aim at.
