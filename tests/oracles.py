@@ -164,6 +164,11 @@ def is_inside(point, loops):
     return crossings % 2 == 1
 
 
+def edges_of(loops):
+    """All edges of loops, one after the other, shape (e, 2, 2)."""
+    return np.array([edge for loop in loops for edge in zip(loop, np.roll(loop, -1, axis=0))])
+
+
 def points_on(loop, count):
     """So many points on each edge of a loop, its corners among them."""
     share = np.arange(count)[:, None] / count
@@ -180,15 +185,14 @@ def depth_in(point, outline):
 
 def room_of(outline, loops, count):
     """Signed room of one board in loops: its corners against all edges, and points on all edges against the board."""
-    edges = [edge for loop in loops for edge in zip(loop, np.roll(loop, -1, axis=0))]
+    edges = edges_of(loops)
     apart = [min(np.linalg.norm(corner - nearest_on_segment(corner, *edge)) for edge in edges) for corner in outline]
     corners = [gap if is_inside(corner, loops) else -gap for corner, gap in zip(outline, apart)]
     return min(*corners, *(-depth_in(point, outline) for loop in loops for point in points_on(loop, count)))
 
 
-def boards_inside(centres, corners, loops):
-    """Which hexagons with ``corners`` about ``centres`` lie in the loops: the centre does, and no edge enters one."""
-    edges = [edge for loop in loops for edge in zip(loop, np.roll(loop, -1, axis=0))]
+def boards_inside(centres, corners, edges):
+    """Which hexagons with ``corners`` about ``centres`` lie inside: the centre does, and no edge enters one."""
     x, y = centres.T
     inside = np.zeros(len(centres), bool)
     for (ax, ay), (bx, by) in edges:
@@ -213,9 +217,9 @@ def boards_inside(centres, corners, loops):
     return fits
 
 
-def most_boards(loops, lattice, offsets, angles):
+def most_boards(edges, lattice, offsets, angles):
     """The most boards inside at any of the offsets (n, 2), given on the lattice, and any of the angles."""
-    low, high = (getattr(np.concatenate(loops), way)(axis=0) for way in ("min", "max"))
+    low, high = (getattr(edges, way)(axis=(0, 1)) for way in ("min", "max"))
     reach = np.linalg.norm(high - low) / 2 + np.linalg.norm(offsets, axis=1).max()
     n = int(reach / lattice.pitch) + 2
     cells = lattice.centres(np.array([(q, r) for q in range(-2 * n, 2 * n + 1) for r in range(-n, n + 1)]))
@@ -226,7 +230,7 @@ def most_boards(loops, lattice, offsets, angles):
         turn = np.array(((np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))))
         centres = ((low + high) / 2 + (offsets @ turn)[:, None] + cells @ turn).reshape(-1, 2)
         near = np.flatnonzero(((centres >= low + board) & (centres <= high - board)).all(axis=1))
-        fits = near[boards_inside(centres[near], lattice.corners @ turn, loops)]
+        fits = near[boards_inside(centres[near], lattice.corners @ turn, edges)]
         most = max(most, np.bincount(fits // len(cells), minlength=1).max())
     return most
 

@@ -14,7 +14,7 @@ from ..errors import InvalidPlan
 CHUNK = 2**20
 # Digits of a point that count: what is closer than a picometre is the same.
 SAME_POINT = 12
-# Places of an edge where its sides are looked at.
+# Places of a zone's edge where its sides are looked at.
 LOOKS = 3
 
 
@@ -39,16 +39,16 @@ class Region:
     @cached_property
     def edges(self) -> Array:
         """Ends of the edges that part inside from outside, shape (e, 2, 2) [m]."""
-        if not self.excluded:
-            return self._drawn[0]
-        edges = np.concatenate(self._drawn)
-        # Of edges that cross, what lies in a zone, or of a zone what lies outside, parts nothing.
+        outline, *zones = self._drawn
+        if not zones:
+            return outline
+        # What of a zone lies outside, or in another one, parts nothing.
+        edges = np.concatenate(zones)
         along = edges[:, 1] - edges[:, 0]
         aside = 1e-6 * np.ptp(edges.reshape(-1, 2), axis=0).max() * unit(np.column_stack((-along[:, 1], along[:, 0])))
-        shares = np.linspace(0, 1, LOOKS + 2)[1:-1, None, None]
-        places = edges[:, 0] + shares * along
+        places = edges[:, 0] + np.linspace(0, 1, LOOKS + 2)[1:-1, None, None] * along
         left, right = (self.contains((places + side * aside).reshape(-1, 2)).reshape(LOOKS, -1) for side in (1, -1))
-        return edges[(left != right).any(axis=0)]
+        return np.concatenate((outline, edges[(left != right).any(axis=0)]))
 
     @cached_property
     def _drawn(self) -> list[Array]:

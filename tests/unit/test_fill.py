@@ -12,13 +12,14 @@ from skin_calib_addon.errors import InvalidPlan
 from skin_calib_addon.skin.fill import TOUCH, fill
 from skin_calib_addon.skin.lattice import HexLattice
 from skin_calib_addon.skin.region import Region
-from tests.oracles import all_offsets, boards_inside, is_inside, most_boards, points_on
+from tests.oracles import all_offsets, boards_inside, edges_of, is_inside, most_boards, points_on
 from tests.unit.test_region import random_loops, turned
 
 seeds = st.integers(0, 2**32 - 1)
 SIDE = 0.0163
 BOARDS = HexLattice(SIDE, 0.02775 - np.sqrt(3) * SIDE)  # those of the thesis: trimmed, so that they stand closer
 TIGHT = HexLattice(SIDE, 0.0)
+LATTICES = {"boards": BOARDS, "tight": TIGHT}
 SMALL = HexLattice(0.01, 0.001)
 DEGREES = np.deg2rad(np.arange(60))
 
@@ -67,12 +68,13 @@ def sees_inside(outline, loops):
 
 
 @pytest.mark.parametrize(
-    ("name", "lattice"), [*((name, BOARDS) for name in REGIONS), *((name, TIGHT) for name in ("rectangle", "corner"))]
+    ("name", "lattice"), [*((name, "boards") for name in REGIONS), ("rectangle", "tight"), ("corner", "tight")]
 )
 def test_brute_force_finds_no_more(name, lattice):
     """All offsets in steps of a millimetre, all angles in degrees, every board cut with every edge."""
-    region, placement = filled(name, lattice)
-    assert len(placement.cells) >= most_boards(region.loops, lattice, all_offsets(lattice, 1e-3), DEGREES)
+    region, placement = filled(name, LATTICES[lattice])
+    most = most_boards(edges_of(region.loops), placement.lattice, all_offsets(placement.lattice, 1e-3), DEGREES)
+    assert len(placement.cells) - 4 <= most <= len(placement.cells)
 
 
 @pytest.mark.parametrize("name", REGIONS)
@@ -83,7 +85,7 @@ def test_boards_inside_are_those_listed(name):
     r, q = (a.ravel() - 30 for a in np.indices((61, 61)))
     cells = np.column_stack((q, r))
     centres = placement.offset + turned(TIGHT.centres(cells), placement.angle)
-    fits = boards_inside(centres, turned(TIGHT.corners, placement.angle), region.loops)
+    fits = boards_inside(centres, turned(TIGHT.corners, placement.angle), edges_of(region.loops))
     assert cells[fits].tolist() == placement.cells.tolist()
     assert_allclose(placement.centres, centres[fits], atol=1e-15)
 
@@ -158,7 +160,7 @@ def test_boards_of_a_lopsided_region_move_with_it():
         assert len(there.cells) == len(here.cells) and apart.max() < 2e-6
 
 
-@settings(max_examples=4)
+@settings(max_examples=3)
 @given(seed=seeds, growth=st.floats(1, 1.2))
 def test_larger_region_never_holds_fewer(seed, growth):
     """A star that grows from its middle keeps every board; and so does one whose holes are closed."""
@@ -173,7 +175,7 @@ def test_larger_region_never_holds_fewer(seed, growth):
 def test_given_angle_is_kept_and_brute_force_finds_no_more(seed, angle):
     """Only the offset is searched."""
     loops = (random_loops(seed)[0],)
-    most = most_boards(loops, SMALL, all_offsets(SMALL, 5e-4), [angle])
+    most = most_boards(edges_of(loops), SMALL, all_offsets(SMALL, 5e-4), [angle])
     if most:
         placement = fill(Region(loops), SMALL, angle=angle)
         assert placement.angle == angle and len(placement.cells) >= most
@@ -187,7 +189,8 @@ def test_given_offset_is_kept_and_brute_force_finds_no_more(seed):
     offset = np.random.default_rng(seed).uniform(-0.03, 0.03, 2)
     middle = (loops[0].min(axis=0) + loops[0].max(axis=0)) / 2
     angles = np.deg2rad(np.arange(0, 60, 0.25))
-    counts = [most_boards(loops, SMALL, turned((offset - middle)[None], -angle), [angle]) for angle in angles]
+    shifts = [turned((offset - middle)[None], -angle) for angle in angles]
+    counts = [most_boards(edges_of(loops), SMALL, shift, [angle]) for shift, angle in zip(shifts, angles)]
     if max(counts):
         placement = fill(Region(loops), SMALL, offset=offset)
         assert placement.offset.tobytes() == offset.tobytes() and len(placement.cells) >= max(counts)
@@ -199,7 +202,7 @@ def test_given_offset_and_angle_place_all_that_fit(seed, angle, q, r, sixths):
     region, rng = Region(random_loops(seed)), np.random.default_rng(seed)
     offset = rng.uniform(-0.03, 0.03, 2)
     far = turned(SMALL.centres(np.array([(x, y) for x in range(-12, 13) for y in range(-12, 13)])), angle) + offset
-    fits = far[boards_inside(far, turned(SMALL.corners, angle), region.loops)]
+    fits = far[boards_inside(far, turned(SMALL.corners, angle), edges_of(region.loops))]
     if not len(fits):
         with pytest.raises(InvalidPlan, match="no board with sides of 10 mm lies wholly in the region"):
             fill(region, SMALL, offset, angle)
