@@ -106,7 +106,7 @@ def imported_taxels(
     positions = feet if snap else given
     tangents = _tangents(taxel_set, surface, uv, normals, tangent)
     pitch = median_pitch(positions, name) if pitch is None else pitch
-    pairs = _near_pairs(positions, normals, 2 * REACH * pitch, name)
+    pairs = near_pairs(positions, normals, 2 * REACH * pitch, name)
     corners = outlines(positions, normals, tangents, pairs, REACH * pitch)
     beside = gabriel(positions, normals, pairs) if taxel_set.neighbours is None else _at_ports(taxel_set)
     taxels = TaxelArray(
@@ -124,11 +124,12 @@ def imported_taxels(
     )
     exact = None if mesh is None else MeshDistance(mesh)
     fit = None if mesh is None else find_frame(mesh, given)
+    at_edge = ((uv <= 0) | (uv >= 1)).any(axis=1)
     aside = np.linalg.norm(given - feet - gap[:, None] * normals, axis=1)
     found = (
         *_frame_findings(name, fit),
         *_named("far", ids, distance > farthest, f"further than {farthest * 1e3:g} mm from the surface"),
-        *_named("beyond-edge", ids, _at_edge(surface, uv) & (aside > ASIDE), "beyond an open edge of the surface"),
+        *_named("beyond-edge", ids, at_edge & (aside > ASIDE), "beyond an open edge of the surface"),
         *_flipped(name, taxel_set, normals),
     )
     before = _distances(distance, given, exact)
@@ -158,7 +159,7 @@ def median_pitch(positions: Array, name: str) -> float:
     InvalidPlan
         If all lie in one place.
     """
-    places = np.unique(np.round(positions, PLACES), axis=0)
+    places = positions[np.unique(np.round(positions, PLACES), axis=0, return_index=True)[1]]
     if len(places) < 2:
         raise InvalidPlan(f"the taxels of {name} lie in one place, so that their cells have no size; give a pitch")
     return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
@@ -210,7 +211,7 @@ def gabriel(positions: Array, normals: Array, pairs: IntArray) -> IntArray:
     return pairs[~between.any(axis=1)]
 
 
-def _near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntArray:
+def near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntArray:
     """Pairs of taxels at most ``far`` apart [m] that do not face apart, as on two sides of something thin."""
     tree = cKDTree(positions)
     if tree.count_neighbors(tree, far) > MOST_NEAR * len(positions):
@@ -222,8 +223,8 @@ def _near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntA
 def _at_ports(taxel_set: TaxelSet) -> IntArray:
     """The pairs of neighbours that a file names."""
     place = {label: row for row, label in enumerate(taxel_set.labels)}
-    rows = enumerate(taxel_set.neighbours or ())
-    pairs = [(row, place[label]) for row, labels in rows for label in labels if label in place]
+    named = enumerate(taxel_set.neighbours or ())
+    pairs = [(row, place[label]) for row, labels in named for label in labels if place.get(label, row) != row]
     return np.array(pairs, np.int64).reshape(-1, 2)
 
 
@@ -245,12 +246,6 @@ def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: 
         wanted = np.where(upright[:, None], wanted, taxel_set.tangents)
     wanted = unit(wanted)
     return unit(wanted - (wanted * normals).sum(axis=1, keepdims=True) * normals)
-
-
-def _at_edge(surface: BSplineSurface, uv: Array) -> BoolArray:
-    """Whether a footpoint lies on an edge where the surface is open."""
-    ends = (uv <= 0) | (uv >= 1)
-    return (ends & ~np.array(surface.closed)).any(axis=1)
 
 
 def _distances(distance: Array, points: Array, exact: MeshDistance | None) -> Distances:
