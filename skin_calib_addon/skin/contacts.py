@@ -33,7 +33,7 @@ def corner_contacts(region: Region, centres: Array, corners: Array, within: floa
     board, edge = np.nonzero(region.distances(centres) <= np.linalg.norm(corners[0]) + within)
     edges, outline = region.edges[edge], centres[board, None] + corners
     along = unit(edges[:, 1] - edges[:, 0])
-    inward = np.where(along_edges(centres[board], edges)[2] < 0, -1.0, 1.0)[:, None]
+    inward: Array = np.where(along_edges(centres[board], edges)[2] < 0, -1.0, 1.0)[:, None]
     apart, share, height = along_edges(outline, edges[:, None])
     # Past a reflex end the line of an edge bounds nothing. Past a convex one it does, but further off may be anything.
     past = np.where(region.is_reflex[region.ends[edge]], 0.0, step)
@@ -41,7 +41,8 @@ def corner_contacts(region: Region, centres: Array, corners: Array, within: floa
     is_bound = (share * length >= -past[:, :1]) & ((share - 1) * length <= past[:, 1:])
     pair, corner = np.nonzero(is_bound & (apart <= within))
     normals = inward * np.column_stack((-along[:, 1], along[:, 0]))
-    return outline[pair, corner], normals[pair], (inward * height)[pair, corner]
+    depths = inward * height
+    return outline[pair, corner], normals[pair], depths[pair, corner]
 
 
 def point_contacts(points: Array, centres: Array, corners: Array, within: float) -> Contacts:

@@ -49,8 +49,9 @@ class NetEquations:
         blocks = along[:, :, None] * along[:, None]
         if stretch is not None:
             blocks += stretch[:, None, None] * turn[:, :, None] * turn[:, None]
-        entries = np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], self.width * self.size)
-        band: Array = entries.reshape(self.width, self.size)
+        band: Array = np.zeros(self.width * self.size)
+        band += np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], band.size)
+        band = band.reshape(self.width, self.size)
         spring = float(band[0].mean())
         band[0, self.held] += spring
         band[0] += LITTLE * spring

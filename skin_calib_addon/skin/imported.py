@@ -162,7 +162,7 @@ def median_pitch(positions: Array, name: str) -> float:
     places = positions[np.unique(np.round(positions, PLACES), axis=0, return_index=True)[1]]
     if len(places) < 2:
         raise InvalidPlan(f"the taxels of {name} lie in one place, so that their cells have no size; give a pitch")
-    return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
+    return float(np.median(np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]))
 
 
 def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray, reach: float) -> Array:

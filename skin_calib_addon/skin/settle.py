@@ -124,8 +124,8 @@ def widest(slopes: Array, gaps: Array, is_free: tuple[bool, ...], even: bool) ->
     held, sizes, way = np.zeros(len(gaps), bool), np.zeros(len(gaps)), np.zeros(3)
     bounds = [(-free, free) for free in map(int, is_free)] + [(None, HORIZON)]
     while not held.all():
-        table = np.column_stack((-slopes, ~held))
-        found = linprog((0, 0, 0, -1), A_ub=table, b_ub=gaps - sizes, bounds=bounds, method="highs-ds")
+        table: Array = np.column_stack((-slopes, (~held).astype(float)))
+        found = linprog(np.array((0, 0, 0, -1.0)), A_ub=table, b_ub=gaps - sizes, bounds=bounds, method="highs-ds")
         if found.status != 0 or found.x is None:  # rounding has closed what was held: the last round is good enough
             break
         way = found.x[:3]

@@ -70,7 +70,9 @@ def flat_axes(surface: BSplineSurface, net: Net, uv: Array) -> tuple[Array, Arra
     points, normals = surface.points(uv), surface.normals(uv)
     chords = points[net.pairs[:, 1]] - points[net.pairs[:, 0]]
     parts = (net.arms[:, :, None] * chords[:, None]).reshape(-1, 6)
-    sums = np.stack([np.bincount(net.pairs.ravel(), np.repeat(p, 2), len(points)) for p in parts.T], axis=1)
+    sums: Array = np.zeros((len(points), 6))
+    for k, part in enumerate(parts.T):
+        sums[:, k] = np.bincount(net.pairs.ravel(), np.repeat(part, 2), len(points))
     x_axis = sums[:, :3] - np.cross(normals, sums[:, 3:])  # each chord, turned back by the angle of its arm
     x_axis = unit(x_axis - (x_axis * normals).sum(axis=1, keepdims=True) * normals)
     return x_axis, np.cross(normals, x_axis)
