@@ -1,0 +1,211 @@
+"""Taxels that people have, on the links that they are for; the data is no part of the project and may be absent."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.arrays import unit
+from skin_calib_addon.calibration import save_calibration
+from skin_calib_addon.calibration.exchange import read_taxels
+from skin_calib_addon.calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
+from skin_calib_addon.geometry import (
+    AcrossGrid,
+    Axis,
+    CoverSpec,
+    Cut,
+    SectorGrid,
+    cut_cover,
+    fit_surface,
+    load_mesh,
+)
+from skin_calib_addon.geometry.distance import MeshDistance, closest_on_triangles
+from skin_calib_addon.geometry.registration import find_frame
+from skin_calib_addon.skin.imported import imported_taxels, placed
+from tests.shapes import Motion
+
+DATA = (Path(__file__).parents[2] / ".." / "shared" / "data").resolve()
+TAXELS, MESHES = DATA / "taxels", DATA / "meshes"
+
+pytestmark = pytest.mark.skipif(not TAXELS.is_dir(), reason=f"no real taxels here: {TAXELS} is missing")
+
+FOREARM = Axis((0.044, -0.0017, 0.0053), (0.93, 0.0, 0.366))
+
+
+def along_forearm(distance):
+    """A point on the axis of the forearm [m]."""
+    return tuple(np.array(FOREARM.point) + distance * unit(FOREARM.direction))
+
+
+# What an author would choose: where the link is cut, and the planes of the part that wears the skin.
+LINKS = {
+    "l_upper_leg": (
+        (Cut((0, 0, -0.118), (0, 0, 1)),),
+        SectorGrid(20, 40, np.deg2rad(-242), np.deg2rad(78), Axis((0.006, 0.001, 0), (0, 0, 1)), 0.001),
+    ),
+    "l_forearm": (
+        (
+            Cut(along_forearm(-0.052), FOREARM.direction),
+            Cut(along_forearm(0.056), tuple(-x for x in FOREARM.direction)),
+        ),
+        SectorGrid(12, 32, np.deg2rad(-347), np.deg2rad(1), FOREARM, 0.001),
+    ),
+    "l_foot_sole": ((Cut((0, 0, 0.01), (0, 0, 1)),), AcrossGrid(8, 8, (0, 0, 1))),
+}
+# File, link, taxels, mean distance to the mesh as its owner measured it [m].
+SETS = [
+    pytest.param("raw/icub_left_leg_upper.txt", "l_upper_leg", 680, 0.57e-3, id="thigh-icub"),
+    pytest.param("pycub_left_leg_upper.csv", "l_upper_leg", 680, 0.57e-3, id="thigh-pycub"),
+    pytest.param("pycub_left_forearm.csv", "l_forearm", 240, 0.59e-3, id="forearm"),
+    pytest.param("pycub_left_foot.csv", "l_foot_sole", 250, 0.58e-3, id="sole"),
+]
+
+
+@cache
+def link(name):
+    """The whole link, its cover and the surface."""
+    mesh = load_mesh(MESHES / f"icub27_{name}.stl")
+    cuts, grid = LINKS[name]
+    cover = cut_cover(mesh, CoverSpec(cuts=cuts))
+    return mesh, cover, fit_surface(cover, grid)
+
+
+def looks_out(mesh, positions, normals):
+    """Whether a face beside each taxel looks its way: within a millimetre of the nearest, as inner walls poke out."""
+    nearest = MeshDistance(mesh)(positions)[0]
+    for p, n, least in zip(positions, normals, nearest):
+        feet = closest_on_triangles(np.broadcast_to(p, (len(mesh.faces), 3)), mesh.triangles)
+        beside = np.linalg.norm(feet - p, axis=1) < least + 1e-3
+        yield (mesh.face_normals[beside] @ n > 0.5).any()
+
+
+@pytest.mark.parametrize(("file", "name", "count", "known"), SETS)
+def test_real_skin_gets_frames_on_its_link(file, name, count, known, tmp_path):
+    """All taxels, none moved, as far from the mesh as is known of them, all looking out; the file's checks agree."""
+    mesh, cover, fit = link(name)
+    taxel_set = read_taxels(TAXELS / file)
+    result = imported_taxels(taxel_set, fit.surface, "skin", mesh)
+    taxels = result.taxels
+    assert len(taxels.ids) == count and (taxels.positions_link == taxel_set.positions).all()
+    assert_allclose(result.before.mesh.mean, known, rtol=0, atol=0.01e-3)
+    assert_allclose(result.pitch, 6.53e-3, rtol=0, atol=0.01e-3)
+    assert result.before.surface.mean < 0.7e-3 and result.after.mesh.mean < 0.5e-3
+    assert result.fit.verdict == "right"
+    assert not {"far", "beyond-edge", "wrong-frame", "off-mesh"} & {f.code for f in result.findings}
+    assert sum(not out for out in looks_out(mesh, taxels.positions_link, taxels.normals_link)) == 0
+    beside = np.array([len(row) for row in taxels.neighbours])
+    assert beside.min() >= 2 and beside.max() <= 6 and 4 < beside.mean() < 6
+    s = fit.surface
+    model = SurfaceModel("cover", s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
+    patch = Patch("skin", "sheet", "cover", (count, 1), (result.pitch, result.pitch), taxels)
+    source = MeshSource("a.stl", mesh.sha256, len(mesh.vertices), len(mesh.faces))
+    save_calibration(LinkCalibration(name, source, (model,), (patch,)), tmp_path / "c.json")
+
+
+def test_icub_file_tells_its_traps():
+    """The upper leg: 680 of 1344 rows, a table too short for 210 of them, placeholders; the same places as in pyCub."""
+    taxels = read_taxels(TAXELS / "raw" / "icub_left_leg_upper.txt")
+    assert {f.code: f.value for f in taxels.findings} == {
+        "table-length": [960, 1344],
+        "thermal-pad": 94,
+        "unused": 396,
+        "no-taxel": 664,
+        "placeholder-normals": 680,
+    }
+    assert taxels.frame == "l_upper_leg" and taxels.normals is None
+    assert taxels.channels.max() == 1343  # the last row is read
+    again = read_taxels(TAXELS / "pycub_left_leg_upper.csv")
+    assert (again.positions == taxels.positions).all()
+
+
+def test_arm_in_a_wrong_frame_is_put_right():
+    """31.6 mm off as declared; the correction found lays it on the mesh as well as the one that is known of it.
+
+    The arm is nearly a tube: the two differ by how far the taxels may slide along it.
+    """
+    points = read_taxels(TAXELS / "raw" / "icub_right_arm_wrong_frame.txt").positions
+    mesh = load_mesh(MESHES / "icub27_r_upper_arm.stl")
+    R = np.array([[-0.78573, -0.00283, 0.61856], [0.61856, 0.00009, 0.78574], [-0.00228, 1.0, 0.00168]])
+    known = points @ R.T + (9.868e-3, 27.648e-3, -17.411e-3)
+    fit = find_frame(mesh, points)
+    assert fit.verdict == "moved"
+    assert_allclose(fit.before.mean, 31.6e-3, rtol=0, atol=0.1e-3)
+    assert fit.after.mean <= MeshDistance(mesh)(known)[0].mean()
+    assert fit.rival > 2.5 * fit.after.mean
+    assert np.rad2deg(np.arccos((np.trace(fit.rotation @ R.T) - 1) / 2)) < 1
+    assert np.linalg.norm(fit(points) - known, axis=1).mean() < 2 * fit.slack < 0.01
+
+
+@pytest.mark.parametrize(("part", "name"), [("leg_upper", "l_upper_leg"), ("forearm", "l_forearm")])
+def test_real_skin_is_brought_back_from_any_frame(part, name):
+    """Moved at random: one pose whatever the start, no further off than where the taxels come from, and near there."""
+    mesh, _, _ = link(name)
+    points = read_taxels(TAXELS / f"pycub_left_{part}.csv").positions
+    known = MeshDistance(mesh)(points)[0].mean()
+    found = []
+    for seed in range(3):
+        motion = Motion(seed)
+        fit = find_frame(mesh, motion.points(points))
+        assert fit.verdict == "moved" and fit.after.mean <= known
+        found.append(fit(motion.points(points)))
+        assert np.linalg.norm(found[-1] - points, axis=1).mean() < 2 * fit.slack
+    assert np.ptp(found, axis=0).max() < 0.5e-3
+
+
+def test_wrong_frame_of_real_skin_is_an_error_with_a_proposal():
+    """The thigh's taxels as if in another frame: refused, with the frame that puts them right."""
+    mesh, _, fit = link("l_upper_leg")
+    taxel_set = read_taxels(TAXELS / "raw" / "icub_left_leg_upper.txt")
+    moved = replace(taxel_set, positions=Motion(4).points(taxel_set.positions))
+    result = imported_taxels(moved, fit.surface, "thigh", mesh)
+    (found,) = (f for f in result.findings if f.severity == "error")
+    assert found.code == "wrong-frame"
+    right = imported_taxels(placed(moved, **found.value), fit.surface, "thigh", mesh)
+    assert right.fit.verdict == "right" and right.before.mesh.mean < 0.57e-3
+
+
+def test_flat_sole_cannot_be_found_again():
+    """Its taxels lie in a plane, and slide on the sole: that is said."""
+    mesh, _, _ = link("l_foot_sole")
+    points = read_taxels(TAXELS / "pycub_left_foot.csv").positions
+    fit = find_frame(mesh, Motion(0).points(points))
+    assert fit.verdict == "ambiguous" and fit.after.mean < 0.1e-3
+
+
+def test_triangles_of_a_robot_description_look_out():
+    """24 frames on the forearm: their z axes are normals, none of which is flipped on the fitted surface."""
+    mesh, _, fit = link("l_forearm")
+    taxel_set = read_taxels(TAXELS / "icub_urdf_triangles_l_forearm.csv")
+    assert len(taxel_set.labels) == 24 and taxel_set.normals is not None
+    result = imported_taxels(taxel_set, fit.surface, "skin", mesh)
+    assert not {"flipped-normals", "wrong-frame"} & {f.code for f in result.findings}
+    angles = np.rad2deg(np.arccos((taxel_set.normals * result.taxels.normals_link).sum(axis=1)))
+    assert np.median(angles) < 6
+
+
+def test_boards_keep_their_pitch_and_ports():
+    """A patch of three: 27.75 mm from port to port, few degrees of tilt; full frames; a neighbour that is elsewhere."""
+    taxels = read_taxels(TAXELS / "raw" / "tum_patch2.xml")
+    assert taxels.labels == ("5", "6", "7") and taxels.neighbours == (("6",), ("5", "7"), ("6",))
+    steps = np.linalg.norm(np.diff(taxels.positions, axis=0), axis=1)
+    assert_allclose(steps, 27.76e-3, rtol=0, atol=0.03e-3)
+    tilt = np.rad2deg(np.arccos((taxels.normals[1:] * taxels.normals[:-1]).sum(axis=1)))
+    assert (tilt < 6.3).all()
+    assert_allclose((taxels.normals * taxels.tangents).sum(axis=1), 0, rtol=0, atol=1e-9)
+    assert {f.code: f.value for f in taxels.findings} == {"unknown-neighbour": 1}
+
+
+def test_every_set_is_read():
+    """All files of the folder, whatever is wrong with them: warnings, and taxels within a metre."""
+    files = sorted(p for p in TAXELS.rglob("*") if p.suffix in (".csv", ".txt", ".xml"))
+    assert len(files) >= 9
+    for path in files:
+        taxels = read_taxels(path)
+        assert len(taxels.labels) >= 3 and np.abs(taxels.positions).max() < 1
+    table = read_taxels(TAXELS / "tum_hex_cells.csv")
+    assert [(f.code, f.value) for f in table.findings] == [("duplicate-position", 5)]
+    arm = read_taxels(TAXELS / "icub_right_arm.csv")
+    assert [(f.code, f.value) for f in arm.findings] == [("placeholder-normals", 350)]
