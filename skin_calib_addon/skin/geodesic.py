@@ -126,7 +126,8 @@ def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tu
             if kept.all():
                 state[:, 1] /= speed
                 return state, r, velocity / speed
-    return _stepped_over(surface, start, first, step, state, unit(velocity), ~kept)
+        tangents = unit(velocity)  # of those that are lost anything
+    return _stepped_over(surface, start, first, step, state, tangents, ~kept)
 
 
 def _stepped_over(
