@@ -6,6 +6,7 @@ from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_
 
 from ..skin_calib_addon.blender import scene
 from ..skin_calib_addon.blender.options import PLACE
+from ..skin_calib_addon.errors import SkinCalibError
 from .lists import INDEX, OnSkin
 from .on_link import Edit, entry
 
@@ -28,16 +29,21 @@ class Place(OnSkin, Edit):
     )
     index: bpy.props.IntProperty(name="Index", description="Which landmark or zone, from 0", **INDEX)
 
+    def target(self, plan):
+        """The skin, landmark or zone whose point it is."""
+        if self.what == "landmark":
+            return entry(self.of_kind(plan, "sheet", "landmarks").landmarks, self.index, "landmark")
+        if self.what == "zone":
+            return entry(self.of_kind(plan, "hexagons", "excluded zones").excluded, self.index, "excluded zone")
+        return entry(plan.skins, self.skin, "skin")
+
     def put(self, plan, point):
         """Set the point, in the link frame in Blender units."""
-        if self.what == "landmark":
-            entry(self.of_kind(plan, "sheet", "landmarks").landmarks, self.index, "landmark").point = point
-        elif self.what == "zone":
-            zones = self.of_kind(plan, "hexagons", "excluded zones").excluded
-            entry(zones, self.index, "excluded zone").point = point
+        target = self.target(plan)
+        if self.what == "origin":
+            target.origin, target.centred = point, False
         else:
-            skin = entry(plan.skins, self.skin, "skin")
-            skin.origin, skin.centred = point, False
+            target.point = point
 
 
 class SKIN_OT_place_at_cursor(Place, bpy.types.Operator):
@@ -66,6 +72,12 @@ class SKIN_OT_place(Place, bpy.types.Operator):
         self.put(plan, self.point)
 
     def invoke(self, context, event):
+        try:
+            self.target(context.object.skin_calib)
+            scene.check_seen(context.object)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         self.link = context.object.name
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set("Click on the link: the point goes there    Esc: leave it")

@@ -256,10 +256,24 @@ def cursor_on(link: bpy.types.Object, scene: bpy.types.Scene) -> Vector:
     return link_frame(link).inverted() @ scene.cursor.location
 
 
+def check_seen(link: bpy.types.Object) -> None:
+    """Refuse an object that rays do not meet.
+
+    Raises
+    ------
+    InvalidMesh
+        Says how to make it seen.
+    """
+    if link.mode == "EDIT":
+        raise InvalidMesh(f"{link.name} is being edited; leave Edit Mode to click on it")
+    if not link.visible_get():
+        raise InvalidMesh(f"{link.name} is hidden; show it to click on it")
+
+
 def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, way: Vector) -> Vector | None:
     """Where a ray in the world first meets the object, in the link frame in Blender units; None where it does not."""
     to_world = link.matrix_world
-    local = to_world.inverted()
+    local = to_world.inverted_safe()
     met, place, _, _ = link.evaluated_get(depsgraph).ray_cast(local @ start, local.to_3x3() @ way)
     return link_frame(link).inverted() @ (to_world @ place) if met else None
 

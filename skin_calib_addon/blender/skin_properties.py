@@ -136,7 +136,7 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
         **SIZE,
     )
     auto_channel: BoolProperty(
-        name="Automatic Channels", description="Channels go on after those of the skin before", **PLAN
+        name="Channels Follow", description="Its channels go on after those of the skin before", **PLAN
     )
     first_channel: IntProperty(
         name="First Channel", description="Channel of the first taxel", min=0, max=HIGHEST_CHANNEL, **PLAN

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from tests.blender.conftest import ROOT
 from tests.blender.test_link_frame import frame_for
 
 POINT = (0.0358, 0.0208, 0.0523)
@@ -83,6 +84,29 @@ def first_crossing(mesh, eye, way):
     v, t = (up @ way) / scale, ((c - a) * up).sum(axis=1) / scale
     met = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
     return eye + t[met].min() * way
+
+
+def test_link_that_cannot_be_clicked_on_is_refused(bpy, addon, link):
+    """Rays miss what is edited or hidden; the message says what to do."""
+    addon.scene.check_seen(link)
+    bpy.ops.object.mode_set(mode="EDIT")
+    with pytest.raises(Exception, match="arm is being edited; leave Edit Mode"):
+        addon.scene.check_seen(link)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    link.hide_set(True)
+    with pytest.raises(Exception, match="arm is hidden; show it"):
+        addon.scene.check_seen(link)
+
+
+def test_manual_shows_what_works(bpy):
+    """The lines in ``docs/blender.md`` lay boards on the sample sole and keep one zone clear."""
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "sole.blend"))
+    bpy.ops.skin_calib.skin_remove(index=0)
+    _, example = (ROOT / "docs" / "blender.md").read_text().split("```python\n")
+    exec(example.split("```")[0], {"bpy": bpy})
+    plan = bpy.context.object.skin_calib
+    assert [tuple(np.round(zone.point, 6)) for zone in plan.skins[0].excluded] == [(0.08, 0.015, -0.002)]
+    assert plan.skins[0].kind == "hexagons" and 20 <= plan.result.taxels < 24
 
 
 def test_origin_that_is_placed_holds_the_sheet(bpy, addon, link):

@@ -166,6 +166,24 @@ def test_steps_are_undone_and_redone_one_by_one(bpy, addon, link):
         assert state() == expected
 
 
+def test_what_is_removed_outdates_the_result(bpy, link):
+    """No property changes where an entry goes, yet the plan is no longer the one that was fitted."""
+    plan = link.skin_calib
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    bpy.ops.skin_calib.landmark_add(skin=0)
+    bpy.ops.skin_calib.zone_add(skin=1)
+    bpy.ops.skin_calib.cut_add()
+    for operator, entry in (
+        ("landmark_remove", {"skin": 0}),
+        ("zone_remove", {"skin": 1}),
+        ("cut_remove", {}),
+        ("skin_remove", {"index": 1}),
+    ):
+        plan.result.outdated = False
+        getattr(bpy.ops.skin_calib, operator)(**entry)
+        assert plan.result.outdated, operator
+
+
 def test_export_is_of_the_plan_as_it_is_now(bpy, link, fit_scene, tmp_path):
     """A plan changed after the fit is told to be outdated, and the file is that of the changed one."""
     bpy.ops.skin_calib.fit()
