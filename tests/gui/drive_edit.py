@@ -1,7 +1,7 @@
 """Drives the window through edits of the plan: refused ones, lists, typed numbers, a moved frame."""
 
 import bpy
-from sample_wrist import hover_view, link, plan, red, undo
+from sample import hover_view, link, plan, red, undo
 
 
 def drive(gui):
@@ -46,8 +46,8 @@ def says_what_is_wrong(gui, fit):
 
 def edits_lists(gui):
     """Sheets and cuts come and go, each in one undo step."""
-    yield from gui.press("skin_calib.skin_add")
-    assert [s.name for s in plan().skins] == ["wrist", "skin"] and plan().skins[1].first_channel == 132
+    yield from gui.press("skin_calib.skin_add(kind='sheet'")
+    assert [s.name for s in plan().skins] == ["wrist", "skin"] and plan().skins[1].auto_channel
     yield from gui.press("skin_calib.cut_add")
     assert len(plan().cover.cuts) == 1
     yield from gui.shot("lists.png")

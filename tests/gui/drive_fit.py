@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 from mathutils import Vector
-from sample_wrist import hover_view, link, plan, red, undo
+from sample import hover_view, link, plan, red, undo
 
 ROOT = Path(__file__).resolve().parents[2]
 

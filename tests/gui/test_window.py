@@ -30,10 +30,18 @@ def blender():
     return TOOLS / "gui-blender"
 
 
-@pytest.mark.parametrize("driver, size", [("drive_fit.py", "1200x1300"), ("drive_edit.py", "1000x1350")])
-def test_window(blender, driver, size, tmp_path):
+DRIVERS = [
+    ("drive_fit.py", "wrist", "1200x1300"),
+    ("drive_edit.py", "wrist", "1000x1350"),
+    ("drive_boards.py", "sole", "1300x1800"),
+]
+
+
+@pytest.mark.parametrize("driver, sample, size", DRIVERS)
+def test_window(blender, driver, sample, size, tmp_path):
     """Every step of the driver does in the window what it says."""
-    words = ["--install", ROOT, "--blend", SAMPLES / "wrist.blend", "--size", size, "--out", tmp_path, "--timeout", 500]
+    scene = SAMPLES / f"{sample}.blend"
+    words = ["--install", ROOT, "--blend", scene, "--size", size, "--out", tmp_path, "--timeout", 500]
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver)]
     done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"

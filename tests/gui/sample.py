@@ -5,7 +5,7 @@ import bpy
 
 def link():
     """The sample, looked up anew: undo leaves old references dead."""
-    return bpy.context.scene.objects["sample_wrist"]
+    return next(o for o in bpy.context.scene.objects if o.name.startswith("sample_"))
 
 
 def plan():
@@ -14,8 +14,9 @@ def plan():
 
 
 def red(gui):
-    """How many pixels of the 3D view are red, as the normals of taxels are."""
-    r, g, b = gui.pixels("VIEW_3D").astype(int).transpose(2, 0, 1)
+    """How many pixels of the 3D view are red, as the normals of taxels are; what shines through the sidebar is not."""
+    width = gui.region("UI").x - gui.area().x
+    r, g, b = gui.pixels("VIEW_3D")[:, :width].astype(int).transpose(2, 0, 1)
     return int(((r > 180) & (g < 90) & (b < 90)).sum())
 
 
