@@ -28,7 +28,8 @@ ABOVE = {
     "pipeline": (*PURE, "laying", "plan"),
     "report": (*PURE, "plan", "laying", "pipeline"),
     "picture": (*PURE, "plan", "pipeline"),
-    "cli": (*PURE, "plan", "pipeline", "report", "picture", "runtime"),
+    "commands": (*PURE, "plan", "pipeline", "report", "picture", "runtime", "commands"),
+    "cli": ("errors", "", "commands"),
     "__main__": ("cli",),
     "blender": (*PURE, "plan_skins", "plan", "pipeline", "report", "picture", "cli", "blender"),
 }

@@ -1,0 +1,29 @@
+"""What several commands share: exit codes, complaints, folders."""
+
+import argparse
+import os.path
+import sys
+from pathlib import Path
+
+from ..errors import OutputError
+
+DONE, WRONG_DATA, WRONG_CALL = 0, 1, 2
+
+
+def complain(message: str) -> None:
+    """One line on stderr, whatever names the message holds."""
+    print("skin-calib:", " ".join(message.splitlines()), file=sys.stderr)
+
+
+def check_folder(target: Path | None) -> None:
+    """A missing folder is said before anything is computed."""
+    # os.path, for Path.is_dir raises where a name is too long
+    if target is not None and not os.path.isdir(target) and not os.path.isdir(target.absolute().parent):
+        raise OutputError(f"no folder {target.absolute().parent} to write {target.name} into; create it first")
+
+
+def count(text: str) -> int:
+    """An option's whole number of 1 or more."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of 1 or more")
+    return int(text)

@@ -1,0 +1,26 @@
+"""``show``: table and picture of a calibration."""
+
+import argparse
+from pathlib import Path
+
+from ..calibration.file import load_calibration
+from ..report import table
+from .common import DONE, check_folder
+
+
+def add(commands) -> None:
+    show = commands.add_parser("show", help="table and picture of a calibration")
+    show.add_argument("file", type=Path, metavar="FILE")
+    show.add_argument("--picture", type=Path, metavar="PNG")
+    show.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    check_folder(options.picture)
+    calibration = load_calibration(options.file)
+    print(table(calibration))
+    if options.picture:
+        from ..picture import draw_calibration
+
+        draw_calibration(calibration, options.picture)
+    return DONE
