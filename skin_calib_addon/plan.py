@@ -10,7 +10,8 @@ import numpy as np
 
 from .atomic_file import write_bytes_safely
 from .calibration.findings import Finding, error
-from .calibration.model import Response
+from .calibration.response import AnyResponse, Response, response_document, response_from
+from .calibration.response_checks import responses_are_monotone
 from .calibration.schema_check import check, read_schema
 from .calibration.strict_json import parse, read
 from .errors import CalibrationFormatError, InvalidPlan
@@ -37,7 +38,7 @@ class Plan:
     grid: Grid | AutoGrid
     degree: tuple[int, int]
     skins: tuple[Skin, ...]
-    response: Response = Response()
+    response: AnyResponse = Response()
     chords: bool = False  # whether the mesh's facets are chords of the true surface
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
 
@@ -66,8 +67,9 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def check_plan(document: Any) -> tuple[Finding, ...]:
-    """Every place where a document breaks the plan's schema."""
-    return check(document, _schema())
+    """Every place where a document breaks the plan's schema, or its response turns round."""
+    findings = check(document, _schema())
+    return (*findings, *responses_are_monotone(document, findings))
 
 
 def check_plan_wholly(document: Any) -> tuple[Finding, ...]:
@@ -109,7 +111,7 @@ def plan_from(document: dict[str, Any]) -> Plan:
         grid=_grid(document["grid"]),
         degree=tuple(document.get("degree", (3, 3))),
         skins=skins_from(document["skins"]),
-        response=Response(tuple(document["response"]["coefficients"])) if "response" in document else Response(),
+        response=response_from(document["response"]) if "response" in document else Response(),
         chords=document.get("chords", False),
         extra={k: v for k, v in document.items() if k.startswith("x_")},
     )
@@ -183,7 +185,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     if plan.chords:
         document["chords"] = True
     if plan.response != Response():
-        document["response"] = {"kind": "polynomial", "coefficients": [*plan.response.coefficients]}
+        document["response"] = response_document(plan.response)
     return document | plan.extra
 
 

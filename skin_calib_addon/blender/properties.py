@@ -176,7 +176,11 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         description="Polynomial from intensity to newtons, lowest power first",
         **FIXED,
     )
-    extra: StringProperty(name="Extra", description="Members of the plan that begin with x_, as JSON", **FIXED)
+    extra: StringProperty(
+        name="Extra",
+        description="Members of the plan that begin with x_, and a response that is more than a polynomial, as JSON",
+        **FIXED,
+    )
     result: PointerProperty(type=SKIN_PG_result, name="Result", description="What the last fit gave")
     show_overlay: BoolProperty(
         name="Overlay", description="Draw surface, cells and normals of this link", default=True, **FIXED

@@ -117,9 +117,12 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, document: dict[st
     for skin in document["skins"]:
         set_skin(settings.skins.add(), skin, metre)
     settings.response.clear()
-    for coefficient in document.get("response", {}).get("coefficients", ()):
+    response = document.get("response", {})
+    is_plain = response.keys() <= {"kind", "coefficients"}
+    for coefficient in response.get("coefficients", ()) if is_plain else ():
         settings.response.add().value = coefficient
-    extra = {name: value for name, value in document.items() if name.startswith("x_")}
+    # A table or a range has no properties; it is kept as it came.
+    extra = {k: v for k, v in document.items() if k.startswith("x_") or k == "response" and not is_plain}
     settings.extra = json.dumps(extra) if extra else ""
 
 

@@ -3,7 +3,8 @@
 from .encoding import encode
 from .file import check_bytes, check_calibration, from_document, load_calibration, save_calibration, to_document
 from .findings import Finding
-from .model import LinkCalibration, MeshSource, Patch, Response, SurfaceModel, TaxelArray
+from .model import LinkCalibration, MeshSource, Patch, SurfaceModel, TaxelArray
+from .response import Response, ResponseTable, TaxelResponses
 from .validate import validate
 
 __all__ = [
@@ -12,8 +13,10 @@ __all__ = [
     "MeshSource",
     "Patch",
     "Response",
+    "ResponseTable",
     "SurfaceModel",
     "TaxelArray",
+    "TaxelResponses",
     "check_bytes",
     "check_calibration",
     "encode",

@@ -11,7 +11,8 @@ from ..deviation import DistanceStatistics, SurfaceErrors
 from ..errors import CalibrationFormatError
 from .encoding import checksum, encode
 from .findings import Finding
-from .model import LinkCalibration, MeshSource, Patch, Response, SurfaceModel, TaxelArray
+from .model import LinkCalibration, MeshSource, Patch, SurfaceModel, TaxelArray
+from .response import response_document, response_from
 from .schema_check import check
 from .strict_json import parse, read
 from .validate import SCHEMA, VERSION, validate, validate_content
@@ -95,7 +96,8 @@ def to_document(calibration: LinkCalibration) -> Document:
         },
         "surfaces": [_surface_document(surface) for surface in calibration.surfaces],
         "patches": [_patch_document(patch) for patch in calibration.patches],
-        "response": {"kind": "polynomial", "coefficients": _floats(calibration.response.coefficients)},
+        "response": response_document(calibration.response),
+        **({"responses": [response_document(r) for r in calibration.responses]} if calibration.responses else {}),
         **_free(calibration.extra),
     }
     try:
@@ -114,7 +116,8 @@ def from_document(document: Document) -> LinkCalibration:
         mesh=MeshSource(mesh["file"], mesh["sha256"], int(mesh["vertices"]), int(mesh["faces"])),
         surfaces=tuple(_surface(surface) for surface in document["surfaces"]),
         patches=tuple(_patch(patch) for patch in document["patches"]),
-        response=Response(tuple(_floats(document["response"]["coefficients"]))),
+        response=response_from(document["response"]),
+        responses=tuple(response_from(response) for response in document.get("responses", ())),
         generator=document["generator"],
         extra=_extra(document),
     )
@@ -160,6 +163,7 @@ def _patch_document(patch: Patch) -> Document:
         **{name: _floats(getattr(taxels, field)) for name, field in _VECTORS.items()},
         "neighbours": [list(ids) for ids in taxels.neighbours],
         **({"ports": [list(ids) for ids in taxels.ports]} if taxels.ports else {}),
+        **({"response": taxels.responses.tolist()} if len(taxels.responses) else {}),
         **{name: _floats(column) for name, column in sorted(taxels.quality.items())},
     }
     return {
@@ -183,6 +187,7 @@ def _patch(document: Document) -> Patch:
         **{field: np.array(columns[name], float) for name, field in _VECTORS.items()},
         neighbours=tuple(map(tuple, columns["neighbours"])),
         ports=tuple(map(tuple, columns.get("ports", ()))),
+        responses=np.array(columns.get("response", ()), np.int64),
         quality={name: np.array(columns[name], float) for name in _QUALITY if name in columns},
     )
     return Patch(

@@ -3,8 +3,11 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from ..arrays import Array, IntArray, freeze
 from ..deviation import SurfaceErrors
+from .response import AnyResponse, Response
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ class TaxelArray:
     neighbours: tuple[tuple[str, ...], ...]
     ports: tuple[tuple[str | None, ...], ...] = ()  # the board beside each side of each board, or none
     quality: dict[str, Array] = field(default_factory=dict)  # e.g. strain (n, 3), gap (n,), tilt (n,)
+    # (n,) positions in `LinkCalibration.responses`; empty where all taxels have the response of the link
+    responses: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __post_init__(self):
         n = len(self.ids)
@@ -68,6 +73,7 @@ class TaxelArray:
             tangents_link=(n, 3),
             corners_link=(n, None, 3),
             areas=(n,),
+            responses=(n if len(self.responses) else 0,),
         )
         if len(self.neighbours) != n:
             raise ValueError(f"TaxelArray.neighbours has {len(self.neighbours)} rows, expected {n}")
@@ -89,13 +95,6 @@ class Patch:
     offset: float = 0.0  # height of the skin's middle above the surface [m]
 
 
-@dataclass(frozen=True)
-class Response:
-    """Force of a reading, the same for every taxel: ``F = sum(coefficients[k] * reading**k)`` [N]."""
-
-    coefficients: tuple[float, ...] = (0.0, 1.0)
-
-
 @dataclass(frozen=True, eq=False)
 class LinkCalibration:
     """Everything a controller needs to know about the skin of one link, in the link frame and SI units."""
@@ -104,6 +103,7 @@ class LinkCalibration:
     mesh: MeshSource
     surfaces: tuple[SurfaceModel, ...]
     patches: tuple[Patch, ...]
-    response: Response = Response()
+    response: AnyResponse = Response()  # of every taxel that has none of its own
     generator: str = ""
     extra: dict[str, Any] = field(default_factory=dict)  # top-level ``x_`` members, kept as they came
+    responses: tuple[AnyResponse, ...] = ()  # of taxels, see `TaxelArray.responses`

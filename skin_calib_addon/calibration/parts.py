@@ -8,7 +8,7 @@ import numpy as np
 
 from .findings import Finding, child
 
-NUMERIC = ("degree", "control_net", "pitch", "channel", "position", "normal", "tangent", "corners", "area")
+NUMERIC = ("degree", "control_net", "pitch", "channel", "position", "normal", "tangent", "corners", "area", "response")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ def parts_of(document: Any, name: str, findings: Iterable[Finding]) -> list[Part
     items = document.get(name) if isinstance(document, dict) else None
     if not isinstance(items, list) or any(finding.pointer == f"/{name}" for finding in findings):
         return [Part(f"/{name}", {}, frozenset())]
-    touched = {place for finding in findings for place in _ancestors(finding.pointer)}
+    touched = touched_by(findings)
     parts = []
     for index, item in enumerate(items):
         pointer = child("", name, index)
@@ -57,6 +57,11 @@ def needs(*names: str) -> Callable[[Callable[..., Iterable[Finding]]], Callable[
         return run
 
     return wrap
+
+
+def touched_by(findings: Iterable[Finding]) -> set[str]:
+    """The pointers to everything in which, or further into which, something was found."""
+    return {place for finding in findings for place in _ancestors(finding.pointer)}
 
 
 def _sound(value: Any, pointer: str, touched: set[str]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from . import patch_checks, surface_checks
 from .encoding import checksum
 from .findings import Finding, did_you_mean, error, first, show, warning
 from .parts import Part, parts_of
+from .response_checks import responses_are_monotone, responses_are_there
 from .schema_check import check, read_schema
 
 Findings = tuple[Finding, ...]
@@ -68,6 +69,8 @@ def _meaning(document: Any, findings: Findings) -> Findings:
         *first(_unknown_surfaces(patches, surfaces)),
         *first(_unknown_neighbours(patches)),
         *first(_one_sided_neighbours(patches)),
+        *first(responses_are_monotone(document, findings)),
+        *first(responses_are_there(document, patches)),
     )
 
 

@@ -29,6 +29,8 @@ CHANGES = {
     "planes": {"grid": {"kind": "planes", "u": ACROSS, "v": ALONG, "closed": True}, "skins": SLANTED},
     "cut": {"cover": {"shell": "all", "cuts": [CUT]}, "chords": True, "degree": [2, 4]},
     "response": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.02, 5e-05]}, "x_by": {"who": "前腕"}},
+    "table": {"response": {"kind": "table", "readings": [0, 100.5, 250], "forces": [0, 1.0000000001, 16]}},
+    "range": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.0200000001], "range": [0, 250]}},
     "origin": {"skins": [BAND | {"origin": [0.03, 0.02, 0.05], "first_channel": 7}]},
     "left hand, offset, trim": {"skins": [LEFT]},
     "landmarks": {"skins": [PINNED]},

@@ -19,6 +19,7 @@ from skin_calib_addon.calibration.strict_json import MOST_DEPTH, parse
 from skin_calib_addon.calibration.validate import SCHEMA
 from tests.samples import small_calibration
 
+TABLE = {"kind": "table", "readings": [0.0, 10.0, 20.0], "forces": [5.0, 1.0, 0.0]}
 SAMPLE = to_document(small_calibration())
 TEXT = encode(SAMPLE)
 NORMAL = "/patches/0/taxels/normal"
@@ -96,6 +97,18 @@ FORM = [  # what the schema says: pointer to change, new value, code, pointer of
     (f"{T0}/neighbours/2/0", None, "type", f"{T0}/neighbours/2/0", "must be a string, not null"),
     (f"{T0}/corners/1", [[0, 0, 0]] * 2, "length", f"{T0}/corners/1", "must hold at least 3, not 2"),
     ("/response/coefficients", [], "length", "/response/coefficients", "must hold 1 to 16, not 0"),
+    (
+        "/response/kind",
+        "tabel",
+        "value",
+        "/response/kind",
+        'must be one of "polynomial", "table".*did you mean "table"',
+    ),
+    ("/response", {"kind": "table", "readings": [0, 1]}, "missing", "/response", 'lacks the member "forces"'),
+    ("/response", TABLE | {"coefficients": [1]}, "unknown", "/response/coefficients", "not known here"),
+    ("/response", TABLE | {"readings": [0]}, "length", "/response/readings", "must hold 2 to 65536, not 1"),
+    ("/responses", [TABLE, {"kind": "spline"}], "value", "/responses/1/kind", "must be one of"),
+    (f"{T0}/response", [0, 1, -1, 0, 0, 0], "range", f"{T0}/response/2", "must be at least 0, not -1"),
     ("/checksum", "sha256:0", "pattern", "/checksum", "must match"),
 ]
 MEANING = [  # what only the whole document tells
@@ -126,6 +139,18 @@ MEANING = [  # what only the whole document tells
     ("/surfaces/0/degree/0", 3, "length", "/surfaces/0/control_net", "degree 3 needs 4 or more"),
     ("/surfaces/0/knots/1/6", 0.1, "knots-decrease", "/surfaces/0/knots/1/6", "is 0.1, below the knot before it"),
     ("/surfaces/0/knots/1", times(2), "knots-domain", "/surfaces/0/knots/1", r"not \[0.0, 2.0\]"),
+    ("/response", TABLE | {"forces": [5, 1]}, "length", "/response/forces", "holds 2 forces, 'readings' 3"),
+    ("/response", TABLE | {"readings": [0, 1, 1]}, "not-increasing", "/response/readings/2", "is 1, not above the"),
+    ("/response", TABLE | {"readings": [-1e308, 0, 1e308]}, "not-increasing", "/response/readings", "spans more than"),
+    ("/response", TABLE | {"forces": [5, 0, 1]}, "not-monotone", "/response/forces/2", "is 1, against the way"),
+    ("/response", TABLE | {"forces": [5, 0, 5]}, "not-monotone", "/response/forces/1", "is 0, against the way"),
+    ("/response/range", [3, 3.0], "not-increasing", "/response/range", r"must be \[low, high\], not \[3, 3.0\]"),
+    ("/response/range", [-1e308, 1.7e308], "not-increasing", "/response/range", "spans more than a number"),
+    ("/response/range", [0, 126], "not-monotone", "/response/range", "the force turns round or overflows"),
+    ("/response/range", [0, 1e200], "not-monotone", "/response/range", "the force turns round or overflows"),
+    ("/responses", [TABLE, TABLE | {"forces": [0, 1, 0]}], "not-monotone", "/responses/1/forces/1", "is 1, against"),
+    (f"{T0}/response", [0] * 6, "unknown-response", f"{T0}/response/0", "is 0, but the file has 0 responses"),
+    (f"{T0}/response", [0] * 5, "length", f"{T0}/response", "holds 5 taxels, 'id' 6"),
     ("/surfaces/0/control_net/1/9/0", 0.03, "open-seam", "/surfaces/0/control_net", "0.00525 m off its first 3"),
 ]
 
@@ -144,6 +169,14 @@ def test_validate_finds_repeated_ids_across_patches():
     """An id belongs to one taxel of the link, whatever its patch."""
     document = changed(**{f"{T1}/id/1": "s0.2", f"{T1}/neighbours/0": [], f"{T1}/neighbours/1": []})
     assert ("duplicate-id", f"{T1}/id/1") in found(document)
+
+
+def test_validate_knows_the_responses_of_taxels():
+    """The last of the list is there, the one after it is not; nothing is said of a list that is none."""
+    own = {"/responses": [TABLE, TABLE], f"{T0}/response": [0, 1, 0, 1, 1, 0]}
+    assert found(changed(**own)) == []
+    assert found(changed(**own | {f"{T0}/response": [0, 1, 0, 2, 1, 0]})) == [("unknown-response", f"{T0}/response/3")]
+    assert found(changed(**own | {"/responses": {}})) == [("type", "/responses")]
 
 
 def test_validate_finds_millimetres_near_the_frame():

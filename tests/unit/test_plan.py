@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skin_calib_addon.calibration.findings import child
-from skin_calib_addon.calibration.model import Response
+from skin_calib_addon.calibration.response import Response, ResponseTable
 from skin_calib_addon.errors import CalibrationFormatError, InvalidPlan, OutputError
 from skin_calib_addon.geometry import AcrossGrid, PlanesGrid, SectorGrid, TubeGrid
 from skin_calib_addon.plan import check_plan, check_plan_wholly, load_plan, plan_document, plan_from, save_plan
@@ -34,6 +34,8 @@ SHEET = {
     "origin": "center",
     "direction": [0.0, 1.0, 0.0],
 }
+TABLE = {"kind": "table", "readings": [0.0, 100.0, 250.0], "forces": [0.0, 1.0, 16.0]}
+TURNING = {"kind": "polynomial", "coefficients": [0.0, 0.5, -0.002], "range": [0.0, 130.0]}
 WHOLE = {
     "format": "skin-plan",
     "version": 1,
@@ -129,8 +131,13 @@ documents = st.fixed_dictionaries(
             {}, optional={"shell": st.sampled_from(["outer", "all"]), "cuts": st.lists(planes, max_size=2)}
         ),
         "degree": st.lists(st.integers(2, 5), min_size=2, max_size=2),
-        "response": st.fixed_dictionaries(
+        "response": st.just(TABLE)
+        | st.fixed_dictionaries(
             {"kind": st.just("polynomial"), "coefficients": st.lists(numbers, min_size=1, max_size=4)}
+        )
+        | st.fixed_dictionaries(
+            {"kind": st.just("polynomial"), "coefficients": st.lists(numbers, min_size=1, max_size=2)},
+            optional={"range": st.lists(numbers, min_size=2, max_size=2, unique=True).map(sorted)},
         ),
         "chords": st.booleans(),
         "x_free": st.none() | names | st.lists(numbers),
@@ -190,6 +197,19 @@ def test_whole_plan_is_read():
     wrist, palm = plan.skins
     assert (wrist.origin, wrist.first_channel, wrist.lattice.rows, wrist.lattice.pitch) == (None, 0, 6, (0.01, 0.01))
     assert (palm.origin, palm.first_channel) == ((0.1, 0.2, 0.3), 200)
+
+
+@pytest.mark.parametrize(
+    ("document", "response"),
+    [
+        (TABLE, ResponseTable((0.0, 100.0, 250.0), (0.0, 1.0, 16.0))),
+        (TURNING | {"range": [0, 125]}, Response((0.0, 0.5, -0.002), (0.0, 125.0))),
+    ],
+)
+def test_response_may_have_a_range_or_be_a_table(document, response):
+    """Both kinds arrive; a parabola is monotone up to its top."""
+    assert check_plan(WHOLE | {"response": document}) == ()
+    assert plan_from(WHOLE | {"response": document}).response == response
 
 
 def test_defaults_are_the_documented_ones():
@@ -269,7 +289,16 @@ def test_planes_are_kept_in_their_order():
         ("/skins/0/directon", [0, 0, 1], "/skins/0/directon", 'did you mean "direction"'),
         ("/skins/0/name", ..., "/skins/0", 'lacks the member "name"'),
         ("/skins/1/first_channel", -1, "/skins/1/first_channel", "must be at least 0"),
-        ("/response/kind", "spline", "/response/kind", 'must be "polynomial"'),
+        (
+            "/response/kind",
+            "tabel",
+            "/response/kind",
+            'must be one of "polynomial", "table", not "tabel"; did you mean',
+        ),
+        ("/response", {"kind": "table", "readings": [0, 1]}, "/response", 'lacks the member "forces"'),
+        ("/response/range", [3, 3], "/response/range", "must be [low, high], not [3, 3]"),
+        ("/response", TURNING, "/response/range", "force turns round"),
+        ("/response", TABLE | {"forces": [0.0, 1.0]}, "/response/forces", "holds 2 forces, 'readings' 3"),
         ("/response/coefficients", [], "/response/coefficients", "must hold at least 1"),
         ("/chords", "yes", "/chords", "must be a boolean"),
         ("/gird", TUBE, "/gird", 'is not known here; did you mean "grid"'),
