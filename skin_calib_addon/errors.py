@@ -62,7 +62,11 @@ class UnknownLink(SkinCalibError):
 
 
 class InvalidReading(SkinCalibError):
-    """A reading does not fit the skin it is given to."""
+    """A reading does not fit the skin it is given to; ``flag`` is what a frame says of it."""
+
+    def __init__(self, message: str, flag: str, **numbers):
+        super().__init__(message, **numbers)
+        self.flag = flag
 
 
 class UnreachableTolerance(SkinCalibError):

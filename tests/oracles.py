@@ -240,3 +240,23 @@ def all_offsets(lattice, step):
     parts = int(np.ceil(lattice.pitch / step))
     share = np.array([(i, j) for i in range(parts) for j in range(parts)]) / parts - 0.5
     return share @ lattice.centres(np.eye(2, dtype=int))
+
+
+def felt(skin, forces, active):
+    """What presses on a skin, one taxel after the other: wrench, contacts as sets of rows with force and mean place.
+
+    ``forces`` are those of all taxels [N], ``active`` whether each is part of a contact.
+    """
+    wrench, beside = np.zeros(6), {i: set() for i in range(len(skin.ids))}
+    for i, j in skin.pairs.tolist():
+        beside[i].add(j)
+        beside[j].add(i)
+    for i in range(len(skin.ids)):
+        if active[i]:
+            push = -forces[i] * skin.normals[i]
+            wrench += np.concatenate((push, np.cross(skin.positions[i], push)))
+    contacts = {}
+    for group in components(active, beside):
+        force = sum(forces[i] for i in group)
+        contacts[group] = force, sum(forces[i] * skin.positions[i] for i in group) / force
+    return wrench, contacts

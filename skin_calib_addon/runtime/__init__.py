@@ -1,6 +1,24 @@
-"""What a controller loads: readings in, contacts out. NumPy and the standard library only."""
+"""What a controller loads: readings in; contacts, wrench, CoP, ZMP, supporting polygons out. NumPy alone."""
 
-from .contacts import Contact, Frame
+from .body import Body, BodyFrame
+from .contacts import Contact, Message
+from .footprint import SupportingPolygon
+from .frame import Frame, zero_moment_point
+from .plane import Plane
+from .polygon import Polygon, convex_hull
 from .skin import Skin, load
 
-__all__ = ["Contact", "Frame", "Skin", "load"]
+__all__ = [
+    "Body",
+    "BodyFrame",
+    "Contact",
+    "Frame",
+    "Message",
+    "Plane",
+    "Polygon",
+    "Skin",
+    "SupportingPolygon",
+    "convex_hull",
+    "load",
+    "zero_moment_point",
+]

@@ -1,13 +1,21 @@
 """The skin of one link as a controller sees it."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array, BoolArray
+from ..arrays import Array, BoolArray, IntArray
 from ..errors import InvalidReading
-from .contacts import Frame, components, contact_of
+from .clock import Clock
+from .contacts import contacts_of
+from .footprint import Footprint
+from .frame import Frame
+from .geometry import GroundGeometry, SkinGeometry, observable, wrench_rank
+from .identity import Identities
+from .plane import Plane, ground_of
+from .readings import Readings
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
@@ -16,14 +24,16 @@ if TYPE_CHECKING:
 SWITCH_ON, SWITCH_OFF = 0.2, 0.1
 
 
-def load(path: str | Path, switch_on: float = SWITCH_ON, switch_off: float = SWITCH_OFF) -> "Skin":
+def load(
+    path: str | Path, switch_on: float = SWITCH_ON, switch_off: float = SWITCH_OFF, ground: Plane | None = None
+) -> "Skin":
     """Read a calibration file into a skin.
 
     Parameters
     ----------
     path : path
-    switch_on, switch_off : float
-        Forces at which a taxel becomes and stays active [N].
+    switch_on, switch_off, ground
+        As for :class:`Skin`.
 
     Raises
     ------
@@ -32,34 +42,91 @@ def load(path: str | Path, switch_on: float = SWITCH_ON, switch_off: float = SWI
     """
     from ..calibration.file import load_calibration  # the reader's imports are paid by who reads
 
-    return Skin(load_calibration(path), switch_on, switch_off)
+    return Skin(load_calibration(path), switch_on, switch_off, ground)
 
 
 class Skin:
-    """Taxels of all patches of one link; row i of every array is the same taxel."""
+    """Taxels of all patches of one link; row i of every array is the same taxel.
 
-    def __init__(self, calibration: "LinkCalibration", switch_on: float = SWITCH_ON, switch_off: float = SWITCH_OFF):
+    Parameters
+    ----------
+    calibration : LinkCalibration
+    switch_on, switch_off : float
+        Forces at which a taxel becomes and stays active [N].
+    ground : Plane, optional
+        What the link stands on, in its frame. By default, for a skin that is about flat, the plane through its taxels
+        that faces them; a skin round a limb has none, and no CoP, ZMP and polygons.
+    """
+
+    def __init__(
+        self,
+        calibration: "LinkCalibration",
+        switch_on: float = SWITCH_ON,
+        switch_off: float = SWITCH_OFF,
+        ground: Plane | None = None,
+    ):
         if not 0 < switch_off <= switch_on:
             raise ValueError(f"switch_off {switch_off} must be positive and at most switch_on {switch_on}")
-        taxels = [patch.taxels for patch in calibration.patches]
         self.link = calibration.link
-        self.ids: tuple[str, ...] = sum((t.ids for t in taxels), ())
-        self.channels = np.concatenate([np.empty(0, np.int64), *(t.channels for t in taxels)])
-        self.positions = np.concatenate([np.empty((0, 3)), *(t.positions_link for t in taxels)])
-        self.normals = np.concatenate([np.empty((0, 3)), *(t.normals_link for t in taxels)])
-        self.areas = np.concatenate([np.empty(0), *(t.areas for t in taxels)])
-        row = {name: i for i, name in enumerate(self.ids)}
-        beside = sum((t.neighbours for t in taxels), ())
-        pairs = {(i, row[other]) for i, others in enumerate(beside) for other in others if i < row[other]}
-        self.pairs = np.array(sorted(pairs), np.int64).reshape(-1, 2)
+        self.geometry = SkinGeometry(calibration)
+        plane = ground or ground_of(self.positions, self.normals, self.areas)
+        self.ground = None if plane is None else GroundGeometry(self.geometry, plane)
         self.switch_on, self.switch_off = switch_on, switch_off
-        self._coefficients = np.array(calibration.response.coefficients)
+        self._readings = Readings(calibration, self.geometry)
+        self._clock = Clock()
+        self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
+        self._footprint = Footprint(self.geometry, self.ground, np.empty(0, np.int64))
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of all taxels."""
+        return self.geometry.ids
+
+    @property
+    def channels(self) -> IntArray:
+        """(n,) where each taxel stands in a reading."""
+        return self.geometry.channels
+
+    @property
+    def positions(self) -> Array:
+        """(n, 3) [m]."""
+        return self.geometry.positions
+
+    @property
+    def normals(self) -> Array:
+        """(n, 3) unit, out of the robot."""
+        return self.geometry.normals
+
+    @property
+    def areas(self) -> Array:
+        """(n,) of the cells [m^2]."""
+        return self.geometry.areas
+
+    @property
+    def pairs(self) -> IntArray:
+        """(e, 2) rows of neighbours, the lower first."""
+        return self.geometry.pairs
 
     @property
     def reading_length(self) -> int:
         """How many numbers a reading must have at least: the highest channel plus one."""
-        return int(self.channels.max(initial=-1)) + 1
+        return self._readings.length
+
+    @property
+    def wrenches(self) -> Array:
+        """(n, 6) wrench about the link's origin that 1 N on each taxel applies to the robot (thesis 3.16)."""
+        return self.geometry.wrenches
+
+    @property
+    def observable(self) -> BoolArray:
+        """(6,) which components of the wrench the skin can feel at all: 3 of 6 for a flat sole."""
+        return observable(self.geometry.wrenches)
+
+    @property
+    def rank(self) -> int:
+        """How many independent wrenches the skin can feel."""
+        return wrench_rank(self.geometry.wrenches)
 
     def forces(self, readings: Any) -> Array:
         """Forces of a reading, shape (n,) [N], never negative; NaN where the reading is not a finite number.
@@ -74,43 +141,86 @@ class Skin:
         InvalidReading
             If it is not one row of numbers, or shorter than the highest channel.
         """
-        try:
-            readings = np.asarray(readings)
-        except ValueError as error:  # rows of different lengths
-            raise InvalidReading("a reading is one row of real numbers, not rows of different lengths") from error
-        if readings.ndim != 1 or readings.dtype.kind not in "buif":
-            raise InvalidReading(
-                f"a reading is one row of real numbers, not {readings.dtype} of shape {readings.shape}"
-            )
-        if len(readings) < self.reading_length:
-            raise InvalidReading(
-                f"the reading has {len(readings)} channels, the skin of {self.link} needs {self.reading_length}",
-                length=len(readings),
-            )
-        intensity = readings[self.channels].astype(float)  # before any sum: 8-bit arithmetic would wrap round
-        intensity[~np.isfinite(intensity)] = np.nan
-        return np.maximum(np.polynomial.polynomial.polyval(intensity, self._coefficients), 0.0)
+        forces, known = self._readings.forces(self._readings.intensities(readings))
+        return np.where(known, forces, np.nan)
 
-    def update(self, readings: Any, time: float) -> Frame:
-        """Contacts in one frame of readings.
+    def tare(self, readings: Any) -> None:
+        """Take what the sensors send now as what they send at rest: one frame, or the mean of several.
 
         Parameters
         ----------
-        readings : array, shape (channels,)
-        time : float
-            [s], kept on the frame.
+        readings : array, shape (channels,) or (frames, channels)
+            With nothing on the skin. A taxel that gives no number keeps its baseline.
 
         Raises
         ------
         InvalidReading
-            As :meth:`forces`; the skin is then as it was before.
+            As :meth:`forces`; the baseline is then as it was.
         """
-        time, forces = float(time), self.forces(readings)  # what can fail comes before the state changes
-        known = np.isfinite(forces)
+        self._readings.tare(readings)
+
+    def mask(self, ids: Iterable[str]) -> None:
+        """Leave these taxels, which are dead or lie, out of everything from now on; no ids leave none out.
+
+        Raises
+        ------
+        KeyError
+            If there is no such taxel.
+        """
+        row = {name: i for i, name in enumerate(self.ids)}
+        masked = np.zeros(len(self.ids), bool)
+        for name in ids:
+            if name not in row:
+                raise KeyError(f"no taxel {name!r} on the skin of {self.link}")
+            masked[row[name]] = True
+        self._readings.masked = masked
+
+    def update(self, readings: Any, time: float) -> Frame:
+        """What the skin feels in one frame of readings; no reading raises an error.
+
+        Parameters
+        ----------
+        readings : array, shape (channels,)
+            One frame as the electronics send it, of any real dtype. One that cannot be read gives a frame that says so
+            in its ``flags`` and ``problem``, in which nothing is known, and leaves the skin as it was.
+        time : float
+            Of the frame [s].
+        """
+        time = float(time)
+        flags = self._clock.doubts(time)
+        try:
+            intensities = self._readings.intensities(readings)
+        except InvalidReading as error:
+            return self._unknown(time, flags | {error.flag}, str(error))
+        forces, known = self._readings.forces(intensities)
+        stuck = self._readings.stuck(intensities, time)
+        flags |= self._readings.doubts(intensities, known)
+        if len(known) and not np.count_nonzero(known):
+            return self._unknown(time, flags | {"blind"}, "no taxel gives a reading")
+        fresh = not flags.isdisjoint({"time_back", "time_jump"})  # what was felt before says nothing about now
+        held = self.switch_on if fresh else np.where(self._active, self.switch_off, self.switch_on)
         forces = np.where(known, forces, 0.0)
-        self._active = forces >= np.where(self._active, self.switch_off, self.switch_on)
-        geometry = (self.positions, self.normals, self.areas)
-        contacts = tuple(contact_of(rows, self.ids, forces, geometry) for rows in components(self._active, self.pairs))
-        wrench = sum((c.wrench for c in contacts), np.zeros(6))
-        flags = frozenset() if known.all() else frozenset({"not_finite"})
-        return Frame(time, forces, contacts, wrench, flags)
+        active = (forces >= held) & known
+        rows = active.nonzero()[0]
+        footprint = self._footprint
+        if not np.array_equal(rows, footprint.rows):
+            footprint = Footprint(self.geometry, self.ground, rows)
+        saturated = self._readings.saturated(intensities) & known
+        if np.count_nonzero(stuck & active):
+            flags |= {"stuck"}
+        if np.count_nonzero(saturated):
+            flags |= {"saturated"}
+        if fresh:
+            self._identities.forget()
+        contacts, wrench = contacts_of(footprint, forces, self._identities.follow(footprint))
+        self._clock.accept(time)
+        self._readings.accept(intensities, time)
+        self._active = np.where(known, active, self._active & (not fresh))
+        self._footprint = footprint
+        return Frame(time, forces, known, saturated, contacts, wrench, flags, None, footprint)
+
+    def _unknown(self, time: float, flags: frozenset[str], problem: str) -> Frame:
+        """The frame of a reading that says nothing; the skin stays as it was."""
+        n = len(self.ids)
+        nothing = np.zeros(n, bool)
+        return Frame(time, np.zeros(n), nothing, nothing, (), np.full(6, np.nan), flags, problem, None)

@@ -1,0 +1,98 @@
+"""From what the electronics send to newtons on the taxels, and what of it cannot be trusted."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arrays import Array, BoolArray
+from ..calibration.response import TaxelResponses
+from ..errors import InvalidReading
+from .geometry import SkinGeometry
+
+if TYPE_CHECKING:
+    from ..calibration.model import LinkCalibration
+
+# A megapascal on a large board is a kilonewton; a force beyond this is no force on a taxel [N].
+LARGEST = 1e6
+# A pressed taxel whose reading does not change in the last bit for this long is in doubt [s].
+STUCK = 30.0
+
+
+class Readings:
+    """Turns rows of readings into forces; remembers the baseline, the masked taxels and when each reading changed."""
+
+    def __init__(self, calibration: "LinkCalibration", geometry: SkinGeometry):
+        self.link, self.channels = calibration.link, geometry.channels
+        self.length = int(geometry.channels.max(initial=-1)) + 1
+        self.masked: BoolArray = np.zeros(len(geometry.ids), bool)
+        self._responses = TaxelResponses.of(calibration)
+        self._shift: Array | None = None  # what the baseline adds to each reading, so that rest is rest
+        self._last = np.full(len(geometry.ids), np.nan)
+        self._since = np.full(len(geometry.ids), np.inf)
+
+    def intensities(self, readings: Any) -> Array:
+        """What each taxel reads, shape (n,), as floating numbers: 8-bit arithmetic would wrap round.
+
+        Raises
+        ------
+        InvalidReading
+            If it is not one row of numbers, or shorter than the highest channel; ``flag`` says which.
+        """
+        return self._rows(readings, 1).astype(float)
+
+    def _rows(self, readings: Any, dimensions: int) -> Array:
+        try:
+            readings = np.asarray(readings)
+        except (ValueError, TypeError, OverflowError) as error:  # rows of different lengths
+            what = "a reading is one row of real numbers, not rows of different lengths"
+            raise InvalidReading(what, flag="wrong_type") from error
+        if readings.ndim != dimensions or readings.dtype.kind not in "buif":
+            what = f"a reading is one row of real numbers, not {readings.dtype} of shape {readings.shape}"
+            raise InvalidReading(what, flag="wrong_type")
+        if readings.shape[-1] < self.length:
+            raise InvalidReading(
+                f"the reading has {readings.shape[-1]} channels, the skin of {self.link} needs {self.length}",
+                flag="wrong_length",
+                length=readings.shape[-1],
+            )
+        return readings[..., self.channels]
+
+    def forces(self, intensities: Array) -> tuple[Array, BoolArray]:
+        """Forces of the taxels (n,) [N], and whether each is one that can be; masked taxels have none."""
+        shifted = intensities if self._shift is None else intensities + self._shift
+        forces = self._responses.forces(shifted)
+        return forces, (forces <= LARGEST) & ~self.masked
+
+    def tare(self, readings: Any) -> None:
+        """As :meth:`.Skin.tare`."""
+        many = np.asarray(readings).ndim == 2
+        rows = np.atleast_2d(self._rows(readings, 2 if many else 1).astype(float))
+        finite = np.isfinite(rows)
+        counts = finite.sum(axis=0)
+        mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
+        before = np.zeros(rows.shape[1]) if self._shift is None else self._shift
+        self._shift = np.where(counts > 0, self._responses.rest - mean, before)
+
+    def saturated(self, intensities: Array) -> BoolArray:
+        """(n,) whether the reading is at the end of the response's range, where the force may be larger."""
+        return self._responses.saturated(intensities if self._shift is None else intensities + self._shift)
+
+    def doubts(self, intensities: Array, known: BoolArray) -> frozenset[str]:
+        """``not_finite`` and ``too_large``, as they apply to the taxels that are not masked."""
+        lost = ~known & ~self.masked
+        if not np.count_nonzero(lost):
+            return frozenset()
+        finite = np.isfinite(intensities[lost])
+        return frozenset([*(["too_large"] if finite.any() else []), *([] if finite.all() else ["not_finite"])])
+
+    def stuck(self, intensities: Array, time: float) -> BoolArray:
+        """(n,) whether the reading has not changed in the last bit for half a minute."""
+        return (intensities == self._last) & (time - self._since > STUCK) & (time < np.inf)
+
+    def accept(self, intensities: Array, time: float) -> None:
+        """Remember when each reading changed last, unless the time is none."""
+        if not np.isfinite(time):
+            return
+        changed = intensities != self._last
+        self._since = np.where(changed | (self._since > time), time, self._since)
+        self._last = intensities

@@ -1,0 +1,120 @@
+"""Whatever comes in whatever order: the runtime agrees with a slow one that keeps its whole history."""
+
+import numpy as np
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.runtime import Skin
+from tests.oracles import felt
+from tests.soles import cell_patch, skin_of
+
+ROWS, COLUMNS = 4, 5
+N = ROWS * COLUMNS
+
+
+def field() -> Skin:
+    """A small flat sheet of square cells."""
+    row, column = (a.ravel() for a in np.indices((ROWS, COLUMNS)))
+    positions = np.column_stack((column * 0.01, row * 0.01, 0 * row))
+    ring = 0.005 * np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0.0]])
+    down = np.tile((0, 0, -1.0), (N, 1))
+    return skin_of(cell_patch(positions, down, positions[:, None] + ring, reach=0.011))
+
+
+class Sequences(RuleBasedStateMachine):
+    """Frames, broken frames, masks, baselines, and times that go as they like."""
+
+    def __init__(self):
+        super().__init__()
+        self.skin, self.time = field(), 0.0
+        self.on = [False] * N
+        self.masked, self.baseline = set(), np.zeros(N)
+        self.used, self.last = set(), {}
+        self.frame = None
+
+    def expected(self, reading):
+        """What each taxel feels and whether it is on, one by one."""
+        forces, known = [], []
+        for i in range(N):
+            force = max(reading[i] - self.baseline[i], 0.0)
+            known.append(i not in self.masked and bool(np.isfinite(reading[i])) and force <= 1e6)
+            forces.append(force if known[i] else 0.0)
+        return forces, known
+
+    @rule(
+        reading=st.lists(st.sampled_from([0.0, 0.05, 0.12, 0.15, 0.19, 0.3, 2.0, 50.0]), min_size=N, max_size=N),
+        lost=st.sets(st.integers(0, N - 1), max_size=3),
+        gap=st.sampled_from([0.001, 0.001, 0.004, 0.0, 5.0, -1.0]),
+    )
+    def comes(self, reading, lost, gap):
+        """A frame, some of whose taxels send no number."""
+        reading = np.array([np.nan if i in lost else x for i, x in enumerate(reading)])
+        self.frame = self.skin.update(reading, self.time + gap)
+        fresh = bool({"time_back", "time_jump"} & self.frame.flags)
+        forces, known = self.expected(reading)
+        if not any(known):
+            assert self.frame.touched is None
+            return
+        self.time += gap
+        on = []
+        for i in range(N):
+            held = self.on[i] and not fresh
+            on.append(forces[i] >= (0.1 if held else 0.2) if known[i] else held)
+        self.on = on
+        active = [known[i] and on[i] for i in range(N)]
+        wrench, contacts = felt(self.skin, forces, active)
+        assert self.frame.active.tolist() == active and self.frame.known.tolist() == known
+        assert_allclose(self.frame.wrench, wrench, rtol=1e-9, atol=1e-12)
+        assert {frozenset(c.taxels.tolist()) for c in self.frame.contacts} == set(contacts)
+        for contact in self.frame.contacts:
+            force, place = contacts[frozenset(contact.taxels.tolist())]
+            assert_allclose(contact.force, force, rtol=1e-9)
+            assert_allclose(contact.position, place, rtol=1e-9, atol=1e-12)  # a flat skin: the mean is on it
+        self.numbers(fresh)
+
+    def numbers(self, fresh):
+        """Each number once; one seen in the last frame has taxels beside its own there; others were never used."""
+        now = {c.number: set(c.taxels.tolist()) for c in self.frame.contacts}
+        assert len(now) == len(self.frame.contacts)
+        before = {} if fresh else self.last
+        beside = {i: {i} for i in range(N)}
+        for i, j in self.skin.pairs.tolist():
+            beside[i].add(j)
+            beside[j].add(i)
+        for number, taxels in now.items():
+            if number in before:
+                assert before[number] & set().union(*(beside[i] for i in taxels))
+            else:
+                assert number not in self.used
+                self.used.add(number)
+        self.last = now
+
+    @rule(broken=st.sampled_from([None, np.zeros(3), np.full(N, np.nan), np.zeros((2, N)), "reading", [1, [2]]]))
+    def broken_comes(self, broken):
+        """It is told, and forgotten."""
+        frame = self.skin.update(broken, self.time + 0.001)
+        assert frame.touched is None and frame.problem
+
+    @rule(ids=st.sets(st.integers(0, N - 1), max_size=4))
+    def mask(self, ids):
+        """Taxels are taken out, the others put back."""
+        self.skin.mask([self.skin.ids[i] for i in ids])
+        self.masked = ids
+
+    @rule(rest=st.floats(-0.05, 0.05))
+    def tare(self, rest):
+        """All taxels rest at some reading."""
+        self.skin.tare(np.full(N, rest))
+        self.baseline = np.full(N, rest)
+
+    @invariant()
+    def old_frames_do_not_change(self):
+        """What a controller keeps stays what it was."""
+        if self.frame is not None and self.frame.touched:
+            assert_allclose(sum(c.wrench for c in self.frame.contacts), self.frame.wrench, rtol=1e-9, atol=1e-12)
+
+
+TestSequences = Sequences.TestCase
+TestSequences.settings = settings(max_examples=60, stateful_step_count=25, deadline=None)

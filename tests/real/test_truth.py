@@ -1,0 +1,112 @@
+"""The runtime against contact forces of a simulator that knows nothing of it; the data may be absent."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration import Response, ResponseTable
+from skin_calib_addon.runtime import Skin, convex_hull
+from tests.samples import plane, small_calibration
+from tests.soles import cell_patch
+
+TRUTH = (Path(__file__).parents[2] / ".." / "shared" / "data" / "truth").resolve()
+pytestmark = pytest.mark.skipif(not TRUTH.is_dir(), reason=f"no simulated truth here: {TRUTH} is missing")
+
+
+@cache
+def recorded(name):
+    """The arrays of a recording."""
+    with np.load(TRUTH / f"{name}.npz") as file:
+        return dict(file)
+
+
+def layout(name):
+    """Positions, normals and corners of a layout, as it has them."""
+    taxels = json.loads((TRUTH / f"layout_{name}.json").read_text())["taxels"]
+    return (np.array([t[key] for t in taxels]) for key in ("position", "normal", "corners"))
+
+
+def sole(response, **options):
+    """The simulated sole; its layout has the normals into the robot."""
+    positions, normals, corners = layout("left_sole")
+    patch = cell_patch(positions, -normals, corners[:, ::-1], reach=0.0285)
+    return Skin(
+        small_calibration(link="left_sole", patches=(patch,), surfaces=(plane(),), response=response), **options
+    )
+
+
+def frames(name, skin, readings):
+    """Every frame of a recording, by itself: seconds lie between them."""
+    return [skin.update(reading, 1000.0 * k) for k, reading in enumerate(recorded(name)[readings])]
+
+
+def sole_12_bit(name):
+    """800 N at 12 bits with 2 LSB of noise; the thesis switches at 1.5 N."""
+    return sole(Response((0.0, float(recorded(name)["lsb12"]))), switch_on=1.5, switch_off=1.0)
+
+
+@pytest.mark.parametrize("name", ["foot_flat", "foot_beam12"])
+def test_cop_of_12_bit_readings(name):
+    """Mean within 1.5 mm of the truth, 95 of 100 within 3.1 mm."""
+    off = [f.cop - t for f, t in zip(frames(name, sole_12_bit(name), "raw_u12"), recorded(name)["cop_sole"])]
+    off = np.linalg.norm(off, axis=1)
+    assert off.mean() < 1.5e-3 and np.percentile(off, 95) < 3.1e-3
+
+
+def test_cop_at_full_contact_makes_up_for_the_cells():
+    """On exact forces the error is .01 mm, a thirtieth of what lumping each force in its cell's centre gives."""
+    data, skin = recorded("foot_flat"), sole(Response((0.0, 1.0)), switch_on=1e-3, switch_off=5e-4)
+    full = (data["taxel_fn"] > 1e-3).all(axis=1)
+    assert full.sum() >= 50
+    whole = [skin.update(f, 1000.0 * k) for k, f in enumerate(data["taxel_fn"][full])]
+    true = data["cop_sole"][full]
+    corrected = np.linalg.norm([f.cop for f in whole] - true, axis=1)
+    lumped = np.linalg.norm([f.zmp for f in whole] - true, axis=1)
+    assert corrected.mean() < 0.02e-3 and corrected.mean() < lumped.mean() / 20
+
+
+@pytest.mark.parametrize("name", ["foot_flat", "foot_beam12"])
+def test_true_contact_lies_between_the_polygons(name):
+    """The guaranteed polygon lies in the true region in every frame, the outer one holds every true CoP."""
+    data, areas = recorded(name), 0
+    for k, frame in enumerate(frames(name, sole_12_bit(name), "raw_u12")):
+        true = convex_hull(data["true_hull"][slice(*data["true_hull_off"][k : k + 2])])
+        guaranteed = frame.polygon.guaranteed
+        areas += guaranteed.kind == "area"
+        assert all(true.margin(corner) > -1e-9 for corner in guaranteed.corners)
+        assert frame.polygon.outer.contains(data["cop_sole"][k])
+    assert areas > 0.9 * len(data["t"])
+
+
+def test_wrench_is_that_of_the_simulator():
+    """The three components that presses make, of exact forces; the other three are not seen, and say so."""
+    data, skin = recorded("foot_flat"), sole(Response((0.0, 1.0)), switch_on=1e-6, switch_off=1e-6)
+    assert skin.observable.tolist() == [False, False, True, True, True, False]
+    wrench = np.array([skin.update(f, 1000.0 * k).wrench for k, f in enumerate(data["taxel_fn"])])
+    assert_allclose(wrench[:, 2], data["wrench_sole"][:, 2], rtol=1e-6, atol=1e-4)
+    lever = np.abs(wrench - data["wrench_sole"])[:, 3:5] / wrench[:, 2:3]
+    assert lever.max() < 3.7e-3  # forces lumped in the cells' centres: less than a seventh of a cell
+    assert (wrench[:, [0, 1, 5]] == 0).all() and np.abs(data["wrench_sole"][:, :2]).max() > 50
+
+
+def test_contacts_on_a_forearm():
+    """Their place within 3.3, 2.7, 1.5, .8 and 1.4 mm on the mean, for contacts of 1 to 12 mm radius."""
+    data, intensity = recorded("forearm_single"), np.arange(256.0)
+    positions, normals, corners = layout("forearm")
+    index = np.column_stack(np.divmod(np.arange(132), 22))
+    patch = cell_patch(positions, normals, corners, name="arm", reach=0.0115, index=index)
+    response = ResponseTable(tuple(intensity), tuple(20 * (1 - np.cbrt(1 - intensity / 255))))
+    skin = Skin(small_calibration(patches=(patch,), surfaces=(plane(),), response=response))
+    noise = np.random.default_rng(0).normal(0, 2, (200, 132))
+    skin.tare(np.clip(np.rint(data["cell_offset"] + noise), 0, 255).astype(np.uint8))
+    off = []
+    for k, reading in enumerate(data["raw_u8"]):
+        strongest = max(skin.update(reading, 1000.0 * k).contacts, key=lambda c: c.force)
+        off.append(np.linalg.norm(strongest.position - data["point"][k]))
+    for radius, limit in zip((1, 2.5, 5, 8, 12), (3.3, 2.7, 1.5, 0.8, 1.4)):
+        ours = np.isclose(data["radius"], radius / 1e3)
+        assert ours.sum() == 120 and np.mean(np.array(off)[ours]) < limit / 1e3

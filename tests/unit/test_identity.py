@@ -1,0 +1,67 @@
+"""Contacts keep their number from cycle to cycle."""
+
+import numpy as np
+from numpy.testing import assert_array_equal
+
+from tests.soles import cell_patch, skin_of
+
+ROWS, COLUMNS = 6, 20
+
+
+def field():
+    """A flat sheet of square cells of 10 mm."""
+    row, column = (a.ravel() for a in np.indices((ROWS, COLUMNS)))
+    positions = np.column_stack((column * 0.01, row * 0.01, 0 * row))
+    ring = 0.005 * np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0.0]])
+    down = np.tile((0, 0, -1.0), (len(row), 1))
+    index = np.column_stack((row, column))
+    return skin_of(cell_patch(positions, down, positions[:, None] + ring, reach=0.011, index=index))
+
+
+def press(*cells):
+    """A reading with a newton on some cells."""
+    reading = np.zeros((ROWS, COLUMNS))
+    for row, column in cells:
+        reading[row, column] = 1.0
+    return reading.ravel()
+
+
+def numbers(skin, *frames):
+    """The numbers of each frame's contacts, frame by frame."""
+    return [[c.number for c in skin.update(press(*cells), 0.01 * k).contacts] for k, cells in enumerate(frames)]
+
+
+def test_contact_that_slides_keeps_its_number():
+    """Cell by cell, also where two frames share no cell but border each other; one that appears gets a new number."""
+    assert numbers(field(), [(1, 1), (1, 2)], [(1, 2), (1, 3)], [(1, 4)], [(1, 4), (4, 9)]) == [[1], [1], [1], [1, 2]]
+
+
+def test_contact_that_jumps_is_another():
+    """Over more than a cell nobody can tell; numbers are never used twice."""
+    assert numbers(field(), [(1, 1)], [(1, 4)], [(1, 1)], [], [(1, 1)]) == [[1], [2], [3], [], [4]]
+
+
+def test_larger_part_of_a_split_contact_keeps_the_number():
+    """The other part is new."""
+    whole = [(2, c) for c in range(1, 8)]
+    assert numbers(field(), whole, [(2, 1), *((2, c) for c in range(3, 8))]) == [[1], [2, 1]]
+
+
+def test_merged_contact_has_the_number_of_the_larger_one():
+    """And of the older where both are equal."""
+    small, large, bridge = [(2, 1)], [(2, c) for c in range(3, 8)], [(2, 2)]
+    assert numbers(field(), small, small + large, small + bridge + large) == [[1], [1, 2], [2]]
+    assert numbers(field(), [(2, 1)], [(2, 1), (2, 3)], [(2, 1), (2, 2), (2, 3)]) == [[1], [1, 2], [1]]
+
+
+def test_two_contacts_do_not_trade_numbers():
+    """Side by side, each moves over a cell that the other one bordered."""
+    assert numbers(field(), [(1, 1), (4, 1)], [(1, 2), (4, 2)], [(2, 2), (4, 3)])[2] == [1, 2]
+
+
+def test_numbers_do_not_depend_on_frames_that_repeat():
+    """The same cells again and again are the same contacts."""
+    skin = field()
+    first = numbers(skin, [(1, 1), (1, 2)], [(1, 1), (1, 2)], [(1, 1), (1, 2), (3, 3)], [(1, 1), (1, 2), (3, 3)])
+    assert_array_equal(first[2], first[3])
+    assert first[:2] == [[1], [1]]

@@ -1,0 +1,137 @@
+"""Wrenches: where they are taken, what skin can feel of them, and virtual ones."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.runtime import proximity, wrench
+from tests.samples import sheet
+from tests.soles import skin_of, sole_patch
+
+UP = np.array([0, 0, 1.0])
+vectors = st.lists(st.floats(-10, 10), min_size=3, max_size=3).map(np.array)
+
+
+def pose_of(axis, shift):
+    """A pose turned about an axis by its length."""
+    angle = np.linalg.norm(axis)
+    x, y, z = axis / angle if angle else UP
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    pose = np.eye(4)
+    pose[:3, :3] += np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+    pose[:3, 3] = shift
+    return pose
+
+
+@given(force=vectors, point=vectors, axis=vectors, shift=vectors)
+def test_wrench_of_a_force_is_that_of_the_force_elsewhere(force, point, axis, shift):
+    """Moved, turned or carried with its frame, it stays what one force at one point does."""
+    pose = pose_of(axis, shift)
+    here = np.concatenate((force, np.cross(point, force)))
+    moved, pushed = pose[:3, :3] @ point + shift, pose[:3, :3] @ force
+    assert_allclose(wrench.carried(here, pose), np.concatenate((pushed, np.cross(moved, pushed))), atol=1e-9)
+    assert_allclose(wrench.about(here, shift)[3:], np.cross(point - shift, force), atol=1e-9)
+    assert_allclose(wrench.turned(here, pose[:3, :3])[3:], pose[:3, :3] @ here[3:], atol=1e-9)
+
+
+@given(force=vectors, moment=vectors)
+def test_line_of_action_gives_the_wrench_back(force, moment):
+    """Its nearest point and its free moment are the wrench; a wrench without force has no line (paper 6 to 9)."""
+    line = wrench.line_of_action(np.concatenate((force, moment)))
+    if line is None:
+        assert np.linalg.norm(force) == 0
+        return
+    if np.linalg.norm(force) < 1e-3:
+        return
+    point, free = line
+    assert abs(point @ force) < 1e-6 * (1 + np.abs(point).max() * np.abs(force).max())
+    again = np.cross(point, force) + free * force / np.linalg.norm(force)
+    assert_allclose(again, moment, atol=1e-8)
+
+
+def test_flat_sole_feels_three_of_six_components():
+    """Forces along it and the moment about its normal are not measured, whatever the thesis says of 4.23."""
+    sole = skin_of(sole_patch())
+    assert sole.observable.tolist() == [False, False, True, True, True, False] and sole.rank == 3
+    forces = np.random.default_rng(0).uniform(0, 50, 42)
+    assert (sole.update(forces, 0.0).wrench[[0, 1, 5]] == 0).all()
+    tube = skin_of(sheet(4, 22, 0.01))
+    assert tube.observable.tolist() == [True, True, False, True, True, False] and tube.rank == 4
+    both = skin_of(sole_patch(), sheet(4, 22, 0.01))
+    assert both.rank == 5 and both.observable.tolist() == [True, True, True, True, True, False]
+
+
+def test_pressure_driven_wrench_is_strong_where_the_area_is_small():
+    """Gain over area (thesis 3.27), with a floor where there is next to none."""
+    felt = np.array([0, 0, 10.0, 1, 0, 0])
+    assert_allclose(wrench.pressure_driven(felt, 0.002, 0.001), felt / 2)
+    assert np.isfinite(wrench.pressure_driven(felt, 0.0, 0.001)).all()
+    assert_allclose(wrench.pressure_driven(felt, 0.0, 0.001), felt * 0.001 / wrench.LEAST_AREA)
+
+
+def test_proximity_pushes_away_from_what_is_near():
+    """Against the normals: a foot over the ground is lifted, with negative virtual power as it comes down."""
+    sole = skin_of(sole_patch())
+    distances = np.full(42, 0.015)
+    lifted = wrench.proximity_wrench(sole.geometry, distances, 0.02, 1e5)
+    assert_allclose(lifted[2], 1e5 * sole.areas.sum() * 0.005)
+    assert lifted @ np.array([0, 0, -0.3, 0, 0, 0]) < 0
+    distances[:] = (0.03, np.inf, np.nan) * 14
+    assert (wrench.proximity_wrench(sole.geometry, distances, 0.02, 1e5) == 0).all()
+    distances[:] = -1.0  # nearer than touching is touching
+    assert_allclose(wrench.proximity_wrench(sole.geometry, distances, 0.02, 1e5)[2], 1e5 * sole.areas.sum() * 0.02)
+
+
+def test_proximity_does_not_depend_on_how_fine_the_skin_is():
+    """The gain is per area: four times the taxels on the same area push alike."""
+    coarse, fine = skin_of(sheet(4, 4, 0.01)), skin_of(sheet(8, 8, 0.005))
+    near = [wrench.proximity_wrench(s.geometry, np.full(len(s.ids), 0.01), 0.02, 1e5) for s in (coarse, fine)]
+    assert_allclose(near[0][:3], near[1][:3], rtol=0.15)  # the sheets' edges differ by half a cell
+    assert_allclose(np.linalg.norm(near[0][:3]), np.linalg.norm(near[1][:3]), rtol=0.02)
+
+
+def test_inverse_readings_of_nothing_are_no_touch():
+    """A sensor that sends 0 sees nothing, and is not pushed with all its might."""
+    distances = wrench.distances_of(np.array([0, 255, 51, 300], np.uint16), 0.02, 255.0)
+    assert_allclose(distances, [np.inf, 0.0, 0.016, 0.0], atol=1e-15)
+    assert np.isnan(wrench.distances_of([np.nan], 0.02, 255.0)[0])
+
+
+def test_heat_pushes_the_link_away():
+    """Above the limit only, along the inward normal, per area."""
+    sole = skin_of(sole_patch())
+    warm = np.full(42, 20.0)
+    assert (wrench.temperature_wrench(sole.geometry, warm, 31.0, 10.0) == 0).all()
+    warm[:4] = (41.0, np.nan, np.inf, 31.0)
+    hot = wrench.temperature_wrench(sole.geometry, warm, 31.0, 10.0)
+    assert_allclose(hot[:3], [0, 0, 10 * 10.0 * sole.areas[0]])
+
+
+def test_sole_wrench_switches_on_contact():
+    """Virtual in the air, real on the ground, virtual while the skin is blind."""
+    real, virtual = np.ones(6), np.full(6, 2.0)
+    assert wrench.sole_wrench(True, real, virtual) is real
+    assert wrench.sole_wrench(False, np.zeros(6), virtual) is virtual
+    assert wrench.sole_wrench(None, np.full(6, np.nan), virtual) is virtual
+    assert wrench.lands_early(np.array([3.0, 0, 4, 9, 9, 9]), 4.9) and not wrench.lands_early(virtual, 3.5)
+
+
+def test_preemptive_polygon_is_that_of_the_cells_near_the_ground():
+    """Below the threshold is near; contours grow with the height; what is not seen is not near (thesis 4.2.7)."""
+    sole = skin_of(sole_patch())
+    distances = 0.01 + sole.positions[:, 0] / 20  # a slope that rises to the toes
+    contours = proximity.height_contours(sole.ground, distances, np.array([0.003, 0.0075, 0.01, 0.03]))
+    areas = [c.area for c in contours]
+    assert areas == sorted(areas) and areas[0] == 0 and contours[0].kind == "empty"
+    assert contours[2].bounds[1][0] < 0.03 and contours[3].bounds[1][0] > 0.12
+    distances[:] = np.nan
+    assert proximity.preemptive_polygon(sole.ground, distances, 1.0).kind == "empty"
+
+
+@pytest.mark.parametrize("name", ["about", "carried"])
+def test_unknown_wrench_stays_unknown(name):
+    """What is not known is not zero after it was moved."""
+    unknown = np.full(6, np.nan)
+    assert np.isnan(getattr(wrench, name)(unknown, np.eye(4) if name == "carried" else np.ones(3))).all()
