@@ -1,5 +1,7 @@
 """Which active taxels hang together."""
 
+from functools import reduce
+
 import numpy as np
 
 from ..arrays import IntArray
@@ -20,19 +22,22 @@ def components(rows: IntArray, beside: IntArray, place: IntArray) -> IntArray:
     place : array, shape (n + 1,)
         All -1, and left so: room to work in, so that the cost follows the active taxels.
     """
-    a = len(rows)
-    place[rows] = np.arange(a)
+    own = np.arange(len(rows) + 1)
+    none = len(rows)
+    place[rows] = own[:none]
     near = place[beside[:, rows]]  # (k, a), -1 where the neighbour is none or not active
     place[rows] = -1
-    name = np.arange(a + 1)  # its last element, which -1 means, stays a: no name is higher
+    name = own  # its last element, which -1 means, stays the highest
     while True:
-        mine = name[:a]
-        lowest = np.minimum.reduce(name[near], axis=0, initial=a)
-        moves = lowest < mine
-        if not np.count_nonzero(moves):
+        mine = name[:none]
+        lowest = reduce(np.minimum, name[near], mine)
+        moves = (lowest < mine).nonzero()[0]
+        if len(moves) == 0:
             break
+        name = name.copy()
         np.minimum.at(name, mine[moves], lowest[moves])
         shorter = name[name]
         while np.count_nonzero(shorter != name):
             name, shorter = shorter, shorter[shorter]
-    return np.cumsum(mine == np.arange(a))[mine] - 1
+    first = (mine == own[:none]).nonzero()[0]
+    return np.searchsorted(first, mine)

@@ -62,30 +62,26 @@ class HullTable:
         self._among[self._rank[rows]] = True
         chosen = self._among.nonzero()[0]
         self._among[chosen] = False
-        return hull_of_sorted([self._places[k] for k in chosen[_steps(self._y[chosen])].tolist()])
+        high, low = _steps(self._y[chosen])
+        below, above = ([self._places[k] for k in chosen[keep].tolist()] for keep in (low, high[::-1]))
+        return below if len(below) < 2 else _left_turns(below)[:-1] + _left_turns(above)[:-1]
 
 
-def _steps(y: IntArray) -> BoolArray:
-    """Which points, sorted by x and then y, are higher or lower than all before, or than all behind them.
+def _steps(y: IntArray) -> tuple[IntArray, IntArray]:
+    """Which points, sorted by x and then y, can be corners of the upper half of their hull, and which of the lower.
 
-    A corner of the hull is the outermost point in some direction; of the two sides, on the one away from which that
-    direction leans all points are lower than it, or higher. Few others are.
+    A corner of the upper half is the outermost point in some direction that leans to one side; on the other side all
+    points are lower than it. Few others are higher than all before, or than all behind them. The first and the last
+    point are among both.
     """
-    keep = np.ones(len(y), bool)
+    high, low = np.ones(len(y), bool), np.ones(len(y), bool)
     before, behind = y[:-1], y[1:]
-    high, low = np.maximum.accumulate(before), np.minimum.accumulate(before)
-    keep[1:] = (behind > high) | (behind < low)
-    high, low = np.maximum.accumulate(behind[::-1])[::-1], np.minimum.accumulate(behind[::-1])[::-1]
-    keep[:-1] |= (before > high) | (before < low)
-    keep[:1] = keep[-1:] = True
-    return keep
-
-
-def hull_of_sorted(ordered: list[GridPoint]) -> list[GridPoint]:
-    """Corners of the hull of points sorted by x, then y, each once: Andrew's monotone chain (1979)."""
-    if len(ordered) < 3:
-        return ordered
-    return _left_turns(ordered)[:-1] + _left_turns(ordered[::-1])[:-1]
+    high[1:] = behind > np.maximum.accumulate(before)
+    low[1:] = behind < np.minimum.accumulate(before)
+    high[:-1] |= before > np.maximum.accumulate(behind[::-1])[::-1]
+    low[:-1] |= before < np.minimum.accumulate(behind[::-1])[::-1]
+    high[-1:] = low[-1:] = True
+    return high.nonzero()[0], low.nonzero()[0]
 
 
 def _left_turns(ordered: list[GridPoint]) -> list[GridPoint]:
@@ -93,9 +89,10 @@ def _left_turns(ordered: list[GridPoint]) -> list[GridPoint]:
     chain: list[GridPoint] = []
     for x, y in ordered:
         while len(chain) > 1:
-            (ax, ay), (bx, by) = chain[-2], chain[-1]
-            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+            bx, by = chain[-1]
+            ax, ay = chain[-2]
+            if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
                 break
-            chain.pop()
+            del chain[-1]
         chain.append((x, y))
     return chain
