@@ -64,13 +64,7 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     OutputError
         If the picture cannot be written.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise SkinCalibError(
-            "a picture needs matplotlib, which is not installed here: pip install 'skin-calib[picture]'"
-        ) from error
+    figure = blank(1, 1)  # says what is missing before anything is computed
     surface = surface_of(calibration.surfaces[0])
     grid = surface.grid_points(*(np.linspace(0, 1, k + 1) for k in QUADS))
     quads = np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2).reshape(-1, 4, 3)
@@ -78,8 +72,7 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     camera = look_at(_seen(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
     panels: list[_Panel] = [_TaxelPanel(calibration, quads, normals)]
     panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, quads, normals, mesh)] if mesh else []
-    figure = Figure(figsize=(5 * len(panels), 5), dpi=110, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure.set_size_inches(5 * len(panels), 5)
     for i, panel in enumerate(panels):
         left, width = i / len(panels), 1 / len(panels)
         axis = figure.add_axes((left + 0.02 * width, 0.01, 0.76 * width, 0.9))
@@ -89,6 +82,31 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
         if panel.colours:
             bar = figure.add_axes((left + 0.82 * width, 0.15, 0.03 * width, 0.65))
             figure.colorbar(panel.colours, bar, label=panel.unit)
+    save_png(figure, path)
+
+
+def blank(width: float, height: float) -> Any:
+    """An empty figure of a size in inches, without a window.
+
+    Raises
+    ------
+    SkinCalibError
+        If matplotlib is not there.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise SkinCalibError(
+            "a picture needs matplotlib, which is not installed here: pip install 'skin-calib[picture]'"
+        ) from error
+    figure = Figure(figsize=(width, height), dpi=110, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_png(figure: Any, path: str | Path) -> None:
+    """Write a figure, the same bytes for the same drawing."""
     data = io.BytesIO()
     figure.savefig(data, format="png", metadata={"Software": None})
     write_bytes_safely(path, data.getvalue())

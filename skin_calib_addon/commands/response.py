@@ -1,0 +1,111 @@
+"""``response``: measurements of the sensors to their responses in a calibration."""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration.file import load_calibration, save_calibration
+from ..calibration.measurements import Measurements, read_measurements
+from ..calibration.model import LinkCalibration, Patch
+from ..calibration.response import AnyResponse
+from ..calibration.response_fit import ResponseFit, fit_response
+from ..errors import UnderdeterminedFit
+from .common import DONE, check_folder, complain
+
+
+def add(commands) -> None:
+    response = commands.add_parser("response", help="fit the responses of the sensors to measurements")
+    response.add_argument("file", type=Path, metavar="CALIBRATION")
+    response.add_argument(
+        "measurements", type=Path, metavar="MEASUREMENTS", help="CSV with columns reading and force [N], or taxel too"
+    )
+    response.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file")
+    response.add_argument("--picture", type=Path, metavar="PNG", help="measurements, curves and residuals")
+    response.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    for target in (options.output, options.picture):
+        check_folder(target)
+    calibration = load_calibration(options.file)
+    ids = {name for patch in calibration.patches for name in patch.taxels.ids}
+    measured = read_measurements(options.measurements, ids)
+    fits = [_fit(one, options.measurements) for one in measured]
+    result = with_responses(calibration, {one.taxel: fit.response for one, fit in zip(measured, fits)})
+    if options.picture:
+        from ..response_picture import draw_responses  # matplotlib, which not every place has
+
+        draw_responses(measured, fits, options.picture)
+    save_calibration(result, options.output)
+    for doubt in _doubts(calibration, measured, fits):
+        complain(f"warning: {doubt}")
+    for one, fit in zip(measured, fits):
+        print(_line(one, fit))
+    print(f"calibration      {options.output}")
+    return DONE
+
+
+def with_responses(calibration: LinkCalibration, fitted: dict[str | None, AnyResponse]) -> LinkCalibration:
+    """The calibration with new responses by taxel, or with one for all of the link.
+
+    Parameters
+    ----------
+    calibration : LinkCalibration
+    fitted : dict
+        By the id of the taxel. The id None stands for all taxels; whatever they had of their own goes.
+    """
+    if None in fitted:
+        plain = tuple(_with_rows(patch, ()) for patch in calibration.patches)
+        return replace(calibration, response=fitted[None], responses=(), patches=plain)
+    listed: dict[AnyResponse, int] = {}
+    patches = []
+    for patch in calibration.patches:
+        taxels, rows = patch.taxels, []
+        for i, name in enumerate(taxels.ids):
+            before = calibration.responses[taxels.responses[i]] if len(taxels.responses) else calibration.response
+            rows.append(fitted.get(name, before))
+        has_own = len(taxels.responses) > 0 or not fitted.keys().isdisjoint(taxels.ids)
+        patches.append(_with_rows(patch, [listed.setdefault(r, len(listed)) for r in rows] if has_own else ()))
+    return replace(calibration, patches=tuple(patches), responses=tuple(listed))
+
+
+def _with_rows(patch: Patch, rows: Sequence[int]) -> Patch:
+    return replace(patch, taxels=replace(patch.taxels, responses=np.array(rows, np.int64)))
+
+
+def _fit(measured: Measurements, path: Path) -> ResponseFit:
+    try:
+        return fit_response(measured.readings, measured.forces)
+    except UnderdeterminedFit as problem:
+        whose = "" if measured.taxel is None else f", taxel {measured.taxel}"
+        raise UnderdeterminedFit(f"'{path}'{whose}: {problem}") from problem
+
+
+def _line(measured: Measurements, fit: ResponseFit) -> str:
+    """What was found for one taxel, or for all, in a line."""
+    size = np.abs(fit.residuals)
+    return (
+        f"{(measured.taxel or 'all taxels')[:16]:16} {fit.kind} on readings {measured.readings.min():g} to "
+        f"{measured.readings.max():g}, {len(measured.forces)} measurements; residuals mean {size.mean():.4f}, "
+        f"rms {np.sqrt(np.mean(size**2)):.4f}, max {size.max():.4f} N"
+    )
+
+
+def _doubts(
+    calibration: LinkCalibration, measured: Sequence[Measurements], fits: Sequence[ResponseFit]
+) -> Iterator[str]:
+    for one, fit in zip(measured, fits):
+        for doubt in fit.doubts:
+            yield doubt if one.taxel is None else f"taxel {one.taxel}: {doubt}"
+    named = {one.taxel for one in measured}
+    if None in named:
+        own = sum(len(patch.taxels.responses) for patch in calibration.patches)
+        if own:
+            yield f"{own} taxels had responses of their own, which the one for all replaces"
+        return
+    left = [name for patch in calibration.patches for name in patch.taxels.ids if name not in named]
+    if left:
+        yield f"{len(left)} taxels, {left[0]} the first, have no measurement and keep the response they had"
