@@ -114,10 +114,9 @@ def ours(scene: Scene) -> Callable[[Array, float], tuple[float, ...]]:
 
     def cycle(readings: Array, now: float) -> tuple[float, ...]:
         frame = skin.update(readings, now)
-        for contact in frame.contacts:
-            contact.position, contact.normal, contact.force, contact.wrench
+        asked = [(c.position, c.normal, c.force, c.wrench) for c in frame.contacts]
         polygon = frame.polygon
-        frame.zmp, polygon.guaranteed.kind
+        asked += [frame.zmp, polygon.guaranteed]
         cop = (np.nan, np.nan) if frame.cop is None else frame.cop
         return len(frame.contacts), frame.wrench[2], cop[0], cop[1], polygon.outer.area, polygon.nominal.area
 

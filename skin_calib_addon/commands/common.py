@@ -1,6 +1,7 @@
 """What several commands share: exit codes, complaints, folders."""
 
 import argparse
+import math
 import os.path
 import sys
 from pathlib import Path
@@ -27,3 +28,14 @@ def count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of 1 or more")
     return int(text)
+
+
+def newtons(text: str) -> float:
+    """An option's force, more than nothing."""
+    try:
+        force = float(text)
+    except ValueError:
+        force = math.nan
+    if not 0 < force < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a force of more than 0 N")
+    return force

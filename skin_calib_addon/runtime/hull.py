@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, IntArray
+from ..arrays import Array, IntArray
 
 # Grid coordinates stay below 2**29: a grid below a nanometre for a foot, and whole numbers that floats hold exactly.
 GRID_BITS = 29

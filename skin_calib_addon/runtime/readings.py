@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 # A megapascal on a large board is a kilonewton; a force beyond this is no force on a taxel [N].
 LARGEST = 1e6
+# A reading beyond this is no rest of a sensor, and would spoil the mean of those that are.
+HUGE = 1e100
 # A pressed taxel whose reading does not change in the last bit for this long is in doubt [s].
 STUCK = 30.0
 
@@ -38,15 +40,15 @@ class Readings:
         InvalidReading
             If it is not one row of numbers, or shorter than the highest channel; ``flag`` says which.
         """
-        return self._rows(readings, 1).astype(float)
+        return self._rows(readings, (1,)).astype(float)
 
-    def _rows(self, readings: Any, dimensions: int) -> Array:
+    def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> Array:
         try:
             readings = np.asarray(readings)
         except (ValueError, TypeError, OverflowError) as error:  # rows of different lengths
             what = "a reading is one row of real numbers, not rows of different lengths"
             raise InvalidReading(what, flag="wrong_type") from error
-        if readings.ndim != dimensions or readings.dtype.kind not in "buif":
+        if readings.ndim not in dimensions or readings.dtype.kind not in "buif":
             what = f"a reading is one row of real numbers, not {readings.dtype} of shape {readings.shape}"
             raise InvalidReading(what, flag="wrong_type")
         if readings.shape[-1] < self.length:
@@ -65,9 +67,8 @@ class Readings:
 
     def tare(self, readings: Any) -> None:
         """As :meth:`.Skin.tare`."""
-        many = np.asarray(readings).ndim == 2
-        rows = np.atleast_2d(self._rows(readings, 2 if many else 1).astype(float))
-        finite = np.isfinite(rows)
+        rows = np.atleast_2d(self._rows(readings, (1, 2)).astype(float))
+        finite = np.abs(rows) < HUGE
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
         before = np.zeros(rows.shape[1]) if self._shift is None else self._shift

@@ -1,0 +1,90 @@
+"""``replay``: recorded readings through the runtime."""
+
+import argparse
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from ..atomic_file import write_bytes_safely
+from ..errors import CalibrationFormatError
+from ..recording import frame_document, read_recording
+from ..runtime import Frame, Skin, load
+from ..runtime.skin import SWITCH_OFF, SWITCH_ON
+from .common import DONE, check_folder, complain, count, newtons
+
+
+def add(commands) -> None:
+    replay = commands.add_parser("replay", help="run recorded readings through the runtime")
+    replay.add_argument("file", type=Path, metavar="CALIBRATION")
+    replay.add_argument("readings", type=Path, metavar="READINGS", help="CSV or NPZ with time and readings")
+    replay.add_argument(
+        "-o", "--output", type=Path, metavar="OUT", help="contacts, CoP, ZMP, polygons: a line of JSON each frame"
+    )
+    replay.add_argument("--picture", type=Path, metavar="PNG", help="contacts and polygons over the skin")
+    replay.add_argument(
+        "--tare", type=count, default=0, metavar="N", help="take the first N frames as rest (default: 0)"
+    )
+    replay.add_argument(
+        "--on",
+        type=newtons,
+        default=SWITCH_ON,
+        metavar="NEWTONS",
+        help=f"a taxel is pressed from here on (default: {SWITCH_ON})",
+    )
+    replay.add_argument(
+        "--off", type=newtons, default=None, metavar="NEWTONS", help="and stays so down to here (default: half)"
+    )
+    replay.set_defaults(run=run, parser=replay)
+
+
+def run(options: argparse.Namespace) -> int:
+    for target in (options.output, options.picture):
+        check_folder(target)
+    off = options.on * SWITCH_OFF / SWITCH_ON if options.off is None else options.off
+    if off > options.on:
+        options.parser.error(
+            f"--off {off:g} lies above --on {options.on:g}: a taxel is let go at less than it is pressed at"
+        )
+    skin = load(options.file, options.on, off)
+    recorded = list(read_recording(options.readings))
+    if options.tare:
+        skin.tare([reading for _, reading in recorded[: options.tare]])
+    frames = [skin.update(reading, time) for time, reading in recorded]
+    if not frames:
+        raise CalibrationFormatError(f"'{options.readings}' holds no frame")
+    if all(frame.problem for frame in frames):
+        raise CalibrationFormatError(f"'{options.readings}' does not fit the skin: {frames[0].problem}")
+    if options.picture:
+        from ..replay_picture import draw_replay  # matplotlib, which not every place has
+
+        draw_replay(skin, frames, options.picture)
+    if options.output:
+        lines = [json.dumps(frame_document(frame), separators=(",", ":"), allow_nan=False) for frame in frames]
+        write_bytes_safely(options.output, ("\n".join(lines) + "\n").encode())
+    for flag, times in sorted(Counter(flag for frame in frames for flag in frame.flags).items()):
+        complain(f"warning: {flag} in {times} of {len(frames)} frames")
+    print(_summary(skin, frames))
+    return DONE
+
+
+def _summary(skin: Skin, frames: list[Frame]) -> str:
+    numbers = {c.number for frame in frames for c in frame.contacts}
+    touched = [frame for frame in frames if frame.touched]
+    forces = [sum(c.force for c in frame.contacts) for frame in touched]
+    places = np.array([frame.cop for frame in frames if frame.cop is not None])
+    most = max(len(frame.contacts) for frame in frames)
+    lines = [
+        f"link             {skin.link}, {len(skin.ids)} taxels",
+        f"frames           {len(frames)}, {frames[-1].time - frames[0].time:.3f} s",
+        f"contacts         {len(numbers)}, at most {most} at a time, in {len(touched)} frames",
+    ]
+    if forces:
+        lines.append(f"force            mean {np.mean(forces):.2f} N, largest {max(forces):.2f} N, where it is touched")
+    if len(places):
+        low, high = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
+        lines.append(
+            f"CoP              x {low[0]:.1f} to {high[0]:.1f} mm, y {low[1]:.1f} to {high[1]:.1f} mm on the ground"
+        )
+    return "\n".join(lines)
