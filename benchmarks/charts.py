@@ -1,8 +1,9 @@
-"""The charts: time against error, stability, cost, placement."""
+"""The charts: time against error, stability, cost, placement, the runtime's cycle."""
 
 from pathlib import Path
 
 import cost
+import cycle
 import numpy as np
 import placement
 import stability
@@ -44,6 +45,7 @@ def draw_all(measured: dict[str, list], folder: Path) -> None:
         "stability": ("stability.png", draw_stability),
         "cost": ("cost.png", draw_cost),
         "placement": ("placement.png", draw_placement),
+        "cycle": ("cycle.png", draw_cycle),
     }.items():
         if measured.get(name):
             draw(measured[name]).savefig(folder / file, metadata={"Software": None})
@@ -212,5 +214,29 @@ def draw_placement(rows: list[placement.Row]) -> Figure:
     axis.set_ylabel("off the exact place [mm]: mean, and largest")
     axis.set_title("Where 6 x 22 cells of 10 mm lie, against exact unrolling (the wrist: a lattice four times as fine)")
     axis.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.0, 0.98))
+    axis.grid(axis="y", alpha=0.3)
+    return figure
+
+
+def draw_cycle(rows: list[cycle.Row]) -> Figure:
+    """A bar per scene and method: how long a cycle takes, the median, with a line up to the 99th percentile."""
+    figure = Figure(figsize=(11, 4.4), dpi=110, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    scenes, methods = (list(dict.fromkeys(getattr(r, k) for r in rows)) for k in ("scene", "method"))
+    for k, (method, colour) in enumerate(zip(methods, ("#1552c0", "#d62728", "#808080"))):
+        found = [r for r in rows if r.method == method]
+        places = np.array([scenes.index(r.scene) for r in found]) + 0.27 * (k - 1)
+        axis.bar(places, [r.median for r in found], 0.25, color=colour, label=method)
+        for x, r in zip(places, found):
+            axis.plot([x, x], [r.median, r.p99], color="#303030", linewidth=1)
+            axis.annotate(f"{r.median:.0f}", (x, r.median), (0, 2), textcoords="offset points", ha="center", fontsize=7)
+    axis.axhline(1000, color="#303030", linewidth=0.8, linestyle=":")
+    axis.annotate("1 kHz", (-0.5, 1000), (2, 2), textcoords="offset points", fontsize=8)
+    axis.set_yscale("log")
+    axis.set_xticks(range(len(scenes)), [s.replace(", ", ",\n") for s in scenes], fontsize=7.5)
+    axis.set_ylabel("a cycle [us]: median, and 99th percentile")
+    axis.set_title("From raw readings to contacts, wrench, CoP, ZMP and three supporting polygons")
+    axis.legend(fontsize=8, loc="upper left", ncols=3)
     axis.grid(axis="y", alpha=0.3)
     return figure

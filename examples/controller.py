@@ -1,4 +1,4 @@
-"""What a controller does with a calibration: readings in, contacts out.
+"""What a controller does with a calibration: readings in; contacts, wrench, CoP and supporting polygon out.
 
     python examples/controller.py CALIBRATION RECORDING.csv
 
@@ -14,17 +14,22 @@ from skin_calib_addon.runtime import load
 
 
 def main(calibration_file, recording_file):
-    """Print every tenth frame's contacts."""
+    """Print every tenth frame: contacts, and for a sole where it stands."""
     skin = load(calibration_file)
     with open(recording_file, newline="") as file:
-        frames = list(csv.DictReader(file))
-    print("time [s]   force [N]   position [mm]              normal                  taxels")
-    for frame in frames[::10]:
-        readings = np.array([int(frame[f"channel_{c}"]) for c in range(skin.reading_length)], np.uint8)
-        for contact in skin.update(readings, float(frame["time"])).contacts:
-            place = " ".join(f"{x * 1e3:7.2f}" for x in contact.position)
-            normal = " ".join(f"{x:6.3f}" for x in contact.normal)
-            print(f"{frame['time']:>8} {contact.force:10.2f}   {place}   {normal} {len(contact.taxels):8}")
+        recorded = list(csv.DictReader(file))
+    for row in recorded[::10]:
+        readings = np.array([int(row[f"channel_{c}"]) for c in range(skin.reading_length)], np.uint8)
+        frame = skin.update(readings, float(row["time"]))
+        print(
+            f"{frame.time:.2f} s", "touched" if frame.touched else "nothing known" if frame.touched is None else "free"
+        )
+        for c in frame.contacts:
+            place = " ".join(f"{x * 1e3:7.2f}" for x in c.position)
+            normal = " ".join(f"{x:6.3f}" for x in c.normal)
+            print(f"  contact {c.number}: {c.force:5.2f} N at {place} mm, normal {normal}, {len(c.taxels)} taxels")
+        if frame.cop is not None:
+            print(f"  CoP {frame.cop * 1e3} mm, {frame.polygon.guaranteed.margin(frame.cop) * 1e3:.1f} mm inside")
 
 
 if __name__ == "__main__":
