@@ -18,7 +18,7 @@ def main(calibration_file, recording_file):
     skin = load(calibration_file)
     with open(recording_file, newline="") as file:
         recorded = list(csv.DictReader(file))
-    for row in recorded[::10]:
+    for k, row in enumerate(recorded):
         readings = np.array([int(row[f"channel_{c}"]) for c in range(skin.reading_length)], np.uint8)
         frame = skin.update(readings, float(row["time"]))
         print(
