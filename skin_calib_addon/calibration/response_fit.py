@@ -110,7 +110,7 @@ def _best(readings: Array, forces: Array, sign: float) -> AnyResponse:
     best = min(errors.values(), key=np.mean)
     for degree in degrees:
         if _as_good(errors[degree, 0], best, floor):
-            polynomial = _written_out(readings, forces, degree, sign)
+            polynomial = _written_out(readings, forces, degree)
             if polynomial is not None:
                 return polynomial
     if not counts:
@@ -159,16 +159,15 @@ def _polynomial(readings: Array, forces: Array, degree: int) -> Predict:
     return lambda x: basis(x) @ coefficients
 
 
-def _written_out(readings: Array, forces: Array, degree: int, sign: float) -> Response | None:
-    """The same in powers of the reading; None if it turns round, falls for rising, or loses its digits so."""
+def _written_out(readings: Array, forces: Array, degree: int) -> Response | None:
+    """The same in powers of the reading; None if it turns round, or loses its digits so."""
     low, high = float(readings.min()), float(readings.max())
     fitted = _polynomial(readings, forces, degree)
     places = np.polynomial.chebyshev.chebpts1(degree + 1)
     chebyshev = np.polynomial.chebyshev.chebfit(places, fitted((low + high) / 2 + (high - low) / 2 * places), degree)
     powers = np.polynomial.Chebyshev(chebyshev, domain=(low, high)).convert(kind=np.polynomial.Polynomial).coef
-    ends = np.polynomial.polynomial.polyval(np.array((low, high)), powers)
     off = np.abs(np.polynomial.polynomial.polyval(readings, powers) - fitted(readings)).max()
-    if not off <= 100 * EXACT * np.ptp(forces) or sign * (ends[1] - ends[0]) < 0 or not is_monotone(powers, low, high):
+    if not off <= 100 * EXACT * np.ptp(forces) or not is_monotone(powers, low, high):
         return None
     return Response(tuple(powers.tolist()), (low, high))
 

@@ -106,9 +106,11 @@ def test_taxels_without_measurements_keep_what_they_had(folder, capsys):
 
 def test_doubts_name_their_taxel(folder, capsys):
     """Warnings are lines on stderr; the calibration is written all the same."""
-    write(folder / "t.csv", "taxel,reading,force", [(n, r, r / 10) for n in ("s0.0", "h1") for r in (0, 10, 20)])
+    write(folder / "t.csv", "taxel,reading,force", [(n, r, r / 10) for n in ("s0.0", "h1") for r in (-0.0, 10, 20)])
     assert respond(folder, table="t.csv") == 0
-    lines = capsys.readouterr().err.splitlines()
+    out, err = capsys.readouterr()
+    assert out.count(" on readings 0 to 20, 3 measurements") == 2  # not from minus zero
+    lines = err.splitlines()
     assert [line.split(": only 3")[0] for line in lines[:2]] == [
         "skin-calib: warning: taxel s0.0",
         "skin-calib: warning: taxel h1",

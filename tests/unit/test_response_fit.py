@@ -127,6 +127,14 @@ def test_hysteresis_is_told_and_halved():
     assert "N less while it grows" in about(backwards, "hysteresis")[0]
 
 
+def test_hysteresis_is_told_while_the_force_is_held():
+    """Every newton up to 12 and back, held for twenty readings each: the last change tells the way."""
+    forces = np.repeat(np.concatenate((np.arange(13.0), np.arange(11.0, 0, -1))), 20)
+    lag = np.repeat((0.8, -0.8), (260, 220))
+    readings = np.rint(18 * (forces - lag) + np.random.default_rng(6).normal(0, 1, len(forces)))
+    assert "N more while it grows" in about(fit_response(readings, forces), "hysteresis")[0]
+
+
 @given(seed=st.integers(0, 2**20), noise=st.floats(0, 3), n=st.integers(10, 200))
 def test_no_hysteresis_is_seen_where_there_is_none(seed, noise, n):
     """Noise of up to 3 readings, in cycles and in any order."""
@@ -152,6 +160,37 @@ def test_readings_far_from_zero_keep_their_digits():
     fit = fit_response(readings, forces)
     off = errors(fit, lambda x: ((x - 8e6) / 300) ** 2, readings.min(), readings.max())
     assert np.abs(off).max() < 0.05  # a reading is 0.02 N at 10 N
+
+
+def test_digits_that_powers_lose_make_a_table():
+    """The forearm's sensor on top of a large offset: its fifth powers cancel to nothing."""
+    forces = presses(10.0)
+    readings = 1e9 + forearm(forces)
+    fit = fit_response(readings, forces)
+    assert isinstance(fit.response, ResponseTable)
+    assert np.abs(errors(fit, lambda x: forearm_truth(x - 1e9), readings.min(), readings.max())).max() < 0.1
+
+
+def test_what_turns_round_is_made_monotone():
+    """Forces that fall again near the end are followed best by a parabola, which is no response."""
+    readings = np.arange(100.0)
+    fit = fit_response(readings, 50 - (readings - 70) ** 2 / 100)
+    assert isinstance(fit.response, ResponseTable)
+    assert (np.diff(fit.response.forces) >= 0).all()
+    assert np.abs(fit.residuals[:60]).max() < 1.0 and np.abs(fit.residuals).max() < 7
+
+
+def test_coarse_readings_are_not_taken_for_full():
+    """Four bits: every reading stands for forces over 7 %, and the last for no more than the others."""
+    forces = presses(20.6)
+    fit = fit_response(np.rint(0.75 * forces), forces)
+    assert fit.used.all() and fit.doubts == ()
+
+
+def test_noise_has_no_hysteresis():
+    """Where readings tell nothing, that is what is said: a force that has grown is a larger one."""
+    (doubt,) = fit_response(np.random.default_rng(7).uniform(0, 255, 100), presses(10.0, 100)).doubts
+    assert "hardly tell" in doubt
 
 
 @pytest.mark.parametrize(
