@@ -5,7 +5,8 @@ import json
 from typing import Any
 
 _BROKEN_OBJECTS = {"taxels"}  # one member per line, as at the top
-_BROKEN_LISTS = {"surfaces", "patches", "responses"}  # objects, each with one member per line
+_BROKEN_LISTS = {"surfaces", "patches"}  # objects, each with one member per line
+_LISTS = {"responses"}  # one object per line
 _TABLES = {"control_net", "id", "channel", "index", "uv", "position", "normal", "tangent", "corners", "area"}
 _TABLES |= {"neighbours", "strain", "gap", "tilt", "response"}  # one row per line
 
@@ -43,6 +44,8 @@ def _member(name: str, value: Any, margin: str) -> str:
         return _object(value, margin)
     if name in _BROKEN_LISTS and value:
         return f"[\n{inner}" + f",\n{inner}".join(_object(item, inner) for item in value) + f"\n{margin}]"
+    if name in _LISTS and value:
+        return f"[\n{inner}" + f",\n{inner}".join(map(_inline, value)) + f"\n{margin}]"
     if name in _TABLES and isinstance(value, list):  # the response of the link is an object
         return f"[\n{inner}" + _rows(value, inner) + f"\n{margin}]"
     return _inline(value)

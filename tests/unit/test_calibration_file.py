@@ -17,6 +17,8 @@ from skin_calib_addon import atomic_file
 from skin_calib_addon.atomic_file import write_bytes_safely
 from skin_calib_addon.calibration import (
     MeshSource,
+    Response,
+    ResponseTable,
     check_calibration,
     encode,
     from_document,
@@ -69,6 +71,21 @@ def test_file_is_json_with_a_taxel_per_line(tmp_path):
     changed = encode(to_document(small_calibration(patches=(dataclasses.replace(patch, taxels=taxels), boards(6)))))
     lines = [(a, b) for a, b in zip(data.splitlines(), changed.splitlines(), strict=True) if a != b]
     assert len(lines) == 2 and b"checksum" in lines[1][0]
+
+
+def test_file_has_a_response_per_line():
+    """Own responses stand one under the other, each taxel's on a line of its own; any JSON reader reads the same."""
+    patch = sheet(2, 3, 0.01)
+    taxels = dataclasses.replace(patch.taxels, responses=np.array((0, 1, 0, 1, 0, 1)))
+    own = (Response((0.0, 0.5), (0.0, 250.0)), ResponseTable((0.0, 250.0), (16.0, 0.0)))
+    patches = (dataclasses.replace(patch, taxels=taxels), boards(6))
+    document = to_document(small_calibration(patches=patches, responses=own))
+    data = encode(document)
+    assert json.loads(data) == document and validate(document) == ()
+    assert list(document)[7:10] == ["patches", "response", "responses"]
+    assert data.count(b'\n    {"kind": "polynomial", "coefficients": [0.0, 0.5], "range": [0.0, 250.0]},\n') == 1
+    assert data.count(b'\n    {"kind": "table", "readings": [0.0, 250.0], "forces": [16.0, 0.0]}\n  ],') == 1
+    assert b'"response": [\n          0,\n          1,\n' in data
 
 
 def test_rows_survive_text_that_looks_like_structure():

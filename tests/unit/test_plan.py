@@ -299,7 +299,7 @@ def test_planes_are_kept_in_their_order():
         ("/response/range", [3, 3], "/response/range", "must be [low, high], not [3, 3]"),
         ("/response", TURNING, "/response/range", "force turns round"),
         ("/response", TABLE | {"forces": [0.0, 1.0]}, "/response/forces", "holds 2 forces, 'readings' 3"),
-        ("/response/coefficients", [], "/response/coefficients", "must hold at least 1"),
+        ("/response/coefficients", [], "/response/coefficients", "must hold 1 to 16, not 0"),
         ("/chords", "yes", "/chords", "must be a boolean"),
         ("/gird", TUBE, "/gird", 'is not known here; did you mean "grid"'),
         ("/x", 1, "/x", "is not known here"),
