@@ -83,3 +83,44 @@ def _pose(shift, turn):
         + f"</matrix></{name}>\n"
         for name, values in parts
     )
+
+
+def robot_text(places, extra=""):
+    """A URDF with a forearm that has a body and frames that are fixed to it: names and positions."""
+    frames = "".join(
+        f'<link name="{name}"/>\n<joint name="{name}_joint" type="fixed"><origin xyz="{x!r} {y!r} {z!r}" rpy="0 0 0"/>'
+        f'<parent link="forearm"/><child link="{name}"/></joint>\n'
+        for name, (x, y, z) in places.items()
+    )
+    body = '<link name="forearm"><visual><geometry><mesh filename="a.stl"/></geometry></visual></link>'
+    return f'<?xml version="1.0"?>\n<!-- <tum> -->\n<robot name="arm">\n{body}\n{frames}{extra}</robot>\n'
+
+
+SENSOR = """<robot name="arm"><link name="wrist"/>
+<sensor name="cuff" update_rate="100"><parent link="wrist"/><origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/>
+<tactile channel="cuff">
+<taxel idx="4" xyz="0.03 0 0" rpy="0 1.5707963267948966 0"><geometry><box size="1 1 1"/></geometry></taxel>
+<taxel idx="2" xyz="0 0.03 0" rpy="-1.5707963267948966 0 0"/>
+</tactile></sensor>
+<sensor name="camera" update_rate="20"><parent link="wrist"/><camera/></sensor>
+</robot>
+"""
+
+
+def ply_text(positions, normals=None):
+    """A cloud as text with faces behind it."""
+    names = ("x", "y", "z") + (() if normals is None else ("nx", "ny", "nz"))
+    properties = "".join(f"property float {name}\n" for name in names)
+    rows = positions if normals is None else np.column_stack((positions, normals))
+    points = "".join(" ".join(repr(float(x)) for x in row) + "\n" for row in rows)
+    head = f"ply\nformat ascii 1.0\ncomment by hand\nelement vertex {len(rows)}\n{properties}"
+    return f"{head}element face 1\nproperty list uchar int vertex_indices\nend_header\n{points}3 0 1 2\n"
+
+
+def pcd_text(positions, fields="x y z"):
+    """A cloud of PCL as text."""
+    count = len(fields.split())
+    each = "".join(f"{name}{count * f' {word}'}\n" for name, word in (("SIZE", 4), ("TYPE", "F"), ("COUNT", 1)))
+    head = f"# .PCD v0.7\nVERSION 0.7\nFIELDS {fields}\n{each}"
+    head += f"WIDTH {len(positions)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(positions)}\nDATA ascii\n"
+    return head + "".join(" ".join(repr(float(x)) for x in row) + "\n" for row in positions)

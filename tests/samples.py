@@ -91,3 +91,36 @@ def boards(first_channel=0):
     )
     ports = {"x_ports": [[1, 0, 0, 0], [0, 0, 1, 0]]}
     return Patch("boards", "hexagons", "plane", (1, 2), (pitch, pitch), taxels, ports)
+
+
+def seven_boards(first_channel=0):
+    """A hexagonal board and the six around it on the plane, with their ports."""
+    side, pitch = 0.0163, 0.02775
+    cells = [
+        (0, 0),
+        (1, 0),
+        (0, 1),
+        (-1, 1),
+        (-1, 0),
+        (0, -1),
+        (1, -1),
+    ]  # the sides, from the tangent on, after the middle
+    positions = np.array([[0.05 + pitch * (q + r / 2), 0.05 + pitch * r * 0.75**0.5, -0.1] for q, r in cells])
+    ids = {cell: f"b{cell[0]}.{cell[1]}" for cell in cells}
+    ports = [[ids.get((q + a, r + b)) for a, b in cells[1:]] for q, r in cells]
+    angle = np.deg2rad(30 + 60 * np.arange(6))
+    ring = side * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    taxels = TaxelArray(
+        ids=tuple(ids.values()),
+        channels=first_channel + np.arange(7),
+        index=np.array(cells),
+        uv=positions[:, :2] / 0.1,
+        positions_link=positions,
+        normals_link=np.array([[0, 0, 1.0]] * 7),
+        tangents_link=np.array([[1.0, 0, 0]] * 7),
+        corners_link=positions[:, None] + ring,
+        areas=np.full(7, 1.5 * np.sqrt(3) * side**2),
+        neighbours=tuple(tuple(other for other in row if other) for row in ports),
+        ports=tuple(map(tuple, ports)),
+    )
+    return Patch("flower", "hexagons", "plane", (3, 3), (pitch, pitch), taxels)

@@ -1,15 +1,27 @@
 """What holds for any taxel file: what was written is read, and no bytes of any kind end in another error than ours."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.exchange import FORMATS, read_taxels
-from skin_calib_addon.calibration.exchange.reading import READERS, format_of
+from skin_calib_addon.calibration.exchange.reading import CLOUDS, READERS, cloud_format_of, format_of
 from skin_calib_addon.calibration.exchange.taxel_set import finished
 from skin_calib_addon.errors import CalibrationFormatError
-from tests.exchange_samples import CELLS, Cell, csv_text, icub_text, points_round, tum_text
+from tests.exchange_samples import (
+    CELLS,
+    SENSOR,
+    Cell,
+    csv_text,
+    icub_text,
+    pcd_text,
+    ply_text,
+    points_round,
+    robot_text,
+    tum_text,
+)
 from tests.shapes import Motion
 
 seeds = st.integers(0, 2**32 - 1)
@@ -19,12 +31,17 @@ SAMPLES = (
     tum_text(CELLS),
     csv_text(ROUND, normals=OUTWARD, tangents=OUTWARD),
     csv_text(ROUND).replace("x,y,z", "id,row,frame").replace("\n", "\na,3,b,c,", 1),
+    robot_text({f"skin_{i}": place for i, place in enumerate(ROUND.tolist())}),
+    SENSOR,
+    ply_text(ROUND, OUTWARD).replace("comment by hand", "comment link arm\ncomment taxel 3 a"),
+    pcd_text(ROUND),
 )
 # What breaks readers: numbers that are none or too large, marks of each format, halves of characters, endless words.
 WORDS = (
     "nan", "inf", "-1e999", "1e308", "-0", "0x10", "1_0", "９", "", " ", "\t", "\n", "\r", "\x00", "\x1c", "\u2028",
     '"', "'", ",", ";", "#", "(", ")", "[calibration]", "[", "]", "taxel2Repr ( 1 ", "name", "frame", "x,y,z", "id",
-    "<", ">", "</cell>", "<cell>", "<!--", "<![CDATA[", "]]>", "&a;", "&#0;", "<!ENTITY a 'b'>", "<?xml?>", "<pos/>",
+    "<", ">", "<robot>", "<taxel>", "binary", "element", "property list", "POINTS", "DATA", "COUNT 0", "-1", "1e400",
+     "</cell>", "<cell>", "<!--", "<![CDATA[", "]]>", "&a;", "&#0;", "<!ENTITY a 'b'>", "<?xml?>", "<pos/>",
     "\ud7ff", "\U0001f916", "é", "a" * 300, "9" * 5000, "1 " * 300, "<a>" * 30,
 )  # fmt: skip
 
@@ -56,10 +73,12 @@ def assert_sound(taxels):
 @given(content=spoilt(), name=st.sampled_from((None, *FORMATS)))
 def test_spoilt_files_are_read_or_refused(content, name):
     """Sound taxels, or at least one error with a place in words; no other exception."""
-    name = name or format_of(content)
+    data = content.encode("utf-8", "surrogatepass")
+    name = name or cloud_format_of(data) or format_of(content)
     if name is None:
         return
-    taxels, findings = finished(READERS[name](content.replace("\r\n", "\n").replace("\r", "\n")))
+    text = content.replace("\r\n", "\n").replace("\r", "\n")
+    taxels, findings = finished(CLOUDS[name](data) if name in CLOUDS else READERS[name](text))
     if taxels is None:
         assert any(finding.severity == "error" for finding in findings)
     else:
@@ -77,6 +96,41 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
         assert_sound(read_taxels(path))
     except CalibrationFormatError as problem:
         assert "\n" not in str(problem) and str(path) in str(problem)
+
+
+NUMBERS = np.column_stack((ROUND, OUTWARD)).astype("<f4").tobytes()
+BINARY = (
+    ply_text(ROUND, OUTWARD).split("0.03")[0].replace("ascii", "binary_little_endian").encode() + NUMBERS,
+    pcd_text(np.column_stack((ROUND, OUTWARD)), "x y z normal_x normal_y normal_z")
+    .split("0.03")[0]
+    .replace("ascii", "binary")
+    .encode()
+    + NUMBERS,
+)
+
+
+@settings(max_examples=200)
+@given(
+    data=st.sampled_from(BINARY),
+    cuts=st.lists(st.tuples(st.integers(0, 400), st.integers(0, 8), st.binary(max_size=8))),
+)
+def test_binary_clouds_are_read_or_refused(tmp_path_factory, data, cuts):
+    """With any bytes cut out and put in: not-a-numbers, headers that promise what is not there."""
+    for start, length, new in cuts:
+        data = data[:start] + new + data[start + length :]
+    path = tmp_path_factory.getbasetemp() / "cloud"
+    path.write_bytes(data)
+    try:
+        assert_sound(read_taxels(path))
+    except CalibrationFormatError as problem:
+        assert "\n" not in str(problem)
+
+
+@pytest.mark.parametrize("data", BINARY)
+def test_binary_samples_are_sound(tmp_path, data):
+    """What is spoilt above begins as a cloud that is read."""
+    (tmp_path / "cloud").write_bytes(data)
+    assert len(read_taxels(tmp_path / "cloud").labels) == 6
 
 
 @given(seed=seeds, count=st.integers(1, 30))

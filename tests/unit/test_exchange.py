@@ -16,7 +16,18 @@ from skin_calib_addon.calibration.exchange import (
     xml_nodes,
 )
 from skin_calib_addon.errors import CalibrationFormatError
-from tests.exchange_samples import CELLS, csv_text, icub_text, matrix, points_round, tum_text
+from tests.exchange_samples import (
+    CELLS,
+    SENSOR,
+    csv_text,
+    icub_text,
+    matrix,
+    pcd_text,
+    ply_text,
+    points_round,
+    robot_text,
+    tum_text,
+)
 
 ROUND, OUTWARD = points_round(12)
 
@@ -25,10 +36,10 @@ ROUND, OUTWARD = points_round(12)
 def read(tmp_path):
     """Read a text as if it were a file."""
 
-    def run(content, format=None):
+    def run(content, format=None, only=None):
         path = tmp_path / "taxels"
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return read_taxels(path, format)
+        return read_taxels(path, format, only)
 
     return run
 
@@ -306,6 +317,212 @@ def test_labels_channels_and_directions_must_be_usable(read, header, row, code, 
     assert found.code == code and words in found.message
 
 
+def test_neighbours_of_a_table_are_channels(read):
+    """They become labels; one that the file does not have is told, a word that is no channel is refused."""
+    table = "channel,id,x,y,z,neighbours\n4,a,0,0,0.1,7 9\n7,b,0,0,0.2,4\n9,c,0,0,0.3,\n"
+    taxels = read(table)
+    assert taxels.neighbours == (("b", "c"), ("a",), ()) and taxels.findings == ()
+    taxels = read(table.replace("7 9", "7 8"))
+    assert taxels.neighbours == (("b",), ("a",), ()) and codes(taxels) == {"unknown-neighbour": "line 2"}
+    with pytest.raises(CalibrationFormatError, match="line 2 has 'b' where an integer belongs"):
+        read(table.replace("7 9", "b"))
+
+
+# --- URDF
+
+PLACES = {f"skin_{i}": tuple(place) for i, place in enumerate(ROUND.tolist())}
+
+
+def test_frames_of_urdf_are_taxels(read):
+    """Frames that bear nothing, in their order, in the link with a body."""
+    taxels = read(robot_text(PLACES))
+    assert taxels.labels == tuple(PLACES) and taxels.channels.tolist() == list(range(12))
+    assert (taxels.positions == ROUND).all() and taxels.frame == "forearm"
+    assert (taxels.tangents == [1, 0, 0]).all()
+
+
+def test_frames_between_are_passed(read):
+    """A frame on a frame is placed in the link that bears both; what lies between, moves or has a body is no taxel."""
+    more = (
+        '<link name="palm"/><joint name="p" type="fixed"><origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/>'
+        '<parent link="forearm"/><child link="palm"/></joint><link name="tip"/><joint name="t" type="fixed">'
+        '<origin xyz="0.02 0 0" rpy="0 1.5707963267948966 0"/><parent link="palm"/><child link="tip"/></joint>'
+        '<link name="thumb"/><joint name="th" type="revolute"><parent link="palm"/><child link="thumb"/></joint>'
+        '<link name="nail"><visual/></link><joint name="n" type="fixed"><parent link="palm"/>'
+        '<child link="nail"/></joint>'
+    )
+    taxels = read(robot_text({}, more))
+    assert taxels.labels == ("tip",) and taxels.frame == "forearm"
+    assert_allclose(taxels.positions, [[0, 0.02, 0.1]], rtol=0, atol=1e-15)
+    assert_allclose(taxels.normals, [[0, 1, 0]], rtol=0, atol=1e-15)
+    assert_allclose(taxels.tangents, [[0, 0, -1]], rtol=0, atol=1e-15)
+
+
+def test_frames_of_one_link_are_picked(read):
+    """Two links in a file are refused with what to do; picked by label, the channels count anew."""
+    hand = '<link name="hand"><visual/></link><link name="nail"/><joint name="n" type="fixed"><parent link="hand"/>'
+    content = robot_text(PLACES, hand + '<child link="nail"/></joint>')
+    with pytest.raises(CalibrationFormatError, match=r'hangs "nail" on "hand", those before on "forearm"; .*--only'):
+        read(content)
+    taxels = read(content, only="skin_1*")
+    assert taxels.labels == ("skin_1", "skin_10", "skin_11") and taxels.channels.tolist() == [0, 1, 2]
+    assert read(content, only="nail").frame == "hand"
+    with pytest.raises(
+        CalibrationFormatError, match='no taxel whose label matches "thumb.*"; the first is called "skin_0"'
+    ):
+        read(content, only="thumb*")
+
+
+def test_taxels_of_tactile_sensors_are_read(read):
+    """In the link, past the frame of the sensor; the index is the channel; other sensors are left alone."""
+    taxels = read(SENSOR)
+    assert taxels.labels == ("cuff.4", "cuff.2") and taxels.channels.tolist() == [4, 2] and taxels.frame == "wrist"
+    assert_allclose(taxels.positions, [[0, 0.03, 0.1], [-0.03, 0, 0.1]], rtol=0, atol=1e-15)
+    assert_allclose(taxels.normals, [[0, 1, 0], [-1, 0, 0]], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("content", "change", "code", "words"),
+    [
+        (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="${r} 0.0'), "number", "has '${r}' where a number belongs (xyz)"),
+        (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="0.03'), "number", "has 2 numbers in xyz; three are needed"),
+        (robot_text(PLACES), ('xyz="0.03 ', 'xyz="nan '), "not-finite", "has 'nan'"),
+        (robot_text(PLACES), ('xyz="0.03 ', 'xyz="30 '), "units", "divide by 1000 if these are millimetres"),
+        (
+            robot_text(PLACES),
+            ('<link name="skin_3"/>', ""),
+            "missing",
+            'names the link "skin_3", which the file does not',
+        ),
+        (
+            robot_text(PLACES),
+            ('<link name="skin_3"', '<link name="skin_2"'),
+            "duplicate-label",
+            'repeats the link "skin_2"',
+        ),
+        (
+            robot_text(PLACES),
+            ('<child link="skin_3"', '<child link="skin_2"'),
+            "syntax",
+            'the link "skin_2" a second time',
+        ),
+        (robot_text(PLACES), ('<child link="skin_3"/>', ""), "missing", "opens a joint without child"),
+        (robot_text(PLACES), ('type="fixed"', ""), "missing", "opens a joint without the attribute type"),
+        (robot_text({}), ("", ""), "no-taxels", "has no tactile sensor and no frame fixed to a link"),
+        (SENSOR, ("<taxel", '<array rows="2" cols="2"/><taxel'), "array", "opens an array, whose taxels are not read"),
+        (SENSOR, ('idx="4"', 'idx="2"'), "duplicate-channel", "repeats the channel 2 of line 4"),
+        (SENSOR, ('idx="4"', 'idx="-4"'), "channel", "has the channel -4"),
+        (SENSOR, ('idx="4"', ""), "missing", "opens a taxel without the attribute idx"),
+        (SENSOR, ("<robot", '<!DOCTYPE a [<!ENTITY b "c">]><robot'), "entity", "declares an entity"),
+    ],
+)
+def test_urdf_reader_refuses_by_the_line(read, content, change, code, words):
+    """Each has one error and what is wrong in words."""
+    assert change[0] in content
+    with pytest.raises(CalibrationFormatError) as refused:
+        read(content.replace(*change, 1))
+    (found,) = (f for f in refused.value.findings if f.severity == "error")
+    assert found.code == code and words in found.message and "\n" not in str(refused.value)
+
+
+def test_frames_in_a_ring_are_refused(read):
+    """Joints that go round end nowhere."""
+    ring = "".join(
+        f'<link name="{a}"/><joint name="j{a}" type="fixed"><parent link="{b}"/><child link="{a}"/></joint>'
+        for a, b in (("a", "b"), ("b", "c"), ("c", "b2"), ("b2", "b"), ("t", "a"))
+    )
+    with pytest.raises(CalibrationFormatError, match="by itself, round a loop of joints"):
+        read(f'<robot name="r">{ring}</robot>')
+
+
+def test_many_taxels_in_one_sensor_are_read(read):
+    """More elements than a cell of a patch may hold."""
+    taxel = '<taxel idx="{0}" xyz="0 0 {1!r}"><geometry><box size="1 1 1"/></geometry></taxel>'
+    many = "".join(taxel.format(i, 0.001 * (i + 1)) for i in range(1500))
+    assert len(read(SENSOR.split("<taxel")[0] + many + "</tactile></sensor></robot>").labels) == 1500
+
+
+# --- clouds
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_binary_ply_is_read(read, order, kind):
+    """Of either order and precision, with columns between and faces behind."""
+    name = {"f4": "float", "f8": "double"}[kind]
+    form = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = f"ply\nformat {form} 1.0\nelement vertex 12\nproperty uchar red\n"
+    head += "".join(f"property {name} {axis}\n" for axis in ("x", "y", "z", "nx", "ny", "nz"))
+    head += "property ushort channel\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    table = np.zeros(12, [("red", "u1"), ("v", order + kind, 6), ("channel", order + "u2")])
+    table["v"], table["channel"] = np.column_stack((ROUND, OUTWARD)), 300 + np.arange(12)
+    taxels = read(head.encode() + table.tobytes() + b"\x03" + bytes(12))
+    assert_allclose(taxels.positions, ROUND, rtol=0, atol=1e-8 if kind == "f4" else 0)
+    assert taxels.channels.tolist() == list(range(300, 312)) and taxels.labels[0] == "300" and taxels.findings == ()
+    with pytest.raises(CalibrationFormatError, match="holds 11 of its 12 points; it is cut off"):
+        read(head.encode() + table.tobytes()[:-1])
+    table["v"][5, 1] = np.nan
+    with pytest.raises(CalibrationFormatError, match="point 5 has a coordinate that is no finite number"):
+        read(head.encode() + table.tobytes())
+    table["v"][5, 1] = 70
+    with pytest.raises(CalibrationFormatError, match="point 5 lies 70 m from the frame; divide by 1000"):
+        read(head.encode() + table.tobytes())
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_clouds_of_text_are_read(read, ending):
+    """All digits that are there, with either line end; without a channel the place is one."""
+    for content in (ply_text(ROUND, OUTWARD), ply_text(ROUND), pcd_text(ROUND)):
+        taxels = read(content.replace("\n", ending))
+        assert (taxels.positions == ROUND).all() and taxels.channels.tolist() == list(range(12))
+    assert_allclose(read(ply_text(ROUND, OUTWARD)).normals, OUTWARD, rtol=0, atol=1e-12)
+
+
+def test_viewpoint_of_a_cloud_is_told(read):
+    """It is not applied."""
+    taxels = read(pcd_text(ROUND).replace("VIEWPOINT 0 0 0", "VIEWPOINT 0 0 1"))
+    assert codes(taxels) == {"unused-transform": "line 9"} and (taxels.positions == ROUND).all()
+
+
+@pytest.mark.parametrize(
+    ("content", "change", "words"),
+    [
+        (ply_text(ROUND), ("end_header", "ende"), "has a header without end"),
+        (ply_text(ROUND), ("format ascii", "format ebcdic"), "names no format or no vertices"),
+        (ply_text(ROUND), ("vertex 12", "vertex 13"), "line 23 has 4 numbers|more than 3 numbers"),
+        (ply_text(ROUND), ("vertex 12", "vertex 20"), "holds 13 of its 20 points; it is cut off"),
+        (ply_text(ROUND), ("vertex 12", "vertex 1e9"), "line 4 promises '1e9' points; at most 100000"),
+        (ply_text(ROUND), ("vertex 12", "vertex 0"), "holds no point"),
+        (ply_text(ROUND), ("element vertex", "element edge 1\nelement vertex"), 'names "edge" before the vertices'),
+        (ply_text(ROUND), ("property float x", "property list uchar int x"), "gives vertices a list"),
+        (ply_text(ROUND), ("property float x", "property real x"), 'has the type "real", which PLY does not have'),
+        (ply_text(ROUND), ("float x", "float u"), 'names no "x" among "u y z"'),
+        (ply_text(ROUND), ("\n0.03 ", "\n0.03 1 "), "line 11 has more than 3 numbers; the header names 3"),
+        (ply_text(ROUND), ("\n0.03 ", "\n0x3 "), "line 11 has '0x3' where a number belongs"),
+        (pcd_text(ROUND), ("DATA ascii", "DATA binary_compressed"), "save it as ascii or binary"),
+        (pcd_text(ROUND), ("DATA ascii", "data"), "has no line DATA"),
+        (pcd_text(ROUND), ("POINTS 12", "POINTS 13"), "holds 12 of its 13 points"),
+        (pcd_text(ROUND), ("POINTS 12", "POINTS -1"), "line 10 promises '-1' points"),
+        (pcd_text(ROUND), ("POINTS 12\n", ""), "has a header without POINTS"),
+        (pcd_text(ROUND), ("SIZE 4", "SIZE 3"), 'the field "x" of type "F", size "3"'),
+        (pcd_text(ROUND), ("SIZE 4", "SIZE"), "names other fields than SIZE, TYPE and COUNT describe"),
+        (pcd_text(ROUND), ("\n0.03 ", "\nnan "), "line 12 has 'nan'; a finite number is needed"),
+        (pcd_text(ROUND, "x y channel"), ("", ""), 'names no "z" among'),
+        (
+            pcd_text(np.column_stack((ROUND, ROUND)), "x y z channel b c"),
+            ("", ""),
+            "line 12 has the channel 0.03; use 0",
+        ),
+    ],
+)
+def test_cloud_readers_refuse_by_the_place(read, content, change, words):
+    """The header, the number of points, the numbers: each is one line that says what and where."""
+    assert change[0] in content
+    with pytest.raises(CalibrationFormatError, match=words) as refused:
+        read(content.replace(*change, 1))
+    assert "\n" not in str(refused.value)
+
+
 # --- all formats
 
 
@@ -361,16 +578,17 @@ def test_taxels_in_one_place_are_told(read):
 def test_format_is_told_by_the_content(read, tmp_path):
     """The three samples without a name; with the wrong one, with an unknown one, with no content."""
     rows = np.column_stack((ROUND, OUTWARD))
-    samples = {"icub": icub_text(rows), "tum": tum_text(CELLS), "csv": csv_text(ROUND)}
-    assert set(samples) == set(FORMATS)
+    samples = {"icub": icub_text(rows), "tum": tum_text(CELLS), "csv": csv_text(ROUND), "urdf": robot_text(PLACES)}
+    samples |= {"ply": ply_text(ROUND), "pcd": pcd_text(ROUND)}
+    assert set(samples) == set(FORMATS) - {"gentact", "urdf-tactile"}  # which are read as csv and urdf
     for name, content in samples.items():
-        assert reading.format_of(content) == name
+        assert (reading.cloud_format_of(content.encode()) or reading.format_of(content)) == name
         assert len(read(content).labels) == len(read(content, name).labels) > 0
         for other in samples.keys() - {name}:
             with pytest.raises(CalibrationFormatError):
                 read(content, other)
     with pytest.raises(
-        CalibrationFormatError, match="no format 'cvs' of taxels; use one of icub, tum, csv; did you mea"
+        CalibrationFormatError, match="no format 'cvs' of taxels; use one of icub, tum, csv, .*; did you mean \"csv\""
     ):
         read(samples["csv"], "cvs")
     for content in ("", "hello", "\n\n", "a,b,c\n1,2,3\n", "x y z\n1 2 3\n", "\x00"):

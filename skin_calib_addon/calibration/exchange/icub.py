@@ -1,10 +1,14 @@
 """Positions of iCub skin parts: ``app/skinGui/conf/positions/*.txt``, metres in the frame of a link."""
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
 
-from ..findings import Finding, error, first, warning
+from ...errors import CalibrationFormatError
+from ..findings import Finding, error, first, show, warning
+from ..model import LinkCalibration
+from .link_taxels import taxels_of
 from .taxel_set import Draft, line
 from .text import MOST_TAXELS, BadNumber, real, shown, whole
 
@@ -12,6 +16,7 @@ BLOCK = "[calibration]"
 TABLE = "taxel2Repr"
 UNUSED, THERMAL = -1, -2  # in the table
 Lines = list[tuple[int, str]]  # numbered
+_WORD = re.compile(r"""[^\s#()\[\]{}"'\\]+""")  # what YARP takes for one word
 
 
 def read_icub(text: str) -> Draft:
@@ -102,3 +107,40 @@ def _hold_against(draft: Draft, number: int, content: str) -> Iterator[Finding]:
     if len(lost):
         message = f"marks {len(lost)} rows as taxels that have no position, the first on {line(draft.lines[lost[0]])}"
         yield warning("no-position", line(number), message, len(lost))
+
+
+def write_icub(calibration: LinkCalibration) -> bytes:
+    """A row for each channel, zeros where it has no taxel; each taxel stands for itself.
+
+    The reader of the skin drops the last row, so that one of zeros follows the taxels, and it looks up every row in the
+    table, so that the table has an entry for that one too.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the link's name is more than one plain word, or channels run too high for a row each.
+    """
+    taxels = taxels_of(calibration)
+    if not _WORD.fullmatch(taxels.link):
+        raise CalibrationFormatError(
+            f"the link name {show(taxels.link)} cannot be written: positions files take one word without quotes, "
+            "brackets or '#'; rename the link"
+        )
+    count = int(taxels.channels[-1]) + 1
+    if count >= MOST_TAXELS:
+        raise CalibrationFormatError(
+            f"channel {count - 1} needs {count} rows in a positions file, which has one for each channel; at most "
+            f"{MOST_TAXELS - 1} are written; count channels from a lower one"
+        )
+    rows = np.zeros((count + 1, 6))
+    rows[taxels.channels] = np.column_stack((taxels.positions, taxels.normals))
+    table = np.full(count + 1, UNUSED)
+    table[taxels.channels] = taxels.channels
+    lines = [
+        f"name\t{taxels.link}",
+        "spatial_sampling\ttaxel",
+        f"{TABLE} ( {' '.join(map(str, table.tolist()))} )",
+        BLOCK,
+        *(" ".join(map(repr, row)) for row in rows.tolist()),
+    ]
+    return ("\n".join(lines) + "\n").encode()

@@ -1,11 +1,16 @@
 """Tables of taxels with a header: CSV as spreadsheets, GenTact and scripts write it, metres."""
 
 import csv
-from collections.abc import Iterator
+import io
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..findings import Finding, did_you_mean, error, first, show, warning
-from .taxel_set import Draft, line
+from ..model import LinkCalibration
+from .link_taxels import refuse_labels, taxels_of
+from .taxel_set import Draft, TaxelSet, line
 from .text import MOST_TAXELS, BadNumber, real, whole
 
 SEPARATORS = ",;\t"
@@ -16,6 +21,9 @@ TANGENT = tuple((f"t{c}", f"tangent_{c}") for c in "xyz")
 CHANNEL = ("channel", "row", "index")
 LABEL = ("id", "label")
 FRAME = ("frame", "link", "parent")
+BESIDE = ("neighbours",)  # channels of the neighbours, with spaces between
+GENTACT = ("Index", "X", "Y", "Z", "NormX", "NormY", "NormZ", "Radius", "Parent", "Object Name in Blender")
+PLACE = ("x", "y", "z", "nx", "ny", "nz", "tx", "ty", "tz")
 
 
 @dataclass(frozen=True)
@@ -28,6 +36,7 @@ class Columns:
     channel: int | None
     label: int | None
     frame: int | None
+    beside: int | None
 
 
 def read_table(text: str) -> Draft:
@@ -92,12 +101,13 @@ def _columns(draft: Draft, number: int, header: list[str]) -> Columns | None:
     position, normal, tangent = vector(POSITION, True), vector(NORMAL, False), vector(TANGENT, False)
     if draft.broken or position is None:
         return None
-    return Columns(position, normal, tangent, place(CHANNEL), place(LABEL), place(FRAME))
+    return Columns(position, normal, tangent, place(CHANNEL), place(LABEL), place(FRAME), place(BESIDE))
 
 
 def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]], width: int) -> Iterator[Finding]:
     """Put the rows into the draft; what is wrong with one."""
     frames: dict[str, int] = {}
+    beside: list[list[int]] = []
     for index, (number, row) in enumerate(rows):
         if index == MOST_TAXELS:
             yield error("size", line(number), f"is one row too many; at most {MOST_TAXELS} are read")
@@ -111,9 +121,11 @@ def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]],
                 for places in (columns.position, columns.normal, columns.tangent)
             ]
             channel = index if columns.channel is None else whole(row[columns.channel].strip())
+            others = [] if columns.beside is None else [whole(word) for word in row[columns.beside].split()]
         except BadNumber as problem:
             yield error(problem.code, line(number), str(problem))
             continue
+        beside.append(others)
         draft.lines.append(number)
         draft.channels.append(channel)
         draft.labels.append(str(channel) if columns.label is None else row[columns.label].strip())
@@ -123,7 +135,89 @@ def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]],
         if columns.frame is not None:
             frames.setdefault(row[columns.frame].strip(), number)
     draft.frame = next(iter(frames)) or None if len(frames) == 1 else None
+    if columns.beside is not None:
+        yield from _name_neighbours(draft, beside)
     if len(frames) > 1:
         number = sorted(frames.values())[1]
         message = f"is in another frame than the rows before; the {len(frames)} frames named are read as if it were one"
         yield warning("frames", line(number), message, len(frames))
+
+
+def _name_neighbours(draft: Draft, beside: list[list[int]]) -> Iterator[Finding]:
+    """Put the labels of the neighbours into the draft; what is wrong with their channels."""
+    label = dict(zip(draft.channels, draft.labels))
+    draft.neighbours = [tuple(label[other] for other in others if other in label) for others in beside]
+    lost = [(number, other) for number, others in zip(draft.lines, beside) for other in others if other not in label]
+    if lost:
+        message = f"names neighbours that are not all in this file; {len(lost)} are not, channel {lost[0][1]} the first"
+        yield warning("unknown-neighbour", line(lost[0][0]), message, len(lost))
+
+
+def write_table(calibration: LinkCalibration) -> bytes:
+    """Everything about a taxel in a row, to the last bit.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If a name would not come back as it is.
+    """
+    taxels = taxels_of(calibration)
+    refuse_labels(taxels.ids, "the id")
+    refuse_labels((taxels.link,), "the link name")
+    channel = dict(zip(taxels.ids, taxels.channels.tolist()))
+    vectors = np.column_stack((taxels.positions, taxels.normals, taxels.tangents)).tolist()
+    beside = (" ".join(str(channel[i]) for i in others if i in channel) for others in taxels.neighbours)
+    columns = (taxels.patches, taxels.areas.tolist(), beside)
+    rows = (
+        (number, name, *numbers, taxels.link, *rest)
+        for number, name, numbers, *rest in zip(taxels.channels.tolist(), taxels.ids, vectors, *columns)
+    )
+    return _bytes(("channel", "id", *PLACE, "link", "patch", "area", "neighbours"), rows)
+
+
+def write_taxel_set(taxels: TaxelSet) -> bytes:
+    """What is known of the taxels of a file, in the same columns: those that it does not tell are left out."""
+    given = [vectors for vectors in (taxels.positions, taxels.normals, taxels.tangents) if vectors is not None]
+    names = [
+        axis
+        for i, vectors in enumerate((taxels.positions, taxels.normals, taxels.tangents))
+        if vectors is not None
+        for axis in PLACE[3 * i : 3 * i + 3]
+    ]
+    header = ["channel", "id", *names]
+    columns: list[Iterable[object]] = []
+    if taxels.frame is not None:
+        header.append("link")
+        columns.append([taxels.frame] * len(taxels.labels))
+    if taxels.neighbours is not None:
+        header.append("neighbours")
+        channel = dict(zip(taxels.labels, taxels.channels.tolist()))
+        columns.append(" ".join(str(channel[i]) for i in row if i in channel) for row in taxels.neighbours)
+    rows = zip(taxels.channels.tolist(), taxels.labels, np.column_stack(given).tolist(), *columns)
+    return _bytes(header, ((number, name, *numbers, *rest) for number, name, numbers, *rest in rows))
+
+
+def write_gentact(calibration: LinkCalibration) -> bytes:
+    """The table that GenTact writes: the radius is that of a disc as large as the cell, the object is the patch.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If a name would not come back as it is.
+    """
+    taxels = taxels_of(calibration)
+    refuse_labels((taxels.link,), "the link name")
+    vectors = np.column_stack((taxels.positions, taxels.normals, np.sqrt(taxels.areas / np.pi))).tolist()
+    rows = (
+        (number, *numbers, taxels.link, patch)
+        for number, numbers, patch in zip(taxels.channels.tolist(), vectors, taxels.patches)
+    )
+    return _bytes(GENTACT, rows)
+
+
+def _bytes(header: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue().encode()

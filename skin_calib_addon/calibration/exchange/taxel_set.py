@@ -1,9 +1,11 @@
 """Taxels as another program's file gives them, and what is strange about them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array, BoolArray, IntArray, freeze, unit
 from ..findings import Finding, error, first, show, warning
@@ -21,6 +23,8 @@ LONGEST = 1e6  # beyond scaling: no direction was meant
 FILLER = (1.0, 0.0, 0.0)
 # Taxels with one normal lie in a plane across it, up to this share of their extent, or the normal is a filler.
 FLAT = 0.1
+
+Places = NDArray[np.str_]  # where each taxel stands in its file, in words
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +59,17 @@ class TaxelSet:
         )
 
 
+def line(number: int) -> str:
+    """A place in a text file, for a finding; lines count from one."""
+    return f"line {number}"
+
+
 @dataclass
 class Draft:
-    """What a reader has found so far; row i of every list is the same taxel."""
+    """What a reader has found so far; row i of every list is the same taxel.
+
+    A format without channels leaves them empty: the place of a taxel among those that are kept is its channel.
+    """
 
     lines: list[int] = field(default_factory=list)
     labels: list[str] = field(default_factory=list)
@@ -66,42 +78,51 @@ class Draft:
     normals: list[tuple[float, ...]] | None = None
     tangents: list[tuple[float, ...]] | None = None
     neighbours: list[tuple[str, ...]] | None = None
+    bearers: list[str] = field(default_factory=list)  # the link of each, where a file has those of many
     frame: str | None = None
     findings: list[Finding] = field(default_factory=list)
+    at: Callable[[int], str] = line  # what a number in ``lines`` is called in a finding
 
     @property
     def broken(self) -> bool:
         """Whether the file cannot be used."""
         return any(finding.severity == "error" for finding in self.findings)
 
+    def keep(self, rows: Sequence[int]) -> None:
+        """Drop all taxels but these."""
+        for name in ("lines", "labels", "channels", "positions", "normals", "tangents", "neighbours", "bearers"):
+            column = getattr(self, name)
+            if column:
+                setattr(self, name, [column[i] for i in rows])
 
-def line(number: int) -> str:
-    """A place in a text file, for a finding; lines count from one."""
-    return f"line {number}"
 
+def finished(draft: Draft, only: str | None = None) -> tuple[TaxelSet | None, tuple[Finding, ...]]:
+    """The taxel set of what a reader has found, None if it cannot be used, and everything found.
 
-def finished(draft: Draft) -> tuple[TaxelSet | None, tuple[Finding, ...]]:
-    """The taxel set of what a reader has found, None if it cannot be used, and everything found."""
+    With a pattern of file names in ``only``, taxels whose label does not match it are left out.
+    """
+    if not draft.broken:
+        _choose(draft, only)
     if not draft.broken:
         draft.findings += first(_misnamed(draft))
     if draft.broken:
         return None, tuple(draft.findings)
-    lines, positions = np.array(draft.lines, np.int64), _vectors(draft.positions)
+    places, positions = np.array([draft.at(number) for number in draft.lines]), _vectors(draft.positions)
     normals, tangents = (None if rows is None else _vectors(rows) for rows in (draft.normals, draft.tangents))
     there = positions.any(axis=1) if normals is None else positions.any(axis=1) | normals.any(axis=1)
-    draft.findings += _left_out(lines, there)
+    draft.findings += _left_out(places, there)
     chosen = np.flatnonzero(there)
-    lines, positions = lines[chosen], positions[chosen]
-    draft.findings += _misplaced(lines, positions)
+    places, positions = places[chosen], positions[chosen]
+    draft.findings += _misplaced(places, positions)
     for vectors in (normals, tangents):
-        draft.findings += () if vectors is None else _absurd(lines, vectors[chosen])
+        draft.findings += () if vectors is None else _absurd(places, vectors[chosen])
     if draft.broken:
         return None, tuple(draft.findings)
-    draft.findings += _shared_places(lines, positions)
+    draft.findings += _shared_places(places, positions)
     if normals is not None:
-        normals = _directions(draft, lines, normals[chosen], "normal", _fillers(positions, normals[chosen]))
+        normals = _directions(draft, places, normals[chosen], "normal", _fillers(positions, normals[chosen]))
     if tangents is not None:
-        tangents = _directions(draft, lines, tangents[chosen], "tangent", np.zeros(len(chosen), bool))
+        tangents = _directions(draft, places, tangents[chosen], "tangent", np.zeros(len(chosen), bool))
     taxels = TaxelSet(
         positions=positions,
         normals=normals,
@@ -115,80 +136,104 @@ def finished(draft: Draft) -> tuple[TaxelSet | None, tuple[Finding, ...]]:
     return taxels, taxels.findings
 
 
+def _choose(draft: Draft, only: str | None) -> None:
+    """Keep the taxels that are asked for, which must hang on one link, and give those channels that have none."""
+    if only is not None:
+        rows = [i for i, label in enumerate(draft.labels) if fnmatchcase(label, only)]
+        if not rows:
+            message = f"has no taxel whose label matches {show(only)}; the first is called {show(draft.labels[0])}"
+            draft.findings.append(error("no-taxels", "", message, only))
+            return
+        draft.keep(rows)
+    links = list(dict.fromkeys(draft.bearers))
+    if len(links) > 1:
+        i = draft.bearers.index(links[1])
+        message = (
+            f"hangs {show(draft.labels[i])} on {show(links[1])}, those before on {show(links[0])}; pick the taxels "
+        )
+        message += "of one link by their labels (--only)"
+        draft.findings.append(error("links", draft.at(draft.lines[i]), message, links))
+    draft.frame = links[0] if links else draft.frame
+    draft.channels = draft.channels or list(range(len(draft.labels)))
+
+
 def _vectors(rows: list[tuple[float, ...]]) -> Array:
     return np.array(rows, float).reshape(len(rows), 3)
 
 
-def _left_out(lines: IntArray, there: BoolArray) -> Iterator[Finding]:
+def _left_out(places: Places, there: BoolArray) -> Iterator[Finding]:
     count = int(np.count_nonzero(~there))
     if count:
         message = f"is {_first_of(count, 'row')} of zeros, which stand for no taxel: left out"
-        yield warning("no-taxel", line(int(lines[~there][0])), message, count)
+        yield warning("no-taxel", str(places[~there][0]), message, count)
 
 
 def _misnamed(draft: Draft) -> Iterator[Finding]:
     """Labels and channels that are unusable or not unique."""
-    for label, number in zip(draft.labels, draft.lines):
+    places = [draft.at(number) for number in draft.lines]
+    for label, place in zip(draft.labels, places):
         if not label or len(label) > LONGEST_LABEL or not label.isprintable():
             message = f"has the label {show(label)}; use 1 to {LONGEST_LABEL} printable characters"
-            yield error("label", line(number), message, label)
-    for channel, number in zip(draft.channels, draft.lines):
+            yield error("label", place, message, label)
+    for channel, place in zip(draft.channels, places):
         if not 0 <= channel <= HIGHEST_CHANNEL:
-            yield error("channel", line(number), f"has the channel {channel}; use 0 to {HIGHEST_CHANNEL}", channel)
+            yield error("channel", place, f"has the channel {channel}; use 0 to {HIGHEST_CHANNEL}", channel)
     # Where there are no labels, a channel is one: it would be told twice.
-    yield from list(_repeats(draft.channels, draft.lines, "channel")) or _repeats(draft.labels, draft.lines, "label")
+    yield from list(_repeats(draft.channels, places, "channel")) or _repeats(draft.labels, places, "label")
 
 
-def _repeats(values: Sequence[str | int], lines: list[int], name: str) -> Iterator[Finding]:
-    seen: dict[str | int, int] = {}
-    for value, number in zip(values, lines):
-        if seen.setdefault(value, number) != number:
-            message = f"repeats the {name} {show(value)} of line {seen[value]}; each taxel needs its own"
-            yield error(f"duplicate-{name}", line(number), message, value)
+def _repeats(values: Sequence[str | int], places: list[str], name: str) -> Iterator[Finding]:
+    seen: dict[str | int, str] = {}
+    for value, place in zip(values, places):
+        if value in seen:
+            message = f"repeats the {name} {show(value)} of {seen[value]}; each taxel needs its own"
+            yield error(f"duplicate-{name}", place, message, value)
+        else:
+            seen[value] = place
 
 
-def _misplaced(lines: IntArray, positions: Array) -> Iterator[Finding]:
+def _misplaced(places: Places, positions: Array) -> Iterator[Finding]:
     """No taxel at all, or one too far away."""
-    if len(lines) == 0:
+    if len(places) == 0:
         yield error("no-taxels", "", "holds nothing but rows of zeros; check that it is the right file")
         return
     reach = np.abs(positions).max(axis=1)
     row = int(reach.argmax())
     if reach[row] > FARTHEST:
         message = f"lies {reach[row]:.6g} m from the frame; divide by 1000 if these are millimetres"
-        yield error("units", line(int(lines[row])), message, positions[row].tolist())
+        yield error("units", str(places[row]), message, positions[row].tolist())
 
 
-def _absurd(lines: IntArray, vectors: Array) -> Iterator[Finding]:
+def _absurd(places: Places, vectors: Array) -> Iterator[Finding]:
     """A direction too long to be one."""
     reach = np.abs(vectors).max(axis=1, initial=0)
     if (reach > LONGEST).any():
         row = int(reach.argmax())
-        yield error("direction", line(int(lines[row])), f"holds {reach[row]:.6g} in a direction", vectors[row].tolist())
+        yield error("direction", str(places[row]), f"holds {reach[row]:.6g} in a direction", vectors[row].tolist())
 
 
-def _shared_places(lines: IntArray, positions: Array) -> Iterator[Finding]:
+def _shared_places(places: Places, positions: Array) -> Iterator[Finding]:
     _, first, inverse = np.unique(np.round(positions / ONE_PLACE), axis=0, return_index=True, return_inverse=True)
     twin = first[inverse.reshape(-1)]
     again = np.flatnonzero(twin != np.arange(len(positions)))
     if len(again):
-        message = f"is {_first_of(len(again), 'taxel')} in the place of another, that of line {lines[twin[again[0]]]}"
-        yield warning("duplicate-position", line(int(lines[again[0]])), message, len(again))
+        message = f"is {_first_of(len(again), 'taxel')} in the place of another, that of {places[twin[again[0]]]}"
+        yield warning("duplicate-position", str(places[again[0]]), message, len(again))
 
 
-def _directions(draft: Draft, lines: IntArray, vectors: Array, name: str, filler: BoolArray) -> Array | None:
+def _directions(draft: Draft, places: Places, vectors: Array, name: str, filler: BoolArray) -> Array | None:
     """Unit vectors, or None where not all can be relied on; what is strange about them goes into the draft."""
     length = np.linalg.norm(vectors, axis=1)
     for code, what, chosen in (("placeholder", "a placeholder", filler), ("missing", "zeros", length == 0)):
         if chosen.any():
             row, count = int(np.argmax(chosen)), int(np.count_nonzero(chosen))
             message = f"is {_first_of(count, 'taxel')} with {what} for a {name}; no {name} of the file is used"
-            draft.findings.append(warning(f"{code}-{name}s", line(int(lines[row])), message, count))
+            draft.findings.append(warning(f"{code}-{name}s", str(places[row]), message, count))
             return None
     off = np.flatnonzero(np.abs(length - 1) > UNIT)
     if len(off):
         message = f"is {_first_of(len(off), 'taxel')} whose {name} is not unit but {length[off[0]]:.4g} long: scaled"
-        draft.findings.append(warning(f"not-unit-{name}s", line(int(lines[off[0]])), message, len(off)))
+        draft.findings.append(warning(f"not-unit-{name}s", str(places[off[0]]), message, len(off)))
     return unit(vectors)
 
 

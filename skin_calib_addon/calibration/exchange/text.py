@@ -5,7 +5,6 @@ import os
 import re
 
 from ...errors import CalibrationFormatError
-from ..strict_json import read
 
 MOST_BYTES = 64 * 2**20
 MOST_LINES = 2**21
@@ -25,17 +24,20 @@ class BadNumber(ValueError):
         self.code = code
 
 
-def read_text(path: str | os.PathLike[str]) -> str:
-    """The text of a file in UTF-8, with or without a byte order mark; every line ends in one line feed.
+def check_size(data: bytes, path: str | os.PathLike[str]) -> None:
+    """Refuse a file beyond `MOST_BYTES`."""
+    if len(data) > MOST_BYTES:
+        raise CalibrationFormatError(f"cannot read '{path}': its {len(data)} bytes exceed {MOST_BYTES}")
+
+
+def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
+    """The text of bytes in UTF-8, with or without a byte order mark; every line ends in one line feed.
 
     Raises
     ------
     CalibrationFormatError
-        If it cannot be read, is beyond `MOST_BYTES`, `MOST_LINES` or `MOST_LINE`, or is no text in UTF-8.
+        If it is beyond `MOST_LINES` or `MOST_LINE`, or is no text in UTF-8.
     """
-    data = read(path)
-    if len(data) > MOST_BYTES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {len(data)} bytes exceed {MOST_BYTES}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as problem:

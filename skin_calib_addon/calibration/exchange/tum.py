@@ -6,10 +6,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...arrays import Array
+from ...errors import CalibrationFormatError
 from ..findings import Finding, error, warning
+from ..model import LinkCalibration
+from .link_taxels import LinkTaxels, taxels_of
 from .taxel_set import Draft, line
 from .text import MOST_TAXELS, BadNumber, real, whole
 from .xml_nodes import Node, Refused, children_of_root
+from .xml_text import HEAD, quoted
 
 ROOT = "SkinConfig"
 BASE, BEYOND = "tf_rootCell_base", "tf_base_dh"
@@ -147,3 +151,60 @@ def _whole(node: Node, name: str) -> int:
         return whole(node.attribute(name).strip())
     except BadNumber as problem:
         raise Refused(problem.code, node.line, f"{problem} ({node.tag} {name})") from problem
+
+
+def write_tum(calibration: LinkCalibration) -> bytes:
+    """One patch of all taxels as cells: its root cell is the first, its base frame is that of the link.
+
+    The id of a cell is its channel and one, for 0 stands for no neighbour. Boards have the six ports of their sides;
+    what else is beside a taxel follows. The driver takes one patch from a file.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If channels run too high for the ids of cells.
+    """
+    taxels = taxels_of(calibration)
+    if taxels.channels[-1] + 1 >= NOBODY[1]:
+        raise CalibrationFormatError(
+            f"channel {taxels.channels[-1]} cannot be written: cells have ids up to {NOBODY[1] - 1}; count channels "
+            "from a lower one"
+        )
+    ids = (taxels.channels + 1).tolist()
+    at, turn = taxels.positions[0], taxels.axes[0]
+    shifts, turns = (taxels.positions - at) @ turn, turn.T @ taxels.axes
+    lines = [
+        f'{HEAD}<!DOCTYPE scfg>\n<SkinConfig numberOfCells="{len(ids)}" numberOfPatchDriverSettings="1" '
+        'numberOfPatchExtrinsics="1">',
+        '<patchDriverSettings patchId="1" prefix="/"/>',
+        f'<patchExtrinsics patchId="1" baseFrame={quoted(taxels.link)} dhFrame="" jointId="0">',
+        f"<{BASE}>{_pose_text(at, turn)}</{BASE}>",
+        f"<{BEYOND}>{_pose_text(np.zeros(3), np.eye(3))}</{BEYOND}>",
+        "</patchExtrinsics>",
+    ]
+    for cell, beside, shift, rotation in zip(ids, _sides(taxels), shifts, turns):
+        ports = "".join(f'<neighbor port="{port}" id="{other}"/>' for port, other in enumerate(beside, 1))
+        lines.append(f'<cell id="{cell}" patch="1" segment="1"><rootCellId>{ids[0]}</rootCellId>')
+        lines.append(f'<neighbors id="{cell}" size="{len(beside)}">{ports}</neighbors>')
+        lines.append(f"{_pose_text(shift, rotation)}</cell>")
+    return ("\n".join(lines) + "\n</SkinConfig>\n").encode()
+
+
+def _sides(taxels: LinkTaxels) -> Iterator[list[int]]:
+    """The cells at the ports of each: 0 where there is none, and those of patches that are not written are none."""
+    number = {taxel: channel + 1 for taxel, channel in zip(taxels.ids, taxels.channels.tolist())}
+    for ports, neighbours in zip(taxels.ports, taxels.neighbours):
+        others = [other for other in neighbours if other not in ports and other in number]
+        yield [number.get(other or "", 0) for other in (*ports, *others)]
+
+
+def _pose_text(shift: Array, turn: Array) -> str:
+    parts = (("pos", shift.reshape(3, 1).tolist()), ("rot", turn.tolist()))
+    return "".join(f"<{name}>{_matrix_text(rows)}</{name}>" for name, rows in parts)
+
+
+def _matrix_text(rows: list[list[float]]) -> str:
+    elements = "".join(
+        f'<element row="{i}" col="{j}">{value!r}</element>' for i, row in enumerate(rows) for j, value in enumerate(row)
+    )
+    return f'<matrix rows="3" cols="{len(rows[0])}">{elements}</matrix>'

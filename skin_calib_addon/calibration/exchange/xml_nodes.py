@@ -8,7 +8,7 @@ from ..findings import error, show
 from .taxel_set import line
 
 MOST_DEPTH = 16
-MOST_NODES = 1000  # in one child of the root: a cell has about 25
+MOST_NODES = 1000  # in one child of the root, if not told: a cell has about 25
 LONGEST_WORD = 64  # characters of text that are kept of a node: it holds a number
 PIECE = 2**16  # characters that are parsed at once
 
@@ -45,8 +45,8 @@ class Node:
         return self.attributes[name]
 
 
-def children_of_root(text: str, root: str) -> Iterator[Node]:
-    """Each child of the root element, as soon as it is read.
+def children_of_root(text: str, root: str, most_nodes: int = MOST_NODES) -> Iterator[Node]:
+    """Each child of the root element, as soon as it is read; one may hold ``most_nodes`` elements.
 
     Raises
     ------
@@ -66,9 +66,9 @@ def children_of_root(text: str, root: str) -> Iterator[Node]:
             raise Refused("syntax", node.line, f"opens {show(tag)}; a {root} is needed")
         if len(path) == MOST_DEPTH:
             raise Refused("depth", node.line, f"nests more than {MOST_DEPTH} levels")
-        if nodes > MOST_NODES:
+        if nodes > most_nodes:
             raise Refused(
-                "size", node.line, f"opens element {nodes} in one {path[1].tag}; at most {MOST_NODES} are read"
+                "size", node.line, f"opens element {nodes} in one {path[1].tag}; at most {most_nodes} are read"
             )
         if len(path) > 1:
             path[-1].children.append(node)

@@ -1,0 +1,49 @@
+"""The formats of other programs that are read and written here, and what each is for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..model import LinkCalibration
+from .icub import write_icub
+from .mjcf import write_mjcf
+from .npz import write_npz
+from .pcd import write_pcd
+from .ply import write_ply
+from .reading import FORMATS as READABLE
+from .rsdf import write_rsdf
+from .table import write_gentact, write_table
+from .tum import write_tum
+from .urdf import write_frames, write_sensors
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of another program; whoever writes refuses what it cannot hold (CalibrationFormatError)."""
+
+    name: str
+    ending: str  # of its files
+    what: str  # program and content
+    labels: str  # what stands there for a taxel's id
+    write: Callable[[LinkCalibration], bytes]
+
+    @property
+    def readable(self) -> bool:
+        """Whether ``import`` takes it."""
+        return self.name in READABLE
+
+
+_TABLE = (
+    Format("csv", ".csv", "table of everything about each taxel", "the id", write_table),
+    Format("gentact", ".csv", "table of GenTact", "the channel", write_gentact),
+    Format("icub", ".txt", "positions of iCub and YARP skin", "the channel, which is the row", write_icub),
+    Format("tum", ".xml", "skin patch of TUM's driver", "the channel and one", write_tum),
+    Format("urdf", ".urdf", "frames fixed to the link", "the id; channels only by their order", write_frames),
+    Format("urdf-tactile", ".urdf", "tactile sensors of tactile_toolbox", "patch.channel", write_sensors),
+    Format("mjcf", ".xml", "MuJoCo: touch sensors and tactile meshes", "the id", write_mjcf),
+    Format("npz", ".npz", "poses for Isaac Lab (DEX-01)", "the id", write_npz),
+    Format("ply", ".ply", "point cloud with normals", "the id, in a comment", write_ply),
+    Format("pcd", ".pcd", "point cloud of PCL with normals", "the id, in a comment", write_pcd),
+    Format("rsdf", ".rsdf", "planar surfaces of mc_rtc, for flat patches", "none: it holds patches", write_rsdf),
+)
+FORMATS = {format.name: format for format in _TABLE}
+WRITABLE = tuple(FORMATS)

@@ -1,0 +1,156 @@
+"""All taxels of a calibration in one record, in the order of their channels: what every writer begins with."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...arrays import Array, BoolArray, IntArray, freeze
+from ...errors import CalibrationFormatError
+from ..findings import did_you_mean, show
+from ..model import LinkCalibration, TaxelArray
+from .taxel_set import LONGEST_LABEL
+from .text import MOST_TAXELS
+
+
+@dataclass(frozen=True, eq=False)
+class LinkTaxels:
+    """Taxels of a link; row i of every field is the same taxel."""
+
+    link: str
+    ids: tuple[str, ...]
+    channels: IntArray  # (n,) ascending
+    patches: tuple[str, ...]  # name of the patch that each is of
+    pixels: IntArray  # (n, 2) row and column in a picture of all patches, one below the other
+    positions: Array  # (n, 3) [m]
+    axes: Array  # (n, 3, 3) columns: tangent, normal x tangent, normal
+    areas: Array  # (n,) [m^2]
+    sizes: Array  # (n, 2) extent of the cell along the tangent and across [m]
+    square: BoolArray  # (n,) whether a cell has four corners
+    neighbours: tuple[tuple[str, ...], ...]
+    ports: tuple[tuple[str | None, ...], ...]  # the boards at the sides of a board; empty for other taxels
+
+    def __post_init__(self):
+        n = len(self.ids)
+        freeze(self, channels=(n,), pixels=(n, 2), positions=(n, 3), axes=(n, 3, 3), areas=(n,), sizes=(n, 2))
+        freeze(self, square=(n,))
+
+    @property
+    def normals(self) -> Array:
+        """Unit normals, shape (n, 3)."""
+        return self.axes[:, :, 2]
+
+    @property
+    def tangents(self) -> Array:
+        """Unit tangents, shape (n, 3)."""
+        return self.axes[:, :, 0]
+
+    def of(self, patch: str) -> IntArray:
+        """The rows of the taxels of a patch."""
+        return np.flatnonzero(np.array(self.patches) == patch)
+
+
+def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
+    """The taxels of all patches.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If there is none, or more than any reader takes.
+    """
+    parts = [patch.taxels for patch in calibration.patches]
+    count = sum(len(part.ids) for part in parts)
+    if not 0 < count <= MOST_TAXELS:
+        raise CalibrationFormatError(
+            f"link {show(calibration.link)} has {count} taxels; 1 to {MOST_TAXELS} can be written"
+        )
+    channels = np.concatenate([part.channels for part in parts])
+    order = np.argsort(channels, kind="stable")
+    normals, tangents = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("normals_link", "tangents_link")
+    )
+    axes = np.stack((tangents, np.cross(normals, tangents), normals), axis=2)
+    sizes = np.concatenate([_extents(part) for part in parts])
+    square = np.concatenate([np.full(len(part.ids), part.corners_link.shape[1] == 4) for part in parts])
+    names = [patch.name for patch in calibration.patches for _ in patch.taxels.ids]
+    ids = [taxel for part in parts for taxel in part.ids]
+    beside = [row for part in parts for row in part.neighbours]
+    ports = [row for part in parts for row in part.ports or ((),) * len(part.ids)]
+    return LinkTaxels(
+        link=calibration.link,
+        ids=tuple(ids[i] for i in order),
+        channels=channels[order],
+        patches=tuple(names[i] for i in order),
+        pixels=_pixels([part.index for part in parts])[order],
+        positions=np.concatenate([part.positions_link for part in parts])[order],
+        axes=axes[order],
+        areas=np.concatenate([part.areas for part in parts])[order],
+        sizes=sizes[order],
+        square=square[order],
+        neighbours=tuple(beside[i] for i in order),
+        ports=tuple(ports[i] for i in order),
+    )
+
+
+def _extents(taxels: TaxelArray) -> Array:
+    """How far the corners of each cell reach along its tangent and across, shape (n, 2) [m]."""
+    arms = taxels.corners_link - taxels.positions_link[:, None]
+    sides = np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
+    return np.ptp(np.einsum("nkc,nsc->nks", arms, sides), axis=1)
+
+
+def _pixels(indices: Sequence[IntArray]) -> IntArray:
+    """Rows and columns from zero on, each patch below the one before."""
+    below, pixels = 0, []
+    for index in indices:
+        pixels.append(index - index.min(axis=0) + (below, 0))
+        below = int(pixels[-1][:, 0].max()) + 1
+    return np.concatenate(pixels)
+
+
+def only_patches(calibration: LinkCalibration, names: Sequence[str]) -> LinkCalibration:
+    """The calibration with the patches of these names alone.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If it has no patch of such a name.
+    """
+    known = [patch.name for patch in calibration.patches]
+    for name in names:
+        if name not in known:
+            listed = ", ".join(map(show, known))
+            raise CalibrationFormatError(
+                f"no patch {show(name)} in this calibration; it has {listed}{did_you_mean(name, known)}"
+            )
+    return replace(calibration, patches=tuple(patch for patch in calibration.patches if patch.name in names))
+
+
+def refuse_labels(labels: Iterable[str], what: str) -> None:
+    """Refuse names that our own readers would not take back.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If one is too long, is not printable, or begins or ends with a space.
+    """
+    for label in labels:
+        if not label or len(label) > LONGEST_LABEL or not label.isprintable() or label != label.strip():
+            allowed = f"1 to {LONGEST_LABEL} printable characters without spaces at the ends"
+            raise CalibrationFormatError(f"{what} {show(label)} cannot be written: use {allowed}; rename it")
+
+
+def refuse_repeats(names: Iterable[str], format: str) -> None:
+    """Refuse two things of one name in a format that has one list of names.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If a name comes twice.
+    """
+    again = [name for name, times in Counter(names).items() if times > 1]
+    if again:
+        raise CalibrationFormatError(
+            f"two things would be called {show(again[0])} in {format}; rename the patch or the link"
+        )

@@ -1,0 +1,134 @@
+"""MuJoCo models of a skin: a site with a touch sensor for each taxel, a mesh with a tactile sensor for each patch."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...arrays import Array, IntArray
+from ..model import LinkCalibration
+from .link_taxels import LinkTaxels, refuse_repeats, taxels_of
+from .xml_text import HEAD, numbers, quoted
+
+LEAST = 4  # vertices of a mesh
+DEEP = 0.002  # thickness of the cells that are touched [m]
+REACH = 0.5  # half height of a site, as a share of its cell's smaller side: contacts lie a little inside
+# A mesh whose triangles span less than this share of the square of its size has no area that a sensor could use.
+AREA = 1e-6
+
+
+def write_mjcf(calibration: LinkCalibration) -> bytes:
+    """A model that stands by itself: a body with thin cells that are touched, and what feels it.
+
+    Vertex i of a patch's mesh is its i-th taxel in the order of channels; the tactile sensor tells the depth at all of
+    them, and then the slip along tangent and across. Patches of less than four taxels, or of taxels in a straight line,
+    make no mesh, and have touch sensors alone.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If two sensors or two patches would have one name.
+    """
+    taxels = taxels_of(calibration)
+    patches = [patch.name for patch in calibration.patches]
+    refuse_repeats((*patches, *taxels.ids), "MuJoCo")
+    meshes = {patch: mesh for patch in patches if (mesh := _mesh(taxels, patch))}
+    link, ids = quoted(taxels.link), [quoted(name) for name in taxels.ids]
+    lines = [
+        f"{HEAD}<mujoco model={link}>",
+        '<default><default class="skin">',
+        '<geom mass="0" group="3"/><site group="4" rgba="0 1 0 0.5"/>',
+        "</default></default>",
+        "<asset>",
+        *meshes.values(),
+        "</asset>",
+        f'<worldbody><body name={link} childclass="skin">',
+        *(
+            f'<geom name={quoted(patch)} type="mesh" mesh={quoted(patch)} contype="0" conaffinity="0"/>'
+            for patch in meshes
+        ),
+        *_cells(taxels),
+        *_sites(taxels, ids),
+        "</body></worldbody>",
+        "<sensor>",
+        *(f"<touch name={name} site={name}/>" for name in ids),
+        *(f"<tactile name={quoted(patch)} geom={quoted(patch)} mesh={quoted(patch)}/>" for patch in meshes),
+        "</sensor>",
+    ]
+    return ("\n".join(lines) + "\n</mujoco>\n").encode()
+
+
+def _mesh(taxels: LinkTaxels, patch: str) -> str:
+    """The mesh whose vertices are the taxels of a patch; empty if they make none."""
+    rows = taxels.of(patch)
+    positions, axes = taxels.positions[rows], taxels.axes[rows]
+    faces = triangles(taxels, rows)
+    size = float(np.linalg.norm(np.ptp(positions, axis=0)))
+    if len(rows) < LEAST or _area(positions[faces]) < AREA * size**2:
+        return ""
+    frames = np.stack((axes[:, :, 2], axes[:, :, 0], axes[:, :, 1]), axis=1)  # of a vertex: normal, tangent, across
+    return (
+        f'<mesh name={quoted(patch)} inertia="shell" vertex="{numbers(positions)}"\nnormal="{numbers(frames)}"\n'
+        f'face="{" ".join(map(str, faces.ravel().tolist()))}"/>'
+    )
+
+
+def _area(corners: Array) -> float:
+    """Of all triangles (m, 3, 3) together [m^2]."""
+    sides = corners[:, 1:] - corners[:, :1]
+    return float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()) / 2
+
+
+def _cells(taxels: LinkTaxels) -> Iterator[str]:
+    """A thin box or disc under each taxel, flush with it."""
+    depth = np.minimum(DEEP, taxels.sizes.min(axis=1))
+    centres = taxels.positions - depth[:, None] / 2 * taxels.normals
+    for row, shape in enumerate(_shapes(taxels, depth / 2)):
+        yield f'<geom {shape} pos="{numbers(centres[row])}" {_turn(taxels, row)}/>'
+
+
+def _sites(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
+    """The volume in which a contact belongs to a taxel: its cell, and as far out and in."""
+    for row, shape in enumerate(_shapes(taxels, REACH * taxels.sizes.min(axis=1))):
+        yield f'<site name={ids[row]} {shape} pos="{numbers(taxels.positions[row])}" {_turn(taxels, row)}/>'
+
+
+def _shapes(taxels: LinkTaxels, half: Array) -> Iterator[str]:
+    """Type and size of cells of these half heights (n,) [m]: a box where they have four corners, else a disc."""
+    radii = np.sqrt(taxels.areas / np.pi)
+    for row, square in enumerate(taxels.square.tolist()):
+        if square:
+            yield f'type="box" size="{numbers((*taxels.sizes[row] / 2, half[row]))}"'
+        else:
+            yield f'type="cylinder" size="{numbers((radii[row], half[row]))}"'
+
+
+def _turn(taxels: LinkTaxels, row: int) -> str:
+    return f'xyaxes="{numbers(taxels.axes[row, :, :2].T)}"'
+
+
+def triangles(taxels: LinkTaxels, rows: IntArray) -> IntArray:
+    """Triangles between taxels that are neighbours, counter-clockwise seen from outside, shape (m, 3); places in rows.
+
+    Round each taxel, two neighbours that follow one another make one with it where they are neighbours themselves, and
+    two with the taxel across where they share one. Taxels without such neighbours are chained as they come.
+    """
+    place = {taxels.ids[row]: k for k, row in enumerate(rows.tolist())}
+    beside = [{place[other] for other in taxels.neighbours[row] if other in place} for row in rows.tolist()]
+    found: dict[frozenset[int], tuple[int, int, int]] = {}
+    for k, row in enumerate(rows.tolist()):
+        around = sorted(beside[k])
+        arms = (taxels.positions[rows[around]] - taxels.positions[row]) @ taxels.axes[row]
+        angles = np.arctan2(arms[:, 1], arms[:, 0])
+        ring = np.argsort(angles, kind="stable").tolist()
+        for i, j in zip(ring, ring[1:] + ring[:1]):
+            a, b = around[i], around[j]
+            across = min(beside[a] & beside[b] - {k} - beside[k], default=-1)
+            if not 0 < (angles[j] - angles[i]) % (2 * np.pi) < np.pi:
+                continue  # nothing lies between them: an edge of the patch
+            if b in beside[a]:
+                found.setdefault(frozenset((k, a, b)), (k, a, b))
+            elif k < min(across, a, b):
+                found[frozenset((k, a, across))] = (k, a, across)
+                found[frozenset((k, across, b))] = (k, across, b)
+    chain = [(k, k + 1, k + 2) for k in range(len(rows) - 2)]
+    return np.array(list(found.values()) or chain, np.int64).reshape(-1, 3)

@@ -1,0 +1,117 @@
+"""Point clouds in PLY: vertices with normals, metres; as text or as bytes of either order."""
+
+from dataclasses import dataclass, field
+
+from ..findings import show
+from ..model import LinkCalibration
+from .cloud import (
+    BadCloud,
+    cloud_of,
+    count_of,
+    decoded,
+    fill,
+    point,
+    rows_of,
+    take_bytes,
+    take_comments,
+    take_lines,
+)
+from .taxel_set import Draft, line
+
+MAGIC = b"ply"
+END = b"end_header"
+KINDS = {
+    **dict.fromkeys(("char", "int8"), "i1"),
+    **dict.fromkeys(("uchar", "uint8"), "u1"),
+    **dict.fromkeys(("short", "int16"), "i2"),
+    **dict.fromkeys(("ushort", "uint16"), "u2"),
+    **dict.fromkeys(("int", "int32"), "i4"),
+    **dict.fromkeys(("uint", "uint32"), "u4"),
+    **dict.fromkeys(("float", "float32"), "f4"),
+    **dict.fromkeys(("double", "float64"), "f8"),
+}
+ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+@dataclass
+class Header:
+    """What the header says about the vertices."""
+
+    order: str | None = None  # of bytes; empty for text
+    count: int | None = None
+    names: list[str] = field(default_factory=list)
+    types: list[str] = field(default_factory=list)
+    comments: list[str] = field(default_factory=list)
+
+
+def read_ply(data: bytes) -> Draft:
+    """The vertices of a file, which must come first; faces and other elements are left alone."""
+    draft = Draft()
+    try:
+        stop = data.find(b"\n", max(data.find(b"\n" + END), 0) + 1) + 1 or len(data)
+        head = decoded(data[:stop]).split("\n")
+        header = _header(head)
+        if header.order is None or header.count is None or not header.names:
+            raise BadCloud("syntax", "", "has a header that names no format or no vertices; export it anew")
+        if header.order:
+            types = [header.order + kind for kind in header.types]
+            draft.lines, draft.at = list(range(header.count)), point
+            columns = take_bytes(header.names, types, data[stop:], header.count)
+        else:
+            rows = rows_of(decoded(data[stop:]), len(head), header.count)
+            draft.lines = [number for number, _ in rows]
+            columns = take_lines(header.names, rows)
+        fill(draft, columns, take_comments(draft, header.comments))
+    except BadCloud as problem:
+        draft.findings.append(problem.finding)
+    return draft
+
+
+def _header(lines: list[str]) -> Header:
+    header, element = Header(), ""
+    for number, content in enumerate(lines, 1):
+        words = content.split()
+        match words:
+            case ["format", name, *_]:
+                header.order = ORDERS.get(name)
+            case ["comment", *_]:
+                header.comments.append(content.lstrip().removeprefix("comment").removeprefix(" "))
+            case ["element", element, amount]:
+                if element == "vertex":
+                    header.count = count_of(amount, number)
+                elif header.count is None:
+                    raise BadCloud(
+                        "syntax", line(number), f"names {show(element)} before the vertices; put these first"
+                    )
+            case ["property", "list", *_] if element == "vertex":
+                raise BadCloud("syntax", line(number), "gives vertices a list; export them with plain numbers")
+            case ["property", kind, name] if element == "vertex":
+                if kind not in KINDS:
+                    raise BadCloud("syntax", line(number), f"has the type {show(kind)}, which PLY does not have")
+                header.names.append(name.lower())
+                header.types.append(KINDS[kind])
+            case ["end_header"]:
+                return header
+    raise BadCloud("syntax", "", "has a header without end; it is cut off")
+
+
+def write_ply(calibration: LinkCalibration) -> bytes:
+    """A vertex for each taxel with its normal and its channel; ids are told in comments.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If a name would not come back as it is.
+    """
+    comments, rows = cloud_of(calibration)
+    lines = [
+        "ply",
+        "format ascii 1.0",
+        *(f"comment {comment}" for comment in comments),
+        f"element vertex {len(rows)}",
+        *(f"property double {name}" for name in ("x", "y", "z", "nx", "ny", "nz")),
+        "property int channel",
+        "end_header",
+        *rows,
+    ]
+    return ("\n".join(lines) + "\n").encode()
