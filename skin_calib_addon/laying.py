@@ -100,7 +100,7 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int) -> Laid:
 
 @lay.register
 def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int) -> Laid:
-    taxel_set = read_taxels(skin.file, skin.format)
+    taxel_set = read_taxels(skin.file, skin.format, skin.only)
     if skin.rotation is not None:
         taxel_set = placed(taxel_set, skin.rotation, skin.translation)
     found = imported_taxels(taxel_set, fit.surface, skin.name, fit.mesh, snap=skin.snap)

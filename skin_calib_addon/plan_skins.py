@@ -72,6 +72,7 @@ class ImportedSkin:
     rotation: Rows | None = None  # of the file's frame into the link's; None: the file is in the link frame
     translation: Point = (0.0, 0.0, 0.0)  # [m]
     snap: bool = False  # whether taxels are moved to the surface
+    only: str | None = None  # pattern of the labels that are taken; None: all
     first_channel: int | None = None  # None: after the skin before; channels of the file count from there
     count = None  # how many channels it takes is told by the file
 
@@ -182,6 +183,7 @@ def _imported(document: dict[str, Any]) -> ImportedSkin:
         rotation=_rows(frame["rotation"]) if frame else None,
         translation=tuple(frame.get("translation", (0.0, 0.0, 0.0))),
         snap=document.get("snap", False),
+        only=document.get("only"),
         first_channel=document.get("first_channel"),
     )
 
@@ -252,6 +254,8 @@ def _imported_document(skin: ImportedSkin) -> dict[str, Any]:
     document: dict[str, Any] = {"name": skin.name, "kind": "imported", "file": skin.file.as_posix()}
     if skin.format is not None:
         document["format"] = skin.format
+    if skin.only is not None:
+        document["only"] = skin.only
     if skin.rotation is not None:
         document["frame"] = {"rotation": [[*row] for row in skin.rotation], "translation": [*skin.translation]}
     return document | ({"snap": True} if skin.snap else {})

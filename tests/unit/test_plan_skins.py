@@ -53,6 +53,7 @@ THIGH = {
     "format": "icub",
     "frame": {"rotation": [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], "translation": [0.0, 0.1, 0.0]},
     "snap": True,
+    "only": "skin_*",
     "first_channel": 500,
 }
 

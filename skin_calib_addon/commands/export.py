@@ -1,0 +1,38 @@
+"""``export``: the taxels of a calibration in the format of another program."""
+
+import argparse
+from pathlib import Path
+
+from ..atomic_file import write_bytes_safely
+from ..calibration.exchange import WRITABLE, only_patches
+from ..calibration.exchange.formats import FORMATS
+from ..calibration.file import load_calibration
+from .common import DONE, check_folder
+
+
+def add(commands) -> None:
+    listed = "\n".join(f"  {name:13} {FORMATS[name].what} ({FORMATS[name].ending})" for name in WRITABLE)
+    export = commands.add_parser(
+        "export",
+        help="write the taxels of a calibration for another program",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=f"formats:\n{listed}",
+    )
+    export.add_argument("file", type=Path, metavar="FILE", help="calibration file")
+    export.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of those below")
+    export.add_argument("-o", "--output", required=True, type=Path, metavar="OUT")
+    export.add_argument(
+        "--patch", action="append", default=[], metavar="NAME", help="this patch alone; may be given more than once"
+    )
+    export.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    check_folder(options.output)
+    calibration, format = load_calibration(options.file), FORMATS[options.to]
+    if options.patch:
+        calibration = only_patches(calibration, options.patch)
+    write_bytes_safely(options.output, format.write(calibration))
+    taxels, patches = sum(len(patch.taxels.ids) for patch in calibration.patches), len(calibration.patches)
+    print(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; a taxel's id there: {format.labels}")
+    return DONE

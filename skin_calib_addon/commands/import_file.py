@@ -1,0 +1,103 @@
+"""``import``: the taxels of another program's file as a table, or on the link of a plan as a calibration."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..atomic_file import write_bytes_safely
+from ..calibration.exchange import FORMATS, read_taxels, write_taxel_set
+from ..calibration.exchange.formats import FORMATS as KNOWN
+from ..calibration.file import save_calibration
+from ..calibration.strict_json import parse
+from ..errors import InvalidPlan
+from ..pipeline import calibrate
+from ..plan import Plan, check_plan, load_plan, plan_document, plan_from
+from ..report import summary
+from ..skin.imported import placed
+from .common import DONE, check_folder, complain
+
+
+def add(commands) -> None:
+    listed = "\n".join(f"  {name:13} {KNOWN[name].what} ({KNOWN[name].ending})" for name in FORMATS)
+    importing = commands.add_parser(
+        "import",
+        help="read the taxels of another program's file",
+        description="Without a plan OUT is a table (CSV) of the taxels as the file has them, for a plan's skin of kind "
+        "imported. With a plan OUT is a calibration: the taxels are laid on the link, as its only skin.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=f"formats:\n{listed}",
+    )
+    importing.add_argument("file", type=Path, metavar="FILE")
+    importing.add_argument(
+        "--from", dest="format", choices=FORMATS, metavar="FORMAT", help="one of those below; else the content tells"
+    )
+    importing.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="table, or calibration")
+    importing.add_argument("--only", metavar="PATTERN", help="taxels whose label matches, as in 'l_forearm_skin_*'")
+    importing.add_argument(
+        "--frame",
+        type=_frame,
+        metavar="JSON",
+        help='{"rotation", "translation"} from the file\'s frame into the link\'s',
+    )
+    importing.add_argument("--plan", type=Path, metavar="PLAN", help="plan of the link that the taxels are on")
+    importing.add_argument("--name", metavar="NAME", help="of the patch (default: that of the file); needs --plan")
+    importing.set_defaults(run=run, refuse=importing.error)
+
+
+def run(options: argparse.Namespace) -> int:
+    if options.plan is None and options.name is not None:
+        options.refuse("--name is that of a patch of a calibration, which needs --plan")
+    if options.plan is None and options.output.suffix == ".json":
+        options.refuse("a calibration needs the surface of a link: name its --plan; or name a table, OUT.csv")
+    check_folder(options.output)
+    return _as_table(options) if options.plan is None else _on_link(options)
+
+
+def _as_table(options: argparse.Namespace) -> int:
+    taxels = read_taxels(options.file, options.format, options.only)
+    if options.frame is not None:
+        taxels = placed(taxels, options.frame["rotation"], options.frame["translation"])
+    write_bytes_safely(options.output, write_taxel_set(taxels))
+    for finding in taxels.findings:
+        complain(str(finding))
+    frame = "no frame named" if taxels.frame is None else f"frame {taxels.frame}"
+    channels = f"channels {taxels.channels.min()} to {taxels.channels.max()}"
+    print(f"{options.output}: table of {len(taxels.labels)} taxels, {channels}, {frame}")
+    return DONE
+
+
+def _on_link(options: argparse.Namespace) -> int:
+    result = calibrate(_plan(options))
+    save_calibration(result.calibration, options.output)
+    for doubt in result.doubts:
+        complain(f"warning: {doubt}")
+    print(summary(result, options.output))
+    return DONE
+
+
+def _plan(options: argparse.Namespace) -> Plan:
+    """The plan with the file as its only skin."""
+    skin = {"name": options.name or options.file.stem, "kind": "imported", "file": str(options.file)}
+    given = {"format": options.format, "only": options.only, "frame": options.frame}
+    skin |= {name: value for name, value in given.items() if value is not None}
+    document = plan_document(load_plan(options.plan)) | {"skins": [skin]}
+    findings = check_plan(document)
+    if findings:
+        raise InvalidPlan(f"{options.file} cannot be a skin of {options.plan}: {findings[0]}")
+    return plan_from(document)
+
+
+def _frame(text: str) -> dict[str, Any]:
+    """A rotation and a translation in JSON, as a refusal proposes them."""
+    frame, findings = parse(text.encode("utf-8", "replace"))
+    try:
+        shapes = [np.array(frame[name], float).shape for name in ("rotation", "translation")]
+    except (KeyError, TypeError, ValueError):
+        shapes = []
+    if findings or shapes != [(3, 3), (3,)]:
+        raise argparse.ArgumentTypeError(
+            'not {"rotation": [[...], [...], [...]], "translation": [x, y, z]}, as the refusal of a wrong frame has it'
+        )
+    return frame
