@@ -1,0 +1,92 @@
+"""Taxel files that people have, through the command line and out again to other programs."""
+
+import io
+import json
+from contextlib import redirect_stderr
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration import load_calibration
+from skin_calib_addon.calibration.exchange import FORMATS, read_taxels
+from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
+from skin_calib_addon.cli import main
+from tests.real.test_real_skin import MESHES, TAXELS
+
+pytestmark = pytest.mark.skipif(not TAXELS.is_dir(), reason=f"no real taxels here: {TAXELS} is missing")
+
+ARM = TAXELS / "raw" / "icub_right_arm_wrong_frame.txt"
+RAW = sorted((TAXELS / "raw").glob("*")) if TAXELS.is_dir() else []
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """The arm whose file is in a wrong frame, laid with the frame that its refusal has; its file, and the refusal."""
+    folder = tmp_path_factory.mktemp("arm")
+    skin = {"name": "none", "kind": "imported", "file": "none"}
+    plan = {"format": "skin-plan", "version": 1, "link": "r_upper_arm", "unit": "m", "skins": [skin]}
+    plan |= {"mesh": str(MESHES / "icub27_r_upper_arm.stl"), "grid": {"kind": "auto", "tolerance": 0.001}}
+    (folder / "arm.plan.json").write_text(json.dumps(plan))
+    out, refusal = folder / "arm.json", io.StringIO()
+    words = ["import", str(ARM), "--plan", str(folder / "arm.plan.json"), "--name", "arm", "-o", str(out)]
+    with redirect_stderr(refusal):
+        assert main(words) == 1
+    assert not out.exists()
+    text = refusal.getvalue()
+    proposal, _ = json.JSONDecoder().raw_decode(text[text.index('{"rotation"') :])
+    assert main([*words, "--frame", json.dumps(proposal)]) == 0
+    return out, text
+
+
+def test_arm_in_a_wrong_frame_is_laid_where_its_refusal_says(arm):
+    """Told with the frame that fits; with it the taxels lie on the link, and their file passes its check."""
+    out, refusal = arm
+    assert "lies 31.6 mm off the mesh on the mean, and 0.4 mm in another frame" in refusal
+    assert main(["check", str(out)]) == 0
+    (patch,) = load_calibration(out).patches
+    assert len(patch.taxels.ids) == 350 and np.median(np.abs(patch.taxels.quality["gap"])) < 1e-3
+    assert sum(not row for row in patch.taxels.neighbours) < 10
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_real_taxels_go_out_and_come_back(arm, tmp_path, name):
+    """In every format that is read too: the same places and normals, and the channels where it has them."""
+    taxels = taxels_of(load_calibration(arm[0]))
+    assert main(["export", str(arm[0]), "--to", name, "-o", str(tmp_path / "there")]) == 0
+    assert main(["import", str(tmp_path / "there"), "-o", str(tmp_path / "back.csv")]) == 0
+    back = read_taxels(tmp_path / "back.csv")
+    assert_allclose(back.positions, taxels.positions, rtol=0, atol=1e-12)
+    assert_allclose(back.normals, taxels.normals, rtol=0, atol=1e-12)
+    if name not in ("tum", "urdf"):
+        assert (back.channels == taxels.channels).all()
+
+
+def test_mujoco_feels_every_taxel_of_a_real_skin(arm, tmp_path):
+    """A sphere on each of 350: its touch sensor tells, and its depth is the largest."""
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    from tests.unit.test_export_mujoco import DEPTH, RADIUS, press
+
+    taxels = taxels_of(load_calibration(arm[0]))
+    assert main(["export", str(arm[0]), "--to", "mjcf", "-o", str(tmp_path / "arm.xml")]) == 0
+    spec = mujoco.MjSpec.from_file(str(tmp_path / "arm.xml"))
+    finger = spec.worldbody.add_body(name="finger")
+    finger.add_freejoint()
+    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for i, name in enumerate(taxels.ids):
+        press(model, data, taxels.positions[i], taxels.normals[i])
+        assert data.sensor(name).data[0] > 0
+        depth = data.sensor("arm").data.reshape(3, -1)[0]
+        assert depth.argmax() == i and 0.8 * DEPTH < depth[i] <= 1.001 * DEPTH
+
+
+@pytest.mark.parametrize("path", RAW, ids=lambda path: path.stem)
+def test_raw_files_become_tables(path, tmp_path, capsys):
+    """What is read from the table is what is read from the file; what is strange is told once, by the file."""
+    assert main(["import", str(path), "-o", str(tmp_path / "a.csv")]) == 0
+    there, back = read_taxels(path), read_taxels(tmp_path / "a.csv")
+    assert (there.positions == back.positions).all() and (there.channels == back.channels).all()
+    assert (there.labels, there.frame) == (back.labels, back.frame) and back.findings == ()
+    assert capsys.readouterr().err.count("warning") == len(there.findings)
