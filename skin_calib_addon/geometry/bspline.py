@@ -130,33 +130,6 @@ class SpanPolynomials:
         scale = lengths[:, None, None] ** powers / factorials
         return cls(starts, lengths, first, derivatives.transpose(1, 2, 0) * scale)
 
-    def monomials(self, u: Array, order: int) -> tuple[IntArray, Array]:
-        """Span of each parameter, and the derivatives of the powers there, shape (m, order + 1, degree + 1).
-
-        Beyond the ends of the domain a spline goes on along its tangent.
-        """
-        count = self.coefficients.shape[2]
-        inside = np.minimum(np.maximum(u, self.starts[0]), self.starts[-1] + self.lengths[-1])
-        span = np.searchsorted(self.starts, inside, side="right") - 1
-        length = self.lengths[span]
-        powers = np.empty((len(u), count))
-        powers[:, 0] = 1.0
-        powers[:, 1:] = ((inside - self.starts[span]) / length)[:, None]
-        np.multiply.accumulate(powers, axis=1, out=powers)
-        beyond = u - inside
-        leaves = bool(beyond.any())
-        values = product(powers, _derivatives(count, max(order, leaves)))
-        values = values.reshape(len(u), max(order, leaves) + 1, count)
-        scale = 1 / length
-        factor = scale
-        for d in range(1, values.shape[1]):
-            values[:, d] *= factor[:, None]
-            factor = factor * scale
-        if leaves:
-            values[:, 0] += beyond[:, None] * values[:, 1]
-            values[beyond != 0, 2:] = 0.0
-        return span, values[:, : order + 1]
-
 
 @cache
 def _derivatives(count: int, order: int) -> Array:
@@ -167,8 +140,9 @@ def _derivatives(count: int, order: int) -> Array:
     return np.concatenate(blocks, axis=1)
 
 
-# Shares of a span where a surface is looked at for its curvature.
+# Shares of a span where a surface is looked at for how it turns.
 MIDDLES = np.array((0.0, 0.5))
+TINY = 1e-12  # [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,19 +188,50 @@ class BSplineSurface:
             ``r[a, b]`` is :math:`\\partial^{a+b} S / \\partial u^a \\partial v^b`; those of more than ``order``
             in all are computed too.
         """
-        u, v = self.wrap(uv).T
-        (span_u, U), (span_v, V) = (spans.monomials(x, order) for spans, x in zip(self._spans, (u, v)))
+        span_u, span_v, (U, V) = self._monomials(self.wrap(uv).T, order)
         patches = self._patches[span_u, span_v]
-        rows = np.matmul(U, patches).reshape(len(u), order + 1, V.shape[2], 3)
+        rows = np.matmul(U, patches).reshape(len(U), order + 1, V.shape[2], 3)
         return np.matmul(V[:, None], rows).transpose(1, 2, 0, 3)
+
+    def _monomials(self, uv: Array, order: int) -> tuple[IntArray, IntArray, Array]:
+        """Spans in which parameters (2, m) lie, and derivatives of the powers there, shape (2, m, order + 1, powers).
+
+        Both directions at once: for few points that takes hardly longer than one. Beyond the ends of its domain a
+        spline goes on along its tangent.
+        """
+        starts, scales, (first, last), spans_u = self._steps
+        inside = np.minimum(np.maximum(uv, first), last)
+        step = np.empty(uv.shape, np.int64)
+        for s, x, out in zip(self._spans, inside, step):
+            out[:] = s.starts.searchsorted(x, "right")
+        step -= 1
+        step[1] += spans_u
+        powers = np.empty((*uv.shape, max(self.degree) + 1))
+        powers[..., 0] = 1.0
+        scale = scales[step]
+        powers[..., 1:] = ((inside - starts[step]) * scale)[..., None]
+        np.multiply.accumulate(powers, axis=2, out=powers)
+        beyond = uv - inside
+        leaves = bool(beyond.any())
+        count, most = powers.shape[2], max(order, leaves)
+        values = product(powers.reshape(-1, count), _derivatives(count, most)).reshape(*uv.shape, most + 1, count)
+        factor = scale
+        for d in range(1, most + 1):
+            values[:, :, d] *= factor[..., None]
+            factor = factor * scale
+        if leaves:
+            values[:, :, 0] += beyond[..., None] * values[:, :, 1]
+            values[beyond != 0, 2:] = 0.0
+        return step[0], step[1] - spans_u, values[:, :, : order + 1]
 
     def wrap(self, uv: Any) -> Array:
         """Parameters with closed directions brought back into [0, 1), shape (m, 2)."""
         uv = np.array(uv, float).reshape(-1, 2)
         for axis in (0, 1):
             if self.closed[axis]:
-                uv[:, axis] -= np.floor(uv[:, axis])
-                uv[uv[:, axis] == 1.0, axis] = 0.0  # what lies just below zero is rounded up
+                x = uv[:, axis]
+                x -= np.floor(x)
+                x[x == 1.0] = 0.0  # what lies just below zero is rounded up
         return uv
 
     def grid_points(self, u: Array, v: Array) -> Array:
@@ -235,26 +240,55 @@ class BSplineSurface:
         B = basis_functions(v, self.knots_v, self.degree[1])
         return np.einsum("ki,ijc,lj->klc", A, self.control_net, B, optimize=True)
 
+    def turning(self, length: float) -> float:
+        """By how much the normal turns at most on ways of this length, or less, along the coordinate lines [rad].
+
+        What turns to and fro on less, as a surface does that follows the facets of a mesh, does not add up.
+        """
+        angles, per_length = self._turns
+        return float(np.minimum(angles, per_length * length).max())
+
     @cached_property
-    def sharpest(self) -> float:
-        """Largest curvature of its coordinate lines' normal sections at points spread over all spans [1/m]."""
+    def _turns(self) -> tuple[Array, Array]:
+        """Between points 1, 2, 4 ... half spans apart: the largest turn [rad], and the largest to its way [1/m]."""
         u, v = (spans.starts[:, None] + spans.lengths[:, None] * MIDDLES for spans in self._spans)
-        r = self.derivatives(np.column_stack((np.repeat(u.ravel(), v.size), np.tile(v.ravel(), u.size))), order=2)
-        normals = unit(np.cross(r[1, 0], r[0, 1]))
-        bends = [
-            np.abs((second * normals).sum(axis=1)) / (first**2).sum(axis=1)
-            for first, second in ((r[1, 0], r[2, 0]), (r[0, 1], r[0, 2]))
-        ]
-        return float(np.max(bends))
+        r = self.derivatives(np.column_stack((np.repeat(u.ravel(), v.size), np.tile(v.ravel(), u.size))))
+        points, normals = (x.reshape(u.size, v.size, 3) for x in (r[0, 0], unit(np.cross(r[1, 0], r[0, 1]))))
+        turns = []
+        for axis, closed in enumerate(self.closed):
+            n = points.shape[axis]
+            chords = np.linalg.norm(np.roll(points, -1, axis) - points, axis=2)
+            done = np.cumsum(np.concatenate((np.zeros_like(chords.take([0], axis)), chords, chords), axis), axis)
+            for parts in 2 ** np.arange(max(n // 2, 1).bit_length()):
+                here = np.arange(n if closed else n - parts)
+                there = here + parts
+                cosines = (normals.take(there % n, axis) * normals.take(here, axis)).sum(axis=2)
+                angles = np.arccos(np.clip(cosines, -1, 1))
+                ways = done.take(there, axis) - done.take(here, axis)
+                turns.append((angles.max(), (angles / np.maximum(ways, TINY)).max()))
+        largest, per_length = np.transpose(turns)
+        return largest, per_length
 
     @cached_property
     def _spans(self) -> tuple[SpanPolynomials, SpanPolynomials]:
         return SpanPolynomials.of(self.knots_u, self.degree[0]), SpanPolynomials.of(self.knots_v, self.degree[1])
 
     @cached_property
+    def _steps(self) -> tuple[Array, Array, Array, int]:
+        """Of the spans in u and then those in v: where each starts, and one over its length.
+
+        Also the ends of both domains, shape (2, 2, 1), and how many spans there are in u.
+        """
+        starts, lengths = (np.concatenate([getattr(s, name) for s in self._spans]) for name in ("starts", "lengths"))
+        ends = np.array([(s.starts[0], s.starts[-1] + s.lengths[-1]) for s in self._spans]).T[..., None]
+        return starts, 1 / lengths, ends, len(self._spans[0].starts)
+
+    @cached_property
     def _patches(self) -> Array:
-        """Polynomial coefficients of each pair of spans, shape (s_u, s_v, degree_u + 1, (degree_v + 1) * 3)."""
+        """Polynomial coefficients of each pair of spans, shape (s_u, s_v, powers, powers * 3); both degrees alike."""
         (i, C), (j, D) = ((s.first[:, None] + np.arange(s.coefficients.shape[1]), s.coefficients) for s in self._spans)
         nets = self.control_net[i[:, None, :, None], j[None, :, None, :]]
-        patches = np.einsum("aik,abijc,bjl->abklc", C, nets, D, optimize=True)
-        return np.ascontiguousarray(patches).reshape(len(C), len(D), C.shape[2], -1)
+        powers = max(self.degree) + 1
+        patches = np.zeros((len(C), len(D), powers, powers, 3))
+        patches[:, :, : C.shape[2], : D.shape[2]] = np.einsum("aik,abijc,bjl->abklc", C, nets, D, optimize=True)
+        return patches.reshape(len(C), len(D), powers, -1)

@@ -1,5 +1,7 @@
 """Newton's equations of a net: a banded matrix, for only nodes beside each other meet, and the ties that hold it."""
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.linalg import LinAlgError, solve, solveh_banded
 
@@ -79,3 +81,9 @@ class NetEquations:
         ordered = np.empty_like(values)
         ordered[:, self.place] = values
         return ordered.reshape(len(values), -1)
+
+
+@lru_cache(maxsize=8)
+def equations_of(net: Net) -> NetEquations:
+    """The equations of a net, made once while it is dragged about."""
+    return NetEquations(net)

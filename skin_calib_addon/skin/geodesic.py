@@ -9,7 +9,7 @@ from ..geometry.distance import footpoints
 
 # Parts into which a step along a geodesic is divided until its speed keeps within this of one, and the surface turns by
 # no more than this in each [rad].
-PARTS, UNIT_SPEED, TURN = (1, 4, 16), 0.03, 0.6
+PARTS, UNIT_SPEED, TURN = (1, 2, 4, 16), 0.03, 0.6
 # Share of a step that may be rounding.
 ROUNDING = 1e-6
 
@@ -162,5 +162,11 @@ def _slope(r: Array, state: Array) -> Array:
 
 def in_basis(a: Array, b: Array, vectors: Array) -> Array:
     """Components of the tangential part of vectors in the basis (a, b), shape (k, 2)."""
-    (aa, ab, va), (_, bb, vb) = np.einsum("iks,jks->ijk", np.stack((a, b)), np.stack((a, b, vectors)))
-    return np.column_stack((bb * va - ab * vb, aa * vb - ab * va)) / (aa * bb - ab * ab)[:, None]
+    basis = np.empty((len(a), 3, 3))
+    basis[:, 0], basis[:, 1], basis[:, 2] = a, b, vectors
+    gram = np.matmul(basis[:, :2], basis.transpose(0, 2, 1))
+    aa, ab, va, bb, vb = gram[:, 0, 0], gram[:, 0, 1], gram[:, 0, 2], gram[:, 1, 1], gram[:, 1, 2]
+    parts = np.empty((len(a), 2))
+    parts[:, 0], parts[:, 1] = bb * va - ab * vb, aa * vb - ab * va
+    parts /= (aa * bb - ab * ab)[:, None]
+    return parts

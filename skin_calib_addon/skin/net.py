@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ..arrays import Array, IntArray
 from .lattice import PORTS, HexLattice
@@ -27,6 +28,14 @@ class Net:
     def lengths(self) -> Array:
         """Distances that the pairs hold, shape (e,) [m]."""
         return np.linalg.norm(self.arms, axis=1)
+
+    @cached_property
+    def arms_at_nodes(self) -> tuple[csr_array, csr_array]:
+        """The x and the y of the arms, each at the two nodes that it joins, shapes (n, e) [m]."""
+        place = self.pairs.ravel(), np.repeat(np.arange(len(self.pairs)), 2)
+        size = len(self.flat), len(self.pairs)
+        x, y = (csr_array((np.repeat(part, 2), place), size) for part in self.arms.T)
+        return x, y
 
     @property
     def pitch(self) -> float:

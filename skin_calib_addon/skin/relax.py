@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import Array, IntArray, unit
 from ..errors import InvalidPlan
 from ..geometry.bspline import BSplineSurface
-from .equations import NetEquations
+from .equations import equations_of
 from .net import Net
 
 MOST_STEPS = 30
@@ -16,7 +16,7 @@ MOST_STEPS = 30
 RISE = 1.01
 # Ties that are off by less, in parameters or radians, are kept.
 KEPT = 1e-6
-# Where nothing else is said, a step that moves no node by more than this share of the pitch is the last.
+# Where nothing else is said, a step is the last when the next would move no node by more than this share of the pitch.
 SETTLED = 1e-4
 
 
@@ -71,7 +71,7 @@ def relax(
     weights : array, shape (e,), optional
         Of the strain of each pair.
     settled : float
-        A step that moves no node by more than this share of the pitch is the last.
+        A step is the last when the next would move no node by more than this share of the pitch.
 
     Returns
     -------
@@ -82,10 +82,11 @@ def relax(
     InvalidPlan
         If the surface is too sharply bent for the net to come to rest.
     """
-    system, (start, stop) = NetEquations(net), net.pairs.T
+    system, (start, stop) = equations_of(net), net.pairs.T
     scale = np.ones(len(net.pairs)) if weights is None else np.sqrt(weights)
     per_length = (scale / net.lengths)[:, None, None]
     x, best, least, amiss, full = uv, uv, np.inf, 0.0, True
+    last = net.pitch
     for _ in range(MOST_STEPS):
         r = surface.derivatives(x)
         points, basis = r[0, 0], np.stack((r[1, 0], r[0, 1]), axis=1)
@@ -116,8 +117,11 @@ def relax(
                 "surface, or lay the skin elsewhere"
             )
         x = x + step
-        if np.linalg.norm(np.matmul(step[:, None], basis)[:, 0], axis=1).max() < settled * net.pitch:
+        moved = float(np.linalg.norm(np.matmul(step[:, None], basis)[:, 0], axis=1).max())
+        # The next step is to this one what this one is to the last, or less: the first to a pitch.
+        if moved * min(moved / last, 1.0) < settled * net.pitch:
             break
+        last = moved
     return x
 
 

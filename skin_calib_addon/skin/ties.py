@@ -67,12 +67,10 @@ def rigid_loads(net: Net, x_axis: Array, y_axis: Array) -> Array:
 
 def flat_axes(surface: BSplineSurface, net: Net, uv: Array) -> tuple[Array, Array]:
     """Where the axes of the flat net point at each node, unit, shapes (n, 3): as the pairs there say on the mean."""
-    points, normals = surface.points(uv), surface.normals(uv)
+    r = surface.derivatives(uv)
+    points, normals = r[0, 0], unit(np.cross(r[1, 0], r[0, 1]))
     chords = points[net.pairs[:, 1]] - points[net.pairs[:, 0]]
-    parts = (net.arms[:, :, None] * chords[:, None]).reshape(-1, 6)
-    sums: Array = np.zeros((len(points), 6))
-    for k, part in enumerate(parts.T):
-        sums[:, k] = np.bincount(net.pairs.ravel(), np.repeat(part, 2), len(points))
-    x_axis = sums[:, :3] - np.cross(normals, sums[:, 3:])  # each chord, turned back by the angle of its arm
+    x, y = (part @ chords for part in net.arms_at_nodes)
+    x_axis = x - np.cross(normals, y)  # each chord, turned back by the angle of its arm
     x_axis = unit(x_axis - (x_axis * normals).sum(axis=1, keepdims=True) * normals)
     return x_axis, np.cross(normals, x_axis)

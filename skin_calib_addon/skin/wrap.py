@@ -27,6 +27,8 @@ BEYOND = 1e-3
 ROUNDS, MOVED = 4, 0.01
 # Moves that end the rest of every second node: a share of the pitch.
 ROUGH = 0.01
+# Where nodes between those at rest are this much of their distance too near or too far, the surface turns between them.
+ASTRAY = 0.5
 # Share of the surface by which a point on its edge may be beyond.
 ROUNDING = 1e-9
 # Geodesics of a first guess have points no nearer than this share of the surface's size: they turn slowly.
@@ -103,13 +105,17 @@ def wrap_sheet(
         goal = Goal.of(surface, layer, lattice, landmarks)
         along, hold = goal.heading(along, step), goal.ties
     net = grid_net(lattice.node_shape, lattice.step, pin)
-    uv = unroll(layer, net.flat, start, along, step)
-    if origin is None:
-        uv = uv - np.where(layer.closed, 0.0, (uv.min(axis=0) + uv.max(axis=0)) / 2 - 0.5)
-    uv = uv.reshape(*lattice.node_shape, 2)
-    if not trim:
-        check_inside(layer, lattice, uv, FAR)
-    uv = settle(layer, lattice, uv, pin, hold, trim)
+
+    def guess(step: float) -> Array:
+        uv = unroll(layer, net.flat, start, along, step)
+        if origin is None:
+            uv = uv - np.where(layer.closed, 0.0, (uv.min(axis=0) + uv.max(axis=0)) / 2 - 0.5)
+        uv = uv.reshape(*lattice.node_shape, 2)
+        if not trim:
+            check_inside(layer, lattice, uv, FAR)
+        return uv
+
+    uv = settle(layer, lattice, guess, step, pin, hold, trim)
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         check_inside(layer, lattice, uv)
@@ -119,30 +125,48 @@ def wrap_sheet(
 def settle(
     layer: BSplineSurface,
     lattice: SheetLattice,
-    uv: Array,
+    guess: Callable[[float], Array],
+    step: float,
     pin: tuple[int, int],
     hold: Callable[[Net, Array], Ties],
     trim: bool,
 ) -> Array:
-    """Bring the nodes to rest: every second of them, the pinned one among them, and then all, shape (a, b, 2)."""
+    """Bring the nodes to rest: every second of them, the pinned one among them, and then all, shape (a, b, 2).
 
-    def rest(net: Net, uv: Array, settled: float = SETTLED) -> Array:
+    Parameters
+    ----------
+    guess : function
+        Of a step between points on geodesics [m]: all nodes as these leave them.
+    step : float
+        For the first guess [m].
+    """
+
+    def rest(net: Net, uv: Array, rounds: int = ROUNDS, settled: float = SETTLED) -> Array:
         weights = None
         if trim:
             weights = np.where(on_surface(layer, uv)[net.pairs].any(axis=1), 1.0, BEYOND)
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             before, uv = uv[net.pin], relax(layer, net, uv, hold(net, uv), weights, settled)
             # Where a centred sheet has moved, its direction is another.
             if np.linalg.norm(np.diff(layer.points([before, uv[net.pin]]), axis=0)) < MOVED * net.pitch:
                 break
         return uv
 
+    uv, net = guess(step), grid_net(lattice.node_shape, lattice.step, pin)
     first = (pin[0] % 2, pin[1] % 2)
     sparse = uv[first[0] :: 2, first[1] :: 2]
-    if min(sparse.shape[:2]) > 1 and layer.sharpest * min(lattice.pitch) < BEND:
-        net = grid_net(sparse.shape[:2], (2 * lattice.step[0], 2 * lattice.step[1]), (pin[0] // 2, pin[1] // 2))
-        uv = between(rest(net, sparse.reshape(-1, 2), ROUGH).reshape(sparse.shape), first, lattice.node_shape)
-    return rest(grid_net(lattice.node_shape, lattice.step, pin), uv.reshape(-1, 2)).reshape(uv.shape)
+    if min(sparse.shape[:2]) > 1 and layer.turning(min(lattice.pitch)) < BEND:
+        thin = grid_net(sparse.shape[:2], (2 * lattice.step[0], 2 * lattice.step[1]), (pin[0] // 2, pin[1] // 2))
+        uv = between(rest(thin, sparse.reshape(-1, 2), 1, ROUGH).reshape(sparse.shape), first, lattice.node_shape)
+        if strays(layer, net, uv.reshape(-1, 2)):
+            uv = guess(min(lattice.pitch) / 2)
+    return rest(net, uv.reshape(-1, 2)).reshape(uv.shape)
+
+
+def strays(layer: BSplineSurface, net: Net, uv: Array) -> bool:
+    """Whether nodes lie so much too near or too far from those beside them that the net may be folded."""
+    chords = np.linalg.norm(np.diff(layer.points(uv)[net.pairs], axis=1)[:, 0], axis=1)
+    return bool(np.abs(chords / net.lengths - 1).max() > ASTRAY)
 
 
 def between(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
@@ -157,7 +181,8 @@ def between(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
 
 def guess_step(surface: BSplineSurface, pitch: float) -> float:
     """How far apart points on the geodesics of a first guess may be for those between them to lie near [m]."""
-    return min(max(2 * pitch, STEP * size_of(surface)), max(pitch / 2, BEND / max(surface.sharpest, 1e-9)))
+    step = max(2 * pitch, STEP * size_of(surface))
+    return max(pitch / 2, step * BEND / max(surface.turning(step), BEND))
 
 
 def size_of(surface: BSplineSurface) -> float:

@@ -13,7 +13,7 @@ from skin_calib_addon.skin.net import grid_net
 from skin_calib_addon.skin.relax import relax
 from skin_calib_addon.skin.strain import cell_strain, closure
 from skin_calib_addon.skin.ties import pinned, row_axis
-from skin_calib_addon.skin.wrap import WrappedSheet
+from skin_calib_addon.skin.wrap import WrappedSheet, strays
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, wrist_surface
 
 SQUARE = (0.01, 0.01)
@@ -316,6 +316,16 @@ def test_sheet_is_the_same_from_any_first_guess():
         thrown[net.pin] = uv[net.pin]
         again = relax(surface, net, thrown, ties)
         assert np.linalg.norm(surface.points(again) - surface.points(uv), axis=1).max() < 5e-5
+
+
+@pytest.mark.parametrize(("moved", "astray"), [(0.0, False), (0.4, False), (0.6, True), (-0.6, True)])
+def test_net_with_a_node_out_of_place_strays(moved, astray):
+    """A node that has come more than half of the way to the next, or gone as far from it, may be a fold."""
+    plane, lattice = plane_surface(), SheetLattice(2, 3, (0.01, 0.02))
+    net = grid_net(lattice.node_shape, lattice.step, (0, 0))
+    places = 0.01 + net.flat
+    places[0, 0] += moved * lattice.step[1]
+    assert strays(plane, net, places / (0.1, 0.08)) == astray
 
 
 @pytest.mark.parametrize("ends", [(0.035, 0.035), (0.042, 0.030), (0.058, 0.026)])
