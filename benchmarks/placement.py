@@ -52,40 +52,40 @@ def measure(repeats: int) -> Iterator[Row]:
 def rows(name: str, surface: BSplineSurface, truth: Callable[[WrappedSheet], Array], repeats: int) -> Iterator[Row]:
     """Every method on one surface; each is held against the truth from the same middle and direction."""
     sheet = wrap_sheet(surface, SHEET, None, (0, 1, 0))
-    exact = truth(sheet)
+    exact, middle = truth(sheet), sheet.uv[ROWS, COLUMNS]
     for method, place in METHODS.items():
-        found, milliseconds = timed(lambda place=place: place(surface), repeats)
+        found, milliseconds = timed(lambda place=place: place(surface, middle), repeats)
         off = 1e3 * np.linalg.norm(found - exact, axis=1)
         yield Row(name, method, float(off.mean()), float(off.max()), milliseconds)
 
 
-def ours(surface: BSplineSurface) -> Array:
-    """Least strain."""
+def ours(surface: BSplineSurface, middle: Array) -> Array:
+    """Least strain; it finds the middle by itself."""
     return surface.points(wrap_sheet(surface, SHEET, None, (0, 1, 0)).uv[1::2, 1::2].reshape(-1, 2))
 
 
-def paper_rule(surface: BSplineSurface) -> Array:
+def paper_rule(surface: BSplineSurface, middle: Array) -> Array:
     """The paper's rule at its best: cells at equal steps of the parameters about the middle, as long as the sheet is.
 
     As the paper has it, S(k / 6, l / 22) covers the whole surface and takes corners for centres; here the steps are
     those of the sheet, and the cells' own centres are meant.
     """
-    middle = surface.derivatives(np.array([[0.5, 0.5]]))
-    steps = PITCH / np.linalg.norm(middle[(1, 0), (0, 1), 0], axis=1)
-    return surface.points(0.5 + cells_about_the_middle() * steps * facing(surface))
+    steps = PITCH / np.linalg.norm(surface.derivatives(middle)[(1, 0), (0, 1), 0], axis=1)
+    return surface.points(middle + cells_about_the_middle() * steps * facing(surface, middle))
 
 
-def equal_arcs(surface: BSplineSurface) -> Array:
-    """Equal lengths along the curve v = 1/2, and from there along each curve of constant u."""
+def equal_arcs(surface: BSplineSurface, middle: Array) -> Array:
+    """Equal lengths along the curve of constant v through the middle, and from there along each curve of constant u."""
     fine = np.linspace(0, 1, 2001)
-    sign = facing(surface)
-    along_u = arcs(surface.points(np.column_stack((fine, np.full_like(fine, 0.5)))))
-    u = np.interp(along_u[1000] + sign[0] * (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH, along_u, fine)
+    sign = facing(surface, middle)
+    along_u = arcs(surface.points(np.column_stack((fine, np.full_like(fine, middle[1])))))
+    here = np.interp(middle[0], fine, along_u)
+    u = np.interp(here + sign[0] * (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH, along_u, fine)
     places = []
     for height in u:
         round_ = np.column_stack((np.full_like(fine, height), fine))
         along_v = arcs(surface.points(round_))
-        wanted = along_v[1000] + sign[1] * (np.arange(COLUMNS) - (COLUMNS - 1) / 2) * PITCH
+        wanted = np.interp(middle[1], fine, along_v) + sign[1] * (np.arange(COLUMNS) - (COLUMNS - 1) / 2) * PITCH
         turns = np.floor(wanted / along_v[-1])
         places.append(surface.points(np.column_stack((
             np.full(COLUMNS, height), turns + np.interp(wanted - turns * along_v[-1], along_v, fine)
@@ -104,9 +104,9 @@ def cells_about_the_middle() -> Array:
     return np.column_stack((i - (ROWS - 1) / 2, j - (COLUMNS - 1) / 2))
 
 
-def facing(surface: BSplineSurface) -> Array:
+def facing(surface: BSplineSurface, middle: Array) -> Array:
     """Whether rows along y, and the rows after them, run with the parameters (1) or against them (-1): u, v."""
-    r = surface.derivatives(np.array([[0.5, 0.5]]))
+    r = surface.derivatives(middle)
     normal = np.cross(r[1, 0, 0], r[0, 1, 0])
     row = np.array((0, 1.0, 0))
     return np.sign((np.cross(normal, row) @ r[1, 0, 0], row @ r[0, 1, 0]))

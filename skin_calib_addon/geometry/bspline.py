@@ -150,7 +150,8 @@ class BSplineSurface:
     """A tensor-product B-spline surface over (u, v) in [0, 1] x [0, 1], in the link frame [m].
 
     In a ``closed`` direction the net ends with copies of its first ``degree`` control points, the knots are
-    periodic, and parameters wrap round. ``r_u x r_v`` points out of the robot.
+    periodic, and parameters wrap round. ``r_u x r_v`` points out of the robot. ``seam`` is a ray that tells on which
+    side a way round begins, whatever the parameters there: a point within [m] and a unit direction.
     """
 
     control_net: Array  # (n_u, n_v, 3) [m]
@@ -158,9 +159,12 @@ class BSplineSurface:
     knots_v: Array  # (n_v + degree_v + 1,)
     degree: tuple[int, int]
     closed: tuple[bool, bool] = (False, False)
+    seam: Array | None = None  # (2, 3)
 
     def __post_init__(self):
         freeze(self, control_net=(None, None, 3), knots_u=(None,), knots_v=(None,))
+        if self.seam is not None:
+            freeze(self, seam=(2, 3))
         for knots, degree, n in zip((self.knots_u, self.knots_v), self.degree, self.control_net.shape):
             check_knots(knots, degree, n)
 

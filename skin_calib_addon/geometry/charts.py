@@ -35,6 +35,14 @@ class TubeChart:
         """First and last t."""
         return (0.0, TURN) if self.sector is None else (0.0, self.sector[1] - self.sector[0])
 
+    @property
+    def seam(self) -> Array | None:
+        """Of what goes all round: the ray at angle zero half way along, a point [m] and a unit direction."""
+        if not self.closed:
+            return None
+        origins, directions = self.rays(np.array([sum(self.span) / 2]), np.zeros(1))
+        return np.stack((origins[0, 0], directions[0, 0]))
+
     def angles(self, t: Array) -> Array:
         """Angles from ``frame.e1`` towards ``frame.e2``."""
         return (0.0 if self.sector is None else self.sector[1]) - t
@@ -99,6 +107,7 @@ class FaceChart:
     breadth: tuple[float, float]
     closed = False
     bends = False
+    seam = None
 
     def planes(self, s: Array) -> Planes:
         """One plane across ``along`` at each s."""
@@ -130,4 +139,4 @@ Chart = TubeChart | FaceChart
 
 def chart_lines(chart: Chart, s: Array, t: Array) -> LineGrid:
     """The lines of the control points at every pair of s and t."""
-    return LineGrid(chart.planes(s), *chart.rays(s, t), chart.closed, chart.names(t))
+    return LineGrid(chart.planes(s), *chart.rays(s, t), chart.closed, chart.names(t), seam=chart.seam)

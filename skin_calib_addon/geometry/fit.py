@@ -355,7 +355,7 @@ def surface_at(lines: LineGrid, basis: TensorBasis, offsets: Array) -> BSplineSu
     """The surface whose control points lie at these offsets along their lines."""
     net = basis.close(lines.origins + offsets[..., None] * lines.directions)
     degree = (basis.degree_u, basis.degree_v)
-    return BSplineSurface(net, basis.u.knots, basis.v.knots, degree, (False, lines.closed))
+    return BSplineSurface(net, basis.u.knots, basis.v.knots, degree, (False, lines.closed), lines.seam)
 
 
 def check_coverage(lines: LineGrid, basis: TensorBasis, residuals: Array) -> None:

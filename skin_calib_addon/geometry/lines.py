@@ -20,7 +20,10 @@ class LineGrid:
     closed: bool  # whether the last line neighbours the first
     v_names: tuple[str, ...]  # what the author calls each v-line, for messages
     doubts: tuple[str, ...] = ()  # what is questionable about how the planes were placed
+    seam: Array | None = None  # (2, 3) of a closed one a point of the axis [m], and where angle zero is from there
 
     def __post_init__(self):
         n, m = len(self.planes_u), len(self.v_names)
         freeze(self, origins=(n, m, 3), directions=(n, m, 3))
+        if self.seam is not None:
+            freeze(self, seam=(2, 3))

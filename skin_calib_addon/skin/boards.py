@@ -11,14 +11,13 @@ from scipy.sparse.csgraph import connected_components
 from ..arrays import Array, IntArray, unit
 from ..errors import OutsideSurface
 from ..geometry.bspline import BSplineSurface
-from ..geometry.distance import footpoints
 from .geodesic import unroll
 from .lattice import HexLattice
 from .net import board_net
 from .offset import offset_surface
 from .relax import relax
 from .ties import flat_axes, pinned, row_axis
-from .wrap import check_size, guess_step, off_edge, on_surface
+from .wrap import check_size, guess_step, off_edge, on_surface, root_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +51,7 @@ def wrap_boards(
         Axial coordinates of the boards.
     origin : array, shape (3,), or None
         Where the centre of the root cell (0, 0) lies, whether it has a board or not [m]; the nearest surface point is
-        taken. None takes the middle of the surface's parameters.
+        taken. None takes the middle of the surface: half way along, and half way across or round.
     direction : array, shape (3,)
         Where the row of the root runs to, in the link frame; its part in the surface counts.
     offset : float
@@ -79,11 +78,6 @@ def wrap_boards(
                 distance=gap,
             )
     return WrappedBoards(surface, offset, lattice, places, uv, tangents)
-
-
-def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
-    """Parameters of the surface point nearest to an origin, or of its middle, shape (2,)."""
-    return np.array((0.5, 0.5)) if origin is None else footpoints(surface, np.asarray(origin, float)[None])[0][0]
 
 
 def at_rest(

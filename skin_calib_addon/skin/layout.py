@@ -14,14 +14,14 @@ from ..errors import InvalidPlan, OutsideSurface
 from ..geometry.bspline import BSplineSurface
 from ..geometry.distance import footpoints
 from ..geometry.fit import SurfaceFit
-from .boards import WrappedBoards, at_rest, root_of, unrolled
+from .boards import WrappedBoards, at_rest, unrolled
 from .fill import Placement, fill
 from .lattice import HexLattice
 from .net import board_net
 from .offset import offset_surface
 from .outline import FlatMap, Zone, disc, flat_loops, outline
 from .region import Region
-from .wrap import on_surface, size_of
+from .wrap import on_surface, root_of, size_of
 
 Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
 # The map that lays a surface flat has no more nodes than this to its size.

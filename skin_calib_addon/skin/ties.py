@@ -3,15 +3,18 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, unit
+from ..arrays import Array, IntArray, unit
 from ..errors import InvalidPlan
 from ..geometry.bspline import BSplineSurface
+from ..geometry.middle import shares_before
 from .geodesic import trace
 from .net import Net
 from .relax import Ties
 
 # Steps of the geodesics that tell the direction: one crosses knots, where the surface's third derivatives jump.
 PARTS = 2
+# Parts of the lines to which it is measured how far nodes are from the edges, on either side of each.
+HALF_LINE = 16
 # A direction with less than this share in the surface stands upright.
 UPRIGHT = 0.05
 
@@ -43,7 +46,7 @@ def pinned(surface: BSplineSurface, net: Net, uv: Array, along: Array, centre: b
     along : array, shape (3,)
         Unit tangent at the pinned node.
     centre : bool
-        Whether, instead of the node, the mean of the outermost nodes is held in the middle of each open parameter.
+        Whether, instead of the node, the outermost nodes are held so that as much is free beyond one as the other.
     """
     pin, beside = net.pin, net.beside_pin
     across = np.cross(surface.normals(uv[[pin]])[0], along)
@@ -53,10 +56,33 @@ def pinned(surface: BSplineSurface, net: Net, uv: Array, along: Array, centre: b
     path, tangents = trace(surface, np.repeat(uv[[pin]], len(beside), axis=0), ways, reach[:, None] / PARTS, PARTS)
     sides = np.cross(surface.normals(path[-1]), tangents[-1]) * (reach / (reach**2).sum())[:, None]
     nodes, place = np.full((1, 2, 2), pin), uv[[pin]].copy()
-    for axis in np.flatnonzero(np.logical_not(surface.closed) & centre):
-        nodes[0, axis], place[0, axis] = (np.argmin(uv[:, axis]), np.argmax(uv[:, axis])), 0.5
+    for axis, closed in enumerate(surface.closed):
+        if centre and not closed:
+            ends, shift = centring(surface, uv, axis)
+            nodes[0, axis], place[0, axis] = ends, uv[ends, axis].mean() + shift
     ways = surface.points(path[-1]) - surface.points(uv[[pin]])
     return Ties(nodes, place, pin, beside, ways, sides, rigid_loads(net, *flat_axes(surface, net, uv)))
+
+
+def centring(surface: BSplineSurface, uv: Array, axis: int) -> tuple[IntArray, float]:
+    """The outermost nodes of a net along an open parameter, and by how much it is to grow for the net to be centred.
+
+    Centred is a net with as much of the surface free beyond the one as beyond the other, to the lengths of the
+    coordinate lines through them. A Newton step: of a net that is nearly centred the rest is nothing.
+
+    Parameters
+    ----------
+    uv : array, shape (n, 2)
+    axis : int
+
+    Returns
+    -------
+    ends : array of int, shape (2,)
+    shift : float
+    """
+    ends = np.array((np.argmin(uv[:, axis]), np.argmax(uv[:, axis])))
+    shares, growth = shares_before(surface, uv[ends], axis, HALF_LINE)
+    return ends, float((1 - shares.sum()) / growth.sum())
 
 
 def rigid_loads(net: Net, x_axis: Array, y_axis: Array) -> Array:

@@ -11,13 +11,14 @@ from ..arrays import Array, BoolArray
 from ..errors import InvalidPlan, OutsideSurface
 from ..geometry.bspline import BSplineSurface
 from ..geometry.distance import footpoints
+from ..geometry.middle import middle
 from .geodesic import unroll
 from .landmarks import Goal, Landmark
 from .lattice import SheetLattice
 from .net import Net, grid_net
 from .offset import offset_surface
 from .relax import SETTLED, Ties, relax
-from .ties import pinned, row_axis
+from .ties import centring, pinned, row_axis
 
 # A first guess that lies beyond an edge by this share of the surface will not come back.
 FAR = 0.5
@@ -70,7 +71,8 @@ def wrap_sheet(
     lattice : SheetLattice
     origin : array, shape (3,), or None
         Where the centre of cell (0, 0) lies [m]; the nearest surface point is taken. None centres the sheet on the
-        surface: as much is left free at one open edge as at the other.
+        surface: as much is left free, along the surface, at one open edge as at the other, and round a closed one its
+        middle lies half way from angle zero. That is up to the shape alone, not to where planes and lines are.
     direction : array, shape (3,)
         Where the row of the origin runs to, in the link frame; its part in the surface counts.
     offset : float
@@ -94,7 +96,7 @@ def wrap_sheet(
         origin, pin = landmarks[0].point, (2 * landmarks[0].cell[0] + 1, 2 * landmarks[0].cell[1] + 1)
     else:
         pin = (1, 1) if origin is not None else (lattice.rows, lattice.columns)
-    start = np.array((0.5, 0.5)) if origin is None else footpoints(surface, np.asarray(origin, float)[None])[0][0]
+    start = root_of(surface, origin)
     along, step = row_axis(layer, start, direction), guess_step(layer, max(lattice.pitch))
 
     def by_direction(net: Net, uv: Array) -> Ties:
@@ -109,13 +111,13 @@ def wrap_sheet(
     def guess(step: float) -> Array:
         uv = unroll(layer, net.flat, start, along, step)
         if origin is None:
-            uv = uv - np.where(layer.closed, 0.0, (uv.min(axis=0) + uv.max(axis=0)) / 2 - 0.5)
+            uv = uv + centring_shift(layer, uv)
         uv = uv.reshape(*lattice.node_shape, 2)
         if not trim:
             check_inside(layer, lattice, uv, FAR)
         return uv
 
-    uv = settle(layer, lattice, guess, step, pin, hold, trim)
+    uv = settle(layer, lattice, guess, step, pin, hold, origin is None, trim)
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         check_inside(layer, lattice, uv)
@@ -129,6 +131,7 @@ def settle(
     step: float,
     pin: tuple[int, int],
     hold: Callable[[Net, Array], Ties],
+    centre: bool,
     trim: bool,
 ) -> Array:
     """Bring the nodes to rest: every second of them, the pinned one among them, and then all, shape (a, b, 2).
@@ -147,8 +150,11 @@ def settle(
             weights = np.where(on_surface(layer, uv)[net.pairs].any(axis=1), 1.0, BEYOND)
         for _ in range(rounds):
             before, uv = uv[net.pin], relax(layer, net, uv, hold(net, uv), weights, settled)
-            # Where a centred sheet has moved, its direction is another.
-            if np.linalg.norm(np.diff(layer.points([before, uv[net.pin]]), axis=0)) < MOVED * net.pitch:
+            if not centre or rounds == 1:
+                break
+            # Where a centred sheet has moved, its direction is another, and so may be its outermost nodes.
+            places = layer.points([before, uv[net.pin], uv[net.pin] + centring_shift(layer, uv)])
+            if np.linalg.norm(np.diff(places, axis=0), axis=1).max() < MOVED * net.pitch:
                 break
         return uv
 
@@ -167,6 +173,18 @@ def strays(layer: BSplineSurface, net: Net, uv: Array) -> bool:
     """Whether nodes lie so much too near or too far from those beside them that the net may be folded."""
     chords = np.linalg.norm(np.diff(layer.points(uv)[net.pairs], axis=1)[:, 0], axis=1)
     return bool(np.abs(chords / net.lengths - 1).max() > ASTRAY)
+
+
+def centring_shift(layer: BSplineSurface, uv: Array) -> Array:
+    """By how much the parameters of all nodes are to grow for a sheet to be centred, shape (2,)."""
+    return np.array([0.0 if closed else centring(layer, uv, axis)[1] for axis, closed in enumerate(layer.closed)])
+
+
+def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
+    """Parameters of the surface point nearest to an origin, or of the surface's middle, shape (2,)."""
+    if origin is None:
+        return np.array(middle(surface))
+    return footpoints(surface, np.asarray(origin, float)[None])[0][0]
 
 
 def between(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:

@@ -49,8 +49,8 @@ def test_moving_the_mesh_moves_the_taxels(seed, scale, centred):
 
 def mirrored(surface):
     """The surface with x turned round; v runs the other way, so that it still looks outward."""
-    net = surface.control_net[:, ::-1] * (-1, 1, 1)
-    return BSplineSurface(net, surface.knots_u, surface.knots_v, surface.degree, surface.closed)
+    net, seam = surface.control_net[:, ::-1] * (-1, 1, 1), surface.seam * (-1, 1, 1)
+    return BSplineSurface(net, surface.knots_u, surface.knots_v, surface.degree, surface.closed, seam)
 
 
 def test_mirrored_surface_has_the_mirrored_sheet():
