@@ -35,7 +35,7 @@ def sheet(name, rows, columns, direction, origin="center", pitch=0.01):
 PLANS = {
     "wrist": {
         "grid": {"kind": "tube", "n": 10, "m": 10, "axis": "auto", "margin": 0.002},
-        "skins": [sheet("wrist", 6, 22, [0.0, 1.0, 0.0])],
+        "skins": [sheet("wrist", 6, 20, [0.0, 1.0, 0.0])],
         "response": RESPONSE,
     },
     "sole": {
