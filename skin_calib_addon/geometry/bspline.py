@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, IntArray, freeze, product, unit
+from ..arrays import Array, IntArray, cross, freeze, product, unit
 from ..errors import InvalidKnotVector
 
 
@@ -112,7 +112,7 @@ def basis_functions(u: Array, knots: Array, degree: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SpanPolynomials:
-    """The basis functions of each knot span as polynomials of the share of the span that lies behind a parameter."""
+    """The basis functions of each knot span as polynomials of the way from its start to a parameter."""
 
     starts: Array  # (s,) where the spans begin
     lengths: Array  # (s,)
@@ -127,8 +127,7 @@ class SpanPolynomials:
         first, derivatives = local_basis(starts, knots, degree, degree)
         powers = np.arange(degree + 1)
         factorials = np.cumprod(np.maximum(powers, 1))
-        scale = lengths[:, None, None] ** powers / factorials
-        return cls(starts, lengths, first, derivatives.transpose(1, 2, 0) * scale)
+        return cls(starts, lengths, first, derivatives.transpose(1, 2, 0) / factorials)
 
 
 @cache
@@ -175,7 +174,7 @@ class BSplineSurface:
     def normals(self, uv: Any) -> Array:
         """Unit normals ``r_u x r_v`` out of the robot, shape (m, 3) (paper eq. 5, normalised)."""
         r = self.derivatives(uv, order=1)
-        return unit(np.cross(r[1, 0], r[0, 1]))
+        return unit(cross(r[1, 0], r[0, 1]))
 
     def derivatives(self, uv: Any, order: int = 1) -> Array:
         """Partial derivatives up to ``order``.
@@ -203,7 +202,7 @@ class BSplineSurface:
         Both directions at once: for few points that takes hardly longer than one. Beyond the ends of its domain a
         spline goes on along its tangent.
         """
-        starts, scales, (first, last), spans_u = self._steps
+        starts, (first, last), spans_u = self._steps
         inside = np.minimum(np.maximum(uv, first), last)
         step = np.empty(uv.shape, np.int64)
         for s, x, out in zip(self._spans, inside, step):
@@ -212,17 +211,12 @@ class BSplineSurface:
         step[1] += spans_u
         powers = np.empty((*uv.shape, max(self.degree) + 1))
         powers[..., 0] = 1.0
-        scale = scales[step]
-        powers[..., 1:] = ((inside - starts[step]) * scale)[..., None]
+        powers[..., 1:] = (inside - starts[step])[..., None]
         np.multiply.accumulate(powers, axis=2, out=powers)
         beyond = uv - inside
         leaves = bool(beyond.any())
         count, most = powers.shape[2], max(order, leaves)
         values = product(powers.reshape(-1, count), _derivatives(count, most)).reshape(*uv.shape, most + 1, count)
-        factor = scale
-        for d in range(1, most + 1):
-            values[:, :, d] *= factor[..., None]
-            factor = factor * scale
         if leaves:
             values[:, :, 0] += beyond[..., None] * values[:, :, 1]
             values[beyond != 0, 2:] = 0.0
@@ -257,7 +251,7 @@ class BSplineSurface:
         """Between points 1, 2, 4 ... half spans apart: the largest turn [rad], and the largest to its way [1/m]."""
         u, v = (spans.starts[:, None] + spans.lengths[:, None] * MIDDLES for spans in self._spans)
         r = self.derivatives(np.column_stack((np.repeat(u.ravel(), v.size), np.tile(v.ravel(), u.size))))
-        points, normals = (x.reshape(u.size, v.size, 3) for x in (r[0, 0], unit(np.cross(r[1, 0], r[0, 1]))))
+        points, normals = (x.reshape(u.size, v.size, 3) for x in (r[0, 0], unit(cross(r[1, 0], r[0, 1]))))
         turns = []
         for axis, closed in enumerate(self.closed):
             n = points.shape[axis]
@@ -278,14 +272,11 @@ class BSplineSurface:
         return SpanPolynomials.of(self.knots_u, self.degree[0]), SpanPolynomials.of(self.knots_v, self.degree[1])
 
     @cached_property
-    def _steps(self) -> tuple[Array, Array, Array, int]:
-        """Of the spans in u and then those in v: where each starts, and one over its length.
-
-        Also the ends of both domains, shape (2, 2, 1), and how many spans there are in u.
-        """
-        starts, lengths = (np.concatenate([getattr(s, name) for s in self._spans]) for name in ("starts", "lengths"))
+    def _steps(self) -> tuple[Array, Array, int]:
+        """Where the spans in u and then those in v start; the ends of both domains, (2, 2, 1); how many are in u."""
+        starts = np.concatenate([s.starts for s in self._spans])
         ends = np.array([(s.starts[0], s.starts[-1] + s.lengths[-1]) for s in self._spans]).T[..., None]
-        return starts, 1 / lengths, ends, len(self._spans[0].starts)
+        return starts, ends, len(self._spans[0].starts)
 
     @cached_property
     def _patches(self) -> Array:

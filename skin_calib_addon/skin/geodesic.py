@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
-from ..arrays import Array, BoolArray, unit
+from ..arrays import Array, BoolArray, cross, unit
 from ..geometry.bspline import BSplineSurface
 from ..geometry.distance import footpoints
 
@@ -39,7 +39,7 @@ def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: 
     )
     row, tangents = trace_both(surface, uv[None], along[None], step, left, left + right + 1)
     row, tangents = row[:, 0], tangents[:, 0]
-    across = np.cross(surface.normals(row), tangents)
+    across = cross(surface.normals(row), tangents)
     grid = trace_both(surface, row, across, step, below, below + above + 1)[0]
     y, x = step * np.arange(-below, above + 1), step * np.arange(-left, right + 1)
     splines = [RectBivariateSpline(y, x, grid[..., k], kx=min(3, len(y) - 1), ky=min(3, len(x) - 1)) for k in (0, 1)]
@@ -108,7 +108,7 @@ def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tu
     tangents : array, shape (k, 3)
         Unit, at the end.
     """
-    first, up = r, unit(np.cross(r[1, 0], r[0, 1]))
+    first, up = r, unit(cross(r[1, 0], r[0, 1]))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for parts in PARTS:
             state, r, h = start, first, step[:, None] / parts
@@ -121,7 +121,7 @@ def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tu
                 r = surface.derivatives(state[:, 0], order=2)
             velocity = r[1, 0] * state[:, 1, :1] + r[0, 1] * state[:, 1, 1:]
             speed = np.sqrt((velocity**2).sum(axis=1, keepdims=True))
-            turned = np.arccos(np.clip((unit(np.cross(r[1, 0], r[0, 1])) * up).sum(axis=1), -1, 1))
+            turned = np.arccos(np.clip((unit(cross(r[1, 0], r[0, 1])) * up).sum(axis=1), -1, 1))
             kept = (np.abs(speed[:, 0] - 1) < UNIT_SPEED) & (turned < TURN * parts)
             if kept.all():
                 state[:, 1] /= speed
@@ -140,7 +140,7 @@ def _stepped_over(
     # Footpoints lie in [0, 1]; paths go on over a seam.
     state[lost, 0] = found + np.where(surface.closed, np.rint(uv - found), 0.0)
     r = surface.derivatives(state[:, 0], order=2)
-    normals = unit(np.cross(r[1, 0, lost], r[0, 1, lost]))
+    normals = unit(cross(r[1, 0, lost], r[0, 1, lost]))
     tangents[lost] = unit(ahead - (ahead * normals).sum(axis=1, keepdims=True) * normals)
     state[:, 1] = in_basis(r[1, 0], r[0, 1], tangents)
     return state, r, tangents

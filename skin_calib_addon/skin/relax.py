@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, IntArray, unit
+from ..arrays import Array, IntArray, cross, unit
 from ..errors import InvalidPlan
 from ..geometry.bspline import BSplineSurface
 from .equations import equations_of
@@ -90,7 +90,7 @@ def relax(
     for _ in range(MOST_STEPS):
         r = surface.derivatives(x)
         points, basis = r[0, 0], np.stack((r[1, 0], r[0, 1]), axis=1)
-        normals = unit(np.cross(r[1, 0], r[0, 1]))
+        normals = unit(cross(r[1, 0], r[0, 1]))
         measured, pull = pair_lengths(points, normals, net.pairs, net.straight)
         strain = scale * (measured / net.lengths - 1)
         energy, off = float(strain @ strain), ties.off(x, points)
@@ -101,7 +101,7 @@ def relax(
         best, least, amiss = x, energy if mended else min(energy, least), float(np.abs(off).max())
         ends = np.stack((basis[start], basis[stop]), axis=1)
         slopes = np.matmul(ends, pull[..., None])[..., 0] * per_length
-        across = np.cross(np.stack((normals[start], normals[stop]), axis=1), pull)
+        across = cross(np.stack((normals[start], normals[stop]), axis=1), pull)
         sideways = np.matmul(ends, across[..., None])[..., 0] * per_length
         loads = np.matmul(basis, ties.loads[..., None])[..., 0]
         rows = ties.rows(basis)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, unit
+from ..arrays import Array, cross, unit
 from ..geometry.bspline import BSplineSurface
 from .relax import pair_lengths
 from .wrap import WrappedSheet
@@ -17,7 +17,7 @@ def cell_strain(sheet: WrappedSheet) -> Array:
     """Strain of each cell along its row, across the rows, and in shear [rad], shape (cells, 3)."""
     lattice = sheet.lattice
     r = sheet.layer.derivatives(sheet.uv.reshape(-1, 2))
-    normals = unit(np.cross(r[1, 0], r[0, 1]))
+    normals = unit(cross(r[1, 0], r[0, 1]))
     points, (_, b) = r[0, 0], lattice.node_shape
     i, j = (2 * lattice.index + 1).T
     centre = i * b + j
@@ -61,7 +61,7 @@ def _meeting(layer: BSplineSurface, line: Array, turn: Array) -> tuple[float, fl
     """Gap and step where the beginning of a line of nodes (k, 2) comes round again."""
     again = line[0] + turn
     r = layer.derivatives(np.concatenate((line, again[None])))
-    points, normals = r[0, 0], unit(np.cross(r[1, 0], r[0, 1]))
+    points, normals = r[0, 0], unit(cross(r[1, 0], r[0, 1]))
     ways = pair_lengths(points, normals, np.column_stack((np.arange(len(line) - 1), np.arange(1, len(line)))))[0]
     done = np.append(0.0, np.cumsum(ways))
     # The node next to where it comes round, and the way from there.
@@ -73,4 +73,4 @@ def _meeting(layer: BSplineSurface, line: Array, turn: Array) -> tuple[float, fl
     ahead, way = (unit(arm - (arm @ up) * up) for arm in (ahead, points[-1] - points[nearest]))
     if way.any():
         way = way * pair_lengths(points, normals, np.array([[nearest, len(line)]]))[0][0]
-    return float(done[nearest] + way @ ahead - done[-1]), float(way @ np.cross(up, ahead))
+    return float(done[nearest] + way @ ahead - done[-1]), float(way @ cross(up, ahead))

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, IntArray, unit
+from ..arrays import Array, IntArray, cross, unit
 from ..errors import InvalidPlan
 from ..geometry.bspline import BSplineSurface
 from ..geometry.middle import shares_before
@@ -49,19 +49,20 @@ def pinned(surface: BSplineSurface, net: Net, uv: Array, along: Array, centre: b
         Whether, instead of the node, the outermost nodes are held so that as much is free beyond one as the other.
     """
     pin, beside = net.pin, net.beside_pin
-    across = np.cross(surface.normals(uv[[pin]])[0], along)
+    r = surface.derivatives(uv[pin])[:, :, 0]
+    here, across = r[0, 0], cross(unit(cross(r[1, 0], r[0, 1])), along)
     reach = np.linalg.norm(net.flat[beside], axis=1)
     ways = net.flat[beside] @ np.stack((along, across)) / reach[:, None]
     # A geodesic turns on its way, by what its end tells.
     path, tangents = trace(surface, np.repeat(uv[[pin]], len(beside), axis=0), ways, reach[:, None] / PARTS, PARTS)
-    sides = np.cross(surface.normals(path[-1]), tangents[-1]) * (reach / (reach**2).sum())[:, None]
+    r = surface.derivatives(path[-1])
+    sides = cross(unit(cross(r[1, 0], r[0, 1])), tangents[-1]) * (reach / (reach**2).sum())[:, None]
     nodes, place = np.full((1, 2, 2), pin), uv[[pin]].copy()
     for axis, closed in enumerate(surface.closed):
         if centre and not closed:
             ends, shift = centring(surface, uv, axis)
             nodes[0, axis], place[0, axis] = ends, uv[ends, axis].mean() + shift
-    ways = surface.points(path[-1]) - surface.points(uv[[pin]])
-    return Ties(nodes, place, pin, beside, ways, sides, rigid_loads(net, *flat_axes(surface, net, uv)))
+    return Ties(nodes, place, pin, beside, r[0, 0] - here, sides, rigid_loads(net, *flat_axes(surface, net, uv)))
 
 
 def centring(surface: BSplineSurface, uv: Array, axis: int) -> tuple[IntArray, float]:
@@ -94,9 +95,9 @@ def rigid_loads(net: Net, x_axis: Array, y_axis: Array) -> Array:
 def flat_axes(surface: BSplineSurface, net: Net, uv: Array) -> tuple[Array, Array]:
     """Where the axes of the flat net point at each node, unit, shapes (n, 3): as the pairs there say on the mean."""
     r = surface.derivatives(uv)
-    points, normals = r[0, 0], unit(np.cross(r[1, 0], r[0, 1]))
+    points, normals = r[0, 0], unit(cross(r[1, 0], r[0, 1]))
     chords = points[net.pairs[:, 1]] - points[net.pairs[:, 0]]
     x, y = (part @ chords for part in net.arms_at_nodes)
-    x_axis = x - np.cross(normals, y)  # each chord, turned back by the angle of its arm
+    x_axis = x - cross(normals, y)  # each chord, turned back by the angle of its arm
     x_axis = unit(x_axis - (x_axis * normals).sum(axis=1, keepdims=True) * normals)
-    return x_axis, np.cross(normals, x_axis)
+    return x_axis, cross(normals, x_axis)

@@ -1,0 +1,15 @@
+"""What we do to arrays ourselves, against NumPy's way."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.arrays import cross
+
+
+@pytest.mark.parametrize("shape", [(3,), (7, 3), (4, 2, 3)])
+def test_cross_is_that_of_numpy(shape):
+    """Of single vectors, rows and tables, and of a view."""
+    a, b = np.random.default_rng(1).normal(size=(2, *shape))
+    assert_allclose(cross(a, b), np.cross(a, b), rtol=0, atol=1e-15)
+    assert_allclose(cross(a[..., ::-1], b), np.cross(a[..., ::-1], b), rtol=0, atol=1e-15)
