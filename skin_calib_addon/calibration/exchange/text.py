@@ -5,6 +5,7 @@ import os
 import re
 
 from ...errors import CalibrationFormatError
+from ..strict_json import read
 
 MOST_BYTES = 64 * 2**20
 MOST_LINES = 2**21
@@ -28,6 +29,19 @@ def check_size(data: bytes, path: str | os.PathLike[str]) -> None:
     """Refuse a file beyond `MOST_BYTES`."""
     if len(data) > MOST_BYTES:
         raise CalibrationFormatError(f"cannot read '{path}': its {len(data)} bytes exceed {MOST_BYTES}")
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """The text of a file, as :func:`text_of`.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If it cannot be read, is beyond a limit, or is no text in UTF-8.
+    """
+    data = read(path)
+    check_size(data, path)
+    return text_of(data, path)
 
 
 def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
