@@ -14,6 +14,8 @@ from .exchange.table import SEPARATORS
 from .exchange.text import BadNumber, read_text, real
 from .findings import did_you_mean, show
 
+LEAST, LARGEST = 1e-100, 1e12  # of numbers that are not zero
+
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
@@ -104,6 +106,9 @@ def _place(header: list[str], name: str, line: int) -> int:
 
 def _number(row: list[str], column: int, line: int) -> float:
     try:
-        return real(row[column].strip()) + 0.0  # no minus zero
+        number = real(row[column].strip()) + 0.0  # no minus zero
     except BadNumber as problem:
         raise _Wrong(line, column + 1, str(problem)) from problem
+    if number != 0 and not LEAST <= abs(number) <= LARGEST:
+        raise _Wrong(line, column + 1, f"has {number:g}, beyond all that sensors read or feel")
+    return number

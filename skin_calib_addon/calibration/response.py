@@ -110,6 +110,8 @@ class TaxelResponses:
         kinds = [responses[i] for i in used]
         self.rest = np.array([r.rest for r in kinds])[index] if kinds else np.empty(0)
         self.full = np.array([np.inf if r.full is None else r.full for r in kinds])[index] if kinds else np.empty(0)
+        for shared in (self.rest, self.full):
+            shared.setflags(write=False)
         self._sign = np.where(self.full < self.rest, -1.0, 1.0)
         self._signed_full = self._sign * self.full
         is_table = np.array([isinstance(r, ResponseTable) for r in kinds], bool)

@@ -64,23 +64,32 @@ def fit_response(readings: Array, forces: Array) -> ResponseFit:
     Raises
     ------
     UnderdeterminedFit
-        If all readings are the same, or there are not two.
+        If all readings or all forces are the same, or there are not two.
     """
     readings, forces = np.asarray(readings, float), np.asarray(forces, float)
-    if len(readings) == 0 or np.ptp(readings) == 0:
-        few = ("there is no measurement", "there is one measurement")
-        what = few[len(readings)] if len(readings) < 2 else f"all {len(readings)} measurements read {readings[0]:g}"
-        raise UnderdeterminedFit(f"{what}; measure at two forces or more that the sensor tells apart")
+    if len(readings) < 2 or np.ptp(readings) == 0 or np.ptp(forces) == 0:
+        raise UnderdeterminedFit(
+            f"{_alike(readings, forces)}; measure at two forces or more that the sensor tells apart"
+        )
     sign = -1.0 if np.sum((readings - readings.mean()) * (forces - forces.mean())) < 0 else 1.0
     full, rest = _stuck(sign * readings, forces), _stuck(-sign * readings, forces)
     used = ~(full | rest)
     told = forces.copy()
     if rest.any():  # all of them count as the least force, so that a sensor at rest does not press
         told[rest] = forces[readings == readings[rest][0]].min()
-    response = _best(readings[~full], told[~full], sign)
+    with np.errstate(all="ignore"):  # readings that are hardly apart: what overflows is found worse than the rest
+        response = _best(readings[~full], told[~full], sign)
     residuals = forces[used] - response.newtons(readings[used])
     doubts = _doubts(response, readings, forces, used, residuals)
     return ResponseFit(response, used, residuals, tuple(doubts))
+
+
+def _alike(readings: Array, forces: Array) -> str:
+    """Why there is nothing to fit."""
+    if len(readings) < 2:
+        return ("there is no measurement", "there is one measurement")[len(readings)]
+    what = f"read {readings[0]:g}" if np.ptp(readings) == 0 else f"are of {forces[0]:g} N"
+    return f"all {len(readings)} measurements {what}"
 
 
 def _stuck(readings: Array, forces: Array) -> BoolArray:
@@ -105,6 +114,8 @@ def _best(readings: Array, forces: Array, sign: float) -> AnyResponse:
     distinct = len(np.unique(readings))
     degrees = range(1, max(1, min(MOST_DEGREE, (distinct - 1) // 2)) + 1)
     counts = [k for k in KNOTS if k <= distinct]
+    if len(readings) == 2:
+        return _table(*_knots(readings, forces, sign, [2])[0], sign)
     errors = _squares(readings, forces, degrees, counts, sign)
     floor = (EXACT * np.ptp(forces)) ** 2
     best = min(errors.values(), key=np.mean)
@@ -130,22 +141,22 @@ def _as_good(squares: Array, best: Array, floor: float) -> bool:
 def _squares(
     readings: Array, forces: Array, degrees: range, counts: list[int], sign: float
 ) -> dict[tuple[int, int], Array]:
-    """Squared errors (n,) at measurements left out of the fit, by degree of a polynomial or number of knots."""
-    n = len(readings)
-    fold = np.empty(n, int)
-    fold[np.lexsort((forces, sign * readings))] = np.arange(n) % min(FOLDS, n)
-    errors = {**{(d, 0): np.empty(n) for d in degrees}, **{(0, k): np.empty(n) for k in counts}}
-    for k in range(min(FOLDS, n)):
+    """Squared errors (n - 2,) at measurements left out of the fit, by degree of a polynomial or number of knots.
+
+    The least and the largest reading are never left out: beyond what it is of, no response is asked.
+    """
+    inner = np.lexsort((forces, sign * readings))[1:-1]
+    fold = np.full(len(readings), -1)
+    fold[inner] = np.arange(len(inner)) % FOLDS
+    errors = {**{(d, 0): forces.copy() for d in degrees}, **{(0, k): forces.copy() for k in counts}}
+    for k in range(min(FOLDS, len(inner))):
         out = fold == k
         kept, left = (readings[~out], forces[~out]), readings[out]
-        if np.ptp(kept[0]) == 0:
-            predictions: list[Array] = [np.full(len(left), kept[1].mean())] * len(errors)
-        else:
-            predictions = [_polynomial(*kept, d)(left) for d in degrees]
-            predictions += [np.interp(sign * left, *knots) for knots in _knots(*kept, sign, counts)]
-        for error, told in zip(errors.values(), predictions):
-            error[out] = (forces[out] - told) ** 2
-    return errors
+        told = [_polynomial(*kept, d)(left) for d in degrees]
+        told += [np.interp(sign * left, *knots) for knots in _knots(*kept, sign, counts)]
+        for error, force in zip(errors.values(), told):
+            error[out] -= force
+    return {simplicity: error[fold >= 0] ** 2 for simplicity, error in errors.items()}
 
 
 def _polynomial(readings: Array, forces: Array, degree: int) -> Predict:

@@ -80,6 +80,7 @@ def test_responses_go_by_patch_and_taxel():
     expected = [naive(r, 200.0) for r in (RISING, RISING, TABLE, DOWN)]
     assert_allclose(responses.forces(intensity), expected, rtol=1e-14)
     assert responses.rest.tolist() == [5, 5, 0, 1000] and responses.full.tolist() == [250, 250, 250, 100]
+    assert not responses.rest.flags.writeable and not responses.full.flags.writeable
     assert len(TaxelResponses.of(small_calibration(patches=())).forces([])) == 0
 
 

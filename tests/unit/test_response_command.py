@@ -144,10 +144,13 @@ def test_picture_shows_curve_and_residuals(folder, taxels):
         ("reading,force\n1,2\n1\n", "line 3, column 2: has 1 columns, the header 2"),
         ("reading\tforce\n1\t2\nx\t3\n", "line 3, column 1: has 'x' where a number belongs"),
         ("reading,force\n1,2\n2,nan\n", "line 3, column 2: has 'nan'; a finite number is needed"),
+        ("reading,force\n1,2\n3,1e-101\n", "line 3, column 2: has 1e-101, beyond all"),
+        ("reading,force\n1,2\n-2e12,3\n", "line 3, column 1: has -2e+12, beyond all that sensors read or feel"),
         ("reading,force\n1,2\n2,\n", "line 3, column 2: has '' where a number belongs"),
         ("force,taxel,reading\n1,s0.0,2\n1,s0,2\n", 'line 3, column 2: names no taxel of the calibration: "s0"; did'),
         ('reading,force\n1,"2\n', "line 3, column 1: is no table: "),
         ("reading,force\n5,1\n5,2\n", "m.csv': all 2 measurements read 5; measure at two forces or more"),
+        ("reading,force\n5,1\n6,1\n", "m.csv': all 2 measurements are of 1 N; measure at two forces or more"),
         ("taxel,reading,force\ns0.0,5,1\n", "m.csv', taxel s0.0: there is one measurement; measure at two"),
     ],
 )

@@ -216,7 +216,7 @@ def test_one_reading_is_no_response(readings):
 
 
 measurements = st.lists(st.tuples(st.integers(-50, 300), st.floats(-1, 50)), min_size=2, max_size=40).filter(
-    lambda rows: len({reading for reading, _ in rows}) > 1
+    lambda rows: min(len(set(column)) for column in zip(*rows)) > 1
 )
 
 
@@ -230,6 +230,24 @@ def test_any_measurements_give_a_valid_response(rows):
     told = fit.response.newtons(np.linspace(readings.min(), readings.max(), 50))
     assert np.isfinite(told).all() and told.max() <= max(2 * np.abs(forces).max(), 1)
     assert len(fit.residuals) == fit.used.sum() >= 2
+
+
+values = st.floats(-1e12, 1e12).filter(lambda x: x == 0 or abs(x) >= 1e-100)
+
+
+@given(
+    rows=st.lists(
+        st.tuples(values | st.sampled_from((0.0, 1e-100, 1e-90, 1.0, 1 + 1e-15)), values),
+        min_size=2,
+        max_size=12,
+    ).filter(lambda rows: min(len(set(column)) for column in zip(*rows)) > 1)
+)
+def test_strange_measurements_give_a_valid_response_too(rows):
+    """Readings a bit apart, or all that a table may hold: no warning, no overflow."""
+    readings, forces = np.array(rows, float).T
+    fit = fit_response(readings, forces)
+    assert list(response_findings(response_document(fit.response), "")) == []
+    assert np.isfinite(fit.response.newtons(readings)).all()
 
 
 @given(rows=measurements)
