@@ -232,6 +232,17 @@ def test_any_measurements_give_a_valid_response(rows):
     assert len(fit.residuals) == fit.used.sum() >= 2
 
 
+@pytest.mark.parametrize("unit", [1e-15, 1e-100, 1e12 / 255])
+def test_unit_of_readings_makes_no_difference(unit):
+    """Farads, or anything else: the same curve; where its powers overflow, a table."""
+    forces = presses(10.0)
+    readings = forearm(forces) * unit
+    fit = fit_response(readings, forces)
+    off = errors(fit, lambda x: forearm_truth(x / unit), readings.min(), readings.max())
+    assert np.abs(off).max() < (0.03 if isinstance(fit.response, Response) else 0.1)
+    assert isinstance(fit.response, Response) == (unit > 1e-90)
+
+
 values = st.floats(-1e12, 1e12).filter(lambda x: x == 0 or abs(x) >= 1e-100)
 
 
