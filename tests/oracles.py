@@ -1,6 +1,8 @@
 """Slow obvious versions of what the package does fast: one function, one face, one point at a time."""
 
+from fractions import Fraction
 from functools import cache
+from math import isqrt
 
 import numpy as np
 
@@ -260,3 +262,103 @@ def felt(skin, forces, active):
         force = sum(forces[i] for i in group)
         contacts[group] = force, sum(forces[i] * skin.positions[i] for i in group) / force
     return wrench, contacts
+
+
+def exact(points):
+    """Points as pairs of fractions, which hold what floats hold."""
+    return [(Fraction(float(x)), Fraction(float(y))) for x, y in points]
+
+
+def turn(a, b, c):
+    """Twice the area of a triangle of fractions or whole numbers, positive where it turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def hull_corners(points):
+    """Corners of a convex hull, counter-clockwise from the leftmost: edges are pairs with all others to the left."""
+    places = sorted(set(points))
+    if len(places) < 2:
+        return places
+    after = {}
+    for a in places:
+        for b in places:
+            on_line = (c for c in places if turn(a, b, c) == 0)
+            if a != b and all(turn(a, b, c) >= 0 for c in places) and all(is_between(c, a, b) for c in on_line):
+                after[a] = b
+    corners = [places[0]]
+    while after[corners[-1]] != places[0]:
+        corners.append(after[corners[-1]])
+    return corners
+
+
+def is_between(c, a, b):
+    """Whether a point of the line through two others lies between them, or on one."""
+    return min(a, b) <= c <= max(a, b)
+
+
+def clipped(corners, lines):
+    """What lies left of all lines, each a point and a direction, of a convex polygon of fractions; nothing is []."""
+    for start, (dx, dy) in lines:
+        side = [dx * (y - start[1]) - dy * (x - start[0]) for x, y in corners]
+        kept = []
+        for i, ((ax, ay), a) in enumerate(zip(corners, side)):
+            (bx, by), b = corners[i - 1], side[i - 1]
+            if a * b < 0:
+                t = a / (a - b)
+                kept.append((ax + t * (bx - ax), ay + t * (by - ay)))
+            if a >= 0:
+                kept.append((ax, ay))
+        corners = kept
+    return corners
+
+
+def moved_lines(corners, distances):
+    """The edges of a polygon of fractions, each moved to its left by a distance, to 100 bits of its length."""
+    lines = []
+    for i, (ax, ay) in enumerate(corners):
+        bx, by = corners[(i + 1) % len(corners)]
+        dx, dy = bx - ax, by - ay
+        share = distances[i] / fraction_root(dx * dx + dy * dy)
+        lines.append(((ax - share * dy, ay + share * dx), (dx, dy)))
+    return lines
+
+
+def fraction_root(value):
+    """The square root of a positive fraction, to 100 bits."""
+    shift = 200 + value.denominator.bit_length() - value.numerator.bit_length()
+    shift += shift % 2
+    whole = isqrt(int(value * Fraction(2) ** shift))
+    return Fraction(whole) / Fraction(2) ** (shift // 2)
+
+
+def fraction_area(corners):
+    """Area of a polygon of fractions, by the shoelace formula."""
+    return sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(corners, corners[1:] + corners[:1])) / 2
+
+
+def fraction_centroid(corners):
+    """Centroid of a polygon of fractions, of the triangles that the origin makes with each edge."""
+    pairs = list(zip(corners, corners[1:] + corners[:1]))
+    crosses = [a[0] * b[1] - a[1] * b[0] for a, b in pairs]
+    return tuple(sum(c * (a[k] + b[k]) for c, (a, b) in zip(crosses, pairs)) / sum(crosses) / 3 for k in (0, 1))
+
+
+def is_in_convex(point, corners):
+    """Whether a point of fractions lies in a convex polygon, a segment or a point of them, or on its border."""
+    if len(corners) == 1:
+        return point == corners[0]
+    sides = [turn(a, b, point) for a, b in zip(corners, corners[1:] + corners[:1])]
+    return min(sides) >= 0 and (len(corners) > 2 or is_between(point, *corners))
+
+
+def nearest_in_convex(point, corners):
+    """The nearest point of a convex polygon of fractions: itself, or the nearest on any edge."""
+    if is_in_convex(point, corners):
+        return point
+    feet = []
+    for a, b in zip(corners, corners[1:] + corners[:1]):
+        dx, dy = b[0] - a[0], b[1] - a[1]
+        t = ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / (dx * dx + dy * dy) if a != b else Fraction(0)
+        t = min(max(t, Fraction(0)), Fraction(1))
+        feet.append((a[0] + t * dx, a[1] + t * dy))
+    return min(feet, key=lambda foot: (foot[0] - point[0]) ** 2 + (foot[1] - point[1]) ** 2)

@@ -12,12 +12,14 @@ from ..arrays import Array, IntArray
 
 # Grid coordinates stay below 2**29: a grid below a nanometre for a foot, and whole numbers that floats hold exactly.
 GRID_BITS = 29
+SMALLEST = -1074  # the exponent of the smallest number: on that grid every float lies exactly
 GridPoint = tuple[int, int]
 
 
 def grid_step(size: float) -> float:
     """The finest power of two [m] on whose grid coordinates up to ``size`` are below 2**29; under 1 nm for a foot."""
-    return math.ldexp(1.0, max(math.frexp(size)[1] - GRID_BITS, -1000))
+    step = math.ldexp(1.0, max(math.frexp(size)[1] - GRID_BITS, SMALLEST))
+    return step if round(size / step) < 2**GRID_BITS else 2 * step
 
 
 class HullTable:
@@ -36,7 +38,7 @@ class HullTable:
 
     def __init__(self, points: Array):
         points = np.asarray(points, float)
-        points = points.reshape(len(points), -1, 2)
+        points = points.reshape(len(points), points.size // (2 * len(points)) if len(points) else 1, 2)
         size = float(np.abs(points).max(initial=0.0))
         if not math.isfinite(size):
             raise ValueError("a point of a convex hull must be finite")
@@ -59,9 +61,12 @@ class HullTable:
         No corner lies on the line of its neighbours. One point, or many in one place, give one corner; points on a line
         give its two ends; none give none.
         """
-        self._among[self._rank[rows]] = True
-        chosen = self._among.nonzero()[0]
-        self._among[chosen] = False
+        places = self._rank[rows]
+        try:
+            self._among[places] = True
+            chosen = self._among.nonzero()[0]
+        finally:  # one point left behind would be in every hull from now on
+            self._among[places] = False
         high, low = _steps(self._y[chosen])
         below, above = ([self._places[k] for k in chosen[keep].tolist()] for keep in (low, high[::-1]))
         return below if len(below) < 2 else _left_turns(below)[:-1] + _left_turns(above)[:-1]
