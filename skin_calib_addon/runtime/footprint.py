@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Array, IntArray
+from ..arrays import IntArray
 from .components import components
 from .geometry import GroundGeometry, SkinGeometry
 from .polygon import Polygon, of_grid
@@ -24,23 +24,6 @@ class SupportingPolygon:
     outer: Polygon  # hull of the corners of the active cells
     nominal: Polygon  # hull of their centres
     guaranteed: Polygon  # the nominal polygon less a cell all round
-
-
-def eroded(nominal: Polygon, cell: Array) -> Polygon:
-    """What must be in contact where cells with these centres are: ``nominal`` less a cell (FORMULAS 5).
-
-    Contact may be at the far corner of each cell: an edge moves in by how far the cell reaches against its normal.
-
-    Parameters
-    ----------
-    nominal : Polygon
-        Hull of the centres of the active cells.
-    cell : array, shape (j, 2)
-        Corners of an outline about the centre that holds every cell [m].
-    """
-    if nominal.kind != "area":
-        return NOTHING
-    return nominal.moved_in(np.maximum(-(nominal.half_planes[0] @ cell.T).min(axis=1), 0.0).tolist())
 
 
 class Footprint:
@@ -76,4 +59,4 @@ class Footprint:
         rows = self.rows[ground.under[self.rows]]
         nominal = of_grid(ground.centre_hull.hull(rows), ground.centre_hull.step)
         outer = of_grid(ground.corner_hull.hull(rows), ground.corner_hull.step)
-        return SupportingPolygon(outer, nominal, eroded(nominal, ground.cell))
+        return SupportingPolygon(outer, nominal, nominal.eroded(ground.cell))

@@ -178,6 +178,22 @@ class Polygon:
             return self
         return self.moved_in([distance] * len(self._edges)) if len(self._loop) > 2 else Polygon(np.empty((0, 2)))
 
+    def eroded(self, cell: Iterable[Point]) -> "Polygon":
+        """Where the middle of a convex cell can stand so that all of the cell, turned round, is inside (Minkowski).
+
+        Each edge moves in by how far the cell reaches against the edge's normal. Of the hull of the centres of touched
+        cells it leaves what the true contact holds, though each be touched at its far corner alone (FORMULAS 5).
+
+        Parameters
+        ----------
+        cell : iterable of pairs
+            Corners of the cell about its middle [m].
+        """
+        if len(self._loop) < 3:
+            return Polygon(np.empty((0, 2)))
+        cell = list(cell)
+        return self.moved_in([max(0.0, *(ux * y - uy * x for x, y in cell)) for _, _, ux, uy, _ in self._sides])
+
     def moved_in(self, distances: Iterable[float]) -> "Polygon":
         """What is left when each edge moves inward by a distance [m] of its own, 0 or more; empty where nothing is.
 

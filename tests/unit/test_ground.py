@@ -8,7 +8,6 @@ from hypothesis.extra import numpy as hnp
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.runtime import Plane, convex_hull
-from skin_calib_addon.runtime.footprint import eroded
 from skin_calib_addon.runtime.frame import LEAST_LOAD, zero_moment_point
 from tests.samples import sheet
 from tests.soles import SIDE, cell_patch, skin_of, sole_patch
@@ -146,10 +145,10 @@ def test_guaranteed_polygon_is_the_largest_that_is_sure():
     """A square of centres less a lopsided cell: each edge moves in by the cell's reach against its normal."""
     square = convex_hull([(0, 0), (1, 0), (1, 1), (0, 1)])
     cell = np.array([(-0.1, -0.2), (0.3, -0.2), (0.3, 0.4), (-0.1, 0.4)])
-    low, high = eroded(square, cell).bounds
+    low, high = square.eroded(cell).bounds
     assert_allclose(low, (0.3, 0.4), atol=1e-9)
     assert_allclose(high, (0.9, 0.8), atol=1e-9)
-    assert eroded(convex_hull([(0, 0), (1, 0)]), cell).kind == "empty"
+    assert convex_hull([(0, 0), (1, 0)]).eroded(cell).kind == "empty"
 
 
 @given(forces=loads)
