@@ -27,6 +27,7 @@ class Frame:
     forces: Array  # (n,) on each taxel [N]; 0 where it is not known
     known: BoolArray  # (n,) whether the taxel gave a force that can be
     saturated: BoolArray  # (n,) whether the force may be larger
+    stuck: BoolArray  # (n,) whether a pressed taxel's reading has stood still for half a minute
     contacts: tuple[Contact, ...]
     wrench: Array  # (6,) of all contacts about the link's origin [N, N m]; NaN where nothing is known
     flags: frozenset[str]

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array, BoolArray
-from ..calibration.response import TaxelResponses
 from ..errors import InvalidReading
 from .geometry import SkinGeometry
 
@@ -24,6 +23,8 @@ class Readings:
     """Turns rows of readings into forces; remembers the baseline, the masked taxels and when each reading changed."""
 
     def __init__(self, calibration: "LinkCalibration", geometry: SkinGeometry):
+        from ..calibration.response import TaxelResponses  # the reader's imports are paid by who has a calibration
+
         self.link, self.channels = calibration.link, geometry.channels
         self.length = int(geometry.channels.max(initial=-1)) + 1
         self.masked: BoolArray = np.zeros(len(geometry.ids), bool)

@@ -206,7 +206,8 @@ class Skin:
         if not np.array_equal(rows, footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
         saturated = self._readings.saturated(intensities) & known
-        if np.count_nonzero(stuck & active):
+        stuck &= active
+        if np.count_nonzero(stuck):
             flags |= {"stuck"}
         if np.count_nonzero(saturated):
             flags |= {"saturated"}
@@ -217,10 +218,10 @@ class Skin:
         self._readings.accept(intensities, time)
         self._active = np.where(known, active, self._active & (not fresh))
         self._footprint = footprint
-        return Frame(time, forces, known, saturated, contacts, wrench, flags, None, footprint)
+        return Frame(time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint)
 
     def _unknown(self, time: float, flags: frozenset[str], problem: str) -> Frame:
         """The frame of a reading that says nothing; the skin stays as it was."""
         n = len(self.ids)
         nothing = np.zeros(n, bool)
-        return Frame(time, np.zeros(n), nothing, nothing, (), np.full(6, np.nan), flags, problem, None)
+        return Frame(time, np.zeros(n), nothing, nothing, nothing, (), np.full(6, np.nan), flags, problem, None)

@@ -1,5 +1,8 @@
 """Readings and times that are not what they should be: every doubt is a flag, nothing raises, nothing is forgotten."""
 
+import gc
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -91,7 +94,7 @@ def test_reading_that_never_changes_is_stuck():
     for k in range(32):
         moving[3], moving[9] = 5.0, 5.0 + 0.001 * (k % 2)
         frame = skin.update(moving, float(k))
-        assert ("stuck" in frame.flags) == (k > 30)
+        assert ("stuck" in frame.flags) == (k > 30) and frame.stuck.nonzero()[0].tolist() == [3] * (k > 30)
     moving[3] = 5.5
     assert "stuck" not in skin.update(moving, 33.0).flags
 
@@ -204,3 +207,24 @@ def test_no_reading_raises(readings):
             assert np.isfinite(polygon.corners).all()
         for contact in frame.contacts:
             assert np.isfinite(contact.position).all() and contact.force > 0
+
+
+def test_memory_does_not_grow():
+    """Thousands of frames, every one with other contacts, leave no more behind than a few."""
+    skin, rng = sole(), np.random.default_rng(0)
+
+    def run(frames, start):
+        for k in range(frames):
+            frame = skin.update(rng.choice([0.0, 5.0], N), 0.001 * (start + k))
+            assert frame.polygon.outer is not None and frame.cop is not None or frame.reason
+
+    run(300, 0)
+    tracemalloc.start()
+    run(50, 300)
+    gc.collect()  # lists that Python keeps for later use are not ours
+    before = tracemalloc.get_traced_memory()[0]
+    run(3000, 350)
+    gc.collect()
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < 20_000
