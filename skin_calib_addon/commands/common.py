@@ -4,8 +4,10 @@ import argparse
 import math
 import os.path
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
+from ..calibration.exchange import FORMATS
 from ..errors import OutputError
 
 DONE, WRONG_DATA, WRONG_CALL = 0, 1, 2
@@ -39,3 +41,8 @@ def newtons(text: str) -> float:
     if not 0 < force < math.inf:
         raise argparse.ArgumentTypeError(f"{text!r} is not a force of more than 0 N")
     return force
+
+
+def listed(formats: Iterable[str]) -> str:
+    """Formats of other programs for a ``--help``, a line for each."""
+    return "\n".join(("formats:", *(f"  {name:13} {FORMATS[name].what} ({FORMATS[name].ending})" for name in formats)))

@@ -4,19 +4,17 @@ import argparse
 from pathlib import Path
 
 from ..atomic_file import write_bytes_safely
-from ..calibration.exchange import WRITABLE, only_patches
-from ..calibration.exchange.formats import FORMATS
+from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
-from .common import DONE, check_folder
+from .common import DONE, check_folder, listed
 
 
 def add(commands) -> None:
-    listed = "\n".join(f"  {name:13} {FORMATS[name].what} ({FORMATS[name].ending})" for name in WRITABLE)
     export = commands.add_parser(
         "export",
         help="write the taxels of a calibration for another program",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog=f"formats:\n{listed}",
+        epilog=listed(WRITABLE),
     )
     export.add_argument("file", type=Path, metavar="FILE", help="calibration file")
     export.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of those below")

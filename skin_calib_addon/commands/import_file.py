@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..atomic_file import write_bytes_safely
-from ..calibration.exchange import FORMATS, read_taxels, write_taxel_set
-from ..calibration.exchange.formats import FORMATS as KNOWN
+from ..calibration.exchange import READABLE, read_taxels, write_taxel_set
 from ..calibration.file import save_calibration
 from ..calibration.strict_json import parse
 from ..errors import InvalidPlan
@@ -16,22 +15,21 @@ from ..pipeline import calibrate
 from ..plan import Plan, check_plan, load_plan, plan_document, plan_from
 from ..report import summary
 from ..skin.imported import placed
-from .common import DONE, check_folder, complain
+from .common import DONE, check_folder, complain, listed
 
 
 def add(commands) -> None:
-    listed = "\n".join(f"  {name:13} {KNOWN[name].what} ({KNOWN[name].ending})" for name in FORMATS)
     importing = commands.add_parser(
         "import",
         help="read the taxels of another program's file",
         description="Without a plan OUT is a table (CSV) of the taxels as the file has them, for a plan's skin of kind "
         "imported. With a plan OUT is a calibration: the taxels are laid on the link, as its only skin.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog=f"formats:\n{listed}",
+        epilog=listed(READABLE),
     )
     importing.add_argument("file", type=Path, metavar="FILE")
     importing.add_argument(
-        "--from", dest="format", choices=FORMATS, metavar="FORMAT", help="one of those below; else the content tells"
+        "--from", dest="format", choices=READABLE, metavar="FORMAT", help="one of those below; else the content tells"
     )
     importing.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="table, or calibration")
     importing.add_argument("--only", metavar="PATTERN", help="taxels whose label matches, as in 'l_forearm_skin_*'")

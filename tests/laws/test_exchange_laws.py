@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.calibration.exchange import FORMATS, read_taxels
+from skin_calib_addon.calibration.exchange import READABLE, read_taxels
 from skin_calib_addon.calibration.exchange.reading import CLOUDS, READERS, cloud_format_of, format_of
 from skin_calib_addon.calibration.exchange.taxel_set import finished
 from skin_calib_addon.errors import CalibrationFormatError
@@ -70,7 +70,7 @@ def assert_sound(taxels):
 
 
 @settings(max_examples=300)
-@given(content=spoilt(), name=st.sampled_from((None, *FORMATS)))
+@given(content=spoilt(), name=st.sampled_from((None, *READABLE)))
 def test_spoilt_files_are_read_or_refused(content, name):
     """Sound taxels, or at least one error with a place in words; no other exception."""
     data = content.encode("utf-8", "surrogatepass")

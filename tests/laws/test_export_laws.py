@@ -8,9 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.calibration.exchange import FORMATS as READABLE
-from skin_calib_addon.calibration.exchange import WRITABLE, read_taxels
-from skin_calib_addon.calibration.exchange.formats import FORMATS
+from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, read_taxels
 from skin_calib_addon.calibration.exchange.reading import cloud_format_of, format_of
 from skin_calib_addon.errors import CalibrationFormatError
 from tests.samples import seven_boards, sheet, small_calibration

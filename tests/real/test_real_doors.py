@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import load_calibration
-from skin_calib_addon.calibration.exchange import FORMATS, read_taxels
+from skin_calib_addon.calibration.exchange import READABLE, read_taxels
 from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.cli import main
 from tests.real.test_real_skin import MESHES, TAXELS
@@ -49,7 +49,7 @@ def test_arm_in_a_wrong_frame_is_laid_where_its_refusal_says(arm):
     assert sum(not row for row in patch.taxels.neighbours) < 10
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", READABLE)
 def test_real_taxels_go_out_and_come_back(arm, tmp_path, name):
     """In every format that is read too: the same places and normals, and the channels where it has them."""
     taxels = taxels_of(load_calibration(arm[0]))

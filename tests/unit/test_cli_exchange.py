@@ -7,9 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import load_calibration, save_calibration
-from skin_calib_addon.calibration.exchange import FORMATS as READABLE
-from skin_calib_addon.calibration.exchange import WRITABLE, read_taxels
-from skin_calib_addon.calibration.exchange.formats import FORMATS
+from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, read_taxels
 from skin_calib_addon.cli import main
 from tests.exchange_samples import csv_text, icub_text, matrix, robot_text
 from tests.samples import boards, seven_boards, sheet, small_calibration

@@ -1,11 +1,14 @@
 """Taxel sets in other programs' files: read as they are, with everything strange about them, or refused by the line."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.exchange import (
-    FORMATS,
+    READABLE,
     TaxelSet,
     icub,
     read_taxels,
@@ -458,7 +461,9 @@ def test_binary_ply_is_read(read, order, kind):
     table["v"], table["channel"] = np.column_stack((ROUND, OUTWARD)), 300 + np.arange(12)
     taxels = read(head.encode() + table.tobytes() + b"\x03" + bytes(12))
     assert_allclose(taxels.positions, ROUND, rtol=0, atol=1e-8 if kind == "f4" else 0)
-    assert taxels.channels.tolist() == list(range(300, 312)) and taxels.labels[0] == "300" and taxels.findings == ()
+    assert taxels.channels.tolist() == list(range(300, 312)) and taxels.labels[0] == "300"
+    assert codes(taxels) == {"faces": "line 12"} and "promises '1' faces" in str(taxels.findings[0])
+    assert read(head.replace("face 1", "face 0").encode() + table.tobytes()).findings == ()
     with pytest.raises(CalibrationFormatError, match="holds 11 of its 12 points; it is cut off"):
         read(head.encode() + table.tobytes()[:-1])
     table["v"][5, 1] = np.nan
@@ -575,12 +580,19 @@ def test_taxels_in_one_place_are_told(read):
     assert "that of line 4" in found.message and len(taxels.labels) == 12
 
 
+def test_plan_knows_every_format():
+    """The schema of plans lists what is read here."""
+    path = Path(__file__).parents[2] / "skin_calib_addon" / "plan.schema.json"
+    schema = json.loads(path.read_text("utf-8"))
+    assert tuple(schema["$defs"]["imported"]["properties"]["format"]["enum"]) == READABLE
+
+
 def test_format_is_told_by_the_content(read, tmp_path):
     """The three samples without a name; with the wrong one, with an unknown one, with no content."""
     rows = np.column_stack((ROUND, OUTWARD))
     samples = {"icub": icub_text(rows), "tum": tum_text(CELLS), "csv": csv_text(ROUND), "urdf": robot_text(PLACES)}
     samples |= {"ply": ply_text(ROUND), "pcd": pcd_text(ROUND)}
-    assert set(samples) == set(FORMATS) - {"gentact", "urdf-tactile"}  # which are read as csv and urdf
+    assert set(samples) == set(READABLE) - {"gentact", "urdf-tactile"}  # which are read as csv and urdf
     for name, content in samples.items():
         assert (reading.cloud_format_of(content.encode()) or reading.format_of(content)) == name
         assert len(read(content).labels) == len(read(content, name).labels) > 0
@@ -594,7 +606,7 @@ def test_format_is_told_by_the_content(read, tmp_path):
     for content in ("", "hello", "\n\n", "a,b,c\n1,2,3\n", "x y z\n1 2 3\n", "\x00"):
         with pytest.raises(CalibrationFormatError, match="is no taxel file that is known here"):
             read(content)
-        for name in FORMATS:
+        for name in READABLE:
             with pytest.raises(CalibrationFormatError):
                 read(content, name)
 

@@ -12,9 +12,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.calibration.exchange import FORMATS as READABLE
-from skin_calib_addon.calibration.exchange import WRITABLE, only_patches, read_taxels
-from skin_calib_addon.calibration.exchange.formats import FORMATS
+from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, only_patches, read_taxels
 from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.calibration.exchange.mjcf import triangles
 from skin_calib_addon.calibration.exchange.rsdf import hull

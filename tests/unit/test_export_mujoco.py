@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skin_calib_addon.calibration.exchange.formats import FORMATS
+from skin_calib_addon.calibration.exchange import FORMATS
 from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.errors import CalibrationFormatError
 from tests.samples import boards, seven_boards, sheet, small_calibration
@@ -104,6 +104,31 @@ def test_patches_without_a_mesh_have_touch_sensors():
     assert data.sensor("h1").data[0] > 0 and data.sensor("h0").data[0] == 0
     model, data = pressed(small_calibration(patches=(straight,)))
     assert (model.nmesh, model.nsensor) == (0, 5)
+
+
+def test_robot_wears_an_attached_skin():
+    """As the manual has it: on a link that stands elsewhere and moves, every sensor feels what it should."""
+    calibration, taxels = curved_and_flat()
+    link = (
+        '<body name="arm" pos="0.3 0 0.1" euler="0 40 0"><joint axis="0 0 1"/><geom type="cylinder" size="0.03 0.1"/>'
+    )
+    robot = mujoco.MjSpec.from_string(f'<mujoco><option gravity="0 0 0"/><worldbody>{link}</body></worldbody></mujoco>')
+    skin = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode())
+    robot.body("arm").add_frame().attach_body(skin.body(calibration.link), "skin/", "")
+    finger = robot.worldbody.add_body(name="finger")
+    finger.add_freejoint()
+    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
+    model = robot.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert model.body(f"skin/{calibration.link}").mass == 0
+    for i, name in enumerate(taxels.ids):
+        site = data.site(f"skin/{name}")
+        data.qpos[1:] = [*(site.xpos + (RADIUS - DEPTH) * site.xmat.reshape(3, 3)[:, 2]), 1, 0, 0, 0]
+        mujoco.mj_forward(model, data)
+        assert [other for other in taxels.ids if data.sensor(f"skin/{other}").data[0] > 0] == [name]
+        depth = data.sensor("skin/sheet" if i < 24 else "skin/flower").data.reshape(3, -1)[0]
+        assert np.flatnonzero(depth).tolist() == [i if i < 24 else i - 24]
 
 
 def test_names_of_sensors_must_differ():

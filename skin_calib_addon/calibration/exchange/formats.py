@@ -9,7 +9,7 @@ from .mjcf import write_mjcf
 from .npz import write_npz
 from .pcd import write_pcd
 from .ply import write_ply
-from .reading import FORMATS as READABLE
+from .reading import READABLE
 from .rsdf import write_rsdf
 from .table import write_gentact, write_table
 from .tum import write_tum

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from ..findings import show
+from ..findings import show, warning
 from ..model import LinkCalibration
 from .cloud import (
     BadCloud,
@@ -17,6 +17,7 @@ from .cloud import (
     take_lines,
 )
 from .taxel_set import Draft, line
+from .text import shown
 
 MAGIC = b"ply"
 END = b"end_header"
@@ -42,6 +43,7 @@ class Header:
     names: list[str] = field(default_factory=list)
     types: list[str] = field(default_factory=list)
     comments: list[str] = field(default_factory=list)
+    faces: tuple[int, str] | None = None  # the line that promises them, and how many
 
 
 def read_ply(data: bytes) -> Draft:
@@ -62,6 +64,9 @@ def read_ply(data: bytes) -> Draft:
             draft.lines = [number for number, _ in rows]
             columns = take_lines(header.names, rows)
         fill(draft, columns, take_comments(draft, header.comments))
+        if header.faces is not None:
+            message = f"promises {shown(header.faces[1])} faces: if this is a mesh, its vertices are taken for taxels"
+            draft.findings.append(warning("faces", line(header.faces[0]), message))
     except BadCloud as problem:
         draft.findings.append(problem.finding)
     return draft
@@ -79,6 +84,8 @@ def _header(lines: list[str]) -> Header:
             case ["element", element, amount]:
                 if element == "vertex":
                     header.count = count_of(amount, number)
+                elif element == "face" and header.count is not None:
+                    header.faces = (number, amount) if amount != "0" else None
                 elif header.count is None:
                     raise BadCloud(
                         "syntax", line(number), f"names {show(element)} before the vertices; put these first"

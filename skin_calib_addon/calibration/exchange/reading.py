@@ -25,7 +25,7 @@ READERS: dict[str, Callable[[str], Draft]] = {
     "urdf-tactile": read_urdf,
 }
 CLOUDS: dict[str, Callable[[bytes], Draft]] = {"ply": read_ply, "pcd": read_pcd}
-FORMATS = (*READERS, *CLOUDS)
+READABLE = (*READERS, *CLOUDS)
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
@@ -38,7 +38,7 @@ def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: s
     Parameters
     ----------
     path : path
-    format : one of `FORMATS`, optional
+    format : one of `READABLE`, optional
         Else the content tells.
     only : str, optional
         A pattern of file names, as in a shell: taxels whose label does not match are left out.
@@ -48,10 +48,10 @@ def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: s
     CalibrationFormatError
         If the file cannot be read, or anything in it makes it unusable; ``findings`` has everything found.
     """
-    if format is not None and format not in FORMATS:
-        known = ", ".join(FORMATS)
+    if format is not None and format not in READABLE:
+        known = ", ".join(READABLE)
         raise CalibrationFormatError(
-            f"no format '{format}' of taxels; use one of {known}{did_you_mean(format, FORMATS)}"
+            f"no format '{format}' of taxels; use one of {known}{did_you_mean(format, READABLE)}"
         )
     data = read(path)
     check_size(data, path)

@@ -148,10 +148,8 @@ def _choose(draft: Draft, only: str | None) -> None:
     links = list(dict.fromkeys(draft.bearers))
     if len(links) > 1:
         i = draft.bearers.index(links[1])
-        message = (
-            f"hangs {show(draft.labels[i])} on {show(links[1])}, those before on {show(links[0])}; pick the taxels "
-        )
-        message += "of one link by their labels (--only)"
+        message = f"hangs {show(draft.labels[i])} on {show(links[1])}, those before on {show(links[0])}; pick the "
+        message += 'taxels of one link by their labels (--only, or "only" in a plan)'
         draft.findings.append(error("links", draft.at(draft.lines[i]), message, links))
     draft.frame = links[0] if links else draft.frame
     draft.channels = draft.channels or list(range(len(draft.labels)))
