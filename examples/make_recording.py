@@ -23,10 +23,10 @@ def press(positions, point, force):
     return force * share / share.sum()
 
 
-def intensity(forces, coefficients):
+def intensity(forces, response):
     """The intensities whose response is ``forces``, rounded to 8 bits."""
     table = np.arange(0, 255.001, 0.01)
-    exact = np.interp(forces, np.polynomial.polynomial.polyval(table, coefficients), table)
+    exact = np.interp(forces, response.newtons(table), table)
     noise = np.random.default_rng(7).normal(0, NOISE, exact.shape)
     return np.clip(np.rint(exact + noise), 0, 255).astype(np.uint8)
 
@@ -46,7 +46,7 @@ def main(calibration_file, recording_file):
     points += a * ((1 - b) * positions[k + 1, j] + b * positions[k + 1, j + 1])
     forces = 3.5 - 2.5 * np.cos(2 * np.pi * share)
     loads = np.array([press(taxels.positions_link, p, f) for p, f in zip(points, forces)])
-    raw = intensity(loads, calibration.response.coefficients)
+    raw = intensity(loads, calibration.response)
     with open(recording_file, "w", newline="") as file:
         writer = csv.writer(file)
         channels = (f"channel_{c}" for c in taxels.channels)

@@ -1,12 +1,14 @@
 """The command line, the same words inside and outside Blender."""
 
 import argparse
+import os
+import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
 from . import __version__
 from .commands import check, export, fit, import_file, replay, response, show
-from .commands.common import WRONG_CALL, WRONG_DATA, complain
+from .commands.common import DONE, WRONG_CALL, WRONG_DATA, complain
 from .errors import OutputError, SkinCalibError
 
 
@@ -27,7 +29,12 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     """
     options = _parser(scene_plans).parse_args(argv)
     try:
-        return options.run(options)
+        code = options.run(options)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # whoever reads has seen enough, as with "| head"
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
     except (OutputError, SkinCalibError) as error:
         complain(str(error))
         return WRONG_CALL if isinstance(error, OutputError) else WRONG_DATA

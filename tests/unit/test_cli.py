@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skin_calib_addon.calibration import load_calibration
+from skin_calib_addon.calibration import load_calibration, save_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh import save_mesh
 from skin_calib_addon.plan import load_plan
+from tests.samples import small_calibration
 from tests.shapes import LENGTH, RADIUS, box, cylinder, together
 from tests.unit.test_mesh import write
 
@@ -379,3 +380,15 @@ def test_inner_parts_are_cut_away_on_the_way(folder, capsys):
         plan = write_plan(folder, name, mesh="both.stl", unit="mm", cover=cover)
         main(["fit", str(plan), "-o", str(folder / f"{name}.json")])
         assert f"both.stl: 348 faces; cover {faces} faces" in capsys.readouterr().out
+
+
+def test_reader_that_leaves_early_is_no_error(tmp_path):
+    """``skin-calib show FILE | head -1`` ends in silence, though not everything was said."""
+    path = tmp_path / "c.json"
+    save_calibration(small_calibration(), path)
+    reader, writer = os.pipe()
+    os.close(reader)
+    words = [sys.executable, "-m", "skin_calib_addon", "show", path]
+    done = subprocess.run(words, cwd=ROOT, env=ENVIRONMENT, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert done.returncode == 0 and done.stderr == ""
