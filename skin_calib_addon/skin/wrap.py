@@ -36,6 +36,8 @@ ROUNDING = 1e-9
 STEP = 0.1
 # Where they turn by more than this from one to the next [rad], the parameters between them are not told by cubics.
 BEND = 1.0
+# By this factor more, on a way that should be short enough, it turns at an edge.
+EDGE = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +202,9 @@ def between(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
 def guess_step(surface: BSplineSurface, pitch: float) -> float:
     """How far apart points on the geodesics of a first guess may be for those between them to lie near [m]."""
     step = max(2 * pitch, STEP * size_of(surface))
-    return max(pitch / 2, step * BEND / max(surface.turning(step), BEND))
+    step *= BEND / max(surface.turning(step), BEND)
+    # Over an edge the surface turns as much on a shorter way: there nodes go without any between.
+    return pitch / 2 if surface.turning(step) > EDGE * BEND else max(step, pitch / 2)
 
 
 def size_of(surface: BSplineSurface) -> float:

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from sample_scenes import shapes
 from skin_calib_addon.errors import InvalidPlan, OutsideSurface, SkinCalibError
 from skin_calib_addon.geometry import BSplineSurface, TubeGrid, fit_surface
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
@@ -13,8 +14,8 @@ from skin_calib_addon.skin.net import grid_net
 from skin_calib_addon.skin.relax import relax
 from skin_calib_addon.skin.strain import cell_strain, closure
 from skin_calib_addon.skin.ties import pinned, row_axis
-from skin_calib_addon.skin.wrap import WrappedSheet, strays
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, wrist_surface
+from skin_calib_addon.skin.wrap import WrappedSheet, guess_step, strays
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, welded, wrist, wrist_surface
 
 SQUARE = (0.01, 0.01)
 # The arcs between nodes are taken for cubics: so much of a cell they are off where a surface bends by 17 degrees.
@@ -316,6 +317,17 @@ def test_sheet_is_the_same_from_any_first_guess():
         thrown[net.pin] = uv[net.pin]
         again = relax(surface, net, thrown, ties)
         assert np.linalg.norm(surface.points(again) - surface.points(uv), axis=1).max() < 5e-5
+
+
+def test_first_guess_takes_long_steps_but_over_edges():
+    """Two cells on a cylinder and on a fit that follows facets; on a tight tube as far as it turns by one radian; from
+    node to node where the link has sharp edges, of which no step tells what lies between."""
+    fine = fit_surface(wrist(), TubeGrid(20, 60, margin=1e-4)).surface
+    for surface in (cone_surface(RADIUS, RADIUS), fine):
+        assert_allclose(guess_step(surface, 0.01), 0.02, rtol=0.1)
+    assert_allclose(guess_step(cone_surface(0.012, 0.012), 0.01), 0.012, rtol=0.1)
+    sharp = fit_surface(welded(shapes.edge()), TubeGrid(6, 40, Z_AXIS, margin=0.002)).surface
+    assert guess_step(sharp, 0.01) == 0.005
 
 
 @pytest.mark.parametrize(("moved", "astray"), [(0.0, False), (0.4, False), (0.6, True), (-0.6, True)])
