@@ -236,7 +236,9 @@ class BSplineSurface:
         """Points at every pair of ``u`` and ``v``, shape (len(u), len(v), 3) [m]."""
         A = basis_functions(u, self.knots_u, self.degree[0])
         B = basis_functions(v, self.knots_v, self.degree[1])
-        return np.einsum("ki,ijc,lj->klc", A, self.control_net, B, optimize=True)
+        n, m, _ = self.control_net.shape
+        rows = product(A, self.control_net.reshape(n, -1)).reshape(len(A), m, 3)
+        return B @ rows  # one small product per row
 
     def turning(self, length: float) -> float:
         """By how much the normal turns at most on ways of this length, or less, along the coordinate lines [rad].
