@@ -7,7 +7,9 @@ from pathlib import Path
 import bpy
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
+from ..skin_calib_addon.atomic_file import write_bytes_safely
 from ..skin_calib_addon.blender import results, scene, skins
+from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
 from ..skin_calib_addon.calibration.strict_json import parse, read
 from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
@@ -127,6 +129,47 @@ class SKIN_OT_export_calibration(OnLink, Export, bpy.types.Operator):
         save_calibration(result.calibration, path)
 
 
+class SKIN_OT_export_taxels(OnLink, Export, bpy.types.Operator):
+    """Write the taxels of the active link, as its plan and mesh are now, for another program"""
+
+    bl_idname = "skin_calib.export_taxels"
+    bl_label = "Export Taxels"
+    bl_options = {"REGISTER"}
+
+    filter_glob: bpy.props.StringProperty(
+        default=";".join(f"*{ending}" for ending in sorted({f.ending for f in FORMATS.values()})), options={"HIDDEN"}
+    )
+    format: bpy.props.EnumProperty(
+        name="Format",
+        description="Program that is to read the file",
+        items=[(name, FORMATS[name].what[0].upper() + FORMATS[name].what[1:], "") for name in WRITABLE],
+        default="csv",
+    )
+
+    @property
+    def filename_ext(self):
+        """The ending that the file browser keeps to as the format changes."""
+        return FORMATS[self.format].ending
+
+    @property
+    def ending(self):
+        """Of the name that is proposed."""
+        return self.filename_ext
+
+    def check(self, context):
+        """The name's ending follows the format, in place of that of another one."""
+        path = Path(self.filepath)
+        if path.suffix in {f.ending for f in FORMATS.values()} - {self.filename_ext}:
+            self.filepath = str(path.with_suffix(self.filename_ext))
+            return True
+        return super().check(context)
+
+    def write(self, context, path):
+        link = context.object
+        _, result = results.fit(scene.read_plan(link, context.scene), scene.read_mesh(link, context))
+        write_bytes_safely(path, FORMATS[self.format].write(result.calibration))
+
+
 def draw_import(menu, _context):
     """Entry in File > Import."""
     menu.layout.operator(SKIN_OT_import_plan.bl_idname, text="Skin Plan (.json)")
@@ -136,6 +179,7 @@ def draw_export(menu, _context):
     """Entries in File > Export."""
     menu.layout.operator(SKIN_OT_export_plan.bl_idname, text="Skin Plan (.json)")
     menu.layout.operator(SKIN_OT_export_calibration.bl_idname, text="Skin Calibration (.json)")
+    menu.layout.operator(SKIN_OT_export_taxels.bl_idname, text="Skin Taxels (MuJoCo, URDF, iCub, ...)")
 
 
-CLASSES = (SKIN_OT_import_plan, SKIN_OT_export_plan, SKIN_OT_export_calibration)
+CLASSES = (SKIN_OT_import_plan, SKIN_OT_export_plan, SKIN_OT_export_calibration, SKIN_OT_export_taxels)

@@ -229,6 +229,7 @@ class SKIN_PT_export(SkinPanel, bpy.types.Panel):
         column = layout.column()
         column.operator("skin_calib.export_calibration", text="Calibration", icon="EXPORT")
         column.operator("skin_calib.export_plan", text="Plan", icon="EXPORT")
+        column.operator("skin_calib.export_taxels", text="Taxels for...", icon="EXPORT")
 
 
 CLASSES = (SKIN_PT_link, SKIN_PT_cut, SKIN_PT_grid, SKIN_PT_fit, SKIN_PT_skin, SKIN_PT_inspect, SKIN_PT_export)

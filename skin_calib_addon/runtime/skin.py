@@ -203,7 +203,7 @@ class Skin:
         active = (forces >= held) & known
         rows = active.nonzero()[0]
         footprint = self._footprint
-        if not np.array_equal(rows, footprint.rows):
+        if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
         saturated = self._readings.saturated(intensities) & known
         stuck &= active

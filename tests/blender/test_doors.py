@@ -96,3 +96,20 @@ def test_command_takes_plan_files_too(addon, plan_file, fit_plainly, tmp_path, c
     assert addon.command.main(["fit", str(path), "-o", str(tmp_path / "out.json")]) == 0
     assert (tmp_path / "out.json").read_bytes() == fit_plainly(path)
     assert addon.command.main(["check", str(tmp_path / "out.json")]) == 0
+
+
+def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, run, tmp_path):
+    """Every format, byte for byte what ``skin-calib export`` makes; one that cannot hold the skin says why."""
+    bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / "wrist.blend"))
+    calibration = tmp_path / "wrist.json"
+    bpy.ops.skin_calib.export_calibration(filepath=str(calibration))
+    formats = bpy.ops.skin_calib.export_taxels.get_rna_type().properties["format"].enum_items.keys()
+    assert {"mjcf", "urdf", "icub", "tum", "csv"} < set(formats)
+    for name in set(formats) - {"rsdf"}:
+        button, plain = tmp_path / "button", tmp_path / "plain"
+        assert bpy.ops.skin_calib.export_taxels(filepath=str(button), format=name) == {"FINISHED"}
+        run("-m", "skin_calib_addon", "export", calibration, "--to", name, "-o", plain)
+        assert button.read_bytes() == plain.read_bytes(), name
+    with pytest.raises(RuntimeError, match='patch "wrist" is bent'):
+        bpy.ops.skin_calib.export_taxels(filepath=str(tmp_path / "none.rsdf"), format="rsdf")
+    assert not (tmp_path / "none.rsdf").exists()

@@ -106,7 +106,7 @@ def same_cells(bpy, link):
 
 
 def far_cell(bpy, link):
-    boards_of(link, choice="listed", cells="0,0 40,0")
+    boards_of(link, choice="listed", cells="0,0 0,40")
 
 
 def wide_boards(bpy, link):
@@ -165,7 +165,7 @@ BAD_LINKS = {
     no_cells: "skin 'band' lists no cells; write some",
     no_cell: "skin 'band': '1;0' is no cell; write each as q,r",
     same_cells: "skin 'band' names a cell twice",
-    far_cell: r"board \[40, 0\] lies beyond the edge of the surface",
+    far_cell: r"board \[0, 40\] lies beyond the edge of the surface",
     wide_boards: "no board with sides of 300 mm lies wholly in the region",
     no_side: "the plan of arm is not valid: .*/skins/0/side",
     no_radius: "the plan of arm is not valid: .*/skins/0/excluded/0/radius",
@@ -228,7 +228,7 @@ def test_unreadable_plan_is_refused(bpy, addon, tmp_path):
     assert not bpy.data.objects
 
 
-@pytest.mark.parametrize("operator", ["export_plan", "export_calibration"])
+@pytest.mark.parametrize("operator", ["export_plan", "export_calibration", "export_taxels"])
 def test_place_that_cannot_be_written_is_refused(bpy, addon, link, tmp_path, operator):
     """A missing folder, a folder in the file's place, no path: the scene and the files stay."""
     (tmp_path / "folder").mkdir()
@@ -247,7 +247,7 @@ def bare_object(bpy, kind="MESH"):
     return bare
 
 
-@pytest.mark.parametrize("operator", ["fit", "skin_add", "cut_add", "place", "export_plan", "export_calibration"])
+@pytest.mark.parametrize("operator", ["fit", "skin_add", "cut_add", "place", "export_plan", "export_calibration", "export_taxels"])
 def test_button_without_a_link_says_why(bpy, operator):
     """Nothing active, an empty active, a mesh without a name: the message tells what to do."""
     press = getattr(bpy.ops.skin_calib, operator)
