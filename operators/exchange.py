@@ -142,7 +142,7 @@ class SKIN_OT_export_taxels(OnLink, Export, bpy.types.Operator):
     format: bpy.props.EnumProperty(
         name="Format",
         description="Program that is to read the file",
-        items=[(name, FORMATS[name].what[0].upper() + FORMATS[name].what[1:], "") for name in WRITABLE],
+        items=[(name, name, FORMATS[name].what) for name in WRITABLE],
         default="csv",
     )
 

@@ -247,7 +247,9 @@ def bare_object(bpy, kind="MESH"):
     return bare
 
 
-@pytest.mark.parametrize("operator", ["fit", "skin_add", "cut_add", "place", "export_plan", "export_calibration", "export_taxels"])
+@pytest.mark.parametrize(
+    "operator", ["fit", "skin_add", "cut_add", "place", "export_plan", "export_calibration", "export_taxels"]
+)
 def test_button_without_a_link_says_why(bpy, operator):
     """Nothing active, an empty active, a mesh without a name: the message tells what to do."""
     press = getattr(bpy.ops.skin_calib, operator)

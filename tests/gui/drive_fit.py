@@ -15,6 +15,7 @@ def drive(gui):
     yield from opens_ready_to_fit(gui)
     yield from fits_and_undoes(gui)
     yield from exports(gui)
+    yield from exports_taxels(gui)
 
 
 def opens_ready_to_fit(gui):
@@ -64,3 +65,18 @@ def exports(gui):
     python = f"python{sys.version_info.major}.{sys.version_info.minor}"
     subprocess.run([python, *words], cwd=ROOT, check=True, capture_output=True)
     assert path.read_bytes() == plain.read_bytes()
+
+
+def exports_taxels(gui):
+    """The browser proposes the link's name with the ending of the format; what is chosen there is what is written."""
+    path = gui.out / "wrist.xml"
+    path.unlink(missing_ok=True)
+    yield from gui.press("skin_calib.export_taxels")
+    yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
+    browser = gui.area("FILE_BROWSER").spaces.active
+    assert browser.params.filename == "sample_wrist.csv", browser.params.filename
+    yield from gui.shot("export_taxels.png", area="FILE_BROWSER")
+    browser.active_operator.format = "mjcf"
+    yield from gui.choose_file(path)
+    yield from gui.wait(path.exists, 30, "the exported taxels")
+    assert path.read_text().count("<touch ") == 120
