@@ -108,22 +108,22 @@ def scenes() -> Iterator[Scene]:
     yield Scene("10 000 taxels, ten contacts", 100, 100, moving(100, 100, 10, 5, step, 600))
 
 
-def ours(scene: Scene) -> Callable[[Array, float], tuple[float, ...]]:
+def ours(scene: Scene) -> Callable[[Array, float], tuple]:
     """The runtime."""
     skin = Skin(scene.calibration, ON, OFF)
 
-    def cycle(readings: Array, now: float) -> tuple[float, ...]:
+    def cycle(readings: Array, now: float) -> tuple:
         frame = skin.update(readings, now)
         asked = [(c.position, c.normal, c.force, c.wrench) for c in frame.contacts]
         polygon = frame.polygon
         asked += [frame.zmp, polygon.guaranteed]
         cop = (np.nan, np.nan) if frame.cop is None else frame.cop
-        return len(frame.contacts), frame.wrench[2], cop[0], cop[1], polygon.outer.area, polygon.nominal.area
+        return len(frame.contacts), frame.wrench[2], cop[0], cop[1], polygon.outer, polygon.nominal
 
     return cycle
 
 
-def straightforward(scene: Scene) -> Callable[[Array, float], tuple[float, ...]]:
+def straightforward(scene: Scene) -> Callable[[Array, float], tuple]:
     """NumPy, SciPy and Shapely, as one writes it first."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -135,7 +135,7 @@ def straightforward(scene: Scene) -> Callable[[Array, float], tuple[float, ...]]
     corners, centres = skin.ground.corners, skin.ground.centres
     state = np.zeros(n, bool)
 
-    def cycle(readings: Array, now: float) -> tuple[float, ...]:
+    def cycle(readings: Array, now: float) -> tuple:
         forces = np.maximum(np.polyval(RESPONSE.coefficients[::-1], readings.astype(float)), 0)
         state[:] = forces >= np.where(state, OFF, ON)
         active = np.flatnonzero(state)
@@ -154,12 +154,12 @@ def straightforward(scene: Scene) -> Callable[[Array, float], tuple[float, ...]]
         outer = MultiPoint(corners[active].reshape(-1, 2)).convex_hull
         nominal = MultiPoint(centres[active]).convex_hull
         nominal.buffer(-scene.pitch / 2, join_style="mitre")
-        return count, wrench[2], cop[0], cop[1], outer.area, nominal.area
+        return count, wrench[2], cop[0], cop[1], outer, nominal
 
     return cycle
 
 
-def opencv(scene: Scene) -> Callable[[Array, float], tuple[float, ...]]:
+def opencv(scene: Scene) -> Callable[[Array, float], tuple]:
     """The sheet as a picture, the paper's way, with the thresholds and sums put right."""
     import cv2
 
@@ -168,7 +168,7 @@ def opencv(scene: Scene) -> Callable[[Array, float], tuple[float, ...]]:
     state = np.zeros(shape, bool)
     side = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 
-    def cycle(readings: Array, now: float) -> tuple[float, ...]:
+    def cycle(readings: Array, now: float) -> tuple:
         forces = np.maximum(np.polyval(RESPONSE.coefficients[::-1], readings.astype(float)), 0).reshape(shape)
         state[:] = forces >= np.where(state, OFF, ON)
         count, labels = cv2.connectedComponents(state.astype(np.uint8), connectivity=4)
@@ -182,8 +182,7 @@ def opencv(scene: Scene) -> Callable[[Array, float], tuple[float, ...]]:
         cells = np.column_stack((column[state], row[state]))
         corners = (cells[:, None] + side).reshape(-1, 2)
         outer, nominal = cv2.convexHull(corners), cv2.convexHull(cells)
-        areas = (cv2.contourArea(h) * scene.pitch**2 for h in (outer, nominal))
-        return count - 1, total[0], cop[0], cop[1], *areas
+        return count - 1, total[0], cop[0], cop[1], outer, nominal
 
     return cycle
 
@@ -200,12 +199,25 @@ def measure(repeats: int) -> Iterator[Row]:
                 cycle = make(scene)
             except ImportError:
                 continue
-            found[method] = np.array([cycle(r, PERIOD * k) for k, r in enumerate(scene.readings[:200])])
+            found[method] = np.array([numbers(cycle(r, PERIOD * k), scene) for k, r in enumerate(scene.readings[:200])])
             times = run(cycle, scene.readings, CYCLES if method == "ours" else CYCLES // 4)
             yield Row(scene.name, method, int(np.median((scene.readings > 20).sum(axis=1))), *times)
         for method, values in found.items():
             assert np.allclose(values, found["ours"], rtol=2e-3, atol=1e-4, equal_nan=True), (scene.name, method)
     yield paced()
+
+
+def numbers(told: tuple, scene: Scene) -> list[float]:
+    """What a cycle told, with the areas of its two hulls, of whatever make."""
+    *plain, outer, nominal = told
+    areas = []
+    for hull in (outer, nominal):
+        if isinstance(hull, np.ndarray):
+            x, y = hull.reshape(-1, 2).T.astype(float) * scene.pitch
+            areas.append(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+        else:
+            areas.append(hull.area)
+    return [*plain, *areas]
 
 
 def run(cycle: Callable, readings: Array, cycles: int) -> tuple[float, float]:

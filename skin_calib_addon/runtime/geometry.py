@@ -105,7 +105,7 @@ class GroundGeometry:
         self.sums = np.hstack((lift, lift * self.centres, pushes[:, 2:], moments[:, :2]))
         self.centre_hull, self.corner_hull = HullTable(self.centres), HullTable(self.corners)
         offsets = (self.corners - self.centres[:, None])[self.under].reshape(-1, 2)
-        self.cell = convex_hull(offsets).corners.tolist()  # one outline about the centre that holds every cell
+        self.cell = convex_hull(offsets).corners  # (k, 2) one outline about the centre that holds every cell
         self.stretch = _in_cell(self.centres[self.under], self.corners[self.under], skin.areas[self.under])
 
 

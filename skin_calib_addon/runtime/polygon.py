@@ -178,7 +178,7 @@ class Polygon:
             return self
         return self.moved_in([distance] * len(self._edges)) if len(self._loop) > 2 else Polygon(np.empty((0, 2)))
 
-    def eroded(self, cell: Iterable[Point]) -> "Polygon":
+    def eroded(self, cell: Array) -> "Polygon":
         """Where the middle of a convex cell can stand so that all of the cell, turned round, is inside (Minkowski).
 
         Each edge moves in by how far the cell reaches against the edge's normal. Of the hull of the centres of touched
@@ -186,13 +186,13 @@ class Polygon:
 
         Parameters
         ----------
-        cell : iterable of pairs
+        cell : array, shape (k, 2)
             Corners of the cell about its middle [m].
         """
         if len(self._loop) < 3:
             return Polygon(np.empty((0, 2)))
-        cell = list(cell)
-        return self.moved_in([max(0.0, *(ux * y - uy * x for x, y in cell)) for _, _, ux, uy, _ in self._sides])
+        inward = np.array([(-uy, ux) for _, _, ux, uy, _ in self._sides])
+        return self.moved_in(np.maximum((inward @ np.asarray(cell).T).max(axis=1), 0.0).tolist())
 
     def moved_in(self, distances: Iterable[float]) -> "Polygon":
         """What is left when each edge moves inward by a distance [m] of its own, 0 or more; empty where nothing is.
@@ -298,7 +298,10 @@ def _between(kept: Corner, inside: float, gone: Corner, outside: float) -> Point
 
 
 def _convex(points: list[Point]) -> list[Point]:
-    """Corners of the hull of a few points, by exact turns."""
+    """Corners of the hull of a few points, by exact turns; most often they are the points, which turn left only."""
+    before = zip(points[-2:] + points[:-2], points[-1:] + points[:-1])
+    if len(points) > 2 and all(turn(a, b, c) > 0 for (a, b), c in zip(before, points)):
+        return points
     ordered = sorted(set(points))
     return ordered if len(ordered) < 3 else _lefts(ordered)[:-1] + _lefts(ordered[::-1])[:-1]
 

@@ -27,9 +27,10 @@ class Readings:
 
         self.link, self.channels = calibration.link, geometry.channels
         self.length = int(geometry.channels.max(initial=-1)) + 1
-        self.masked: BoolArray = np.zeros(len(geometry.ids), bool)
+        self.alive: BoolArray = np.ones(len(geometry.ids), bool)
         self._responses = TaxelResponses.of(calibration)
         self._shift: Array | None = None  # what the baseline adds to each reading, so that rest is rest
+        self._can_saturate = bool(np.isfinite(self._responses.full).any())
         self._last = np.full(len(geometry.ids), np.nan)
         self._since = np.full(len(geometry.ids), np.inf)
 
@@ -64,7 +65,7 @@ class Readings:
         """Forces of the taxels (n,) [N], and whether each is one that can be; masked taxels have none."""
         shifted = intensities if self._shift is None else intensities + self._shift
         forces = self._responses.forces(shifted)
-        return forces, (forces <= LARGEST) & ~self.masked
+        return forces, (forces <= LARGEST) & self.alive
 
     def tare(self, readings: Any) -> None:
         """As :meth:`.Skin.tare`."""
@@ -77,24 +78,31 @@ class Readings:
 
     def saturated(self, intensities: Array) -> BoolArray:
         """(n,) whether the reading is at the end of the response's range, where the force may be larger."""
+        if not self._can_saturate:
+            return np.zeros(len(intensities), bool)
         return self._responses.saturated(intensities if self._shift is None else intensities + self._shift)
 
     def doubts(self, intensities: Array, known: BoolArray) -> frozenset[str]:
         """``not_finite`` and ``too_large``, as they apply to the taxels that are not masked."""
-        lost = ~known & ~self.masked
+        if np.count_nonzero(known) == len(known):
+            return frozenset()
+        lost = ~known & self.alive
         if not np.count_nonzero(lost):
             return frozenset()
         finite = np.isfinite(intensities[lost])
         return frozenset([*(["too_large"] if finite.any() else []), *([] if finite.all() else ["not_finite"])])
 
-    def stuck(self, intensities: Array, time: float) -> BoolArray:
-        """(n,) whether the reading has not changed in the last bit for half a minute."""
-        return (intensities == self._last) & (time - self._since > STUCK) & (time < np.inf)
+    def still(self, intensities: Array) -> BoolArray:
+        """(n,) whether the reading is the last one to the last bit."""
+        return intensities == self._last
 
-    def accept(self, intensities: Array, time: float) -> None:
-        """Remember when each reading changed last, unless the time is none."""
+    def stuck(self, still: BoolArray, time: float) -> BoolArray:
+        """(n,) whether a reading that is the last one has been so for half a minute."""
+        return still & (time - self._since > STUCK) & (time < np.inf)
+
+    def accept(self, intensities: Array, still: BoolArray, time: float) -> None:
+        """Remember when each reading changed last, unless the time is none; where time ran back, from now on."""
         if not np.isfinite(time):
             return
-        changed = intensities != self._last
-        self._since = np.where(changed | (self._since > time), time, self._since)
+        self._since = np.where(still & (self._since <= time), self._since, time)
         self._last = intensities

@@ -173,7 +173,7 @@ class Skin:
             if name not in row:
                 raise KeyError(f"no taxel {name!r} on the skin of {self.link}")
             masked[row[name]] = True
-        self._readings.masked = masked
+        self._readings.alive = ~masked
 
     def update(self, readings: Any, time: float) -> Frame:
         """What the skin feels in one frame of readings; no reading raises an error.
@@ -193,31 +193,31 @@ class Skin:
         except InvalidReading as error:
             return self._unknown(time, flags | {error.flag}, str(error))
         forces, known = self._readings.forces(intensities)
-        stuck = self._readings.stuck(intensities, time)
         flags |= self._readings.doubts(intensities, known)
-        if len(known) and not np.count_nonzero(known):
+        heard = np.count_nonzero(known)
+        if heard == 0 < len(known):
             return self._unknown(time, flags | {"blind"}, "no taxel gives a reading")
         fresh = not flags.isdisjoint({"time_back", "time_jump"})  # what was felt before says nothing about now
         held = self.switch_on if fresh else np.where(self._active, self.switch_off, self.switch_on)
-        forces = np.where(known, forces, 0.0)
-        active = (forces >= held) & known
+        active = state = forces >= held  # NaN is not
+        if heard < len(known):
+            forces = np.where(known, forces, 0.0)
+            active = active & known
+            state = active if fresh else np.where(known, active, self._active)
         rows = active.nonzero()[0]
         footprint = self._footprint
         if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
+        still = self._readings.still(intensities)
+        stuck = self._readings.stuck(still, time) & active
         saturated = self._readings.saturated(intensities) & known
-        stuck &= active
-        if np.count_nonzero(stuck):
-            flags |= {"stuck"}
-        if np.count_nonzero(saturated):
-            flags |= {"saturated"}
+        flags |= {name for name, which in (("stuck", stuck), ("saturated", saturated)) if np.count_nonzero(which)}
         if fresh:
             self._identities.forget()
         contacts, wrench = contacts_of(footprint, forces, self._identities.follow(footprint))
         self._clock.accept(time)
-        self._readings.accept(intensities, time)
-        self._active = np.where(known, active, self._active & (not fresh))
-        self._footprint = footprint
+        self._readings.accept(intensities, still, time)
+        self._active, self._footprint = state, footprint
         return Frame(time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint)
 
     def _unknown(self, time: float, flags: frozenset[str], problem: str) -> Frame:
