@@ -69,6 +69,9 @@ class Polygon:
             return twice / 2, (along_x / twice / 3, along_y / twice / 3)
         x0, y0 = map(Fraction, start)
         twice, along_x, along_y = _fan([(Fraction(x) - x0, Fraction(y) - y0) for x, y in self._loop[1:]])
+        if not twice:  # corners on a line, which no hull has
+            middle = (self.corners / len(self._loop)).sum(axis=0) - start
+            return 0.0, (float(middle[0]), float(middle[1]))
         try:
             area = float(twice / 2)
         except OverflowError:

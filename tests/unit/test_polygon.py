@@ -114,6 +114,12 @@ def test_area_of_a_sliver_is_exact():
     assert all(sliver.contains(corner) for corner in sliver.corners)
 
 
+def test_corners_on_a_line_have_no_area():
+    """A polygon that no hull made: its centroid is the mean of its corners."""
+    flat = Polygon(np.array([(1.0, 1.0), (2.0, 2.0), (4.5, 4.5), (2.5, 2.5)]))
+    assert flat.area == 0 and flat.centroid.tolist() == [2.5, 2.5]
+
+
 @pytest.mark.parametrize("size", SIZES)
 def test_polygons_work_at_any_size(size):
     """Where squares of lengths are beyond all floats, and where they are nothing."""
