@@ -81,9 +81,9 @@ def largest_box(polygon: Polygon) -> Polygon | None:
     rows = np.hstack((np.minimum(normals, 0), np.maximum(normals, 0)))  # at the corner that is furthest out
     centre = np.array(stretched.centroid)
     depth = (offsets - normals @ centre).min() / 4
-    if not depth > 0:  # thinner than rounding
-        return _within(polygon, np.repeat(low + (high - low) * centre[None], 4, axis=0))
     sides = np.concatenate((centre - depth, centre + depth))
+    if (sides[2:] <= sides[:2]).any() or (rows @ sides >= offsets).any():  # thinner than rounding
+        return _within(polygon, np.repeat(low + (high - low) * centre[None], 4, axis=0))
     weight = 1.0
     while weight > GAP / len(rows):
         weight /= 20

@@ -30,7 +30,10 @@ class Polygon:
     Made by :func:`convex_hull`; then the corners lie on its grid and no three of them on a line.
     """
 
-    corners: Array  # (k, 2) [m]
+    corners: Array  # (k, 2) [m], read-only
+
+    def __post_init__(self):
+        self.corners.setflags(write=False)
 
     @property
     def kind(self) -> str:
@@ -224,9 +227,12 @@ def convex_hull(points: Any) -> Polygon:
     Raises
     ------
     ValueError
-        If a point is not finite.
+        If a point is not finite, or has not two coordinates.
     """
-    table = HullTable(np.asarray(points, float).reshape(-1, 2))
+    points = np.asarray(points, float)
+    if points.size and (points.ndim != 2 or points.shape[1] != 2):
+        raise ValueError(f"points of a plane have shape (n, 2), not {points.shape}")
+    table = HullTable(points.reshape(-1, 2))
     return of_grid(table.hull(np.arange(table.size)), table.step)
 
 

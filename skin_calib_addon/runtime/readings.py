@@ -98,7 +98,7 @@ class Readings:
 
     def stuck(self, still: BoolArray, time: float) -> BoolArray:
         """(n,) whether a reading that is the last one has been so for half a minute."""
-        return still & (time - self._since > STUCK) & (time < np.inf)
+        return still & (time - self._since > STUCK) if np.isfinite(time) else np.zeros(len(still), bool)
 
     def accept(self, intensities: Array, still: BoolArray, time: float) -> None:
         """Remember when each reading changed last, unless the time is none; where time ran back, from now on."""

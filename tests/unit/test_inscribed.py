@@ -16,8 +16,9 @@ from skin_calib_addon.runtime.inscribed import (
     smallest_parallelogram,
     smallest_rectangle,
 )
-from skin_calib_addon.runtime.polygon import Polygon, convex_hull
+from skin_calib_addon.runtime.polygon import Polygon, convex_hull, of_grid
 from tests import oracles
+from tests.unit.test_polygon import THIN as SLIVER
 from tests.unit.test_polygon import polygons, size_of
 
 ROUND = (smallest_rectangle, smallest_parallelogram)
@@ -91,6 +92,17 @@ def test_shapes_do_not_depend_on_chance(function, polygon):
     corners = function(polygon).corners
     assert (function(Polygon(polygon.corners.copy())).corners == corners).all()
     assert_allclose(function(Polygon(4 * polygon.corners)).corners, 4 * corners, rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("function", ROUND + WITHIN)
+@pytest.mark.parametrize("size", [2.0**-31, 2.0**90])
+def test_slivers_have_shapes(function, size):
+    """Of three corners of a lattice whose cross product is 1, thinner than rounding: no error, and nothing outside."""
+    sliver = of_grid(oracles.hull_corners(SLIVER), size)
+    shape = function(sliver)
+    assert np.isfinite(shape.corners).all()
+    if function in WITHIN:
+        assert all(sliver.contains(corner) for corner in shape.corners) and shape.area <= sliver.area
 
 
 @given(polygons())

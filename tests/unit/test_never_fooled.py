@@ -136,6 +136,8 @@ def test_baseline_of_a_taxel_without_a_number_stays():
         ((0.0, 0.004, 5.0), ("time_jump",)),
         ((0.0, 0.004, np.nan), ("time_not_finite",)),
         ((0.0, 0.004, np.inf), ("time_not_finite",)),
+        ((np.inf,), ("time_not_finite",)),
+        ((-np.inf, 0.0), ()),
         ((0.0, 3.0, 6.0), ()),
         ((0.0, 0.004, 5.0, 10.0, 15.0), ()),
         ((0.0, 0.004, 0.012, 0.016), ()),

@@ -381,3 +381,16 @@ def test_each_edge_has_its_distance(count):
     """An edge without one would stay where it is in silence."""
     with pytest.raises(ValueError, match="4 edges move in by as many distances, 0 or more, not by"):
         SQUARE.moved_in([0.1] * count)
+
+
+@pytest.mark.parametrize("points", [np.zeros((2, 3)), np.zeros(4), np.zeros((2, 2, 2))])
+def test_points_that_are_not_of_a_plane_are_refused(points):
+    """Three coordinates are not half as many points more."""
+    with pytest.raises(ValueError, match=r"points of a plane have shape \(n, 2\), not "):
+        convex_hull(points)
+
+
+def test_corners_cannot_be_changed():
+    """What was worked out from them would be wrong."""
+    with pytest.raises(ValueError, match="read-only"):
+        convex_hull([(0, 0), (1, 0), (0, 1)]).corners[0] = 5
