@@ -220,6 +220,11 @@ class SKIN_PT_inspect(SkinPanel, bpy.types.Panel):
         if not plan.result.key:
             layout.label(text="Fit the link to see its skin", icon="INFO")
         layout.prop(plan, "show_overlay")
+        column = layout.column(align=True)
+        column.active = plan.show_overlay
+        column.prop(plan, "layers")
+        if "ERROR" in plan.layers:
+            layout.label(text="Violet: on the mesh. Yellow: Max off", icon="COLOR")
 
 
 class SKIN_PT_export(SkinPanel, bpy.types.Panel):

@@ -182,8 +182,18 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         **FIXED,
     )
     result: PointerProperty(type=SKIN_PG_result, name="Result", description="What the last fit gave")
-    show_overlay: BoolProperty(
-        name="Overlay", description="Draw surface, cells and normals of this link", default=True, **FIXED
+    show_overlay: BoolProperty(name="Overlay", description="Draw the fitted skin of this link", default=True, **FIXED)
+    layers: EnumProperty(
+        name="Layers",
+        description="What of the fitted skin is drawn",
+        items=[
+            ("ERROR", "Error", "The surface, from violet where it lies on the mesh to yellow where it is furthest off"),
+            ("SURFACE", "Surface", "Curves of the surface"),
+            ("CELLS", "Cells", "Outlines of the taxels"),
+            ("NORMALS", "Normals", "Which way the taxels look"),
+        ],
+        default={"SURFACE", "CELLS", "NORMALS"},
+        options={"ENUM_FLAG"},
     )
 
 

@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def drive(gui):
     yield from opens_ready_to_fit(gui)
     yield from fits_and_undoes(gui)
+    yield from shows_the_error(gui)
     yield from exports(gui)
     yield from exports_taxels(gui)
 
@@ -47,6 +48,19 @@ def fits_and_undoes(gui):
     yield from gui.shot("undone.png")
     yield from undo(gui, "shift")
     assert plan().result.key == key and red(gui) == drawn
+
+
+def shows_the_error(gui):
+    """Layers come and go: the error covers the link in violet to yellow, without normals nothing is red."""
+    before, drawn = gui.pixels("VIEW_3D").astype(float), red(gui)
+    plan().layers = {"ERROR", "CELLS"}
+    yield from gui.redraw()
+    yield from gui.shot("error.png")
+    after = gui.pixels("VIEW_3D").astype(float)
+    assert (abs(after - before).max(axis=2) > 0.1 * after.max()).mean() > 0.02, "no error is drawn"
+    assert red(gui) < drawn - 300, "normals are drawn"
+    plan().layers = {"SURFACE", "CELLS", "NORMALS"}
+    yield from gui.redraw()
 
 
 def exports(gui):

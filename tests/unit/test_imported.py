@@ -257,7 +257,7 @@ def test_taxels_off_the_surface_are_named():
     """Beyond an open edge, and too far above: each is kept, and each is told once with all its like."""
     positions = flat(lattice(4, 5, "square"))
     positions[3] = -0.002, 0.04, 0.001
-    positions[[8, 9]] = (0.105, 0.03, 0), (0.11, 0.03, 0)
+    positions[[8, 9]] = (0.105, 0.03, 0), (0.109, 0.03, 0)
     positions[12] = 0, 0.05, 0.002  # over the edge, not beyond it
     positions[15, 2] = 0.02
     result = imported_taxels(taxel_set(positions), plane_surface(), "s")
