@@ -93,6 +93,15 @@ class BodyFrame:
         return self.ground.flat(spatial)
 
 
+def _pose(given: Any) -> Array | None:
+    """A pose (4, 4) of finite numbers, or none."""
+    try:
+        pose = np.asarray(given, float)
+    except (TypeError, ValueError):
+        return None
+    return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None
+
+
 class Body:
     """The skins of several links of one robot.
 
@@ -140,8 +149,8 @@ class Body:
                 continue
             frame = skin.update(readings[name], time)
             flags.update(f"{name}:{flag}" for flag in frame.flags)
-            pose = np.asarray(poses.get(name, np.nan), float)
-            if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            pose = _pose(poses.get(name))
+            if pose is None:
                 flags.add(f"{name}:no_pose")
                 continue
             links[name], placed[name] = frame, pose

@@ -97,7 +97,7 @@ def test_what_does_not_come_is_flagged():
     assert frame.flags == {"right:no_reading"} and frame.zmp is not None
     frame = body.update({"left": good, "right": good[:3]}, 0.01, {"left": pose(), "right": pose()})
     assert frame.flags == {"right:wrong_length"} and frame.standing == ("left",) and np.isnan(frame.wrench).all()
-    for wrong in (np.eye(3), np.full((4, 4), np.nan)):
+    for wrong in (np.eye(3), np.full((4, 4), np.nan), [[1, 2], [3]], "pose", None):
         frame = body.update({"left": good, "right": good}, 0.02, {"left": pose(), "right": wrong})
         assert "right:no_pose" in frame.flags and frame.standing == ("left",)
     frame = body.update({"left": good, "right": good}, 0.03, {"left": pose()})
