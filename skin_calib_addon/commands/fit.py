@@ -1,104 +1,162 @@
-"""``fit``: plans, or the links of an open scene, to calibration files."""
+"""``fit``: plans, a robot's plans, or the links of an open scene, to calibration files."""
 
 import argparse
-import json
 import os.path
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
-from ..atomic_file import write_bytes_safely
-from ..calibration.file import save_calibration
-from ..errors import OutputError, SkinCalibError
+from ..errors import InvalidPlan, OutputError, SkinCalibError
 from ..geometry.mesh import TriangleMesh
-from ..pipeline import Calibrated, calibrate
-from ..plan import Plan, load_plan
-from ..report import report_document, summary
+from ..plan import Plan
+from ..robot import Robot, read_robot
+from ..sources import Source, load_sources, note_source
 from .common import DONE, WRONG_DATA, check_folder, complain, count
+from .fit_jobs import Job, Outcome, outcomes
+from .progress import Progress
 
 # What a scene gives in place of plan files: each link's plan, and its mesh as it stands in the scene.
 ScenePlans = Callable[[], Sequence[tuple[Plan, TriangleMesh]]]
 
-# Name of the result, the plan or its file, and the mesh where a scene has it.
-Job = tuple[str, Plan | Path, TriangleMesh | None]
+INTERRUPTED = 130  # as shells count a program that Ctrl+C ended
 
 
 def add(commands, scene_plans: ScenePlans | None) -> None:
     """Describe the command; with a scene's plans it needs no plan file."""
-    fit = commands.add_parser("fit", help="turn plans into calibration files")
-    fit.add_argument("plans", nargs="*" if scene_plans else "+", type=Path, metavar="PLAN", help="plan file")
+    fit = commands.add_parser(
+        "fit",
+        help="turn plans into calibration files",
+        description="Into a folder, what is up to date is not fitted again: same plan, mesh and taxel files, same "
+        "program. One link that fails does not stop the others.",
+    )
+    fit.add_argument(
+        "plans",
+        nargs="*" if scene_plans else "+",
+        type=Path,
+        metavar="PLAN",
+        help="plan file; a folder of *.plan.json; or a URDF, for the plans beside it, which are held against it",
+    )
     fit.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file, or a folder")
     fit.add_argument("--picture", type=Path, metavar="PNG", help="picture of surface, error, taxels; or a folder")
     fit.add_argument("--report", type=Path, metavar="JSON", help="errors and times; or a folder")
     fit.add_argument("--jobs", type=count, default=1, metavar="N", help="plans at a time (default: 1)")
+    fit.add_argument("--again", action="store_true", help="fit what is up to date, too")
     fit.set_defaults(run=run, scene_plans=scene_plans)
 
 
 def run(options: argparse.Namespace) -> int:
     for target in (options.output, options.picture, options.report):
         check_folder(target)
-    jobs: list[Job]
+    robot: Robot | None = None
     if options.plans:
-        jobs = [(path.name.removesuffix(".json").removesuffix(".plan"), path, None) for path in options.plans]
+        files, robot = _plan_files(options.plans)
+        links = [(path.name.removesuffix(".json").removesuffix(".plan"), path, None) for path in files]
     else:
-        jobs = [(plan.link, plan, mesh) for plan, mesh in (options.scene_plans() if options.scene_plans else ())]
-    if not jobs:
+        links = [(plan.link, plan, mesh) for plan, mesh in (options.scene_plans() if options.scene_plans else ())]
+    if not links:
         raise SkinCalibError("the scene has no link to fit: give an object a link name in the Skin tab, or name a plan")
-    names = [name for name, _, _ in jobs]
+    names = [name for name, _, _ in links]
     for target in (options.output, options.picture, options.report):
-        if len(jobs) > 1 and target is not None and not os.path.isdir(target):
-            raise OutputError(f"{len(jobs)} links need a folder, and {target} is none; create it, or name one")
+        if len(links) > 1 and target is not None and not os.path.isdir(target):
+            raise OutputError(f"{len(links)} links need a folder, and {target} is none; create it, or name one")
     if len(set(names)) < len(names):
         raise OutputError(f"two plans are both called {next(n for n in names if names.count(n) > 1)!r}; rename one")
-    work = [(job, _targets(options, job[0])) for job in jobs]
-    failed = False
-    processes = (
-        1 if options.scene_plans else options.jobs
-    )  # Blender's program cannot be started again as a plain Python
-    for (name, _, _), (text, error, doubts) in zip(jobs, _results(work, processes)):
-        which = f"{name}: " if len(jobs) > 1 else ""
-        for doubt in doubts:
-            complain(f"{which}warning: {doubt}")
-        if error is None:
-            print(text)
-        else:
-            failed = True
-            complain(which + error)
-    return WRONG_DATA if failed else DONE
+    folder = options.output if options.plans and os.path.isdir(options.output) else None
+    known = load_sources(folder) if folder else {}
+    jobs = [_job(options, name, plan, mesh, robot, folder, known) for name, plan, mesh in links]
+    # Blender's program cannot be started again as a plain Python
+    return _carry_out(jobs, 1 if options.scene_plans else options.jobs)
 
 
-def _targets(options: argparse.Namespace, name: str) -> dict[str, Path]:
-    wanted = {"calibration": options.output, "picture": options.picture, "report": options.report}
-    endings = {"calibration": ".calibration.json", "picture": ".png", "report": ".report.json"}
-    return {k: p / f"{name}{endings[k]}" if os.path.isdir(p) else p for k, p in wanted.items() if p is not None}
+def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Robot | None]:
+    """The plans that are named, lie in a folder that is, or beside a URDF; and the robot of the URDF."""
+    robots = [path for path in named if path.suffix.lower() == ".urdf"]
+    if len(robots) > 1:
+        raise OutputError(f"{robots[0]} and {robots[1]} are two robots; fit one at a time")
+    files: list[Path] = []
+    for path in named:
+        if path not in robots and not os.path.isdir(path):
+            files.append(path)
+            continue
+        beside = sorted((path.parent if path in robots else path).glob("*.plan.json"))
+        if not beside and (path not in robots or named == robots):
+            raise InvalidPlan(f"no *.plan.json {'beside' if path in robots else 'in'} {path}; name the plans")
+        files += beside
+    once = {os.path.realpath(path): path for path in files}
+    return list(once.values()), read_robot(robots[0]) if robots else None
 
 
-def _results(work: list[Any], jobs: int):
-    if jobs == 1 or len(work) == 1:
-        yield from map(_fit_one, work)
-        return
-    with ProcessPoolExecutor(jobs) as pool:
-        yield from pool.map(_fit_one, work)
+def _job(
+    options: argparse.Namespace,
+    name: str,
+    plan: Plan | Path,
+    mesh: TriangleMesh | None,
+    robot: Robot | None,
+    folder: Path | None,
+    known: dict[str, Source],
+) -> Job:
+    def target(path: Path | None, ending: str) -> Path | None:
+        return path / f"{name}{ending}" if path is not None and os.path.isdir(path) else path
+
+    calibration = target(options.output, ".calibration.json")
+    assert calibration is not None  # the option is required
+    pictures = target(options.picture, ".png"), target(options.report, ".report.json")
+    before = None if options.again else known.get(calibration.name)
+    return Job(name, plan, mesh, calibration, *pictures, robot, folder, before)
 
 
-def _fit_one(work: Any) -> tuple[str, str | None, tuple[str, ...]]:
-    """Fit one link and write its files; what to print, what went wrong, and what is doubtful."""
-    (_, plan, mesh), targets = work
+def _carry_out(jobs: list[Job], processes: int) -> int:
+    done: dict[str, Outcome] = {}
+    progress = Progress(len(jobs))
     try:
-        result = calibrate(load_plan(plan) if isinstance(plan, Path) else plan, mesh)
-        if "picture" in targets:
-            _draw(result, targets["picture"])
-        if "report" in targets:
-            text = json.dumps(report_document(result), indent=2)
-            write_bytes_safely(targets["report"], (text + "\n").encode())
-        save_calibration(result.calibration, targets["calibration"])
-    except SkinCalibError as error:
-        return "", str(error), ()
-    return summary(result, targets["calibration"]), None, result.doubts
+        for outcome in outcomes(jobs, processes):
+            done[outcome.job.name] = outcome
+            progress.step()
+            progress.clear()
+            _tell(outcome, f"{outcome.job.name}: " if len(jobs) > 1 else "")
+            progress.show()
+            if outcome.job.folder and outcome.source:
+                note_source(outcome.job.folder, outcome.job.calibration.name, outcome.source)
+    except KeyboardInterrupt:
+        progress.clear()
+        complain(f"interrupted after {len(done)} of {len(jobs)} links; the same call goes on from here")
+        return INTERRUPTED
+    progress.clear()
+    if len(jobs) > 1:
+        print(_table([done[job.name] for job in jobs]))
+    return WRONG_DATA if any(outcome.state == "failed" for outcome in done.values()) else DONE
 
 
-def _draw(result: Calibrated, path: Path) -> None:
-    from ..picture import draw_calibration  # matplotlib, which not every place has
+def _tell(outcome: Outcome, which: str) -> None:
+    """What became of a link, as soon as it is known; of one alone, all of it."""
+    for doubt in outcome.doubts:
+        complain(f"{which}warning: {doubt}")
+    if outcome.state == "failed":
+        complain(which + outcome.text)
+        sys.stderr.write(outcome.trace)
+    elif not which:
+        print(outcome.text if outcome.state == "fitted" else f"{outcome.job.calibration}: {_state(outcome)}")
 
-    draw_calibration(result.calibration, path, result.cover)
+
+def _state(outcome: Outcome) -> str:
+    return f"{outcome.state}: {outcome.text}" if outcome.text else outcome.state
+
+
+def _table(done: list[Outcome]) -> str:
+    """A line for each link, and one for all."""
+    width = max(len(outcome.job.name) for outcome in done)
+    lines = []
+    for outcome in done:
+        text = "" if outcome.state == "fitted" else outcome.text
+        if outcome.state == "failed":
+            stale = "; the calibration there is of an earlier fit" if os.path.isfile(outcome.job.calibration) else ""
+            what = " ".join(text.splitlines()) + stale
+        else:
+            warnings = f"{len(outcome.doubts)} warnings" if outcome.doubts else ""
+            numbers = f"{outcome.taxels:6} taxels, mean error {outcome.mean * 1e3:.4f} mm"
+            what = ", ".join(word for word in (numbers, warnings, text) if word)
+        lines.append(f"{outcome.job.name:{width}}  {outcome.state:10}  {what}")
+    states = Counter(outcome.state for outcome in done)
+    told = [f"{states[state]} {state}" for state in ("fitted", "up to date", "kept", "failed") if states[state]]
+    return "\n".join((*lines, f"{len(done)} links: {', '.join(told)}"))

@@ -140,10 +140,10 @@ def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
     assert main(words) == 1
     out, err = capsys.readouterr()
     assert sorted(p.name for p in (folder / "out").iterdir()) == [
-        *("a.calibration.json", "a.report.json", "c.calibration.json", "c.report.json")
+        *("a.calibration.json", "a.report.json", "c.calibration.json", "c.report.json", "sources.json")
     ]
     assert (folder / "out" / "a.calibration.json").read_bytes() == (folder / "out" / "c.calibration.json").read_bytes()
-    assert err.count("\n") == 1 and err.startswith("skin-calib: b: no mesh file at ") and len(out.splitlines()) == 20
+    assert err.count("\n") == 1 and err.startswith("skin-calib: b: no mesh file at ") and len(out.splitlines()) == 4
 
 
 MESHES = {

@@ -1,0 +1,149 @@
+"""Links to fit, one by one or several at a time; what becomes of one is nothing to the others."""
+
+import json
+import os
+import signal
+import traceback
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ..atomic_file import write_bytes_safely
+from ..calibration.file import load_calibration, save_calibration
+from ..errors import CalibrationFormatError, SkinCalibError
+from ..geometry.mesh import TriangleMesh
+from ..pipeline import Calibrated, calibrate
+from ..plan import Plan, load_plan
+from ..report import report_document, summary
+from ..robot import Robot, compare
+from ..sources import Source, is_current, source_of, with_outputs
+
+EDITED = "it was changed after its last fit, and that is lost now: do again what was done to it"
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A link to fit, and the files to write."""
+
+    name: str
+    plan: Plan | Path
+    mesh: TriangleMesh | None  # where a scene has it
+    calibration: Path
+    picture: Path | None = None
+    report: Path | None = None
+    robot: Robot | None = None
+    folder: Path | None = None  # where it is noted what calibrations were made from
+    before: Source | None = None  # what is noted there
+
+    @property
+    def outputs(self) -> list[Path]:
+        return [path for path in (self.calibration, self.picture, self.report) if path is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What became of a job."""
+
+    job: Job
+    state: Literal["fitted", "up to date", "kept", "failed"]
+    text: str = ""  # what it came to, or why it failed
+    doubts: tuple[str, ...] = ()
+    taxels: int = 0
+    mean: float = 0.0  # distance from surface to mesh [m]
+    source: Source | None = None
+    trace: str = ""  # of a mistake of ours
+
+
+def outcomes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
+    """What becomes of each job, as soon as it is known."""
+    if processes == 1 or len(jobs) == 1:
+        yield from map(_survive if len(jobs) > 1 else fit_one, jobs)
+        return
+    lost = []
+    with ProcessPoolExecutor(processes, initializer=_leave_interrupts) as pool:
+        futures = {pool.submit(_survive, job): job for job in jobs}
+        try:
+            for future in as_completed(futures):
+                try:
+                    yield future.result()
+                except BrokenProcessPool:
+                    lost.append(futures[future])
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    for job in lost:  # a process that dies takes all waiting jobs along; alone, each tells whether it was the one
+        with ProcessPoolExecutor(1, initializer=_leave_interrupts) as pool:
+            try:
+                yield pool.submit(_survive, job).result()
+            except BrokenProcessPool:
+                yield Outcome(job, "failed", "its process was ended from outside, most likely for want of memory")
+
+
+def fit_one(job: Job) -> Outcome:
+    """Fit one link and write its files, where they are not up to date."""
+    try:
+        plan = load_plan(job.plan) if isinstance(job.plan, Path) else job.plan
+        doubts = compare(job.robot, plan) if job.robot else ()
+        source = source_of(job.plan, plan, job.folder) if job.folder and isinstance(job.plan, Path) else None
+        if source and job.before and job.folder:
+            if is_current(source, job.before, job.folder, job.outputs):
+                return _left(job, "up to date", job.before, doubts)
+            if _is_edited(job) and is_current(source, job.before, job.folder, []):
+                return _left(job, "kept", job.before, doubts)
+        doubts += (EDITED,) if _is_edited(job) else ()
+        result = calibrate(plan, job.mesh)
+        if job.picture:
+            _draw(result, job.picture)
+        if job.report:
+            write_bytes_safely(job.report, (json.dumps(report_document(result), indent=2) + "\n").encode())
+        save_calibration(result.calibration, job.calibration)
+    except SkinCalibError as error:
+        return Outcome(job, "failed", str(error))
+    taxels = sum(len(patch.taxels.ids) for patch in result.calibration.patches)
+    mean = result.fit.errors.surface_to_mesh.mean
+    if source and job.folder:
+        source = with_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, doubts=result.doubts)
+    text = summary(result, job.calibration)
+    return Outcome(job, "fitted", text, doubts + result.doubts, taxels, mean, source)
+
+
+def _left(job: Job, state: Literal["up to date", "kept"], source: Source, doubts: tuple[str, ...]) -> Outcome:
+    text = "changed after its fit; --again would undo that" if state == "kept" else ""
+    return Outcome(job, state, text, doubts + source.doubts, source.taxels, source.mean)
+
+
+def _is_edited(job: Job) -> bool:
+    """Whether the calibration is a good one, but not the one that was written last: it got responses, for example."""
+    if not job.before or not job.folder or not os.path.isfile(job.calibration):
+        return False
+    name = job.calibration.name
+    if job.before.finds(job.folder, {name: job.before.outputs.get(name, "")}):
+        return False
+    try:
+        load_calibration(job.calibration)
+    except CalibrationFormatError:
+        return False
+    return True
+
+
+def _survive(job: Job) -> Outcome:
+    """The same; a mistake of ours, too, is what became of this job alone."""
+    try:
+        return fit_one(job)
+    except Exception as error:
+        text = f"a mistake in the program, please report it: {type(error).__name__}: {error}"
+        return Outcome(job, "failed", text, trace=traceback.format_exc())
+
+
+def _leave_interrupts() -> None:
+    """Ctrl+C reaches every process; the one that waits for the others ends them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _draw(result: Calibrated, path: Path) -> None:
+    from ..picture import draw_calibration  # matplotlib, which not every place has
+
+    draw_calibration(result.calibration, path, result.cover)
