@@ -60,17 +60,19 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     Raises
     ------
     SkinCalibError
-        If matplotlib is not there.
+        If matplotlib is not there, or the calibration has no surface.
     OutputError
         If the picture cannot be written.
     """
+    if not calibration.surfaces:
+        raise SkinCalibError(f"the calibration of '{calibration.link}' has no surface to draw; fit its plan")
     figure = blank(1, 1)  # says what is missing before anything is computed
-    surface = surface_of(calibration.surfaces[0])
-    grid = surface.grid_points(*(np.linspace(0, 1, k + 1) for k in QUADS))
-    quads = np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2).reshape(-1, 4, 3)
-    normals = unit(np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]))
+    grids = [surface_of(s).grid_points(*(np.linspace(0, 1, k + 1) for k in QUADS)) for s in calibration.surfaces]
+    grid, all_quads = grids[0], np.concatenate([_quads(grid) for grid in grids])
+    quads, all_normals = _quads(grid), _quad_normals(all_quads)
+    normals = all_normals[: len(quads)]
     camera = look_at(_seen(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
-    panels: list[_Panel] = [_TaxelPanel(calibration, quads, normals)]
+    panels: list[_Panel] = [_TaxelPanel(calibration, all_quads, all_normals)]
     panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, quads, normals, mesh)] if mesh else []
     figure.set_size_inches(5 * len(panels), 5)
     for i, panel in enumerate(panels):
@@ -83,6 +85,15 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
             bar = figure.add_axes((left + 0.82 * width, 0.15, 0.03 * width, 0.65))
             figure.colorbar(panel.colours, bar, label=panel.unit)
     save_png(figure, path)
+
+
+def _quads(grid: Array) -> Array:
+    """The faces (k, 4, 3) between the points of a grid."""
+    return np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2).reshape(-1, 4, 3)
+
+
+def _quad_normals(quads: Array) -> Array:
+    return unit(np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]))
 
 
 def blank(width: float, height: float) -> Any:

@@ -6,8 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from .calibration.model import LinkCalibration
+from .arrays import Array
+from .calibration.findings import printable
+from .calibration.model import LinkCalibration, Patch
+from .calibration.response import AnyResponse, ResponseTable
 from .deviation import DistanceStatistics
+from .errors import millimetres
 from .laying import Laid
 from .pipeline import Calibrated
 from .skin.board_taxels import angles
@@ -123,22 +127,66 @@ def report_document(result: Calibrated) -> dict[str, Any]:
 
 def table(calibration: LinkCalibration) -> str:
     """What a calibration file holds, for a person to read."""
-    mesh = calibration.mesh
+    mesh, responses = calibration.mesh, calibration.responses
+    own = f"; {len(responses)} more, that taxels have of their own" if responses else ""
     lines = [
         f"link      {calibration.link}",
         f"mesh      {mesh.file}: {mesh.vertices} vertices, {mesh.faces} faces",
         f"by        {calibration.generator}",
+        f"response  {_response(calibration.response)}{own}",
     ]
     for s in calibration.surfaces:
-        lines.append(
-            f"surface   {s.name}: {s.control_net.shape[0]} x {s.control_net.shape[1]} control points, degree {s.degree}"
+        n, m = s.control_net.shape[:2]
+        closed = "".join(f", closed in {name}" for name, is_closed in zip("uv", s.closed) if is_closed)
+        lines += (
+            f"surface   {s.name}: {n} x {m} control points, degree {s.degree}{closed}",
+            f"          surface to mesh: {_millimetres(s.errors.surface_to_mesh)}",
+            f"          mesh to surface: {_millimetres(s.errors.mesh_to_surface)}",
         )
-        lines.append(f"          surface to mesh: {_millimetres(s.errors.surface_to_mesh)}")
     for p in calibration.patches:
-        t = p.taxels
-        channels = f"channels {t.channels.min()} to {t.channels.max()}" if len(t.ids) else "no channels"
-        lines.append(f"patch     {p.name}: {p.kind} of {p.shape[0]} x {p.shape[1]}, {len(t.ids)} taxels, {channels}")
-        for name, values in t.quality.items():
-            largest = np.abs(values).max(axis=0)
-            lines.append(f"          largest {name}: {np.array2string(np.atleast_1d(largest), precision=4)}")
-    return "\n".join(lines)
+        lines += _patch_lines(p)
+    return "\n".join(map(printable, lines))
+
+
+def _patch_lines(patch: Patch) -> Iterator[str]:
+    """Kind, cells, channels and place of a patch, and where each quality is worst."""
+    taxels = patch.taxels
+    least, most = int(taxels.channels.min()), int(taxels.channels.max())
+    channels = f"channels {least} to {most}" + (", not all" if most - least >= len(taxels.ids) else "")
+    cells = f"{patch.shape[0]} x {patch.shape[1]}"
+    yield f"patch     {patch.name}: {patch.kind} of {cells}, {len(taxels.ids)} taxels, {channels}"
+    pitch = " x ".join(f"{1e3 * length:.2f}" for length in patch.pitch)
+    height = f", {1e3 * patch.offset:.2f} mm above it" if patch.offset else ""
+    areas = 1e6 * taxels.areas
+    yield f"          on {patch.surface}{height}; pitch {pitch} mm; areas {areas.min():.2f} to {areas.max():.2f} mm^2"
+    low, high = (millimetres(f(taxels.corners_link.reshape(-1, 3), axis=0)) for f in (np.min, np.max))
+    yield f"          from {low} to {high}"
+    for name, values in sorted(taxels.quality.items()):
+        for what, column, factor, unit in _columns(name, values):
+            worst = int(np.abs(column).argmax())
+            yield f"          largest {what}: {column[worst] * factor:.4g} {unit}, at {taxels.ids[worst]}"
+
+
+def _columns(name: str, values: Array) -> Iterator[tuple[str, Array, float, str]]:
+    """What a column of quality tells: name, numbers, and factor to a unit that people read."""
+    if name == "strain":
+        yield "strain along", values[:, 0], 100, "%"
+        yield "strain across", values[:, 1], 100, "%"
+        yield "shear", values[:, 2], 180 / np.pi, "degrees"
+    elif name == "size":
+        yield "size along", values[:, 0], 1e3, "mm"
+        yield "size across", values[:, 1], 1e3, "mm"
+    else:
+        yield name.replace("_", " "), values, *((180 / np.pi, "degrees") if name == "tilt" else (1e3, "mm"))
+
+
+def _response(response: AnyResponse) -> str:
+    """The force of a reading, in words."""
+    if isinstance(response, ResponseTable):
+        readings, forces = response.readings, response.forces
+        ends = f"readings {readings[0]:g} to {readings[-1]:g}, {min(forces):g} to {max(forces):g} N"
+        return f"table of {len(readings)} rows, {ends}"
+    powers = ("", " I", *(f" I^{k}" for k in range(2, len(response.coefficients))))
+    terms = [f"{factor:g}{power}" for factor, power in zip(response.coefficients, powers) if factor]
+    ends = f", readings {response.range[0]:g} to {response.range[1]:g}" if response.range else ""
+    return f"{' + '.join(terms).replace('+ -', '- ') or '0'} N for a reading I{ends}"

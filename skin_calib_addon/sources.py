@@ -107,6 +107,20 @@ def note_source(folder: Path, name: str, source: Source) -> None:
         write_bytes_safely(folder / FILE, text.encode())
 
 
+def mesh_beside(calibration: Path, file: str) -> Path | None:
+    """Where the mesh of a calibration lies: where `sources.json` has it, or beside the calibration; None if nowhere."""
+    noted = load_sources(calibration.parent).get(calibration.name)
+    places = ([noted.mesh] if noted else []) + [file]
+    return next((path for place in places if os.path.isfile(path := calibration.parent / place)), None)
+
+
+def changed_inputs(calibration: Path) -> tuple[str, ...]:
+    """Of the files that a calibration was made from, those that are others now."""
+    noted = load_sources(calibration.parent).get(calibration.name)
+    files = {path: told for path, told in noted.inputs.items() if path != noted.mesh} if noted else {}
+    return tuple(path for path, told in files.items() if _hash(calibration.parent / path) not in (told, None))
+
+
 def is_mesh(path: Path, sha256: str) -> bool:
     """Whether a mesh file holds the geometry of this hash, whatever the unit of its numbers.
 

@@ -54,9 +54,14 @@ def load_calibration(path: str | os.PathLike[str]) -> LinkCalibration:
     CalibrationFormatError
         If the file cannot be read, or anything in it is wrong; ``findings`` has everything found.
     """
+    return load_with_warnings(path)[0]
+
+
+def load_with_warnings(path: str | os.PathLike[str]) -> tuple[LinkCalibration, tuple[Finding, ...]]:
+    """The same, and what a person should look at."""
     document, findings = check_bytes(read(path))
     _refuse_errors(findings, f"'{path}'")
-    return from_document(document)
+    return from_document(document), findings
 
 
 def check_calibration(path: str | os.PathLike[str]) -> tuple[Finding, ...]:

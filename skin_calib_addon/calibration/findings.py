@@ -26,7 +26,7 @@ class Finding:
 
     def __str__(self) -> str:
         where = _shortened(self.pointer, 200) or "the document"
-        return f"{self.severity}: {_printable(where)} {_printable(self.message)} [{self.code}]"
+        return f"{self.severity}: {printable(where)} {printable(self.message)} [{self.code}]"
 
 
 def error(code: str, pointer: str, message: str, value: Any = None) -> Finding:
@@ -80,6 +80,6 @@ def _shortened(text: str, length: int) -> str:
     return text if len(text) <= length else text[: length - 1] + "…"
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """The same text on one line: control characters and lone surrogates escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -1,15 +1,15 @@
-"""``show``: table and picture of a calibration."""
+"""``show``: table, warnings and picture of a calibration."""
 
 import argparse
 from pathlib import Path
 
-from ..calibration.file import load_calibration
+from ..calibration.file import load_with_warnings
 from ..report import table
-from .common import DONE, check_folder
+from .common import DONE, check_folder, complain
 
 
 def add(commands) -> None:
-    show = commands.add_parser("show", help="table and picture of a calibration")
+    show = commands.add_parser("show", help="table, warnings and picture of a calibration")
     show.add_argument("file", type=Path, metavar="FILE")
     show.add_argument("--picture", type=Path, metavar="PNG")
     show.set_defaults(run=run)
@@ -17,8 +17,10 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     check_folder(options.picture)
-    calibration = load_calibration(options.file)
+    calibration, warnings = load_with_warnings(options.file)
     print(table(calibration))
+    for warning in warnings:
+        complain(str(warning))
     if options.picture:
         from ..picture import draw_calibration
 

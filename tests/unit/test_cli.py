@@ -4,16 +4,18 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from skin_calib_addon.calibration import load_calibration, save_calibration
+from skin_calib_addon.calibration import Response, ResponseTable, load_calibration, save_calibration, to_document
 from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh import save_mesh
 from skin_calib_addon.plan import load_plan
-from tests.samples import small_calibration
+from tests.samples import boards, plane, small_calibration
+from tests.samples import cylinder as surface_tube
 from tests.shapes import LENGTH, RADIUS, box, cylinder, together
 from tests.unit.test_mesh import write
 
@@ -302,9 +304,10 @@ def test_check_passes_what_is_right(folder, capsys):
     """A plan and the calibration made from it: code 0, no findings."""
     main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
     capsys.readouterr()
-    for path in (folder / "tube.plan.json", folder / "out.json"):
+    told = f"; 8 taxels on tube; mesh {folder / 'tube.ply'} is the one that was calibrated"
+    for path, more in ((folder / "tube.plan.json", ""), (folder / "out.json", told)):
         assert main(["check", str(path)]) == 0
-        assert capsys.readouterr() == (f"{path}: 0 errors, 0 warnings\n", "")
+        assert capsys.readouterr() == (f"{path}: 0 errors, 0 warnings{more}\n", "")
 
 
 def test_check_names_every_finding_with_its_pointer(folder, capsys):
@@ -337,9 +340,10 @@ def test_check_refuses_a_plan_that_fit_refuses(folder, capsys):
 
 @pytest.mark.parametrize("command", ["check", "show"])
 def test_missing_or_broken_file_is_one_line(folder, capsys, command):
-    """A path that is not there, a folder; code 1."""
+    """A path that is not there, a folder with nothing in it; code 1."""
+    (folder / "empty").mkdir()
     assert_refused(capsys, 1, "No such file", command, folder / "none.json")
-    assert_refused(capsys, 1, "not a regular file", command, folder)
+    assert_refused(capsys, 1, "not a regular file", command, folder / "empty")
 
 
 def test_show_refuses_a_plan(folder, capsys):
@@ -354,9 +358,132 @@ def test_show_prints_a_table_and_draws(folder, capsys):
     assert main(["show", str(folder / "out.json"), "--picture", str(folder / "p.png")]) == 0
     out, err = capsys.readouterr()
     for text in ("tube.ply: 192 vertices, 336 faces", "6 x 15 control points, degree (3, 3)", "surface to mesh: mean",
-                 "sheet of 2 x 4, 8 taxels, channels 0 to 7", "largest strain"):  # fmt: skip
+                 "sheet of 2 x 4, 8 taxels, channels 0 to 7", "largest strain along: "):  # fmt: skip
         assert text in out
     assert err == "" and (folder / "p.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_show_tells_what_a_person_looks_for(tmp_path, capsys):
+    """Response, closed directions, errors both ways, cells, place, the worst of each quality with its taxel."""
+    path = tmp_path / "c.json"
+    own = (ResponseTable((0.0, 250.0), (16.0, 0.0)), Response((0.0, 1.0)))
+    save_calibration(small_calibration(responses=own, generator="a\x1b[31m"), path)
+    assert main(["show", str(path)]) == 0
+    out, err = capsys.readouterr()
+    assert err == "" and out.splitlines() == [
+        "link      forearm",
+        "mesh      forearm.stl: 1000 vertices, 1996 faces",
+        "by        a\\x1b[31m",
+        "response  0.25 I - 0.001 I^2 N for a reading I; 2 more, that taxels have of their own",
+        "surface   tube: 3 x 11 control points, degree (2, 3), closed in v",
+        "          surface to mesh: mean 0.0150, rms 0.0250, max 0.1100 mm",
+        "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm",
+        "surface   plane: 2 x 2 control points, degree (1, 1)",
+        "          surface to mesh: mean 0.0150, rms 0.0250, max 0.1100 mm",
+        "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm",
+        "patch     sheet: sheet of 2 x 3, 6 taxels, channels 0 to 5",
+        "          on tube; pitch 10.00 x 10.00 mm; areas 100.00 to 100.00 mm^2",
+        "          from (26.7, -5.0, 0.0) mm to (35.0, 23.1, 20.0) mm",
+        "          largest strain along: -1 %, at s0.0",
+        "          largest strain across: 0.8824 %, at s1.2",
+        "          largest shear: 0.573 degrees, at s1.2",
+        "patch     boards: hexagons of 1 x 2, 2 taxels, channels 6 to 7",
+        "          on plane; pitch 27.75 x 27.75 mm; areas 690.28 to 690.28 mm^2",
+        "          from (15.9, 33.7, -100.0) mm to (71.9, 66.3, -100.0) mm",
+        "          largest gap: 0.1 mm, at h1",
+        "          largest tilt: 1.146 degrees, at h1",
+    ]
+    response = ResponseTable((0.0, 250.0), (16.0, 0.0))
+    save_calibration(small_calibration(response=response), path)
+    main(["show", str(path)])
+    assert "response  table of 2 rows, readings 0 to 250, 0 to 16 N\n" in capsys.readouterr().out
+
+
+def test_show_warns(tmp_path, capsys):
+    """What is no error, but wants a look, is on stderr; the table is there all the same."""
+    patch = boards()
+    taxels = replace(patch.taxels, neighbours=(("h1",), ()))
+    save_calibration(small_calibration(patches=(replace(patch, taxels=taxels),)), tmp_path / "c.json")
+    assert main(["show", str(tmp_path / "c.json")]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("link ") and err.startswith("skin-calib: warning: /patches/0/taxels/neighbours/0/0 is ")
+
+
+def test_show_draws_all_surfaces_or_says_that_there_is_none(tmp_path, capsys):
+    """A calibration of several surfaces shows each; one without any is one line."""
+    pictures = []
+    for name, surfaces in (("two", (surface_tube(), plane())), ("one", (surface_tube(),)), ("none", ())):
+        save_calibration(small_calibration(surfaces=surfaces, patches=()), tmp_path / f"{name}.json")
+        words = ["show", str(tmp_path / f"{name}.json"), "--picture", str(tmp_path / f"{name}.png")]
+        assert main(words) == (0 if surfaces else 1)
+        pictures += [(tmp_path / f"{name}.png").read_bytes()] if surfaces else []
+    assert pictures[0] != pictures[1] and not (tmp_path / "none.png").exists()
+    assert capsys.readouterr().err == "skin-calib: the calibration of 'forearm' has no surface to draw; fit its plan\n"
+
+
+def test_check_says_when_the_mesh_is_another(folder, capsys):
+    """Beside the calibration, where it was fitted from, or named; the plan, too, may have changed."""
+    (folder / "out").mkdir()
+    plan, out = folder / "tube.plan.json", folder / "out" / "tube.calibration.json"
+    main(["fit", str(plan), "-o", str(folder / "out")])
+    main(["fit", str(plan), "-o", str(folder / "beside.json")])
+
+    def check(path, *words):
+        capsys.readouterr()
+        assert main([*map(str, ("check", path, *words))]) == 0
+        return capsys.readouterr().out
+
+    same = f"0 warnings; 8 taxels on tube; mesh {folder / 'tube.ply'} is the one that was calibrated\n"
+    assert check(out).endswith(same) and check(folder / "beside.json").endswith(same)
+    save_mesh(cylinder(around=24, along=9), folder / "tube.ply")
+    for path in (out, folder / "beside.json"):
+        text = check(path)
+        assert f"warning: /mesh/sha256 is not that of {folder / 'tube.ply'}: the mesh is no longer" in text
+        assert text.endswith("0 errors, 1 warnings; 8 taxels on tube; mesh is another one\n")
+    write_plan(folder, degree=[3, 4])
+    assert "warning: the document was made from ../tube.plan.json, which has changed since" in check(out)
+    (folder / "tube.ply").write_bytes(b"ply")
+    assert "warning: /mesh/sha256 cannot be compared: cannot read tube.ply" in check(out)
+    (folder / "tube.ply").unlink()
+    assert check(out).endswith("mesh tube.ply not found and not compared: name it with --mesh\n")
+    save_mesh(cylinder(around=24, along=8), folder / "kept.ply")
+    assert f"mesh {folder / 'kept.ply'} is the one" in check(out, "--mesh", folder / "kept.ply")
+    assert "warning: /mesh names no file" in check(plan)
+    (folder / "out" / "sources.json").write_text("{")
+    assert "warning: the document cannot tell what the calibrations of" in check(out)
+
+
+def test_check_goes_through_folders(folder, capsys):
+    """A line or more for each file, in order; one that is broken does not hide the others."""
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "a.calibration.json")])
+    (folder / "b.calibration.json").write_text("{")
+    capsys.readouterr()
+    assert main(["check", str(folder), str(folder / "none.json"), str(folder / "tube.plan.json")]) == 1
+    out, err = capsys.readouterr()
+    names = [line.split(": ")[0] for line in out.splitlines() if not line.startswith("error: ")]
+    expected = ("a.calibration.json", "b.calibration.json", "tube.plan.json", "tube.plan.json")
+    assert names == [str(folder / name) for name in expected]
+    assert err.count("\n") == 1 and "none.json" in err
+    assert_refused(capsys, 2, "--mesh is that of one calibration", "check", folder, "--mesh", folder / "tube.ply")
+
+
+def test_check_names_taxels_and_counts(tmp_path, capsys):
+    """A finding about a taxel has its id; many findings are counted by what they are."""
+    document = to_document(small_calibration(rows=4, columns=4))
+    document["patches"][0]["taxels"]["area"] = [1.0] * 16
+    document["patches"][1]["taxels"]["id"][1] = 5
+    document["patches"][1]["taxels"]["gap"][1] = "x"
+    (tmp_path / "c.json").write_text(json.dumps(document))
+    assert main(["check", str(tmp_path / "c.json")]) == 1
+    out = capsys.readouterr().out
+    assert "/patches/0/taxels/area/6 is 1 m^2, but the corners span 0.0001 m^2 [area] (taxel s1.2)\n" in out
+    assert '/patches/1/taxels/gap/1 must be a finite number, not "x" [type]\n' in out
+    assert out.endswith("3 errors, 16 warnings; 16 area, 2 type, 1 checksum\n")
+    for ids in (["h0"], 7, None):
+        document["patches"][1]["taxels"]["id"] = ids
+        (tmp_path / "c.json").write_text(json.dumps(document))
+        assert main(["check", str(tmp_path / "c.json")]) == 1
+        assert '/patches/1/taxels/gap/1 must be a finite number, not "x" [type]\n' in capsys.readouterr().out
 
 
 def test_scene_plans_stand_in_for_files(folder, capsys):
