@@ -4,11 +4,8 @@ import hashlib
 import json
 from typing import Any
 
-_BROKEN_OBJECTS = {"taxels"}  # one member per line, as at the top
 _BROKEN_LISTS = {"surfaces", "patches"}  # objects, each with one member per line
 _LISTS = {"responses"}  # one object per line
-_TABLES = {"control_net", "id", "channel", "index", "uv", "position", "normal", "tangent", "corners", "area"}
-_TABLES |= {"neighbours", "strain", "gap", "tilt", "response"}  # one row per line
 
 
 def checksum(document: dict[str, Any]) -> str:
@@ -32,23 +29,30 @@ def encode(document: dict[str, Any]) -> bytes:
     return (_object(document, "") + "\n").encode()
 
 
-def _object(value: dict[str, Any], margin: str) -> str:
+def _object(value: dict[str, Any], margin: str, tables: bool = False) -> str:
+    """One member per line; all lists of a table's columns have one row per line."""
     inner = margin + "  "
-    members = (f"{inner}{_inline(name)}: {_member(name, member, inner)}" for name, member in value.items())
+    write = _column if tables else _member
+    members = (f"{inner}{_inline(name)}: {write(name, member, inner)}" for name, member in value.items())
     return "{\n" + ",\n".join(members) + f"\n{margin}}}"
 
 
 def _member(name: str, value: Any, margin: str) -> str:
     inner = margin + "  "
-    if name in _BROKEN_OBJECTS:
-        return _object(value, margin)
+    if name == "taxels":
+        return _object(value, margin, tables=True)
     if name in _BROKEN_LISTS and value:
         return f"[\n{inner}" + f",\n{inner}".join(_object(item, inner) for item in value) + f"\n{margin}]"
     if name in _LISTS and value:
         return f"[\n{inner}" + f",\n{inner}".join(map(_inline, value)) + f"\n{margin}]"
-    if name in _TABLES and isinstance(value, list):  # the response of the link is an object
-        return f"[\n{inner}" + _rows(value, inner) + f"\n{margin}]"
-    return _inline(value)
+    return _column(name, value, margin) if name == "control_net" else _inline(value)
+
+
+def _column(name: str, value: Any, margin: str) -> str:
+    if not isinstance(value, list) or not value:
+        return _inline(value)
+    inner = margin + "  "
+    return f"[\n{inner}" + _rows(value, inner) + f"\n{margin}]"
 
 
 def _rows(table: list[Any], margin: str) -> str:
