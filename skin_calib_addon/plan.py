@@ -14,6 +14,7 @@ from .calibration.response import AnyResponse, Response, response_document, resp
 from .calibration.response_checks import responses_are_monotone
 from .calibration.schema_check import check, read_schema
 from .calibration.strict_json import parse, read
+from .calibration.validate import newer_version
 from .errors import CalibrationFormatError, InvalidPlan
 from .geometry.auto import AutoGrid
 from .geometry.axis import Axis
@@ -68,6 +69,9 @@ def load_plan(path: str | Path) -> Plan:
 
 def check_plan(document: Any) -> tuple[Finding, ...]:
     """Every place where a document breaks the plan's schema, or its response turns round."""
+    newer = tuple(newer_version(document, VERSION))
+    if newer:
+        return newer
     findings = check(document, _schema())
     return (*findings, *responses_are_monotone(document, findings))
 

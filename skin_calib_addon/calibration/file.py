@@ -11,6 +11,7 @@ from ..deviation import DistanceStatistics, SurfaceErrors
 from ..errors import CalibrationFormatError
 from .encoding import checksum, encode
 from .findings import Finding
+from .migration import migrated
 from .model import LinkCalibration, MeshSource, Patch, SurfaceModel, TaxelArray
 from .response import response_document, response_from
 from .schema_check import check
@@ -70,10 +71,17 @@ def check_calibration(path: str | os.PathLike[str]) -> tuple[Finding, ...]:
 
 
 def check_bytes(data: bytes) -> tuple[Any, tuple[Finding, ...]]:
-    """The document that the bytes stand for, None if they stand for none, and everything wrong with it."""
+    """The document that the bytes stand for, None if they stand for none, and everything wrong with it.
+
+    One of an older version is brought to ours; what is wrong with it is said of it as it came.
+    """
     document, findings = parse(data)
     if document is None and findings:
         return None, findings
+    if not findings:
+        document, findings = migrated(document)
+        if findings:
+            return document, findings
     known = {finding.pointer for finding in findings}
     return document, findings + tuple(f for f in validate(document) if f.pointer not in known)
 

@@ -12,6 +12,7 @@ from .findings import Finding, did_you_mean, error, first, show, warning
 from .parts import Part, parts_of
 from .response_checks import responses_are_monotone, responses_are_there
 from .schema_check import check, read_schema
+from .schema_types import has_type
 
 Findings = tuple[Finding, ...]
 
@@ -32,12 +33,19 @@ def validate(document: Any) -> Findings:
     tuple of Finding
         Empty if all is well. Where one member is unsound, what the others say is still checked.
     """
-    version = document.get("version") if isinstance(document, dict) else None
-    if isinstance(version, int) and version > VERSION:
-        message = f"is {show(version)}, newer than the {VERSION} that this program reads; update the program"
-        return (error("version", "/version", message, version),)
+    newer = tuple(newer_version(document, VERSION))
+    if newer:
+        return newer
     findings = validate_content(document)
-    return (*findings, *_checksum(document, findings))
+    return (*findings, *checksum_findings(document, findings))
+
+
+def newer_version(document: Any, known: int) -> Iterator[Finding]:
+    """That a document has a later version than the one known; nothing else in it can then be judged."""
+    version: Any = document.get("version") if isinstance(document, dict) else None
+    if has_type(version, "integer") and version > known:
+        message = f"is {show(version)}, newer than the {known} that this program reads; update the program"
+        yield error("version", "/version", message, version)
 
 
 def validate_content(document: Any) -> Findings:
@@ -138,7 +146,8 @@ def _pairs(patches: list[Part]) -> Iterator[tuple[str, str, str]]:
                 yield f"{pointer}/{row}/{column}", taxel, other
 
 
-def _checksum(document: Any, findings: Findings) -> Iterator[Finding]:
+def checksum_findings(document: Any, findings: Findings) -> Iterator[Finding]:
+    """Whether the checksum is that of the content, unless something was found about the checksum itself."""
     stated = document.get("checksum") if isinstance(document, dict) else None
     if stated is None or any(finding.pointer == "/checksum" for finding in findings):
         return

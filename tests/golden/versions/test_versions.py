@@ -1,0 +1,116 @@
+"""A calibration file of every version that was released; each is read for ever, to the same numbers.
+
+A file and its numbers are written once, with the release, and never again: whatever stands in a robot looks like them.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration import check_calibration, load_calibration, save_calibration
+from skin_calib_addon.calibration.validate import VERSION
+
+HERE = Path(__file__).parent
+FILES = {1: "5c574a156d36e537c1868582c25eeb4acf6e85e17f86999e16db6127f348249b"}  # by version, the SHA-256 of its file
+
+
+def numbers(calibration):
+    """Everything that a calibration holds, as arrays by name; what is no number as JSON."""
+    found = {"words": _json(calibration.link, calibration.generator, calibration.mesh.__dict__, calibration.extra)}
+    found |= {f"response {i}": a for i, r in enumerate(_responses(calibration)) for a in [_response(r)]}
+    for surface in calibration.surfaces:
+        errors = surface.errors
+        found |= {
+            f"{surface.name} {name}": np.asarray(value)
+            for name, value in {
+                "net": surface.control_net,
+                "knots u": surface.knots_u,
+                "knots v": surface.knots_v,
+                "degree": surface.degree,
+                "closed": surface.closed,
+                "to surface": (errors.mesh_to_surface.mean, errors.mesh_to_surface.rms, errors.mesh_to_surface.max),
+                "to mesh": (errors.surface_to_mesh.mean, errors.surface_to_mesh.rms, errors.surface_to_mesh.max),
+                "hausdorff": errors.hausdorff,
+                "words": _json(surface.extra),
+            }.items()
+        }
+    for patch in calibration.patches:
+        t = patch.taxels
+        found |= {
+            f"{patch.name} {name}": np.asarray(value)
+            for name, value in {
+                "channels": t.channels,
+                "index": t.index,
+                "uv": t.uv,
+                "positions": t.positions_link,
+                "normals": t.normals_link,
+                "tangents": t.tangents_link,
+                "corners": t.corners_link,
+                "areas": t.areas,
+                "responses": t.responses,
+                "shape": patch.shape,
+                "pitch": patch.pitch,
+                "offset": patch.offset,
+                "words": _json(patch.kind, patch.surface, patch.extra, t.ids, t.neighbours, t.ports),
+                **t.quality,
+            }.items()
+        }
+    return found
+
+
+def _responses(calibration):
+    return (calibration.response, *calibration.responses)
+
+
+def _response(response):
+    rows = vars(response).values()
+    return np.array([x for row in rows if row is not None for x in (len(row), *row)], float)
+
+
+def _json(*values):
+    return np.array(json.dumps(values))
+
+
+@pytest.mark.parametrize("version", range(1, VERSION + 1))
+def test_every_version_is_read(version):
+    """Each released version, ours too, has its file, untouched; it gives the numbers that it was written from."""
+    path = HERE / f"{version}.calibration.json"
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == FILES[version], "a file of a release never changes"
+    assert check_calibration(path) == ()
+    found = numbers(load_calibration(path))
+    with np.load(HERE / f"{version}.npz") as golden:
+        assert set(golden.files) == set(found)
+        for name, values in found.items():
+            assert values.dtype == golden[name].dtype and values.shape == golden[name].shape, name
+            assert values.tobytes() == golden[name].tobytes(), name
+
+
+def test_our_version_is_written_as_it_was(tmp_path):
+    """Byte for byte: what the writer does to rows and numbers is part of the version."""
+    path = HERE / f"{VERSION}.calibration.json"
+    save_calibration(load_calibration(path), tmp_path / "c.json")
+    assert (tmp_path / "c.json").read_bytes() == path.read_bytes()
+
+
+def test_file_of_our_version_has_everything():
+    """All kinds of patches, columns and responses that the schema of our version knows."""
+    document = json.loads((HERE / f"{VERSION}.calibration.json").read_bytes())
+    schema = json.loads((Path(load_calibration.__code__.co_filename).with_name("schema.json")).read_bytes())
+    parts = schema["$defs"]
+    patches = document["patches"]
+    assert {p["kind"] for p in patches} == set(parts["patch"]["properties"]["kind"]["enum"])
+    assert {name for p in patches for name in p if name[:2] != "x_"} == set(parts["patch"]["properties"])
+    assert {name for p in patches for name in p["taxels"]} == set(parts["taxels"]["properties"])
+    responses = [document["response"], *document["responses"]]
+    assert {(r["kind"], "range" in r) for r in responses} == {
+        ("polynomial", True),
+        ("polynomial", False),
+        ("table", False),
+    }
+    assert {name for r in responses for name in r} == {
+        name for kind in ("polynomial", "table") for name in parts[kind]["properties"]
+    }
+    assert set(schema["properties"]) == {name for name in document if name[:2] != "x_"}
