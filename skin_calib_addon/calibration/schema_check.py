@@ -9,7 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from .findings import Finding, child, did_you_mean, error, first, show
-from .schema_types import ANNOTATIONS, LIMITS, Schema, all_fit, definition, fits_length, has_type, is_same, matcher
+from .schema_types import (
+    ANNOTATIONS,
+    LIMITS,
+    Schema,
+    all_fit,
+    definition,
+    fits_length,
+    has_type,
+    is_meant,
+    is_same,
+    matcher,
+    tags,
+)
 
 _KEYWORDS = {"$ref", "type", "const", "enum", "oneOf", "required", "properties", "patternProperties", *LIMITS}
 _KEYWORDS |= {"additionalProperties", "items", "prefixItems", "minItems", "maxItems", "pattern", "minLength"}
@@ -105,31 +117,19 @@ def _check_string(value: str, schema: Schema, pointer: str) -> Iterator[Finding]
 
 def _check_choice(value: Any, branches: list[Schema], pointer: str, root: Schema) -> Iterator[Finding]:
     definitions = [definition(branch, root) for branch in branches]
-    meant = [branch for branch, meaning in zip(branches, definitions) if _is_meant(value, meaning)]
-    tags = [tag for meaning in definitions for tag in _tags(meaning).items()]
+    meant = [branch for branch, meaning in zip(branches, definitions) if is_meant(value, meaning)]
+    told = [tag for meaning in definitions for tag in tags(meaning).items()]
     if meant:
         yield from _check(value, meant[0], pointer, root)
-    elif isinstance(value, dict) and tags:
-        name = tags[0][0]
+    elif isinstance(value, dict) and told:
+        name = told[0][0]
         if name in value:
-            yield _none_of(value[name], [const for _, const in tags], child(pointer, name))
+            yield _none_of(value[name], [const for _, const in told], child(pointer, name))
         else:
             yield error("missing", pointer, f"lacks the member {show(name)}")
     else:
         wanted = " or ".join(show(d["const"]) if "const" in d else _a(d["type"]) for d in definitions)
         yield error("type", pointer, f"must be {wanted}, not {show(value)}", value)
-
-
-def _is_meant(value: Any, branch: Schema) -> bool:
-    """Whether a branch of a choice is the one for this value, right or wrong in its details."""
-    if "const" in branch:
-        return is_same(value, branch["const"])
-    return has_type(value, branch["type"]) and all(is_same(value.get(k), const) for k, const in _tags(branch).items())
-
-
-def _tags(branch: Schema) -> dict[str, Any]:
-    """The constant members by which a branch is told from the others."""
-    return {name: part["const"] for name, part in branch.get("properties", {}).items() if "const" in part}
 
 
 def _none_of(value: Any, choices: list[Any], pointer: str) -> Finding:

@@ -18,6 +18,7 @@ LIMITS = {
 }
 ANNOTATIONS = {"$schema", "$defs", "$comment", "title", "description", "default"}
 _BULK_KEYWORDS = {"type", "items", "minItems", "maxItems", "pattern", "minLength", *LIMITS, *ANNOTATIONS}
+_BULK_KEYWORDS |= {"required", "properties", "additionalProperties"}
 _TYPES = {"object": dict, "array": list, "boolean": bool, "null": type(None)}
 _SURROGATE = re.compile("[\ud800-\udfff]")
 _LARGEST = float(np.finfo(float).max)
@@ -49,6 +50,18 @@ def definition(schema: Schema, root: Schema) -> Schema:
     return root["$defs"][schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
 
 
+def is_meant(value: Any, branch: Schema) -> bool:
+    """Whether a branch of a choice is the one for this value, right or wrong in its details."""
+    if "const" in branch:
+        return is_same(value, branch["const"])
+    return has_type(value, branch["type"]) and all(is_same(value.get(k), const) for k, const in tags(branch).items())
+
+
+def tags(branch: Schema) -> dict[str, Any]:
+    """The constant members by which a branch is told from the others."""
+    return {name: part["const"] for name, part in branch.get("properties", {}).items() if "const" in part}
+
+
 @cache
 def matcher(pattern: str) -> Any:
     """The search for a pattern, whose final ``$`` is the end of the text and not a line break before it."""
@@ -62,6 +75,10 @@ def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
     """
     if schema.keys() - ANNOTATIONS == {"$ref"}:
         schema = definition(schema, root)
+    if schema.keys() - ANNOTATIONS == {"const"}:
+        return all(is_same(value, schema["const"]) for value in values)
+    if schema.keys() - ANNOTATIONS == {"oneOf"}:
+        return _choices_fit(values, [definition(branch, root) for branch in schema["oneOf"]], root)
     if not schema.keys() <= _BULK_KEYWORDS or "type" not in schema:
         return False
     types, wanted = set(map(type, values)), schema["type"]
@@ -71,7 +88,28 @@ def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
     if wanted == "string":
         least, matches = schema.get("minLength", 0), matcher(schema.get("pattern", ""))
         return types <= {str} and all(len(v) >= least and matches(v) and not _SURROGATE.search(v) for v in values)
+    if wanted == "object":
+        return types <= {dict} and _objects_fit(values, schema, root)
+    if wanted in _TYPES:
+        return types <= {_TYPES[wanted]}
     return wanted in ("number", "integer") and types <= {int, float} and _all_numbers_fit(values, schema)
+
+
+def _choices_fit(values: list[Any], branches: list[Schema], root: Schema) -> bool:
+    for branch in branches:
+        meant = [is_meant(value, branch) for value in values]
+        if not all_fit([value for value, is_this in zip(values, meant) if is_this], branch, root):
+            return False
+        values = [value for value, is_this in zip(values, meant) if not is_this]
+    return not values
+
+
+def _objects_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
+    known, needed = schema.get("properties", {}), set(schema.get("required", ()))
+    is_open = schema.get("additionalProperties") is not False
+    if not all(needed <= names and (is_open or names <= known.keys()) for names in set(map(frozenset, values))):
+        return False
+    return all(all_fit([v[name] for v in values if name in v], part, root) for name, part in known.items())
 
 
 def _all_numbers_fit(values: list[Any], schema: Schema) -> bool:

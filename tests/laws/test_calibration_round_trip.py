@@ -294,6 +294,29 @@ def test_bulk_check_agrees_with_the_reference(numbers, repeats):
     assert found == {f"/{len(good)}/{i}" for i in wrong}
 
 
+@given(document=st.lists(scalars | objects, max_size=3), repeats=st.integers(0, 3))
+@settings(max_examples=1000)
+def test_bulk_check_of_choices_agrees_with_the_reference(document, repeats):
+    """Arrays of objects that are told apart by a constant, or of strings and nulls, are judged as each alone is."""
+    jsonschema = pytest.importorskip("jsonschema")
+    good = [{"kind": "tube", "n": 1}, {"kind": "auto"}, None, "ab", True] * repeats
+    choice = [{"$ref": "#/$defs/tube"}, {"$ref": "#/$defs/auto"}, {"type": "string", "minLength": 2}]
+    choice += [{"type": "null"}, {"const": 2}, {"type": "boolean"}]
+    closed = {name: GENERAL["$defs"][name] | {"additionalProperties": False} for name in ("tube", "auto")}
+    one = {"$ref": "#/$defs/auto"}
+    for items, definitions in (
+        ({"oneOf": choice}, GENERAL["$defs"]),
+        ({"oneOf": choice}, closed),
+        (one, closed),
+        ({"const": 1}, {}),
+    ):
+        schema = {"type": "array", "items": items, "$defs": definitions}
+        values = [*good, *document, *good] if "oneOf" in items else document
+        errors = jsonschema.Draft202012Validator(schema).iter_errors(values)
+        ours = check(values, schema)
+        assert {f.pointer.split("/")[1] for f in ours} == {str(e.absolute_path[0]) for e in errors}
+
+
 edits = st.lists(
     st.tuples(
         st.integers(0, len(TEXT) - 1),
