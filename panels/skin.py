@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panels of the tab Skin in the sidebar of the 3D view."""
 
+import textwrap
+
 import bpy
+
+from ..skin_calib_addon.blender import live
+from ..skin_calib_addon.blender.scene import DOUBT_WIDTH
 
 
 class SkinPanel:
@@ -107,11 +112,17 @@ class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
     bl_label = "Fit"
 
     def lay_out(self, layout, plan):
-        layout.operator("skin_calib.fit", icon="SURFACE_DATA")
-        result = plan.result
+        row = layout.row(align=True)
+        row.operator("skin_calib.fit", icon="SURFACE_DATA")
+        row.prop(plan, "live", toggle=True, icon="PLAY")
+        result, told = plan.result, live.told.get(plan.id_data.name)
+        for line in textwrap.wrap(told.problem, DOUBT_WIDTH) if told else ():
+            layout.label(text=line, icon="ERROR")
         if not result.key:
             return
-        if result.outdated:
+        if told and not told.problem:
+            layout.label(text=f"Mean {told.mean * 1e3:.4f} mm on the rays, {told.seconds * 1e3:.0f} ms", icon="PLAY")
+        elif result.outdated:
             layout.label(text="The plan has changed: fit again", icon="INFO")
         column = layout.column(align=True)
         column.enabled = False

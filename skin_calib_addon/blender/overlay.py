@@ -24,6 +24,8 @@ WIDTHS = {"SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0}
 SCALE = np.array(((0.27, 0.0, 0.33), (0.23, 0.32, 0.55), (0.13, 0.57, 0.55), (0.37, 0.79, 0.38), (0.99, 0.91, 0.15)))
 UNKNOWN = (0.5, 0.5, 0.5)
 
+# Layers drawn in place of an object's result while its plan changes, by the object's name.
+previews: dict[str, tuple["Layer", ...]] = {}
 _handle: Any = None
 _prepared: dict[str, tuple["Layer", ...]] = {}
 
@@ -43,10 +45,15 @@ def prepare(key: str, result: Calibrated) -> None:
     for old in [k for k in _prepared if results.find(k) is None]:
         del _prepared[old]
     if key not in _prepared:
-        _prepared[key] = (_error(result), _surface_lines(result), *_taxel_lines(result))
+        _prepared[key] = layers_of(result)
 
 
-def _error(result: Calibrated) -> Layer:
+def layers_of(result: Any) -> tuple[Layer, ...]:
+    """Everything that can be drawn of a result, or of what has a ``fit`` and a ``calibration`` with patches."""
+    return (_error(result), _surface_lines(result), *_taxel_lines(result))
+
+
+def _error(result: Any) -> Layer:
     """The surface, coloured by how far the mesh is from it along the rays of the fit."""
     fit, closed = result.fit, result.fit.lines.closed
     off = np.abs(fit.residuals)
@@ -72,7 +79,7 @@ def _segments(polylines: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(ends, np.float32)
 
 
-def _surface_lines(result: Calibrated) -> Layer:
+def _surface_lines(result: Any) -> Layer:
     """Curves of constant u and v."""
     surface = result.fit.surface
     fine = np.linspace(0, 1, CURVE_POINTS + 1)
@@ -82,7 +89,7 @@ def _surface_lines(result: Calibrated) -> Layer:
     return Layer("SURFACE", np.concatenate((_segments(around), _segments(along))))
 
 
-def _taxel_lines(result: Calibrated) -> tuple[Layer, ...]:
+def _taxel_lines(result: Any) -> tuple[Layer, ...]:
     """Outlines of the cells, and their normals."""
     layers = []
     for patch in result.calibration.patches:
@@ -107,7 +114,8 @@ def _draw() -> None:
     try:
         for link in context.scene.objects:
             plan = link.skin_calib
-            layers = [a for a in _prepared.get(plan.result.key, ()) if a.what in plan.layers]
+            drawn = previews.get(link.name) or _prepared.get(plan.result.key, ())
+            layers = [layer for layer in drawn if layer.what in plan.layers]
             if layers and plan.show_overlay and link.visible_get(viewport=space):
                 _draw_layers(_nearer(view) @ view.view_matrix @ link_frame(link) @ unit, layers, size)
     finally:
@@ -162,3 +170,4 @@ def unregister() -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
         _handle = None
     _prepared.clear()
+    previews.clear()

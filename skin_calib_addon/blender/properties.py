@@ -14,7 +14,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import skin_properties
+from . import live, skin_properties
 from .options import FIXED, LENGTH, PLACE, PLAN, WAY
 
 
@@ -140,7 +140,9 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
     """What the last fit gave."""
 
     key: StringProperty(description="What was fitted; empty before the first fit", **FIXED)
-    outdated: BoolProperty(name="Outdated", description="The plan was changed after the fit", **FIXED)
+    outdated: BoolProperty(
+        name="Outdated", description="The plan was changed after the fit", update=live.changed, **FIXED
+    )
     mean: FloatProperty(name="Mean", description="Mean distance from surface to mesh", **LENGTH)
     max: FloatProperty(name="Max", description="Largest distance from surface to mesh", **LENGTH)
     hausdorff: FloatProperty(name="Hausdorff", description="Largest distance, both ways", **LENGTH)
@@ -182,6 +184,9 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         **FIXED,
     )
     result: PointerProperty(type=SKIN_PG_result, name="Result", description="What the last fit gave")
+    live: BoolProperty(
+        name="Live", description="Let surface and skin follow while the plan changes", update=live.switched, **FIXED
+    )
     show_overlay: BoolProperty(name="Overlay", description="Draw the fitted skin of this link", default=True, **FIXED)
     layers: EnumProperty(
         name="Layers",

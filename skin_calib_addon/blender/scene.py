@@ -313,7 +313,11 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
 
 def why_no_link(context: bpy.types.Context, named: bool = True) -> str:
     """Why the active object is no link that one can work on, and what to do; empty if it is one."""
-    link = context.object
+    return why_not(context.object, named)
+
+
+def why_not(link: bpy.types.Object | None, named: bool = True) -> str:
+    """Why an object is no link that one can work on, and what to do; empty if it is one."""
     if link is None or link.type != "MESH":
         return "Select the mesh object of a link"
     if link.library or link.override_library:

@@ -139,7 +139,7 @@ def test_panel_lays_out_what_there_is(bpy, link, kind):
     shown = {name: draw(bpy, name) for name in PANELS}
     assert shown["skin"][:4] == ["name", "Remove Skin", "kind", "rows"]
     assert ("tolerance" in shown["grid"]) == (kind == "auto")
-    assert shown["fit"] == ["Fit"]
+    assert shown["fit"] == ["Fit", "live"]
     assert "Fit the link to see its skin" in shown["inspect"]
 
 

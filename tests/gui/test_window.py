@@ -33,6 +33,7 @@ def blender():
 DRIVERS = [
     ("drive_fit.py", "wrist", "1200x1300"),
     ("drive_edit.py", "wrist", "1000x1350"),
+    ("drive_live.py", "wrist", "1200x1300"),
     ("drive_boards.py", "sole", "1300x1800"),
 ]
 

@@ -49,7 +49,7 @@ ABOVE = {
     ),
     "cli": ("errors", "", "commands"),
     "__main__": ("cli",),
-    "blender": (*PURE, "plan_skins", "plan", "pipeline", "report", "picture", "cli", "blender"),
+    "blender": (*PURE, "plan_skins", "plan", "laying", "pipeline", "report", "picture", "cli", "blender"),
 }
 # A module may import what stands here; what stands nowhere is shared, and imports what is shared.
 MAY_IMPORT = BELOW | ABOVE

@@ -1,0 +1,111 @@
+"""Live fit: surface and skin follow the plan; no file, no undo step and no other link knows of a preview."""
+
+import pytest
+
+
+@pytest.fixture
+def live(extension):
+    """The module of the running extension."""
+    import importlib
+
+    return importlib.import_module(f"{extension}.skin_calib_addon.blender.live")
+
+
+@pytest.fixture
+def following(bpy, link, addon):
+    """A fitted link that follows its plan."""
+    bpy.ops.skin_calib.fit()
+    bpy.context.object.skin_calib.live = True
+    return bpy.context.object
+
+
+def rest(live, monkeypatch):
+    """Let the plan rest: the timer draws, then finishes."""
+    while live.tick() is not None:
+        monkeypatch.setattr(live, "REST", 0.0)
+
+
+def test_surface_and_skin_follow_a_change(bpy, addon, live, following, monkeypatch):
+    """A preview is drawn at once, with its mean; after a rest the result is the one that the button gives."""
+    plan = following.skin_calib
+    before = plan.result.key
+    plan.grid.n += 2
+    assert plan.result.outdated and bpy.app.timers.is_registered(live.tick)
+    assert live.tick() is not None
+    assert following.name in addon.overlay.previews and plan.result.key == before
+    assert 0 < live.told[following.name].mean < 1e-3
+    rest(live, monkeypatch)
+    assert not addon.overlay.previews and not live.told and not plan.result.outdated
+    followed = plan.result.key, plan.result.mean
+    bpy.ops.skin_calib.fit()
+    assert (plan.result.key, plan.result.mean) == followed and followed[0] != before
+
+
+def test_many_changes_make_one_fit(live, following, monkeypatch):
+    """While the hand moves only the last state counts."""
+    fits = []
+    monkeypatch.setattr(live, "fit_grid", lambda *words, real=live.fit_grid: fits.append(1) or real(*words))
+    for n in range(6, 16):
+        following.skin_calib.grid.n = n
+    live.tick()
+    live.tick()
+    assert len(fits) == 1
+
+
+def test_plan_that_cannot_be_fitted_says_why_and_recovers(live, following, monkeypatch):
+    """The last result stays; the next sound plan is drawn again."""
+    plan = following.skin_calib
+    key = plan.result.key
+    plan.skins[0].rows = 900
+    rest(live, monkeypatch)
+    assert "beyond the edge" in live.told[following.name].problem and plan.result.key == key and plan.result.outdated
+    plan.skins[0].rows = 2
+    rest(live, monkeypatch)
+    assert not live.told and not plan.result.outdated
+
+
+def test_link_that_does_not_follow_is_left_alone(bpy, live, link):
+    """Without Live a change asks for nothing; switched off, what waits is forgotten."""
+    bpy.ops.skin_calib.fit()
+    plan = bpy.context.object.skin_calib
+    plan.grid.n += 1
+    assert live.tick() is None and plan.result.outdated
+    plan.live = True
+    plan.live = False
+    assert live.tick() is None and plan.result.outdated
+
+
+def test_object_that_goes_or_changes_its_name_stops_nothing(bpy, live, following):
+    """Renamed, deleted, without a link name: forgotten."""
+    plan = following.skin_calib
+    plan.grid.n += 1
+    following.name = "other"
+    assert live.tick() is None
+    plan.grid.n += 1
+    plan.link = ""
+    assert live.tick() is None
+    plan.link = "arm"
+    bpy.data.objects.remove(following)
+    assert live.tick() is None
+
+
+def test_undo_takes_the_preview_away(bpy, addon, live, following, monkeypatch):
+    """And the link catches up with the plan that came back."""
+    bpy.ops.ed.undo_push(message="before")
+    following.skin_calib.grid.n = 14
+    bpy.ops.ed.undo_push(message="after")
+    live.tick()
+    assert addon.overlay.previews
+    bpy.ops.ed.undo()
+    link = bpy.context.object
+    assert not addon.overlay.previews and link.skin_calib.grid.n != 14
+    rest(live, monkeypatch)
+    assert not link.skin_calib.result.outdated
+
+
+def test_new_file_forgets_what_waits(bpy, addon, live, following):
+    """Nothing of the old file is fitted in the new one."""
+    following.skin_calib.grid.n += 1
+    live.tick()
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert not addon.overlay.previews and not live.told and live.tick() is None

@@ -1,0 +1,58 @@
+"""Drives a plan by the mouse while the link follows: surface and skin change under a drag, and after undo."""
+
+import sys
+
+import bpy
+from sample import plan, undo
+
+
+def ours(name):
+    """A module of the extension."""
+    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
+
+
+def overlay():
+    """The extension's overlay, with what it draws."""
+    return ours("overlay")
+
+
+def points_drawn():
+    """Points of each layer of the preview."""
+    return {layer.what: len(layer.points) for layer in overlay().previews[bpy.context.object.name]}
+
+
+def drive(gui):
+    yield from gui.tab("Skin")
+    yield from gui.press("skin_calib.fit")
+    yield from gui.wait(lambda: plan().result.key, 30, "the fit")
+    yield from gui.press("skin_calib.live")
+    yield from gui.wait(lambda: plan().live and not plan().result.outdated, 30, "the first result")
+    yield from follows_a_drag(gui)
+    yield from follows_undo(gui)
+
+
+def follows_a_drag(gui):
+    """The button of the mouse is still down when the new surface is there."""
+    was, before = plan().grid.n, plan().result.key
+    ours("live").REST = 60.0  # a software renderer rests between two moves
+    x, y = yield from gui.find("skin_calib.grid.n")
+    yield from gui.drag((x, y), (x + 60, y), mods=(), release=False)
+    yield from gui.wait(lambda: bpy.context.object.name in overlay().previews, 20, "a preview under the drag")
+    assert plan().grid.n != was and plan().result.key == before and plan().result.outdated
+    yield from gui.redraw()
+    yield from gui.shot("dragged.png")
+    assert points_drawn()["CELLS"] == 120 * 8
+    yield from gui.release()
+    ours("live").REST = 0.4
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
+    assert plan().result.key != before and not overlay().previews
+    yield from gui.shot("rested.png")
+
+
+def follows_undo(gui):
+    """Ctrl-Z takes the planes back, and the surface with them."""
+    now = plan().grid.n
+    yield from undo(gui)
+    assert plan().grid.n != now
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after undo")
+    yield from gui.shot("undone.png")
