@@ -12,6 +12,8 @@ from .surface_checks import FARTHEST
 
 UNIT = 1e-9  # a normal's length may be off by this, and its cosine with the tangent
 AREA = 0.2  # a cell bends, so that its corners span less than its area; more than this is a mistake
+ANOTHER_UNIT = 100.0  # times an area: no cell bends so, square centimetres are 10 000 times
+SPACING = (0.1, 10.0)  # distance of neighbours, in pitches
 LARGEST_PITCH = 1.0  # [m]
 CORNER_RANGE = (0.1, 10.0)  # distance of the corners from the centre, in pitches: 0.7 for squares, 0.6 for hexagons
 
@@ -69,6 +71,13 @@ def normals_are_outward(patch: Part, normal: Array, corners: Array) -> Iterator[
 @needs("area", "corners")
 def areas_fit_corners(patch: Part, area: Array, corners: Array) -> Iterator[Finding]:
     spanned = np.linalg.norm(_fan(corners), axis=2).sum(1)
+    ratio = float(np.min(area / np.where(spanned > 0, spanned, np.inf)))
+    if ratio > ANOTHER_UNIT:
+        message = (
+            f"is everywhere {ratio:.4g} times or more what the corners span; it must be in m^2, as corners are in m"
+        )
+        yield error("units", patch.at("area"), message)
+        return
     for row in np.flatnonzero(~(np.abs(area - spanned) <= AREA * spanned)):
         message = f"is {area[row]:.4g} m^2, but the corners span {spanned[row]:.4g} m^2"
         yield warning("area", patch.at("area", row), message, float(area[row]))
@@ -108,6 +117,23 @@ def corners_fit_pitch(patch: Part, pitch: Array, position: Array, corners: Array
         yield error("units", patch.at("corners"), message)
 
 
+@needs("id", "neighbours", "position", "pitch")
+def neighbours_fit_pitch(
+    patch: Part, ids: list[str], neighbours: list[Any], position: Array, pitch: Array
+) -> Iterator[Finding]:
+    """The cells beside a taxel are about a pitch away; those of other patches are left out."""
+    row = {taxel: i for i, taxel in enumerate(ids)}
+    pairs = [(i, row[other]) for i, beside in enumerate(neighbours) for other in beside if other in row]
+    if not pairs:
+        return
+    a, b = np.array(pairs).T
+    apart = float(np.median(np.linalg.norm(position[a] - position[b], axis=1)))
+    low, high = SPACING
+    if not low * pitch.min() <= apart <= high * pitch.max():
+        message = f"lie {apart:.4g} m from their neighbours, the pitch is {pitch.max():.4g} m; one has another unit"
+        yield error("units", patch.at("position"), message)
+
+
 def _fan(corners: Array) -> Array:
     """Area vectors of the triangles from each cell's centroid to its sides, shape (n, k, 3)."""
     spokes = corners - corners.mean(axis=1, keepdims=True)
@@ -125,4 +151,5 @@ CHECKS = (
     positions_are_in_metres,
     pitch_is_in_metres,
     corners_fit_pitch,
+    neighbours_fit_pitch,
 )

@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from .findings import Finding, error, show
+from .findings import Finding, error, show, warning
 from .parts import Part, needs
 
 FARTHEST = 20.0  # [m] no robot link reaches this far from its own frame
 SEAM = 1e-9  # of the net's size
 DOMAIN = 1e-9
+ROUNDING = 1e-9  # of distances that another program summed in another order
 
 
 @needs("control_net")
@@ -63,5 +64,28 @@ def net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
         yield error("units", surface.at("control_net"), message)
 
 
+@needs("errors")
+def errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
+    """A mean is at most the root mean square, that at most the maximum, and the largest maximum is the Hausdorff."""
+    for name in ("mesh_to_surface", "surface_to_mesh"):
+        mean, rms, most = (errors[name][key] for key in ("mean", "rms", "max"))
+        if not mean <= rms * (1 + ROUNDING) <= most * (1 + 2 * ROUNDING):
+            message = f"has mean {show(mean)}, rms {show(rms)}, max {show(most)}, which must not fall in this order"
+            yield warning("errors", surface.at("errors", name), message, errors[name])
+    largest = max(errors[name]["max"] for name in ("mesh_to_surface", "surface_to_mesh"))
+    if abs(errors["hausdorff"] - largest) > ROUNDING * largest:
+        message = f"is {show(errors['hausdorff'])}, but the larger maximum is {show(largest)}"
+        yield warning("errors", surface.at("errors", "hausdorff"), message, errors["hausdorff"])
+
+
+@needs("control_net", "errors")
+def errors_are_in_metres(surface: Part, net: Array, errors: dict[str, Any]) -> Iterator[Finding]:
+    """A surface that is further off the mesh than it is large was not fitted to it."""
+    size = float(np.linalg.norm(np.ptp(net.reshape(-1, 3), axis=0)))
+    if errors["hausdorff"] > size:
+        message = f"reaches {errors['hausdorff']:.4g} m, and the surface is {size:.4g} m large; one has another unit"
+        yield error("units", surface.at("errors", "hausdorff"), message, errors["hausdorff"])
+
+
 SHAPE_CHECKS = (net_is_rectangular,)
-CHECKS = (knots_fit, closed_is_closed, net_is_in_metres)
+CHECKS = (knots_fit, closed_is_closed, net_is_in_metres, errors_agree, errors_are_in_metres)

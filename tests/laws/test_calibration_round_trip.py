@@ -89,7 +89,7 @@ def calibrations(draw):
         patch.taxels,
         uv=np.array(draw(st.lists(st.tuples(floats, floats), min_size=n, max_size=n))),
         positions_link=patch.taxels.positions_link * draw(st.floats(0.9, 1.1)),
-        areas=np.array(draw(st.lists(st.floats(5e-324, 1e300), min_size=n, max_size=n))),
+        areas=np.array(draw(st.lists(st.floats(5e-324, 9e-3), min_size=n, max_size=n))),
         channels=np.array(draw(st.lists(st.integers(2, 2**31 - 1), min_size=n, max_size=n, unique=True))),
         quality={"strain": np.array(draw(many))[:, None] * np.ones(3), "tilt": np.array(draw(many))},
         responses=np.array(which, np.int64),

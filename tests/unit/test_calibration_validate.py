@@ -56,6 +56,16 @@ def times(factor):
     return lambda values: (factor * np.array(values)).tolist()
 
 
+def spread(taxels):
+    """Twenty times as far apart, each as large as it was."""
+    position = np.array(taxels["position"])
+    corners = np.array(taxels["corners"]) + 19 * position[:, None]
+    return {"position": (20 * position).tolist(), "corners": corners.tolist()}
+
+
+E0 = "/surfaces/0/errors/mesh_to_surface"
+FAR = {"mean": 0.1, "rms": 0.2, "max": 1.0}
+MILLIMETRES = {"mesh_to_surface": FAR, "surface_to_mesh": FAR, "hausdorff": 1.0}
 T0, T1 = "/patches/0/taxels", "/patches/1/taxels"
 FORM = [  # what the schema says: pointer to change, new value, code, pointer of the finding, words of the message
     ("/format", "skin-plan", "value", "/format", 'must be "skin-calibration", not "skin-plan"'),
@@ -132,6 +142,19 @@ MEANING = [  # what only the whole document tells
     (f"{T0}/area/5", 1.3e-4, "area", f"{T0}/area/5", "is 0.00013 m.2, but the corners span 0.0001 m.2"),
     (f"{T0}/area/5", 7e-5, "area", f"{T0}/area/5", "is 7e-05"),
     (f"{T0}/position/2", times(1000), "units", f"{T0}/position/2", "divide lengths by 1000"),
+    (
+        f"{T0}/area",
+        times(1e6),
+        "units",
+        f"{T0}/area",
+        "everywhere 1e.06 times or more what the corners span; it must be in m.2",
+    ),
+    (f"{T0}/area", times(1e4), "units", f"{T0}/area", "is everywhere 1e.04 times"),
+    (T0, lambda t: t | spread(t), "units", f"{T0}/position", "lie 0.1993 m from their neighbours, the pitch is 0.01 m"),
+    ("/surfaces/0/errors/hausdorff", 0.1, "errors", "/surfaces/0/errors/hausdorff", "the larger maximum is 0.00011"),
+    (f"{E0}/rms", 9e-6, "errors", E0, "has mean 1e-05, rms 9e-06, max 0.0001, which must not fall"),
+    (f"{E0}/max", 1.9e-5, "errors", E0, "rms 2e-05, max 1.9e-05"),
+    ("/surfaces/0/errors", MILLIMETRES, "units", "/surfaces/0/errors/hausdorff", "reaches 1 m, and the surface is 0.2"),
     ("/patches/0/pitch", [10, 10], "units", "/patches/0/pitch", "reaches 10 m; divide by 1000"),
     ("/surfaces/1/control_net", times(1000), "units", "/surfaces/1/control_net", "reaches 100 m"),
     ("/surfaces/0/control_net/1", lambda row: row[:-1], "length", "/surfaces/0/control_net/1", "the first row 11"),
@@ -162,7 +185,7 @@ def test_validate_finds_each_mistake(pointer, value, code, where, words):
     findings = [finding for finding in validate(document) if (finding.code, finding.pointer) == (code, where)]
     assert len(findings) == 1, found(document)
     assert re.search(words, findings[0].message), findings[0].message
-    assert findings[0].severity == ("warning" if code in ("area", "one-sided-neighbour") else "error")
+    assert findings[0].severity == ("warning" if code in ("area", "errors", "one-sided-neighbour") else "error")
 
 
 def test_validate_finds_repeated_ids_across_patches():
@@ -182,7 +205,10 @@ def test_validate_knows_the_responses_of_taxels():
 def test_validate_finds_millimetres_near_the_frame():
     """Taxels within 20 units of the frame: the corners contradict a pitch in metres, and no pitch is over a metre."""
     small = {f"{T1}/{name}": times(100) for name in ("position", "corners")}
-    assert [pointer for code, pointer in found(changed(**small)) if code == "units"] == [f"{T1}/corners"]
+    assert [pointer for code, pointer in found(changed(**small)) if code == "units"] == [
+        f"{T1}/corners",
+        f"{T1}/position",
+    ]
     small["/patches/1/pitch"] = times(100)
     assert [pointer for code, pointer in found(changed(**small)) if code == "units"] == ["/patches/1/pitch"]
 
