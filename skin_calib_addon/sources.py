@@ -134,11 +134,13 @@ def is_mesh(path: Path, sha256: str) -> bool:
 
 
 def _hash(path: Path) -> str | None:
-    """Of a file's bytes; None where there is no file that can be read."""
+    """Of a file's bytes; None where there is no file that can be read: a device or a pipe might never end."""
+    if not os.path.isfile(path):
+        return None
     try:
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError):  # ValueError: a NUL in the path
+    except OSError:
         return None
 
 

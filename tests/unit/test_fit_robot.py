@@ -348,3 +348,20 @@ def test_notes_are_json_for_people(robot):
     note = document["calibrations"]["arm.calibration.json"]
     assert (note["plan"], note["mesh"]) == ("../plans/arm.plan.json", "../plans/arm.ply")
     assert list(note["inputs"]) == [note["plan"], note["mesh"]] and list(note["outputs"]) == ["arm.calibration.json"]
+
+
+def test_notes_that_lead_nowhere_do_no_harm(robot, capsys):
+    """Whatever paths stand in them: a device that never ends, names that no system takes."""
+    fit(robot)
+    notes = robot / "out" / "sources.json"
+    document = json.loads(notes.read_text())
+    for path in ("/dev/zero", "a\0b", "x" * 5000, "..", ""):
+        note = document["calibrations"]["arm.calibration.json"]
+        note["inputs"], note["outputs"] = {path: "0" * 64}, {path: "0" * 64}
+        for note["mesh"] in (path, "none.ply"):
+            notes.write_text(json.dumps(document))
+            capsys.readouterr()
+            assert main(["check", str(robot / "out" / "arm.calibration.json")]) == 0
+            assert "mesh arm.ply not found" in capsys.readouterr().out
+        assert fit(robot) == 0
+        assert states(capsys) == {"arm": "fitted", "leg": "up to date", "toe": "up to date"}
