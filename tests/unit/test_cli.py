@@ -470,13 +470,13 @@ def test_check_goes_through_folders(folder, capsys):
 def test_check_names_taxels_and_counts(tmp_path, capsys):
     """A finding about a taxel has its id; many findings are counted by what they are."""
     document = to_document(small_calibration(rows=4, columns=4))
-    document["patches"][0]["taxels"]["area"] = [1.0] * 16
+    document["patches"][0]["taxels"]["area"] = [2e-4] * 16
     document["patches"][1]["taxels"]["id"][1] = 5
     document["patches"][1]["taxels"]["gap"][1] = "x"
     (tmp_path / "c.json").write_text(json.dumps(document))
     assert main(["check", str(tmp_path / "c.json")]) == 1
     out = capsys.readouterr().out
-    assert "/patches/0/taxels/area/6 is 1 m^2, but the corners span 0.0001 m^2 [area] (taxel s1.2)\n" in out
+    assert "/patches/0/taxels/area/6 is 0.0002 m^2, but the corners span 0.0001 m^2 [area] (taxel s1.2)\n" in out
     assert '/patches/1/taxels/gap/1 must be a finite number, not "x" [type]\n' in out
     assert out.endswith("3 errors, 16 warnings; 16 area, 2 type, 1 checksum\n")
     for ids in (["h0"], 7, None):
