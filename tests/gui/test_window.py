@@ -98,7 +98,8 @@ def test_command_line_of_blender_fits_plans_side_by_side(installed, tmp_path):
     plans = [SAMPLES / "wrist.plan.json", SAMPLES / "edge.plan.json"]
     done = installed("--command", "skin_calib", "fit", *plans, "-o", tmp_path, "--jobs", 2)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["edge.calibration.json", "wrist.calibration.json"]
+    made = sorted(p.name for p in tmp_path.iterdir())
+    assert made == ["edge.calibration.json", "sources.json", "wrist.calibration.json"]
 
 
 def test_command_line_of_blender_ends_with_the_codes(installed, tmp_path):
