@@ -15,9 +15,10 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..errors import SkinCalibError
-from ..geometry import cut_cover
+from ..geometry import SurfaceFit, TriangleMesh, cut_cover
 from ..laying import lay_all
 from ..pipeline import fit_grid
+from ..plan import Plan
 from . import overlay, results, scene
 
 REST = 0.4  # [s] without a change, after which the fit is finished
@@ -32,8 +33,18 @@ class Told:
     problem: str = ""
 
 
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The last fit of a preview, and what it was made from: changes of the skins alone need no other."""
+
+    mesh: TriangleMesh
+    asked: tuple[Any, ...]  # the cover, grid, degree and chords of the plan
+    fit: SurfaceFit
+
+
 told: dict[str, Told] = {}  # by the object's name
 _changed: dict[str, float] = {}  # objects whose plan changed since their last fit, and when
+_fitted: dict[str, Fitted] = {}
 _drawn: set[str] = set()  # those whose preview shows the last change
 
 
@@ -91,7 +102,7 @@ def _preview(link: bpy.types.Object) -> None:
     start = perf_counter()
     try:
         plan = scene.read_plan(link, bpy.context.scene)
-        fit = fit_grid(cut_cover(scene.read_mesh(link, bpy.context), plan.cover), plan.grid, plan.degree, plan.chords)
+        fit = _fit(link.name, plan, scene.read_mesh(link, bpy.context))
         patches = tuple(done.patch for done in lay_all(plan.skins, fit))
     except SkinCalibError as error:
         told[link.name] = Told(0.0, 0.0, str(error))
@@ -99,6 +110,16 @@ def _preview(link: bpy.types.Object) -> None:
     drawn = SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches))
     overlay.previews[link.name] = overlay.layers_of(drawn)
     told[link.name] = Told(float(np.nanmean(np.abs(fit.residuals))), perf_counter() - start)
+
+
+def _fit(name: str, plan: Plan, mesh: TriangleMesh) -> SurfaceFit:
+    """The fit of a plan, the last one where neither the mesh nor what was asked of it has changed."""
+    asked, last = (plan.cover, plan.grid, plan.degree, plan.chords), _fitted.get(name)
+    same = last and last.asked == asked and np.array_equal(last.mesh.vertices, mesh.vertices)
+    if not (same and np.array_equal(last.mesh.faces, mesh.faces)):
+        last = Fitted(mesh, asked, fit_grid(cut_cover(mesh, plan.cover), plan.grid, plan.degree, plan.chords))
+    _fitted[name] = last
+    return last.fit
 
 
 def _finish(link: bpy.types.Object) -> None:
@@ -121,6 +142,7 @@ def _went_back(*_: Any) -> None:
     for name in {*_changed, *overlay.previews, *told}:
         told.pop(name, None)
         forget(name)
+    _fitted.clear()
     for link in bpy.data.objects:
         if link.skin_calib.live and link.skin_calib.result.outdated:
             request(link)
@@ -143,4 +165,5 @@ def unregister() -> None:
         bpy.app.timers.unregister(tick)
     _changed.clear()
     _drawn.clear()
+    _fitted.clear()
     told.clear()

@@ -52,6 +52,29 @@ def test_many_changes_make_one_fit(live, following, monkeypatch):
     assert len(fits) == 1
 
 
+def test_change_of_a_skin_needs_no_other_surface(bpy, addon, live, following, monkeypatch):
+    """Rows, origins and the like lay the skin anew on the last surface; planes and the mesh ask for another."""
+    fits = []
+    monkeypatch.setattr(live, "fit_grid", lambda *words, real=live.fit_grid: fits.append(1) or real(*words))
+    plan = following.skin_calib
+    plan.grid.n += 1
+    live.tick()
+    for rows in (1, 3):
+        plan.skins[0].rows = rows
+        live.tick()
+        cells = next(a for a in addon.overlay.previews[following.name] if a.what == "CELLS")
+        assert len(cells.points) == rows * plan.skins[0].columns * 8
+    assert len(fits) == 1
+    following.data.vertices[0].co.z += 1e-4
+    plan.skins[0].rows = 2
+    live.tick()
+    plan.grid.n += 1
+    live.tick()
+    assert len(fits) == 3
+    rest(live, monkeypatch)
+    assert not plan.result.outdated
+
+
 def test_plan_that_cannot_be_fitted_says_why_and_recovers(live, following, monkeypatch):
     """The last result stays; the next sound plan is drawn again."""
     plan = following.skin_calib
