@@ -37,7 +37,8 @@ def wrench_rays(polygon: Polygon, friction: float) -> Array:
 def rectangle_cone(low: Any, high: Any, friction: float) -> Array:
     """Rows A (16, 6) of the rectangle between two corners (2,) [m]: feasible are wrenches with ``A @ wrench <= 0``.
 
-    Caron's rows, moved to a rectangle that may lie anywhere (FORMULAS 5). Rows have length one.
+    Caron's rows (thesis 4.32 to 4.39) moved to a rectangle that may lie anywhere. As printed, the thesis's own (4.40,
+    4.41 and those of the torque) admit next to nothing. Rows have length one.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from .polygon import Polygon
 class FootholdShares:
     """Which share of the sole stands, A_p / A_s, by three areas: the thesis does not say which one it means.
 
-    On pebbles the hull is 0.45 of the sole, the cells are 0.10, and what truly touches is 0.011 (FORMULAS 3).
+    On pebbles the hull is 0.45 of the sole, the cells are 0.10, and what truly touches is 0.011 on simulated soles.
     """
 
     hull: float  # of the outer polygon: bridges what lies between contacts

@@ -15,7 +15,7 @@ NOTHING = Polygon(np.empty((0, 2)))
 
 @dataclass(frozen=True, eq=False)
 class SupportingPolygon:
-    """Three answers to where a foot is supported, for cells are large (FORMULAS 5); in the ground's coordinates.
+    """Three answers to where a foot is supported, for cells are large; in the ground's coordinates.
 
     The true contact lies within ``outer`` and holds ``guaranteed``: on simulated soles ``outer`` goes up to 27 mm
     too far, ``guaranteed`` never.
@@ -47,7 +47,7 @@ class Footprint:
 
     @cached_property
     def area(self) -> float:
-        """Of the active cells [m^2], whole cells (FORMULAS 3: on flat ground 1.06 times the true area)."""
+        """Of the active cells [m^2], whole cells: on flat ground 1.06 times the true area."""
         return float(self.skin.areas[self.rows].sum())
 
     @cached_property

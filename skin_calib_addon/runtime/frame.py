@@ -93,7 +93,7 @@ class Frame:
         """Centre of pressure (2,) in the ground's coordinates [m] (thesis 4.21); None with a :attr:`reason`.
 
         The mean place of the taxels that can stand on the ground, weighted by how much each lifts. Where all of them
-        are in contact, forces within the cells are made up for (FORMULAS 3).
+        are in contact, forces within the cells are made up for.
         """
         if self.reason is not None:
             return None
@@ -114,7 +114,7 @@ class Frame:
     def zmp(self) -> Array | None:
         """Zero moment point (2,) in the ground's coordinates [m]: there the wrench has no moment along the ground.
 
-        From the whole wrench, wherever its contacts are (thesis 4.21 in its general form, FORMULAS 3); the CoP where
+        From the whole wrench, wherever its contacts are (thesis 4.21 in its general form); the CoP where
         all taxels lie in the ground and look straight down. None with a :attr:`reason`.
         """
         *_, fz, tx, ty = self._on_ground
@@ -122,7 +122,7 @@ class Frame:
 
 
 def zero_moment_point(wrench: Array, height: float = 0.0) -> Array | None:
-    """The point (2,) of a plane where a wrench has no moment along the plane (FORMULAS 3).
+    """The point (2,) of a plane where a wrench has no moment along the plane (thesis 4.21, corrected).
 
     Parameters
     ----------

@@ -114,7 +114,7 @@ def _in_cell(centres: Array, corners: Array, areas: Array) -> tuple[Array, Array
 
     A taxel's force is taken to act at its centre, which puts the CoP too near the middle: under a pressure that
     changes linearly the moments within the cells are missing. M = 1 + R S^-1 with the mean second moments R of a cell
-    about its centre and S of the centres about theirs (FORMULAS 3: 1.012 and 1.046 on the sole of 42 hexagons).
+    about its centre and S of the centres about theirs (1.012 and 1.047 on the sole of 42 hexagons).
     """
     if len(centres) < 3:
         return None

@@ -88,7 +88,7 @@ class Polygon:
 
     @cached_property
     def centroid(self) -> Array | None:
-        """Centre of the area (2,) [m], not the mean of the corners, which is 11 mm off on soles (FORMULAS 3).
+        """Centre of the area (2,) [m], not the mean of the corners, which is 11 mm off on soles.
 
         The middle of a segment, the point itself; None where nothing is.
         """
@@ -171,7 +171,7 @@ class Polygon:
     def inset(self, distance: float) -> "Polygon":
         """The points that are at least ``distance`` [m] from the border; empty where there are none.
 
-        The thesis shrinks a bounding box by 1 cm, which sticks out of nearly every hull (FORMULAS 5).
+        The thesis shrinks a bounding box by 1 cm, which sticks out of nearly every hull.
 
         Raises
         ------
@@ -188,7 +188,7 @@ class Polygon:
         """Where the middle of a convex cell can stand so that all of the cell, turned round, is inside (Minkowski).
 
         Each edge moves in by how far the cell reaches against the edge's normal. Of the hull of the centres of touched
-        cells it leaves what the true contact holds, though each be touched at its far corner alone (FORMULAS 5).
+        cells it leaves what the true contact holds, though each be touched at its far corner alone.
 
         Parameters
         ----------

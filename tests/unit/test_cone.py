@@ -30,7 +30,7 @@ def is_feasible(rays, wrench):
 
 
 def formula_rows(low, high, mu):
-    """FORMULAS 5, row by row as it stands there, as rows for wrenches [fx fy fz tx ty tz]."""
+    """The thesis's rows with their signs and limits put right, one by one, as rows for wrenches [fx fy fz tx ty tz]."""
     (xm, ym), (xM, yM) = low, high
     rows = [(1, 0, -mu, 0, 0, 0), (-1, 0, -mu, 0, 0, 0), (0, 1, -mu, 0, 0, 0), (0, -1, -mu, 0, 0, 0)]
     rows += [(0, 0, ym, -1, 0, 0), (0, 0, -yM, 1, 0, 0), (0, 0, -xM, 0, -1, 0), (0, 0, xm, 0, 1, 0)]

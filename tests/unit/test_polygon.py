@@ -235,7 +235,7 @@ def test_closest_tells_corners_apart_that_are_equally_far(t):
 
 @pytest.mark.parametrize("clockwise", [False, True])
 def test_closest_follows_algorithm_1_corrected(clockwise):
-    """The thesis asks for clockwise corners, with which most of its answers are wrong (FORMULAS 5); ours turn left."""
+    """The thesis asks for clockwise corners, with which most of its answers are wrong; ours turn left."""
     points = np.random.default_rng(1).normal(size=(30, 2))
     polygon = convex_hull(points[::-1] if clockwise else points)
     for z in np.random.default_rng(2).normal(scale=3, size=(200, 2)):
