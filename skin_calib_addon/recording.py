@@ -38,6 +38,8 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
 
 def _packed(path: Path) -> Iterator[tuple[float, Array]]:
     try:
+        if not zipfile.is_zipfile(path) and path.exists():  # NumPy would take it for a pickle
+            raise CalibrationFormatError(f"cannot read '{path}': it is no NPZ file; save it with numpy.savez")
         with np.load(path, allow_pickle=False) as file:
             missing = [name for name in ("time", "readings") if name not in file.files]
             if missing:

@@ -126,8 +126,8 @@ def _finish(link: bpy.types.Object) -> None:
     """The fit that the button makes."""
     if told.get(link.name, Told(0, 0)).problem:
         return
-    plan = scene.read_plan(link, bpy.context.scene)
     try:
+        plan = scene.read_plan(link, bpy.context.scene)
         key, result = results.fit(plan, scene.read_mesh(link, bpy.context))
     except SkinCalibError as error:
         told[link.name] = Told(0.0, 0.0, str(error))

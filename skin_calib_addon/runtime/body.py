@@ -1,6 +1,6 @@
 """Several links, or two feet, felt as one: poses in, the wrench, ZMP and supporting polygon of all out."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,10 +9,10 @@ import numpy as np
 
 from ..arrays import Array, BoolArray
 from ..errors import UnknownLink
-from .footprint import NOTHING, SupportingPolygon
+from .footprint import SupportingPolygon
 from .frame import LEAST_LOAD, Frame, zero_moment_point
 from .plane import Plane
-from .polygon import Polygon, convex_hull
+from .polygon import NOTHING, Polygon, convex_hull
 from .skin import Skin
 from .wrench import carried
 
@@ -25,8 +25,8 @@ class BodyFrame:
     """What several links feel at one time, in the world's frame; the ground's coordinates for what lies on it.
 
     ``flags`` are those of the links as ``"name:flag"``, and of the body: ``no_reading`` and ``no_pose`` as
-    ``"name:..."`` for links of which nothing came, and ``not_coplanar`` where feet stand on different planes: the true
-    region of the ZMP is then not the hull of their polygons.
+    ``"name:..."`` for links of which nothing came, and ``not_coplanar`` where feet stand at different heights or
+    tilted to the ground: the true region of the ZMP is then not the hull of their polygons.
     """
 
     links: dict[str, Frame]
@@ -37,7 +37,7 @@ class BodyFrame:
     @cached_property
     def wrench(self) -> Array:
         """(6,) of all links about the world's origin, along its axes [N, N m]; NaN where a link's is not known."""
-        return sum((carried(frame.wrench, self.poses[name]) for name, frame in self.links.items()), np.zeros(6))
+        return self._total(self.links)
 
     @cached_property
     def standing(self) -> tuple[str, ...]:
@@ -60,8 +60,7 @@ class BodyFrame:
         """
         if self.reason is not None:
             return None
-        total = sum((carried(self.links[name].wrench, self.poses[name]) for name in self.standing), np.zeros(6))
-        return zero_moment_point(self.ground.wrench(total))
+        return zero_moment_point(self.ground.wrench(self._total(self.standing)))
 
     @cached_property
     def cop(self) -> Array | None:
@@ -80,6 +79,9 @@ class BodyFrame:
         return SupportingPolygon(
             *(self._joined({n: getattr(p, k) for n, p in feet}) for k in ("outer", "nominal", "guaranteed"))
         )
+
+    def _total(self, names: Iterable[str]) -> Array:
+        return sum((carried(self.links[name].wrench, self.poses[name]) for name in names), np.zeros(6))
 
     def _joined(self, polygons: dict[str, Polygon]) -> Polygon:
         corners = [self._on_ground(name, polygon.corners) for name, polygon in polygons.items() if len(polygon.corners)]
@@ -159,7 +161,7 @@ class Body:
         return BodyFrame(links, placed, self.ground, frozenset(flags))
 
     def _apart(self, links: dict[str, Frame], poses: dict[str, Array]) -> bool:
-        """Whether the feet that stand do so on different planes, or on one that is not the ground's."""
+        """Whether the feet that stand do so at different heights, or tilted to the ground."""
         heights = []
         for name, frame in links.items():
             if frame.reason is not None or frame.ground is None:

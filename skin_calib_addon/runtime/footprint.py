@@ -8,9 +8,7 @@ import numpy as np
 from ..arrays import IntArray
 from .components import components
 from .geometry import GroundGeometry, SkinGeometry
-from .polygon import Polygon, of_grid
-
-NOTHING = Polygon(np.empty((0, 2)))
+from .polygon import NOTHING, Polygon, of_grid
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,9 @@ import numpy as np
 
 from ..arrays import Array, BoolArray
 from .contacts import Contact
-from .footprint import NOTHING, Footprint, SupportingPolygon
+from .footprint import Footprint, SupportingPolygon
 from .geometry import GroundGeometry
+from .polygon import NOTHING
 
 # Below this the CoP of a foot is the noise of its taxels [N].
 LEAST_LOAD = 5.0

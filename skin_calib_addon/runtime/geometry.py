@@ -17,7 +17,28 @@ OBSERVED = 5e-3
 
 
 class SkinGeometry:
-    """Taxels of all patches of one link; row i of every array is the same taxel. Link frame and SI units."""
+    """Taxels of all patches of one link; row i of every array is the same taxel. Link frame and SI units.
+
+    Attributes
+    ----------
+    ids : tuple of str
+    channels, patch : array, shape (n,)
+        Place in a reading; number of the patch.
+    index : array, shape (n, 2)
+        Row and column in the patch; ``periods`` has, for each patch, after how many these begin again, or 0.
+    positions, normals : array, shape (n, 3)
+        [m]; unit, out of the robot.
+    corners : array, shape (n, k, 3)
+        Of the cells [m].
+    areas : array, shape (n,)
+        [m^2]
+    pairs : array, shape (e, 2)
+        Rows of neighbours; ``beside`` (k, n) has them as a table, see :func:`beside_of`.
+    wrenches : array, shape (n, 6)
+        Wrench about the link's origin of 1 N on each taxel [N, N m].
+    sums : array, shape (n, 11)
+        What contacts sum, weighted by forces: 1, position, height of the tangent plane over the origin, wrench.
+    """
 
     def __init__(self, calibration: "LinkCalibration"):
         taxels = [patch.taxels for patch in calibration.patches]
@@ -36,10 +57,10 @@ class SkinGeometry:
         self.beside = beside_of(self.pairs, len(self.ids))
         self.periods = [self._period(k) for k in range(len(taxels))]
         pushes = -self.normals
-        self.wrenches = np.hstack((pushes, np.cross(self.positions, pushes)))  # (n, 6): of 1 N on each taxel
-        heights = (self.normals * self.positions).sum(axis=1, keepdims=True)  # of the tangent plane over the origin
+        self.wrenches = np.hstack((pushes, np.cross(self.positions, pushes)))
+        heights = (self.normals * self.positions).sum(axis=1, keepdims=True)
         ones = np.ones((len(self.ids), 1))
-        self.sums = np.hstack((ones, self.positions, heights, self.wrenches))  # (n, 11), to be weighted by forces
+        self.sums = np.hstack((ones, self.positions, heights, self.wrenches))
         self.place = np.full(len(self.ids) + 1, -1)  # for :func:`.components.components`
 
     def _period(self, patch: int) -> tuple[int, int]:
@@ -89,7 +110,23 @@ def wrench_rank(wrenches: Array) -> int:
 
 
 class GroundGeometry:
-    """The taxels that can stand on the ground, in the ground's own coordinates."""
+    """The taxels that can stand on the ground, in the ground's own coordinates.
+
+    Attributes
+    ----------
+    plane : Plane
+        In the link frame.
+    under : array of bool, shape (n,)
+        Which taxels look down enough to stand; ``standing`` is how many.
+    centres, corners : array, shape (n, 2) and (n, k, 2)
+        Of all cells [m]; ``centre_hull`` and ``corner_hull`` give hulls of some of them.
+    cell : array, shape (j, 2)
+        One outline about the centre that holds every cell that can stand [m].
+    sums : array, shape (n, 6)
+        To be weighted by forces: lift, lift x, lift y of the taxels that can stand; f_z, tau_x, tau_y of all.
+    stretch : tuple or None
+        What corrects a CoP at full contact, see :func:`_in_cell`.
+    """
 
     def __init__(self, skin: SkinGeometry, plane: Plane):
         self.plane = plane
@@ -101,11 +138,10 @@ class GroundGeometry:
         lift = np.where(self.under, looks_down, 0.0)[:, None]
         pushes, arms = -skin.normals @ plane.axes.T, (skin.positions - plane.origin) @ plane.axes.T
         moments = np.cross(arms, pushes)
-        # (n, 6), to be weighted by forces: lift, lift x, lift y of what stands; f_z, tau_x, tau_y of all
         self.sums = np.hstack((lift, lift * self.centres, pushes[:, 2:], moments[:, :2]))
         self.centre_hull, self.corner_hull = HullTable(self.centres), HullTable(self.corners)
         offsets = (self.corners - self.centres[:, None])[self.under].reshape(-1, 2)
-        self.cell = convex_hull(offsets).corners  # (k, 2) one outline about the centre that holds every cell
+        self.cell = convex_hull(offsets).corners
         self.stretch = _in_cell(self.centres[self.under], self.corners[self.under], skin.areas[self.under])
 
 

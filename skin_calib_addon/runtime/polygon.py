@@ -182,7 +182,7 @@ class Polygon:
             raise ValueError(f"inset distance {distance} must be 0 or more")
         if distance == 0:
             return self
-        return self.moved_in([distance] * len(self._edges)) if len(self._loop) > 2 else Polygon(np.empty((0, 2)))
+        return self.moved_in([distance] * len(self._edges)) if len(self._loop) > 2 else NOTHING
 
     def eroded(self, cell: Array) -> "Polygon":
         """Where the middle of a convex cell can stand so that all of the cell, turned round, is inside (Minkowski).
@@ -196,7 +196,7 @@ class Polygon:
             Corners of the cell about its middle [m].
         """
         if len(self._loop) < 3:
-            return Polygon(np.empty((0, 2)))
+            return NOTHING
         inward = np.array([(-uy, ux) for _, _, ux, uy, _ in self._sides])
         return self.moved_in(np.maximum((inward @ np.asarray(cell).T).max(axis=1), 0.0).tolist())
 
@@ -214,8 +214,11 @@ class Polygon:
         if len(distances) != len(self._edges) or not all(d >= 0 for d in distances):
             raise ValueError(f"{len(self._edges)} edges move in by as many distances, 0 or more, not by {distances}")
         if len(self._loop) < 3:
-            return Polygon(np.empty((0, 2)))
+            return NOTHING
         return Polygon(np.array(_convex(_cut(self._loop, self._sides, distances)), float).reshape(-1, 2))
+
+
+NOTHING = Polygon(np.empty((0, 2)))
 
 
 def convex_hull(points: Any) -> Polygon:
@@ -316,7 +319,7 @@ def _convex(points: list[Point]) -> list[Point]:
 
 
 def _lefts(ordered: list[Point]) -> list[Point]:
-    """The part of the hull that turns left from the first to the last of ordered points."""
+    """The part of the hull that turns left from the first to the last of ordered points; :mod:`.hull` has integers."""
     chain: list[Point] = []
     for point in ordered:
         while len(chain) > 1 and turn(chain[-2], chain[-1], point) <= 0:

@@ -47,8 +47,11 @@ class Readings:
     def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> Array:
         try:
             readings = np.asarray(readings)
-        except (ValueError, TypeError, OverflowError) as error:  # rows of different lengths
+        except ValueError as error:
             what = "a reading is one row of real numbers, not rows of different lengths"
+            raise InvalidReading(what, flag="wrong_type") from error
+        except Exception as error:  # whatever the arrays of other libraries raise when they cannot be read here
+            what = f"a reading is one row of real numbers, not {type(readings).__name__}: {error}"
             raise InvalidReading(what, flag="wrong_type") from error
         if readings.ndim not in dimensions or readings.dtype.kind not in "buif":
             what = f"a reading is one row of real numbers, not {readings.dtype} of shape {readings.shape}"

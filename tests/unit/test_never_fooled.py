@@ -211,6 +211,17 @@ def test_no_reading_raises(readings):
             assert np.isfinite(contact.position).all() and contact.force > 0
 
 
+def test_array_of_another_library_that_refuses_is_told():
+    """As tensors that live elsewhere do: no exception, whatever theirs is."""
+
+    class Tensor:
+        def __array__(self, dtype=None, copy=None):
+            raise RuntimeError("call detach() first")
+
+    frame = sole().update(Tensor(), 0.0)
+    assert frame.flags == {"wrong_type"} and "not Tensor: call detach() first" in frame.problem
+
+
 def test_memory_does_not_grow():
     """Thousands of frames, every one with other contacts, leave no more behind than a few."""
     skin, rng = sole(), np.random.default_rng(0)

@@ -126,6 +126,16 @@ def test_bad_archive_is_refused(arrays, message, tmp_path):
         list(read_recording(path))
 
 
+def test_file_that_is_no_archive_is_refused(tmp_path):
+    """In its own words, not in those of a library that advises to trust it."""
+    path = tmp_path / "r.npz"
+    path.write_bytes(bytes(range(256)) * 8)
+    with pytest.raises(
+        CalibrationFormatError, match="cannot read .*r.npz': it is no NPZ file; save it with numpy.savez"
+    ):
+        list(read_recording(path))
+
+
 def test_bad_calls_say_why_and_leave_nothing(calibration, tmp_path, capsys):
     """Exit 1 for wrong data, 2 for a wrong call, one line, no file."""
     time, rows = readings()
