@@ -36,7 +36,7 @@ def add(commands) -> None:
     replay.add_argument(
         "--off", type=newtons, default=None, metavar="NEWTONS", help="and stays so down to here (default: half)"
     )
-    replay.set_defaults(run=run, parser=replay)
+    replay.set_defaults(run=run, refuse=replay.error)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,9 +44,7 @@ def run(options: argparse.Namespace) -> int:
         check_folder(target)
     off = options.on * SWITCH_OFF / SWITCH_ON if options.off is None else options.off
     if off > options.on:
-        options.parser.error(
-            f"--off {off:g} lies above --on {options.on:g}: a taxel is let go at less than it is pressed at"
-        )
+        options.refuse(f"--off {off:g} lies above --on {options.on:g}: a taxel is let go at less than it is pressed at")
     skin = load(options.file, options.on, off)
     recorded = list(read_recording(options.readings))
     if options.tare:
