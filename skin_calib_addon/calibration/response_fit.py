@@ -117,7 +117,7 @@ def _best(readings: Array, forces: Array, sign: float) -> AnyResponse:
     if len(readings) == 2:
         return _table(*_knots(readings, forces, sign, [2])[0], sign)
     errors = _squares(readings, forces, degrees, counts, sign)
-    floor = (EXACT * np.ptp(forces)) ** 2
+    floor = (EXACT * float(np.ptp(forces))) ** 2
     best = min(errors.values(), key=np.mean)
     for degree in degrees:
         if _as_good(errors[degree, 0], best, floor):
