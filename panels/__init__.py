@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import skin
+from . import cut, export, fit, grid, inspect, link, skin
 
-CLASSES = skin.CLASSES
+CLASSES = tuple(cls for module in (link, cut, grid, fit, skin, inspect, export) for cls in module.CLASSES)
 
 
 def register():

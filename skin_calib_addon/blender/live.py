@@ -20,6 +20,7 @@ from ..laying import lay_all
 from ..pipeline import fit_grid
 from ..plan import Plan
 from . import overlay, results, scene
+from .layers import layers_of
 
 REST = 0.4  # [s] without a change, after which the fit is finished
 
@@ -108,7 +109,7 @@ def _preview(link: bpy.types.Object) -> None:
         told[link.name] = Told(0.0, 0.0, str(error))
         return
     drawn = SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches))
-    overlay.previews[link.name] = overlay.layers_of(drawn)
+    overlay.previews[link.name] = layers_of(drawn)
     told[link.name] = Told(float(np.nanmean(np.abs(fit.residuals))), perf_counter() - start)
 
 
