@@ -1,27 +1,41 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit the active link."""
 
+from time import perf_counter
+
 import bpy
 
-from ..skin_calib_addon.blender import overlay, results, scene
+from ..skin_calib_addon.blender import live, overlay, results, scene
+from ..skin_calib_addon.blender.background import Work
 from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.plan import plan_document
 from .on_link import OnLink
+
+AT_ONCE = 0.3  # [s] for which a fit may hold the window; a longer one goes on beside it
 
 
 class SKIN_OT_fit(OnLink, bpy.types.Operator):
-    """Fit the surface and lay the skins of the active link"""
+    """Fit the surface and lay the skins of the active link; Esc stops a fit that takes long"""
 
     bl_idname = "skin_calib.fit"
     bl_label = "Fit"
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        link = context.object
         try:
-            key, result = results.fit(scene.read_plan(link, context.scene), scene.read_mesh(link, context))
+            task = self.task(context)
+            return self.keep(context, context.object, *task(lambda stage: None))
         except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return self.refuse(error)
+
+    def task(self, context):
+        """Read the scene; what is then computed needs no Blender."""
+        plan, facets = scene.read_plan(context.object, context.scene), live.facets_of(context.object)
+        self.asked = plan_document(plan), facets
+        return lambda begin: results.fit(plan, facets.mesh(), begin)
+
+    def keep(self, context, link, key, result):
+        """Store and draw the result, and say how good it is."""
         overlay.prepare(key, result)
         scene.write_result(link, context.scene, result, key)
         overlay.redraw()
@@ -30,6 +44,67 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
         for doubt in result.doubts:  # after the rest: the window shows what was reported last
             self.report({"WARNING"}, doubt)
         return {"FINISHED"}
+
+    def refuse(self, error):
+        """The last result stays."""
+        self.report({"ERROR"}, str(error))
+        return {"CANCELLED"}
+
+    def invoke(self, context, event):
+        try:
+            self.work = Work(self.task(context))
+        except SkinCalibError as error:
+            return self.refuse(error)
+        self.link, self.start = context.object.name, perf_counter()
+        if self.work.is_done(AT_ONCE):
+            return self.take(context)
+        self.timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC":
+            self.end(context)
+            self.report({"INFO"}, f"The fit of {self.link} was stopped")
+            return {"CANCELLED"}
+        if event.type == "TIMER" and self.work.is_done():
+            self.end(context)
+            return self.take(context)
+        seconds = perf_counter() - self.start
+        context.workspace.status_text_set(f"Fitting {self.link}: {self.work.stage}, {seconds:.0f} s    Esc: stop")
+        return {"PASS_THROUGH"}
+
+    def take(self, context):
+        """Keep what has been computed, for the plan as it was; a plan changed meanwhile is outdated again."""
+        link = bpy.data.objects.get(self.link)
+        if link is None:
+            return self.refuse(SkinCalibError(f"{self.link} was removed or renamed while it was fitted"))
+        try:
+            self.keep(context, link, *self.work.result())
+        except SkinCalibError as error:
+            return self.refuse(error)
+        if not self.is_as_asked(context, link):
+            link.skin_calib.result.outdated = True
+        return {"FINISHED"}
+
+    def is_as_asked(self, context, link):
+        """Whether plan and mesh are still those that were fitted."""
+        document, facets = self.asked
+        try:
+            plan = scene.read_plan(link, context.scene)
+            return plan_document(plan) == document and scene.read_facets(link, context).is_same(facets)
+        except SkinCalibError:
+            return False
+
+    def cancel(self, context):
+        """Blender opens a file, or quits."""
+        self.end(context)
+
+    def end(self, context):
+        """Give the status bar back; what is still being computed comes to nothing."""
+        self.work.stop()
+        context.window_manager.event_timer_remove(self.timer)
+        context.workspace.status_text_set(None)
 
 
 CLASSES = (SKIN_OT_fit,)

@@ -1,6 +1,6 @@
 """From one link's mesh to its taxels: the whole flow on one page."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,7 +36,9 @@ class Calibrated:
         return self.fit.doubts + tuple(doubt for doubts in of_skins for doubt in doubts)
 
 
-def calibrate(plan: Plan, mesh: TriangleMesh | None = None) -> Calibrated:
+def calibrate(
+    plan: Plan, mesh: TriangleMesh | None = None, begin: Callable[[str], None] = lambda stage: None
+) -> Calibrated:
     """Cut the cover, fit the surface, wrap the skins.
 
     Parameters
@@ -44,6 +46,8 @@ def calibrate(plan: Plan, mesh: TriangleMesh | None = None) -> Calibrated:
     plan : Plan
     mesh : TriangleMesh, optional
         The link's mesh where it is at hand, as in a scene; else it is read from the plan's file.
+    begin : function, optional
+        Is told the name of each stage; what it raises ends the work.
 
     Raises
     ------
@@ -51,30 +55,30 @@ def calibrate(plan: Plan, mesh: TriangleMesh | None = None) -> Calibrated:
         With what is wrong, where, and what to do.
     """
     seconds: dict[str, float] = {}
-    with stage(seconds, "load"):
+
+    @contextmanager
+    def stage(name: str) -> Iterator[None]:
+        begin(name)
+        start = perf_counter()
+        yield
+        seconds[name] = perf_counter() - start
+
+    with stage("load"):
         mesh = load_mesh(plan.mesh, plan.unit) if mesh is None else mesh
-    with stage(seconds, "cut"):
+    with stage("cut"):
         cover = cut_cover(mesh, plan.cover)
-    with stage(seconds, "fit"):
+    with stage("fit"):
         fit = fit_grid(cover, plan.grid, plan.degree, plan.chords)
-    with stage(seconds, "wrap"):
+    with stage("wrap"):
         laid = lay_all(plan.skins, fit)
         patches = tuple(done.patch for done in laid)
-    with stage(seconds, "errors"):
+    with stage("errors"):
         surface = surface_model(fit)
     source = MeshSource(plan.mesh.name, mesh.sha256, len(mesh.vertices), len(mesh.faces))
     calibration = LinkCalibration(
         plan.link, source, (surface,), patches, plan.response, f"skin-calib {__version__}", plan.extra
     )
     return Calibrated(calibration, cover, fit, laid, seconds)
-
-
-@contextmanager
-def stage(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Time a stage into ``seconds``."""
-    start = perf_counter()
-    yield
-    seconds[name] = perf_counter() - start
 
 
 def _untrusted(patch: Patch, fit: SurfaceFit) -> tuple[str, ...]:

@@ -1,60 +1,65 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Live fit: while the author changes a plan, surface and skin follow; the errors come when the hand rests.
+"""What is drawn while a plan changes: planes placed by hand, and where the author wants that surface and skin.
 
-A change only asks for a fit; a timer makes it between two draws, so that many changes in one go make one. What is drawn
-meanwhile is a preview, which no file and no undo step knows; the result is written once the plan has rested.
+A change only asks for a look; a timer begins it between two draws, so that many changes in one go make one, and it is
+computed beside the main thread. What is drawn meanwhile is a preview, which no file and no undo step knows. Once the
+plan has rested, the fit that the button makes takes its place.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from types import SimpleNamespace
 from typing import Any
 
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
 
 from ..errors import SkinCalibError
-from ..geometry import SurfaceFit, TriangleMesh, cut_cover
-from ..laying import lay_all
-from ..pipeline import fit_grid
-from ..plan import Plan
 from . import overlay, results, scene
-from .layers import layers_of
+from .background import Work
+from .facets import Facets
+from .preview import Kept, Look, Told, look
+from .sketch import Sketch
 
 REST = 0.4  # [s] without a change, after which the fit is finished
-
-
-@dataclass(frozen=True)
-class Told:
-    """What the panel says of a preview."""
-
-    mean: float  # distance along the rays of the fit [m]
-    seconds: float
-    problem: str = ""
+FRAME = 0.03  # [s] for which a preview is waited for, before the window goes on without it
+POLL = 0.01  # [s]
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    """The last fit of a preview, and what it was made from: changes of the skins alone need no other."""
+class Job:
+    """What is being computed for which object."""
 
-    mesh: TriangleMesh
-    asked: tuple[Any, ...]  # the cover, grid, degree and chords of the plan
-    fit: SurfaceFit
+    name: str
+    since: float  # of the change that it answers
+    work: Work
+    take: Callable[[bpy.types.Object, Any], None]
+    is_final: bool
 
 
 told: dict[str, Told] = {}  # by the object's name
+sketches: dict[str, Sketch] = {}
 _changed: dict[str, float] = {}  # objects whose plan changed since their last fit, and when
-_fitted: dict[str, Fitted] = {}
 _drawn: set[str] = set()  # those whose preview shows the last change
+_touched: set[str] = set()  # those whose mesh or place may have changed
+_seen: dict[str, Facets] = {}  # that were fitted last
+_kept: dict[str, Kept] = {}
+_job: Job | None = None
+_last_final: Work | None = None  # may go on for a while after nobody waits for it
 
 
 def request(link: bpy.types.Object) -> None:
-    """A plan has changed: fit it soon, if its author wants that."""
-    if not link.skin_calib.live:
-        return
+    """A plan or its mesh has changed: look at it soon."""
+    global _job
+    if _job is not None and _job.is_final and _job.name == link.name:
+        _job.work.stop()
+        _job = None
     _changed[link.name] = perf_counter()
     _drawn.discard(link.name)
+    _wake()
+
+
+def _wake() -> None:
     if not bpy.app.timers.is_registered(tick):
         bpy.app.timers.register(tick, first_interval=0.0)
 
@@ -67,104 +72,202 @@ def changed(result: Any, _context: Any) -> None:
 
 def switched(plan: Any, _context: Any) -> None:
     """A link begins to follow, or stops."""
-    if plan.live:
-        request(plan.id_data)
-    else:
-        forget(plan.id_data.name)
+    forget(plan.id_data.name)
+    request(plan.id_data)
+
+
+def facets_of(link: bpy.types.Object) -> Facets:
+    """The facets of an object that is going to be fitted; others will outdate its result."""
+    _seen[link.name] = scene.read_facets(link, bpy.context)
+    return _seen[link.name]
 
 
 def tick() -> float | None:
-    """Draw what has changed; finish what has rested. The seconds to the next call, none when nothing is left."""
-    for name in list(_changed):
-        link = bpy.data.objects.get(name)
-        if link is None or not link.skin_calib.live or scene.why_not(link):
-            forget(name)
-        elif name not in _drawn:
-            _preview(link)
-            _drawn.add(name)
-        elif perf_counter() - _changed[name] >= REST:
-            _finish(link)
-            forget(name)
+    """Begin what has changed, draw what is done, finish what has rested. The seconds to the next call, if any."""
+    global _job
+    _look_at_touched()
+    if _job is None:
+        _begin()
+    if _job is not None and _job.work.is_done(FRAME):
+        job, _job = _job, None
+        _take(job)
     overlay.redraw()
+    if _job is not None:
+        return POLL
     return 0.05 if _changed else None
 
 
+def _look_at_touched() -> None:
+    """Results whose mesh is another one now are outdated."""
+    while _touched:
+        name = _touched.pop()
+        link = bpy.data.objects.get(name)
+        if link is None or name not in _seen or scene.why_not(link):
+            continue
+        try:
+            is_same = scene.read_facets(link, bpy.context).is_same(_seen[name])
+        except SkinCalibError:
+            is_same = False
+        if not is_same:
+            link.skin_calib.result.outdated = True
+
+
+def _begin() -> None:
+    """Begin the next job."""
+    for name in list(_changed):
+        link = bpy.data.objects.get(name)
+        if link is None or scene.why_not(link):
+            forget(name)
+            continue
+        if name not in _drawn:
+            _drawn.add(name)
+            _start(link, _preview, _show, False)
+        elif perf_counter() - _changed[name] >= REST and (_last_final is None or _last_final.is_done()):
+            _start(link, _finish, _keep, True)
+        if _job is not None:
+            return
+        if name in _changed and not follows(link):
+            forget(name)
+
+
+def follows(link: bpy.types.Object) -> bool:
+    """Whether the author wants surface and skin of a link to follow, and they do not yet."""
+    plan = link.skin_calib
+    return bool(plan.live and plan.link and (plan.result.outdated or results.find(plan.result.key) is None))
+
+
+def _start(link: bpy.types.Object, make: Callable[..., Any], take: Callable[..., None], is_final: bool) -> None:
+    """Read the scene, and compute what ``make`` says beside the main thread."""
+    global _job, _last_final
+    try:
+        task = make(link)
+    except SkinCalibError as error:
+        _tell(link, str(error))
+        return
+    if task is not None:
+        _job = Job(link.name, _changed[link.name], Work(task), take, is_final)
+        _last_final = _job.work if is_final else _last_final
+
+
+def _take(job: Job) -> None:
+    """Draw or keep what has been computed, if its object is still there and nobody has gone back in time."""
+    link = bpy.data.objects.get(job.name)
+    if link is None or job.name not in _changed:
+        return
+    try:
+        job.take(link, job.work.result())
+    except SkinCalibError as error:
+        _tell(link, str(error))
+
+
+def _tell(link: bpy.types.Object, problem: str) -> None:
+    """The plan cannot be carried out; the last result stays, and nothing more is tried before the next change."""
+    told[link.name] = Told(0.0, 0.0, problem)
+    _changed.pop(link.name, None)
+    _drawn.discard(link.name)
+
+
+def _preview(link: bpy.types.Object) -> Callable[..., Look] | None:
+    """Sketch the planes; where the author wants it, fit and lay without the exact errors."""
+    planes = scene.read_hand_planes(link, bpy.context.scene)
+    plan, problem, start = None, "", perf_counter()
+    if follows(link):
+        try:
+            plan = scene.read_plan(link, bpy.context.scene)
+        except SkinCalibError as error:
+            problem = str(error)
+    elif not planes.are_there:
+        _forget_sketch(link.name)
+        return None
+    facets, kept = facets_of(link), _kept.setdefault(link.name, Kept())
+    return lambda begin: look(kept, start, facets, planes, plan, problem)
+
+
+def _show(link: bpy.types.Object, seen: Look) -> None:
+    """Draw a preview."""
+    sketches[link.name], overlay.sketches[link.name] = seen.sketch, seen.sketch.layers
+    told.pop(link.name, None)
+    if seen.told is None:
+        return
+    if seen.told.problem:
+        _tell(link, seen.told.problem)
+    else:
+        told[link.name], overlay.previews[link.name] = seen.told, seen.layers
+
+
+def _finish(link: bpy.types.Object) -> Callable[..., Any]:
+    """The fit that the button makes."""
+    plan, facets = scene.read_plan(link, bpy.context.scene), facets_of(link)
+    return lambda begin: results.fit(plan, facets.mesh(), begin)
+
+
+def _keep(link: bpy.types.Object, fitted: Any) -> None:
+    """Keep the result."""
+    key, result = fitted
+    overlay.prepare(key, result)
+    scene.write_result(link, bpy.context.scene, result, key)
+    forget(link.name)
+
+
 def forget(name: str) -> None:
-    """Nothing of an object is waiting any more, and its preview is gone."""
+    """Nothing of an object is waiting any more, and its preview is gone; what its planes do stays drawn."""
     _changed.pop(name, None)
     _drawn.discard(name)
     overlay.previews.pop(name, None)
-    if not told.get(name, Told(0, 0)).problem:
-        told.pop(name, None)
+    told.pop(name, None)
+    if name not in bpy.data.objects:
+        _forget_sketch(name)
+        _kept.pop(name, None)
+        _seen.pop(name, None)
 
 
-def _preview(link: bpy.types.Object) -> None:
-    """Fit and lay without the exact errors, and draw that."""
-    start = perf_counter()
-    try:
-        plan = scene.read_plan(link, bpy.context.scene)
-        fit = _fit(link.name, plan, scene.read_mesh(link, bpy.context))
-        patches = tuple(done.patch for done in lay_all(plan.skins, fit))
-    except SkinCalibError as error:
-        told[link.name] = Told(0.0, 0.0, str(error))
-        return
-    drawn = SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches))
-    overlay.previews[link.name] = layers_of(drawn)
-    told[link.name] = Told(float(np.nanmean(np.abs(fit.residuals))), perf_counter() - start)
-
-
-def _fit(name: str, plan: Plan, mesh: TriangleMesh) -> SurfaceFit:
-    """The fit of a plan, the last one where neither the mesh nor what was asked of it has changed."""
-    asked, last = (plan.cover, plan.grid, plan.degree, plan.chords), _fitted.get(name)
-    same = last and last.asked == asked and np.array_equal(last.mesh.vertices, mesh.vertices)
-    if not (same and np.array_equal(last.mesh.faces, mesh.faces)):
-        last = Fitted(mesh, asked, fit_grid(cut_cover(mesh, plan.cover), plan.grid, plan.degree, plan.chords))
-    _fitted[name] = last
-    return last.fit
-
-
-def _finish(link: bpy.types.Object) -> None:
-    """The fit that the button makes."""
-    if told.get(link.name, Told(0, 0)).problem:
-        return
-    try:
-        plan = scene.read_plan(link, bpy.context.scene)
-        key, result = results.fit(plan, scene.read_mesh(link, bpy.context))
-    except SkinCalibError as error:
-        told[link.name] = Told(0.0, 0.0, str(error))
-        return
-    overlay.prepare(key, result)
-    scene.write_result(link, bpy.context.scene, result, key)
+def _forget_sketch(name: str) -> None:
+    sketches.pop(name, None)
+    overlay.sketches.pop(name, None)
 
 
 @persistent
 def _went_back(*_: Any) -> None:
-    """After undo, redo, or another file, what was drawn is of another plan; links that follow catch up."""
-    for name in {*_changed, *overlay.previews, *told}:
-        told.pop(name, None)
-        forget(name)
-    _fitted.clear()
+    """After undo, redo, or another file, what was drawn is of another plan; all links are looked at anew."""
+    _clear()
     for link in bpy.data.objects:
-        if link.skin_calib.live and link.skin_calib.result.outdated:
+        if link.type == "MESH" and (link.skin_calib.live or link.skin_calib.link):
             request(link)
 
 
-HANDLERS = ("undo_post", "redo_post", "load_post")
+@persistent
+def _updated(_scene: Any, depsgraph: bpy.types.Depsgraph) -> None:
+    """A mesh, a modifier or a place may have changed from which something was made."""
+    for update in depsgraph.updates:
+        is_other = update.is_updated_geometry or update.is_updated_transform
+        if is_other and isinstance(update.id, bpy.types.Object) and update.id.name in _seen:
+            _touched.add(update.id.name)
+            _wake()
+
+
+def _clear() -> None:
+    """Wait for nothing any more, and draw no previews."""
+    global _job
+    if _job is not None:
+        _job.work.stop()
+        _job = None
+    for of_names in (_changed, _drawn, _touched, _seen, _kept, told, sketches, overlay.previews, overlay.sketches):
+        of_names.clear()
+
+
+HANDLERS = {name: _went_back for name in ("undo_post", "redo_post", "load_post")} | {"depsgraph_update_post": _updated}
 
 
 def register() -> None:
-    """Notice when time goes back."""
-    for name in HANDLERS:
-        getattr(bpy.app.handlers, name).append(_went_back)
+    """Notice when time goes back, and when meshes change."""
+    for name, handler in HANDLERS.items():
+        getattr(bpy.app.handlers, name).append(handler)
 
 
 def unregister() -> None:
-    """Wait for nothing any more."""
-    for name in HANDLERS:
-        getattr(bpy.app.handlers, name).remove(_went_back)
+    """Notice nothing any more."""
+    for name, handler in HANDLERS.items():
+        getattr(bpy.app.handlers, name).remove(handler)
     if bpy.app.timers.is_registered(tick):
         bpy.app.timers.unregister(tick)
-    _changed.clear()
-    _drawn.clear()
-    _fitted.clear()
-    told.clear()
+    _clear()

@@ -16,10 +16,18 @@ from .scene import link_frame, metres_per_unit
 # Lines are drawn nearer to the eye by this share of their distance, so that the facets they lie on do not hide them.
 NEARER = 0.004
 COLOURS = {"SURFACE": (0.35, 0.65, 1.0, 0.6), "CELLS": (1.0, 1.0, 1.0, 0.9), "NORMALS": (0.95, 0.2, 0.2, 1.0)}
-WIDTHS = {"SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0}
+COLOURS |= {
+    "CUT": (1.0, 0.3, 0.9, 1.0),
+    "U": (1.0, 0.65, 0.1, 1.0),
+    "V": (0.3, 0.9, 0.4, 1.0),
+    "MISSED": (1.0, 0.0, 0.0, 1.0),
+}
+WIDTHS = {"SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0, "CUT": 2.0, "U": 1.5, "V": 1.5, "MISSED": 2.0}
 
 # Layers drawn in place of an object's result while its plan changes, by the object's name.
 previews: dict[str, tuple[Layer, ...]] = {}
+# Planes placed by hand and what they cut, drawn beside these.
+sketches: dict[str, list[Layer]] = {}
 _handle: Any = None
 _prepared: dict[str, tuple[Layer, ...]] = {}
 
@@ -47,6 +55,7 @@ def _draw() -> None:
             plan = link.skin_calib
             drawn = previews.get(link.name) or _prepared.get(plan.result.key, ())
             layers = [layer for layer in drawn if layer.what in plan.layers]
+            layers += sketches.get(link.name, []) if "PLANES" in plan.layers else []
             if layers and plan.show_overlay and link.visible_get(viewport=space):
                 _draw_layers(_nearer(view) @ view.view_matrix @ link_frame(link) @ unit, layers, size)
     finally:
@@ -102,3 +111,4 @@ def unregister() -> None:
         _handle = None
     _prepared.clear()
     previews.clear()
+    sketches.clear()

@@ -81,12 +81,13 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         name="Layers",
         description="What of the fitted skin is drawn",
         items=[
+            ("PLANES", "Planes", "Planes placed by hand, and what cuts take away"),
             ("ERROR", "Error", "The surface, from violet where it lies on the mesh to yellow where it is furthest off"),
             ("SURFACE", "Surface", "Curves of the surface"),
             ("CELLS", "Cells", "Outlines of the taxels"),
             ("NORMALS", "Normals", "Which way the taxels look"),
         ],
-        default={"SURFACE", "CELLS", "NORMALS"},
+        default={"PLANES", "SURFACE", "CELLS", "NORMALS"},
         options={"ENUM_FLAG"},
     )
 

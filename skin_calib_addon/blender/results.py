@@ -6,6 +6,8 @@ An object keeps the key of its fit: undo brings both back, and no object can tak
 
 import hashlib
 import json
+from collections.abc import Callable
+from threading import Lock
 
 from ..geometry.mesh import TriangleMesh
 from ..pipeline import Calibrated, calibrate
@@ -13,9 +15,10 @@ from ..plan import Plan, plan_document
 
 KEPT = 16
 _results: dict[str, Calibrated] = {}
+_lock = Lock()  # fits run beside the main thread
 
 
-def fit(plan: Plan, mesh: TriangleMesh) -> tuple[str, Calibrated]:
+def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda stage: None) -> tuple[str, Calibrated]:
     """Calibrate, or take what the same plan and mesh gave before; the result and its key.
 
     Raises
@@ -25,10 +28,12 @@ def fit(plan: Plan, mesh: TriangleMesh) -> tuple[str, Calibrated]:
     """
     content = json.dumps(plan_document(plan), sort_keys=True) + mesh.sha256
     key = hashlib.sha256(content.encode()).hexdigest()
-    result = _results.pop(key, None) or calibrate(plan, mesh)
-    _results[key] = result
-    while len(_results) > KEPT:
-        del _results[next(iter(_results))]
+    result = _results.get(key) or calibrate(plan, mesh, begin)
+    with _lock:
+        _results.pop(key, None)
+        _results[key] = result  # the last one used is the last to go
+        while len(_results) > KEPT:
+            del _results[next(iter(_results))]
     return key, result
 
 

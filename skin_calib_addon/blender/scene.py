@@ -15,10 +15,12 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..errors import CalibrationFormatError, InvalidMesh, InvalidPlan
-from ..geometry.mesh import LARGEST, METRES, SMALLEST, TriangleMesh, weld
+from ..geometry.mesh import METRES, TriangleMesh
 from ..pipeline import Calibrated
 from ..plan import FORMAT, VERSION, Plan, check_plan, plan_from
 from .decimals import exact, in_units, vector
+from .facets import Facets
+from .sketch import HandPlanes
 from .skins import set_skin, skin_document
 
 # Blender's numbers are single; these are the largest it holds.
@@ -69,6 +71,24 @@ def plan_document(link: bpy.types.Object, scene: bpy.types.Scene) -> dict[str, A
     if settings.response:
         document["response"] = {"kind": "polynomial", "coefficients": vector(c.value for c in settings.response)}
     return document | json.loads(settings.extra or "{}")
+
+
+def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlanes:
+    """The planes that were placed one by one, sound or not: cuts, and those of a grid of such planes."""
+    settings, metre = link.skin_calib, metres_per_unit(scene)
+    is_by_hand = settings.grid.kind == "planes"
+    families = {
+        "CUT": settings.cover.cuts,
+        "U": settings.grid.u if is_by_hand else (),
+        "V": settings.grid.v if is_by_hand else (),
+    }
+    points = {name: np.array([vector(p.point, metre) for p in planes]) for name, planes in families.items()}
+    normals = {name: np.array([vector(p.normal) for p in planes]) for name, planes in families.items()}
+    return HandPlanes(
+        {name: rows.reshape(-1, 3) for name, rows in points.items()},
+        {name: rows.reshape(-1, 3) for name, rows in normals.items()},
+        settings.cover.shell,
+    )
 
 
 def _plane(plane: Any, metre: float) -> dict[str, Any]:
@@ -185,12 +205,24 @@ def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMes
     Raises
     ------
     InvalidMesh
-        If it has no faces, a vertex is not finite, its size says that the unit is wrong, it is switched off so that
-        its modifiers do not count, or its parent's scale leaves no frame to measure in.
+        As :func:`read_facets` and :meth:`Facets.mesh` do.
+    """
+    return read_facets(link, context).mesh()
+
+
+def read_facets(link: bpy.types.Object, context: bpy.types.Context) -> Facets:
+    """The object's triangles with its modifiers, and where they lie.
+
+    Raises
+    ------
+    InvalidMesh
+        If the object is switched off so that its modifiers do not count, or its parent's scale leaves no frame to
+        measure in.
     """
     evaluated = link.evaluated_get(context.evaluated_depsgraph_get())
     if not evaluated.is_evaluated and link.modifiers:
         raise InvalidMesh(f"{link.name} is switched off in the viewport, so its modifiers do not count; switch it on")
+    unit = metres_per_unit(context.scene) * _scale(link)
     data = evaluated.to_mesh()
     try:
         data.calc_loop_triangles()
@@ -200,25 +232,8 @@ def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMes
         data.loop_triangles.foreach_get("vertices", faces)
     finally:
         evaluated.to_mesh_clear()
-    unit = metres_per_unit(context.scene) * _scale(link)
     placed = np.array([vector(row, unit) for row in _local(link)[:3]])
-    points = vertices.reshape(-1, 3).astype(float)
-    if not np.array_equal(placed, np.eye(3, 4)):  # times one plus zero is exact, but only where nothing is infinite
-        points = points @ placed[:, :3].T + placed[:, 3]
-    faces = faces.reshape(-1, 3)
-    if np.linalg.det(placed[:, :3]) < 0:  # mirrored by its scale: the faces would look inward
-        faces = faces[:, ::-1]
-    try:
-        mesh = weld(points, faces)
-    except InvalidMesh as error:
-        raise InvalidMesh(f"{link.name}: {error}", **error.numbers) from error
-    if not SMALLEST <= mesh.size <= LARGEST:
-        raise InvalidMesh(
-            f"{link.name} is {mesh.size:.4g} m across in this scene; set the object's scale, or the scene's unit "
-            "scale, to the link's real size",
-            size=mesh.size,
-        )
-    return mesh
+    return Facets(link.name, vertices.reshape(-1, 3), faces.reshape(-1, 3), placed)
 
 
 def _local(link: bpy.types.Object) -> Matrix:

@@ -1,14 +1,21 @@
 """Live fit: surface and skin follow the plan; no file, no undo step and no other link knows of a preview."""
 
+import importlib
+from threading import Event
+
 import pytest
 
 
 @pytest.fixture
 def live(extension):
     """The module of the running extension."""
-    import importlib
-
     return importlib.import_module(f"{extension}.skin_calib_addon.blender.live")
+
+
+@pytest.fixture
+def preview(extension):
+    """The module of the running extension."""
+    return importlib.import_module(f"{extension}.skin_calib_addon.blender.preview")
 
 
 @pytest.fixture
@@ -17,6 +24,12 @@ def following(bpy, link, addon):
     bpy.ops.skin_calib.fit()
     bpy.context.object.skin_calib.live = True
     return bpy.context.object
+
+
+def look(live):
+    """Let the timer draw what has changed."""
+    while live.tick() == live.POLL:
+        pass
 
 
 def rest(live, monkeypatch):
@@ -31,7 +44,7 @@ def test_surface_and_skin_follow_a_change(bpy, addon, live, following, monkeypat
     before = plan.result.key
     plan.grid.n += 2
     assert plan.result.outdated and bpy.app.timers.is_registered(live.tick)
-    assert live.tick() is not None
+    look(live)
     assert following.name in addon.overlay.previews and plan.result.key == before
     assert 0 < live.told[following.name].mean < 1e-3
     rest(live, monkeypatch)
@@ -41,35 +54,35 @@ def test_surface_and_skin_follow_a_change(bpy, addon, live, following, monkeypat
     assert (plan.result.key, plan.result.mean) == followed and followed[0] != before
 
 
-def test_many_changes_make_one_fit(live, following, monkeypatch):
+def test_many_changes_make_one_fit(live, preview, following, monkeypatch):
     """While the hand moves only the last state counts."""
     fits = []
-    monkeypatch.setattr(live, "fit_grid", lambda *words, real=live.fit_grid: fits.append(1) or real(*words))
+    monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
     for n in range(6, 16):
         following.skin_calib.grid.n = n
-    live.tick()
-    live.tick()
+    look(live)
+    look(live)
     assert len(fits) == 1
 
 
-def test_change_of_a_skin_needs_no_other_surface(bpy, addon, live, following, monkeypatch):
+def test_change_of_a_skin_needs_no_other_surface(bpy, addon, live, preview, following, monkeypatch):
     """Rows, origins and the like lay the skin anew on the last surface; planes and the mesh ask for another."""
     fits = []
-    monkeypatch.setattr(live, "fit_grid", lambda *words, real=live.fit_grid: fits.append(1) or real(*words))
+    monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
     plan = following.skin_calib
     plan.grid.n += 1
-    live.tick()
+    look(live)
     for rows in (1, 3):
         plan.skins[0].rows = rows
-        live.tick()
+        look(live)
         cells = next(a for a in addon.overlay.previews[following.name] if a.what == "CELLS")
         assert len(cells.points) == rows * plan.skins[0].columns * 8
     assert len(fits) == 1
     following.data.vertices[0].co.z += 1e-4
     plan.skins[0].rows = 2
-    live.tick()
+    look(live)
     plan.grid.n += 1
-    live.tick()
+    look(live)
     assert len(fits) == 3
     rest(live, monkeypatch)
     assert not plan.result.outdated
@@ -88,7 +101,7 @@ def test_plan_that_cannot_be_fitted_says_why_and_recovers(live, following, monke
 
 
 def test_link_that_does_not_follow_is_left_alone(bpy, live, link):
-    """Without Live a change asks for nothing; switched off, what waits is forgotten."""
+    """Without Live a change fits nothing; switched off, what waits is forgotten."""
     bpy.ops.skin_calib.fit()
     plan = bpy.context.object.skin_calib
     plan.grid.n += 1
@@ -117,7 +130,7 @@ def test_undo_takes_the_preview_away(bpy, addon, live, following, monkeypatch):
     bpy.ops.ed.undo_push(message="before")
     following.skin_calib.grid.n = 14
     bpy.ops.ed.undo_push(message="after")
-    live.tick()
+    look(live)
     assert addon.overlay.previews
     bpy.ops.ed.undo()
     link = bpy.context.object
@@ -129,6 +142,57 @@ def test_undo_takes_the_preview_away(bpy, addon, live, following, monkeypatch):
 def test_new_file_forgets_what_waits(bpy, addon, live, following):
     """Nothing of the old file is fitted in the new one."""
     following.skin_calib.grid.n += 1
-    live.tick()
+    look(live)
     bpy.ops.wm.read_homefile(use_empty=True)
     assert not addon.overlay.previews and not live.told and live.tick() is None
+
+
+OTHER = {
+    "mesh": lambda link: setattr(link.data.vertices[0], "co", link.data.vertices[0].co * 1.001),
+    "modifier": lambda link: setattr(link.modifiers.new("thicker", "DISPLACE"), "strength", 1e-4),
+    "place": lambda link: setattr(link, "location", (0.001, 0, 0)),
+}
+
+
+@pytest.mark.parametrize("change", OTHER.values(), ids=OTHER)
+@pytest.mark.parametrize("follow", [False, True])
+def test_other_mesh_modifier_or_place_outdates_the_result(bpy, live, link, change, follow, monkeypatch):
+    """Of links that follow, and of those that do not; what changes nothing is not taken for a change."""
+    bpy.ops.skin_calib.fit()
+    link = bpy.context.object
+    link.skin_calib.live = follow
+    for act in (lambda link: None, change):
+        rest(live, monkeypatch)
+        assert not link.skin_calib.result.outdated
+        key = link.skin_calib.result.key
+        act(link)
+        link.data.update()
+        bpy.context.view_layer.update()
+        live.tick()
+    assert link.skin_calib.result.outdated
+    rest(live, monkeypatch)
+    assert link.skin_calib.result.outdated != follow
+    assert (link.skin_calib.result.key != key) == follow
+
+
+def test_fit_goes_on_beside_the_window(bpy, live, following, monkeypatch):
+    """A change while the last step runs stops that, and the plan's own result is the one that is kept."""
+    go_on, begun = Event(), Event()
+
+    def slowly(plan, mesh, begin, real=live.results.fit):
+        begun.set()
+        go_on.wait(20)
+        return real(plan, mesh, begin)
+
+    plan = following.skin_calib
+    monkeypatch.setattr(live.results, "fit", slowly)
+    plan.grid.n = 8
+    look(live)
+    monkeypatch.setattr(live, "REST", 0.0)
+    assert live.tick() == live.POLL and begun.is_set()
+    plan.grid.n = 12
+    look(live)
+    assert live.told[following.name].mean > 0, "the new plan is drawn while the old fit still runs"
+    go_on.set()
+    rest(live, monkeypatch)
+    assert not plan.result.outdated and plan.result.control_points == 12 * 12
