@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import exchange, fit, lists, place
+from . import axis, exchange, fit, lists, place, planes
 
-CLASSES = (*fit.CLASSES, *lists.CLASSES, *place.CLASSES, *exchange.CLASSES)
+CLASSES = (*fit.CLASSES, *lists.CLASSES, *place.CLASSES, *axis.CLASSES, *planes.CLASSES, *exchange.CLASSES)
 
 
 def register():

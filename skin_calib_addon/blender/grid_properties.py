@@ -23,6 +23,15 @@ class SKIN_PG_plane(bpy.types.PropertyGroup):
     )
 
 
+def _hold(family):
+    """An update that gives the handles to the plane that has been chosen in a list."""
+
+    def hold(group, _context):
+        group.id_data.skin_calib.held = family
+
+    return hold
+
+
 class SKIN_PG_cover(bpy.types.PropertyGroup):
     """What of the mesh is covered with skin."""
 
@@ -35,6 +44,7 @@ class SKIN_PG_cover(bpy.types.PropertyGroup):
     cuts: CollectionProperty(
         type=SKIN_PG_plane, name="Cuts", description="Planes that keep the side of their normal", **FIXED
     )
+    cut_index: IntProperty(name="Cut", description="Which cut has the handles", min=0, update=_hold("CUT"), **FIXED)
 
 
 class SKIN_PG_grid(bpy.types.PropertyGroup):
@@ -123,6 +133,8 @@ class SKIN_PG_grid(bpy.types.PropertyGroup):
     )
     u: CollectionProperty(type=SKIN_PG_plane, name="U-Planes", description="Planes across the link", **FIXED)
     v: CollectionProperty(type=SKIN_PG_plane, name="V-Planes", description="Planes along the link", **FIXED)
+    u_index: IntProperty(name="U-Plane", description="Which u-plane is chosen", min=0, update=_hold("U"), **FIXED)
+    v_index: IntProperty(name="V-Plane", description="Which v-plane is chosen", min=0, update=_hold("V"), **FIXED)
     closed: BoolProperty(name="Closed", description="The v-planes go all the way round", default=True, **PLAN)
 
 

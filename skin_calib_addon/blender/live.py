@@ -18,6 +18,7 @@ from ..errors import SkinCalibError
 from . import overlay, results, scene
 from .background import Work
 from .facets import Facets
+from .plane_lists import read_hand_planes
 from .preview import Kept, Look, Told, look
 from .sketch import Sketch
 
@@ -169,7 +170,7 @@ def _tell(link: bpy.types.Object, problem: str) -> None:
 
 def _preview(link: bpy.types.Object) -> Callable[..., Look] | None:
     """Sketch the planes; where the author wants it, fit and lay without the exact errors."""
-    planes = scene.read_hand_planes(link, bpy.context.scene)
+    planes = read_hand_planes(link, bpy.context.scene)
     plan, problem, start = None, "", perf_counter()
     if follows(link):
         try:

@@ -73,6 +73,12 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         **FIXED,
     )
     result: PointerProperty(type=SKIN_PG_result, name="Result", description="What the last fit gave")
+    held: EnumProperty(
+        name="Handles",
+        description="Which planes have handles to tilt the chosen one",
+        items=[("CUT", "Cuts", "A cut"), ("U", "U-Planes", "A u-plane"), ("V", "V-Planes", "A v-plane")],
+        **FIXED,
+    )
     live: BoolProperty(
         name="Live", description="Let surface and skin follow while the plan changes", update=live.switched, **FIXED
     )

@@ -20,7 +20,6 @@ from ..pipeline import Calibrated
 from ..plan import FORMAT, VERSION, Plan, check_plan, plan_from
 from .decimals import exact, in_units, vector
 from .facets import Facets
-from .sketch import HandPlanes
 from .skins import set_skin, skin_document
 
 # Blender's numbers are single; these are the largest it holds.
@@ -71,24 +70,6 @@ def plan_document(link: bpy.types.Object, scene: bpy.types.Scene) -> dict[str, A
     if settings.response:
         document["response"] = {"kind": "polynomial", "coefficients": vector(c.value for c in settings.response)}
     return document | json.loads(settings.extra or "{}")
-
-
-def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlanes:
-    """The planes that were placed one by one, sound or not: cuts, and those of a grid of such planes."""
-    settings, metre = link.skin_calib, metres_per_unit(scene)
-    is_by_hand = settings.grid.kind == "planes"
-    families = {
-        "CUT": settings.cover.cuts,
-        "U": settings.grid.u if is_by_hand else (),
-        "V": settings.grid.v if is_by_hand else (),
-    }
-    points = {name: np.array([vector(p.point, metre) for p in planes]) for name, planes in families.items()}
-    normals = {name: np.array([vector(p.normal) for p in planes]) for name, planes in families.items()}
-    return HandPlanes(
-        {name: rows.reshape(-1, 3) for name, rows in points.items()},
-        {name: rows.reshape(-1, 3) for name, rows in normals.items()},
-        settings.cover.shell,
-    )
 
 
 def _plane(plane: Any, metre: float) -> dict[str, Any]:

@@ -4,11 +4,11 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from trimesh.intersections import slice_faces_plane
 
 from ..arrays import Array, unit
-from ..errors import InvalidMesh
-from ..geometry.cover import outer_shells
+from ..errors import InvalidMesh, InvalidPlan
+from ..geometry.cover import one_side, outer_shells
+from ..geometry.grids import check_order
 from ..geometry.mesh import TriangleMesh, weld
 from ..geometry.planes import Planes, perpendicular
 from ..geometry.sections import cut_sections
@@ -28,6 +28,7 @@ class HandPlanes:
     points: dict[str, Array]  # (k, 3) [m]
     normals: dict[str, Array]  # (k, 3), of any length
     shell: str  # which shells of the mesh are kept, as in a CoverSpec
+    closed: bool  # whether the v-planes go all the way round
 
     @property
     def are_there(self) -> bool:
@@ -41,6 +42,7 @@ class Sketch:
 
     layers: list[Layer] = field(default_factory=list)
     wrong: dict[Named, str] = field(default_factory=dict)
+    centres: dict[Named, Array] = field(default_factory=dict)  # of the sections [m]
     arms: dict[Named, Array] = field(default_factory=dict)  # from a plane's point to its handle, in the plane [m]
 
 
@@ -53,23 +55,35 @@ def sketch_of(mesh: TriangleMesh, planes: HandPlanes) -> Sketch:
     cover = _cut(sketch, mesh, planes)
     for family in ("U", "V"):
         _draw(sketch, family, cover, planes, "misses the mesh")
+    _check_order(sketch, "U", cover, planes)
+    if not planes.closed:
+        _check_order(sketch, "V", cover, planes)
     return sketch
+
+
+def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes) -> None:
+    """Find the first plane whose section does not lie beyond that of the one before it."""
+    cut = [i for i in range(len(planes.points[family])) if (family, i) in sketch.arms]
+    try:
+        check_order(np.array([sketch.centres[family, i] for i in cut]).reshape(-1, 3), family.lower(), mesh.size)
+    except InvalidPlan as error:
+        k = error.numbers["plane"]
+        sketch.wrong[family, cut[k]] = f"does not lie beyond {family.lower()}-plane {cut[k - 1]}"
 
 
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh:
     """What cuts and shells leave of the mesh; what they take away is drawn."""
+    gone, sound = [], [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
     _draw(sketch, "CUT", mesh, planes, "cuts nothing off")
-    gone = []
-    for i, (point, normal) in enumerate(zip(planes.points["CUT"], unit(planes.normals["CUT"]))):
-        if ("CUT", i) in sketch.wrong:
-            continue
+    for i in sound:
+        point, normal = planes.points["CUT"][i], unit(planes.normals["CUT"][i])
         try:
-            kept = weld(*slice_faces_plane(mesh.vertices, mesh.faces, plane_normal=normal, plane_origin=point)[:2])
+            kept = weld(*one_side(mesh, point, normal))
         except InvalidMesh:
             sketch.wrong["CUT", i] = "removes the whole mesh: turn it round"
             continue
-        off = slice_faces_plane(mesh.vertices, mesh.faces, plane_normal=-normal, plane_origin=point)
-        gone.append(off[0][off[1]])
+        vertices, faces = one_side(mesh, point, -normal)
+        gone.append(vertices[faces])
         mesh = kept
     if planes.shell == "outer":
         outer = outer_shells(mesh)
@@ -94,7 +108,7 @@ def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, m
     for k, i in enumerate(sound):
         ends = sections.ends[sections.plane == k].reshape(-1, 3)
         if len(ends):
-            sketch.arms[family, i] = _arm(points[i], normals[i], ends)
+            sketch.arms[family, i], sketch.centres[family, i] = _arm(points[i], normals[i], ends), ends.mean(axis=0)
         else:
             gap = np.abs((mesh.vertices - points[i]) @ normals[i]).min()
             sketch.wrong[family, i] = f"{missing}, by {gap * 1e3:.1f} mm"

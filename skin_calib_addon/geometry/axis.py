@@ -4,15 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, along
+from ..arrays import Array, BoolArray, along, unit
 from ..errors import EmptySection, InvalidPlan, millimetres
 from .frames import TubeFrame, frame_of
 from .mesh import TriangleMesh
+from .planes import Planes
 from .rays import TURN, RayCaster
 from .sections import Sections, cut_sections
 
 # What is thinner than this share of its width, with as much of its area on each side, has two sides and is no tube.
 THIN, SIDE = 0.15, 0.25
+# Sections across an axis that joins their own centres: each round turns it by a fraction of the one before.
+ROUNDS = 8
+# Sections nearer to each other than this share of the mesh's size tell no direction.
+APART = 0.02
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,35 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
         if taper > 0:
             direction = -direction
     return frame_of(point, direction)
+
+
+def axis_through(mesh: TriangleMesh, first: Array, second: Array) -> Axis:
+    """The line that joins the centres of the sections across it through two points of the mesh, as in the paper.
+
+    Parameters
+    ----------
+    first, second : array, shape (3,)
+        On the mesh [m]; the axis runs from the first section to the second.
+
+    Raises
+    ------
+    EmptySection
+        If a section has no centre.
+    InvalidPlan
+        If the sections lie on each other.
+    """
+    points = np.array((first, second), float)
+    direction = find_axis(mesh).e3
+    direction = direction * np.sign((points[1] - points[0]) @ direction)
+    for _ in range(ROUNDS):
+        if (points[1] - points[0]) @ direction < APART * mesh.size:
+            raise InvalidPlan("the two sections lie on each other; choose points that are further apart along the link")
+        frame = frame_of(points[0], direction)
+        centres, _ = section_circles(cut_sections(mesh, Planes(points, np.tile(direction, (2, 1)))), frame)
+        if len(centres) < 2:
+            raise EmptySection("a section has no centre; choose another point of the link")
+        direction = unit(centres[1] - centres[0])
+    return Axis(tuple(centres[0].tolist()), tuple(direction.tolist()))
 
 
 def section_circles(sections: Sections, frame: TubeFrame) -> tuple[Array, Array]:

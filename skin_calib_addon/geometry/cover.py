@@ -44,11 +44,8 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
         normal = unit(cut.normal)
         if not normal.any():
             raise InvalidPlan(f"the normal of cut {i} is zero; give the direction of the side to keep")
-        vertices, faces, _ = slice_faces_plane(
-            mesh.vertices, mesh.faces, plane_normal=normal, plane_origin=np.asarray(cut.point, float)
-        )
         try:
-            mesh = weld(vertices, faces)
+            mesh = weld(*one_side(mesh, np.asarray(cut.point, float), normal))
         except InvalidMesh as error:
             raise InvalidPlan(
                 f"cut {i} removes the whole mesh; a cut keeps the side that its normal points to: turn it round?"
@@ -56,6 +53,12 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
     if spec.shell == "all":
         return mesh
     return outer_shells(mesh)
+
+
+def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, IntArray]:
+    """Vertices and faces of what lies on the side of a plane to which its unit normal points; perhaps none."""
+    vertices, faces, _ = slice_faces_plane(mesh.vertices, mesh.faces, plane_normal=normal, plane_origin=point)
+    return vertices, faces
 
 
 def outer_shells(mesh: TriangleMesh) -> TriangleMesh:

@@ -22,6 +22,8 @@ SMALLEST_ANGLE = np.deg2rad(3.0)
 SMALL_ANGLE = 10.0  # [degrees] at which they do so badly
 # v-planes that pass a common point within this share of the distances involved were meant to share it.
 CONCURRENT = 1e-9
+# Lines whose mean direction is shorter than this turn by some 60 degrees or more: they go out from an axis.
+FAN = 0.95
 # Planes nearer to each other than this share of the mesh's size are the same.
 SAME = 1e-6
 
@@ -197,21 +199,31 @@ class PlanesGrid:
         return LineGrid(self.u, points, directions, True, tuple(f"v-plane {j}" for j in plane))
 
     def _open_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
-        across = across * np.sign((across * across[:1, :1]).sum(axis=2, keepdims=True))
-        outward = (mesh.face_normals * mesh.face_areas[:, None]).sum(axis=0) / mesh.face_areas.sum()
-        side = float(outward @ unit(across.mean(axis=(0, 1))))
-        if abs(side) < 0.1:
-            raise InvalidPlan("the faces look to both sides of the planes; cut the mesh so that one side is left")
-        directions = across * np.sign(side)
-        check_order(points.mean(axis=0), "v", mesh.size)
-        middle = mesh.vertices.mean(axis=0)
-        height = ((middle - points) * directions).sum(axis=2) - mesh.size
-        points = points + height[..., None] * directions
+        turned = np.where((across[:, 1:] * across[:, :-1]).sum(axis=2) < 0, -1.0, 1.0)
+        directions = across * np.cumprod(np.concatenate((np.ones((len(points), 1)), turned), axis=1), axis=1)[..., None]
+        directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
+        middle, mean = mesh.vertices.mean(axis=0), directions.mean(axis=(0, 1))
+        if np.linalg.norm(mean) < FAN:  # they leave an axis inside the link
+            directions = directions * np.sign((middle - points.mean(axis=(0, 1))) @ mean)
+        else:
+            directions = directions * self._side(mesh, unit(mean))
+            points = points + (((middle - points) * directions).sum(axis=2) - mesh.size)[..., None] * directions
+        reach = points + mesh.size * directions
+        check_order(reach.mean(axis=0), "v", mesh.size)
         names = numbered(len(self.v))
-        turn = np.cross(points[-1, 0] - points[0, 0], points[0, -1] - points[0, 0]) @ directions[0, 0]
+        turn = np.cross(reach[-1, 0] - reach[0, 0], reach[0, -1] - reach[0, 0]) @ directions[0].mean(axis=0)
         if turn < 0:
             points, directions, names = points[:, ::-1], directions[:, ::-1], names[::-1]
         return LineGrid(self.u, points, directions, False, names)
+
+    @staticmethod
+    def _side(mesh: TriangleMesh, mean: Array) -> float:
+        """1 where the faces look along the lines, -1 where they look against them."""
+        outward = (mesh.face_normals * mesh.face_areas[:, None]).sum(axis=0) / mesh.face_areas.sum()
+        side = float(outward @ mean)
+        if abs(side) < 0.1:
+            raise InvalidPlan("the faces look to both sides of the planes; cut the mesh so that one side is left")
+        return float(np.sign(side))
 
 
 def check_order(places: Array, name: str, size: float) -> None:

@@ -57,6 +57,18 @@ def addon(extension, bpy):
 
 
 @pytest.fixture
+def live(extension):
+    """The module of the running extension."""
+    return importlib.import_module(f"{extension}.skin_calib_addon.blender.live")
+
+
+@pytest.fixture
+def preview(extension):
+    """The module of the running extension."""
+    return importlib.import_module(f"{extension}.skin_calib_addon.blender.preview")
+
+
+@pytest.fixture
 def plan_file(tmp_path):
     """Writes a small tube and a plan for it, changed as asked; gives the plan's path."""
 
@@ -101,6 +113,12 @@ def fit_scene(addon, tmp_path):
         return out.read_bytes()
 
     return fit
+
+
+def look(live):
+    """Let the timer draw what has changed."""
+    while live.tick() == live.POLL:
+        pass
 
 
 PLAN = {

@@ -1,21 +1,10 @@
 """Live fit: surface and skin follow the plan; no file, no undo step and no other link knows of a preview."""
 
-import importlib
 from threading import Event
 
 import pytest
 
-
-@pytest.fixture
-def live(extension):
-    """The module of the running extension."""
-    return importlib.import_module(f"{extension}.skin_calib_addon.blender.live")
-
-
-@pytest.fixture
-def preview(extension):
-    """The module of the running extension."""
-    return importlib.import_module(f"{extension}.skin_calib_addon.blender.preview")
+from tests.blender.conftest import look
 
 
 @pytest.fixture
@@ -24,12 +13,6 @@ def following(bpy, link, addon):
     bpy.ops.skin_calib.fit()
     bpy.context.object.skin_calib.live = True
     return bpy.context.object
-
-
-def look(live):
-    """Let the timer draw what has changed."""
-    while live.tick() == live.POLL:
-        pass
 
 
 def rest(live, monkeypatch):

@@ -6,6 +6,7 @@ import pytest
 
 OPERATORS = (
     *("fit", "skin_add", "skin_remove", "cut_add", "cut_remove", "landmark_add", "landmark_remove"),
+    *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
     *("zone_add", "zone_remove", "place", "place_at_cursor"),
 )
 EXCHANGE = ("import_plan", "export_plan", "export_calibration", "export_taxels")
@@ -103,6 +104,14 @@ class Layout:
         assert name in data.bl_rna.properties, f"{data} has no {name}"
         self.shown.append(name)
 
+    def template_list(self, kind, _id, data, listed, active, index, **_):
+        assert hasattr(self.bpy.types, kind)
+        self.prop(data, listed)
+        self.prop(active, index)
+
+    def separator(self, **_):
+        pass
+
     def operator(self, name, **_):
         module, name = name.split(".")
         self.shown.append(getattr(getattr(self.bpy.ops, module), name).get_rna_type().name)
@@ -136,8 +145,12 @@ def test_panel_lays_out_what_there_is(bpy, link, kind):
     plan.grid.kind, plan.grid.auto_axis, plan.grid.auto_margin = kind, False, False
     plan.skins[0].centred = False
     bpy.ops.skin_calib.cut_add()
+    if kind == "planes":
+        for family in "uv":
+            bpy.ops.skin_calib.plane_add(family=family)
     shown = {name: draw(bpy, name) for name in PANELS}
     assert shown["skin"][:4] == ["name", "Remove Skin", "kind", "rows"]
+    assert (shown["grid"].count("normal") == 2) == (kind == "planes")
     assert ("tolerance" in shown["grid"]) == (kind == "auto")
     assert shown["fit"] == ["Fit", "live"]
     assert "Fit the link to see its skin" in shown["inspect"]

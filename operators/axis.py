@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The axis of the grid through two sections that the author picks, the paper's way."""
+
+import bpy
+
+from ..skin_calib_addon.blender import scene
+from ..skin_calib_addon.blender.decimals import in_units, vector
+from ..skin_calib_addon.geometry import cut_cover
+from ..skin_calib_addon.geometry.axis import axis_through
+from .on_link import Edit, OnLink
+from .picking import POINT, Picking
+
+
+class SKIN_OT_axis_from_sections(Picking, OnLink, Edit, bpy.types.Operator):
+    """Click on the link twice: the axis joins the centres of the two sections there, and runs to the second"""
+
+    bl_idname = "skin_calib.axis_from_sections"
+    bl_label = "Axis from Two Sections"
+
+    first: bpy.props.FloatVectorProperty(name="First", description="A point of the first section", **POINT)
+    second: bpy.props.FloatVectorProperty(name="Second", description="A point of the second section", **POINT)
+
+    def edit(self, context, plan):
+        link, metre = context.object, scene.metres_per_unit(context.scene)
+        cover = cut_cover(scene.read_mesh(link, context), scene.read_plan(link, context.scene).cover)
+        axis = axis_through(cover, vector(self.first, metre), vector(self.second, metre))
+        plan.grid.auto_axis = False
+        plan.grid.point, plan.grid.direction = in_units(axis.point, metre), axis.direction
+
+    prompts = tuple(
+        f"Click on the {which} section of the link    Esc: leave the axis as it is" for which in ("first", "second")
+    )
+
+    def take(self, points):
+        self.first, self.second = points
+
+
+CLASSES = (SKIN_OT_axis_from_sections,)

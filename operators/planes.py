@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Planes one by one: from a grid to a list of them, and what can be done with that list."""
+
+import bpy
+
+from ..skin_calib_addon.blender import plane_lists, scene
+from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.geometry import AutoGrid, PlanesGrid, cut_cover, fit_grid
+from ..skin_calib_addon.geometry.hand_planes import between, mirrored, planes_of, spread
+from .lists import INDEX
+from .on_link import Edit, OnLink, entry
+
+
+class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
+    """Turn the grid into planes one by one, which lie where it put them, to move, tilt, add and remove by hand"""
+
+    bl_idname = "skin_calib.planes_place"
+    bl_label = "Place by Hand"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and cls.says(
+            "The planes are placed by hand already" if context.object.skin_calib.grid.kind == "planes" else ""
+        )
+
+    def edit(self, context, plan):
+        link = context.object
+        read = scene.read_plan(link, context.scene)
+        cover = cut_cover(scene.read_mesh(link, context), read.cover)
+        if isinstance(read.grid, AutoGrid):
+            lines = fit_grid(cover, read.grid, read.degree).lines
+        else:
+            lines = read.grid.line_grid(cover, read.degree)
+        plane_lists.write_grid(link, context.scene, PlanesGrid(*planes_of(lines), lines.closed))
+        plan.held = "U"
+
+
+class OnPlanes(Edit):
+    """Works on the u-planes or the v-planes."""
+
+    family: bpy.props.EnumProperty(
+        name="Planes",
+        description="Which planes",
+        items=[("u", "U-Planes", "Planes across the link"), ("v", "V-Planes", "Planes along the link")],
+        options={"HIDDEN"},
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and cls.says(
+            "" if context.object.skin_calib.grid.kind == "planes" else "Place the planes by hand first"
+        )
+
+    def edit(self, context, plan):
+        planes = plane_lists.read_planes(plan.grid, self.family, context.scene)
+        if planes is None:
+            raise SkinCalibError(f"there are no {self.family}-planes yet; add one")
+        plane_lists.write_planes(plan.grid, self.family, self.changed(planes, plan.grid), context.scene)
+
+
+class SKIN_OT_plane_add(OnPlanes, bpy.types.Operator):
+    """Add a plane half way from the chosen one to the next, or as far beyond the last; the first at the 3D cursor"""
+
+    bl_idname = "skin_calib.plane_add"
+    bl_label = "Add Plane"
+
+    def edit(self, context, plan):
+        grid = plan.grid
+        listed, index = getattr(grid, self.family), getattr(grid, f"{self.family}_index")
+        planes = plane_lists.read_planes(grid, self.family, context.scene)
+        item = listed.add()
+        if planes is None:
+            item.point = scene.cursor_on(context.object, context.scene)
+            item.normal = (0, 0, 1) if self.family == "u" else (1, 0, 0)
+            return
+        index = min(index, len(planes) - 1)
+        plane_lists.set_plane(item, *between(planes, index), context.scene)
+        listed.move(len(listed) - 1, index + 1)
+        setattr(grid, f"{self.family}_index", index + 1)
+
+
+class SKIN_OT_plane_remove(OnPlanes, bpy.types.Operator):
+    """Remove this plane from the list of the active link"""
+
+    bl_idname = "skin_calib.plane_remove"
+    bl_label = "Remove Plane"
+
+    index: bpy.props.IntProperty(name="Index", description="Which plane, from 0", **INDEX)
+
+    def edit(self, context, plan):
+        listed = getattr(plan.grid, self.family)
+        entry(listed, self.index, f"{self.family}-plane")
+        listed.remove(self.index)
+        setattr(plan.grid, f"{self.family}_index", max(0, min(self.index, len(listed) - 1)))
+
+
+class SKIN_OT_planes_spread(OnPlanes, bpy.types.Operator):
+    """Space the planes evenly from the first to the last; the v-planes of a closed grid, all round their axis"""
+
+    bl_idname = "skin_calib.planes_spread"
+    bl_label = "Space Evenly"
+
+    def changed(self, planes, grid):
+        return spread(planes, self.family == "v" and grid.closed)
+
+
+class SKIN_OT_planes_mirror(OnPlanes, bpy.types.Operator):
+    """Put mirror images of the planes before the chosen one behind it, in place of those that are there"""
+
+    bl_idname = "skin_calib.planes_mirror"
+    bl_label = "Mirror"
+
+    def changed(self, planes, grid):
+        return mirrored(planes, min(getattr(grid, f"{self.family}_index"), len(planes) - 1))
+
+
+CLASSES = (
+    SKIN_OT_planes_place,
+    SKIN_OT_plane_add,
+    SKIN_OT_plane_remove,
+    SKIN_OT_planes_spread,
+    SKIN_OT_planes_mirror,
+)

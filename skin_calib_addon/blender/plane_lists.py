@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lists of planes in a plan's properties to arrays, and back."""
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..arrays import Array
+from ..geometry import Planes, PlanesGrid
+from .decimals import in_units, vector
+from .scene import metres_per_unit
+from .sketch import HandPlanes
+
+
+def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlanes:
+    """The planes that were placed one by one, sound or not: cuts, and those of a grid of such planes."""
+    settings, metre = link.skin_calib, metres_per_unit(scene)
+    is_by_hand = settings.grid.kind == "planes"
+    families = {
+        "CUT": settings.cover.cuts,
+        "U": settings.grid.u if is_by_hand else (),
+        "V": settings.grid.v if is_by_hand else (),
+    }
+    points = {name: np.array([vector(p.point, metre) for p in planes]) for name, planes in families.items()}
+    normals = {name: np.array([vector(p.normal) for p in planes]) for name, planes in families.items()}
+    return HandPlanes(
+        {name: rows.reshape(-1, 3) for name, rows in points.items()},
+        {name: rows.reshape(-1, 3) for name, rows in normals.items()},
+        settings.cover.shell,
+        settings.grid.closed,
+    )
+
+
+def read_planes(grid: Any, family: str, scene: bpy.types.Scene) -> Planes | None:
+    """The "u" or "v" planes of a grid that are listed one by one; None where there are none."""
+    metre, listed = metres_per_unit(scene), getattr(grid, family)
+    if not listed:
+        return None
+    return Planes(
+        np.array([vector(plane.point, metre) for plane in listed]), np.array([vector(p.normal) for p in listed])
+    )
+
+
+def write_planes(grid: Any, family: str, planes: Planes, scene: bpy.types.Scene) -> None:
+    """List planes one by one."""
+    listed = getattr(grid, family)
+    listed.clear()
+    for point, normal in zip(planes.points, planes.normals):
+        set_plane(listed.add(), point, normal, scene)
+
+
+def set_plane(item: Any, point: Array, normal: Array, scene: bpy.types.Scene) -> None:
+    """Set a listed plane."""
+    item.point, item.normal = in_units(point, metres_per_unit(scene)), normal
+
+
+def write_grid(link: bpy.types.Object, scene: bpy.types.Scene, grid: PlanesGrid) -> None:
+    """Set an object's grid to planes one by one."""
+    settings = link.skin_calib.grid
+    settings.kind, settings.closed = "planes", grid.closed
+    write_planes(settings, "u", grid.u, scene)
+    write_planes(settings, "v", grid.v, scene)

@@ -1,0 +1,123 @@
+"""Planes one by one in a scene: placed, changed in lists, sketched; an axis through two sections."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.blender.conftest import look
+
+
+@pytest.fixture
+def placed(bpy, link):
+    """A link with its planes placed by hand."""
+    bpy.ops.skin_calib.planes_place()
+    return bpy.context.object
+
+
+def points(listed):
+    """Points of listed planes."""
+    return np.array([tuple(plane.point) for plane in listed])
+
+
+def test_placed_planes_are_those_of_the_grid(bpy, placed, fit_scene):
+    """As many as before, closed, and a fit along them is as good."""
+    grid = placed.skin_calib.grid
+    assert (grid.kind, grid.closed, len(grid.u), len(grid.v)) == ("planes", True, 5, 6)
+    table = json.loads(fit_scene())
+    assert table["surfaces"][0]["errors"]["surface_to_mesh"]["mean"] < 2e-4
+    with pytest.raises(RuntimeError, match="placed by hand already"):
+        bpy.ops.skin_calib.planes_place()
+
+
+def test_lists_are_changed_by_buttons_each_in_one_step(bpy, placed):
+    """Added half way, spread, mirrored, removed; undo goes back through all of it."""
+    grid = placed.skin_calib.grid
+    seen = [points(grid.u)]
+    grid.u_index = 1
+    bpy.ops.ed.undo_push(message="start")
+    for name, words in [
+        ("plane_add", {}),
+        ("planes_spread", {}),
+        ("planes_mirror", {}),
+        ("plane_remove", {"index": 0}),
+    ]:
+        assert getattr(bpy.ops.skin_calib, name)("EXEC_DEFAULT", True, family="u", **words) == {"FINISHED"}
+        seen.append(points(bpy.context.object.skin_calib.grid.u))
+    assert_allclose(seen[1][2], (seen[0][1] + seen[0][2]) / 2, atol=1e-7)
+    assert_allclose(np.diff(seen[2][:, 2], 2), 0, atol=1e-6)
+    assert len(seen[3]) == 5 and len(seen[4]) == 4
+    for expected in reversed(seen[:4]):
+        bpy.ops.ed.undo()
+        assert_allclose(points(bpy.context.object.skin_calib.grid.u), expected)
+
+
+def test_first_plane_comes_at_the_cursor(bpy, link):
+    """An empty list can be filled; what works on planes says that there are none."""
+    grid = link.skin_calib.grid
+    with pytest.raises(RuntimeError, match="Place the planes by hand first"):
+        bpy.ops.skin_calib.plane_add(family="u")
+    grid.kind = "planes"
+    for name in ("planes_spread", "planes_mirror"):
+        with pytest.raises(RuntimeError, match="no v-planes yet"):
+            getattr(bpy.ops.skin_calib, name)(family="v")
+    bpy.context.scene.cursor.location = (0.01, 0.02, 0.03)
+    for family in "uv":
+        bpy.ops.skin_calib.plane_add(family=family)
+        assert_allclose(points(getattr(grid, family)), [(0.01, 0.02, 0.03)], atol=1e-7)
+    with pytest.raises(RuntimeError, match="no u-plane 4 here"):
+        bpy.ops.skin_calib.plane_remove(family="u", index=4)
+
+
+def test_planes_that_are_wrong_are_told_while_they_are_placed(bpy, placed, live):
+    """Off the mesh, past a neighbour, without a normal; a cut that removes all, or nothing."""
+    grid = placed.skin_calib.grid
+    look(live)
+    sketch = live.sketches[placed.name]
+    assert not sketch.wrong and {("U", 4), ("V", 5)} < sketch.arms.keys()
+    grid.u[4].point[2] += 1
+    grid.v[0].normal = (0, 0, 0)
+    grid.u[1].point, grid.u[2].point = tuple(grid.u[2].point), tuple(grid.u[1].point)
+    for point, normal in [((0, 0, 1), (0, 0, 1)), ((0, 0, -1), (0, 0, 1))]:
+        bpy.ops.skin_calib.cut_add()
+        cut = placed.skin_calib.cover.cuts[-1]
+        cut.point, cut.normal = point, normal
+    look(live)
+    wrong = live.sketches[placed.name].wrong
+    assert wrong["U", 4].startswith("misses the mesh, by 9") and wrong["V", 0] == "its normal is zero"
+    assert wrong["U", 2] == "does not lie beyond u-plane 1"
+    assert wrong["CUT", 0] == "removes the whole mesh: turn it round"
+    assert wrong["CUT", 1].startswith("cuts nothing off, by 1")
+
+
+def test_cut_shows_what_it_takes_away(bpy, addon, live, link):
+    """Red triangles on the far side of the plane, none on the side that is kept."""
+    bpy.ops.skin_calib.cut_add()
+    cut = link.skin_calib.cover.cuts[0]
+    cut.point, cut.normal = (0, 0, 0.06), (0, 0, -1)
+    look(live)
+    removed = next(a for a in addon.overlay.sketches[link.name] if a.what == "REMOVED")
+    assert removed.points[:, 2].min() > 0.06 - 1e-6 and removed.points[:, 2].max() > 0.09
+    bpy.ops.skin_calib.cut_remove(index=0)
+    look(live)
+    assert link.name not in addon.overlay.sketches
+
+
+def test_axis_goes_through_two_sections(bpy, link):
+    """Given points are twins of clicks; the axis runs from the first section to the second."""
+    grid, vertices = link.skin_calib.grid, points_of(link)
+    low, high = (vertices[np.argmin(np.abs(vertices[:, 2] - z))] for z in (0.04, 0.08))
+    bpy.ops.skin_calib.axis_from_sections(first=low, second=high)
+    assert not grid.auto_axis and grid.direction[2] > 0.99
+    bpy.ops.skin_calib.axis_from_sections(first=high, second=low)
+    assert grid.direction[2] < -0.99
+    before = tuple(grid.point), tuple(grid.direction)
+    with pytest.raises(RuntimeError, match="further apart"):
+        bpy.ops.skin_calib.axis_from_sections(first=low, second=low)
+    assert (tuple(grid.point), tuple(grid.direction)) == before
+
+
+def points_of(link):
+    """Vertices of the link's mesh, which is in metres in its frame."""
+    return np.array([tuple(vertex.co) for vertex in link.data.vertices])

@@ -1,0 +1,143 @@
+"""Drives planes by hand in the window: placed, dragged, tilted, one that misses the mesh, undone all the way back."""
+
+import sys
+from math import pi, radians, sin
+
+import bpy
+from mathutils import Vector
+from sample import link, plan, undo
+
+RING = 79  # [pixels] radius of a dial
+
+
+def ours(name):
+    """A module of the extension."""
+    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
+
+
+def handle(family, i):
+    """Where the handle of a plane is, in the world; the sample's frame is the world's."""
+    planes = getattr(plan().grid, family)
+    metre = ours("scene").metres_per_unit(bpy.context.scene)
+    return Vector(planes[i].point) + Vector(ours("live").sketches[link().name].arms[family.upper(), i]) / metre
+
+
+def drive(gui):
+    yield from gui.tab("Skin")
+    yield from gui.press("skin_calib.planes_place")
+    yield from gui.wait(lambda: link().name in ours("live").sketches, 20, "the sketch")
+    yield from gui.redraw(3)
+    yield from moves_a_plane(gui)
+    yield from tilts_a_plane(gui)
+    yield from tells_of_a_plane_that_misses(gui)
+    yield from tells_of_a_plane_out_of_order(gui)
+    yield from adds_and_removes(gui)
+    yield from follows_live(gui)
+    yield from goes_all_the_way_back(gui)
+
+
+def moves_a_plane(gui):
+    """Its section follows while the mouse is down; Ctrl-Z puts it back, and no more than it."""
+    was = [tuple(p.point) for p in plan().grid.u]
+    x, y = gui.at(handle("u", 4))
+    yield from gui.drag((x, y), (x, y + 15), mods=(), release=False)
+    yield from gui.redraw(3)
+    yield from gui.shot("dragged.png")
+    yield from gui.release()
+    yield from gui.redraw(3)
+    now = [tuple(p.point) for p in plan().grid.u]
+    assert [a == b for a, b in zip(was, now)] == [i != 4 for i in range(10)], (was, now)
+    assert plan().grid.u_index == 4 and now[4][2] > was[4][2]
+    yield from gui.shot("moved.png")
+    yield from undo(gui)
+    assert [tuple(p.point) for p in plan().grid.u] == was and plan().grid.kind == "planes"
+    yield from undo(gui, "shift")
+    assert [tuple(p.point) for p in plan().grid.u] == now
+
+
+def tilts_a_plane(gui):
+    """A dial of the chosen plane turns it about an axis in it; Ctrl-Z turns it back."""
+    was, point = tuple(plan().grid.u[4].normal), tuple(plan().grid.u[4].point)
+    x, y = gui.at(Vector(point))
+    down = x - RING * sin(pi / 4), y - RING * sin(pi / 4)
+    yield from gui.move(*down)
+    yield from gui.redraw(2)
+    yield from gui.drag(down, (down[0] + 15, down[1] - 15), mods=(), release=False)
+    yield from gui.redraw(3)
+    yield from gui.shot("turned.png")
+    yield from gui.release()
+    yield from gui.redraw(3)
+    turned = Vector(was).angle(plan().grid.u[4].normal)
+    assert radians(2) < turned < radians(45), turned
+    assert tuple(plan().grid.u[4].point) == point
+    yield from undo(gui)
+    assert tuple(plan().grid.u[4].normal) == was
+
+
+def tells_of_a_plane_that_misses(gui):
+    """Dragged off the link it turns red and says so; the fit is refused; Ctrl-Z brings it back."""
+    x, y = gui.at(handle("u", 9))
+    yield from gui.drag((x, y), (x, y + 120), mods=())
+    yield from gui.wait(lambda: ("U", 9) in ours("live").sketches[link().name].wrong, 20, "the plane that misses")
+    yield from gui.redraw(3)
+    yield from gui.shot("missed.png")
+    assert ours("live").sketches[link().name].wrong["U", 9].startswith("misses the mesh, by ")
+    yield from undo(gui)
+    yield from gui.wait(lambda: not ours("live").sketches[link().name].wrong, 20, "the plane to be back")
+
+
+def tells_of_a_plane_out_of_order(gui):
+    """Dragged past its neighbour, the neighbour is what does not lie beyond it."""
+    x, y = gui.at(handle("u", 4))
+    yield from gui.drag((x, y), (x, y + 45), mods=())
+    yield from gui.wait(lambda: ours("live").sketches[link().name].wrong, 20, "the order to be told")
+    assert ours("live").sketches[link().name].wrong == {("U", 5): "does not lie beyond u-plane 4"}
+    yield from undo(gui)
+    yield from gui.wait(lambda: not ours("live").sketches[link().name].wrong, 20, "the plane to be back")
+
+
+def adds_and_removes(gui):
+    """Buttons beside the list; each is a step of undo."""
+    yield from gui.press("skin_calib.plane_add")
+    assert len(plan().grid.u) == 11
+    yield from gui.press("skin_calib.planes_spread")
+    steps = [b.point[2] - a.point[2] for a, b in zip(plan().grid.u, list(plan().grid.u)[1:])]
+    assert max(steps) - min(steps) < 1e-3 * max(steps), steps
+    yield from gui.shot("spread.png")
+    yield from undo(gui)
+    yield from undo(gui)
+    assert len(plan().grid.u) == 10
+    yield from gui.press("skin_calib.plane_remove")
+    assert len(plan().grid.u) == 9
+    yield from undo(gui)
+    assert len(plan().grid.u) == 10
+
+
+def follows_live(gui):
+    """With Live the surface follows a plane under the mouse, and the result comes when it rests."""
+    yield from gui.press("skin_calib.live")
+    yield from gui.wait(lambda: plan().result.key and not plan().result.outdated, 30, "the first result")
+    before = plan().result.key
+    ours("live").REST = 60.0  # a software renderer rests between two moves
+    x, y = gui.at(handle("u", 6))
+    yield from gui.drag((x, y), (x, y + 15), mods=(), release=False)
+    yield from gui.wait(lambda: link().name in ours("overlay").previews, 20, "a preview under the drag")
+    yield from gui.redraw()
+    yield from gui.shot("followed.png")
+    print("preview", ours("live").told[link().name])
+    yield from gui.release()
+    ours("live").REST = 0.4
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
+    assert plan().result.key != before
+
+
+def goes_all_the_way_back(gui):
+    """Ctrl-Z to the file as it was opened."""
+    for _ in range(6):
+        if plan().grid.kind == "tube":
+            break
+        yield from undo(gui)
+    assert plan().grid.kind == "tube" and not len(plan().grid.u) and not plan().live
+    yield from gui.redraw(3)
+    yield from gui.shot("back.png")
+    assert not ours("overlay").sketches
