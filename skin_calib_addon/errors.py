@@ -61,6 +61,10 @@ class UnknownLink(SkinCalibError):
     """No such link in this calibration."""
 
 
+class UnknownTaxel(SkinCalibError):
+    """No such taxel on this link."""
+
+
 class InvalidReading(SkinCalibError):
     """A reading does not fit the skin it is given to; ``flag`` is what a frame says of it."""
 

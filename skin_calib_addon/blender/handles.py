@@ -11,8 +11,8 @@ import bpy
 from mathutils import Matrix, Quaternion, Vector
 
 from . import live
-from .overlay import COLOURS
 from .scene import link_frame, metres_per_unit, why_no_link
+from .sketch import COLOURS, MISSED
 
 FAMILIES = ("CUT", "U", "V")
 DIAL_COLOURS = ((0.9, 0.3, 0.3), (0.3, 0.5, 1.0))
@@ -108,7 +108,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         is_chosen = chosen(plan) == (family, i)
         arrow.draw_style = "NORMAL" if is_chosen else "BOX"
         arrow.length = 0.8 if is_chosen else 0.0
-        arrow.color = COLOURS["MISSED" if is_wrong else family][:3]
+        arrow.color = (MISSED if is_wrong else COLOURS[family])[:3]
         arrow.matrix_basis = placed(context, Vector(plane.point) + Vector(arm) / metre, Vector(plane.normal))
 
     def tilt_axes(self, plan, plane):

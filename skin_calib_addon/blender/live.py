@@ -186,7 +186,8 @@ def _preview(link: bpy.types.Object) -> Callable[..., Look] | None:
 
 def _show(link: bpy.types.Object, seen: Look) -> None:
     """Draw a preview."""
-    sketches[link.name], overlay.sketches[link.name] = seen.sketch, seen.sketch.layers
+    sketches[link.name] = seen.sketch
+    overlay.hand_over("planes", link.name, tuple(seen.sketch.layers))
     told.pop(link.name, None)
     if seen.told is None:
         return
@@ -224,7 +225,7 @@ def forget(name: str) -> None:
 
 def _forget_sketch(name: str) -> None:
     sketches.pop(name, None)
-    overlay.sketches.pop(name, None)
+    overlay.take_back("planes", name)
 
 
 @persistent
@@ -252,8 +253,9 @@ def _clear() -> None:
     if _job is not None:
         _job.work.stop()
         _job = None
-    for of_names in (_changed, _drawn, _touched, _seen, _kept, told, sketches, overlay.previews, overlay.sketches):
+    for of_names in (_changed, _drawn, _touched, _seen, _kept, told, sketches, overlay.previews):
         of_names.clear()
+    overlay.take_back("planes")
 
 
 HANDLERS = {name: _went_back for name in ("undo_post", "redo_post", "load_post")} | {"depsgraph_update_post": _updated}

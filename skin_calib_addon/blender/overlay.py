@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws the layers of the fitted links over the 3D view."""
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import bpy
@@ -9,59 +10,125 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 from ..pipeline import Calibrated
-from . import results
-from .layers import Layer, layers_of
+from . import labels, legend, results
+from .layers import Labels, Layer, Layers, layers_of
 from .scene import link_frame, metres_per_unit
 
 # Lines are drawn nearer to the eye by this share of their distance, so that the facets they lie on do not hide them.
 NEARER = 0.004
-COLOURS = {"SURFACE": (0.35, 0.65, 1.0, 0.6), "CELLS": (1.0, 1.0, 1.0, 0.9), "NORMALS": (0.95, 0.2, 0.2, 1.0)}
-COLOURS |= {
-    "CUT": (1.0, 0.3, 0.9, 1.0),
-    "U": (1.0, 0.65, 0.1, 1.0),
-    "V": (0.3, 0.9, 0.4, 1.0),
-    "MISSED": (1.0, 0.0, 0.0, 1.0),
+COLOURS = {
+    "SECTIONS": (1.0, 0.6, 0.1, 0.9),
+    "LINES": (0.3, 0.85, 0.4, 0.8),
+    "NET": (0.85, 0.45, 0.95, 0.8),
+    "SURFACE": (0.35, 0.65, 1.0, 0.6),
+    "CELLS": (1.0, 1.0, 1.0, 0.9),
+    "NORMALS": (0.95, 0.2, 0.2, 1.0),
 }
-WIDTHS = {"SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0, "CUT": 2.0, "U": 1.5, "V": 1.5, "MISSED": 2.0}
+WIDTHS = {"SECTIONS": 2.0, "LINES": 1.5, "NET": 1.0, "SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0}
+HEATS = {"ERROR", "STRAIN", "TILT", "FORCE"}
+SWITCHED = HEATS | COLOURS.keys() | {"PLANES"}  # drawn only where the author wants them
+KEPT = 64  # marks and comparisons
+
+Drawn = Layers | tuple[Layer, ...]
 
 # Layers drawn in place of an object's result while its plan changes, by the object's name.
-previews: dict[str, tuple[Layer, ...]] = {}
-# Planes placed by hand and what they cut, drawn beside these.
-sketches: dict[str, list[Layer]] = {}
-_handle: Any = None
-_prepared: dict[str, tuple[Layer, ...]] = {}
+previews: dict[str, Drawn] = {}
+# Layers drawn besides: by who hands them over, then by the object's name.
+added: dict[str, dict[str, tuple[Layer, ...]]] = {}
+_handles: list[Any] = []
+_prepared: dict[str, Layers] = {}
+_kept: dict[str, tuple[Layer, ...]] = {}
 
 
 def prepare(key: str, result: Calibrated) -> None:
-    """Make the arrays that the overlay draws for a result."""
+    """Take a result to be drawn."""
     for old in [k for k in _prepared if results.find(k) is None]:
         del _prepared[old]
     if key not in _prepared:
         _prepared[key] = layers_of(result)
 
 
-def _draw() -> None:
+def keep(token: str, layers: tuple[Layer, ...]) -> None:
+    """Layers that are drawn of any link whose properties name the token: undo brings both back."""
+    _kept.pop(token, None)
+    _kept[token] = layers
+    while len(_kept) > KEPT:
+        del _kept[next(iter(_kept))]
+
+
+def hand_over(source: str, name: str, layers: tuple[Layer, ...]) -> None:
+    """Draw layers of an object besides its result, in place of those that this source gave before."""
+    added.setdefault(source, {})[name] = layers
+
+
+def take_back(source: str, name: str | None = None) -> None:
+    """Draw no more what a source handed over, of one object or of all."""
+    if name is None:
+        added.pop(source, None)
+    else:
+        added.get(source, {}).pop(name, None)
+
+
+def shown_layers(link: Any) -> Iterator[Layer]:
+    """What is drawn of an object now, the lowest first."""
+    plan = link.skin_calib
+    looks = plan.inspect
+    shown = plan.layers | {looks.heat}
+    if looks.labels != "NONE":
+        shown.add("LABELS")
+    yield from _chosen(previews.get(link.name) or _prepared.get(plan.result.key, ()), shown)
+    for source in added.values():
+        yield from _chosen(source.get(link.name, ()), shown)
+    for token in looks.tokens():
+        yield from _kept.get(token, ())
+
+
+def _chosen(layers: Layers | Iterable[Layer], shown: set[str]) -> Iterator[Layer]:
+    if isinstance(layers, Layers):
+        return layers.shown(shown)
+    return (layer for layer in layers if layer.what in shown or layer.what not in SWITCHED)
+
+
+def _seen() -> Iterator[tuple[Any, list[Layer]]]:
+    """Objects in this view, each with its layers."""
     context = bpy.context
-    space, view = context.space_data, context.region_data
-    if not space.overlay.show_overlays:
+    if not context.space_data.overlay.show_overlays:
         return
-    size = (context.region.width, context.region.height)
+    for link in context.scene.objects:
+        if link.type == "MESH" and link.skin_calib.show_overlay and link.visible_get(viewport=context.space_data):
+            layers = list(shown_layers(link))
+            if layers:
+                yield link, layers
+
+
+def _draw() -> None:
+    """In the space of the scene."""
+    context = bpy.context
+    view, unit = context.region_data, Matrix.Scale(1 / metres_per_unit(context.scene), 4)
     gpu.state.blend_set("ALPHA")
-    gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(False)  # the link hides lines behind it; lines do not hide each other
-    unit = Matrix.Scale(1 / metres_per_unit(context.scene), 4)
     try:
-        for link in context.scene.objects:
-            plan = link.skin_calib
-            drawn = previews.get(link.name) or _prepared.get(plan.result.key, ())
-            layers = [layer for layer in drawn if layer.what in plan.layers]
-            layers += sketches.get(link.name, []) if "PLANES" in plan.layers else []
-            if layers and plan.show_overlay and link.visible_get(viewport=space):
-                _draw_layers(_nearer(view) @ view.view_matrix @ link_frame(link) @ unit, layers, size)
+        for link, layers in _seen():
+            with gpu.matrix.push_pop():
+                gpu.matrix.load_matrix(_nearer(view) @ view.view_matrix @ link_frame(link) @ unit)
+                _draw_layers(layers, link.skin_calib.inspect)
     finally:
         gpu.state.blend_set("NONE")
         gpu.state.depth_test_set("NONE")
         gpu.state.depth_mask_set(True)
+
+
+def _write() -> None:
+    """In pixels, over everything."""
+    context = bpy.context
+    unit, place = Matrix.Scale(1 / metres_per_unit(context.scene), 4), legend.Place(context)
+    for link, layers in _seen():
+        looks = link.skin_calib.inspect
+        for layer in layers:
+            if isinstance(layer, Labels):
+                labels.write(link.name, layer, looks, link_frame(link) @ unit)
+            if layer.legend:
+                place.draw(layer.legend, link.skin_calib.link)
 
 
 def _nearer(view: Any) -> Matrix:
@@ -71,22 +138,35 @@ def _nearer(view: Any) -> Matrix:
     return Matrix.Translation((0, 0, NEARER * view.view_distance))
 
 
-def _draw_layers(to_eye: Matrix, layers: list[Layer], size: tuple[int, int]) -> None:
-    with gpu.matrix.push_pop():
-        gpu.matrix.load_matrix(to_eye)
-        for layer in layers:
-            if layer.colours is None:
-                shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-                shader.uniform_float("viewportSize", size)
-                shader.uniform_float("color", COLOURS[layer.what])
-                shader.uniform_float("lineWidth", WIDTHS[layer.what])
-                primitive, arrays = "LINES", {"pos": layer.points}
-            else:
-                shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-                primitive, arrays = "TRIS", {"pos": layer.points, "color": layer.colours}
-            if layer.batch is None:
-                layer.batch = batch_for_shader(shader, primitive, arrays)
-            layer.batch.draw(shader)
+def _draw_layers(layers: list[Layer], looks: Any) -> None:
+    size = (bpy.context.region.width, bpy.context.region.height)
+    thickness = looks.line_width * bpy.context.preferences.system.pixel_size
+    metre = metres_per_unit(bpy.context.scene)
+    for layer in layers:
+        if isinstance(layer, Labels) or not len(layer.points):
+            continue
+        gpu.state.depth_test_set("NONE" if layer.on_top else "LESS_EQUAL")
+        if layer.colours is None:
+            shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+            shader.uniform_float("viewportSize", size)
+            shader.uniform_float("color", COLOURS.get(layer.what) or layer.colour or (1.0, 1.0, 1.0, 1.0))
+            shader.uniform_float("lineWidth", WIDTHS.get(layer.what, layer.width) * thickness)
+        else:
+            shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+        length = 0.0
+        if layer.ways is not None:
+            length = layer.length if looks.auto_length else looks.length * metre
+        if layer.batch is None or layer.drawn_length != length:
+            layer.batch, layer.drawn_length = _batch(layer, shader, length), length
+        layer.batch.draw(shader)
+
+
+def _batch(layer: Layer, shader: Any, length: float) -> Any:
+    if layer.colours is not None:
+        arrays = {"pos": layer.points, "color": layer.colours}
+        return batch_for_shader(shader, "TRIS", arrays, indices=layer.indices)
+    points = layer.points if layer.ways is None else layer.points + length * layer.ways
+    return batch_for_shader(shader, "LINES", {"pos": points})
 
 
 def redraw() -> None:
@@ -99,16 +179,16 @@ def redraw() -> None:
 
 def register() -> None:
     """Draw in every 3D view."""
-    global _handle
-    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+    add = bpy.types.SpaceView3D.draw_handler_add
+    _handles.append(add(_draw, (), "WINDOW", "POST_VIEW"))
+    _handles.append(add(_write, (), "WINDOW", "POST_PIXEL"))
 
 
 def unregister() -> None:
     """Stop drawing, and forget the arrays."""
-    global _handle
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        _handle = None
-    _prepared.clear()
-    previews.clear()
-    sketches.clear()
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    for kept in (_prepared, _kept, previews, added):
+        kept.clear()
+    labels.forget()
+    legend.forget()

@@ -13,7 +13,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import grid_properties, live, skin_properties
+from . import grid_properties, inspect_properties, live, skin_properties
 from .options import FIXED, LENGTH, PLAN
 
 
@@ -87,20 +87,26 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         name="Layers",
         description="What of the fitted skin is drawn",
         items=[
-            ("PLANES", "Planes", "Planes placed by hand, and what cuts take away"),
-            ("ERROR", "Error", "The surface, from violet where it lies on the mesh to yellow where it is furthest off"),
-            ("SURFACE", "Surface", "Curves of the surface"),
-            ("CELLS", "Cells", "Outlines of the taxels"),
-            ("NORMALS", "Normals", "Which way the taxels look"),
+            ("PLANES", "Planes", "Planes placed by hand, and what cuts take away", 128),
+            ("SECTIONS", "Sections", "Where the u-planes cut the cover", 16),
+            ("LINES", "V-Lines", "Where the planes of the v-lines cut the cover", 32),
+            ("NET", "Net", "Control points of the surface, joined to a net", 64),
+            ("SURFACE", "Surface", "Curves of the surface", 2),
+            ("CELLS", "Cells", "Outlines of the taxels", 4),
+            ("NORMALS", "Normals", "Which way the taxels look", 8),
         ],
         default={"PLANES", "SURFACE", "CELLS", "NORMALS"},
         options={"ENUM_FLAG"},
+    )
+    inspect: PointerProperty(
+        type=inspect_properties.SKIN_PG_inspect, name="Inspect", description="How the fitted skin is looked at"
     )
 
 
 CLASSES = (
     *grid_properties.CLASSES,
     *skin_properties.CLASSES,
+    *inspect_properties.CLASSES,
     SKIN_PG_number,
     SKIN_PG_result,
     SKIN_PG_link,

@@ -14,7 +14,8 @@ from ..geometry.planes import Planes, perpendicular
 from ..geometry.sections import cut_sections
 from .layers import Layer
 
-REMOVED = (0.9, 0.1, 0.1, 0.35)
+COLOURS = {"CUT": (1.0, 0.3, 0.9, 1.0), "U": (1.0, 0.65, 0.1, 1.0), "V": (0.3, 0.9, 0.4, 1.0)}
+REMOVED, MISSED = (0.9, 0.1, 0.1, 0.35), (1.0, 0.0, 0.0, 1.0)
 # Half a side of the square that stands for a plane without a section, as a share of the mesh's size.
 SQUARE = 0.3
 
@@ -93,7 +94,7 @@ def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh
         mesh = outer
     if sum(map(len, gone)):
         corners = np.concatenate(gone).reshape(-1, 3).astype(np.float32)
-        sketch.layers.append(Layer("REMOVED", corners, np.tile(np.float32(REMOVED), (len(corners), 1))))
+        sketch.layers.append(Layer("PLANES", corners, np.tile(np.float32(REMOVED), (len(corners), 1))))
     return mesh
 
 
@@ -113,9 +114,9 @@ def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, m
             gap = np.abs((mesh.vertices - points[i]) @ normals[i]).min()
             sketch.wrong[family, i] = f"{missing}, by {gap * 1e3:.1f} mm"
             squares.append(_square(points[i], normals[i], SQUARE * mesh.size))
-    sketch.layers.append(Layer(family, sections.ends.reshape(-1, 3).astype(np.float32)))
+    sketch.layers.append(Layer("PLANES", sections.ends.reshape(-1, 3).astype(np.float32), colour=COLOURS[family]))
     if squares:
-        sketch.layers.append(Layer("MISSED", np.concatenate(squares).astype(np.float32)))
+        sketch.layers.append(Layer("PLANES", np.concatenate(squares).astype(np.float32), colour=MISSED, width=2.0))
 
 
 def _arm(point: Array, normal: Array, ends: Array) -> Array:

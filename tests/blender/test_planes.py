@@ -97,11 +97,11 @@ def test_cut_shows_what_it_takes_away(bpy, addon, live, link):
     cut = link.skin_calib.cover.cuts[0]
     cut.point, cut.normal = (0, 0, 0.06), (0, 0, -1)
     look(live)
-    removed = next(a for a in addon.overlay.sketches[link.name] if a.what == "REMOVED")
+    removed = next(a for a in addon.overlay.added["planes"][link.name] if a.colours is not None)
     assert removed.points[:, 2].min() > 0.06 - 1e-6 and removed.points[:, 2].max() > 0.09
     bpy.ops.skin_calib.cut_remove(index=0)
     look(live)
-    assert link.name not in addon.overlay.sketches
+    assert link.name not in addon.overlay.added["planes"]
 
 
 def test_axis_goes_through_two_sections(bpy, link):

@@ -46,7 +46,7 @@ def test_extension_leaves_nothing_behind(bpy, addon, extension):
     for _ in range(2):
         addon_utils.disable(extension)
         assert not any(traces(bpy).values())
-        assert addon.overlay._handle is None and not addon.overlay._prepared and not addon.command._commands
+        assert not addon.overlay._handles and not addon.overlay._prepared and not addon.command._commands
         assert not addon.results._results
         addon_utils.enable(extension)
         assert traces(bpy) == enabled

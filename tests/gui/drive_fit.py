@@ -53,13 +53,13 @@ def fits_and_undoes(gui):
 def shows_the_error(gui):
     """Layers come and go: the error covers the link in violet to yellow, without normals nothing is red."""
     before, drawn = gui.pixels("VIEW_3D").astype(float), red(gui)
-    plan().layers = {"ERROR", "CELLS"}
+    plan().layers, plan().inspect.heat = {"CELLS"}, "ERROR"
     yield from gui.redraw()
     yield from gui.shot("error.png")
     after = gui.pixels("VIEW_3D").astype(float)
     assert (abs(after - before).max(axis=2) > 0.1 * after.max()).mean() > 0.02, "no error is drawn"
     assert red(gui) < drawn - 300, "normals are drawn"
-    plan().layers = {"SURFACE", "CELLS", "NORMALS"}
+    plan().layers, plan().inspect.heat = {"SURFACE", "CELLS", "NORMALS"}, "NONE"
     yield from gui.redraw()
 
 

@@ -140,4 +140,4 @@ def goes_all_the_way_back(gui):
     assert plan().grid.kind == "tube" and not len(plan().grid.u) and not plan().live
     yield from gui.redraw(3)
     yield from gui.shot("back.png")
-    assert not ours("overlay").sketches
+    assert not ours("live").sketches

@@ -35,6 +35,7 @@ DRIVERS = [
     ("drive_edit.py", "wrist", "1000x1350"),
     ("drive_live.py", "wrist", "1200x1300"),
     ("drive_boards.py", "sole", "1300x1800"),
+    ("drive_inspect.py", "wrist", "1200x1300"),
 ]
 
 

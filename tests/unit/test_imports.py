@@ -32,6 +32,7 @@ ABOVE = {
     "picture": (*PURE, "plan", "pipeline"),
     "response_picture": (*PURE, "picture"),
     "recording": (*PURE, "runtime"),
+    "inspection": PURE,
     "replay_picture": (*PURE, "picture", "runtime"),
     "commands": (
         *PURE,
@@ -49,7 +50,18 @@ ABOVE = {
     ),
     "cli": ("errors", "", "commands"),
     "__main__": ("cli",),
-    "blender": (*PURE, "plan_skins", "plan", "laying", "pipeline", "report", "picture", "cli", "blender"),
+    "blender": (
+        *PURE,
+        "plan_skins",
+        "plan",
+        "laying",
+        "pipeline",
+        "report",
+        "picture",
+        "inspection",
+        "cli",
+        "blender",
+    ),
 }
 # A module may import what stands here; what stands nowhere is shared, and imports what is shared.
 MAY_IMPORT = BELOW | ABOVE
@@ -59,6 +71,7 @@ LIBRARIES = {
     "geometry": {"numpy", "scipy", "trimesh"},
     "skin": {"numpy", "scipy"},
     "sources": {"numpy", "scipy", "trimesh"},
+    "inspection": {"numpy", "scipy"},
     "picture": {"numpy", "matplotlib"},
     "replay_picture": {"numpy", "matplotlib"},
     "blender": {"numpy", *BLENDER},

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers as the scene's settings write them, where Blender's own fields do not."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+# How many of each are a metre, and what it is called.
+UNITS = {
+    "KILOMETERS": (1e-3, "km"),
+    "METERS": (1.0, "m"),
+    "CENTIMETERS": (1e2, "cm"),
+    "MILLIMETERS": (1e3, "mm"),
+    "MICROMETERS": (1e6, "µm"),
+    "MILES": (1 / 1609.344, "mi"),
+    "FEET": (1 / 0.3048, "ft"),
+    "INCHES": (1 / 0.0254, "in"),
+    "THOU": (1 / 2.54e-5, "thou"),
+}
+# What is tried where the scene leaves the choice to the number.
+METRIC, IMPERIAL = ("METERS", "MILLIMETERS", "MICROMETERS"), ("FEET", "INCHES", "THOU")
+
+
+def unit_of(kind: str, largest: float, settings: Any) -> tuple[float, str]:
+    """What numbers of a kind are to be multiplied by to be shown, and the name of their unit.
+
+    Parameters
+    ----------
+    kind : "LENGTH" [m], "ANGLE" [rad], "SHARE" or "FORCE" [N]
+    largest : float
+        The largest of them, which tells the unit where the scene leaves it open.
+    settings : UnitSettings
+        Of the scene.
+    """
+    if kind == "SHARE":
+        return 100.0, "%"
+    if kind == "FORCE":
+        return 1.0, "N"
+    if kind == "ANGLE":
+        return (1.0, "rad") if settings.system_rotation == "RADIANS" else (float(np.rad2deg(1)), "°")
+    if settings.system == "NONE":
+        return 1 / settings.scale_length, ""
+    if settings.length_unit in UNITS:
+        return UNITS[settings.length_unit]
+    tried = [UNITS[name] for name in (IMPERIAL if settings.system == "IMPERIAL" else METRIC)]
+    return next((unit for unit in tried if largest * unit[0] >= 1), tried[-1] if largest > 0 else tried[0])
+
+
+def written(values: Sequence[float], kind: str, settings: Any) -> tuple[list[str], str]:
+    """Numbers with three digits in one unit, and its name."""
+    factor, name = unit_of(kind, max(map(abs, values), default=0.0), settings)
+    return [f"{value * factor + 0.0:.3g}" for value in values], name  # no minus zero

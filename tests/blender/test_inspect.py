@@ -1,0 +1,187 @@
+"""What is drawn of a fitted link: layers as arrays, colours and their legends, names that have room."""
+
+import importlib
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.blender.conftest import BAND, BOARDS
+
+LINES = {"SECTIONS", "LINES", "NET", "SURFACE", "CELLS", "NORMALS"}
+
+
+@pytest.fixture
+def ours(extension, bpy):
+    """Modules of the running extension."""
+    names = ("layers", "scales", "units", "labels", "overlay", "results", "scene")
+    return SimpleNamespace(**{n: importlib.import_module(f"{extension}.skin_calib_addon.blender.{n}") for n in names})
+
+
+@pytest.fixture
+def fitted(bpy, link):
+    """A fitted link."""
+    bpy.ops.skin_calib.fit()
+    return bpy.context.object
+
+
+@pytest.fixture
+def result(ours, fitted):
+    """What the fit gave."""
+    return ours.results.find(fitted.skin_calib.result.key)
+
+
+def by_name(layers):
+    """Layers by what they show."""
+    return {layer.what: layer for layer in layers}
+
+
+def test_layer_is_made_when_it_is_first_shown(ours, result):
+    """And then kept: a redraw prepares nothing."""
+    layers = ours.layers.layers_of(result)
+    assert not layers._made
+    (cells,) = layers.shown({"CELLS", "OTHER"})
+    assert set(layers._made) == {"CELLS"} and next(layers.shown({"CELLS"})) is cells
+    assert set(by_name(layers)) == LINES | {"ERROR", "STRAIN", "TILT", "LABELS"}
+
+
+def test_sections_are_where_planes_cut_the_cover(ours, result):
+    """Each end lies in a plane; along v-lines as well, on the side that the lines point to."""
+    layers = by_name(ours.layers.layers_of(result))
+    lines = result.fit.lines
+    ends = layers["SECTIONS"].points.astype(float)
+    heights = (ends[:, None] - lines.planes_u.points) * lines.planes_u.normals
+    assert_allclose(np.abs(heights.sum(axis=2)).min(axis=1), 0, atol=1e-8)
+    ends = ours.layers.line_sections(result.fit).reshape(-1, 3)
+    start, ways = lines.origins[0], lines.directions[0]
+    axis = lines.planes_u.normals[0]
+    out = ends[:, None] - start
+    off = np.abs((out * np.cross(axis, ways)).sum(axis=2))
+    off[(out * ways).sum(axis=2) < -1e-9] = 1
+    assert_allclose(off.min(axis=1), 0, atol=1e-7)
+    assert len(np.unique(off.argmin(axis=1))) == len(ways)
+
+
+def test_net_joins_the_control_points(ours, result):
+    """To those beside them, a closed one's first and last included."""
+    net = result.fit.surface.control_net
+    n, m = net.shape[:2]
+    points = by_name(ours.layers.layers_of(result))["NET"].points
+    assert len(points) == 2 * (n * (m - 1) + m * (n - 1))
+    assert_allclose(points[:2], net[0, :2], atol=1e-7)
+
+
+def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan_file):
+    """A sheet and boards side by side: one strain, one tilt, grey where nothing is known."""
+    sheet = BAND | {"origin": [-0.03, 0.02, 0.05]}
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("two", skins=[sheet, BOARDS | {"cells": [[0, 0], [1, 0]]}])))
+    bpy.ops.skin_calib.fit()
+    result = ours.results.find(bpy.context.object.skin_calib.result.key)
+    layers = by_name(ours.layers.layers_of(result))
+    for what in ("STRAIN", "TILT"):
+        layer = layers[what]
+        assert layer.points.shape == (8 * 7, 3) and layer.colours.shape == (8 * 7, 4)
+        assert layer.indices.shape == (8 * 6, 3) and (layer.colours.reshape(8, 7, 4) == layer.colours[::7, None]).all()
+    grey = (layers["STRAIN"].colours[::7] == (0.5, 0.5, 0.5, 1)).all(axis=1)
+    assert grey.tolist() == [False] * 6 + [True] * 2
+    strain = result.calibration.patches[0].taxels.quality["strain"][:, :2]
+    assert_allclose(layers["STRAIN"].legend.most, np.abs(strain).max())
+    tilt = max(t.quality["tilt"].max() for t in [result.calibration.patches[1].taxels])
+    assert layers["TILT"].legend.most >= tilt > 0
+
+
+def test_error_is_told_in_the_scenes_units(ours, result):
+    """The legend ends at the largest distance along the rays."""
+    layer = by_name(ours.layers.layers_of(result))["ERROR"]
+    assert_allclose(layer.legend.most, np.nanmax(np.abs(result.fit.residuals)))
+    k, l = result.fit.residuals.shape
+    assert layer.colours.shape == (k * (l + 1), 4) and layer.indices.max() == k * (l + 1) - 1
+
+
+@pytest.mark.parametrize("signed, ends", [(False, (0.0, 2.0)), (True, (-2.0, 2.0))])
+def test_colours_run_over_the_scale(ours, signed, ends):
+    """From its first colour to its last; what is not known is grey, and a skin without any value too."""
+    legend = ours.scales.Legend("Strain", "SHARE", 2.0, signed)
+    colours = legend.colours(np.array((*ends, np.nan)))
+    assert_allclose(colours[:2, :3], legend.scale[[0, -1]], atol=1e-7)
+    assert colours[2].tolist() == [0.5, 0.5, 0.5, 1.0]
+    assert np.isfinite(ours.scales.Legend("Tilt", "ANGLE", 0.0).colours(np.zeros(3))).all()
+
+
+NUMBERS = [
+    ("LENGTH", "METRIC", "MILLIMETERS", 1.0, (0.0, 1.25e-5), (["0", "0.0125"], "mm")),
+    ("LENGTH", "METRIC", "ADAPTIVE", 1.0, (0.0, 1.25e-5), (["0", "12.5"], "µm")),
+    ("LENGTH", "METRIC", "ADAPTIVE", 0.001, (0.0, 0.125), (["0", "125"], "mm")),
+    ("LENGTH", "IMPERIAL", "INCHES", 1.0, (0.0254,), (["1"], "in")),
+    ("LENGTH", "NONE", "METERS", 0.001, (0.0125,), (["12.5"], "")),
+    ("SHARE", "METRIC", "METERS", 1.0, (-0.016, -0.0, 0.016), (["-1.6", "0", "1.6"], "%")),
+    ("FORCE", "METRIC", "METERS", 1.0, (2.5,), (["2.5"], "N")),
+    ("ANGLE", "METRIC", "METERS", 1.0, (np.pi / 2,), (["90"], "°")),
+]
+
+
+@pytest.mark.parametrize("kind, system, unit, scale, values, expected", NUMBERS)
+def test_numbers_are_written_as_the_scene_does(bpy, ours, kind, system, unit, scale, values, expected):
+    """In its unit; where that is left open, in one that suits the largest."""
+    settings = bpy.context.scene.unit_settings
+    settings.system, settings.scale_length = system, scale
+    if system != "NONE":
+        settings.length_unit = unit
+    assert ours.units.written(values, kind, settings) == expected
+
+
+def test_normals_follow_the_cells_unless_a_length_is_given(ours, fitted, result):
+    """No array is made again but when the length changes."""
+    layer = by_name(ours.layers.layers_of(result))["NORMALS"]
+    taxels = result.calibration.patches[0].taxels
+    assert_allclose(layer.length, 0.6 * np.sqrt(np.median(taxels.areas)))
+    assert_allclose(layer.points[1::2], taxels.positions_link, atol=1e-7)
+    assert_allclose(layer.ways[1::2], taxels.normals_link, atol=1e-6)
+    assert not layer.ways[::2].any()
+
+
+def test_layers_are_switched_by_the_link(ours, fitted):
+    """One heat map at a time; layers that another module hands over need no switch."""
+    looks = fitted.skin_calib.inspect
+    fitted.skin_calib.layers = {"CELLS", "NET"}
+    assert [a.what for a in ours.overlay.shown_layers(fitted)] == ["NET", "CELLS"]
+    looks.heat, looks.labels = "TILT", "ID"
+    assert [a.what for a in ours.overlay.shown_layers(fitted)] == ["TILT", "NET", "CELLS", "LABELS"]
+    own = ours.layers.Layer("PLANES", np.zeros((2, 3), np.float32))
+    ours.overlay.hand_over("planes", fitted.name, (own,))
+    assert list(ours.overlay.shown_layers(fitted))[-1] is own
+    ours.overlay.previews[fitted.name] = (own,)
+    assert list(ours.overlay.shown_layers(fitted)) == [own, own]
+    del ours.overlay.previews[fitted.name]
+    ours.overlay.take_back("planes", fitted.name)
+    assert "PLANES" not in {a.what for a in ours.overlay.shown_layers(fitted)}
+
+
+def test_names_that_have_no_room_are_left_out(ours):
+    """No two cover each other; the first in order stay; where there is room, all do."""
+    rng = np.random.default_rng(3)
+    pixels, room = rng.uniform(0, 900, (3000, 2)), np.array((60.0, 14.0))
+    order = rng.permutation(3000)
+    kept = ours.labels.thinned(pixels, order, room)
+    gap = np.abs(pixels[kept][:, None] - pixels[kept][None]) / room
+    assert ((gap >= 1).any(axis=2) | np.eye(len(kept), dtype=bool)).all()
+    assert kept[0] == order[0] and len(kept) > 300
+    assert sorted(ours.labels.thinned(pixels[:200] * 30, range(200), room)) == list(range(200))
+    assert ours.labels.thinned(pixels, [], room) == []
+
+
+def test_names_are_written_at_taxels_that_face_the_viewer(ours, result):
+    """Seen along x from far away: those that look along -x, where they project to."""
+    from mathutils import Matrix
+
+    layer = by_name(ours.layers.layers_of(result))["LABELS"]
+    look = Matrix(((0, -1, 0, 0), (0, 0, 1, -0.06), (-1, 0, 0, -10), (0, 0, 0, 1)))
+    flat = Matrix.Diagonal((5, 5, -0.01, 1))
+    view = SimpleNamespace(view_matrix=look, perspective_matrix=flat @ look, is_perspective=False)
+    pixels, seen = ours.labels.on_screen(layer, Matrix.Identity(4), view, (400, 200))
+    taxels = result.calibration.patches[0].taxels
+    x, y = -taxels.positions_link[:, 1], taxels.positions_link[:, 2] - 0.06
+    assert_allclose(pixels, np.column_stack((200 + 1000 * x, 100 + 500 * y)), atol=1e-2)
+    assert (seen == (taxels.normals_link[:, 0] < -0.2)).all() and seen.any()
+    assert layer.channels == ("0", "1", "2", "3", "4", "5") and layer.ids == taxels.ids
