@@ -3,9 +3,10 @@
 
 import bpy
 
-from . import axis, exchange, fit, lists, place, planes
+from . import axis, exchange, fit, inspect, lists, place, planes
 
-CLASSES = (*fit.CLASSES, *lists.CLASSES, *place.CLASSES, *axis.CLASSES, *planes.CLASSES, *exchange.CLASSES)
+MODULES = (fit, lists, place, axis, planes, inspect, exchange)
+CLASSES = tuple(cls for module in MODULES for cls in module.CLASSES)
 
 
 def register():

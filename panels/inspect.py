@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What of the fitted skin is drawn, and how."""
 
+import textwrap
+
 import bpy
 
 from ..skin_calib_addon.blender import results
+from ..skin_calib_addon.blender.scene import DOUBT_WIDTH
 from .base import SkinPanel
 
 
@@ -18,9 +21,43 @@ class SKIN_PT_inspect(SkinPanel, bpy.types.Panel):
         layout.prop(plan, "show_overlay")
         column = layout.column(align=True)
         column.active = plan.show_overlay
-        column.prop(plan, "layers")
+        flow = column.grid_flow(columns=3, even_columns=True, align=True)
+        for item in plan.bl_rna.properties["layers"].enum_items:
+            flow.prop_enum(plan, "layers", item.identifier)
         column.prop(plan.inspect, "heat")
         column.prop(plan.inspect, "labels")
+
+
+class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
+    bl_label = "Taxel"
+    bl_parent_id = "SKIN_PT_inspect"
+
+    def lay_out(self, layout, plan):
+        taxel = plan.inspect.taxel
+        layout.operator("skin_calib.taxel", icon="EYEDROPPER")
+        layout.prop(taxel, "wanted", icon="VIEWZOOM")
+        say(layout, taxel.problem, "ERROR")
+        if not taxel.id:
+            return
+        if taxel.key != plan.result.key:
+            layout.label(text="Of another fit: read it again", icon="INFO")
+        column = layout.column(align=True)
+        column.enabled = False
+        for name in ("id", "channel", "index", "position", "normal", "area"):
+            column.prop(taxel, name)
+        if taxel.has_strain:
+            for name in ("strain_along", "strain_across", "shear"):
+                column.prop(taxel, name)
+        if taxel.has_tilt:
+            column.prop(taxel, "tilt")
+        say(layout, f"Neighbours: {taxel.neighbours}" if taxel.neighbours else "No neighbours", "NONE")
+
+
+def say(layout, text, icon):
+    """A message, in lines as wide as the sidebar."""
+    column = layout.column(align=True)
+    for k, line in enumerate(textwrap.wrap(text, DOUBT_WIDTH)):
+        column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
 
 
 class SKIN_PT_inspect_sizes(SkinPanel, bpy.types.Panel):
@@ -37,4 +74,4 @@ class SKIN_PT_inspect_sizes(SkinPanel, bpy.types.Panel):
         layout.prop(looks, "line_width")
 
 
-CLASSES = (SKIN_PT_inspect, SKIN_PT_inspect_sizes)
+CLASSES = (SKIN_PT_inspect, SKIN_PT_inspect_taxel, SKIN_PT_inspect_sizes)

@@ -2,9 +2,66 @@
 """How the fitted skin is looked at, as properties: nothing of it belongs to the plan."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    IntVectorProperty,
+    PointerProperty,
+    StringProperty,
+)
 
+from ..errors import SkinCalibError
+from . import taxels
 from .options import FIXED, LENGTH
+
+SHARE = FIXED | {"subtype": "PERCENTAGE", "precision": 3}
+ANGLE = FIXED | {"subtype": "ANGLE", "precision": 4}
+
+
+def _find(record, context):
+    """A name was typed: read the taxel that has it."""
+    record.problem = ""
+    if record.wanted.strip():
+        try:
+            taxels.read_taxel(record.id_data, record.wanted, context.scene)
+        except SkinCalibError as error:
+            record.problem = str(error)
+
+
+class SKIN_PG_taxel(bpy.types.PropertyGroup):
+    """The numbers of a taxel that was asked for."""
+
+    wanted: StringProperty(
+        name="Find", description="Id or channel of a taxel, to read its numbers", **FIXED | {"update": _find}
+    )
+    problem: StringProperty(description="Why the taxel that was typed is not found", **FIXED)
+    key: StringProperty(description="Of which fit it is", **FIXED)
+    id: StringProperty(name="Id", description="Name of the taxel", **FIXED)
+    channel: IntProperty(name="Channel", description="Where the taxel stands in a reading", **FIXED)
+    index: IntVectorProperty(
+        name="Row, Column", description="Row and column on a sheet, axial coordinates of a board", size=2, **FIXED
+    )
+    position: FloatVectorProperty(
+        name="Position",
+        description="Centre of the taxel, in the link frame",
+        **FIXED | {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5},
+    )
+    normal: FloatVectorProperty(
+        name="Normal",
+        description="Which way the taxel looks, in the link frame",
+        **FIXED | {"subtype": "XYZ", "precision": 5},
+    )
+    area: FloatProperty(name="Area", description="Area of the cell", unit="AREA", precision=5, **FIXED)
+    has_strain: BoolProperty(description="The skin can be stretched", **FIXED)
+    strain_along: FloatProperty(name="Strain Along", description="Strain along the row", **SHARE)
+    strain_across: FloatProperty(name="Across", description="Strain across the rows", **SHARE)
+    shear: FloatProperty(name="Shear", description="By how much the cell leaves the right angle", **ANGLE)
+    has_tilt: BoolProperty(description="The taxel has a neighbour", **FIXED)
+    tilt: FloatProperty(name="Tilt", description="Largest angle to a neighbour", **ANGLE)
+    neighbours: StringProperty(name="Neighbours", description="Ids of the taxels beside it", **FIXED)
 
 
 class SKIN_PG_inspect(bpy.types.PropertyGroup):
@@ -45,9 +102,13 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         name="Line Width", description="Width of all lines, as a factor", default=1.0, min=0.25, max=10, **FIXED
     )
 
+    taxel: PointerProperty(type=SKIN_PG_taxel, name="Taxel", description="The taxel whose numbers are shown")
+
     def tokens(self):
-        """Names of what is drawn besides, as it was when this was set."""
-        return ()
+        """Names of what is drawn besides, if it is of the last fit."""
+        key = self.id_data.skin_calib.result.key
+        if self.taxel.id and self.taxel.key == key:
+            yield taxels.token_of(key, self.taxel.id)
 
 
-CLASSES = (SKIN_PG_inspect,)
+CLASSES = (SKIN_PG_taxel, SKIN_PG_inspect)

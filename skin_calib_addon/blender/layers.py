@@ -55,7 +55,8 @@ class Labels(Layer):
 class Layers:
     """Layers by name; each is made when it is first shown, and then kept."""
 
-    def __init__(self, makers: dict[str, Callable[[], Layer]]):
+    def __init__(self, taxels: AllTaxels, makers: dict[str, Callable[[], Layer]]):
+        self.taxels = taxels
         self._makers, self._made = makers, dict[str, Layer]()
 
     def shown(self, names: Collection[str]) -> Iterator[Layer]:
@@ -74,6 +75,7 @@ def layers_of(result: Any) -> Layers:
     """Everything that can be drawn of a result, or of what has a ``fit`` and a ``calibration`` with patches."""
     fit, taxels = result.fit, AllTaxels.of(result.calibration.patches)
     return Layers(
+        taxels,
         {
             "ERROR": lambda: _error(fit),
             "STRAIN": lambda: _strain(taxels),
@@ -85,7 +87,7 @@ def layers_of(result: Any) -> Layers:
             "CELLS": lambda: Layer("CELLS", _segments(_closed(taxels.corners))),
             "NORMALS": lambda: _normals(fit, taxels),
             "LABELS": lambda: labels_of(taxels),
-        }
+        },
     )
 
 

@@ -4,7 +4,6 @@
 from typing import Any
 
 import blf
-import bpy
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
@@ -21,12 +20,13 @@ _batches: dict[Any, Any] = {}
 
 
 class Place:
-    """Where in a region legends go: beside each other, in its lower left corner, right of the tools."""
+    """Where in a region legends go: beside each other in its lower left corner, clear of tools and redo panel."""
 
     def __init__(self, context: Any):
         self.context = context
         self.pixel = context.preferences.system.ui_scale
-        self.left, self.low = EDGE * self.pixel + _tools(context), EDGE * self.pixel
+        right, top = _covered(context)
+        self.left, self.low = EDGE * self.pixel + right, EDGE * self.pixel + top
 
     def draw(self, legend: Legend, link: str) -> None:
         """Draw a legend, and go on to its right."""
@@ -91,12 +91,15 @@ def _units(place: Place) -> Any:
     return place.context.scene.unit_settings
 
 
-def _tools(context: Any) -> float:
-    """How far the tools' region covers the view."""
-    if not bpy.context.preferences.system.use_region_overlap:
-        return 0.0
-    beside = [r for r in context.area.regions if r.type == "TOOLS" and r.x == context.region.x]
-    return float(max((r.width for r in beside if r.width > 1), default=0))
+def _covered(context: Any) -> tuple[float, float]:
+    """How far the tools cover a view from its left edge, and the panel of the last operator from its lower one."""
+    if not context.preferences.system.use_region_overlap:
+        return 0.0, 0.0
+    view = context.region
+    open_ = [r for r in context.area.regions if r.width > 1 and r.height > 1 and r.x < view.x + view.width / 2]
+    right = max((r.x + r.width - view.x for r in open_ if r.type == "TOOLS"), default=0)
+    top = max((r.y + r.height - view.y for r in open_ if r.type == "HUD"), default=0)
+    return float(right), float(top)
 
 
 def forget() -> None:

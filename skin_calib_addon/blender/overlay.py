@@ -40,12 +40,13 @@ _prepared: dict[str, Layers] = {}
 _kept: dict[str, tuple[Layer, ...]] = {}
 
 
-def prepare(key: str, result: Calibrated) -> None:
-    """Take a result to be drawn."""
+def prepare(key: str, result: Calibrated) -> Layers:
+    """Take a result to be drawn; its layers."""
     for old in [k for k in _prepared if results.find(k) is None]:
         del _prepared[old]
     if key not in _prepared:
         _prepared[key] = layers_of(result)
+    return _prepared[key]
 
 
 def keep(token: str, layers: tuple[Layer, ...]) -> None:

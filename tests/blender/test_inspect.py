@@ -185,3 +185,77 @@ def test_names_are_written_at_taxels_that_face_the_viewer(ours, result):
     assert_allclose(pixels, np.column_stack((200 + 1000 * x, 100 + 500 * y)), atol=1e-2)
     assert (seen == (taxels.normals_link[:, 0] < -0.2)).all() and seen.any()
     assert layer.channels == ("0", "1", "2", "3", "4", "5") and layer.ids == taxels.ids
+
+
+def test_taxel_is_read_by_id_and_by_channel(bpy, ours, fitted, result):
+    """With the numbers of the calibration in scene units; it and its neighbours are marked; undo takes all back."""
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.taxel("EXEC_DEFAULT", True, taxel="4") == {"FINISHED"}
+    link, taxels = bpy.context.object, result.calibration.patches[0].taxels
+    taxel = link.skin_calib.inspect.taxel
+    assert (taxel.id, taxel.channel, tuple(taxel.index)) == ("band.1.1", 4, (1, 1))
+    assert_allclose(taxel.position, 1000 * taxels.positions_link[4], rtol=1e-5)
+    assert_allclose(taxel.normal, taxels.normals_link[4], atol=1e-6)
+    strain = (taxel.strain_along / 100, taxel.strain_across / 100, taxel.shear)
+    assert_allclose(strain, taxels.quality["strain"][4], rtol=1e-5)
+    assert_allclose(taxel.area, 1e6 * taxels.areas[4], rtol=1e-5)
+    assert taxel.neighbours == "band.0.1, band.1.0, band.1.2" and taxel.has_strain and taxel.has_tilt
+    marks = [a for a in ours.overlay.shown_layers(link) if a.what == "MARKED"]
+    assert [len(a.points) for a in marks] == [3 * 8, 8, 2]
+    assert_allclose(marks[1].points[::2], taxels.corners_link[4], atol=1e-7)
+    bpy.ops.ed.undo()
+    link = bpy.context.object
+    assert not link.skin_calib.inspect.taxel.id
+    assert "MARKED" not in {a.what for a in ours.overlay.shown_layers(link)}
+    bpy.ops.ed.redo()
+    assert len([a for a in ours.overlay.shown_layers(bpy.context.object) if a.what == "MARKED"]) == 3
+
+
+def test_typed_taxel_is_read_at_once(bpy, ours, fitted):
+    """What is not there is told, and the last one stays; after another fit nothing is marked."""
+    taxel = fitted.skin_calib.inspect.taxel
+    taxel.wanted = "band.0.2"
+    assert (taxel.id, taxel.channel, taxel.problem) == ("band.0.2", 2, "")
+    taxel.wanted = "band.7.7"
+    assert taxel.id == "band.0.2" and "no taxel 'band.7.7' here; channels go from 0 to 5" in taxel.problem
+    with pytest.raises(RuntimeError, match="no taxel '99' here"):
+        bpy.ops.skin_calib.taxel(taxel="99")
+    taxel.wanted = ""
+    assert not taxel.problem
+    fitted.skin_calib.grid.n += 1
+    bpy.ops.skin_calib.fit()
+    assert "MARKED" not in {a.what for a in ours.overlay.shown_layers(fitted)}
+
+
+def test_taxels_of_a_link_without_a_result_are_not_there(bpy, ours, link):
+    """The button says so; so does a name that is typed after a file was opened."""
+    assert not bpy.ops.skin_calib.taxel.poll()
+    link.skin_calib.inspect.taxel.wanted = "band.0.0"
+    assert "arm was not fitted since this file was opened" in link.skin_calib.inspect.taxel.problem
+
+
+def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, result):
+    """In a posed and scaled scene; not one on the far side, nor one that the link hides."""
+    from mathutils import Vector
+
+    from tests.blender.test_link_frame import frame_for
+
+    frame_for(bpy, fitted)
+    pick = importlib.import_module(f"{extension}.skin_calib_addon.blender.taxels").taxel_on_ray
+    taxels, to_world = result.calibration.patches[0].taxels, ours.scene.link_frame(fitted)
+    for name, place, normal in zip(taxels.ids, taxels.positions_link, taxels.normals_link):
+        eye, target = to_world @ Vector(place + 0.1 * normal), to_world @ Vector(place)
+        assert pick(fitted, bpy.context, eye, target - eye) == name
+        behind = to_world @ Vector(place - 0.3 * normal)
+        assert pick(fitted, bpy.context, behind, target - behind) is None
+    wall = bpy.data.meshes.new("wall")
+    corners = np.array(taxels.positions_link[0] + 0.05 * taxels.normals_link[0])
+    side, up = np.cross(taxels.normals_link[0], (0, 0, 1)), np.array((0, 0, 1.0))
+    wall.from_pydata(
+        [(corners + a * side + b * up).tolist() for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))], [], [(0, 1, 2, 3)]
+    )
+    fitted.data = wall
+    bpy.context.view_layer.update()
+    eye, target = (to_world @ Vector(taxels.positions_link[0] + a * taxels.normals_link[0]) for a in (0.1, 0))
+    assert pick(fitted, bpy.context, eye, target - eye) is None

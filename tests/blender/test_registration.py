@@ -6,12 +6,11 @@ import pytest
 
 OPERATORS = (
     *("fit", "skin_add", "skin_remove", "cut_add", "cut_remove", "landmark_add", "landmark_remove"),
-    *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
-    *("zone_add", "zone_remove", "place", "place_at_cursor"),
+    *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections", "zone_add", "zone_remove", "place", "place_at_cursor", "taxel"),
 )
 EXCHANGE = ("import_plan", "export_plan", "export_calibration", "export_taxels")
 KINDS = {"sheet": "a flexible sheet of taxels", "hexagons": "rigid hexagonal boards"}
-PANELS = ("link", "cut", "grid", "fit", "skin", "inspect", "export")
+PANELS = ("link", "cut", "grid", "fit", "skin", "inspect", "inspect_taxel", "inspect_sizes", "export")
 
 
 def traces(bpy):
@@ -95,7 +94,7 @@ class Layout:
     def _part(self, **_):
         return Layout(self.bpy, self.shown)
 
-    box = row = column = _part
+    box = row = column = grid_flow = _part
 
     def label(self, text, icon="NONE"):
         self.shown.append(text)
@@ -104,13 +103,7 @@ class Layout:
         assert name in data.bl_rna.properties, f"{data} has no {name}"
         self.shown.append(name)
 
-    def template_list(self, kind, _id, data, listed, active, index, **_):
-        assert hasattr(self.bpy.types, kind)
-        self.prop(data, listed)
-        self.prop(active, index)
-
-    def separator(self, **_):
-        pass
+    *(),
 
     def operator(self, name, **_):
         module, name = name.split(".")

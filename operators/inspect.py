@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Look at the fitted skin of the active link: read taxels."""
+
+import bpy
+from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
+
+from ..skin_calib_addon.blender import results, taxels
+from ..skin_calib_addon.errors import SkinCalibError
+from .on_link import OnLink
+from .place import NAVIGATION, view_at
+
+
+class OnResult(OnLink):
+    """Works on the active link once it is fitted."""
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        has_result = results.find(context.object.skin_calib.result.key) is not None
+        return cls.says("" if has_result else "Fit the link first")
+
+
+class SKIN_OT_taxel(OnResult, bpy.types.Operator):
+    """Click on taxels to read their numbers; Esc or Return ends it"""
+
+    bl_idname = "skin_calib.taxel"
+    bl_label = "Read Taxels"
+    bl_options = {"REGISTER", "UNDO"}
+
+    taxel: bpy.props.StringProperty(name="Taxel", description="Id or channel of the taxel")
+
+    def execute(self, context):
+        try:
+            self.taxel = taxels.read_taxel(context.object, self.taxel, context.scene)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def invoke(self, context, event):
+        self.link, self.taxel = context.object.name, ""
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set("Click on taxels to read them    Esc, Return: end")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
+            return {"PASS_THROUGH"}
+        gone = context.object is None or context.object.name != self.link or not self.poll(context)
+        if gone or event.type in {"ESC", "RIGHTMOUSE", "RET", "NUMPAD_ENTER"}:
+            self.end(context)
+            return {"FINISHED"} if self.taxel else {"CANCELLED"}
+        if event.type == "LEFTMOUSE" and event.value == "PRESS":
+            found = taxel_under(context, event.mouse_x, event.mouse_y)
+            if found is None:
+                self.report({"WARNING"}, "No taxel is under the mouse: click on one, or press Esc")
+            else:
+                self.taxel = found
+                self.execute(context)
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context):
+        """Blender opens a file, or quits."""
+        self.end(context)
+
+    def end(self, context):
+        """Give the mouse and the status bar back."""
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+
+def taxel_under(context, x, y):
+    """The id of the active link's taxel under a pixel of the window; None where there is none."""
+    region = view_at(context.window, x, y)
+    if region is None:
+        return None
+    pixel = x - region.x, y - region.y
+    start = region_2d_to_origin_3d(region, region.data, pixel)
+    way = region_2d_to_vector_3d(region, region.data, pixel)
+    return taxels.taxel_on_ray(context.object, context, start, way)
+
+
+CLASSES = (SKIN_OT_taxel,)
