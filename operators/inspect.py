@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Look at the fitted skin of the active link: read taxels."""
+"""Look at the fitted skin of the active link: read taxels, compare them with those of a file."""
 
 import bpy
+from bpy_extras.io_utils import ImportHelper
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
-from ..skin_calib_addon.blender import results, taxels
+from ..skin_calib_addon.blender import comparing, results, taxels
 from ..skin_calib_addon.errors import SkinCalibError
 from .on_link import OnLink
 from .place import NAVIGATION, view_at
@@ -82,4 +83,36 @@ def taxel_under(context, x, y):
     return taxels.taxel_on_ray(context.object, context, start, way)
 
 
-CLASSES = (SKIN_OT_taxel,)
+class SKIN_OT_compare(OnResult, bpy.types.Operator, ImportHelper):
+    """Compare the taxels of the active link with those of a calibration, or of another program's file"""
+
+    bl_idname = "skin_calib.compare"
+    bl_label = "Compare with File"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: bpy.props.StringProperty(default=";".join(f"*{e}" for e in comparing.ENDINGS), options={"HIDDEN"})
+
+    def execute(self, context):
+        try:
+            found = comparing.compare_with(context.object, bpy.path.abspath(self.filepath), context.scene)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        mean = 1e3 * found.distances.mean()
+        self.report({"INFO"}, f"{len(found.ours)} taxels paired, {mean:.4f} mm apart on the mean")
+        return {"FINISHED"}
+
+
+class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
+    """Forget the comparison"""
+
+    bl_idname = "skin_calib.compare_end"
+    bl_label = "End Comparison"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        context.object.skin_calib.inspect.property_unset("comparison")
+        return {"FINISHED"}
+
+
+CLASSES = (SKIN_OT_taxel, SKIN_OT_compare, SKIN_OT_compare_end)

@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from ..skin_calib_addon.blender import results
+from ..skin_calib_addon.blender import comparing, results
 from ..skin_calib_addon.blender.scene import DOUBT_WIDTH
 from .base import SkinPanel
 
@@ -53,6 +53,32 @@ class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
         say(layout, f"Neighbours: {taxel.neighbours}" if taxel.neighbours else "No neighbours", "NONE")
 
 
+class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
+    bl_label = "Compare"
+    bl_parent_id = "SKIN_PT_inspect"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def lay_out(self, layout, plan):
+        found = plan.inspect.comparison
+        row = layout.row(align=True)
+        row.operator("skin_calib.compare", icon="FILEBROWSER")
+        if not found.file:
+            return
+        row.operator("skin_calib.compare_end", text="", icon="X")
+        if found.key != plan.result.key:
+            layout.label(text="Of another fit: compare again", icon="INFO")
+        layout.label(text=comparing.name_of(found.file), icon="FILE")
+        for line in found.told.splitlines():
+            say(layout, line, "ERROR")
+        column = layout.column(align=True)
+        column.enabled = False
+        for name in ("pairs", "by", "mean", "max", "worst"):
+            column.prop(found, name)
+        if found.has_angles:
+            column.prop(found, "mean_angle")
+            column.prop(found, "max_angle")
+
+
 def say(layout, text, icon):
     """A message, in lines as wide as the sidebar."""
     column = layout.column(align=True)
@@ -74,4 +100,4 @@ class SKIN_PT_inspect_sizes(SkinPanel, bpy.types.Panel):
         layout.prop(looks, "line_width")
 
 
-CLASSES = (SKIN_PT_inspect, SKIN_PT_inspect_taxel, SKIN_PT_inspect_sizes)
+CLASSES = (SKIN_PT_inspect, SKIN_PT_inspect_taxel, SKIN_PT_inspect_compare, SKIN_PT_inspect_sizes)

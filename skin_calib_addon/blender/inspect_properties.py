@@ -64,6 +64,23 @@ class SKIN_PG_taxel(bpy.types.PropertyGroup):
     neighbours: StringProperty(name="Neighbours", description="Ids of the taxels beside it", **FIXED)
 
 
+class SKIN_PG_comparison(bpy.types.PropertyGroup):
+    """How far the taxels are from those of a file."""
+
+    file: StringProperty(name="File", description="With whose taxels was compared", **FIXED)
+    key: StringProperty(description="Which fit was compared", **FIXED)
+    token: StringProperty(description="Under which what is drawn of it is kept", **FIXED)
+    by: StringProperty(name="Paired", description="What tells which taxels belong together", **FIXED)
+    pairs: IntProperty(name="Pairs", description="Taxels that are compared", **FIXED)
+    mean: FloatProperty(name="Mean", description="Mean distance between two that belong together", **LENGTH)
+    max: FloatProperty(name="Max", description="Largest distance between two that belong together", **LENGTH)
+    has_angles: BoolProperty(description="The file has normals", **FIXED)
+    mean_angle: FloatProperty(name="Mean Angle", description="Mean angle between two normals", **ANGLE)
+    max_angle: FloatProperty(name="Max", description="Largest angle between two normals", **ANGLE)
+    worst: StringProperty(name="Worst", description="The taxel that is furthest off", **FIXED)
+    told: StringProperty(description="What else is to be known, a line each", **FIXED)
+
+
 class SKIN_PG_inspect(bpy.types.PropertyGroup):
     """How the fitted skin of a link is looked at."""
 
@@ -104,11 +121,17 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
 
     taxel: PointerProperty(type=SKIN_PG_taxel, name="Taxel", description="The taxel whose numbers are shown")
 
+    comparison: PointerProperty(
+        type=SKIN_PG_comparison, name="Comparison", description="How far the taxels are from those of a file"
+    )
+
     def tokens(self):
         """Names of what is drawn besides, if it is of the last fit."""
         key = self.id_data.skin_calib.result.key
         if self.taxel.id and self.taxel.key == key:
             yield taxels.token_of(key, self.taxel.id)
+        if self.comparison.token and self.comparison.key == key:
+            yield self.comparison.token
 
 
-CLASSES = (SKIN_PG_taxel, SKIN_PG_inspect)
+CLASSES = (SKIN_PG_taxel, SKIN_PG_comparison, SKIN_PG_inspect)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..comparison import Comparison
 from ..geometry.planes import Planes
 from ..geometry.sections import cut_sections
 from ..inspection import AllTaxels
@@ -199,6 +200,17 @@ def mark_of(taxels: AllTaxels, row: int) -> tuple[Layer, ...]:
         Layer("MARKED", _segments(corners[beside]), colour=(1.0, 0.75, 0.1, 1.0), width=3.0),
         Layer("MARKED", _segments(corners[row : row + 1]), colour=(0.1, 1.0, 1.0, 1.0), width=4.5),
         Layer("MARKED", _single(stick), colour=(0.1, 1.0, 1.0, 1.0), width=3.0),
+    )
+
+
+def comparison_of(taxels: AllTaxels, found: Comparison) -> tuple[Layer, ...]:
+    """Lines from each taxel to its own in the file, and the outline of the one that is furthest off."""
+    worst = taxels.rows[found.worst]
+    return (
+        Layer("COMPARED", _single(found.ends), colour=(1.0, 0.25, 0.9, 1.0), width=3.0),
+        Layer(
+            "COMPARED", _segments(_closed(taxels.corners[worst : worst + 1])), colour=(1.0, 0.25, 0.9, 1.0), width=3.0
+        ),
     )
 
 

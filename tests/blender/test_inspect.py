@@ -259,3 +259,60 @@ def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, resul
     bpy.context.view_layer.update()
     eye, target = (to_world @ Vector(taxels.positions_link[0] + a * taxels.normals_link[0]) for a in (0.1, 0))
     assert pick(fitted, bpy.context, eye, target - eye) is None
+
+
+def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
+    """Figures in scene units and lines in the view, which undo takes away; the plan is as before."""
+    path, plan = tmp_path / "moved.csv", ours.scene.plan_document(fitted, bpy.context.scene)
+    bpy.ops.skin_calib.export_taxels(filepath=str(path), format="csv")
+    header, *rows = path.read_text().splitlines()
+    x, label = header.split(",").index("x"), header.split(",").index("id")
+    moved = [row.split(",") for row in rows]
+    for row in moved:
+        row[x] = str(float(row[x]) + (3e-4 if row[label] == "band.1.2" else 1e-4))
+    path.write_text("\n".join([header, *(",".join(row) for row in moved)]) + "\n")
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.compare("EXEC_DEFAULT", True, filepath=str(path)) == {"FINISHED"}
+    link = bpy.context.object
+    found = link.skin_calib.inspect.comparison
+    assert (found.pairs, found.by, found.worst, found.told) == (6, "by id", "band.1.2", "")
+    assert_allclose((found.mean, found.max), (0.8 / 6, 0.3), rtol=1e-4)
+    assert found.has_angles and found.max_angle < 1e-4
+    lines, worst = (a for a in ours.overlay.shown_layers(link) if a.what == "COMPARED")
+    assert_allclose(
+        lines.points[1::2] - lines.points[::2], [(3e-4 if k == 5 else 1e-4, 0, 0) for k in range(6)], atol=2e-8
+    )
+    assert len(worst.points) == 8
+    bpy.context.scene.unit_settings.scale_length = 1.0
+    assert ours.scene.plan_document(link, bpy.context.scene) == plan
+    bpy.ops.ed.undo()
+    link = bpy.context.object
+    assert not link.skin_calib.inspect.comparison.file
+    assert "COMPARED" not in {a.what for a in ours.overlay.shown_layers(link)}
+
+
+def test_comparison_ends_when_it_is_asked_to_and_is_not_drawn_of_another_fit(bpy, ours, fitted, tmp_path):
+    """What it says stays until then, with the fit it is of."""
+    path = tmp_path / "same.calibration.json"
+    bpy.ops.skin_calib.export_calibration(filepath=str(path))
+    bpy.ops.skin_calib.compare(filepath=str(path))
+    found = fitted.skin_calib.inspect.comparison
+    assert found.max == 0 and found.file == str(path)
+    fitted.skin_calib.grid.n += 1
+    bpy.ops.skin_calib.fit()
+    assert found.pairs == 6 and "COMPARED" not in {a.what for a in ours.overlay.shown_layers(fitted)}
+    bpy.ops.skin_calib.compare(filepath=str(path))
+    assert "COMPARED" in {a.what for a in ours.overlay.shown_layers(fitted)} and found.max > 0
+    bpy.ops.skin_calib.compare_end()
+    assert not fitted.skin_calib.inspect.comparison.file
+    assert "COMPARED" not in {a.what for a in ours.overlay.shown_layers(fitted)}
+
+
+def test_file_that_cannot_be_compared_is_refused(bpy, fitted, tmp_path):
+    """With the reason; the last comparison stays."""
+    path = tmp_path / "strange.txt"
+    path.write_text("nothing")
+    with pytest.raises(RuntimeError, match="no taxel file that is known here"):
+        bpy.ops.skin_calib.compare(filepath=str(path))
+    assert not fitted.skin_calib.inspect.comparison.file

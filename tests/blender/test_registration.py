@@ -6,11 +6,22 @@ import pytest
 
 OPERATORS = (
     *("fit", "skin_add", "skin_remove", "cut_add", "cut_remove", "landmark_add", "landmark_remove"),
-    *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections", "zone_add", "zone_remove", "place", "place_at_cursor", "taxel"),
+    *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections", "zone_add", "zone_remove", "place", "place_at_cursor", "taxel", "compare", "compare_end"),
 )
 EXCHANGE = ("import_plan", "export_plan", "export_calibration", "export_taxels")
 KINDS = {"sheet": "a flexible sheet of taxels", "hexagons": "rigid hexagonal boards"}
-PANELS = ("link", "cut", "grid", "fit", "skin", "inspect", "inspect_taxel", "inspect_sizes", "export")
+PANELS = (
+    "link",
+    "cut",
+    "grid",
+    "fit",
+    "skin",
+    "inspect",
+    "inspect_taxel",
+    "inspect_compare",
+    "inspect_sizes",
+    "export",
+)
 
 
 def traces(bpy):

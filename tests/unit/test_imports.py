@@ -33,6 +33,7 @@ ABOVE = {
     "response_picture": (*PURE, "picture"),
     "recording": (*PURE, "runtime"),
     "inspection": PURE,
+    "comparison": (*PURE, "inspection"),
     "replay_picture": (*PURE, "picture", "runtime"),
     "commands": (
         *PURE,
@@ -59,6 +60,7 @@ ABOVE = {
         "report",
         "picture",
         "inspection",
+        "comparison",
         "cli",
         "blender",
     ),
@@ -72,6 +74,7 @@ LIBRARIES = {
     "skin": {"numpy", "scipy"},
     "sources": {"numpy", "scipy", "trimesh"},
     "inspection": {"numpy", "scipy"},
+    "comparison": {"numpy", "scipy"},
     "picture": {"numpy", "matplotlib"},
     "replay_picture": {"numpy", "matplotlib"},
     "blender": {"numpy", *BLENDER},
