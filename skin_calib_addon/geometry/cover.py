@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 from trimesh.intersections import slice_faces_plane
 
-from ..arrays import Array, IntArray, unit
+from ..arrays import Array, BoolArray, IntArray, unit
 from ..errors import InvalidMesh, InvalidPlan
 from .mesh import TriangleMesh, weld
 
@@ -63,6 +63,12 @@ def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, In
 
 def outer_shells(mesh: TriangleMesh) -> TriangleMesh:
     """Drop the inner parts: shells that lie mostly inside the convex hull of larger ones."""
+    kept = is_seen(mesh)
+    return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
+
+
+def is_seen(mesh: TriangleMesh) -> BoolArray:
+    """Whether each face belongs to an outer shell, shape (f,)."""
     shell = shells(mesh)
     largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")
     kept = shell == largest
@@ -73,7 +79,7 @@ def outer_shells(mesh: TriangleMesh) -> TriangleMesh:
             hull = hull_planes(mesh.triangles[kept].reshape(-1, 3))
         if share_inside(hull, mesh, faces) < HIDDEN:
             kept[faces], hull = True, None
-    return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
+    return kept
 
 
 def share_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
