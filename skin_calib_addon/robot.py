@@ -20,6 +20,10 @@ class LinkMesh:
     file: str  # its name without folders
     scale: tuple[float, ...]
     moved: bool  # whether its frame is not that of the link
+    use: str  # "visual" or "collision"
+    address: str  # where it is, as it stands there
+    place: tuple[float, ...]  # of its frame in the link's [m]
+    angles: tuple[float, ...]  # about the fixed x, y and z axes of the link [rad]
 
 
 @dataclass(frozen=True)
@@ -85,10 +89,12 @@ def _meshes(link: Node) -> list[LinkMesh]:
         if part.tag not in ("visual", "collision") or not shapes:
             continue
         origins = [node for node in part.children if node.tag == "origin"]
-        moved = any(any(_numbers(node, name, "0 0 0")) for node in origins for name in ("xyz", "rpy"))
+        origin = origins[0] if origins else Node("origin", {}, part.line)
+        place, angles = (_numbers(origin, name, "0 0 0") for name in ("xyz", "rpy"))
         for shape in shapes:
-            name = shape.attribute("filename").replace("\\", "/").rpartition("/")[2]
-            found.append(LinkMesh(name, _numbers(shape, "scale", "1 1 1"), moved))
+            address = shape.attribute("filename").replace("\\", "/")
+            scale, moved = _numbers(shape, "scale", "1 1 1"), any(place + angles)
+            found.append(LinkMesh(address.rpartition("/")[2], scale, moved, part.tag, address, place, angles))
     return found
 
 

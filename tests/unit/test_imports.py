@@ -28,6 +28,7 @@ ABOVE = {
     "pipeline": (*PURE, "laying", "plan"),
     "report": (*PURE, "plan", "laying", "pipeline"),
     "robot": (*PURE, "plan"),
+    "robot_mesh": (*PURE, "robot"),
     "sources": (*PURE, "plan_skins", "plan"),
     "picture": (*PURE, "plan", "pipeline"),
     "response_picture": (*PURE, "picture"),
