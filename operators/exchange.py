@@ -40,14 +40,9 @@ class SKIN_OT_import_plan(bpy.types.Operator, ImportHelper):
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if context.mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
         link = scene.add_link(context, mesh, plan.unit, plan.link)
         scene.write_plan(link, context.scene, document)
-        for other in context.selected_objects:
-            other.select_set(False)
-        link.select_set(True)
-        context.view_layer.objects.active = link
+        scene.activate(context, link)
         given, kept = plan_document(plan), plan_document(plan_from(scene.plan_document(link, context.scene)))
         if any(given.get(name) != kept.get(name) for name in ("cover", "grid", "skins", "response")):
             self.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
@@ -171,8 +166,10 @@ class SKIN_OT_export_taxels(OnLink, Export, bpy.types.Operator):
 
 
 def draw_import(menu, _context):
-    """Entry in File > Import."""
+    """Entries in File > Import."""
     menu.layout.operator(SKIN_OT_import_plan.bl_idname, text="Skin Plan (.json)")
+    menu.layout.operator("skin_calib.import_mesh", text="Skin Link Mesh (.stl, .ply, .obj)")
+    menu.layout.operator("skin_calib.import_urdf", text="Skin Link of a Robot (.urdf)")
 
 
 def draw_export(menu, _context):

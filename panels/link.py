@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which object is which link."""
+"""Which object is which link, and what its mesh is like."""
 
 import bpy
 
+from ..skin_calib_addon.blender import diagnoses
+from ..skin_calib_addon.blender.scene import longest_side
+from ..skin_calib_addon.geometry.units import NAMES, mistaken
 from .base import SkinPanel
 
 
@@ -16,17 +19,59 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
     def draw(self, context):
         if SkinPanel.poll(context):
             SkinPanel.draw(self, context)
-            return
-        self.layout.label(text="Select the mesh of a link,", icon="INFO")
-        self.layout.label(text="or open a plan:")
-        self.layout.operator("skin_calib.import_plan")
+            self.lay_out_unit(context)
+        else:
+            self.layout.label(text="Select the mesh of a link,", icon="INFO")
+            self.layout.label(text="or open one:")
+        row = self.layout.row(align=True)
+        row.operator("skin_calib.import_mesh", text="Mesh", icon="IMPORT")
+        row.operator("skin_calib.import_urdf", text="URDF", icon="IMPORT")
+        row.operator("skin_calib.import_plan", text="Plan", icon="IMPORT")
 
     def lay_out(self, layout, plan):
         layout.prop(plan, "link")
         if not plan.link:
             layout.label(text="Name the link to begin", icon="INFO")
         layout.prop(plan, "mesh_file")
-        layout.operator("skin_calib.import_plan")
+
+    def lay_out_unit(self, context):
+        """A link of a size that none has, and what to do about it."""
+        side = longest_side(context.object, context.scene)
+        wrong = mistaken(side) if context.object.skin_calib.link and side else None
+        if wrong is None:
+            return
+        unit, _ = wrong
+        box = self.layout.box()
+        question = f"{NAMES[unit]}?" if unit else "check its scale"
+        box.label(text=f"This mesh is {side:.3g} m long:", icon="ERROR")
+        box.label(text=question, icon="BLANK1")
+        if unit:
+            box.operator("skin_calib.scale_to_unit", text=f"Scale to {NAMES[unit].capitalize()}").unit = unit
 
 
-CLASSES = (SKIN_PT_link,)
+class SKIN_PT_mesh(SkinPanel, bpy.types.Panel):
+    bl_label = "Mesh"
+    bl_parent_id = "SKIN_PT_link"
+
+    def lay_out(self, layout, plan):
+        found = plan.diagnosis
+        layout.operator("skin_calib.diagnose", icon="VIEWZOOM")
+        if not found.key:
+            return
+        if plan.id_data.name in diagnoses.doubted:
+            layout.label(text="The mesh has changed: check again", icon="INFO")
+        for remark in found.remarks:
+            column = layout.column(align=True)
+            icon = "ERROR" if remark.matters else "DOT" if remark.advice else "CHECKMARK"
+            for k, line in enumerate((*remark.what.split("\n"), *remark.advice.split("\n"))):
+                if line:
+                    column.label(text=line, icon="BLANK1" if k else icon)
+        if found.inner:
+            row = layout.row(align=True)
+            row.prop_enum(plan.cover, "shell", "outer", text="Keep Outer Shell")
+            row.prop_enum(plan.cover, "shell", "all", text="Keep All")
+        if found.edges:
+            layout.operator("skin_calib.show_defects", text="Show Holes and Odd Edges", icon="RESTRICT_SELECT_OFF")
+
+
+CLASSES = (SKIN_PT_link, SKIN_PT_mesh)

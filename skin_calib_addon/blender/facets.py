@@ -24,23 +24,37 @@ class Facets:
         pairs = ((getattr(self, n), getattr(other, n, None)) for n in ("placed", "vertices", "faces"))
         return all(np.array_equal(one, another) for one, another in pairs)
 
-    def mesh(self) -> TriangleMesh:
-        """The mesh in metres in the link frame.
-
-        Raises
-        ------
-        InvalidMesh
-            If it has no faces, a vertex is not finite, or its size says that the unit is wrong.
-        """
+    def triangles(self) -> tuple[Array, IntArray]:
+        """Vertices (v, 3) in metres in the link frame, and faces (f, 3) that look outward, as many as Blender holds."""
         points, faces = self.vertices.astype(float), self.faces
         if not np.array_equal(self.placed, np.eye(3, 4)):  # times one plus zero is exact, but only for finite numbers
             points = points @ self.placed[:, :3].T + self.placed[:, 3]
         if np.linalg.det(self.placed[:, :3]) < 0:  # mirrored by its scale: the faces would look inward
             faces = faces[:, ::-1]
+        return points, faces
+
+    def welded(self) -> TriangleMesh:
+        """The mesh in metres in the link frame, of any size.
+
+        Raises
+        ------
+        InvalidMesh
+            If it has no faces, or a vertex is not finite.
+        """
         try:
-            mesh = weld(points, faces)
+            return weld(*self.triangles())
         except InvalidMesh as error:
             raise InvalidMesh(f"{self.name}: {error}", **error.numbers) from error
+
+    def mesh(self) -> TriangleMesh:
+        """The same if it has the size of a link.
+
+        Raises
+        ------
+        InvalidMesh
+            As :meth:`welded`; or if its size says that the unit is wrong.
+        """
+        mesh = self.welded()
         if not SMALLEST <= mesh.size <= LARGEST:
             raise InvalidMesh(
                 f"{self.name} is {mesh.size:.4g} m across in this scene; set the object's scale, or the scene's unit "

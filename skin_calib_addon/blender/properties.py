@@ -13,7 +13,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import grid_properties, inspect_properties, live, skin_properties
+from . import grid_properties, inspect_properties, link_properties, live, skin_properties
 from .options import FIXED, LENGTH, PLAN
 
 
@@ -46,6 +46,9 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
 
     link: StringProperty(name="Link", description="Name of the robot link, as in its URDF", **PLAN)
     mesh_file: StringProperty(name="Mesh File", description="Name under which plans refer to this mesh", **PLAN)
+    diagnosis: PointerProperty(
+        type=link_properties.SKIN_PG_diagnosis, name="Diagnosis", description="What the last check of the mesh found"
+    )
     cover: PointerProperty(
         type=grid_properties.SKIN_PG_cover, name="Cover", description="What of the mesh is covered with skin"
     )
@@ -104,6 +107,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
 
 
 CLASSES = (
+    *link_properties.CLASSES,
     *grid_properties.CLASSES,
     *skin_properties.CLASSES,
     *inspect_properties.CLASSES,

@@ -6,6 +6,7 @@ in its frame by the object's own location, rotation and scale. How the parent is
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -14,8 +15,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ..arrays import Array, IntArray
 from ..errors import CalibrationFormatError, InvalidMesh, InvalidPlan
-from ..geometry.mesh import METRES, TriangleMesh
+from ..geometry.mesh import TriangleMesh
+from ..geometry.units import UNITS
 from ..pipeline import Calibrated
 from ..plan import FORMAT, VERSION, Plan, check_plan, plan_from
 from .decimals import exact, in_units, vector
@@ -217,6 +220,19 @@ def read_facets(link: bpy.types.Object, context: bpy.types.Context) -> Facets:
     return Facets(link.name, vertices.reshape(-1, 3), faces.reshape(-1, 3), placed)
 
 
+def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Array, IntArray]:
+    """Vertices (v, 3) [m] in the link frame and edges (e, 2) of the object without its modifiers.
+
+    A vertex that no modifier moves has the same bits as in :func:`read_facets`, which raises what this raises.
+    """
+    vertices = np.empty(len(link.data.vertices) * 3, np.float32)
+    link.data.vertices.foreach_get("co", vertices)
+    edges = np.empty(len(link.data.edges) * 2, np.int32)
+    link.data.edges.foreach_get("vertices", edges)
+    placed = replace(read_facets(link, context), vertices=vertices.reshape(-1, 3))
+    return placed.triangles()[0], edges.reshape(-1, 2)
+
+
 def _local(link: bpy.types.Object) -> Matrix:
     """From the object to its parent, in Blender units; no rounding of the parent's pose is in it."""
     if link.constraints or (link.parent and link.parent_type != "OBJECT"):
@@ -288,10 +304,25 @@ def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: st
     data.from_pydata(mesh.vertices.tolist(), [], mesh.faces.tolist())
     data.update()
     link = bpy.data.objects.new(name, data)
-    factor = METRES[unit] / metres_per_unit(context.scene)
+    factor = UNITS[unit] / metres_per_unit(context.scene)
     link.scale = (factor, factor, factor)
     context.scene.collection.objects.link(link)
     return link
+
+
+def activate(context: bpy.types.Context, link: bpy.types.Object) -> None:
+    """Make an object the active one, in Object Mode, and the only one that is selected."""
+    if context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    for other in context.selected_objects:
+        other.select_set(False)
+    link.select_set(True)
+    context.view_layer.objects.active = link
+
+
+def longest_side(link: bpy.types.Object, scene: bpy.types.Scene) -> float:
+    """Longest side of the object's box as it stands in the scene [m]; Blender keeps it."""
+    return max(link.dimensions) * metres_per_unit(scene)
 
 
 def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, key: str) -> None:

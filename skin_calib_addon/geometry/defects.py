@@ -183,6 +183,18 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
     )
 
 
+def edges_at(places: Array, vertices: Array, edges: IntArray) -> BoolArray:
+    """Which edges (e, 2) between vertices (v, 3) have both ends where an edge of ``places`` (k, 2, 3) has, shape (e,).
+
+    Places are the same to the bit, or another.
+    """
+    points = np.concatenate((np.asarray(places).reshape(-1, 3), vertices)) + 0.0  # no minus zero
+    place = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
+    wanted, given = place[: 2 * len(places)].reshape(-1, 2), place[2 * len(places) :][edges]
+    first, second = (pair.min(axis=1) * len(points) + pair.max(axis=1) for pair in (wanted, given))
+    return np.isin(second, first)
+
+
 def count(number: int, thing: str) -> str:
     """ "1 face", "2 faces"."""
     return f"{number} {thing}{'' if number == 1 else 's'}"

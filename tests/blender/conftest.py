@@ -53,7 +53,7 @@ def addon(extension, bpy):
     def load(name):
         return importlib.import_module(f"{extension}.skin_calib_addon.blender.{name}")
 
-    return SimpleNamespace(**{name: load(name) for name in ("command", "overlay", "results", "scene")})
+    return SimpleNamespace(**{name: load(name) for name in ("command", "diagnoses", "overlay", "results", "scene")})
 
 
 @pytest.fixture

@@ -5,22 +5,19 @@ from types import MethodType, SimpleNamespace
 import pytest
 
 OPERATORS = (
-    *("fit", "skin_add", "skin_remove", "cut_add", "cut_remove", "landmark_add", "landmark_remove"),
-    *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections", "zone_add", "zone_remove", "place", "place_at_cursor", "taxel", "compare", "compare_end"),
+    *("scale_to_unit", "diagnose", "show_defects", "cut_add", "cut_remove"),
+    *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
+    *("fit", "skin_add", "skin_remove", "landmark_add", "landmark_remove", "zone_add", "zone_remove"),
+    *("place", "place_at_cursor", "taxel", "compare", "compare_end"),
 )
-EXCHANGE = ("import_plan", "export_plan", "export_calibration", "export_taxels")
+EXCHANGE = (
+    *("import_plan", "import_mesh", "import_urdf", "choose_link"),
+    *("export_plan", "export_calibration", "export_taxels"),
+)
 KINDS = {"sheet": "a flexible sheet of taxels", "hexagons": "rigid hexagonal boards"}
 PANELS = (
-    "link",
-    "cut",
-    "grid",
-    "fit",
-    "skin",
-    "inspect",
-    "inspect_taxel",
-    "inspect_compare",
-    "inspect_sizes",
-    "export",
+    *("link", "mesh", "cut", "grid", "fit", "skin"),
+    *("inspect", "inspect_taxel", "inspect_compare", "inspect_sizes", "export"),
 )
 
 
@@ -114,7 +111,7 @@ class Layout:
         assert name in data.bl_rna.properties, f"{data} has no {name}"
         self.shown.append(name)
 
-    *(),
+    (*(),)
 
     def operator(self, name, **_):
         module, name = name.split(".")

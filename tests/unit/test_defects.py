@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skin_calib_addon.geometry.defects import Remark, diagnose
+from skin_calib_addon.geometry.defects import Remark, diagnose, edges_at
 from skin_calib_addon.geometry.mesh import load_mesh, weld
 from tests.real.test_real_links import MESHES
 from tests.shapes import RADIUS, Motion, box, cylinder, dome, keep, sheet, shuffled, together, with_hole, wrist
@@ -180,3 +180,12 @@ def test_real_link_is_looked_at(path):
     holes = {"hrp4c_r_wrist_y_cover_only": 2, "g1_left_ankle_roll_foot": 4, "talos_tibia_light": 0}
     assert len(found.holes()) == holes.get(path.stem, len(found.holes()))
     assert all("\n" not in remark.what + remark.advice for remark in found.remarks())
+
+
+def test_edges_are_found_again_where_they_lie():
+    """In either direction, among vertices that lie twice in one place; ends that are near are not the same."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [-0.0, 1, 0], [1, 0, 0], [1, 1e-9, 0]])
+    edges = np.array([[0, 1], [2, 0], [3, 0], [0, 4], [1, 2], [1, 3]])
+    places = np.array([[[1, 0, 0], [0, -0.0, 0]], [[0, 1, 0], [0, 0, 0]]])
+    assert edges_at(places, vertices, edges).tolist() == [True, True, True, False, False, False]
+    assert not edges_at(np.empty((0, 2, 3)), vertices, edges).any()

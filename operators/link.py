@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Links in from mesh files and robots; their unit; what is odd about their mesh."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy_extras.io_utils import ImportHelper
+
+from ..skin_calib_addon.blender import diagnoses, scene
+from ..skin_calib_addon.calibration.findings import show
+from ..skin_calib_addon.errors import SkinCalibError, UnknownLink
+from ..skin_calib_addon.geometry.defects import count, edges_at
+from ..skin_calib_addon.geometry.mesh import read_mesh
+from ..skin_calib_addon.geometry.units import NAMES, UNITS, likely_unit, mistaken
+from ..skin_calib_addon.robot import read_robot
+from ..skin_calib_addon.robot_mesh import USES, load_link, meshes_of
+from .on_link import OnMesh
+
+_choices: list[tuple[str, str, str]] = []  # what the search of the open URDF offers; Blender keeps no texts alive
+
+
+class Import(ImportHelper):
+    """Brings a link into the scene, named and active, or refuses and leaves the scene as it was."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        try:
+            return self.bring(context, Path(bpy.path.abspath(self.filepath)))
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+
+    def add(self, context, mesh, unit, name, file):
+        """The link as the active object; its size is told, and doubted where no link has it."""
+        link = scene.add_link(context, mesh, unit, name)
+        link.skin_calib.link, link.skin_calib.mesh_file = name, file
+        scene.activate(context, link)
+        side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
+        told = f"{name}: {count(len(mesh.faces), 'face')} in {NAMES[unit]}, {side * 1e3:.4g} mm long"
+        self.report({"WARNING"} if mistaken(side) else {"INFO"}, told + "; is that right?" * bool(mistaken(side)))
+        return {"FINISHED"}
+
+
+class SKIN_OT_import_mesh(Import, bpy.types.Operator):
+    """Open the mesh of a robot link: it becomes an object that is a link of the file's name"""
+
+    bl_idname = "skin_calib.import_mesh"
+    bl_label = "Import Link Mesh"
+
+    filter_glob: bpy.props.StringProperty(default="*.stl;*.ply;*.obj;*.off", options={"HIDDEN"})
+    unit: bpy.props.EnumProperty(
+        name="Unit",
+        description="Unit of the numbers in the file",
+        items=[
+            ("auto", "Automatic", "Metres or millimetres: the one in which the mesh has the size of a robot link"),
+            *((unit, name.capitalize(), f"The file has {name}") for unit, name in NAMES.items()),
+        ],
+    )
+
+    def bring(self, context, path):
+        mesh = read_mesh(path)
+        unit = likely_unit(float(np.ptp(mesh.vertices, axis=0).max())) if self.unit == "auto" else self.unit
+        return self.add(context, mesh, unit, path.stem, path.name)
+
+
+class FromRobot(Import):
+    """Brings a link of a URDF, with all its meshes as one, in metres in the link frame."""
+
+    def take(self, context, path, robot, link, use):
+        mesh = load_link(path, robot, link, use)
+        files = meshes_of(robot, link, use)
+        alone = len(files) == 1 and not files[0].moved
+        return self.add(context, mesh, "m", link, files[0].file if alone else "")
+
+
+class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
+    """Open a link of a robot, placed in its frame as the robot's URDF has it"""
+
+    bl_idname = "skin_calib.import_urdf"
+    bl_label = "Import Link of a Robot"
+
+    filter_glob: bpy.props.StringProperty(default="*.urdf;*.xml", options={"HIDDEN"})
+    link: bpy.props.StringProperty(name="Link", description="Name of the link; left empty, it is chosen from a list")
+    mesh: bpy.props.EnumProperty(
+        name="Mesh",
+        description="Which meshes of the link",
+        items=[
+            ("visual", "Visual", "What is seen of the link"),
+            ("collision", "Collision", "What the link collides with, often coarser"),
+        ],
+    )
+
+    def invoke(self, context, event):
+        self.by_hand = True
+        return super().invoke(context, event)
+
+    def bring(self, context, path):
+        robot = read_robot(path)
+        if self.link:
+            return self.take(context, path, robot, self.link, self.mesh)
+        choices = [(name, use) for name, meshes in robot.links.items() for use in USES if _has(meshes, use)]
+        if len(choices) == 1:
+            return self.take(context, path, robot, *choices[0])
+        if not choices:
+            raise UnknownLink(f"no link of {path.name} has a mesh; boxes and cylinders carry no skin")
+        if not getattr(self, "by_hand", False):
+            names = ", ".join(dict.fromkeys(show(name) for name, _ in choices))
+            raise UnknownLink(f"{path.name} has several links with a mesh; name one of {names}")
+        _choices[:] = [(f"{use} {name}", f"{name}: {use}", f"The {use} mesh of {name}") for name, use in choices]
+        bpy.ops.skin_calib.choose_link("INVOKE_DEFAULT", filepath=self.filepath)
+        return {"CANCELLED"}  # nothing has changed yet
+
+
+class SKIN_OT_choose_link(FromRobot, bpy.types.Operator):
+    """Choose a link of this robot by typing a part of its name"""
+
+    bl_idname = "skin_calib.choose_link"
+    bl_label = "Choose Link"
+    bl_property = "choice"
+
+    choice: bpy.props.EnumProperty(
+        name="Link", description="Link, and which of its meshes", items=lambda _self, _context: _choices
+    )
+
+    def invoke(self, context, _event):
+        context.window_manager.invoke_search_popup(self)
+        return {"RUNNING_MODAL"}
+
+    def bring(self, context, path):
+        use, _, link = self.choice.partition(" ")
+        return self.take(context, path, read_robot(path), link, use)
+
+
+def _has(meshes, use):
+    return any(mesh.use == use for mesh in meshes)
+
+
+class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
+    """Scale the object, not its mesh, to what its numbers are in another unit than the one they were taken for"""
+
+    bl_idname = "skin_calib.scale_to_unit"
+    bl_label = "Scale to Unit"
+    bl_options = {"REGISTER", "UNDO"}
+
+    unit: bpy.props.EnumProperty(
+        name="Unit",
+        description="Unit of the mesh's numbers",
+        items=[
+            ("mm", "Millimetres", "What was taken for metres is millimetres: a thousandth of the size"),
+            ("cm", "Centimetres", "What was taken for metres is centimetres: a hundredth of the size"),
+            ("m", "Metres", "What was taken for millimetres is metres: a thousand times the size"),
+        ],
+    )
+
+    def execute(self, context):
+        link = context.object
+        factor = 1 / UNITS["mm"] if self.unit == "m" else UNITS[self.unit]
+        link.scale = [factor * s for s in link.scale]
+        link.skin_calib.result.outdated = True
+        context.view_layer.update()
+        self.report({"INFO"}, f"{link.name} is {scene.longest_side(link, context.scene) * 1e3:.4g} mm long now")
+        return {"FINISHED"}
+
+
+class SKIN_OT_diagnose(OnMesh, bpy.types.Operator):
+    """Look for parts, holes and faces of the mesh, with its modifiers, that a fit may suffer from"""
+
+    bl_idname = "skin_calib.diagnose"
+    bl_label = "Check Mesh"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        link = context.object
+        try:
+            found = diagnoses.look(link, context)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        diagnoses.keep(link, found)
+        serious = [remark.what for remark in found.remarks() if remark.matters]
+        self.report({"INFO"}, f"{link.name}: {'; '.join(serious) or 'nothing that a fit suffers from'}")
+        return {"FINISHED"}
+
+
+class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
+    """Select the edges of holes, and those with more than two faces, in Edit Mode"""
+
+    bl_idname = "skin_calib.show_defects"
+    bl_label = "Select Holes and Odd Edges"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if super().poll(context) and context.object.data.library:
+            return cls.says("The mesh of this link belongs to another file; make it local")
+        return super().poll(context)
+
+    def execute(self, context):
+        link = context.object
+        if link.mode == "EDIT":
+            link.update_from_editmode()
+        try:
+            found = diagnoses.look(link, context)
+            vertices, edges = scene.read_edges(link, context)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        chosen = edges_at(found.mesh.vertices[found.edges()], vertices, edges)
+        if not chosen.any():
+            made = "are made by modifiers" if len(found.edges()) else "none is there"
+            self.report({"INFO"}, f"{link.name}: no edge to select, {made}")
+            return {"CANCELLED"}
+        self.select(context, link.data, edges, chosen)
+        self.report({"INFO"}, f"{link.name}: {count(int(chosen.sum()), 'edge')} selected")
+        return {"FINISHED"}
+
+    def select(self, context, data, edges, chosen):
+        """These edges and nothing else, in Edit Mode."""
+        bpy.ops.object.mode_set(mode="OBJECT")
+        at_end = np.zeros(len(data.vertices), bool)
+        at_end[edges[chosen]] = True
+        data.vertices.foreach_set("select", at_end)
+        data.edges.foreach_set("select", chosen)
+        data.polygons.foreach_set("select", np.zeros(len(data.polygons), bool))
+        context.tool_settings.mesh_select_mode = (False, True, False)
+        bpy.ops.object.mode_set(mode="EDIT")
+
+
+CLASSES = (
+    SKIN_OT_import_mesh,
+    SKIN_OT_import_urdf,
+    SKIN_OT_choose_link,
+    SKIN_OT_scale_to_unit,
+    SKIN_OT_diagnose,
+    SKIN_OT_show_defects,
+)

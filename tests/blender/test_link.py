@@ -1,0 +1,296 @@
+"""Links in from files of meshes and robots, in metres; their unit; what is odd about their mesh."""
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+
+from sample_scenes.shapes import tube_mesh
+from skin_calib_addon.geometry.mesh import read_mesh
+from skin_calib_addon.robot import read_robot
+from skin_calib_addon.robot_mesh import load_link
+from tests.blender.conftest import oval
+from tests.blender.test_link_frame import frame_for
+from tests.blender.test_refusals import bare_object, scene_state
+from tests.blender.test_registration import draw
+from tests.shapes import box, together, weld, with_hole
+from tests.unit.test_robot_mesh import MM, shape
+
+TUBE = weld(*(lambda m: (m.vertices, m.faces))(tube_mesh(oval, 24, 9)))
+INNER = box((-0.01, 0, 0.04), (0.01, 0.02, 0.08))
+
+
+def written(mesh, path, scale=1.0):
+    """A mesh as a file of any format."""
+    trimesh.Trimesh(mesh.vertices * scale, mesh.faces, process=False).export(path)
+    return path
+
+
+@pytest.fixture
+def shown(bpy, tmp_path):
+    """Imports a mesh as a link; gives its object."""
+
+    def show(mesh, name="arm"):
+        bpy.ops.skin_calib.import_mesh(filepath=str(written(mesh, tmp_path / f"{name}.ply")))
+        bpy.context.view_layer.update()
+        return bpy.context.object
+
+    return show
+
+
+@pytest.mark.parametrize("kind", ["stl", "ply", "obj", "off", "STL"])
+@pytest.mark.parametrize("unit, taken, scale", [("auto", 1, 1), ("auto", 1e-3, 1000), ("mm", 1e-3, 1000)])
+@pytest.mark.parametrize("metre", [1.0, 0.01])
+def test_mesh_becomes_a_link_in_metres(bpy, addon, tmp_path, kind, unit, taken, scale, metre):
+    """The numbers of the file are kept, the object is scaled, in any scene; the link has the file's name."""
+    bpy.context.scene.unit_settings.scale_length = metre
+    path = written(TUBE, tmp_path / f"l_forearm.{kind}", scale)
+    assert bpy.ops.skin_calib.import_mesh(filepath=str(path), unit=unit) == {"FINISHED"}
+    link = bpy.context.object
+    bpy.context.view_layer.update()
+    assert (link.name, link.skin_calib.link, link.skin_calib.mesh_file) == ("l_forearm", "l_forearm", path.name)
+    assert_allclose(link.scale, [taken / metre] * 3, rtol=1e-6)
+    assert_allclose([v.co[:] for v in link.data.vertices], read_mesh(path).vertices, rtol=1e-6, atol=1e-7 * scale)
+    assert_allclose(addon.scene.read_mesh(link, bpy.context).vertices, TUBE.vertices, atol=1e-8)
+    assert [o.name for o in bpy.context.selected_objects] == ["l_forearm"]
+
+
+@pytest.mark.parametrize("unit, factor", [("cm", 0.01), ("in", 0.0254), ("m", 1.0)])
+def test_unit_that_is_told_is_taken(bpy, tmp_path, unit, factor):
+    """Whatever the size says."""
+    path = written(TUBE, tmp_path / "arm.stl", 1 if unit == "m" else 10)
+    bpy.ops.skin_calib.import_mesh(filepath=str(path), unit=unit)
+    assert_allclose(bpy.context.object.scale, [factor] * 3, rtol=1e-6)
+
+
+def test_unreadable_mesh_is_refused(bpy, addon, tmp_path):
+    """No file, no mesh, no format: one line each, and nothing in the scene."""
+    (tmp_path / "text.stl").write_text("no mesh")
+    (tmp_path / "link.dae").write_text("<COLLADA/>")
+    before = scene_state(bpy, addon)
+    for name, words in (("none.ply", "no mesh file"), ("text.stl", "text.stl"), ("link.dae", "cannot read link.dae")):
+        with pytest.raises(RuntimeError, match=f"Error: .*{words}"):
+            bpy.ops.skin_calib.import_mesh(filepath=str(tmp_path / name))
+    assert scene_state(bpy, addon) == before
+
+
+def test_plan_of_an_imported_mesh_names_its_file(bpy, shown, tmp_path):
+    """A mesh in metres is not written a second time."""
+    shown(TUBE)
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    kept = (tmp_path / "arm.ply").read_bytes()
+    bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "arm.plan.json"))
+    assert '"mesh": "arm.ply"' in (tmp_path / "arm.plan.json").read_text()
+    assert (tmp_path / "arm.ply").read_bytes() == kept and len(list(tmp_path.glob("*.ply"))) == 1
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    """A robot with a link of two visual meshes and a collision mesh, and one of boxes, in a package."""
+    (tmp_path / "bot" / "urdf").mkdir(parents=True)
+    (tmp_path / "bot" / "meshes").mkdir()
+    written(TUBE, tmp_path / "bot" / "meshes" / "tube.STL", 1000)
+    written(INNER, tmp_path / "bot" / "meshes" / "box.obj")
+    tube = shape("package://bot/meshes/tube.STL", origin='xyz="0.1 0 0.2" rpy="0.3 -0.2 1"', scale="0.001 -0.001 0.001")
+    arm = tube + shape("../meshes/box.obj") + shape("package://bot/meshes/tube.STL", "collision", scale=MM)
+    head = "<visual><geometry><box size='1 1 1'/></geometry></visual>"
+    path = tmp_path / "bot" / "urdf" / "bot.urdf"
+    path.write_text(f'<robot name="bot"><link name="arm">{arm}</link><link name="head">{head}</link></robot>')
+    return path
+
+
+@pytest.mark.parametrize("use", ["visual", "collision"])
+@pytest.mark.parametrize("metre", [1.0, 0.001])
+def test_link_of_a_robot_lies_in_its_frame(bpy, addon, urdf, use, metre):
+    """What the fit is given is the mesh that the URDF describes, to single precision; the object is not moved."""
+    bpy.context.scene.unit_settings.scale_length = metre
+    assert bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="arm", mesh=use) == {"FINISHED"}
+    link = bpy.context.object
+    bpy.context.view_layer.update()
+    expected = load_link(urdf, read_robot(urdf), "arm", use)
+    mesh = addon.scene.read_mesh(link, bpy.context)
+    assert_allclose(np.sort(mesh.vertices, axis=0), np.sort(expected.vertices, axis=0), atol=2e-8)
+    assert_allclose(mesh.face_areas.sum(), expected.face_areas.sum(), rtol=1e-5)
+    assert link.skin_calib.link == "arm" and tuple(link.location) == (0, 0, 0)
+    assert link.skin_calib.mesh_file == ("tube.STL" if use == "collision" else "")
+
+
+def test_link_without_a_name_is_asked_for(bpy, addon, urdf):
+    """Without a window the names are listed; one link alone needs none; wrong names are refused."""
+    before = scene_state(bpy, addon)
+    with pytest.raises(RuntimeError, match='Error: bot.urdf has several links with a mesh; name one of "arm"'):
+        bpy.ops.skin_calib.import_urdf(filepath=str(urdf))
+    with pytest.raises(RuntimeError, match='Error: bot.urdf has no link "arms"; did you mean "arm"?'):
+        bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="arms")
+    with pytest.raises(RuntimeError, match="Error: bot.urdf has no visual mesh for head"):
+        bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="head")
+    assert scene_state(bpy, addon) == before
+    urdf.write_text(f'<robot name="b"><link name="a">{shape("../meshes/box.obj", "collision")}</link></robot>')
+    assert bpy.ops.skin_calib.import_urdf(filepath=str(urdf)) == {"FINISHED"}
+    assert bpy.context.object.name == "a"
+    urdf.write_text('<robot name="b"><link name="a"/></robot>')
+    with pytest.raises(RuntimeError, match="Error: no link of bot.urdf has a mesh"):
+        bpy.ops.skin_calib.import_urdf(filepath=str(urdf))
+
+
+def test_wrong_unit_is_noticed_and_scaled_in_one_step(bpy, addon, shown):
+    """79 m that are millimetres: the panel says so, one click scales the object, one undo takes it back."""
+    link = shown(TUBE)
+    assert not any("long" in line for line in draw(bpy, "link"))
+    link.scale = (1000, 1000, 1000)
+    frame_for(bpy, link)
+    assert {"This mesh is 80 m long:", "millimetres?", "Scale to Unit"} <= set(draw(bpy, "link"))
+    bpy.ops.ed.undo_push(message="start")
+    data = [v.co[:] for v in link.data.vertices]
+    assert bpy.ops.skin_calib.scale_to_unit("EXEC_DEFAULT", True, unit="mm") == {"FINISHED"}
+    link = bpy.data.objects["arm"]
+    assert_allclose(link.scale, (1, 1, 1), rtol=1e-6)
+    assert [v.co[:] for v in link.data.vertices] == data and link.skin_calib.result.outdated
+    assert not any("long" in line for line in draw(bpy, "link"))
+    bpy.ops.ed.undo()
+    assert bpy.data.objects["arm"].scale[0] == 1000
+
+
+def test_metres_taken_for_millimetres_are_noticed(bpy, shown):
+    """In a scene of millimetres too; mirrored objects stay mirrored."""
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    link = shown(TUBE)
+    link.scale = (-1, 1, 1)
+    bpy.context.view_layer.update()
+    assert "metres?" in draw(bpy, "link")
+    bpy.ops.skin_calib.scale_to_unit(unit="m")
+    assert_allclose(link.scale, (-1000, 1000, 1000))
+    assert not any("long" in line for line in draw(bpy, "link"))
+
+
+def test_object_that_is_no_link_is_not_doubted(bpy, shown):
+    """A house in the scene is nobody's wrong unit."""
+    link = shown(TUBE)
+    link.scale, link.skin_calib.link = (1000, 1000, 1000), ""
+    bpy.context.view_layer.update()
+    assert not any("long" in line for line in draw(bpy, "link"))
+
+
+def said(link):
+    """The lines of the last check, unbroken."""
+    return {remark.what.replace("\n", " "): remark.matters for remark in link.skin_calib.diagnosis.remarks}
+
+
+def test_check_finds_what_is_there_and_offers_the_outer_shell(bpy, shown):
+    """A servo inside, a hole in the wall: counted, stored, and shown with what to do."""
+    link = shown(together(with_hole(TUBE, (0.04, 0.01, 0.06), 0.012), INNER))
+    assert draw(bpy, "mesh") == ["Check Mesh"]
+    assert bpy.ops.skin_calib.diagnose() == {"FINISHED"}
+    assert said(link)["2 connected parts, 1 of them inside others"] is False
+    assert [matters for what, matters in said(link).items() if what.startswith("3 holes, ")] == [True]
+    panel = draw(bpy, "mesh")
+    assert {"shell: outer", "shell: all", "Select Holes and Odd Edges"} <= set(panel)
+    assert "The mesh has changed: check again" not in panel
+
+
+def test_sound_mesh_offers_nothing(bpy, shown):
+    """A closed box: no shells to choose from, no edges to show."""
+    shown(box((0, 0, 0), (0.1, 0.05, 0.025)))
+    bpy.ops.skin_calib.diagnose()
+    assert draw(bpy, "mesh")[1:] == ["12 faces, 100 x 50 x 25 mm", "One connected part", "No hole"]
+
+
+def move_vertex(bpy, link):
+    link.data.vertices[3].co.x += 0.001
+    link.data.update()
+
+
+def scale(bpy, link):
+    link.scale = (1.1, 1.1, 1.1)
+
+
+def modify(bpy, link):
+    link.modifiers.new("finer", "SUBSURF")
+
+
+@pytest.mark.parametrize("change", [move_vertex, scale, modify], ids=lambda f: f.__name__)
+def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change):
+    """Told at once, and after a rest still; a new check is of the new mesh."""
+    monkeypatch.setattr(addon.diagnoses, "REST", 0)
+    link = shown(TUBE)
+    bpy.ops.skin_calib.diagnose()
+    bpy.context.view_layer.update()
+    addon.diagnoses.settle()
+    assert not addon.diagnoses.doubted
+    change(bpy, link)
+    bpy.context.view_layer.update()
+    for _ in range(2):
+        assert "The mesh has changed: check again" in draw(bpy, "mesh")
+        addon.diagnoses.settle()
+    bpy.ops.skin_calib.diagnose()
+    assert "The mesh has changed: check again" not in draw(bpy, "mesh")
+
+
+def test_pose_of_the_frame_outdates_no_check(bpy, addon, shown, monkeypatch):
+    """Doubted for a moment, and then not: the link is the same wherever its parent stands."""
+    monkeypatch.setattr(addon.diagnoses, "REST", 0)
+    link = shown(TUBE)
+    frame = frame_for(bpy, link)
+    bpy.ops.skin_calib.diagnose()
+    frame.location = (1, 2, 3)
+    bpy.context.view_layer.update()
+    assert addon.diagnoses.doubted == {"arm"}
+    addon.diagnoses.settle()
+    assert not addon.diagnoses.doubted
+
+
+def test_undo_and_reload_compare_the_check_with_the_mesh(bpy, addon, shown, monkeypatch, tmp_path):
+    """A check that undo brings back with another mesh is doubted; in a saved file it is what it was."""
+    monkeypatch.setattr(addon.diagnoses, "REST", 0)
+    shown(TUBE)
+    bpy.ops.ed.undo_push(message="start")
+    bpy.ops.skin_calib.diagnose("EXEC_DEFAULT", True)
+    bpy.context.object.scale = (1.1, 1.1, 1.1)
+    bpy.ops.ed.undo_push(message="scaled")
+    bpy.ops.ed.undo()
+    addon.diagnoses.settle()
+    assert bpy.context.object.skin_calib.diagnosis.key and not addon.diagnoses.doubted
+    bpy.ops.ed.redo()
+    addon.diagnoses.settle()
+    assert addon.diagnoses.doubted == {"arm"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "arm.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
+    addon.diagnoses.settle()
+    assert addon.diagnoses.doubted == {"arm"} and len(said(bpy.context.object)) == 3
+
+
+def selected(link):
+    """Ends of the edges that are selected, in Object Mode."""
+    return {tuple(sorted(e.vertices)) for e in link.data.edges if e.select}
+
+
+@pytest.mark.parametrize("from_mode", ["OBJECT", "EDIT"])
+def test_show_selects_rims_in_edit_mode(bpy, shown, from_mode):
+    """Those of holes that are seen, and no other edge; wherever the object stands, and in one step of undo."""
+    link = shown(together(TUBE, INNER))
+    link.scale, link.location = (-1, 1, 1.5), (0.1, 0, 0)
+    bpy.ops.object.mode_set(mode=from_mode)
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.show_defects("EXEC_DEFAULT", True) == {"FINISHED"}
+    link = bpy.context.object
+    assert link.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    z = {v.index: v.co.z for v in link.data.vertices}
+    ends = {e for e in selected(link)}
+    assert len(ends) == 48 and {round(z[v], 6) for pair in ends for v in pair} == {0.02, 0.1}
+
+
+def test_edges_that_modifiers_make_are_not_selected(bpy, shown):
+    """Nothing to select is told, and the mode stays."""
+    link = shown(TUBE)
+    link.modifiers.new("finer", "SUBSURF")
+    assert bpy.ops.skin_calib.show_defects() == {"CANCELLED"} and link.mode == "OBJECT"
+
+
+def test_mesh_without_faces_cannot_be_checked(bpy, addon):
+    """One line, and no check is stored."""
+    bare = bare_object(bpy)
+    for press in (bpy.ops.skin_calib.diagnose, bpy.ops.skin_calib.show_defects):
+        with pytest.raises(RuntimeError, match="Error: bare: the mesh has no faces"):
+            press()
+    assert not bare.skin_calib.diagnosis.key
