@@ -3,12 +3,11 @@
 
 import bpy
 from bpy_extras.io_utils import ImportHelper
-from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
 from ..skin_calib_addon.blender import comparing, results, taxels
 from ..skin_calib_addon.errors import SkinCalibError
 from .on_link import OnLink
-from .place import NAVIGATION, view_at
+from .picking import NAVIGATION, ray_under
 
 
 class OnResult(OnLink):
@@ -74,13 +73,8 @@ class SKIN_OT_taxel(OnResult, bpy.types.Operator):
 
 def taxel_under(context, x, y):
     """The id of the active link's taxel under a pixel of the window; None where there is none."""
-    region = view_at(context.window, x, y)
-    if region is None:
-        return None
-    pixel = x - region.x, y - region.y
-    start = region_2d_to_origin_3d(region, region.data, pixel)
-    way = region_2d_to_vector_3d(region, region.data, pixel)
-    return taxels.taxel_on_ray(context.object, context, start, way)
+    ray = ray_under(context, x, y)
+    return taxels.taxel_on_ray(context.object, context, *ray) if ray else None
 
 
 class SKIN_OT_compare(OnResult, bpy.types.Operator, ImportHelper):

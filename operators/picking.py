@@ -75,13 +75,17 @@ class Picking:
 
 def point_under(context, x, y):
     """Where the active link is under a pixel of the window, in its frame in Blender units; None where it is not."""
+    ray = ray_under(context, x, y)
+    return scene.point_on(context.object, context.evaluated_depsgraph_get(), *ray) if ray else None
+
+
+def ray_under(context, x, y):
+    """Start and way, in the world, of the ray from the eye through a pixel of the window; None outside of 3D views."""
     region = view_at(context.window, x, y)
     if region is None:
         return None
     pixel = x - region.x, y - region.y
-    start = region_2d_to_origin_3d(region, region.data, pixel)
-    way = region_2d_to_vector_3d(region, region.data, pixel)
-    return scene.point_on(context.object, context.evaluated_depsgraph_get(), start, way)
+    return region_2d_to_origin_3d(region, region.data, pixel), region_2d_to_vector_3d(region, region.data, pixel)
 
 
 def view_at(window, x, y):

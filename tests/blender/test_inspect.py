@@ -148,7 +148,7 @@ def test_layers_are_switched_by_the_link(ours, fitted):
     assert [a.what for a in ours.overlay.shown_layers(fitted)] == ["NET", "CELLS"]
     looks.heat, looks.labels = "TILT", "ID"
     assert [a.what for a in ours.overlay.shown_layers(fitted)] == ["TILT", "NET", "CELLS", "LABELS"]
-    own = ours.layers.Layer("PLANES", np.zeros((2, 3), np.float32))
+    own = ours.layers.Layer("OTHER", np.zeros((2, 3), np.float32))
     ours.overlay.hand_over("planes", fitted.name, (own,))
     assert list(ours.overlay.shown_layers(fitted))[-1] is own
     ours.overlay.previews[fitted.name] = (own,)

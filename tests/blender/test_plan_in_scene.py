@@ -289,7 +289,7 @@ def test_overlay_draws_boards_as_it_draws_cells(bpy, addon, plan_file):
     bpy.ops.skin_calib.fit()
     key = bpy.context.object.skin_calib.result.key
     (patch,) = addon.results.find(key).calibration.patches
-    _, _, outlines, sticks = addon.overlay._prepared[key]
+    outlines, sticks = addon.overlay._prepared[key].shown({"CELLS", "NORMALS"})
     corners = patch.taxels.corners_link
     sides = np.stack((corners, np.roll(corners, -1, axis=1)), axis=2)
     assert_allclose(outlines.points.reshape(3, 6, 2, 3), sides, atol=1e-7)

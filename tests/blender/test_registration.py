@@ -111,7 +111,17 @@ class Layout:
         assert name in data.bl_rna.properties, f"{data} has no {name}"
         self.shown.append(name)
 
-    (*(),)
+    def prop_enum(self, data, name, value, **_):
+        assert value in data.bl_rna.properties[name].enum_items, f"{name} of {data} is never {value}"
+        self.shown.append(f"{name}: {value}")
+
+    def template_list(self, kind, _id, data, listed, active, index, **_):
+        assert hasattr(self.bpy.types, kind)
+        self.prop(data, listed)
+        self.prop(active, index)
+
+    def separator(self, **_):
+        pass
 
     def operator(self, name, **_):
         module, name = name.split(".")
