@@ -1,7 +1,7 @@
 """Lay the skins of a plan on the fitted surface, each in its own way."""
 
 from dataclasses import dataclass, replace
-from functools import singledispatch
+from functools import cached_property, singledispatch
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from .skin.joined import joined
 from .skin.layout import lay_boards
 from .skin.strain import Closure, closure
 from .skin.taxels import sheet_taxels
-from .skin.wrap import wrap_sheet
+from .skin.wrap import WrappedSheet, wrap_sheet
 
 SURFACE = "cover"
 
@@ -27,8 +27,13 @@ class Laid:
     """A patch on the surface, and what is told of how it got there."""
 
     patch: Patch
-    closure: Closure | None = None  # of a sheet that goes round the link
+    sheet: WrappedSheet | None = None
     imported: ImportedTaxels | None = None
+
+    @cached_property
+    def closure(self) -> Closure | None:
+        """How a sheet that goes round the link closes; None of other skins."""
+        return None if self.sheet is None else closure(self.sheet)
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -38,8 +43,13 @@ class Laid:
         return sitting_doubts(self.patch, self.closure) + of_file
 
 
-def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit) -> tuple[Laid, ...]:
+def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[Laid, ...] = ()) -> tuple[Laid, ...]:
     """Lay the skins of a link one after another, and join those that touch.
+
+    Parameters
+    ----------
+    near : tuple of Laid, optional
+        How the same skins lay on a surface much like this one: sheets then come to rest sooner, and less exactly.
 
     Raises
     ------
@@ -51,7 +61,7 @@ def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit) -> tuple[Laid, ...]:
     for k, skin in enumerate(skins):
         first = first_channels(skins[: k + 1], [*counts, None])[k]
         assert first is not None  # the numbers of all skins before are known
-        done = lay(skin, fit, first)
+        done = lay(skin, fit, first, near[k] if near else None)
         laid.append(done)
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
@@ -60,13 +70,13 @@ def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit) -> tuple[Laid, ...]:
 
 
 @singledispatch
-def lay(skin: Skin, fit: SurfaceFit, first_channel: int) -> Laid:
+def lay(skin: Skin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
     """Lay one skin on the surface of a fit."""
     raise TypeError(f"no way to lay a {type(skin).__name__}")
 
 
 @lay.register
-def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int) -> Laid:
+def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
     sheet = wrap_sheet(
         fit.surface,
         skin.lattice,
@@ -75,14 +85,15 @@ def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int) -> Laid:
         offset=skin.offset,
         landmarks=skin.landmarks,
         trim=skin.trim,
+        near=near.sheet if near else None,
     )
     taxels, shape = sheet_taxels(sheet, skin.name, first_channel), (skin.lattice.rows, skin.lattice.columns)
     patch = Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
-    return Laid(patch, closure(sheet))
+    return Laid(patch, sheet)
 
 
 @lay.register
-def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int) -> Laid:
+def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
     boards, overhang = lay_boards(
         fit.surface,
         skin.lattice,
@@ -99,7 +110,7 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int) -> Laid:
 
 
 @lay.register
-def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int) -> Laid:
+def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
     taxel_set = read_taxels(skin.file, skin.format, skin.only)
     if skin.rotation is not None:
         taxel_set = placed(taxel_set, skin.rotation, skin.translation)

@@ -19,7 +19,7 @@ from . import overlay, results, scene
 from .background import Work
 from .facets import Facets
 from .plane_lists import read_hand_planes
-from .preview import Kept, Look, Told, look
+from .preview import Asked, Kept, Look, Told, look
 from .sketch import Sketch
 
 REST = 0.4  # [s] without a change, after which the fit is finished
@@ -180,8 +180,9 @@ def _preview(link: bpy.types.Object) -> Callable[..., Look] | None:
     elif not planes.are_there:
         _forget_sketch(link.name)
         return None
-    facets, kept = facets_of(link), _kept.setdefault(link.name, Kept())
-    return lambda begin: look(kept, start, facets, planes, plan, problem)
+    asked = Asked(start, facets_of(link), planes, plan, problem, overlay.switched_on(link))
+    kept = _kept.setdefault(link.name, Kept())
+    return lambda begin: look(kept, asked)
 
 
 def _show(link: bpy.types.Object, seen: Look) -> None:

@@ -72,16 +72,19 @@ def take_back(source: str, name: str | None = None) -> None:
 
 def shown_layers(link: Any) -> Iterator[Layer]:
     """What is drawn of an object now, the lowest first."""
-    plan = link.skin_calib
-    looks = plan.inspect
-    shown = plan.layers | {looks.heat}
-    if looks.labels != "NONE":
-        shown.add("LABELS")
+    plan, shown = link.skin_calib, switched_on(link)
     yield from _chosen(previews.get(link.name) or _prepared.get(plan.result.key, ()), shown)
     for source in added.values():
         yield from _chosen(source.get(link.name, ()), shown)
-    for token in looks.tokens():
+    for token in plan.inspect.tokens():
         yield from _kept.get(token, ())
+
+
+def switched_on(link: Any) -> set[str]:
+    """Names of the layers that the author wants to see of an object."""
+    plan = link.skin_calib
+    labels = {"LABELS"} if plan.inspect.labels != "NONE" else set()
+    return plan.layers | {plan.inspect.heat} | labels
 
 
 def _chosen(layers: Layers | Iterable[Layer], shown: set[str]) -> Iterator[Layer]:

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..errors import SkinCalibError
 from ..geometry import cut_cover
-from ..laying import lay_all
+from ..laying import Laid, lay_all
 from ..pipeline import fit_grid
 from ..plan import Plan, plan_document
 from .facets import Facets
-from .layers import Layer, layers_of
+from .layers import Layers, layers_of
 from .sketch import HandPlanes, Sketch, sketch_of
 
 
@@ -40,33 +40,55 @@ class Kept:
             self.steps[name] = asked, make()
         return self.steps[name][1]
 
+    def laid(self, skins: list[dict[str, Any]]) -> tuple[Laid, ...]:
+        """How the same skins lay on the last surface; nothing if they were others."""
+        before, laid = self.steps.get("laid", ((None, None), ()))
+        return laid if before[1] == skins else ()
+
 
 @dataclass(frozen=True, eq=False)
 class Look:
     """A preview."""
 
     sketch: Sketch
-    layers: tuple[Layer, ...] = ()
+    layers: Layers | None = None
     told: Told | None = None
 
 
-def look(kept: Kept, start: float, facets: Facets, planes: HandPlanes, plan: Plan | None, problem: str) -> Look:
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What a preview is made from, read from the scene."""
+
+    start: float  # when that began [s]
+    facets: Facets
+    planes: HandPlanes
+    plan: Plan | None  # None where the author does not want surface and skin to follow
+    problem: str  # or why there is none
+    shown: set[str]  # names of the layers that are switched on
+
+
+def look(kept: Kept, asked: Asked) -> Look:
     """Sketch the planes; where there is a plan, fit and lay without the exact errors."""
-    mesh = kept.step("mesh", facets, Facets.is_same, facets.mesh)
-    sketch = sketch_of(mesh, planes) if planes.are_there else Sketch()
+    mesh = kept.step("mesh", asked.facets, Facets.is_same, asked.facets.mesh)
+    sketch = sketch_of(mesh, asked.planes) if asked.planes.are_there else Sketch()
+    plan = asked.plan
     if plan is None:
-        return Look(sketch, told=Told(0.0, 0.0, problem) if problem else None)
-    asked = plan_document(plan)
-    grid = asked["grid"], asked["degree"], plan.chords
+        return Look(sketch, told=Told(0.0, 0.0, asked.problem) if asked.problem else None)
+    doc = plan_document(plan)
+    grid = doc["grid"], doc["degree"], plan.chords
     try:
-        cover = kept.step("cover", (mesh, asked["cover"]), _equal, lambda: cut_cover(mesh, plan.cover))
+        cover = kept.step("cover", (mesh, doc["cover"]), _equal, lambda: cut_cover(mesh, plan.cover))
         fit = kept.step("fit", (cover, *grid), _equal, lambda: fit_grid(cover, plan.grid, plan.degree, plan.chords))
-        patches = tuple(done.patch for done in lay_all(plan.skins, fit))
+        near = kept.laid(doc["skins"])
+        laid = kept.step("laid", (fit, doc["skins"]), _equal, lambda: lay_all(plan.skins, fit, near))
     except SkinCalibError as error:
         return Look(sketch, told=Told(0.0, 0.0, str(error)))
-    drawn = SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches))
+    patches = tuple(done.patch for done in laid)
+    layers = layers_of(SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches)))
+    for _ in layers.shown(asked.shown):  # made here, beside the main thread
+        pass
     mean = float(np.nanmean(np.abs(fit.residuals)))
-    return Look(sketch, layers_of(drawn), Told(mean, perf_counter() - start))
+    return Look(sketch, layers, Told(mean, perf_counter() - asked.start))
 
 
 def _equal(asked: tuple[Any, ...], before: tuple[Any, ...]) -> bool:

@@ -35,7 +35,7 @@ def _turned(lines: LineGrid) -> Planes:
     if along @ (centres[-1] - centres[0]) < 0:
         along = -along
     first = lines.directions[:, 0].mean(axis=0)
-    normal = unit(np.cross(along, first))
+    normal = unit(np.cross(first, along))  # the first line of these planes is the first of the grid, not its opposite
     count = max(FEWEST_V, len(lines.v_names) // 2)
     return Planes(np.tile(middle, (count, 1)), _fan(normal, along, count))
 

