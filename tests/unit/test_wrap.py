@@ -379,12 +379,12 @@ def test_sheet_comes_to_rest_sooner_from_where_it_lay_on_a_surface_alike(origin,
     lattice = SheetLattice(6, 12, SQUARE)
     one, alike = (fit_surface(wrist(), TubeGrid(n, 20, Z_AXIS, 0.004)).surface for n in (8, 9))
     other = fit_surface(cone(), TubeGrid(8, 20, Z_AXIS, 0.004)).surface
-    before = wrap_sheet(one, lattice, origin, (0, 1, 0), trim=trim)
-    expected = {id(s): centres(wrap_sheet(s, lattice, origin, (0, 1, 0), trim=trim)) for s in (alike, other)}
+    before = wrap_sheet(one, lattice, origin, (1, 1, 0), trim=trim)
+    expected = {id(s): centres(wrap_sheet(s, lattice, origin, (1, 1, 0), trim=trim)) for s in (alike, other)}
     guessed = []
     module = sys.modules[wrap_sheet.__module__]
     monkeypatch.setattr(module, "unroll", lambda *a, real=module.unroll: guessed.append(1) or real(*a))
     for surface, guesses in ((alike, 0), (other, 1)):
-        near = wrap_sheet(surface, lattice, origin, (0, 1, 0), trim=trim, near=before)
+        near = wrap_sheet(surface, lattice, origin, (1, 1, 0), trim=trim, near=before)
         assert_allclose(centres(near), expected[id(surface)], atol=1e-4)
         assert len(guessed) == guesses
