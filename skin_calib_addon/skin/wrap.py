@@ -30,6 +30,8 @@ ROUNDS, MOVED = 4, 0.01
 ROUGH = 0.01
 # Where nodes between those at rest are this much of their distance too near or too far, the surface turns between them.
 ASTRAY = 0.5
+# A surface is like another on which no node of the sheet is further away than so many pitches.
+ALIKE = 2
 # Share of the surface by which a point on its edge may be beyond.
 ROUNDING = 1e-9
 # Geodesics of a first guess have points no nearer than this share of the surface's size: they turn slowly.
@@ -146,7 +148,7 @@ def moved(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array, ce
     if centre:
         uv = uv + centring_shift(layer, uv)
     far = np.linalg.norm(layer.points(uv) - sheet.layer.points(before), axis=1).max()
-    return uv if far < net.pitch else None
+    return uv if far < ALIKE * net.pitch else None
 
 
 def settle(
@@ -188,7 +190,7 @@ def settle(
 
     net = grid_net(lattice.node_shape, lattice.step, pin)
     if last is not None:
-        uv = rest(net, last, 1, ROUGH)
+        uv = rest(net, last, settled=ROUGH)
         if not strays(layer, net, uv):
             return uv.reshape(*lattice.node_shape, 2)
     uv = guess(step)
