@@ -5,9 +5,10 @@ import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from ..skin_calib_addon.blender import comparing, results, taxels
+from ..skin_calib_addon.blender.view import ray_under
 from ..skin_calib_addon.errors import SkinCalibError
 from .on_link import OnLink
-from .picking import NAVIGATION, ray_under
+from .picking import NAVIGATION
 
 
 class OnResult(OnLink):

@@ -4,8 +4,8 @@
 import bpy
 
 from ..skin_calib_addon.blender import scene, skins
-from ..skin_calib_addon.errors import SkinCalibError
-from .on_link import Edit, entry
+from ..skin_calib_addon.blender.skins import entry, of_kind
+from .on_link import Edit
 
 INDEX = {"min": 0, "options": {"HIDDEN"}}
 
@@ -17,10 +17,7 @@ class OnSkin:
 
     def of_kind(self, plan, kind, what):
         """The skin, if it is of the kind that has such things."""
-        skin = entry(plan.skins, self.skin, "skin")
-        if skin.kind != kind:
-            raise SkinCalibError(f"skin {skin.name!r} has no {what}, which belong to {kind}; change its kind first")
-        return skin
+        return of_kind(entry(plan.skins, self.skin, "skin"), kind, what)
 
 
 class SKIN_OT_cut_add(Edit, bpy.types.Operator):

@@ -42,16 +42,3 @@ class Edit(OnMesh):
             return {"CANCELLED"}
         plan.result.outdated = True
         return {"FINISHED"}
-
-
-def entry(entries, index, what):
-    """One entry of a list of the plan.
-
-    Raises
-    ------
-    SkinCalibError
-        If it is not there.
-    """
-    if not 0 <= index < len(entries):
-        raise SkinCalibError(f"no {what} {index} here; there are {len(entries)}, counted from 0")
-    return entries[index]

@@ -3,9 +3,9 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import scene
+from ..skin_calib_addon.blender import scene, skins
 from .lists import INDEX, OnSkin
-from .on_link import Edit, entry
+from .on_link import Edit
 from .picking import POINT, Picking
 
 
@@ -24,21 +24,9 @@ class Place(OnSkin, Edit):
     )
     index: bpy.props.IntProperty(name="Index", description="Which landmark or zone, from 0", **INDEX)
 
-    def target(self, plan):
-        """The skin, landmark or zone whose point it is."""
-        if self.what == "landmark":
-            return entry(self.of_kind(plan, "sheet", "landmarks").landmarks, self.index, "landmark")
-        if self.what == "zone":
-            return entry(self.of_kind(plan, "hexagons", "excluded zones").excluded, self.index, "excluded zone")
-        return entry(plan.skins, self.skin, "skin")
-
     def put(self, plan, point):
         """Set the point, in the link frame in Blender units."""
-        target = self.target(plan)
-        if self.what == "origin":
-            target.origin, target.centred = point, False
-        else:
-            target.point = point
+        skins.put_point(plan, self.what, self.skin, self.index, point)
 
 
 class SKIN_OT_place_at_cursor(Place, bpy.types.Operator):
@@ -65,7 +53,7 @@ class SKIN_OT_place(Picking, Place, bpy.types.Operator):
     prompts = ("Click on the link: the point goes there    Esc: leave it",)
 
     def check(self, context):
-        self.target(context.object.skin_calib)
+        skins.point_of(context.object.skin_calib, self.what, self.skin, self.index)
 
     def take(self, points):
         (self.point,) = points

@@ -4,11 +4,12 @@
 import bpy
 
 from ..skin_calib_addon.blender import plane_lists, scene
+from ..skin_calib_addon.blender.skins import entry
 from ..skin_calib_addon.errors import SkinCalibError
 from ..skin_calib_addon.geometry import AutoGrid, PlanesGrid, cut_cover, fit_grid
 from ..skin_calib_addon.geometry.hand_planes import between, mirrored, planes_of, spread
 from .lists import INDEX
-from .on_link import Edit, OnLink, entry
+from .on_link import Edit, OnLink
 
 
 class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is drawn of a fitted link, as arrays prepared once for each result."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..calibration.model import Patch
 from ..comparison import Comparison
 from ..geometry.planes import Planes
 from ..geometry.sections import cut_sections
@@ -56,8 +57,8 @@ class Labels(Layer):
 class Layers:
     """Layers by name; each is made when it is first shown, and then kept."""
 
-    def __init__(self, taxels: AllTaxels, makers: dict[str, Callable[[], Layer]]):
-        self.taxels = taxels
+    def __init__(self, patches: Sequence[Patch], taxels: AllTaxels, makers: dict[str, Callable[[], Layer]]):
+        self.patches, self.taxels = patches, taxels
         self._makers, self._made = makers, dict[str, Layer]()
 
     def shown(self, names: Collection[str]) -> Iterator[Layer]:
@@ -76,6 +77,7 @@ def layers_of(result: Any) -> Layers:
     """Everything that can be drawn of a result, or of what has a ``fit`` and a ``calibration`` with patches."""
     fit, taxels = result.fit, AllTaxels.of(result.calibration.patches)
     return Layers(
+        result.calibration.patches,
         taxels,
         {
             "ERROR": lambda: _error(fit),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws the layers of the fitted links over the 3D view."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -9,6 +9,7 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
+from ..calibration.model import Patch
 from ..pipeline import Calibrated
 from . import labels, legend, results
 from .layers import Labels, Layer, Layers, layers_of
@@ -78,6 +79,12 @@ def shown_layers(link: Any) -> Iterator[Layer]:
         yield from _chosen(source.get(link.name, ()), shown)
     for token in plan.inspect.tokens():
         yield from _kept.get(token, ())
+
+
+def patches_of(link: Any) -> Sequence[Patch]:
+    """The patches that are drawn of an object now, one for each of its skins; none before the first fit."""
+    drawn = previews.get(link.name) or _prepared.get(link.skin_calib.result.key)
+    return drawn.patches if isinstance(drawn, Layers) else ()
 
 
 def switched_on(link: Any) -> set[str]:

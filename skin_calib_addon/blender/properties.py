@@ -91,6 +91,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         description="What of the fitted skin is drawn",
         items=[
             ("PLANES", "Planes", "Planes placed by hand, and what cuts take away", 128),
+            ("PLACES", "Places", "Handles of origins, directions, landmarks and excluded zones", 256),
             ("SECTIONS", "Sections", "Where the u-planes cut the cover", 16),
             ("LINES", "V-Lines", "Where the planes of the v-lines cut the cover", 32),
             ("NET", "Net", "Control points of the surface, joined to a net", 64),
@@ -98,7 +99,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
             ("CELLS", "Cells", "Outlines of the taxels", 4),
             ("NORMALS", "Normals", "Which way the taxels look", 8),
         ],
-        default={"PLANES", "SURFACE", "CELLS", "NORMALS"},
+        default={"PLANES", "PLACES", "SURFACE", "CELLS", "NORMALS"},
         options={"ENUM_FLAG"},
     )
     inspect: PointerProperty(

@@ -287,10 +287,22 @@ def check_seen(link: bpy.types.Object) -> None:
 
 def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, way: Vector) -> Vector | None:
     """Where a ray in the world first meets the object, in the link frame in Blender units; None where it does not."""
-    to_world = link.matrix_world
+    met = met_by(link, depsgraph, start, way)
+    return met[0] if met else None
+
+
+def met_by(
+    link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, way: Vector
+) -> tuple[Vector, Vector] | None:
+    """The same point, and the unit normal of the face there, on the side from which the ray comes."""
+    to_world, to_frame = link.matrix_world, link_frame(link).inverted()
     local = to_world.inverted_safe()
-    met, place, _, _ = link.evaluated_get(depsgraph).ray_cast(local @ start, local.to_3x3() @ way)
-    return link_frame(link).inverted() @ (to_world @ place) if met else None
+    met, place, normal, _ = link.evaluated_get(depsgraph).ray_cast(local @ start, local.to_3x3() @ way)
+    if not met:
+        return None
+    upright = to_frame.to_3x3() @ (local.to_3x3().transposed() @ normal)
+    upright = upright.normalized() * (-1 if upright.dot(to_frame.to_3x3() @ way) > 0 else 1)
+    return to_frame @ (to_world @ place), upright
 
 
 def metres_per_unit(scene: bpy.types.Scene) -> float:

@@ -4,7 +4,10 @@
 import re
 from typing import Any
 
-from ..errors import InvalidPlan
+import numpy as np
+
+from ..calibration.model import TaxelArray
+from ..errors import InvalidPlan, SkinCalibError
 from ..plan_skins import GAP, SIDE
 from .decimals import exact, in_units, vector
 
@@ -164,3 +167,69 @@ def _set_boards(skin: Any, document: dict[str, Any], metre: float) -> None:
     for zone in document.get("excluded", ()):
         item = skin.excluded.add()
         item.point, item.radius = in_units(zone["point"], metre), zone["radius"] / metre
+
+
+def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
+    """The group of properties that holds an origin, a landmark or a zone, and the name of its point there.
+
+    Raises
+    ------
+    SkinCalibError
+        If it is not there.
+    """
+    owner = entry(plan.skins, skin, "skin")
+    if what == "landmark":
+        return entry(of_kind(owner, "sheet", "landmarks").landmarks, index, "landmark"), "point"
+    if what == "zone":
+        return entry(of_kind(owner, "hexagons", "excluded zones").excluded, index, "excluded zone"), "point"
+    return owner, "origin"
+
+
+def put_point(plan: Any, what: str, skin: int, index: int, point: Any) -> None:
+    """Set an origin, a landmark or a zone to a point in the link frame in scene units; raises as point_of does."""
+    owner, name = point_of(plan, what, skin, index)
+    setattr(owner, name, point)
+    if what == "origin":
+        owner.centred = False
+
+
+def hold(skin: Any, taxels: TaxelArray, metre: float) -> None:
+    """Keep a skin where it lies, by an origin and a direction of its own; of boards, all that fit from there."""
+    i = root_row(taxels)
+    is_free = skin.kind == "hexagons" and skin.choice == "fill"
+    if is_free or skin.centred and not skin.landmarks:
+        skin.origin, skin.centred = in_units(taxels.positions_link[i], metre), False
+    skin.direction, skin.auto_direction = taxels.tangents_link[i], False
+    if is_free:
+        skin.choice = "all"
+
+
+def root_row(taxels: TaxelArray) -> int:
+    """The row of the cell that an origin names, or of the first cell where that one was left out."""
+    return int(np.argmin(np.abs(taxels.index).sum(axis=1)))
+
+
+def of_kind(skin: Any, kind: str, what: str) -> Any:
+    """A skin, if it is of the kind that has such things.
+
+    Raises
+    ------
+    SkinCalibError
+        If it is not.
+    """
+    if skin.kind != kind:
+        raise SkinCalibError(f"skin {skin.name!r} has no {what}, which belong to {kind}; change its kind first")
+    return skin
+
+
+def entry(entries: Any, index: int, what: str) -> Any:
+    """One entry of a list of the plan.
+
+    Raises
+    ------
+    SkinCalibError
+        If it is not there.
+    """
+    if not 0 <= index < len(entries):
+        raise SkinCalibError(f"no {what} {index} here; there are {len(entries)}, counted from 0")
+    return entries[index]

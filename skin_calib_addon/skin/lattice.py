@@ -102,6 +102,14 @@ class HexLattice:
         q, r = np.asarray(cells).reshape(-1, 2).T
         return np.column_stack((self.pitch * (q + r / 2), self.row_step * r))
 
+    def cell_at(self, place: Array) -> tuple[int, int]:
+        """Axial coordinates of the cell that a flat place (2,) [m] is nearest to."""
+        r = place[1] / self.row_step
+        q = place[0] / self.pitch - r / 2
+        near = np.floor((q, r)).astype(int) + [(0, 0), (1, 0), (0, 1), (1, 1)]
+        nearest = near[np.argmin(((self.centres(near) - place) ** 2).sum(axis=1))]
+        return int(nearest[0]), int(nearest[1])
+
     @property
     def corners(self) -> Array:
         """Corners of a cell about its centre, counter-clockwise from 30 degrees below x, shape (6, 2) [m]."""

@@ -8,7 +8,7 @@ OPERATORS = (
     *("scale_to_unit", "diagnose", "show_defects", "cut_add", "cut_remove"),
     *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
     *("fit", "skin_add", "skin_remove", "landmark_add", "landmark_remove", "zone_add", "zone_remove"),
-    *("place", "place_at_cursor", "taxel", "compare", "compare_end"),
+    *("boards_paint", "place", "place_at_cursor", "taxel", "compare", "compare_end"),
 )
 EXCHANGE = (
     *("import_plan", "import_mesh", "import_urdf", "choose_link"),

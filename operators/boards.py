@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hexagonal boards chosen by hand."""
+
+import bpy
+
+from ..skin_calib_addon.blender import overlay, scene, skins
+from ..skin_calib_addon.blender.decimals import vector
+from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.skin import HexLattice
+from ..skin_calib_addon.skin.touched import board_at
+from .lists import OnSkin
+from .on_link import Edit
+from .picking import POINT, Picking
+
+
+class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
+    """Click on boards to take them out, and beside them to put boards in; Live shows what comes of it"""
+
+    bl_idname = "skin_calib.boards_paint"
+    bl_label = "Paint Boards"
+
+    point: bpy.props.FloatVectorProperty(name="Point", description="On the board, in the link frame", **POINT)
+
+    prompts = ("Click on a board to take it out, beside the boards to put one in    Esc, Return: end",)
+    repeats = True
+
+    def check(self, context):
+        self.boards(context)
+        context.object.skin_calib.live = True
+
+    def take(self, points):
+        (self.point,) = points
+
+    def boards(self, context):
+        """The skin, and its boards as they lie now."""
+        plan = context.object.skin_calib
+        skin, patches = self.of_kind(plan, "hexagons", "boards"), overlay.patches_of(context.object)
+        if len(patches) != len(plan.skins) or patches[self.skin].kind != "hexagons":
+            raise SkinCalibError("fit the link first, to see the boards that are there")
+        return skin, patches[self.skin].taxels
+
+    def edit(self, context, plan):
+        skin, taxels = self.boards(context)
+        metre = scene.metres_per_unit(context.scene)
+        document = skins.skin_document(skin, metre)
+        lattice = HexLattice(document["side"], document.get("gap", skins.GAP))
+        cell = board_at(taxels, lattice, vector(self.point, metre))
+        cells = [tuple(c) for c in (document["cells"] if skin.choice == "listed" else taxels.index.tolist())]
+        if cells == [cell]:
+            raise SkinCalibError("this is the last board; remove the skin instead")
+        if skin.choice != "listed":
+            skins.hold(skin, taxels, metre)
+            skin.choice = "listed"
+        cells.remove(cell) if cell in cells else cells.append(cell)
+        skin.cells = " ".join(f"{q},{r}" for q, r in cells)
+
+
+CLASSES = (SKIN_OT_boards_paint,)

@@ -1,0 +1,99 @@
+"""Drives skins by their handles: a sheet's origin slides over the link, its direction turns; boards are painted."""
+
+import sys
+
+import bpy
+from mathutils import Vector
+from sample import link, plan, undo
+
+
+def ours(name):
+    """A module of the extension."""
+    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
+
+
+def basis(what, skin=0, index=0):
+    """Where a handle is, in the world."""
+    return ours("skin_handles").basis_of(bpy.context, (what, skin, index))
+
+
+def drive(gui):
+    yield from gui.tab("Skin")
+    with gui.context():
+        bpy.ops.view3d.view_axis(type="LEFT")
+    yield from gui.redraw(3)
+    yield from gui.press("skin_calib.fit")
+    yield from gui.wait(lambda: plan().result.key, 30, "the fit")
+    yield from gui.press("skin_calib.live")
+    yield from gui.redraw(3)
+    yield from gui.shot("handles.png")
+    yield from slides_the_origin(gui)
+    yield from turns_the_direction(gui)
+    yield from lets_go_with_escape(gui)
+
+
+def skin():
+    """The sheet of the sample."""
+    return plan().skins[0]
+
+
+def slides_the_origin(gui):
+    """The ball follows the mouse over the link, the sheet follows the ball; Ctrl-Z brings both back."""
+    start = gui.at(basis("origin").translation)
+    goal = start[0] - 40, start[1] + 15
+    ours("live").REST = 60.0  # a software renderer rests between two moves
+    yield from gui.drag(start, goal, mods=(), release=False)
+    yield from gui.wait(lambda: link().name in ours("overlay").previews, 20, "a preview under the drag")
+    yield from gui.redraw(3)
+    yield from gui.shot("slid.png")
+    yield from gui.release()
+    ours("live").REST = 0.4
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
+    yield from gui.redraw(3)
+    x, y = gui.at(basis("origin").translation)
+    assert abs(x - goal[0]) < 4 and abs(y - goal[1]) < 4, ((x, y), goal)
+    assert not skin().centred and skin().origin.length > 0
+    yield from undo(gui)
+    assert skin().centred
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after undo")
+    yield from undo(gui, "shift")
+    assert not skin().centred
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after redo")
+
+
+def turns_the_direction(gui):
+    """The arrow's tip follows the mouse."""
+    was = Vector(skin().direction)
+    skin().trim = True  # turned, it runs off the link
+    yield from gui.redraw(3)
+    x, y = ahead(gui, 0.8)
+    goal = x, y + 10
+    yield from gui.drag((x, y), goal, mods=())
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the turn")
+    yield from gui.redraw(3)
+    yield from gui.shot("turned.png")
+    assert was.angle(skin().direction) > 0.05
+    yield from undo(gui)
+    assert (Vector(skin().direction) - was).length == 0
+    yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after undo")
+
+
+def ahead(gui, share):
+    """Window pixel on the arrow, at a share of its length of 75 pixels."""
+    place = basis("way")
+    foot, tip = Vector(gui.at(place.translation)), Vector(gui.at(place.translation + 0.001 * place.to_3x3().col[2]))
+    scale = bpy.context.preferences.view.gizmo_size * bpy.context.preferences.system.ui_scale
+    return tuple(foot + share * scale * (tip - foot).normalized())
+
+
+def lets_go_with_escape(gui):
+    """Esc under a drag leaves the origin where it was."""
+    was = tuple(skin().origin)
+    start = gui.at(basis("origin").translation)
+    yield from gui.drag(start, (start[0] - 20, start[1] + 8), mods=(), release=False)
+    yield from gui.redraw(2)
+    assert tuple(skin().origin) != was
+    yield from gui.key("ESC")
+    yield from gui.release()
+    yield from gui.redraw(2)
+    assert tuple(skin().origin) == was
