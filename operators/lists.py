@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Add to what the plan of the active link lists, and take away: cuts, skins, landmarks, excluded zones."""
+"""Add to what the plan of the active link lists, and take away: skins, landmarks, excluded zones."""
 
 import bpy
 
@@ -18,29 +18,6 @@ class OnSkin:
     def of_kind(self, plan, kind, what):
         """The skin, if it is of the kind that has such things."""
         return of_kind(entry(plan.skins, self.skin, "skin"), kind, what)
-
-
-class SKIN_OT_cut_add(Edit, bpy.types.Operator):
-    """Add a plane that cuts the cover; it starts at the 3D cursor and keeps what lies above"""
-
-    bl_idname = "skin_calib.cut_add"
-    bl_label = "Add Cut"
-
-    def edit(self, context, plan):
-        plan.cover.cuts.add().point = scene.cursor_on(context.object, context.scene)
-
-
-class SKIN_OT_cut_remove(Edit, bpy.types.Operator):
-    """Remove this cut from the active link"""
-
-    bl_idname = "skin_calib.cut_remove"
-    bl_label = "Remove Cut"
-
-    index: bpy.props.IntProperty(name="Index", description="Which cut, from 0", **INDEX)
-
-    def edit(self, context, plan):
-        entry(plan.cover.cuts, self.index, "cut")
-        plan.cover.cuts.remove(self.index)
 
 
 class SKIN_OT_skin_add(Edit, bpy.types.Operator):
@@ -131,8 +108,6 @@ class SKIN_OT_zone_remove(OnSkin, Edit, bpy.types.Operator):
 
 
 CLASSES = (
-    SKIN_OT_cut_add,
-    SKIN_OT_cut_remove,
     SKIN_OT_skin_add,
     SKIN_OT_skin_remove,
     SKIN_OT_landmark_add,

@@ -3,22 +3,69 @@
 
 import bpy
 
+from ..skin_calib_addon.blender import cut_away, live
 from .base import SkinPanel
+
+ROWS = 5  # of the list, at most
+ALONG = 0.9999  # a normal whose largest component is more than this is an axis
+
+
+class SKIN_UL_cuts(bpy.types.UIList):
+    """Cuts, one in a row: which side it keeps, and what can be done with it"""
+
+    def draw_item(self, _context, layout, cover, cut, _icon, _active, _property, index):
+        row = layout.row(align=True)
+        wrong = what_is_wrong(cover, index)
+        row.alert = bool(wrong)
+        row.label(text=f"Cut {index} keeps {kept_side(cut.normal)}", icon="ERROR" if wrong else "NONE")
+        for name, icon in (("cut_flip", "ARROW_LEFTRIGHT"), ("cut_remove", "X")):
+            row.operator(f"skin_calib.{name}", text="", icon=icon, emboss=False).index = index
+
+
+def what_is_wrong(cover, index):
+    """Why a cut does not cut, as the last sketch of the planes has it; empty if it does."""
+    sketch = live.sketches.get(cover.id_data.name)
+    return sketch.wrong.get(("CUT", index), "") if sketch else ""
+
+
+def kept_side(normal):
+    """The axis that a normal points along, in words."""
+    largest = max(range(3), key=lambda i: abs(normal[i]))
+    if not normal[largest]:
+        return "nothing: no normal"
+    length = sum(x * x for x in normal) ** 0.5
+    about = "" if abs(normal[largest]) > ALONG * length else "about "
+    return f"{about}{'-' if normal[largest] < 0 else '+'}{'XYZ'[largest]}"
 
 
 class SKIN_PT_cut(SkinPanel, bpy.types.Panel):
     bl_label = "Cut"
 
     def lay_out(self, layout, plan):
-        layout.row().prop(plan.cover, "shell", expand=True)
-        for i, cut in enumerate(plan.cover.cuts):
-            box = layout.box()
-            row = box.row()
-            row.label(text=f"Cut {i}")
-            row.operator("skin_calib.cut_remove", text="", icon="X").index = i
-            box.prop(cut, "point")
-            box.prop(cut, "normal")
-        layout.operator("skin_calib.cut_add", icon="ADD")
+        cover, cuts = plan.cover, plan.cover.cuts
+        layout.row().prop(cover, "shell", expand=True)
+        if cuts:
+            rows = min(len(cuts), ROWS)
+            layout.template_list("SKIN_UL_cuts", "", cover, "cuts", cover, "cut_index", rows=rows, sort_lock=True)
+        if cover.cut_index < len(cuts):
+            self.lay_out_cut(layout, cover, cuts[cover.cut_index])
+        row = layout.row(align=True)
+        row.operator("skin_calib.cut_add", icon="ADD")
+        row.operator("skin_calib.cut_place", text="", icon="EYEDROPPER")
+        row = layout.row(align=True)
+        row.operator("skin_calib.cut_away", icon="FACESEL")
+        if cut_away.modifier_of(plan.id_data):
+            row.operator("skin_calib.bring_back", icon="LOOP_BACK")
+
+    def lay_out_cut(self, layout, cover, cut):
+        """The chosen cut, and what is wrong with it."""
+        column = layout.column()
+        wrong = what_is_wrong(cover, cover.cut_index)
+        if wrong:
+            column.alert = True
+            column.label(text=f"It {wrong}" if not wrong.startswith("its") else wrong.capitalize(), icon="ERROR")
+        column.prop(cut, "point")
+        column.prop(cut, "normal")
 
 
-CLASSES = (SKIN_PT_cut,)
+CLASSES = (SKIN_UL_cuts, SKIN_PT_cut)

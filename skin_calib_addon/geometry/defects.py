@@ -103,7 +103,7 @@ class Diagnosis:
             return
         told = ", ".join(f"{length * 1e3:.4g}" for length in lengths[:TOLD]) + (", ..." if len(lengths) > TOLD else "")
         advice = "Ends may be open; elsewhere the fit has nothing to go by: fill holes, or keep the skin clear of them."
-        yield Remark(f"{count(len(lengths), 'hole')}, {told} mm round", len(lengths) > ENDS, advice)
+        yield Remark(f"{count(len(lengths), 'hole')}: {told} mm round", len(lengths) > ENDS, advice)
 
     def _edges(self) -> Iterator[Remark]:
         if not len(self.branching):

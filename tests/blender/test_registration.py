@@ -9,6 +9,7 @@ OPERATORS = (
     *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
     *("fit", "skin_add", "skin_remove", "landmark_add", "landmark_remove", "zone_add", "zone_remove"),
     *("boards_paint", "place", "place_at_cursor", "taxel", "compare", "compare_end"),
+    *("cut_place", "cut_flip", "cut_away", "bring_back"),
 )
 EXCHANGE = (
     *("import_plan", "import_mesh", "import_urdf", "choose_link"),

@@ -46,7 +46,7 @@ def test_ends_of_a_tube_are_two_holes_of_known_length():
     np.testing.assert_allclose(found.holes(), [round_it, round_it], rtol=1e-12)
     assert (
         len(found.edges()) == 48
-        and remarks(found)[f"2 holes, {round_it * 1e3:.4g}, {round_it * 1e3:.4g} mm round"] is False
+        and remarks(found)[f"2 holes: {round_it * 1e3:.4g}, {round_it * 1e3:.4g} mm round"] is False
     )
 
 

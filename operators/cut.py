@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What of the link is covered: planes that cut it, and faces that the author cuts away."""
+
+import bpy
+import numpy as np
+
+from ..skin_calib_addon.blender import cut_away, scene
+from ..skin_calib_addon.blender.decimals import vector
+from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
+from ..skin_calib_addon.geometry.cut_planes import cut_normal
+from ..skin_calib_addon.geometry.defects import count
+from .lists import INDEX
+from .on_link import Edit, OnMesh, entry
+from .picking import POINT, Picking
+
+
+class AddCut:
+    """Adds a plane across the link through a point, keeping the larger part."""
+
+    def add(self, context, plan, point):
+        """A cut through a point in the link frame in Blender units, as the active one."""
+        normal = self.normal(context, plan, point)
+        cut = plan.cover.cuts.add()
+        cut.point, cut.normal = point, normal
+        plan.cover.cut_index = len(plan.cover.cuts) - 1
+
+    def normal(self, context, plan, point):
+        """Across the author's axis, or the mesh's own; what is no mesh yet is cut from below."""
+        grid = plan.grid
+        is_told = not grid.auto_axis and grid.kind != "planes" and any(grid.direction)
+        try:
+            mesh = scene.read_facets(context.object, context).welded()
+        except InvalidMesh:
+            return (0, 0, 1)
+        at = np.array(vector(point, scene.metres_per_unit(context.scene)))
+        return cut_normal(mesh, at, np.array(grid.direction) if is_told else None)
+
+
+class SKIN_OT_cut_add(AddCut, Edit, bpy.types.Operator):
+    """Add a plane that cuts the cover; it starts at the 3D cursor, across the link, and keeps the larger part"""
+
+    bl_idname = "skin_calib.cut_add"
+    bl_label = "Add Cut"
+
+    def edit(self, context, plan):
+        self.add(context, plan, scene.cursor_on(context.object, context.scene))
+
+
+class SKIN_OT_cut_place(Picking, AddCut, Edit, bpy.types.Operator):
+    """Click on the link where a plane is to cut it, across the link; the larger part is kept. Esc adds none"""
+
+    bl_idname = "skin_calib.cut_place"
+    bl_label = "Add Cut on Link"
+
+    point: bpy.props.FloatVectorProperty(name="Point", description="Where the link is cut, in the link frame", **POINT)
+
+    prompts = ("Click on the link: it is cut there    Esc: no cut",)
+
+    def take(self, points):
+        (self.point,) = points
+
+    def edit(self, context, plan):
+        self.add(context, plan, self.point)
+
+
+class SKIN_OT_cut_flip(Edit, bpy.types.Operator):
+    """Keep the other side of this cut"""
+
+    bl_idname = "skin_calib.cut_flip"
+    bl_label = "Flip Cut"
+
+    index: bpy.props.IntProperty(name="Index", description="Which cut, from 0", **INDEX)
+
+    def edit(self, context, plan):
+        cut = entry(plan.cover.cuts, self.index, "cut")
+        cut.normal = [0.0 - x for x in cut.normal]  # no minus zero
+
+
+class SKIN_OT_cut_remove(Edit, bpy.types.Operator):
+    """Remove this cut from the active link"""
+
+    bl_idname = "skin_calib.cut_remove"
+    bl_label = "Remove Cut"
+
+    index: bpy.props.IntProperty(name="Index", description="Which cut, from 0", **INDEX)
+
+    def edit(self, context, plan):
+        entry(plan.cover.cuts, self.index, "cut")
+        plan.cover.cuts.remove(self.index)
+        plan.cover.cut_index = max(0, min(plan.cover.cut_index - (self.index < plan.cover.cut_index), len(plan.cover.cuts) - 1))
+
+
+class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
+    """Leave the selected faces out of the cover; the mesh keeps them, and they can be brought back"""
+
+    bl_idname = "skin_calib.cut_away"
+    bl_label = "Cut Away Selection"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        reason = scene.why_no_link(context, named=False)
+        if not reason and context.object.data.library:
+            reason = "The mesh of this link belongs to another file; make it local"
+        if not reason and context.mode != "EDIT_MESH":
+            reason = "Select faces in Edit Mode (Tab) first"
+        return cls.says(reason)
+
+    def execute(self, context):
+        link = context.object
+        bpy.ops.object.mode_set(mode="OBJECT")  # there the result is seen, and one step of undo takes all of it back
+        try:
+            chosen = cut_away.selected(link)
+        except SkinCalibError as error:
+            bpy.ops.object.mode_set(mode="EDIT")
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        cut_away.cut(link, chosen)
+        link.skin_calib.result.outdated = True
+        self.report({"INFO"}, f"{link.name}: {count(int(chosen.sum()), 'face')} cut away")
+        return {"FINISHED"}
+
+
+class SKIN_OT_bring_back(OnMesh, bpy.types.Operator):
+    """Take the faces that were cut away by hand into the cover again"""
+
+    bl_idname = "skin_calib.bring_back"
+    bl_label = "Bring Back"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        reason = scene.why_no_link(context, named=False)
+        if not reason and cut_away.modifier_of(context.object) is None:
+            reason = "No face of this link was cut away by hand"
+        return cls.says(reason)
+
+    def execute(self, context):
+        link = context.object
+        if link.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        cut_away.bring_back(link)
+        link.skin_calib.result.outdated = True
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SKIN_OT_cut_add,
+    SKIN_OT_cut_place,
+    SKIN_OT_cut_flip,
+    SKIN_OT_cut_remove,
+    SKIN_OT_cut_away,
+    SKIN_OT_bring_back,
+)

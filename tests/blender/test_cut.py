@@ -1,0 +1,287 @@
+"""What of a link is covered: planes across it, and faces that are cut away without touching the mesh."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.blender.test_refusals import scene_state
+
+AWAY = slice(0, 96, 3)  # faces to cut away: a part of the wall
+
+
+@pytest.fixture
+def choose(bpy):
+    """Selects faces of the active object as an author does, in Edit Mode."""
+
+    def choose(faces=AWAY):
+        link = bpy.context.object
+        bpy.context.tool_settings.mesh_select_mode = (False, False, True)
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.select_all(action="DESELECT")
+        bpy.ops.object.mode_set(mode="OBJECT")
+        chosen = np.zeros(len(link.data.polygons), bool)
+        chosen[faces] = True
+        link.data.polygons.foreach_set("select", chosen)
+        bpy.ops.object.mode_set(mode="EDIT")
+        return int(chosen.sum())
+
+    return choose
+
+
+@pytest.fixture
+def left(bpy, addon):
+    """How many faces of an object count."""
+
+    def left(name="arm"):
+        link = bpy.data.objects[name]
+        bpy.context.view_layer.update()
+        return len(addon.scene.read_mesh(link, bpy.context).faces)
+
+    return left
+
+
+def geometry(link):
+    """What the mesh itself is."""
+    return [v.co[:] for v in link.data.vertices], [tuple(p.vertices) for p in link.data.polygons]
+
+
+ALL = 384
+
+
+def test_selected_faces_are_left_out_and_come_back(bpy, link, choose, left):
+    """What is fitted goes without them, in both modes; the mesh keeps them; bringing back leaves nothing of ours."""
+    before = geometry(link)
+    gone = choose()
+    assert bpy.ops.skin_calib.cut_away() == {"FINISHED"} and link.mode == "OBJECT"
+    assert left() == ALL - gone and geometry(link) == before and link.skin_calib.result.outdated
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert left() == ALL - gone
+    assert bpy.ops.skin_calib.bring_back() == {"FINISHED"}
+    assert left() == ALL and geometry(link) == before and link.mode == "OBJECT"
+    assert not link.modifiers and not bpy.data.node_groups and not [a for a in link.data.attributes if "skin" in a.name]
+
+
+def test_more_can_be_cut_away(bpy, link, choose, left):
+    """Selections add up, in one modifier."""
+    first = choose(slice(0, 20))
+    bpy.ops.skin_calib.cut_away()
+    choose(slice(10, 40))
+    bpy.ops.skin_calib.cut_away()
+    assert left() == ALL - 40 > ALL - 40 - first and len(link.modifiers) == len(bpy.data.node_groups) == 1
+
+
+def test_undo_takes_all_of_it_back(bpy, link, choose, left):
+    """One step: the faces, the modifier and the nodes; and redo brings them again."""
+    gone = choose()
+    bpy.ops.ed.undo_push(message="chosen")
+    assert bpy.ops.skin_calib.cut_away("EXEC_DEFAULT", True) == {"FINISHED"}
+    bpy.ops.ed.undo()
+    assert bpy.context.mode == "EDIT_MESH" and left() == ALL
+    assert not bpy.context.object.modifiers and not bpy.data.node_groups
+    bpy.ops.ed.redo()
+    assert bpy.context.mode == "OBJECT" and left() == ALL - gone
+    assert bpy.ops.skin_calib.bring_back("EXEC_DEFAULT", True) == {"FINISHED"} and left() == ALL
+    bpy.ops.ed.undo()
+    assert left() == ALL - gone
+
+
+def test_file_keeps_it_with_and_without_the_extension(bpy, addon, extension, link, choose, left, tmp_path):
+    """Saved and opened, the same faces are gone; with the extension disabled Blender still hides them."""
+    import addon_utils
+
+    gone = choose()
+    bpy.ops.skin_calib.cut_away()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "arm.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
+    assert left() == ALL - gone
+    addon_utils.disable(extension)
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
+        link = bpy.context.object
+        evaluated = link.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        assert len(evaluated.data.polygons) == ALL - gone and len(link.data.polygons) == ALL
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "arm.blend"))
+    finally:
+        addon_utils.enable(extension)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
+    assert left() == ALL - gone
+    bpy.ops.skin_calib.bring_back()
+    assert left() == ALL
+
+
+def test_objects_on_one_mesh_are_cut_each_for_itself(bpy, link, choose, left):
+    """A twin without a modifier, one that was copied with it, and one cut after that: none changes another."""
+    data = link.data
+
+    def twin(name):
+        copy = link.copy()
+        copy.name = name
+        bpy.context.scene.collection.objects.link(copy)
+        return copy
+
+    def activate(o):
+        bpy.ops.object.select_all(action="DESELECT")
+        bpy.context.view_layer.objects.active = o
+        o.select_set(True)
+
+    whole = twin("whole")
+    first = choose(slice(0, 10))
+    bpy.ops.skin_calib.cut_away()
+    copied = twin("copied")
+    assert (left("arm"), left("whole"), left("copied")) == (ALL - first, ALL, ALL - first)
+    activate(copied)
+    choose(slice(100, 120))
+    bpy.ops.skin_calib.cut_away()
+    activate(whole)
+    choose(slice(200, 205))
+    bpy.ops.skin_calib.cut_away()
+    assert (left("arm"), left("whole"), left("copied")) == (ALL - 10, ALL - 5, ALL - 30)
+    bpy.ops.skin_calib.bring_back()
+    assert (left("arm"), left("whole"), left("copied")) == (ALL - 10, ALL, ALL - 30)
+    activate(copied)
+    bpy.ops.skin_calib.bring_back()
+    assert (left("arm"), left("copied")) == (ALL - 10, ALL) and data.users == 3
+    activate(bpy.data.objects["arm"])
+    bpy.ops.skin_calib.bring_back()
+    assert left("arm") == ALL and not bpy.data.node_groups and not [a for a in data.attributes if "skin" in a.name]
+
+
+def test_bringing_back_leaves_a_twin_as_it_is(bpy, link, choose, left):
+    """A copy on the same mesh that looks at the same mark still does."""
+    gone = choose()
+    bpy.ops.skin_calib.cut_away()
+    twin = link.copy()
+    twin.name = "twin"
+    bpy.context.scene.collection.objects.link(twin)
+    bpy.ops.skin_calib.bring_back()
+    assert (left("arm"), left("twin")) == (ALL, ALL - gone)
+
+
+def test_copy_of_the_mesh_keeps_what_is_gone(bpy, link, choose, left):
+    """A full copy is cut and brought back without the first."""
+    gone = choose()
+    bpy.ops.skin_calib.cut_away()
+    copy = link.copy()
+    copy.data = link.data.copy()
+    copy.name = "copy"
+    bpy.context.scene.collection.objects.link(copy)
+    assert left("copy") == left("arm") == ALL - gone
+    bpy.context.view_layer.objects.active = copy
+    bpy.ops.skin_calib.bring_back()
+    assert (left("copy"), left("arm")) == (ALL, ALL - gone)
+
+
+def test_modifiers_of_the_author_come_after(bpy, link, choose, left):
+    """What is marked is gone before it is made finer."""
+    link.modifiers.new("finer", "SUBSURF").levels = 1
+    gone = choose()
+    bpy.ops.skin_calib.cut_away()
+    assert link.modifiers[0].type == "NODES" and left() == 6 * (ALL - gone)
+
+
+def test_renamed_modifier_and_nodes_are_known(bpy, link, choose, left):
+    """Names belong to the author."""
+    choose(slice(0, 10))
+    bpy.ops.skin_calib.cut_away()
+    link.modifiers[0].name, bpy.data.node_groups[0].name = "mine", "mine too"
+    choose(slice(10, 20))
+    bpy.ops.skin_calib.cut_away()
+    assert len(link.modifiers) == 1 and left() == ALL - 20
+    bpy.ops.skin_calib.bring_back()
+    assert left() == ALL and not link.modifiers
+
+
+def test_exported_plan_gives_the_bytes_of_the_scene(bpy, link, choose, fit_scene, fit_plainly, tmp_path):
+    """The plan's mesh file goes without what was cut away; the command line fits the same."""
+    link.location, link.scale = (0.01, 0.02, 0.03), (-1, 1, 1)
+    bpy.context.view_layer.update()
+    whole = fit_scene()
+    choose(slice(0, 12))
+    bpy.ops.skin_calib.cut_away()
+    bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "cut.plan.json"))
+    assert fit_scene() == fit_plainly(tmp_path / "cut.plan.json") != whole
+
+
+@pytest.mark.parametrize(
+    "faces, words", [(slice(0, 0), "no face of arm is selected"), (slice(0, ALL), "leave no face")]
+)
+def test_selection_without_sense_is_refused(bpy, addon, link, choose, left, faces, words):
+    """Nothing, or everything: the author stays in Edit Mode with the selection."""
+    chosen = choose(faces)
+    before = scene_state(bpy, addon)
+    with pytest.raises(RuntimeError, match=f"Error: .*{words}"):
+        bpy.ops.skin_calib.cut_away()
+    assert scene_state(bpy, addon) == before and link.mode == "EDIT" and not link.modifiers
+    assert link.data.total_face_sel == chosen
+
+
+def test_button_that_cannot_work_says_why(bpy, link):
+    """Outside of Edit Mode there is no selection; without a cut there is nothing to bring back."""
+    with pytest.raises(RuntimeError, match="Select faces in Edit Mode"):
+        bpy.ops.skin_calib.cut_away()
+    with pytest.raises(RuntimeError, match="No face of this link was cut away by hand"):
+        bpy.ops.skin_calib.bring_back()
+
+
+def cuts(link):
+    return [(tuple(np.round(c.point, 6)), tuple(np.round(c.normal, 6))) for c in link.skin_calib.cover.cuts]
+
+
+def test_new_cut_stands_across_the_link(bpy, link):
+    """At the cursor, across the axis, with the larger part kept; the last one is the active one."""
+    for z in (0.03, 0.09):
+        bpy.context.scene.cursor.location = (0.3, 0.2, z)
+        bpy.ops.skin_calib.cut_add()
+    assert cuts(link) == [((0.3, 0.2, 0.03), (0, 0, 1)), ((0.3, 0.2, 0.09), (0, 0, -1))]
+    assert link.skin_calib.cover.cut_index == 1
+
+
+def test_cut_is_placed_at_a_point_across_the_axis_of_the_author(bpy, link):
+    """The twin of the click; where the axis is typed, the cut stands across it; in a scene of millimetres too."""
+    link.skin_calib.grid.auto_axis, link.skin_calib.grid.direction = False, (3, 0, 4)
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.cut_place("EXEC_DEFAULT", True, point=(0.03, 0.0, 0.09)) == {"FINISHED"}
+    assert cuts(bpy.data.objects["arm"]) == [((0.03, 0.0, 0.09), (-0.6, 0, -0.8))]
+    bpy.ops.ed.undo()
+    assert cuts(bpy.data.objects["arm"]) == []
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    bpy.data.objects["arm"].scale = (1000, 1000, 1000)
+    bpy.context.view_layer.update()
+    bpy.ops.skin_calib.cut_place(point=(30, 0, 90))
+    assert cuts(bpy.data.objects["arm"]) == [((30, 0, 90), (-0.6, 0, -0.8))]
+
+
+def test_flipped_cut_keeps_the_other_side(bpy, link):
+    """And the first one again after a second time, to the bit."""
+    bpy.ops.skin_calib.cut_add()
+    cut = link.skin_calib.cover.cuts[0]
+    cut.normal = (0.1, 0, -0.7)
+    before = tuple(cut.normal)
+    assert bpy.ops.skin_calib.cut_flip(index=0) == {"FINISHED"}
+    assert_allclose(cut.normal, np.negative(before)) and link.skin_calib.result.outdated
+    assert str(tuple(cut.normal)[1]) == "0.0"
+    bpy.ops.skin_calib.cut_flip(index=0)
+    assert tuple(cut.normal) == before
+    with pytest.raises(RuntimeError, match="no cut 1 here; there are 1"):
+        bpy.ops.skin_calib.cut_flip(index=1)
+
+
+@pytest.mark.parametrize("active, removed, after", [(2, 0, 1), (0, 2, 0), (2, 2, 1), (1, 1, 1), (0, 0, 0)])
+def test_chosen_cut_stays_when_another_goes(bpy, link, active, removed, after):
+    """The numbers that are shown are those of the same cut; of the next one where that is gone."""
+    for _ in range(3):
+        bpy.ops.skin_calib.cut_add()
+    link.skin_calib.cover.cut_index = active
+    bpy.ops.skin_calib.cut_remove(index=removed)
+    assert link.skin_calib.cover.cut_index == after
+
+
+@pytest.mark.parametrize(
+    "normal, words",
+    [((0, 0, 1), "+Z"), ((-2, 0, 0), "-X"), ((0, 0.9, -1), "about -Z"), ((0, 0, 0), "nothing: no normal")],
+)
+def test_row_of_a_cut_says_what_it_keeps(bpy, extension, normal, words):
+    """In words of the link frame."""
+    import importlib
+
+    assert importlib.import_module(f"{extension}.panels.cut").kept_side(normal) == words
