@@ -87,7 +87,9 @@ class SKIN_OT_cut_remove(Edit, bpy.types.Operator):
     def edit(self, context, plan):
         entry(plan.cover.cuts, self.index, "cut")
         plan.cover.cuts.remove(self.index)
-        plan.cover.cut_index = max(0, min(plan.cover.cut_index - (self.index < plan.cover.cut_index), len(plan.cover.cuts) - 1))
+        plan.cover.cut_index = max(
+            0, min(plan.cover.cut_index - (self.index < plan.cover.cut_index), len(plan.cover.cuts) - 1)
+        )
 
 
 class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):

@@ -43,8 +43,9 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
         unit, _ = wrong
         box = self.layout.box()
         question = f"{NAMES[unit]}?" if unit else "check its scale"
-        box.label(text=f"This mesh is {side:.3g} m long:", icon="ERROR")
-        box.label(text=question, icon="BLANK1")
+        column = box.column(align=True)
+        column.label(text=f"This mesh is {side:.3g} m long:", icon="ERROR")
+        column.label(text=question, icon="BLANK1")
         if unit:
             box.operator("skin_calib.scale_to_unit", text=f"Scale to {NAMES[unit].capitalize()}").unit = unit
 
@@ -68,6 +69,7 @@ class SKIN_PT_mesh(SkinPanel, bpy.types.Panel):
                     column.label(text=line, icon="BLANK1" if k else icon)
         if found.inner:
             row = layout.row(align=True)
+            row.use_property_split = False
             row.prop_enum(plan.cover, "shell", "outer", text="Keep Outer Shell")
             row.prop_enum(plan.cover, "shell", "all", text="Keep All")
         if found.edges:

@@ -4,7 +4,6 @@ import bpy
 from mathutils import Vector
 from sample import hover_view, link, plan, undo
 
-
 # The button that flips a cut is too narrow to be found: so many pixels left of the one that removes it.
 FLIP = 20
 

@@ -34,6 +34,8 @@ DRIVERS = [
     ("drive_fit.py", "wrist", "1200x1300"),
     ("drive_edit.py", "wrist", "1000x1350"),
     ("drive_live.py", "wrist", "1200x1300"),
+    ("drive_link.py", "wrist", "1200x1300"),
+    ("drive_cut.py", "wrist", "1200x1300"),
     ("drive_boards.py", "sole", "1300x1800"),
     ("drive_inspect.py", "wrist", "1200x1300"),
 ]
