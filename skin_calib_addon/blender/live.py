@@ -100,8 +100,9 @@ def tick() -> float | None:
 
 def _look_at_touched() -> None:
     """Results whose mesh is another one now are outdated."""
-    while _touched:
-        name = _touched.pop()
+    names = tuple(_touched)
+    _touched.clear()
+    for name in names:  # not those that reading and writing touch: a property of an object with nodes touches it again
         link = bpy.data.objects.get(name)
         if link is None or name not in _seen or scene.why_not(link):
             continue
@@ -109,7 +110,7 @@ def _look_at_touched() -> None:
             is_same = scene.read_facets(link, bpy.context).is_same(_seen[name])
         except SkinCalibError:
             is_same = False
-        if not is_same:
+        if not is_same and not link.skin_calib.result.outdated:
             link.skin_calib.result.outdated = True
 
 
@@ -123,7 +124,9 @@ def _begin() -> None:
         if name not in _drawn:
             _drawn.add(name)
             _start(link, _preview, _show, False)
-        elif perf_counter() - _changed[name] >= REST and (_last_final is None or _last_final.is_done()):
+        elif (
+            follows(link) and perf_counter() - _changed[name] >= REST and (_last_final is None or _last_final.is_done())
+        ):
             _start(link, _finish, _keep, True)
         if _job is not None:
             return

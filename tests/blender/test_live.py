@@ -179,3 +179,32 @@ def test_fit_goes_on_beside_the_window(bpy, live, following, monkeypatch):
     go_on.set()
     rest(live, monkeypatch)
     assert not plan.result.outdated and plan.result.control_points == 12 * 12
+
+
+def test_link_that_does_not_follow_is_never_fitted(bpy, live, link, monkeypatch):
+    """Its cuts are sketched; however slow the window is, its author fits it."""
+    bpy.ops.skin_calib.fit()
+    key = link.skin_calib.result.key
+    monkeypatch.setattr(live, "REST", 0.0)
+    bpy.context.scene.cursor.location = (0, 0, 0.03)
+    bpy.ops.skin_calib.cut_add()
+    rest(live, monkeypatch)
+    assert link.name in live.sketches and link.skin_calib.result.outdated and link.skin_calib.result.key == key
+
+
+def test_mesh_that_is_touched_by_looking_at_it_is_looked_at_once(bpy, live, link, monkeypatch):
+    """Blender evaluates an object with nodes anew when a property of it is written or its mesh is read."""
+    bpy.ops.skin_calib.fit()
+    looks = []
+
+    def touching(link, context, real=live.scene.read_facets):
+        looks.append(link.name)
+        assert len(looks) < 9, "it looks for ever"
+        live._touched.add(link.name)
+        return real(link, context)
+
+    monkeypatch.setattr(live.scene, "read_facets", touching)
+    link.location = (0.001, 0, 0)
+    bpy.context.view_layer.update()
+    live._look_at_touched()
+    assert looks == ["arm"] and link.skin_calib.result.outdated
