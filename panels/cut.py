@@ -52,10 +52,10 @@ class SKIN_PT_cut(SkinPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("skin_calib.cut_add", icon="ADD")
         row.operator("skin_calib.cut_place", text="", icon="EYEDROPPER")
-        row = layout.row(align=True)
-        row.operator("skin_calib.cut_away", icon="FACESEL")
+        column = layout.column(align=True)
+        column.operator("skin_calib.cut_away", icon="FACESEL")
         if cut_away.modifier_of(plan.id_data):
-            row.operator("skin_calib.bring_back", icon="LOOP_BACK")
+            column.operator("skin_calib.bring_back", icon="LOOP_BACK")
 
     def lay_out_cut(self, layout, cover, cut):
         """The chosen cut, and what is wrong with it."""
