@@ -101,9 +101,7 @@ class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        reason = scene.why_no_link(context, named=False)
-        if not reason and context.object.data.library:
-            reason = "The mesh of this link belongs to another file; make it local"
+        reason = scene.why_no_link(context, named=False) or scene.why_not_editable(context.object)
         if not reason and context.mode != "EDIT_MESH":
             reason = "Select faces in Edit Mode (Tab) first"
         return cls.says(reason)

@@ -193,9 +193,7 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if super().poll(context) and context.object.data.library:
-            return cls.says("The mesh of this link belongs to another file; make it local")
-        return super().poll(context)
+        return cls.says(scene.why_no_link(context, named=False) or scene.why_not_editable(context.object))
 
     def execute(self, context):
         link = context.object

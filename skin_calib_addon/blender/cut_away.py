@@ -43,7 +43,7 @@ def cut(link: bpy.types.Object, chosen: BoolArray) -> None:
     """Cut faces (f,) away from an object in Object Mode, besides those that are gone already."""
     data, gone, modifier = link.data, _marked(link), modifier_of(link)
     mark = modifier.node_group[OURS] if modifier else MARK
-    if mark in _marks_of_others(link) or modifier is None and mark in data.attributes:
+    if mark in _marks_of_others(link) or not _can_mark(data.attributes.get(mark)):
         mark = _free(data)
     attribute = data.attributes.get(mark) or data.attributes.new(mark, "BOOLEAN", "FACE")
     attribute.data.foreach_set("value", gone | chosen)
@@ -73,9 +73,14 @@ def _marked(link: bpy.types.Object) -> BoolArray:
     """Faces that are cut away from an object, shape (f,)."""
     gone, modifier = np.zeros(len(link.data.polygons), bool), modifier_of(link)
     attribute = link.data.attributes.get(modifier.node_group[OURS]) if modifier else None
-    if attribute is not None and attribute.domain == "FACE" and attribute.data_type == "BOOLEAN":
+    if attribute is not None and _can_mark(attribute):
         attribute.data.foreach_get("value", gone)
     return gone
+
+
+def _can_mark(attribute: bpy.types.Attribute | None) -> bool:
+    """Whether an attribute holds marks of faces, or is still to be made; an author may have another of its name."""
+    return attribute is None or (attribute.domain, attribute.data_type) == ("FACE", "BOOLEAN")
 
 
 def _marks_of_others(link: bpy.types.Object) -> set[str]:

@@ -364,3 +364,8 @@ def why_not(link: bpy.types.Object | None, named: bool = True) -> str:
     if named and not link.skin_calib.link:
         return "Give the object a link name first"
     return ""
+
+
+def why_not_editable(link: bpy.types.Object) -> str:
+    """Why the mesh of an object cannot be edited, and what to do; empty if it can."""
+    return "The mesh of this link belongs to another file; make it local" if link.data.library else ""

@@ -191,6 +191,26 @@ def test_renamed_modifier_and_nodes_are_known(bpy, link, choose, left):
     assert left() == ALL and not link.modifiers
 
 
+def test_modifier_that_was_deleted_by_hand_is_made_again(bpy, link, choose, left):
+    """What it hid is there again; the marks it left are used anew, without the old ones."""
+    choose(slice(0, 10))
+    bpy.ops.skin_calib.cut_away()
+    link.modifiers.clear()
+    assert left() == ALL
+    choose(slice(20, 25))
+    bpy.ops.skin_calib.cut_away()
+    assert left() == ALL - 5 and len([a for a in link.data.attributes if "skin" in a.name]) == 1
+
+
+def test_attribute_of_that_name_is_left_alone(bpy, link, choose, left):
+    """An author's own numbers of vertices stay what they are."""
+    own = link.data.attributes.new("skin_cut_away", "FLOAT", "POINT")
+    own.data[3].value = 7
+    gone = choose()
+    bpy.ops.skin_calib.cut_away()
+    assert left() == ALL - gone and link.data.attributes["skin_cut_away"].data[3].value == 7
+
+
 def test_exported_plan_gives_the_bytes_of_the_scene(bpy, link, choose, fit_scene, fit_plainly, tmp_path):
     """The plan's mesh file goes without what was cut away; the command line fits the same."""
     link.location, link.scale = (0.01, 0.02, 0.03), (-1, 1, 1)
@@ -285,3 +305,18 @@ def test_row_of_a_cut_says_what_it_keeps(bpy, extension, normal, words):
     import importlib
 
     assert importlib.import_module(f"{extension}.panels.cut").kept_side(normal) == words
+
+
+def test_mesh_of_another_file_is_not_edited(bpy, link, tmp_path):
+    """The object is ours, its mesh is linked: the buttons say what to do."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.meshes = ["arm"]
+    own = bpy.data.objects.new("own", wanted.meshes[0])
+    bpy.context.scene.collection.objects.link(own)
+    bpy.context.view_layer.objects.active = own
+    for press in (bpy.ops.skin_calib.cut_away, bpy.ops.skin_calib.show_defects):
+        with pytest.raises(RuntimeError, match="The mesh of this link belongs to another file; make it local"):
+            press()
+    assert bpy.ops.skin_calib.diagnose() == {"FINISHED"}

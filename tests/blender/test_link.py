@@ -6,13 +6,15 @@ import trimesh
 from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
-from skin_calib_addon.geometry.mesh import read_mesh
+from skin_calib_addon.geometry.defects import diagnose
+from skin_calib_addon.geometry.mesh import load_mesh, read_mesh
 from skin_calib_addon.robot import read_robot
 from skin_calib_addon.robot_mesh import load_link
 from tests.blender.conftest import oval
 from tests.blender.test_link_frame import frame_for
 from tests.blender.test_refusals import bare_object, scene_state
 from tests.blender.test_registration import draw
+from tests.real.test_real_links import MESHES
 from tests.shapes import box, together, weld, with_hole
 from tests.unit.test_robot_mesh import MM, shape
 
@@ -294,3 +296,17 @@ def test_mesh_without_faces_cannot_be_checked(bpy, addon):
         with pytest.raises(RuntimeError, match="Error: bare: the mesh has no faces"):
             press()
     assert not bare.skin_calib.diagnosis.key
+
+
+@pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_real_link_comes_in_as_it_is(bpy, addon, path):
+    """In its own unit, to the bit, without a doubt about it; the check says what it says without Blender."""
+    bpy.ops.skin_calib.import_mesh(filepath=str(path))
+    link, mesh = bpy.context.object, load_mesh(path)
+    bpy.context.view_layer.update()
+    assert addon.scene.read_mesh(link, bpy.context).sha256 == mesh.sha256
+    assert not any("long" in line for line in draw(bpy, "link"))
+    bpy.ops.skin_calib.diagnose()
+    plain = {remark.what: remark.matters for remark in diagnose(mesh.vertices, mesh.faces).remarks()}
+    assert said(link) == plain
