@@ -20,6 +20,7 @@ def drive(gui):
     yield from hover_view(gui)
     yield from imports_the_mesh(gui, path)
     yield from checks_it(gui)
+    yield from keeps_all_parts(gui)
     yield from shows_its_holes(gui)
     yield from notices_a_wrong_unit(gui)
     yield from imports_a_link_of_a_robot(gui, path.with_name("bot.urdf"))
@@ -68,6 +69,20 @@ def checks_it(gui):
     assert not active().skin_calib.diagnosis.key
     yield from undo(gui, "shift")
     assert active().skin_calib.diagnosis.key
+
+
+def keeps_all_parts(gui):
+    """One click keeps the servo too, another, or undo, the outer shell only."""
+    _, y = yield from gui.find("skin_calib.cover.shell")
+    side = gui.region("UI")
+    shells = []
+    for share in (0.7, 0.3, 0.7):
+        yield from gui.click(side.x + share * side.width, y)
+        yield from gui.redraw()
+        shells.append(active().skin_calib.cover.shell)
+    yield from undo(gui)
+    shells.append(active().skin_calib.cover.shell)
+    assert shells == ["all", "outer", "all", "outer"], shells
 
 
 def shows_its_holes(gui):
