@@ -6,11 +6,12 @@ import numpy as np
 
 from ..skin_calib_addon.blender import cut_away, scene
 from ..skin_calib_addon.blender.decimals import vector
+from ..skin_calib_addon.blender.skins import entry
 from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
 from ..skin_calib_addon.geometry.cut_planes import cut_normal
 from ..skin_calib_addon.geometry.defects import count
 from .lists import INDEX
-from .on_link import Edit, OnMesh, entry
+from .on_link import Edit, OnMesh
 from .picking import POINT, Picking
 
 
