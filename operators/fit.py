@@ -4,12 +4,13 @@
 from time import perf_counter
 
 import bpy
+from mathutils import Vector
 
 from ..skin_calib_addon.blender import live, overlay, results, scene
 from ..skin_calib_addon.blender.background import Work
 from ..skin_calib_addon.errors import SkinCalibError
 from ..skin_calib_addon.plan import plan_document
-from .on_link import OnLink
+from .on_link import OnLink, OnResult
 
 AT_ONCE = 0.3  # [s] for which a fit may hold the window; a longer one goes on beside it
 
@@ -107,4 +108,21 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
         context.workspace.status_text_set(None)
 
 
-CLASSES = (SKIN_OT_fit,)
+class SKIN_OT_show_worst(OnResult, bpy.types.Operator):
+    """Put the 3D cursor where the surface is furthest from the mesh, in the middle of the view"""
+
+    bl_idname = "skin_calib.show_worst"
+    bl_label = "Show Worst Spot"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        _, point, distance = results.find(context.object.skin_calib.result.key).fit.worst
+        place = scene.link_frame(context.object) @ (Vector(point) / scene.metres_per_unit(context.scene))
+        context.scene.cursor.location = place
+        if context.region_data is not None:
+            context.region_data.view_location = place
+        self.report({"INFO"}, f"The surface is {distance * 1e3:.4f} mm off the mesh at the 3D cursor")
+        return {"FINISHED"}
+
+
+CLASSES = (SKIN_OT_fit, SKIN_OT_show_worst)

@@ -4,22 +4,11 @@
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
-from ..skin_calib_addon.blender import comparing, results, taxels
+from ..skin_calib_addon.blender import comparing, taxels
 from ..skin_calib_addon.blender.view import ray_under
 from ..skin_calib_addon.errors import SkinCalibError
-from .on_link import OnLink
+from .on_link import OnLink, OnResult
 from .picking import NAVIGATION
-
-
-class OnResult(OnLink):
-    """Works on the active link once it is fitted."""
-
-    @classmethod
-    def poll(cls, context):
-        if not super().poll(context):
-            return False
-        has_result = results.find(context.object.skin_calib.result.key) is not None
-        return cls.says("" if has_result else "Fit the link first")
 
 
 class SKIN_OT_taxel(OnResult, bpy.types.Operator):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What operators on a link have in common: when they can work, and how an edit of its plan ends."""
 
-from ..skin_calib_addon.blender import scene
+from ..skin_calib_addon.blender import results, scene
 from ..skin_calib_addon.errors import SkinCalibError
 
 
@@ -26,6 +26,17 @@ class OnLink(OnMesh):
     @classmethod
     def poll(cls, context):
         return cls.says(scene.why_no_link(context))
+
+
+class OnResult(OnLink):
+    """Works on the active link once it is fitted."""
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        has_result = results.find(context.object.skin_calib.result.key) is not None
+        return cls.says("" if has_result else "Fit the link first")
 
 
 class Edit(OnMesh):

@@ -30,6 +30,7 @@ class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
         column.enabled = False
         for name in ("mean", "max", "hausdorff", "control_points", "taxels", "seconds"):
             column.prop(result, name)
+        layout.operator("skin_calib.show_worst", icon="ZOOM_SELECTED")
         for doubt in result.doubts.split("\n\n") if result.doubts else ():
             column = layout.column(align=True)
             for k, line in enumerate(doubt.split("\n")):

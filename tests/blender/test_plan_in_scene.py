@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tests.blender.conftest import BOARDS, CLEAR, LANDMARKS, LEFT, LISTED, PINNED, PLAN
+from tests.blender.test_link_frame import frame_for
 
 TUBE = PLAN["grid"]
 CUT = {"point": [0.0, 0.0, 0.0331], "normal": [0.0, 0.125, 1.0]}
@@ -310,3 +311,16 @@ def test_added_skins_follow_the_others(bpy, addon, link):
     assert plan.skins[2].lattice.pitch == (0.01, 0.01)
     assert abs(plan.skins[3].lattice.pitch - 0.02775) < 1e-15
     assert list(skins[1].pitch) == [10.0, 10.0] and f"{skins[1].side:g}" == "16.3"
+
+
+def test_worst_spot_is_shown_by_the_cursor(bpy, addon, link):
+    """In the world, however the link hangs; the distance there is the largest that was told."""
+    with pytest.raises(RuntimeError, match="Fit the link first"):
+        bpy.ops.skin_calib.show_worst()
+    bpy.ops.skin_calib.fit()
+    frame_for(bpy, link)
+    bpy.ops.skin_calib.show_worst()
+    fit = addon.results.find(link.skin_calib.result.key).fit
+    on_link = addon.scene.cursor_on(link, bpy.context.scene)
+    assert_allclose(on_link, fit.worst[1], atol=1e-6)
+    assert_allclose(link.skin_calib.result.max, fit.worst[2], rtol=1e-4)
