@@ -1,14 +1,7 @@
 """Drives a plan by the mouse while the link follows: surface and skin change under a drag, and after undo."""
 
-import sys
-
 import bpy
-from sample import plan, undo
-
-
-def ours(name):
-    """A module of the extension."""
-    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
+from sample import ours, plan, undo
 
 
 def overlay():

@@ -1,18 +1,12 @@
 """Drives planes by hand in the window: placed, dragged, tilted, one that misses the mesh, undone all the way back."""
 
-import sys
 from math import pi, radians, sin
 
 import bpy
 from mathutils import Vector
-from sample import link, plan, undo
+from sample import link, ours, plan, undo
 
 RING = 79  # [pixels] radius of a dial
-
-
-def ours(name):
-    """A module of the extension."""
-    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
 
 
 def handle(family, i):

@@ -1,15 +1,8 @@
 """Drives skins by their handles: a sheet's origin slides over the link, its direction turns; boards are painted."""
 
-import sys
-
 import bpy
 from mathutils import Vector
-from sample import link, plan, undo
-
-
-def ours(name):
-    """A module of the extension."""
-    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
+from sample import link, ours, plan, undo
 
 
 def basis(what, skin=0, index=0):

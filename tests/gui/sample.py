@@ -1,6 +1,13 @@
 """What the drivers of the window share: the sample's plan, what is drawn of it, keys for the 3D view."""
 
+import sys
+
 import bpy
+
+
+def ours(name):
+    """A module of the extension."""
+    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
 
 
 def link():
