@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Look at the fitted skin of the active link: read taxels, compare them with those of a file."""
+"""Look at the fitted skin of the active link: read taxels, compare them with those of a file, replay recordings."""
 
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
-from ..skin_calib_addon.blender import comparing, taxels
+from ..skin_calib_addon.blender import comparing, replay, taxels
 from ..skin_calib_addon.blender.view import ray_under
 from ..skin_calib_addon.errors import SkinCalibError
 from .on_link import OnLink, OnResult
@@ -99,4 +99,75 @@ class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (SKIN_OT_taxel, SKIN_OT_compare, SKIN_OT_compare_end)
+class SKIN_OT_replay_open(OnResult, bpy.types.Operator, ImportHelper):
+    """Show a recorded reading over the skin of the active link: a table or an NPZ file of times and readings"""
+
+    bl_idname = "skin_calib.replay_open"
+    bl_label = "Open Recording"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: bpy.props.StringProperty(default="*.csv;*.npz", options={"HIDDEN"})
+
+    def execute(self, context):
+        try:
+            shown = replay.open_recording(context.object, bpy.path.abspath(self.filepath))
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report(
+            {"INFO"}, f"{len(shown)} frames, {shown.duration:.2f} s, at most {shown.strongest:.2f} N on a taxel"
+        )
+        return {"FINISHED"}
+
+
+class OnRecording(OnLink):
+    """Works on the active link while it shows a recording."""
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and cls.says(
+            "" if context.object.skin_calib.inspect.replay.file else "Open a recording first"
+        )
+
+
+class SKIN_OT_replay_close(OnRecording, bpy.types.Operator):
+    """Show this recording no more"""
+
+    bl_idname = "skin_calib.replay_close"
+    bl_label = "Close Recording"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        replay.close(context.object)
+        return {"FINISHED"}
+
+
+class SKIN_OT_replay_play(OnRecording, bpy.types.Operator):
+    """Play the recording over the skin, or let it stand still"""
+
+    bl_idname = "skin_calib.replay_play"
+    bl_label = "Play"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and cls.says(
+            "" if replay.find(context.object) else "Open the recording again: the fit or the file is another one"
+        )
+
+    def execute(self, context):
+        if replay.is_playing(context.object):
+            replay.stop(context.object.name)
+        else:
+            replay.play(context.object)
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SKIN_OT_taxel,
+    SKIN_OT_compare,
+    SKIN_OT_compare_end,
+    SKIN_OT_replay_open,
+    SKIN_OT_replay_close,
+    SKIN_OT_replay_play,
+)

@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from ..skin_calib_addon.blender import comparing, results
+from ..skin_calib_addon.blender import comparing, replay, results
 from ..skin_calib_addon.blender.scene import DOUBT_WIDTH
 from .base import SkinPanel
 
@@ -22,10 +22,13 @@ class SKIN_PT_inspect(SkinPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.active = plan.show_overlay
         flow = column.grid_flow(columns=3, even_columns=True, align=True)
+        flow.use_property_split = False
         for item in plan.bl_rna.properties["layers"].enum_items:
             flow.prop_enum(plan, "layers", item.identifier)
         column.prop(plan.inspect, "heat")
         column.prop(plan.inspect, "labels")
+        if plan.inspect.heat == "FORCE" and not plan.inspect.replay.file:
+            layout.label(text="Open a recording below", icon="INFO")
 
 
 class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
@@ -56,7 +59,6 @@ class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
 class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
     bl_label = "Compare"
     bl_parent_id = "SKIN_PT_inspect"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def lay_out(self, layout, plan):
         found = plan.inspect.comparison
@@ -77,6 +79,33 @@ class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
         if found.has_angles:
             column.prop(found, "mean_angle")
             column.prop(found, "max_angle")
+
+
+class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
+    bl_label = "Replay"
+    bl_parent_id = "SKIN_PT_inspect"
+
+    def lay_out(self, layout, plan):
+        record, link = plan.inspect.replay, plan.id_data
+        row = layout.row(align=True)
+        row.operator("skin_calib.replay_open", icon="FILEBROWSER")
+        if not record.file:
+            return
+        row.operator("skin_calib.replay_close", text="", icon="X")
+        layout.label(text=comparing.name_of(record.file), icon="FILE")
+        if replay.find(link) is None:
+            layout.label(text="Of another fit: open it again", icon="INFO")
+            return
+        playing = replay.is_playing(link)
+        row = layout.row(align=True)
+        row.operator("skin_calib.replay_play", text="Pause" if playing else "Play", icon="PAUSE" if playing else "PLAY")
+        row.prop(record, "loop", text="", icon="FILE_REFRESH", toggle=True)
+        column = layout.column(align=True)
+        column.prop(record, "share", slider=True)
+        column.prop(record, "frame")
+        column.prop(record, "speed")
+        for line in replay.told.get(record.token, ()):
+            say(layout, line, "NONE")
 
 
 def say(layout, text, icon):
@@ -100,4 +129,10 @@ class SKIN_PT_inspect_sizes(SkinPanel, bpy.types.Panel):
         layout.prop(looks, "line_width")
 
 
-CLASSES = (SKIN_PT_inspect, SKIN_PT_inspect_taxel, SKIN_PT_inspect_compare, SKIN_PT_inspect_sizes)
+CLASSES = (
+    SKIN_PT_inspect,
+    SKIN_PT_inspect_taxel,
+    SKIN_PT_inspect_compare,
+    SKIN_PT_inspect_replay,
+    SKIN_PT_inspect_sizes,
+)

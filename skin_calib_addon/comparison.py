@@ -20,6 +20,7 @@ from .inspection import AllTaxels
 
 # From this mean distance on [m] it is asked whether one motion would take most of it away.
 OFF = 5e-4
+LEAST_TURN = 0.05  # that is told [degrees]
 MOST_NAMES = 3
 
 
@@ -133,7 +134,8 @@ def _motion(turn: Array, shift: Array) -> str:
     """A motion in words."""
     angle = np.rad2deg(np.linalg.norm(Rotation.from_matrix(turn).as_rotvec()))
     by = ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in shift.tolist())  # no minus zero
-    return f"a turn by {angle:.1f}° and a shift by ({by}) mm"
+    turned = f"a turn by {angle:.1f}° and " if angle >= LEAST_TURN else ""
+    return f"{turned}a shift by ({by}) mm"
 
 
 def _mm(length: float) -> str:

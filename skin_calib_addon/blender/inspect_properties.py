@@ -14,10 +14,10 @@ from bpy.props import (
 )
 
 from ..errors import SkinCalibError
-from . import taxels
+from . import replay, taxels
 from .options import FIXED, LENGTH
 
-SHARE = FIXED | {"subtype": "PERCENTAGE", "precision": 3}
+SHARE = FIXED | {"precision": 3}
 ANGLE = FIXED | {"subtype": "ANGLE", "precision": 4}
 
 
@@ -56,8 +56,8 @@ class SKIN_PG_taxel(bpy.types.PropertyGroup):
     )
     area: FloatProperty(name="Area", description="Area of the cell", unit="AREA", precision=5, **FIXED)
     has_strain: BoolProperty(description="The skin can be stretched", **FIXED)
-    strain_along: FloatProperty(name="Strain Along", description="Strain along the row", **SHARE)
-    strain_across: FloatProperty(name="Across", description="Strain across the rows", **SHARE)
+    strain_along: FloatProperty(name="Strain Along [%]", description="Strain along the row, in hundredths", **SHARE)
+    strain_across: FloatProperty(name="Across [%]", description="Strain across the rows, in hundredths", **SHARE)
     shear: FloatProperty(name="Shear", description="By how much the cell leaves the right angle", **ANGLE)
     has_tilt: BoolProperty(description="The taxel has a neighbour", **FIXED)
     tilt: FloatProperty(name="Tilt", description="Largest angle to a neighbour", **ANGLE)
@@ -81,6 +81,48 @@ class SKIN_PG_comparison(bpy.types.PropertyGroup):
     told: StringProperty(description="What else is to be known, a line each", **FIXED)
 
 
+def _share(record):
+    """How far the frame is through the recording."""
+    shown = replay.find(record.id_data)
+    return 0.0 if shown is None or len(shown) == 1 else 100 * record.frame / (len(shown) - 1)
+
+
+def _set_share(record, share):
+    shown = replay.find(record.id_data)
+    if shown is not None:
+        record.frame = round(share / 100 * (len(shown) - 1))
+
+
+class SKIN_PG_replay(bpy.types.PropertyGroup):
+    """A recording that is shown over the skin."""
+
+    file: StringProperty(name="File", description="The recording", **FIXED)
+    key: StringProperty(description="Over which fit it is shown", **FIXED)
+    token: StringProperty(description="Under which it is kept while Blender runs", **FIXED)
+    frame: IntProperty(
+        name="Frame", description="Which frame is shown, from 0", min=0, **FIXED | {"update": replay.moved}
+    )
+    share: FloatProperty(
+        name="Position",
+        description="How far the frame is through the recording",
+        subtype="PERCENTAGE",
+        min=0,
+        max=100,
+        get=_share,
+        set=_set_share,
+        options=set(),
+    )
+    speed: FloatProperty(
+        name="Speed",
+        description="How many times as fast as recorded it is played",
+        default=1.0,
+        min=0.01,
+        max=100,
+        **FIXED | {"update": replay.paced},
+    )
+    loop: BoolProperty(name="Loop", description="Begin again at the end", default=True, **FIXED)
+
+
 class SKIN_PG_inspect(bpy.types.PropertyGroup):
     """How the fitted skin of a link is looked at."""
 
@@ -92,6 +134,7 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
             ("ERROR", "Error", "How far the mesh is from the surface, along the rays of the fit"),
             ("STRAIN", "Strain", "The larger one of the strains of a cell along and across its row"),
             ("TILT", "Tilt", "The largest angle between a taxel and a neighbour"),
+            ("FORCE", "Force", "Forces, contacts, CoP and supporting polygons of a replayed recording"),
         ],
         **FIXED,
     )
@@ -125,6 +168,8 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         type=SKIN_PG_comparison, name="Comparison", description="How far the taxels are from those of a file"
     )
 
+    replay: PointerProperty(type=SKIN_PG_replay, name="Replay", description="A recording that is shown over the skin")
+
     def tokens(self):
         """Names of what is drawn besides, if it is of the last fit."""
         key = self.id_data.skin_calib.result.key
@@ -132,6 +177,8 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
             yield taxels.token_of(key, self.taxel.id)
         if self.comparison.token and self.comparison.key == key:
             yield self.comparison.token
+        if self.replay.token and self.replay.key == key:
+            yield self.replay.token
 
 
-CLASSES = (SKIN_PG_taxel, SKIN_PG_comparison, SKIN_PG_inspect)
+CLASSES = (SKIN_PG_taxel, SKIN_PG_comparison, SKIN_PG_replay, SKIN_PG_inspect)

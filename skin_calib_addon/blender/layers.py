@@ -9,9 +9,10 @@ import numpy as np
 
 from ..calibration.model import Patch
 from ..comparison import Comparison
-from ..geometry.planes import Planes
+from ..geometry.planes import Planes, perpendicular
 from ..geometry.sections import cut_sections
 from ..inspection import AllTaxels
+from ..runtime import Frame
 from .scales import Legend, most_of
 
 CURVE_POINTS = 96
@@ -21,6 +22,10 @@ LONG, SHORTEST = 0.6, 0.01
 LIFT = 0.03
 # Lines of control points that leave a plane by more than this share of the mesh's size have no section.
 FLAT = 1e-4
+WHITE, BLACK = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 1.0)
+# Of contacts by their number, and of supporting polygons.
+INKS = ((1.0, 0.3, 0.2, 1.0), (0.2, 0.8, 1.0, 1.0), (1.0, 0.8, 0.1, 1.0), (0.9, 0.4, 1.0, 1.0), (0.4, 1.0, 0.4, 1.0))
+POLYGONS = {"outer": (0.7, 0.75, 0.8, 1.0), "nominal": (0.15, 0.45, 1.0, 1.0), "guaranteed": (0.15, 0.8, 0.3, 1.0)}
 
 
 @dataclass(eq=False)
@@ -213,6 +218,37 @@ def comparison_of(taxels: AllTaxels, found: Comparison) -> tuple[Layer, ...]:
         Layer(
             "COMPARED", _segments(_closed(taxels.corners[worst : worst + 1])), colour=(1.0, 0.25, 0.9, 1.0), width=3.0
         ),
+    )
+
+
+def replay_lines(taxels: AllTaxels, frame: Frame) -> tuple[Layer, ...]:
+    """What a frame of a recording feels: contacts each in its colour, where they press, CoP and supporting polygons."""
+    layers = [
+        Layer("CONTACTS", _single(taxels.outline(c.taxels)), colour=INKS[c.number % len(INKS)], width=3.5)
+        for c in frame.contacts
+    ]
+    places = [_cross(c.position, c.normal, taxels.width) for c in frame.contacts if c.normal.any()]
+    if places:
+        layers.append(Layer("COP", _single(np.concatenate(places)), colour=WHITE, width=2.5))
+    ground = frame.ground
+    if ground is not None:
+        for name, colour in POLYGONS.items():
+            loop = ground.plane.spatial(getattr(frame.polygon, name).corners)
+            ends = np.stack((loop, np.roll(loop, -1, axis=0)), axis=1)
+            layers.append(Layer("POLYGONS", _single(ends), colour=colour, width=2.5, on_top=True))
+        if frame.cop is not None:
+            mark = _cross(ground.plane.spatial(frame.cop), -ground.plane.axes[2], taxels.width)
+            layers.append(Layer("COP", _single(mark), colour=BLACK, width=4.0, on_top=True))
+    return tuple(layers)
+
+
+def _cross(place: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
+    """Segments (3, 2, 3): a cross at a place, and a stick from there along the normal."""
+    a = perpendicular(normal)
+    b = np.cross(normal, a)
+    half = size / 3
+    return np.stack(
+        ((place - half * a, place + half * a), (place - half * b, place + half * b), (place, place + size * normal))
     )
 
 

@@ -27,7 +27,8 @@ COLOURS = {
 }
 WIDTHS = {"SECTIONS": 2.0, "LINES": 1.5, "NET": 1.0, "SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0}
 HEATS = {"ERROR", "STRAIN", "TILT", "FORCE"}
-SWITCHED = HEATS | COLOURS.keys() | {"PLANES"}  # drawn only where the author wants them
+OF_FORCE = {"CONTACTS", "COP", "POLYGONS"}  # drawn with the forces
+SWITCHED = HEATS | OF_FORCE | COLOURS.keys() | {"PLANES"}  # drawn only where the author wants them
 KEPT = 64  # marks and comparisons
 
 Drawn = Layers | tuple[Layer, ...]
@@ -74,11 +75,12 @@ def take_back(source: str, name: str | None = None) -> None:
 def shown_layers(link: Any) -> Iterator[Layer]:
     """What is drawn of an object now, the lowest first."""
     plan, shown = link.skin_calib, switched_on(link)
+    kept = [layer for token in plan.inspect.tokens() for layer in _chosen(_kept.get(token, ()), shown)]
+    yield from (layer for layer in kept if layer.what in HEATS)  # lines lie over colours
     yield from _chosen(previews.get(link.name) or _prepared.get(plan.result.key, ()), shown)
     for source in added.values():
         yield from _chosen(source.get(link.name, ()), shown)
-    for token in plan.inspect.tokens():
-        yield from _kept.get(token, ())
+    yield from (layer for layer in kept if layer.what not in HEATS)
 
 
 def patches_of(link: Any) -> Sequence[Patch]:
@@ -91,7 +93,8 @@ def switched_on(link: Any) -> set[str]:
     """Names of the layers that the author wants to see of an object."""
     plan = link.skin_calib
     labels = {"LABELS"} if plan.inspect.labels != "NONE" else set()
-    return plan.layers | {plan.inspect.heat} | labels
+    felt = OF_FORCE if plan.inspect.heat == "FORCE" else set()
+    return plan.layers | {plan.inspect.heat} | labels | felt
 
 
 def _chosen(layers: Layers | Iterable[Layer], shown: set[str]) -> Iterator[Layer]:

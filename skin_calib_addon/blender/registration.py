@@ -4,7 +4,7 @@
 from importlib import import_module
 from types import ModuleType
 
-from . import command, diagnoses, handles, live, overlay, properties, results, skin_handles
+from . import command, diagnoses, handles, live, overlay, properties, replay, results, skin_handles
 
 _modules: list[ModuleType] = []
 
@@ -18,7 +18,7 @@ def register(package: str) -> None:
         Name of the extension's package, under which ``operators`` and ``panels`` lie beside this one.
     """
     outside = [import_module(f"{package}.{name}") for name in ("operators", "panels")]
-    for module in (properties, *outside, overlay, live, diagnoses, handles, skin_handles, command):
+    for module in (properties, *outside, overlay, live, diagnoses, handles, skin_handles, replay, command):
         module.register()
         _modules.append(module)
 

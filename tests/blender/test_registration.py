@@ -10,6 +10,7 @@ OPERATORS = (
     *("fit", "show_worst", "skin_add", "skin_remove", "landmark_add", "landmark_remove", "zone_add", "zone_remove"),
     *("boards_paint", "place", "place_at_cursor", "taxel", "compare", "compare_end"),
     *("cut_place", "cut_flip", "cut_away", "bring_back"),
+    *("replay_open", "replay_close", "replay_play"),
 )
 EXCHANGE = (
     *("import_plan", "import_mesh", "import_urdf", "choose_link"),
@@ -18,7 +19,7 @@ EXCHANGE = (
 KINDS = {"sheet": "a flexible sheet of taxels", "hexagons": "rigid hexagonal boards"}
 PANELS = (
     *("link", "mesh", "cut", "grid", "fit", "skin"),
-    *("inspect", "inspect_taxel", "inspect_compare", "inspect_sizes", "export"),
+    *("inspect", "inspect_taxel", "inspect_compare", "inspect_replay", "inspect_sizes", "export"),
 )
 
 
@@ -67,7 +68,7 @@ def test_operator_has_tooltip_and_undo(bpy):
         assert len(operator.get_rna_type().description) > 15, name
         assert operator.get_rna_type().name != name
         undo = "UNDO" in getattr(bpy.types, f"SKIN_CALIB_OT_{name}").bl_options
-        assert undo == (name not in ("export_calibration", "export_taxels")), name
+        assert undo == (name not in ("export_calibration", "export_taxels", "replay_play")), name
 
 
 def properties(group, path=""):

@@ -1,8 +1,12 @@
-"""Drives the Inspect panel: layers, heat maps with their legends, labels; taxels that are clicked on."""
+"""Drives the Inspect panel: layers, heat maps with their legends, labels; taxels clicked on, compared, replayed."""
 
 import sys
+from pathlib import Path
 
+import bpy
 from sample import hover_view, link, plan, undo
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def ours(name):
@@ -18,6 +22,8 @@ def drive(gui):
     yield from shows_heat_maps(gui)
     yield from writes_labels(gui)
     yield from reads_taxels(gui)
+    yield from compares(gui)
+    yield from replays(gui)
 
 
 def changed(gui, before):
@@ -30,7 +36,7 @@ def changed(gui, before):
 def looks(gui):
     """The view when the mouse is out of the way."""
     yield from hover_view(gui)
-    yield from gui.redraw(2)
+    yield from gui.redraw()
     return gui.pixels("VIEW_3D").astype(int)
 
 
@@ -92,3 +98,57 @@ def reads_taxels(gui):
     yield from gui.shot("unread.png")
     yield from undo(gui, "shift")
     assert plan().inspect.taxel.id == "wrist.4.6"
+
+
+def answer(gui, path):
+    """Give a file to the browser that has opened."""
+    yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
+    yield from gui.choose_file(path)
+    yield from gui.redraw(3)
+
+
+def compares(gui):
+    """With its own taxels, moved: told as another frame; Ctrl-Z takes lines and figures away."""
+    path = gui.out / "moved.csv"
+    bpy.ops.skin_calib.export_taxels(filepath=str(path), format="csv")
+    header, *rows = path.read_text().splitlines()
+    x = header.split(",").index("x")
+    moved = [[*cells[:x], str(float(cells[x]) + 0.004), *cells[x + 1 :]] for cells in (row.split(",") for row in rows)]
+    path.write_text("\n".join([header, *(",".join(cells) for cells in moved)]) + "\n")
+    before = yield from looks(gui)
+    yield from gui.press("skin_calib.compare")
+    yield from answer(gui, path)
+    found = plan().inspect.comparison
+    assert found.pairs == 120 and abs(found.mean - 0.004) < 1e-6 and "Another frame?" in found.told, found.told
+    yield from looks(gui)
+    yield from gui.shot("compared.png")
+    assert changed(gui, before) > 0.002
+    yield from undo(gui)
+    assert not plan().inspect.comparison.file
+    yield from looks(gui)
+    assert changed(gui, before) < 0.001
+
+
+def replays(gui):
+    """The example's recording: opened, its slider dragged, played, stopped by Ctrl-Z."""
+    before = yield from looks(gui)
+    yield from gui.press("skin_calib.replay_open")
+    yield from answer(gui, ROOT / "examples" / "wrist_recording.csv")
+    assert plan().inspect.heat == "FORCE" and plan().inspect.replay.file
+    yield from looks(gui)
+    yield from gui.shot("opened_recording.png")
+    assert changed(gui, before) > 0.05
+    x, y = yield from gui.find("skin_calib.inspect.replay.share")
+    yield from gui.drag((x - 30, y), (x + 10, y), mods=())
+    assert plan().inspect.replay.frame > 5, plan().inspect.replay.frame
+    yield from looks(gui)
+    yield from gui.shot("dragged_recording.png")
+    plan().inspect.replay.speed = 0.1
+    frame = plan().inspect.replay.frame
+    yield from gui.press("skin_calib.replay_play")
+    yield from gui.wait(lambda: plan().inspect.replay.frame > frame + 3, 30, "the next frames")
+    assert ours("replay").is_playing(link())
+    yield from gui.shot("playing.png")
+    yield from undo(gui)
+    assert not ours("replay").is_playing(link())
+    yield from gui.shot("stopped.png")

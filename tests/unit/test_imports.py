@@ -35,6 +35,7 @@ ABOVE = {
     "recording": (*PURE, "runtime"),
     "inspection": PURE,
     "comparison": (*PURE, "inspection"),
+    "replaying": (*PURE, "runtime", "recording", "inspection"),
     "replay_picture": (*PURE, "picture", "runtime"),
     "commands": (
         *PURE,
@@ -62,6 +63,8 @@ ABOVE = {
         "picture",
         "inspection",
         "comparison",
+        "runtime",
+        "replaying",
         "cli",
         "blender",
     ),

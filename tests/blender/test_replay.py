@@ -1,0 +1,200 @@
+"""A recording over the skin: its forces, contacts, CoP and polygons follow the frame; a timer plays it."""
+
+import importlib
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.blender.conftest import ROOT
+from tests.blender.test_inspect import by_name
+
+
+@pytest.fixture
+def ours(extension, bpy):
+    """Modules of the running extension."""
+    names = ("overlay", "replay", "results", "registration")
+    return SimpleNamespace(**{n: importlib.import_module(f"{extension}.skin_calib_addon.blender.{n}") for n in names})
+
+
+@pytest.fixture
+def record(tmp_path):
+    """Writes a recording of the small link's six taxels: a press of 1 N and more that goes from one to the next."""
+
+    def write(frames=6, channels=6, step=0.1):
+        rows = [[k * step, *((k + 1.0) * (c == k % channels) for c in range(channels))] for k in range(frames)]
+        path = tmp_path / "press.csv"
+        head = ",".join(["time", *(f"c{c}" for c in range(channels))])
+        path.write_text("\n".join([head, *(",".join(map(str, row)) for row in rows)]) + "\n")
+        return str(path)
+
+    return write
+
+
+@pytest.fixture
+def shown(bpy, link, record):
+    """A fitted link with a recording over it."""
+    bpy.ops.skin_calib.fit()
+    bpy.ops.skin_calib.replay_open(filepath=record())
+    return bpy.context.object
+
+
+def drawn(ours, link):
+    """Layers that are drawn of a link now, by name."""
+    return by_name(ours.overlay.shown_layers(link))
+
+
+def pressed(ours, link):
+    """Which cells are not in the colour of no force."""
+    layer = drawn(ours, link)["FORCE"]
+    colours = layer.colours[:: len(layer.colours) // 6]
+    return np.flatnonzero((np.abs(colours - layer.legend.colours(np.zeros(1))) > 0.01).any(axis=1)).tolist()
+
+
+def test_cells_show_the_forces_of_the_frame(bpy, ours, shown):
+    """One scale for the whole recording; the contact is outlined."""
+    record = shown.skin_calib.inspect.replay
+    assert shown.skin_calib.inspect.heat == "FORCE" and pressed(ours, shown) == [0]
+    record.frame = 3
+    layers = drawn(ours, shown)
+    assert pressed(ours, shown) == [3] and layers["FORCE"].legend.most == 6.0
+    taxels = ours.results.find(shown.skin_calib.result.key).calibration.patches[0].taxels
+    assert_allclose(layers["CONTACTS"].points[::2], taxels.corners_link[3], atol=1e-7)
+    assert_allclose(layers["COP"].points[4], taxels.positions_link[3], atol=1e-6)
+    assert ours.replay.told[record.token] == ("0.300 s: 1 contact, 4.00 N",)
+    record.frame = 999
+    assert record.frame == 5 and record.share == 100
+    record.share = 41
+    assert record.frame == 2 and record.share == 40
+
+
+def test_flat_skin_shows_cop_and_polygons(bpy, ours, record, tmp_path):
+    """On the plane that it stands on; in another heat map nothing of the recording is drawn."""
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "sole.blend"))
+    bpy.ops.skin_calib.fit()
+    link = bpy.context.object
+    path = tmp_path / "stand.csv"
+    row = ",".join(["0.0", *("3.0" if c % 20 in (3, 15) else "0" for c in range(160))])
+    path.write_text(",".join(["time", *(f"c{c}" for c in range(160))]) + "\n" + row + "\n")
+    bpy.ops.skin_calib.replay_open(filepath=str(path))
+    layers = list(ours.overlay.shown_layers(link))
+    polygons = [a for a in layers if a.what == "POLYGONS"]
+    taxels = ours.results.find(link.skin_calib.result.key).calibration.patches[0].taxels
+    loaded = taxels.positions_link[np.isin(np.arange(160) % 20, (3, 15))]
+    assert len(polygons) == 3
+    low, high = polygons[1].points.min(axis=0), polygons[1].points.max(axis=0)
+    assert_allclose((low[:2], high[:2]), (loaded[:, :2].min(axis=0), loaded[:, :2].max(axis=0)), atol=1e-4)
+    cop = next(a for a in layers if a.what == "COP" and a.on_top).points
+    assert_allclose(cop[:2].mean(axis=0)[:2], loaded[:, :2].mean(axis=0), atol=1e-3)
+    assert "2 contacts, 48.00 N" in ours.replay.told[link.skin_calib.inspect.replay.token][0]
+    link.skin_calib.inspect.heat = "TILT"
+    assert not {"POLYGONS", "COP", "CONTACTS", "FORCE"} & set(drawn(ours, link))
+
+
+def test_recording_that_is_none_of_this_skin_is_refused(bpy, ours, shown, record):
+    """With the reason; the one that is shown stays."""
+    before = shown.skin_calib.inspect.replay.token
+    with pytest.raises(RuntimeError, match="frame 0: the reading has 5 channels, the skin of arm needs 6"):
+        bpy.ops.skin_calib.replay_open(filepath=record(channels=5))
+    assert shown.skin_calib.inspect.replay.token == before and pressed(ours, shown) == [0]
+
+
+@pytest.fixture
+def clock(ours, monkeypatch):
+    """A clock that is moved by hand."""
+    now = SimpleNamespace(seconds=100.0)
+    monkeypatch.setattr(ours.replay, "perf_counter", lambda: now.seconds)
+    return now
+
+
+def test_timer_plays_at_the_speed_that_is_asked_for(bpy, ours, shown, clock):
+    """From where it stands; another speed, or a frame that is chosen meanwhile, goes on from there."""
+    record = shown.skin_calib.inspect.replay
+    assert bpy.ops.skin_calib.replay_play() == {"FINISHED"} and bpy.app.timers.is_registered(ours.replay.tick)
+    clock.seconds += 0.25
+    assert ours.replay.tick() is not None and record.frame == 2
+    record.speed = 0.5
+    clock.seconds += 0.25
+    ours.replay.tick()
+    assert record.frame == 3
+    record.frame = 1
+    clock.seconds += 0.21
+    ours.replay.tick()
+    assert record.frame == 2 and ours.replay.is_playing(shown)
+    bpy.ops.skin_calib.replay_play()
+    clock.seconds += 1
+    assert ours.replay.tick() is None and record.frame == 2
+
+
+def test_end_is_the_end_unless_it_loops(bpy, ours, shown, clock):
+    """Then it goes on from the beginning; from the end it is played anew."""
+    record = shown.skin_calib.inspect.replay
+    bpy.ops.skin_calib.replay_play()
+    clock.seconds += 0.75
+    ours.replay.tick()
+    assert record.frame == 1
+    record.loop = False
+    clock.seconds += 9
+    assert ours.replay.tick() is None and record.frame == 5
+    bpy.ops.skin_calib.replay_play()
+    assert record.frame == 0 and ours.replay.is_playing(shown)
+
+
+def test_playing_ends_with_what_it_plays_on(bpy, ours, shown, clock, record):
+    """Undo, another fit, another name, removal, another file."""
+    bpy.ops.skin_calib.replay_play()
+    bpy.ops.ed.undo_push(message="a step")
+    shown.skin_calib.inspect.replay.frame = 4
+    bpy.ops.ed.undo_push(message="another")
+    bpy.ops.ed.undo()
+    link = bpy.context.object
+    assert not ours.replay.is_playing(link) and ours.replay.tick() is None
+    assert pressed(ours, link) == [link.skin_calib.inspect.replay.frame]
+    endings = (
+        lambda: (setattr(link.skin_calib.grid, "n", 6), bpy.ops.skin_calib.fit()),
+        lambda: setattr(link, "name", "other"),
+        lambda: bpy.data.objects.remove(link),
+    )
+    for end in endings:
+        bpy.ops.skin_calib.replay_open(filepath=record())
+        bpy.ops.skin_calib.replay_play()
+        assert ours.replay.tick() is not None
+        end()
+        assert ours.replay.tick() is None
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert not ours.replay._replays and not ours.replay.told
+
+
+def test_recording_of_another_fit_is_not_drawn(bpy, ours, shown):
+    """Its channels may be others; the panel says to open it again."""
+    shown.skin_calib.grid.n += 1
+    bpy.ops.skin_calib.fit()
+    assert ours.replay.find(shown) is None and "FORCE" not in drawn(ours, shown)
+    assert not bpy.ops.skin_calib.replay_play.poll()
+
+
+def test_close_and_undo(bpy, ours, shown):
+    """Closed, nothing is drawn of it; undo brings it back."""
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.skin_calib.replay_close("EXEC_DEFAULT", True)
+    link = bpy.context.object
+    assert link.skin_calib.inspect.heat == "NONE" and not link.skin_calib.inspect.replay.file
+    assert not bpy.ops.skin_calib.replay_play.poll() and not bpy.ops.skin_calib.replay_close.poll()
+    bpy.ops.ed.undo()
+    link = bpy.context.object
+    assert pressed(ours, link) == [0] and link.skin_calib.inspect.replay.file
+
+
+def test_example_recording_plays_on_the_sample(bpy, ours):
+    """The finger of the example slides over the sheet: each frame's contact is where it was put."""
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "wrist.blend"))
+    bpy.ops.skin_calib.fit()
+    link, path = bpy.context.object, ROOT / "examples" / "wrist_recording.csv"
+    bpy.ops.skin_calib.replay_open(filepath=str(path))
+    truth = np.genfromtxt(path, delimiter=",", names=True)
+    for k in range(0, 60, 7):
+        link.skin_calib.inspect.replay.frame = k
+        place = drawn(ours, link)["COP"].points[4]
+        assert np.linalg.norm(place - [truth[f"true_{axis}"][k] for axis in "xyz"]) < 2e-3
+    assert "120 of 124 numbers used" in ours.replay.told[link.skin_calib.inspect.replay.token]
