@@ -26,6 +26,9 @@ COLOURS = {
     "NORMALS": (0.95, 0.2, 0.2, 1.0),
 }
 WIDTHS = {"SECTIONS": 2.0, "LINES": 1.5, "NET": 1.0, "SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0}
+# So many ends of segments are drawn as plain lines, one pixel wide, unless the author wants more than so many pixels:
+# without a graphics card wide lines of 10 000 cells alone take longer than a thirtieth of a second.
+MANY, THIN = 10000, 2.0
 HEATS = {"ERROR", "STRAIN", "TILT", "FORCE"}
 OF_FORCE = {"CONTACTS", "COP", "POLYGONS"}  # drawn with the forces
 SWITCHED = HEATS | OF_FORCE | COLOURS.keys() | {"PLANES"}  # drawn only where the author wants them
@@ -161,10 +164,7 @@ def _draw_layers(layers: list[Layer], looks: Any) -> None:
             continue
         gpu.state.depth_test_set("NONE" if layer.on_top else "LESS_EQUAL")
         if layer.colours is None:
-            shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-            shader.uniform_float("viewportSize", size)
-            shader.uniform_float("color", COLOURS.get(layer.what) or layer.colour or (1.0, 1.0, 1.0, 1.0))
-            shader.uniform_float("lineWidth", WIDTHS.get(layer.what, layer.width) * thickness)
+            shader = _line_shader(layer, size, WIDTHS.get(layer.what, layer.width) * thickness)
         else:
             shader = gpu.shader.from_builtin("SMOOTH_COLOR")
         length = 0.0
@@ -173,6 +173,17 @@ def _draw_layers(layers: list[Layer], looks: Any) -> None:
         if layer.batch is None or layer.drawn_length != length:
             layer.batch, layer.drawn_length = _batch(layer, shader, length), length
         layer.batch.draw(shader)
+
+
+def _line_shader(layer: Layer, size: tuple[int, int], width: float) -> Any:
+    """What draws the lines of a layer, with its colour and width set."""
+    is_plain = len(layer.points) > MANY and width <= THIN
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR" if is_plain else "POLYLINE_UNIFORM_COLOR")
+    shader.uniform_float("color", COLOURS.get(layer.what) or layer.colour or (1.0, 1.0, 1.0, 1.0))
+    if not is_plain:
+        shader.uniform_float("viewportSize", size)
+        shader.uniform_float("lineWidth", width)
+    return shader
 
 
 def _batch(layer: Layer, shader: Any, length: float) -> Any:
