@@ -60,7 +60,7 @@ def read_others(path: str | os.PathLike[str]) -> TaxelSet:
 
 
 def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str = "") -> Comparison:
-    """Pair taxels with those of a file: by id where any agree, else each of the file with the nearest of ours.
+    """Pair taxels with those of a file: by id where most agree, else each of the file with the nearest of ours.
 
     Parameters
     ----------
@@ -74,8 +74,9 @@ def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str =
         Its name, if the file may name another.
     """
     known = [(taxels.rows[label], row) for row, label in enumerate(others.labels) if label in taxels.rows]
-    by: Literal["id", "nearest"] = "id" if known else "nearest"
-    if known:
+    is_named = 2 * len(known) >= min(len(taxels.ids), len(others.labels))
+    by: Literal["id", "nearest"] = "id" if is_named else "nearest"
+    if is_named:
         ours, theirs = np.array(known, np.int64).T
     else:
         ours = np.asarray(cKDTree(taxels.positions).query(others.positions)[1])
@@ -85,7 +86,7 @@ def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str =
     worst = taxels.ids[ours[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).argmax()]]
     told = (
         *([f"The file is in the frame {others.frame}"] if link and others.frame not in (None, link) else ()),
-        *(_of_pairs(ends) if known else _of_mesh(mesh, others.positions)),
+        *(_of_pairs(ends) if is_named else _of_mesh(mesh, others.positions)),
         *_unpaired(by, taxels.ids, others.labels, ours, theirs),
         *_inward(angles),
         *(str(finding) for finding in others.findings),

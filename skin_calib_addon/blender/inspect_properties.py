@@ -174,7 +174,7 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         """Names of what is drawn besides, if it is of the last fit."""
         key = self.id_data.skin_calib.result.key
         if self.taxel.id and self.taxel.key == key:
-            yield taxels.token_of(key, self.taxel.id)
+            yield taxels.token_of(self.taxel.key, self.taxel.id)
         if self.comparison.token and self.comparison.key == key:
             yield self.comparison.token
         if self.replay.token and self.replay.key == key:

@@ -61,7 +61,7 @@ def on_screen(layer: Labels, frame: Any, view: Any, size: tuple[int, int]) -> tu
     ahead = depth > 0
     flat = clip[:, :2] / np.where(ahead, depth, 1.0)[:, None]
     to_link = frame.inverted() @ view.view_matrix.inverted()
-    if view.is_perspective:
+    if view.window_matrix[3][3] == 0:  # in perspective
         ways = np.array(to_link.translation, np.float32) - layer.points
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     else:

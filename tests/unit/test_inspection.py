@@ -1,12 +1,14 @@
 """Taxels side by side: found by name and by a ray, with their tilt, their sides and what lies around them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.errors import UnknownTaxel
 from skin_calib_addon.inspection import AllTaxels
-from tests.samples import RADIUS, seven_boards, small_calibration
+from tests.samples import RADIUS, boards, seven_boards, small_calibration
 
 
 @pytest.fixture
@@ -68,6 +70,21 @@ def test_ray_meets_the_nearest_cell_first():
     taxels = AllTaxels.of(small_calibration(rows=1, columns=columns, pitch=2 * np.pi * RADIUS / 21).patches[:1])
     for row in range(columns):
         assert taxels.under(taxels.positions[row] * (2, 2, 1), -taxels.positions[row] * (1, 1, 0)) == row
+
+
+def test_cell_above_another_hides_it():
+    """Whichever patch comes first."""
+    low = AllTaxels.of((boards(),))
+    high = replace(low, positions=low.positions + [0, 0, 0.01], corners=low.corners + [0, 0, 0.01])
+    names = ("positions", "normals", "corners", "channels", "index", "areas", "strain", "worst_tilt")
+    for order, top in (((low, high), 2), ((high, low), 0)):
+        both = replace(
+            low,
+            ids=("a", "b", "c", "d"),
+            neighbours=((),) * 4,
+            **{name: np.concatenate([getattr(part, name) for part in order]) for name in names},
+        )
+        assert both.under(low.positions[0] + [0, 0, 0.1], np.array((0, 0, -1.0))) == top
 
 
 def test_outline_of_cells_goes_round_them(taxels):
