@@ -22,7 +22,7 @@ LONG, SHORTEST = 0.6, 0.01
 LIFT = 0.03
 # Lines of control points that leave a plane by more than this share of the mesh's size have no section.
 FLAT = 1e-4
-WHITE, BLACK = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 1.0)
+WHITE, PINK = (1.0, 1.0, 1.0, 1.0), (1.0, 0.2, 0.8, 1.0)
 # Of contacts by their number, and of supporting polygons.
 INKS = ((1.0, 0.3, 0.2, 1.0), (0.2, 0.8, 1.0, 1.0), (1.0, 0.8, 0.1, 1.0), (0.9, 0.4, 1.0, 1.0), (0.4, 1.0, 0.4, 1.0))
 POLYGONS = {"outer": (0.7, 0.75, 0.8, 1.0), "nominal": (0.15, 0.45, 1.0, 1.0), "guaranteed": (0.15, 0.8, 0.3, 1.0)}
@@ -238,7 +238,7 @@ def replay_lines(taxels: AllTaxels, frame: Frame) -> tuple[Layer, ...]:
             layers.append(Layer("POLYGONS", _single(ends), colour=colour, width=2.5, on_top=True))
         if frame.cop is not None:
             mark = _cross(ground.plane.spatial(frame.cop), -ground.plane.axes[2], taxels.width)
-            layers.append(Layer("COP", _single(mark), colour=BLACK, width=4.0, on_top=True))
+            layers.append(Layer("COP", _single(mark), colour=PINK, width=4.0, on_top=True))
     return tuple(layers)
 
 

@@ -18,6 +18,7 @@ def drive(gui):
     yield from gui.tab("Skin")
     yield from gui.press("skin_calib.fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
+    yield from chooses_from_the_menu(gui)
     yield from shows_layers(gui)
     yield from shows_heat_maps(gui)
     yield from writes_labels(gui)
@@ -38,6 +39,17 @@ def looks(gui):
     yield from hover_view(gui)
     yield from gui.redraw()
     return gui.pixels("VIEW_3D").astype(int)
+
+
+def chooses_from_the_menu(gui):
+    """A heat map by the mouse, which Ctrl-Z takes back."""
+    yield from gui.press("skin_calib.inspect.heat")
+    yield 0.5
+    yield from gui.key("T")  # Tilt
+    yield from gui.redraw(2)
+    assert plan().inspect.heat == "TILT"
+    yield from undo(gui)
+    assert plan().inspect.heat == "NONE"
 
 
 def shows_layers(gui):
