@@ -157,7 +157,7 @@ class SKIN_OT_replay_play(OnRecording, bpy.types.Operator):
 
     def execute(self, context):
         if replay.is_playing(context.object):
-            replay.stop(context.object.name)
+            replay.stop(context.object)
         else:
             replay.play(context.object)
         return {"FINISHED"}

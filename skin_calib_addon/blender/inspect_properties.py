@@ -84,13 +84,13 @@ class SKIN_PG_comparison(bpy.types.PropertyGroup):
 def _share(record):
     """How far the frame is through the recording."""
     shown = replay.find(record.id_data)
-    return 0.0 if shown is None or len(shown) == 1 else 100 * record.frame / (len(shown) - 1)
+    return 0.0 if shown is None or len(shown) == 1 else 100 * replay.frame_of(record) / (len(shown) - 1)
 
 
 def _set_share(record, share):
     shown = replay.find(record.id_data)
     if shown is not None:
-        record.frame = round(share / 100 * (len(shown) - 1))
+        replay.choose(record, round(share / 100 * (len(shown) - 1)))
 
 
 class SKIN_PG_replay(bpy.types.PropertyGroup):
@@ -99,8 +99,14 @@ class SKIN_PG_replay(bpy.types.PropertyGroup):
     file: StringProperty(name="File", description="The recording", **FIXED)
     key: StringProperty(description="Over which fit it is shown", **FIXED)
     token: StringProperty(description="Under which it is kept while Blender runs", **FIXED)
+    chosen: IntProperty(description="The frame that is shown while nothing plays", **FIXED)
     frame: IntProperty(
-        name="Frame", description="Which frame is shown, from 0", min=0, **FIXED | {"update": replay.moved}
+        name="Frame",
+        description="Which frame is shown, from 0",
+        min=0,
+        get=replay.frame_of,
+        set=replay.choose,
+        options=set(),
     )
     share: FloatProperty(
         name="Position",

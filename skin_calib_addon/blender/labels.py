@@ -13,6 +13,7 @@ from .layers import Labels
 FACING = 0.2  # cosine between the normal and the way to the eye from which on a taxel is read
 ROOM = (1.1, 1.3)  # of the widest name and of the letters' height
 MOST = 1500  # names at a time
+KEPT = 32  # views and objects whose names stay placed
 MOST_ROOMS = 2**20  # beside each other in a region
 _placed: dict[Any, tuple[Any, list[tuple[str, float, float]]]] = {}
 
@@ -27,6 +28,8 @@ def write(name: str, layer: Labels, looks: Any, frame: Any) -> None:
     state = (layer, looks.labels, letters, region.width, region.height, _flat(view.perspective_matrix), _flat(frame))
     where = (region.as_pointer(), name)
     if _placed.get(where, (None,))[0] != state:
+        if len(_placed) > KEPT:
+            forget()
         widest = blf.dimensions(0, max(texts, key=len, default=""))[0]
         room = np.array((widest * ROOM[0], letters * ROOM[1]))
         pixels, eligible = on_screen(layer, frame, view, (region.width, region.height))

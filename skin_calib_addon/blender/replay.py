@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A recorded reading over the skin: forces on the cells, contacts, CoP and polygons; frame by frame, or played.
 
-An object holds which recording it shows and which frame; a timer moves the frame on, until undo, another file, another
-fit or the end of the object.
+An object holds which recording it shows and which frame. While it plays a timer moves on another one, which no property
+knows: Blender would evaluate the link's mesh anew for each. That ends with undo, another file, another fit, the object.
 """
 
 from dataclasses import dataclass
@@ -24,19 +24,19 @@ KEPT = 4
 REST = 1 / 60  # between two calls of the timer [s]
 
 
-@dataclass(frozen=True)
-class Start:
-    """Where in the recording it was played from, and when."""
+@dataclass
+class Playing:
+    """Where in the recording it was played from, and when; and the frame that is shown."""
 
     seconds: float
     clock: float
+    frame: int
 
 
 told: dict[str, tuple[str, ...]] = {}  # what the panel says of the frame that is shown, by token
 _replays: dict[str, Replay] = {}  # by token
-_playing: dict[str, Start] = {}  # by the object's name
+_playing: dict[str, Playing] = {}  # by the object's name
 _count = count()
-_is_moving = False  # whether it is the timer that changes a frame
 
 
 def find(link: bpy.types.Object) -> Replay | None:
@@ -55,14 +55,13 @@ def open_recording(link: bpy.types.Object, path: str) -> Replay:
     """
     looks, key = link.skin_calib.inspect, link.skin_calib.result.key
     replay = Replay.read(result_of(link).calibration, path)
-    stop(link.name)
+    stop(link)
     token = f"replay {next(_count)} of {key}"
     _replays[token] = replay
     while len(_replays) > KEPT:
         _forget(next(iter(_replays)))
     record = looks.replay
-    record.file, record.key, record.token, looks.heat = path, key, token, "FORCE"
-    record.frame = 0
+    record.file, record.key, record.token, record.chosen, looks.heat = path, key, token, 0, "FORCE"
     show(link)
     return replay
 
@@ -70,18 +69,18 @@ def open_recording(link: bpy.types.Object, path: str) -> Replay:
 def close(link: bpy.types.Object) -> None:
     """Show no recording any more."""
     looks = link.skin_calib.inspect
-    stop(link.name)
+    stop(link)
     looks.property_unset("replay")
     if looks.heat == "FORCE":
         looks.heat = "NONE"
 
 
 def show(link: bpy.types.Object) -> None:
-    """Prepare what is drawn and said of the frame that an object asks for."""
+    """Prepare what is drawn and said of the frame that an object shows."""
     replay, record = find(link), link.skin_calib.inspect.replay
     if replay is None:
         return
-    frame = replay.frame(min(record.frame, len(replay) - 1))
+    frame = replay.frame(frame_of(record))
     overlay.keep(record.token, (_forces(replay, frame), *replay_lines(replay.taxels, frame)))
     told[record.token] = tuple(_in_words(replay, frame))
     overlay.redraw()
@@ -108,24 +107,26 @@ def _in_words(replay: Replay, frame: Any) -> Any:
         yield "Doubts: " + ", ".join(sorted(frame.flags))
 
 
-def moved(record: Any, _context: Any) -> None:
-    """Another frame is asked for: show it; what plays goes on from there."""
+def frame_of(record: Any) -> int:
+    """The frame that is shown."""
+    playing = _playing.get(record.id_data.name)
+    return playing.frame if playing else record.chosen
+
+
+def choose(record: Any, frame: int) -> None:
+    """Show another frame, the last one at most; what plays goes on from there."""
     link = record.id_data
     replay = find(link)
-    if replay is None:
-        return
-    if record.frame >= len(replay):
-        record.frame = len(replay) - 1  # which calls this again
-        return
-    if not _is_moving and link.name in _playing:
-        play(link)
+    record.chosen = frame if replay is None else min(frame, len(replay) - 1)
+    if link.name in _playing:
+        _begin(link, record.chosen)
     show(link)
 
 
 def paced(record: Any, _context: Any) -> None:
     """Another speed: go on from here with it."""
     if record.id_data.name in _playing:
-        play(record.id_data)
+        _begin(record.id_data, frame_of(record))
 
 
 def is_playing(link: bpy.types.Object) -> bool:
@@ -135,44 +136,45 @@ def is_playing(link: bpy.types.Object) -> bool:
 
 def play(link: bpy.types.Object) -> None:
     """Let the recording of an object move on from where it is; from its beginning at its end."""
-    replay, record = find(link), link.skin_calib.inspect.replay
+    replay, frame = find(link), frame_of(link.skin_calib.inspect.replay)
     if replay is None:
         return
-    if record.frame == len(replay) - 1 and link.name not in _playing:
-        record.frame = 0
-    _playing[link.name] = Start(float(replay.seconds[record.frame]), perf_counter())
+    _begin(link, 0 if frame == len(replay) - 1 else frame)
+    show(link)
     if not bpy.app.timers.is_registered(tick):
         bpy.app.timers.register(tick, first_interval=0.0)
 
 
-def stop(name: str) -> None:
-    """Let the recording of an object stand still."""
-    _playing.pop(name, None)
+def _begin(link: bpy.types.Object, frame: int) -> None:
+    replay = find(link)
+    if replay is not None:
+        _playing[link.name] = Playing(float(replay.seconds[frame]), perf_counter(), frame)
+
+
+def stop(link: bpy.types.Object) -> None:
+    """Let the recording of an object stand still at the frame that is shown."""
+    playing = _playing.pop(link.name, None)
+    if playing:
+        link.skin_calib.inspect.replay.chosen = playing.frame
 
 
 def tick() -> float | None:
     """Move on what plays. The seconds to the next call, none when nothing plays."""
-    global _is_moving
-    for name, start in list(_playing.items()):
+    for name, playing in list(_playing.items()):
         link = bpy.data.objects.get(name)
         replay = find(link) if link else None
         if link is None or replay is None:
-            stop(name)
+            del _playing[name]
             continue
         record = link.skin_calib.inspect.replay
-        seconds = start.seconds + (perf_counter() - start.clock) * record.speed
-        if seconds >= replay.duration:
-            if record.loop:
-                seconds %= replay.duration
-            else:
-                stop(name)
-        k = replay.at(seconds)
-        if k != record.frame:
-            _is_moving = True
-            try:
-                record.frame = k
-            finally:
-                _is_moving = False
+        seconds = playing.seconds + (perf_counter() - playing.clock) * record.speed
+        is_over = seconds >= replay.duration and not record.loop
+        frame = replay.at(seconds if is_over else seconds % replay.duration)
+        if frame != playing.frame:
+            playing.frame = frame
+            show(link)
+        if is_over:
+            stop(link)
     if not _playing:
         overlay.redraw()  # the button changes
     return REST if _playing else None

@@ -127,6 +127,25 @@ def test_timer_plays_at_the_speed_that_is_asked_for(bpy, ours, shown, clock):
     assert ours.replay.tick() is None and record.frame == 2
 
 
+def test_playing_leaves_the_mesh_alone(bpy, ours, shown, clock):
+    """A property that is watched has Blender evaluate the object anew, as the speed does; none changes in play."""
+    touched = []
+    bpy.context.view_layer.update()
+    bpy.app.handlers.depsgraph_update_post.append(
+        lambda _scene, graph: touched.extend(u.id.name for u in graph.updates)
+    )
+    bpy.ops.skin_calib.replay_play()
+    clock.seconds += 0.25
+    ours.replay.tick()
+    bpy.context.view_layer.update()
+    assert shown.skin_calib.inspect.replay.frame == 2 and not touched
+    bpy.ops.skin_calib.replay_play()
+    shown.skin_calib.inspect.replay.speed = 2.0
+    bpy.context.view_layer.update()
+    bpy.app.handlers.depsgraph_update_post.pop()
+    assert shown.skin_calib.inspect.replay.chosen == 2 and "arm" in touched
+
+
 def test_end_is_the_end_unless_it_loops(bpy, ours, shown, clock):
     """Then it goes on from the beginning; from the end it is played anew."""
     record = shown.skin_calib.inspect.replay
