@@ -105,10 +105,12 @@ def unrolled(
     layer: BSplineSurface, lattice: HexLattice, cells: IntArray, start: Array, direction: ArrayLike
 ) -> tuple[Array, Array]:
     """Where geodesics lead to cells, and how the rows run there: parameters (n, 2), unit vectors (n, 3)."""
-    flat = lattice.centres(cells)
-    both = np.concatenate((flat, flat + (1e-3 * lattice.pitch, 0.0)))
-    uv = unroll(layer, both, start, row_axis(layer, start, direction), guess_step(layer, lattice.pitch))
-    here, there = np.split(layer.points(uv), 2)
-    uv = uv[: len(flat)]
-    normals = layer.normals(uv)
-    return uv, unit(there - here - ((there - here) * normals).sum(axis=1, keepdims=True) * normals)
+    flat, along = lattice.centres(cells), row_axis(layer, start, direction)
+    half = np.array((lattice.pitch / 2, 0.0))
+    uv = unroll(layer, np.concatenate((flat, flat - half, flat + half)), start, along, guess_step(layer, lattice.pitch))
+    uv, before, after = np.split(uv, 3)
+    # Over a pitch: what lies between two geodesics is placed well, but leads aside where the surface wavers.
+    ways, normals = layer.points(after) - layer.points(before), layer.normals(uv)
+    tangents = unit(ways - (ways * normals).sum(axis=1, keepdims=True) * normals)
+    tangents[~flat.any(axis=1)] = along
+    return uv, tangents

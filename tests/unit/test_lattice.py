@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skin_calib_addon.errors import InvalidPlan
-from skin_calib_addon.skin import SheetLattice
+from skin_calib_addon.skin import HexLattice, SheetLattice
 from skin_calib_addon.skin.lattice import CENTRE, CORNERS, EDGES
 
 lattices = st.builds(
@@ -57,3 +57,11 @@ def test_lattice_without_area_is_refused(rows, columns, pitch):
     """No rows, no columns, no width: the message has the numbers."""
     with pytest.raises(InvalidPlan, match=rf"a sheet of {rows} x {columns} cells with pitch \[.*\] has no area"):
         SheetLattice(rows, columns, pitch)
+
+
+@given(st.integers(-30, 30), st.integers(-30, 30), st.floats(0, 0.49), st.floats(0, 2 * np.pi))
+def test_place_belongs_to_the_cell_whose_centre_is_nearest(q, r, away, turn):
+    """Anywhere within half a pitch of a centre, whatever the gap."""
+    lattice = HexLattice(0.0163, -0.0005)
+    place = lattice.centres(np.array([[q, r]]))[0] + away * lattice.pitch * np.array((np.cos(turn), np.sin(turn)))
+    assert lattice.cell_at(place) == (q, r)

@@ -1,17 +1,21 @@
 """Which boards lie on a surface: as many as fit, all that fit as it lies, or those that the author chose."""
 
+import pathlib
+
 import numpy as np
 import pytest
 from matplotlib.path import Path
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.errors import InvalidPlan, OutsideSurface
-from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry import AcrossGrid, TubeGrid, cut_cover, fit_grid, fit_surface, load_mesh
+from skin_calib_addon.plan import load_plan
 from skin_calib_addon.skin import HexLattice, Zone, lay_boards
 from skin_calib_addon.skin.fill import fill
 from skin_calib_addon.skin.region import Region
 from tests.shapes import Z_AXIS, cone_surface, cylinder, keep, plane_surface, sheet, with_hole, wrist_surface
 
+SAMPLES = pathlib.Path(__file__).resolve().parents[2] / "sample_scenes"
 SMALL = HexLattice(0.006, 0.0)
 FLOOR = plane_surface(0.1, 0.08)
 
@@ -133,3 +137,16 @@ def test_no_board_fits():
     """A clear line, for boards wider than the cone is long."""
     with pytest.raises(InvalidPlan, match="no board with sides of 40 mm lies wholly in the region"):
         lay_boards(cone_surface(0.06, 0.06, 0.05), HexLattice(0.04, 0.0), "fill", None, (0, 1, 0))
+
+
+@pytest.mark.parametrize("direction", [(1, 1, 0), (-0.49, -0.872, 0), (0.3, -1, 0)])
+@pytest.mark.parametrize("choice", ["all", [(0, 0), (1, 0), (0, 1)]])
+def test_row_of_the_root_runs_where_it_is_told_on_a_surface_that_wavers(direction, choice):
+    """A sole's surface is a guess beside its outline; the row is not led aside by that."""
+    plan = load_plan(SAMPLES / "sole.plan.json")
+    cover = cut_cover(load_mesh(plan.mesh, plan.unit), plan.cover)
+    fit = fit_grid(cover, plan.grid, plan.degree)
+    boards, _ = lay_boards(fit.surface, HexLattice(0.0163, 0.0), choice, None, direction, fit=fit)
+    way = boards.tangents[np.flatnonzero(~boards.cells.any(axis=1))[0], :2]
+    turned = np.arctan2(way[1], way[0]) - np.arctan2(direction[1], direction[0])
+    assert abs((turned + np.pi) % (2 * np.pi) - np.pi) < np.deg2rad(0.3)

@@ -1,0 +1,78 @@
+"""Drives boards on the sample sole by clicks: one goes, one comes, the lattice slides; Ctrl-Z takes all of it back."""
+
+import bpy
+from mathutils import Vector
+from sample import hover_view, link, ours, plan, undo
+
+# The button that paints is too narrow to be found: it stands at the right of the menu of boards.
+PAINT = 125
+
+
+def drive(gui):
+    yield from gui.tab("Skin")
+    yield from gui.press("skin_calib.skin_remove")
+    yield from gui.press("skin_calib.skin_add(kind='hexagons'")
+    yield from gui.press("skin_calib.fit")
+    yield from gui.wait(lambda: plan().result.key, 60, "the fit")
+    with gui.context():
+        bpy.ops.view3d.view_axis(type="BOTTOM")
+    yield from gui.redraw(3)
+    yield from paints(gui)
+    yield from slides(gui)
+
+
+def boards():
+    """The boards that are drawn."""
+    return ours("overlay").patches_of(link())[0].taxels
+
+
+def laid(gui, count):
+    """Wait for a result with so many boards."""
+    done = lambda: plan().result.taxels == count and not plan().result.outdated  # noqa: E731
+    yield from gui.wait(done, 60, f"{count} boards")
+    yield from gui.redraw(3)
+
+
+def at(gui, point):
+    """Window pixel of a point in the link frame, which is the world's."""
+    return gui.at(Vector(point) / ours("scene").metres_per_unit(bpy.context.scene))
+
+
+def paints(gui):
+    """Live is switched on, for it shows what a click does."""
+    before = boards()
+    count = len(before.ids)
+    inner = int(abs(before.positions_link[:, :2] - before.positions_link[:, :2].mean(axis=0)).sum(axis=1).argmin())
+    x, y = yield from gui.find("skin_calib.skins[0].choice")
+    yield from gui.click(x + PAINT * bpy.context.preferences.system.ui_scale, y)
+    yield from gui.redraw(2)
+    assert plan().live, "the brush was not clicked"
+    yield from gui.click(*at(gui, before.positions_link[inner]))
+    yield from laid(gui, count - 1)
+    yield from gui.shot("out.png")
+    yield from gui.click(*at(gui, before.positions_link[inner]))
+    yield from laid(gui, count)
+    yield from gui.click(*at(gui, before.positions_link[(inner + 3) % count]))
+    yield from laid(gui, count - 1)
+    yield from hover_view(gui)
+    yield from gui.key("RET")
+    yield from gui.redraw(2)
+    assert plan().skins[0].choice == "listed"
+    yield from undo(gui)
+    assert plan().skins[0].choice == "fill" and not plan().live
+
+
+def slides(gui):
+    """The ball at the root takes the whole lattice along."""
+    yield from gui.press("skin_calib.live")
+    yield from gui.wait(lambda: not plan().result.outdated and plan().result.key, 60, "the result")
+    yield from gui.redraw(3)
+    place = ours("skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation
+    x, y = gui.at(place)
+    yield from gui.drag((x, y), (x + 20, y), mods=())
+    yield from gui.wait(lambda: not plan().result.outdated, 60, "the boards elsewhere")
+    yield from gui.redraw(3)
+    yield from gui.shot("slid.png")
+    assert plan().skins[0].choice == "all" and (Vector(plan().skins[0].origin) - place).length > 0.002
+    yield from undo(gui)
+    assert plan().skins[0].choice == "fill"
