@@ -55,9 +55,8 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
         box.prop(skin, "auto_gap")
         if not skin.auto_gap:
             box.prop(skin, "gap")
-        row = box.row(align=True)
-        row.prop(skin, "choice")
-        row.operator("skin_calib.boards_paint", text="", icon="BRUSH_DATA").skin = i
+        box.prop(skin, "choice")
+        box.operator("skin_calib.boards_paint", icon="BRUSH_DATA").skin = i
         if skin.choice == "listed":
             column = box.column()
             column.alert = skin.cells_wrong

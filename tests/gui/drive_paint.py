@@ -4,9 +4,6 @@ import bpy
 from mathutils import Vector
 from sample import hover_view, link, ours, plan, undo
 
-# The button that paints is too narrow to be found: it stands at the right of the menu of boards.
-PAINT = 125
-
 
 def drive(gui):
     yield from gui.tab("Skin")
@@ -16,6 +13,7 @@ def drive(gui):
     yield from gui.wait(lambda: plan().result.key, 60, "the fit")
     with gui.context():
         bpy.ops.view3d.view_axis(type="BOTTOM")
+    gui.area().spaces.active.region_3d.view_location += Vector((0.05, 0, 0))  # clear of the side bar
     yield from gui.redraw(3)
     yield from paints(gui)
     yield from slides(gui)
@@ -43,10 +41,8 @@ def paints(gui):
     before = boards()
     count = len(before.ids)
     inner = int(abs(before.positions_link[:, :2] - before.positions_link[:, :2].mean(axis=0)).sum(axis=1).argmin())
-    x, y = yield from gui.find("skin_calib.skins[0].choice")
-    yield from gui.click(x + PAINT * bpy.context.preferences.system.ui_scale, y)
-    yield from gui.redraw(2)
-    assert plan().live, "the brush was not clicked"
+    yield from gui.press("skin_calib.boards_paint")
+    yield from gui.wait(lambda: plan().live, 10, "the brush")
     yield from gui.click(*at(gui, before.positions_link[inner]))
     yield from laid(gui, count - 1)
     yield from gui.shot("out.png")
