@@ -9,6 +9,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
@@ -30,6 +31,8 @@ def blender():
     return TOOLS / "gui-blender"
 
 
+# Pictures are compared as coarse as this, by levels of 255: a label may change, a panel or an overlay must not be gone.
+COARSE, MEAN_OFF, FAR_OFF = (70, 87), 5.0, 40.0
 DRIVERS = [
     ("drive_fit.py", "wrist", "1200x1300"),
     ("drive_edit.py", "wrist", "1000x1350"),
@@ -37,6 +40,10 @@ DRIVERS = [
     ("drive_link.py", "wrist", "1200x1300"),
     ("drive_cut.py", "wrist", "1200x1300"),
     ("drive_boards.py", "sole", "1300x1800"),
+    ("drive_planes.py", "wrist", "1200x1300"),
+    ("drive_skin.py", "wrist", "1200x1300"),
+    ("drive_paint.py", "sole", "1300x1500"),
+    ("drive_heavy.py", "wrist", "1000x1100"),
     ("drive_inspect.py", "wrist", "1200x1300"),
 ]
 
@@ -49,6 +56,22 @@ def test_window(blender, driver, sample, size, tmp_path):
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver)]
     done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
+
+
+def test_first_steps_look_as_in_the_manual(blender, tmp_path):
+    """From an empty scene to an exported calibration; each picture is near enough to that of docs/first_steps.md."""
+    image = pytest.importorskip("PIL.Image", reason="no Pillow here, which compares pictures; '.[picture]' brings it")
+    words = ["--install", ROOT, "--size", "1000x1150", "--out", tmp_path, "--timeout", 500]
+    command = [TOOLS / "drive-gui", *words, Path(__file__).with_name("drive_steps.py")]
+    done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
+    pictures = sorted((ROOT / "docs" / "steps").glob("*.png"))
+    assert len(pictures) == 6
+    for path in pictures:
+        kept, shot = image.open(path).convert("RGB"), image.open(tmp_path / path.name).convert("RGB")
+        coarse = [np.asarray(one.resize(COARSE), float) for one in (kept, shot)]
+        off = np.abs(coarse[0] - coarse[1]).max(axis=2)
+        assert off.mean() < MEAN_OFF and (off > FAR_OFF).mean() < 0.04, f"{path.name}: {off.mean():.1f} levels off"
 
 
 @pytest.fixture(scope="module")
