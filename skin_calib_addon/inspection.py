@@ -138,7 +138,7 @@ class AllTaxels:
         found = np.full(n * k, -1)
         if len(sides) < 2:
             return found.reshape(n, k)
-        away, place = cKDTree(middle[sides]).query(middle[sides], k=2)
+        away, place = map(np.asarray, cKDTree(middle[sides]).query(middle[sides], k=2))
         itself = place[:, 0] == np.arange(len(sides))
         other, away = np.where(itself, place[:, 1], place[:, 0]), np.where(itself, away[:, 1], away[:, 0])
         near = away < BESIDE * np.minimum(length[sides], length[sides[other]])

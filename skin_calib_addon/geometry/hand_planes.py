@@ -42,7 +42,7 @@ def _turned(lines: LineGrid) -> Planes:
 
 def _fan(normal: Array, axis: Array, count: int) -> Array:
     """Normals of planes about an axis at even angles over half a turn, shape (count, 3)."""
-    return np.asarray(Rotation.from_rotvec(np.outer(np.arange(count) * np.pi / count, axis)).apply(normal))
+    return np.asarray(Rotation.from_rotvec(np.outer(np.arange(count) * np.pi / count, axis)).apply(np.array(normal)))
 
 
 def _across(lines: LineGrid) -> Planes:
