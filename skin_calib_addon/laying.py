@@ -12,7 +12,7 @@ from .geometry.fit import SurfaceFit
 from .plan_skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
 from .skin.board_taxels import board_taxels
 from .skin.doubts import sitting_doubts
-from .skin.imported import ImportedTaxels, imported_taxels, placed
+from .skin.imported import ImportedTaxels, imported_taxels
 from .skin.joined import joined
 from .skin.layout import lay_boards
 from .skin.strain import Closure, closure
@@ -112,9 +112,7 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = 
 @lay.register
 def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
     taxel_set = read_taxels(skin.file, skin.format, skin.only)
-    if skin.rotation is not None:
-        taxel_set = placed(taxel_set, skin.rotation, skin.translation)
-    found = imported_taxels(taxel_set, fit.surface, skin.name, fit.mesh, snap=skin.snap)
+    found = imported_taxels(taxel_set, fit.surface, skin.name, fit.mesh, frame=skin.frame, snap=skin.snap)
     wrong = next((finding for finding in found.findings if finding.severity == "error"), None)
     if wrong is not None:
         raise InvalidPlan(f"skin {skin.name!r}, {skin.file.name}: {wrong.message}")

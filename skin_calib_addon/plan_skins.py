@@ -76,6 +76,11 @@ class ImportedSkin:
     first_channel: int | None = None  # None: after the skin before; channels of the file count from there
     count = None  # how many channels it takes is told by the file
 
+    @property
+    def frame(self) -> tuple[Rows, Point] | None:
+        """Rotation and translation into the link frame; None: the file is in it."""
+        return None if self.rotation is None else (self.rotation, self.translation)
+
 
 Skin = SheetSkin | BoardSkin | ImportedSkin
 

@@ -38,6 +38,8 @@ PLACES = 6  # decimals of a place [m]
 THIRDS = 12  # taxels about the middle of two that may lie between them
 MOST_NAMES = 5
 
+Frame = tuple[ArrayLike, ArrayLike]  # a rotation and a translation [m] into the link frame
+
 
 @dataclass(frozen=True)
 class Distances:
@@ -65,6 +67,7 @@ def imported_taxels(
     name: str,
     mesh: TriangleMesh | None = None,
     *,
+    frame: Frame | None = None,
     snap: bool = False,
     tangent: Literal["u", "v"] = "u",
     farthest: float = FARTHEST,
@@ -78,12 +81,13 @@ def imported_taxels(
     Parameters
     ----------
     taxel_set : TaxelSet
-        In the link frame; see `placed`.
     surface : BSplineSurface
     name : str
         Name of the patch; ids read ``name.label``.
     mesh : TriangleMesh, optional
         To measure distances to, and to find the frame that the taxels are in.
+    frame : (rotation, translation), optional
+        From the set's frame into the link's, as `placed` takes it; by default the set is in the link frame.
     snap : bool
         Whether to move every taxel to its footpoint; its gap still tells from how far.
     tangent : "u" or "v"
@@ -96,8 +100,10 @@ def imported_taxels(
     Raises
     ------
     InvalidPlan
-        If the taxels all lie in one place, and no pitch is given, or so close together that cells mean nothing.
+        If the taxels all lie in one place, and no pitch is given, or so close together that cells mean nothing; or if
+        the rotation is none.
     """
+    taxel_set = taxel_set if frame is None else placed(taxel_set, *frame)
     ids = tuple(f"{name}.{label}" for label in taxel_set.labels)
     given = taxel_set.positions
     uv, distance = footpoints(surface, given)
@@ -127,7 +133,7 @@ def imported_taxels(
     at_edge = ((uv <= 0) | (uv >= 1)).any(axis=1)
     aside = np.linalg.norm(given - feet - gap[:, None] * normals, axis=1)
     found = (
-        *_frame_findings(name, fit),
+        *_frame_findings(name, fit, frame),
         *_named("far", ids, distance > farthest, f"further than {farthest * 1e3:g} mm from the surface"),
         *_named("beyond-edge", ids, at_edge & (aside > ASIDE), "beyond an open edge of the surface"),
         *_flipped(name, taxel_set, normals),
@@ -144,11 +150,47 @@ def placed(taxel_set: TaxelSet, rotation: ArrayLike, translation: ArrayLike) -> 
     InvalidPlan
         If the matrix is no rotation: it scales, shears or mirrors.
     """
-    matrix, shift = np.asarray(rotation, float), np.asarray(translation, float)
+    return taxel_set.moved(_proper(rotation), np.asarray(translation, float))
+
+
+def _proper(rotation: ArrayLike) -> Array:
+    matrix = np.asarray(rotation, float)
     u, _, v = np.linalg.svd(matrix)
     if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROUNDED:
         raise InvalidPlan(f'"rotation" {np.round(matrix, 4).tolist()} is no rotation; rows must be unit, right-handed')
-    return taxel_set.moved(u @ v, shift)
+    return u @ v
+
+
+def frame_on(taxel_set: TaxelSet, mesh: TriangleMesh, name: str, frame: Frame | None = None) -> Frame:
+    """The frame in which a set lies on a mesh, where one place alone fits.
+
+    Parameters
+    ----------
+    taxel_set, mesh : TaxelSet, TriangleMesh
+    name : str
+        Of the taxels, for messages.
+    frame : (rotation, translation), optional
+        From the set's frame into the link's, as far as it is known.
+
+    Raises
+    ------
+    InvalidPlan
+        If the set lies right already, in several places or in none; or if the rotation given is none.
+    """
+    given = taxel_set if frame is None else placed(taxel_set, *frame)
+    fit = find_frame(mesh, given.positions)
+    if fit.verdict == "moved":
+        return _after(fit, frame)
+    told = [finding.message for finding in _frame_findings(name, fit, frame)]
+    raise InvalidPlan(f"{name} {told[0] if told else 'lies on the mesh as it is; its frame needs no change'}")
+
+
+def _after(fit: RigidFit, frame: Frame | None) -> Frame:
+    """A motion that follows the one into a frame."""
+    if frame is None:
+        return fit.rotation, fit.translation
+    rotation, translation = frame
+    return fit.rotation @ _proper(rotation), fit(np.asarray(translation, float))
 
 
 def median_pitch(positions: Array, name: str) -> float:
@@ -272,12 +314,13 @@ def _flipped(name: str, taxel_set: TaxelSet, normals: Array) -> Iterator[Finding
         yield warning("flipped-normals", name, message, count)
 
 
-def _frame_findings(name: str, fit: RigidFit | None) -> Iterator[Finding]:
-    """Whether the taxels are in the link frame, and what would bring them there."""
+def _frame_findings(name: str, fit: RigidFit | None, given: Frame | None) -> Iterator[Finding]:
+    """Whether the taxels are in the link frame, and what would bring them there in place of the frame given."""
     if fit is None or fit.before.mean <= NEAR:
         return
     off, left = f"{fit.before.mean * 1e3:.1f} mm", f"{fit.after.mean * 1e3:.1f} mm"
-    frame = {"rotation": np.round(fit.rotation, 9).tolist(), "translation": np.round(fit.translation, 9).tolist()}
+    rotation, translation = (np.round(part, 9).tolist() for part in _after(fit, given))
+    frame = {"rotation": rotation, "translation": translation}
     if fit.verdict == "moved":
         message = f"lies {off} off the mesh on the mean, and {left} in another frame, which may slide by "
         message += f'{fit.slack * 1e3:.0f} mm; if that is right, give it "frame": {json.dumps(frame)}'

@@ -12,7 +12,7 @@ from skin_calib_addon.calibration.exchange import TaxelSet
 from skin_calib_addon.calibration.findings import warning
 from skin_calib_addon.calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from skin_calib_addon.errors import InvalidPlan
-from skin_calib_addon.skin.imported import REACH, gabriel, imported_taxels, median_pitch, near_pairs, placed
+from skin_calib_addon.skin.imported import REACH, frame_on, gabriel, imported_taxels, median_pitch, near_pairs, placed
 from skin_calib_addon.skin.taxels import fan_areas
 from tests.samples import ERRORS
 from tests.shapes import RADIUS, Motion, cone_surface, cylinder, plane_surface, sheet, wrist, wrist_surface
@@ -295,6 +295,34 @@ def test_wrong_frame_is_an_error_that_proposes_the_right_one():
     again = placed(taxel_set(positions), **found.value)
     right = imported_taxels(again, wrist_surface(), "skin", wrist())
     assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
+
+
+def test_proposal_takes_the_place_of_the_frame_that_was_given():
+    """Not that of what is left to do after it: the proposal is to be copied in its stead."""
+    positions, _ = wrist_taxels()
+    wrong = Motion(5)
+    given = wrong.rotation, wrong.shift
+    result = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist(), frame=given)
+    (found,) = (f for f in result.findings if f.severity == "error")
+    proposed = found.value["rotation"], found.value["translation"]
+    right = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist(), frame=proposed)
+    assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
+
+
+def test_frame_is_found_where_one_place_fits():
+    """From the file's own frame or from a wrong one; where it fits already, several places do or none, it is told."""
+    positions, wrong = wrist_taxels()[0], Motion(5)
+    for given in (None, (wrong.rotation, wrong.shift)):
+        there = placed(taxel_set(positions), *frame_on(taxel_set(positions), wrist(), "skin", given))
+        assert np.linalg.norm(there.positions - on_wrist(), axis=1).max() < 2e-4
+    with pytest.raises(InvalidPlan, match="skin lies on the mesh as it is; its frame needs no change"):
+        frame_on(there, wrist(), "skin")
+    on_tube = Motion(3).points(rolled(lattice(8, 36, "triangle")))
+    with pytest.raises(InvalidPlan, match="skin lies .* in several places, so give its frame"):
+        frame_on(taxel_set(on_tube), cylinder(), "skin")
+    scattered = np.random.default_rng(0).uniform(-0.2, 0.2, (80, 3))
+    with pytest.raises(InvalidPlan, match="skin lies .* and no motion brings it nearer"):
+        frame_on(taxel_set(scattered), cylinder(), "skin")
 
 
 @pytest.mark.parametrize(
