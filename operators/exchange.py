@@ -34,7 +34,7 @@ class SKIN_OT_import_plan(bpy.types.Operator, ImportHelper):
             plan = load_plan(path)
             document, _ = parse(read(path))  # numbers as the author wrote them
             scene.check_numbers(document, scene.metres_per_unit(context.scene))
-            skins.check_kinds(document["skins"])
+            skins.find_files(document["skins"], Path(path).parent)
             load_mesh(plan.mesh, plan.unit)  # refuses a wrong unit
             mesh = read_mesh(plan.mesh)
         except SkinCalibError as error:
@@ -43,7 +43,7 @@ class SKIN_OT_import_plan(bpy.types.Operator, ImportHelper):
         link = scene.add_link(context, mesh, plan.unit, plan.link)
         scene.write_plan(link, context.scene, document)
         scene.activate(context, link)
-        given, kept = plan_document(plan), plan_document(plan_from(scene.plan_document(link, context.scene)))
+        given, kept = (plan_document(plan_from(d)) for d in (document, scene.plan_document(link, context.scene)))
         if any(given.get(name) != kept.get(name) for name in ("cover", "grid", "skins", "response")):
             self.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
         return {"FINISHED"}
@@ -90,6 +90,7 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
             target = self._free(path, mesh)
             document["mesh"] = target.name
             save_mesh(mesh, target)
+        skins.relate_files(document["skins"], path.parent)
         save_plan(plan_from(document), path)
         if link.skin_calib.mesh_file != target.name:
             link.skin_calib.mesh_file = target.name

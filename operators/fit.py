@@ -6,7 +6,7 @@ from time import perf_counter
 import bpy
 from mathutils import Vector
 
-from ..skin_calib_addon.blender import live, overlay, results, scene
+from ..skin_calib_addon.blender import live, overlay, results, scene, skins
 from ..skin_calib_addon.blender.background import Work
 from ..skin_calib_addon.errors import SkinCalibError
 from ..skin_calib_addon.plan import plan_document
@@ -48,7 +48,7 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
 
     def refuse(self, error):
         """The last result stays."""
-        self.report({"ERROR"}, str(error))
+        self.report({"ERROR"}, skins.in_window(error))
         return {"CANCELLED"}
 
     def invoke(self, context, event):

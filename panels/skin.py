@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sheets and boards."""
+"""Sheets, boards, and taxels of files."""
 
 import bpy
 
@@ -11,7 +11,7 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
 
     def lay_out(self, layout, plan):
         if not plan.skins:
-            layout.label(text="Add a sheet, or boards", icon="INFO")
+            layout.label(text="Add a sheet, boards, or taxels of a file", icon="INFO")
         for i, skin in enumerate(plan.skins):
             box = layout.box()
             row = box.row()
@@ -20,14 +20,17 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
             box.prop(skin, "kind")
             if skin.kind == "sheet":
                 self.lay_out_sheet(box, skin, i)
-            else:
+            elif skin.kind == "hexagons":
                 self.lay_out_boards(box, skin, i)
+            else:
+                self.lay_out_imported(box, skin, i)
             box.prop(skin, "auto_channel")
             if not skin.auto_channel:
                 box.prop(skin, "first_channel")
         row = layout.row(align=True)
         row.operator("skin_calib.skin_add", text="Sheet", icon="ADD").kind = "sheet"
         row.operator("skin_calib.skin_add", text="Hexagons", icon="ADD").kind = "hexagons"
+        row.operator("skin_calib.skin_import", text="Taxels", icon="FILEBROWSER")
 
     def lay_out_sheet(self, box, skin, i):
         column = box.column(align=True)
@@ -73,6 +76,25 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
             box.prop(zone, "point")
             box.prop(zone, "radius")
         box.operator("skin_calib.zone_add", icon="ADD").skin = i
+
+    def lay_out_imported(self, box, skin, i):
+        column = box.column()
+        column.alert = not skin.file
+        column.prop(skin, "file")
+        box.prop(skin, "format")
+        box.prop(skin, "only")
+        box.prop(skin, "framed")
+        if skin.framed:
+            column = box.column(align=True)
+            column.use_property_split = False
+            column.label(text="Rotation")
+            for k in range(0, 9, 3):
+                row = column.row(align=True)
+                for j in range(k, k + 3):
+                    row.prop(skin, "rotation", index=j, text="")
+            box.prop(skin, "translation")
+        box.operator("skin_calib.frame_find", icon="VIEWZOOM").skin = i
+        box.prop(skin, "snap")
 
     def lay_out_origin(self, box, skin, i):
         row = box.row()

@@ -115,7 +115,7 @@ def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: Laid | None
     found = imported_taxels(taxel_set, fit.surface, skin.name, fit.mesh, frame=skin.frame, snap=skin.snap)
     wrong = next((finding for finding in found.findings if finding.severity == "error"), None)
     if wrong is not None:
-        raise InvalidPlan(f"skin {skin.name!r}, {skin.file.name}: {wrong.message}")
+        raise InvalidPlan(f"skin {skin.name!r}, {skin.file.name}: {wrong.message}", finding=wrong)
     taxels = replace(found.taxels, channels=found.taxels.channels + first_channel)
     shape = (len(taxels.ids), 1)
     return Laid(Patch(skin.name, "imported", SURFACE, shape, (found.pitch, found.pitch), taxels), imported=found)

@@ -43,7 +43,7 @@ class Source:
 
     def finds(self, folder: Path, hashes: dict[str, str]) -> bool:
         """Whether files are there as they were."""
-        return all(_hash(folder / path) == told for path, told in hashes.items())
+        return all(hash_of(folder / path) == told for path, told in hashes.items())
 
 
 def source_of(path: Path, plan: Plan, folder: Path) -> Source:
@@ -56,20 +56,25 @@ def source_of(path: Path, plan: Plan, folder: Path) -> Source:
     folder : Path
         Where the calibration goes.
     """
-    files = (path, plan.mesh, *(skin.file for skin in plan.skins if isinstance(skin, ImportedSkin)))
-    inputs = {_seen_from(folder, file): _hash(file) or "" for file in files}
-    return Source(PROGRAM, _seen_from(folder, path), _seen_from(folder, plan.mesh), inputs, {}, 0, 0.0, ())
+    files = (path, plan.mesh, *taxel_files(plan))
+    inputs = {seen_from(folder, file): hash_of(file) or "" for file in files}
+    return Source(PROGRAM, seen_from(folder, path), seen_from(folder, plan.mesh), inputs, {}, 0, 0.0, ())
+
+
+def taxel_files(plan: Plan) -> tuple[Path, ...]:
+    """The files that the imported skins of a plan come from."""
+    return tuple(skin.file for skin in plan.skins if isinstance(skin, ImportedSkin))
 
 
 def with_outputs(source: Source, folder: Path, outputs: list[Path], **numbers: Any) -> Source:
     """The same once files are written."""
-    hashes = {_seen_from(folder, path): _hash(path) or "" for path in outputs}
+    hashes = {seen_from(folder, path): hash_of(path) or "" for path in outputs}
     return replace(source, outputs=hashes, **numbers)
 
 
 def is_current(now: Source, before: Source, folder: Path, outputs: list[Path]) -> bool:
     """Whether the same program made these files from the same plan, mesh and taxel files, and they still stand."""
-    wanted = {_seen_from(folder, path) for path in outputs}
+    wanted = {seen_from(folder, path) for path in outputs}
     same = (now.program, now.inputs) == (before.program, before.inputs)
     return same and wanted <= before.outputs.keys() and before.finds(folder, {p: before.outputs[p] for p in wanted})
 
@@ -118,7 +123,7 @@ def changed_inputs(calibration: Path) -> tuple[str, ...]:
     """Of the files that a calibration was made from, those that are others now."""
     noted = load_sources(calibration.parent).get(calibration.name)
     files = {path: told for path, told in noted.inputs.items() if path != noted.mesh} if noted else {}
-    return tuple(path for path, told in files.items() if _hash(calibration.parent / path) not in (told, None))
+    return tuple(path for path, told in files.items() if hash_of(calibration.parent / path) not in (told, None))
 
 
 def is_mesh(path: Path, sha256: str) -> bool:
@@ -133,7 +138,7 @@ def is_mesh(path: Path, sha256: str) -> bool:
     return any(TriangleMesh(raw.vertices * metres, raw.faces).sha256 == sha256 for metres in METRES.values())
 
 
-def _hash(path: Path) -> str | None:
+def hash_of(path: Path) -> str | None:
     """Of a file's bytes; None where there is no file that can be read: a device or a pipe might never end."""
     if not os.path.isfile(path):
         return None
@@ -144,7 +149,8 @@ def _hash(path: Path) -> str | None:
         return None
 
 
-def _seen_from(folder: Path, path: Path) -> str:
+def seen_from(folder: Path, path: Path) -> str:
+    """A path relative to a folder, with slashes; as it is where it is on another drive."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # on another drive

@@ -13,7 +13,8 @@ from .layers import comparison_of
 from .scene import metres_per_unit
 from .taxels import result_of, taxels_of
 
-ENDINGS = (".json", *sorted({form.ending for form in FORMATS.values() if form.readable}))
+TAXEL_ENDINGS = tuple(sorted({form.ending for form in FORMATS.values() if form.readable}))
+ENDINGS = (".json", *TAXEL_ENDINGS)
 MOST_TOLD = 6
 
 

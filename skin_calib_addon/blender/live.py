@@ -21,6 +21,7 @@ from .facets import Facets
 from .plane_lists import read_hand_planes
 from .preview import Asked, Kept, Look, Told, look
 from .sketch import Sketch
+from .skins import in_window
 
 REST = 0.4  # [s] without a change, after which the fit is finished
 FRAME = 0.03  # [s] for which a preview is waited for, before the window goes on without it
@@ -146,7 +147,7 @@ def _start(link: bpy.types.Object, make: Callable[..., Any], take: Callable[...,
     try:
         task = make(link)
     except SkinCalibError as error:
-        _tell(link, str(error))
+        _tell(link, in_window(error))
         return
     if task is not None:
         _job = Job(link.name, _changed[link.name], Work(task), take, is_final)
@@ -161,7 +162,7 @@ def _take(job: Job) -> None:
     try:
         job.take(link, job.work.result())
     except SkinCalibError as error:
-        _tell(link, str(error))
+        _tell(link, in_window(error))
 
 
 def _tell(link: bpy.types.Object, problem: str) -> None:

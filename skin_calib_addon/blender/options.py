@@ -14,4 +14,6 @@ PLAN = FIXED | {"update": outdate}
 PLACE = PLAN | {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5}
 WAY = PLAN | {"subtype": "XYZ", "precision": 5}
 SIZE = PLAN | {"subtype": "DISTANCE", "unit": "LENGTH", "precision": 5}
+# Blender keeps the path in the way that the author prefers, relative to the .blend or not.
+FILE = PLAN | {"subtype": "FILE_PATH", "options": {"PATH_SUPPORTS_BLEND_RELATIVE"}}
 LENGTH = FIXED | {"subtype": "DISTANCE", "unit": "LENGTH", "precision": 6}

@@ -14,9 +14,11 @@ from ..geometry import cut_cover
 from ..laying import Laid, lay_all
 from ..pipeline import fit_grid
 from ..plan import Plan, plan_document
+from ..sources import hash_of, taxel_files
 from .facets import Facets
 from .layers import Layers, layers_of
 from .sketch import HandPlanes, Sketch, sketch_of
+from .skins import in_window
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Kept:
             self.steps[name] = asked, make()
         return self.steps[name][1]
 
-    def laid(self, skins: list[dict[str, Any]]) -> tuple[Laid, ...]:
+    def laid(self, skins: Any) -> tuple[Laid, ...]:
         """How the same skins lay on the last surface; nothing if they were others."""
         before, laid = self.steps.get("laid", ((None, None), ()))
         return laid if before[1] == skins else ()
@@ -75,14 +77,15 @@ def look(kept: Kept, asked: Asked) -> Look:
     if plan is None:
         return Look(sketch, told=Told(0.0, 0.0, asked.problem) if asked.problem else None)
     doc = plan_document(plan)
+    skins = doc["skins"], [hash_of(path) for path in taxel_files(plan)]
     grid = doc["grid"], doc["degree"], plan.chords
     try:
         cover = kept.step("cover", (mesh, doc["cover"]), _equal, lambda: cut_cover(mesh, plan.cover))
         fit = kept.step("fit", (cover, *grid), _equal, lambda: fit_grid(cover, plan.grid, plan.degree, plan.chords))
-        near = kept.laid(doc["skins"])
-        laid = kept.step("laid", (fit, doc["skins"]), _equal, lambda: lay_all(plan.skins, fit, near))
+        near = kept.laid(skins)
+        laid = kept.step("laid", (fit, skins), _equal, lambda: lay_all(plan.skins, fit, near))
     except SkinCalibError as error:
-        return Look(sketch, told=Told(0.0, 0.0, str(error)))
+        return Look(sketch, told=Told(0.0, 0.0, in_window(error)))
     patches = tuple(done.patch for done in laid)
     layers = layers_of(SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches)))
     for _ in layers.shown(asked.shown):  # made here, beside the main thread

@@ -12,6 +12,7 @@ from threading import Lock
 from ..geometry.mesh import TriangleMesh
 from ..pipeline import Calibrated, calibrate
 from ..plan import Plan, plan_document
+from ..sources import hash_of, taxel_files
 
 KEPT = 16
 _results: dict[str, Calibrated] = {}
@@ -26,7 +27,8 @@ def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda st
     SkinCalibError
         As :func:`calibrate` does.
     """
-    content = json.dumps(plan_document(plan), sort_keys=True) + mesh.sha256
+    files = [hash_of(path) for path in taxel_files(plan)]
+    content = json.dumps((plan_document(plan), files), sort_keys=True) + mesh.sha256
     key = hashlib.sha256(content.encode()).hexdigest()
     result = _results.get(key) or calibrate(plan, mesh, begin)
     with _lock:

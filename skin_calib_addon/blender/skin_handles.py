@@ -182,6 +182,8 @@ def targets_of(plan: Any) -> list[Target]:
     """All that can be moved of the skins of a plan."""
     found: list[Target] = []
     for k, skin in enumerate(plan.skins):
+        if skin.kind == "imported":
+            continue
         if skin.kind == "hexagons" or not skin.landmarks:
             found.append(("origin", k, 0))
         found.append(("way", k, 0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The skins of a plan as properties: sheets, boards, and what holds them or keeps them away."""
+"""The skins of a plan as properties: sheets, boards, imported taxels, and what holds them or keeps them away."""
 
 import bpy
 from bpy.props import (
@@ -13,10 +13,16 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..calibration.exchange import FORMATS, READABLE
 from ..errors import InvalidPlan
 from ..plan_skins import HIGHEST_CHANNEL, SIDE
-from .options import FIXED, PLACE, PLAN, SIZE, WAY, outdate
+from .options import FILE, FIXED, PLACE, PLAN, SIZE, WAY, outdate
 from .skins import read_cells
+
+FORMAT_ITEMS = [
+    ("auto", "Automatic", "The content of the file tells"),
+    *((name, name, FORMATS[name].what) for name in READABLE),
+]
 
 
 def _read_cells(skin, context):
@@ -48,7 +54,7 @@ class SKIN_PG_zone(bpy.types.PropertyGroup):
 
 
 class SKIN_PG_skin(bpy.types.PropertyGroup):
-    """A sheet of taxels, or hexagonal boards."""
+    """A sheet of taxels, hexagonal boards, or taxels of a file."""
 
     name: StringProperty(
         name="Name", description="Name of the patch; ids of taxels begin with it", default="skin", **PLAN
@@ -59,6 +65,7 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
         items=[
             ("sheet", "Sheet", "Rows of cells on a flexible sheet that bends with the surface"),
             ("hexagons", "Hexagons", "Rigid hexagonal boards beside each other"),
+            ("imported", "Imported", "Taxels that stand in a file of another program"),
         ],
         **PLAN,
     )
@@ -134,6 +141,32 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
         name="Offset",
         description="Height of the skin's neutral layer above the surface: where it keeps its lengths",
         **SIZE,
+    )
+    file: StringProperty(
+        name="File",
+        description="The file that has the taxels; a path that begins with // is relative to the .blend",
+        **FILE,
+    )
+    format: EnumProperty(name="Format", description="What the file is", items=FORMAT_ITEMS, **PLAN)
+    only: StringProperty(
+        name="Only", description="Pattern of the labels that are taken, such as l_forearm_skin_*; empty: all", **PLAN
+    )
+    framed: BoolProperty(
+        name="Own Frame", description="The file is in another frame than that of the link: turn and move it", **PLAN
+    )
+    rotation: FloatVectorProperty(
+        name="Rotation",
+        description="From the frame of the file into that of the link, by rows",
+        size=9,  # Blender transposes rows that are given to a matrix
+        default=(1, 0, 0, 0, 1, 0, 0, 0, 1),
+        precision=4,
+        **PLAN,
+    )
+    translation: FloatVectorProperty(
+        name="Translation", description="Of the file's frame, in the link frame; the rotation comes first", **PLACE
+    )
+    snap: BoolProperty(
+        name="Snap", description="Move the taxels to the surface, instead of telling how far off they are", **PLAN
     )
     auto_channel: BoolProperty(
         name="Channels Follow", description="Its channels go on after those of the skin before", **PLAN

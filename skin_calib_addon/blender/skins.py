@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The skins of a plan: from properties in scene units to the plan's document in metres, and back."""
 
+import json
+import os
 import re
+from itertools import chain, count
+from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 
 from ..calibration.model import TaxelArray
 from ..errors import InvalidPlan, SkinCalibError
 from ..plan_skins import GAP, SIDE
+from ..sources import seen_from
 from .decimals import exact, in_units, vector
 
 PITCH = 0.01  # of a new sheet [m]
@@ -39,10 +45,10 @@ def skin_document(skin: Any, metre: float) -> dict[str, Any]:
     Raises
     ------
     InvalidPlan
-        If its list of cells is empty or cannot be read.
+        If its list of cells is empty or cannot be read, or it is of no file.
     """
-    document = _sheet(skin, metre) if skin.kind == "sheet" else _boards(skin, metre)
-    document |= {"name": skin.name, "kind": skin.kind, "offset": exact(skin.offset, metre)}
+    document = {"sheet": _sheet, "hexagons": _boards, "imported": _imported}[skin.kind](skin, metre)
+    document |= {"name": skin.name, "kind": skin.kind}
     if not skin.auto_channel:
         document["first_channel"] = skin.first_channel
     return document
@@ -61,6 +67,7 @@ def _sheet(skin: Any, metre: float) -> dict[str, Any]:
         "direction": vector(skin.direction),
         "hand": skin.hand,
         "trim": skin.trim,
+        "offset": exact(skin.offset, metre),
     }
 
 
@@ -69,6 +76,7 @@ def _boards(skin: Any, metre: float) -> dict[str, Any]:
         "side": exact(skin.side, metre),
         "cells": _cells(skin) if skin.choice == "listed" else skin.choice,
         "origin": _origin(skin, metre),
+        "offset": exact(skin.offset, metre),
     }
     if not skin.auto_gap:
         document["gap"] = exact(skin.gap, metre)
@@ -79,6 +87,49 @@ def _boards(skin: Any, metre: float) -> dict[str, Any]:
             {"point": vector(zone.point, metre), "radius": exact(zone.radius, metre)} for zone in skin.excluded
         ]
     return document
+
+
+def _imported(skin: Any, metre: float) -> dict[str, Any]:
+    if not skin.file:
+        raise InvalidPlan(f"skin {skin.name!r} is of no file; choose the one that has its taxels")
+    document: dict[str, Any] = {"file": file_of(skin), "snap": skin.snap}
+    if skin.format != "auto":
+        document["format"] = skin.format
+    if skin.only:
+        document["only"] = skin.only
+    if skin.framed:
+        rotation = np.reshape(vector(skin.rotation), (3, 3)).tolist()
+        document["frame"] = {"rotation": rotation, "translation": vector(skin.translation, metre)}
+    return document
+
+
+def file_of(skin: Any) -> str:
+    """Where the file of an imported skin is, whatever folder is the current one."""
+    return os.path.abspath(bpy.path.abspath(skin.file, library=skin.id_data.library))
+
+
+def find_files(documents: list[dict[str, Any]], folder: Path) -> None:
+    """Make the files of imported skins absolute, which a plan in a folder names."""
+    for document in documents:
+        if document["kind"] == "imported":
+            document["file"] = os.path.abspath(folder / document["file"])
+
+
+def relate_files(documents: list[dict[str, Any]], folder: Path) -> None:
+    """Name the files of imported skins as a plan in a folder does, which may be there by a link."""
+    for document in documents:
+        if document["kind"] == "imported":
+            document["file"] = seen_from(folder.resolve(), Path(document["file"]).resolve())
+
+
+def kept_path(path: str) -> str:
+    """A path as Blender would keep it: relative to the .blend where there is one and the author likes that."""
+    if bpy.data.filepath and bpy.context.preferences.filepaths.use_relative_paths:
+        try:
+            return bpy.path.relpath(path)
+        except ValueError:  # on another drive
+            pass
+    return path
 
 
 def _origin(skin: Any, metre: float) -> Any:
@@ -95,27 +146,11 @@ def _cells(skin: Any) -> list[list[int]]:
     return cells
 
 
-def check_kinds(documents: list[dict[str, Any]]) -> None:
-    """Refuse skins of a plan that have no place in a scene.
-
-    Raises
-    ------
-    InvalidPlan
-        Names the first.
-    """
-    for document in documents:
-        if document["kind"] == "imported":
-            raise InvalidPlan(
-                f"skin {document['name']!r} is imported from a file, which a scene has no place for; calibrate this "
-                "plan by the command line"
-            )
-
-
-def add_skin(skins: Any, kind: str, metre: float) -> Any:
+def add_skin(skins: Any, kind: str, metre: float, name: str = "skin") -> Any:
     """A new skin at the end of a collection, in usual sizes, called as no other one there."""
     names = {skin.name for skin in skins}
     skin = skins.add()
-    skin.name = next(n for n in ("skin", *(f"skin_{k}" for k in range(2, len(names) + 3))) if n not in names)
+    skin.name = next(n for n in chain([name], (f"{name}_{k}" for k in count(2))) if n not in names)
     skin.kind, skin.auto_channel = kind, True
     _set_usual_sizes(skin, metre)
     return skin
@@ -127,7 +162,7 @@ def _set_usual_sizes(skin: Any, metre: float) -> None:
 
 
 def set_skin(skin: Any, document: dict[str, Any], metre: float) -> None:
-    """Set a new skin of a collection from its document."""
+    """Set a new skin of a collection from its document, whose file is absolute."""
     _set_usual_sizes(skin, metre)
     skin.name, skin.kind = document["name"], document["kind"]
     skin.offset = document.get("offset", 0.0) / metre
@@ -140,10 +175,7 @@ def set_skin(skin: Any, document: dict[str, Any], metre: float) -> None:
     skin.auto_channel = "first_channel" not in document
     if not skin.auto_channel:
         skin.first_channel = document["first_channel"]
-    if skin.kind == "sheet":
-        _set_sheet(skin, document, metre)
-    else:
-        _set_boards(skin, document, metre)
+    {"sheet": _set_sheet, "hexagons": _set_boards, "imported": _set_imported}[skin.kind](skin, document, metre)
 
 
 def _set_sheet(skin: Any, document: dict[str, Any], metre: float) -> None:
@@ -169,6 +201,18 @@ def _set_boards(skin: Any, document: dict[str, Any], metre: float) -> None:
         item.point, item.radius = in_units(zone["point"], metre), zone["radius"] / metre
 
 
+def _set_imported(skin: Any, document: dict[str, Any], metre: float) -> None:
+    skin.file, skin.format = kept_path(document["file"]), document.get("format", "auto")
+    skin.only, skin.snap = document.get("only", ""), document.get("snap", False)
+    if "frame" in document:
+        set_frame(skin, document["frame"]["rotation"], document["frame"]["translation"], metre)
+
+
+def set_frame(skin: Any, rotation: Any, translation: Any, metre: float) -> None:
+    """Set the frame of an imported skin: rotation (3, 3), translation (3,) [m]."""
+    skin.framed, skin.rotation, skin.translation = True, np.ravel(rotation), in_units(translation, metre)
+
+
 def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
     """The group of properties that holds an origin, a landmark or a zone, and the name of its point there.
 
@@ -182,6 +226,8 @@ def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
         return entry(of_kind(owner, "sheet", "landmarks").landmarks, index, "landmark"), "point"
     if what == "zone":
         return entry(of_kind(owner, "hexagons", "excluded zones").excluded, index, "excluded zone"), "point"
+    if owner.kind == "imported":
+        raise SkinCalibError(f"skin {owner.name!r} has no origin: it lies where its file says; give it a frame")
     return owner, "origin"
 
 
@@ -191,6 +237,13 @@ def put_point(plan: Any, what: str, skin: int, index: int, point: Any) -> None:
     setattr(owner, name, point)
     if what == "origin":
         owner.centred = False
+
+
+def in_window(error: SkinCalibError) -> str:
+    """What the window says of an error: a frame is found by a button there, where a plan has to have it written."""
+    finding = error.numbers.get("finding")
+    proposal = json.dumps(finding.value) if finding else ""
+    return str(error).replace(f'give it "frame": {proposal}', "press Find Frame")
 
 
 def hold(skin: Any, taxels: TaxelArray, metre: float) -> None:

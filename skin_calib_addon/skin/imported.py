@@ -185,7 +185,7 @@ def frame_on(taxel_set: TaxelSet, mesh: TriangleMesh, name: str, frame: Frame | 
     raise InvalidPlan(f"{name} {told[0] if told else 'lies on the mesh as it is; its frame needs no change'}")
 
 
-def _after(fit: RigidFit, frame: Frame | None) -> Frame:
+def _after(fit: RigidFit, frame: Frame | None) -> tuple[Array, Array]:
     """A motion that follows the one into a frame."""
     if frame is None:
         return fit.rotation, fit.translation

@@ -126,6 +126,19 @@ def no_way(bpy, link):
     boards_of(link, auto_direction=False, direction=(0, 0, 0))
 
 
+def no_file(bpy, link):
+    link.skin_calib.skins[0].kind = "imported"
+
+
+def lost_file(bpy, link):
+    link.skin_calib.skins[0].kind, link.skin_calib.skins[0].file = "imported", "/lost.csv"
+
+
+def no_rotation(bpy, link):
+    lost_file(bpy, link)
+    link.skin_calib.skins[0].framed, link.skin_calib.skins[0].rotation[0] = True, math.nan
+
+
 def landmark_beside(bpy, link):
     link.skin_calib.skins[0].landmarks.add().cell = (2, 0)
 
@@ -170,6 +183,9 @@ BAD_LINKS = {
     no_side: "the plan of arm is not valid: .*/skins/0/side",
     no_radius: "the plan of arm is not valid: .*/skins/0/excluded/0/radius",
     no_way: "the direction of skin 'band' is zero",
+    no_file: "skin 'band' is of no file; choose the one that has its taxels",
+    lost_file: "/lost.csv",
+    no_rotation: "the plan holds nan",
     landmark_beside: r"a landmark of skin 'band' is of cell \[2, 0\]; the sheet has 2 x 3 cells",
     same_landmarks: "landmarks 0 and 1 share a cell or a point",
     channel_beyond: "skin 'band' would end on channel 2147483652",
@@ -278,6 +294,7 @@ NOT_THERE = {
     "zone_add": {"skin": 2},
     "zone_remove": {"skin": 1, "index": 1},
     "place": POINTS | {"skin": 2},
+    "frame_find": {"skin": 2},
     "place_at_cursor": {"skin": 1, "what": "zone", "index": 1},
 }
 
@@ -306,6 +323,7 @@ OTHER_KIND = {
     "zone_remove": {"skin": 0},
     "place": POINTS | {"skin": 1, "what": "landmark"},
     "place_at_cursor": {"skin": 0, "what": "zone"},
+    "frame_find": {"skin": 0},
 }
 
 
@@ -342,14 +360,3 @@ def test_import_from_edit_mode_leaves_it(bpy, plan_file, link):
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("leg")))
     assert bpy.context.object.name == "leg" and bpy.context.mode == "OBJECT"
     assert [o.name for o in bpy.context.selected_objects] == ["leg"]
-
-
-def test_plan_with_imported_taxels_is_refused_whole(bpy, addon, plan_file):
-    """A scene has no place for a file of taxels: one line that names the skin, and nothing in the scene."""
-    before = scene_state(bpy, addon)
-    path = plan_file(skins=[{"name": "thigh", "kind": "imported", "file": "taxels.csv"}])
-    with pytest.raises(
-        RuntimeError, match="Error: skin 'thigh' is imported from a file, which a scene has no place for"
-    ):
-        bpy.ops.skin_calib.import_plan(filepath=str(path))
-    assert scene_state(bpy, addon) == before

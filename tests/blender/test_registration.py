@@ -9,7 +9,7 @@ OPERATORS = (
     *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
     *("fit", "show_worst", "skin_add", "skin_remove", "landmark_add", "landmark_remove", "zone_add", "zone_remove"),
     *("boards_paint", "place", "place_at_cursor", "taxel", "compare", "compare_end"),
-    *("cut_place", "cut_flip", "cut_away", "bring_back"),
+    *("cut_place", "cut_flip", "cut_away", "bring_back", "skin_import", "frame_find"),
     *("replay_open", "replay_close", "replay_play"),
 )
 EXCHANGE = (
@@ -169,23 +169,26 @@ def test_panel_lays_out_what_there_is(bpy, link, kind):
     assert "Fit the link to see its skin" in shown["inspect"]
 
 
-EVERY_SKIN = {"name", "kind", "offset", "centred", "origin", "direction", "auto_channel", "first_channel"}
-SHEETS = {"rows", "columns", "pitch", "hand", "trim"}
-BOARDS = {"side", "auto_gap", "gap", "choice", "cells", "auto_direction"}
+EVERY_SKIN = {"name", "kind", "auto_channel", "first_channel"}
+LAID = {"offset", "centred", "origin", "direction"}
+SHEETS = LAID | {"rows", "columns", "pitch", "hand", "trim"}
+BOARDS = LAID | {"side", "auto_gap", "gap", "choice", "cells", "auto_direction"}
+IMPORTED = {"file", "format", "only", "framed", "rotation", "translation", "snap"}
 
 
-@pytest.mark.parametrize("kind, own", [("sheet", SHEETS), ("hexagons", BOARDS)])
+@pytest.mark.parametrize("kind, own", [("sheet", SHEETS), ("hexagons", BOARDS), ("imported", IMPORTED)])
 def test_panel_shows_what_applies_to_the_kind(bpy, link, kind, own):
-    """Each option of a skin has its field, those of the other kind have none, and none is forgotten."""
+    """Each option of a skin has its field, those of the other kinds have none, and none is forgotten."""
     skin = link.skin_calib.skins[0]
     names = {p.identifier for p in skin.bl_rna.properties} - {"rna_type", "landmarks", "excluded", "cells_wrong"}
-    assert names == EVERY_SKIN | SHEETS | BOARDS
-    skin.kind, skin.choice = kind, "listed"
+    assert names == EVERY_SKIN | SHEETS | BOARDS | IMPORTED
+    skin.kind, skin.choice, skin.framed = kind, "listed", True
     skin.centred = skin.auto_gap = skin.auto_direction = skin.auto_channel = False
     assert names & set(draw(bpy, "skin")) == EVERY_SKIN | own
     skin.centred = skin.auto_gap = skin.auto_direction = skin.auto_channel = True
-    skin.choice = "fill"
-    hidden = {"origin", "first_channel"} | ({"direction", "gap", "cells"} if kind == "hexagons" else set())
+    skin.choice, skin.framed = "fill", False
+    hidden = {"origin", "first_channel", "rotation", "translation"}
+    hidden |= {"direction", "gap", "cells"} if kind == "hexagons" else set()
     assert names & set(draw(bpy, "skin")) == (EVERY_SKIN | own) - hidden
 
 
@@ -226,7 +229,7 @@ def test_panel_says_what_to_do_next(bpy):
     bpy.context.scene.collection.objects.link(bare)
     bpy.context.view_layer.objects.active = bare
     assert "Name the link to begin" in draw(bpy, "link")
-    assert draw(bpy, "skin")[0] == "Add a sheet, or boards"
+    assert draw(bpy, "skin")[0] == "Add a sheet, boards, or taxels of a file"
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     bare.skin_calib.skins[0].choice = "listed"
     assert "List them as 0,0 1,0 0,1" in draw(bpy, "skin")

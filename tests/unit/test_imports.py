@@ -65,6 +65,7 @@ ABOVE = {
         "comparison",
         "runtime",
         "replaying",
+        "sources",
         "cli",
         "blender",
     ),

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Taxels that stand in a file already: add them as a skin, and find the frame that they are in."""
+
+from pathlib import Path
+
+import bpy
+from bpy_extras.io_utils import ImportHelper
+
+from ..skin_calib_addon.blender import scene, skins
+from ..skin_calib_addon.blender.comparing import TAXEL_ENDINGS
+from ..skin_calib_addon.blender.skin_properties import FORMAT_ITEMS
+from ..skin_calib_addon.calibration.exchange import read_taxels
+from ..skin_calib_addon.geometry import cut_cover
+from ..skin_calib_addon.skin.imported import frame_on
+from .lists import OnSkin
+from .on_link import Edit
+
+
+class SKIN_OT_skin_import(Edit, ImportHelper, bpy.types.Operator):
+    """Add a skin to the active link: the taxels of a file that another program wrote"""
+
+    bl_idname = "skin_calib.skin_import"
+    bl_label = "Import Taxels"
+
+    filepath: bpy.props.StringProperty(
+        name="File Path",
+        description="The file that has the taxels",
+        subtype="FILE_PATH",
+        options={"HIDDEN", "SKIP_PRESET", "PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
+    filter_glob: bpy.props.StringProperty(
+        default=";".join(f"*{ending}" for ending in TAXEL_ENDINGS), options={"HIDDEN"}
+    )
+    format: bpy.props.EnumProperty(name="Format", description="What the file is", items=FORMAT_ITEMS)
+    only: bpy.props.StringProperty(
+        name="Only", description="Pattern of the labels that are taken, such as l_forearm_skin_*; empty: all"
+    )
+
+    def edit(self, context, plan):
+        path = bpy.path.abspath(self.filepath)
+        taxels = read_taxels(path, None if self.format == "auto" else self.format, self.only or None)
+        metre = scene.metres_per_unit(context.scene)
+        skin = skins.add_skin(plan.skins, "imported", metre, Path(path).stem)
+        skin.file, skin.format, skin.only = skins.kept_path(path), self.format, self.only
+        named = "" if taxels.frame is None else f" in the frame {taxels.frame}"
+        self.report({"INFO"}, f"{Path(path).name}: {len(taxels.labels)} taxels{named}")
+
+
+class SKIN_OT_frame_find(OnSkin, Edit, bpy.types.Operator):
+    """Turn and move the taxels of the file so that they lie on the mesh, if only one place fits"""
+
+    bl_idname = "skin_calib.frame_find"
+    bl_label = "Find Frame"
+
+    def edit(self, context, plan):
+        self.of_kind(plan, "imported", "frame of a file")
+        read = scene.read_plan(context.object, context.scene)
+        skin = read.skins[self.skin]
+        taxels = read_taxels(skin.file, skin.format, skin.only)
+        cover = cut_cover(scene.read_mesh(context.object, context), read.cover)
+        rotation, translation = frame_on(taxels, cover, skin.name, skin.frame)
+        skins.set_frame(plan.skins[self.skin], rotation, translation, scene.metres_per_unit(context.scene))
+
+
+CLASSES = (SKIN_OT_skin_import, SKIN_OT_frame_find)

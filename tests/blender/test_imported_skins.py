@@ -1,0 +1,228 @@
+"""Taxels of a file as a skin in the scene: in and out with the plan, their frame, and the file on the disk."""
+
+import json
+import os
+import sys
+
+import numpy as np
+import pytest
+
+from tests.blender.conftest import BAND, look, oval
+from tests.blender.test_refusals import scene_state
+
+TURN, SHIFT = [[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]], [0.25, -0.125, 0.5]
+FRAME = {"rotation": TURN, "translation": SHIFT}
+SKIN = {"name": "worn", "kind": "imported", "file": "taxels.csv"}
+
+
+def write_taxels(path, frame=None):
+    """A table of 40 taxels at vertices of the small link, in the frame that ``frame`` leads back from."""
+    angle, height = np.meshgrid(2 * np.pi * np.arange(1, 16, 2) / 24, np.arange(2, 7) / 8)
+    places = oval(angle.ravel(), height.ravel())
+    if frame:
+        places = (places - frame["translation"]) @ np.array(frame["rotation"])
+    rows = [f"taxel_{k},{k},{x:.9f},{y:.9f},{z:.9f}" for k, (x, y, z) in enumerate(places)]
+    path.write_text("\n".join(["id,channel,x,y,z", *rows]) + "\n")
+
+
+@pytest.fixture
+def worn(bpy, plan_file, tmp_path):
+    """The small link with a skin of a file that lies as it should."""
+    write_taxels(tmp_path / "taxels.csv")
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[SKIN])))
+    return bpy.context.object
+
+
+KINDS = {
+    "as it is": ({}, None),
+    "every option": ({"frame": FRAME, "format": "gentact", "only": "taxel_[1-3]*", "first_channel": 7}, FRAME),
+    "snapped": ({"snap": True}, None),
+}
+
+
+@pytest.mark.parametrize("unit_scale", [1.0, 0.001])
+@pytest.mark.parametrize("kind", KINDS)
+def test_plan_in_and_out_gives_the_same_bytes(
+    bpy, plan_file, fit_plainly, fit_scene, tmp_path, capfd, kind, unit_scale
+):
+    """The plan exported elsewhere, also into a folder that is a link, names the file from there."""
+    options, frame = KINDS[kind]
+    (tmp_path / "data").mkdir()
+    write_taxels(tmp_path / "data" / "taxels.csv", frame)
+    source = plan_file(skins=[SKIN | options | {"file": "data/taxels.csv"}, BAND])
+    bpy.context.scene.unit_settings.scale_length = unit_scale
+    bpy.ops.skin_calib.import_plan(filepath=str(source))
+    assert "seven digits" not in capfd.readouterr().out
+    assert fit_scene() == fit_plainly(source)
+    (tmp_path / "deep" / "down").mkdir(parents=True)
+    (tmp_path / "short").symlink_to(tmp_path / "deep" / "down")
+    exported = tmp_path / "short" / "mine.plan.json"
+    assert bpy.ops.skin_calib.export_plan(filepath=str(exported)) == {"FINISHED"}
+    assert fit_plainly(exported) == fit_scene()
+    document = json.loads(exported.read_text())["skins"][0]
+    assert document == SKIN | {"first_channel": 0} | options | {"file": "../../data/taxels.csv"}
+
+
+def test_file_is_kept_as_blender_keeps_files(bpy, addon, worn, fit_scene, tmp_path, monkeypatch):
+    """Beside a saved .blend by //, where the author likes that; it is found again from any current folder."""
+    skin = worn.skin_calib.skins[0]
+    assert skin.file == str(tmp_path / "taxels.csv")
+    before = fit_scene()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.skin_calib.skin_import(filepath=str(tmp_path / "taxels.csv"))
+    assert worn.skin_calib.skins[1].file == "//taxels.csv"
+    with monkeypatch.context() as patch:
+        patch.setattr(bpy.context.preferences.filepaths, "use_relative_paths", False)
+        bpy.ops.skin_calib.skin_import(filepath="//taxels.csv")
+        assert worn.skin_calib.skins[2].file == str(tmp_path / "taxels.csv")
+    bpy.ops.skin_calib.skin_remove(index=2)
+    bpy.ops.skin_calib.skin_remove(index=0)
+    worn.skin_calib.skins[0].name = "worn"
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    os.rename(tmp_path / "saved.blend", tmp_path / "other.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "other.blend"))
+    assert bpy.context.object.skin_calib.skins[0].file == "//taxels.csv" and fit_scene() == before
+
+
+def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd):
+    """Called like the file, after the skins that are there; a file that is none adds nothing; undo takes it away."""
+    write_taxels(tmp_path / "thigh.csv")
+    (tmp_path / "none.csv").write_text("nothing")
+    before = scene_state(bpy, addon)
+    for path, options in (("none.csv", {}), ("lost.csv", {}), ("thigh.csv", {"format": "tum"})):
+        with pytest.raises(RuntimeError, match=f"Error: .*{path}"):
+            bpy.ops.skin_calib.skin_import(filepath=str(tmp_path / path), **options)
+    with pytest.raises(RuntimeError, match="Error: .*leg_"):
+        bpy.ops.skin_calib.skin_import(filepath=str(tmp_path / "thigh.csv"), only="leg_*")
+    assert scene_state(bpy, addon) == before
+    bpy.ops.ed.undo_push(message="start")
+    for options in ({}, {"format": "csv", "only": "taxel_1*"}):
+        arguments = {"filepath": str(tmp_path / "thigh.csv")} | options
+        assert bpy.ops.skin_calib.skin_import("EXEC_DEFAULT", True, **arguments) == {"FINISHED"}
+    told = capfd.readouterr().out
+    assert "thigh.csv: 40 taxels" in told and "thigh.csv: 11 taxels" in told
+    bpy.ops.skin_calib.fit()
+    link = bpy.context.object
+    skins = addon.scene.plan_document(link, bpy.context.scene)["skins"]
+    assert [skin["name"] for skin in skins] == ["band", "thigh", "thigh_2"]
+    assert skins[2].keys() - skins[1].keys() == {"format", "only"} and link.skin_calib.result.taxels == 6 + 40 + 11
+    for left in (["band", "thigh"], ["band"]):
+        bpy.ops.ed.undo()
+        assert [skin.name for skin in bpy.context.object.skin_calib.skins] == left
+
+
+@pytest.mark.parametrize("unit_scale", [1.0, 0.001])
+def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tmp_path, unit_scale):
+    """From nothing and from a wrong guess; the taxels then lie where they did, and undo takes the frame back."""
+    bpy.context.scene.unit_settings.scale_length = unit_scale
+    write_taxels(tmp_path / "taxels.csv")
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[SKIN])))
+    bpy.ops.skin_calib.fit()
+    right = taxels(addon)
+    write_taxels(tmp_path / "taxels.csv", FRAME)
+    for guess in (False, True):
+        skin = bpy.context.object.skin_calib.skins[0]
+        skin.framed, skin.translation = guess, (0.1 / unit_scale, 0, 0)
+        before = list(skin.rotation), list(skin.translation), guess
+        bpy.ops.ed.undo_push(message="guess")
+        with pytest.raises(
+            RuntimeError, match="Error: skin 'worn', taxels.csv: lies .* off the mesh .*; if that is right, press Find"
+        ):
+            bpy.ops.skin_calib.fit()
+        assert bpy.ops.skin_calib.frame_find("EXEC_DEFAULT", True, skin=0) == {"FINISHED"}
+        bpy.ops.skin_calib.fit()
+        assert np.linalg.norm(taxels(addon) - right, axis=1).max() < 1e-5
+        bpy.ops.ed.undo()
+        skin = bpy.context.object.skin_calib.skins[0]
+        assert (list(skin.rotation), list(skin.translation), skin.framed) == before
+        bpy.ops.ed.redo()
+        assert bpy.context.object.skin_calib.skins[0].framed
+    state = scene_state(bpy, addon)
+    with pytest.raises(RuntimeError, match="Error: worn lies on the mesh as it is; its frame needs no change"):
+        bpy.ops.skin_calib.frame_find(skin=0)
+    assert scene_state(bpy, addon) == state
+
+
+def taxels(addon):
+    """Where the taxels of the fitted link are [m]."""
+    (patch,) = addon.overlay.patches_of(sys.modules["bpy"].context.object)
+    return patch.taxels.positions_link
+
+
+def test_file_that_changes_on_the_disk_is_read_anew(bpy, addon, worn, live, tmp_path):
+    """Neither a fit nor a preview takes the old taxels for those of the new file."""
+    bpy.ops.skin_calib.fit()
+    assert len(taxels(addon)) == 40
+    path = tmp_path / "taxels.csv"
+    path.write_text("\n".join(path.read_text().splitlines()[:31]) + "\n")
+    bpy.ops.skin_calib.fit()
+    assert len(taxels(addon)) == 30
+    worn.skin_calib.live = True
+    for rows, n in ((26, 6), (21, 6)):
+        path.write_text("\n".join(path.read_text().splitlines()[:rows]) + "\n")
+        worn.skin_calib.grid.n = n
+        worn.skin_calib.result.outdated = True
+        look(live)
+        (cells,) = [layer for layer in addon.overlay.previews[worn.name].shown({"CELLS"}) if layer.what == "CELLS"]
+        assert len(cells.points) == (rows - 1) * 16 * 2
+
+
+def test_live_follows_a_frame_that_changes(bpy, addon, worn, live):
+    """Taxels move with the numbers; once they lie off the mesh, the panel says why nothing follows."""
+    worn.skin_calib.live = True
+    look(live)
+    before = cells(addon, worn)
+    skin = worn.skin_calib.skins[0]
+    skin.framed, skin.translation = True, (0, 0, 0.001)
+    look(live)
+    assert np.allclose(cells(addon, worn).mean(axis=0) - before.mean(axis=0), (0, 0, 0.001), atol=1e-4)
+    skin.translation = (0.3, 0, 0)
+    look(live)
+    assert live.told[worn.name].problem.endswith("if that is right, press Find Frame")
+
+
+def cells(addon, link):
+    """Corners of the cells that a preview draws."""
+    (layer,) = [layer for layer in addon.overlay.previews[link.name].shown({"CELLS"}) if layer.what == "CELLS"]
+    return layer.points
+
+
+def test_findings_of_the_file_are_told_and_kept(bpy, addon, worn, tmp_path, capfd):
+    """With those of the place, as doubts of the fit."""
+    path = tmp_path / "taxels.csv"
+    path.write_text(path.read_text() + "stray,40,0.02,0.01,0.15\n")
+    capfd.readouterr()
+    bpy.ops.skin_calib.fit()
+    doubts = " ".join(worn.skin_calib.result.doubts.split())
+    assert "1 taxel lies" in doubts and "worn.stray" in doubts and "worn.stray" in capfd.readouterr().out
+
+
+def test_imported_taxels_have_no_places_to_move(bpy, addon, worn, extension):
+    """No handle in the view, and no origin to put somewhere: the file says where they lie."""
+    import importlib
+
+    handles = importlib.import_module(f"{extension}.skin_calib_addon.blender.skin_handles")
+    assert handles.targets_of(worn.skin_calib) == []
+    with pytest.raises(RuntimeError, match="Error: skin 'worn' has no origin: it lies where its file says"):
+        bpy.ops.skin_calib.place(what="origin", skin=0, point=(0, 0, 0))
+    worn.skin_calib.skins[0].kind = "sheet"
+    assert len(handles.targets_of(worn.skin_calib)) == 2
+
+
+def test_linked_library_finds_its_file(bpy, worn, fit_scene, tmp_path):
+    """A path beside the .blend that an object comes from, not beside the one it is used in."""
+    own = fit_scene()
+    (tmp_path / "library").mkdir()
+    os.rename(tmp_path / "taxels.csv", tmp_path / "library" / "taxels.csv")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library" / "library.blend"))
+    worn.skin_calib.skins[0].file = "//taxels.csv"
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, wanted):
+        wanted.objects = ["arm"]
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "user.blend"))
+    assert fit_scene() == own
