@@ -1,0 +1,105 @@
+"""Drives taxels of a file into the window: chosen in the file browser, refused in a wrong frame, laid by one click."""
+
+import sys
+
+import bpy
+import numpy as np
+from mathutils import Vector
+from sample import hover_view, plan, red, undo
+
+TURN, SHIFT = np.array([[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]]), np.array([0.25, -0.125, 0.5])
+
+
+def ours(name):
+    """A module of the extension."""
+    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
+
+
+def drive(gui):
+    path = gui.out / "worn.csv"
+    yield from gui.tab("Skin")
+    with gui.context():
+        bpy.ops.view3d.view_axis(type="LEFT")
+    yield from gui.press("skin_calib.fit")
+    yield from gui.wait(lambda: plan().result.key, 30, "the fit")
+    write(path)
+    yield from chooses_the_file(gui, path)
+    yield from is_told_of_the_frame(gui)
+    yield from finds_the_frame(gui)
+    yield from follows_the_file(gui)
+    yield from goes_back(gui)
+
+
+def write(path):
+    """The taxels of the fitted sheet, in another frame, in a table of a program that knows no more."""
+    (patch,) = ours("results").find(plan().result.key).calibration.patches
+    places = (patch.taxels.positions_link - SHIFT) @ TURN
+    rows = [f"t{k},{x:.9f},{y:.9f},{z:.9f}" for k, (x, y, z) in enumerate(places)]
+    path.write_text("\n".join(["id,x,y,z", *rows]) + "\n")
+
+
+def chooses_the_file(gui, path):
+    """The sheet goes, the button opens the file browser, the file becomes a skin of its name."""
+    yield from gui.press("skin_calib.skin_remove")
+    yield from gui.redraw(2)
+    yield from gui.press("skin_calib.skin_import")
+    yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
+    assert gui.area("FILE_BROWSER").spaces.active.active_operator.format == "auto"
+    yield from gui.shot("browser.png", area="FILE_BROWSER")
+    yield from gui.choose_file(path)
+    yield from gui.wait(lambda: len(plan().skins) == 1, 20, "the skin")
+    (skin,) = plan().skins
+    assert (skin.name, skin.kind) == ("worn", "imported") and skin.file.endswith("worn.csv"), skin.file
+    yield from hover_view(gui)
+    yield from gui.redraw(3)
+    yield from gui.shot("chosen.png")
+
+
+def is_told_of_the_frame(gui):
+    """Live says why the taxels cannot be laid, and goes on when they can."""
+    yield from gui.press("skin_calib.live")
+    told = ours("live").told
+    yield from gui.wait(lambda: any("off the mesh" in t.problem for t in told.values()), 60, "the refusal")
+    yield from hover_view(gui)
+    yield from gui.redraw(3)
+    assert all("press Find Frame" in t.problem and "{" not in t.problem for t in told.values())
+    yield from gui.shot("refused.png")
+
+
+def finds_the_frame(gui):
+    """One click, and they lie where the sheet lay; their number is in the result."""
+    yield from gui.press("skin_calib.frame_find")
+    yield from gui.wait(lambda: not plan().result.outdated and plan().result.taxels == 120, 60, "the result")
+    (skin,) = plan().skins
+    assert skin.framed and np.abs(np.reshape(skin.rotation, (3, 3)) - TURN).max() < 0.1
+    assert (Vector(skin.translation) - Vector(SHIFT)).length < 0.02
+    yield from hover_view(gui)
+    yield from gui.redraw(3)
+    assert red(gui) > 200, red(gui)
+    yield from gui.shot("found.png")
+
+
+def follows_the_file(gui):
+    """A pattern that is typed leaves out taxels, and Live follows."""
+    yield from gui.press("skins[0].only")
+    yield from gui.key("A", "ctrl")
+    yield from gui.type("t1*")
+    yield from gui.key("RET")
+    yield from gui.wait(lambda: plan().skins[0].only == "t1*", 10, "the pattern")
+    yield from gui.wait(lambda: not plan().result.outdated and plan().result.taxels == 31, 60, "fewer taxels")
+    yield from hover_view(gui)
+    yield from gui.redraw(3)
+    yield from gui.shot("only.png")
+
+
+def goes_back(gui):
+    """Ctrl-Z: the pattern, the frame, the file and the removal of the sheet, one by one."""
+    yield from undo(gui)
+    yield from gui.wait(lambda: plan().skins[0].only == "", 20, "the pattern undone")
+    for _ in range(12):
+        if plan().skins and plan().skins[0].kind == "sheet":
+            break
+        yield from undo(gui)
+    assert plan().skins[0].kind == "sheet"
+    yield from gui.redraw(3)
+    yield from gui.shot("back.png")
