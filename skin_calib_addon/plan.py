@@ -14,7 +14,7 @@ from .calibration.response import AnyResponse, Response, response_document, resp
 from .calibration.response_checks import responses_are_monotone
 from .calibration.schema_check import check, read_schema
 from .calibration.strict_json import parse, read
-from .calibration.validate import newer_version
+from .calibration.validate import other_file
 from .errors import CalibrationFormatError, InvalidPlan
 from .geometry.auto import AutoGrid
 from .geometry.axis import Axis
@@ -69,9 +69,9 @@ def load_plan(path: str | Path) -> Plan:
 
 def check_plan(document: Any) -> tuple[Finding, ...]:
     """Every place where a document breaks the plan's schema, or its response turns round."""
-    newer = tuple(newer_version(document, VERSION))
-    if newer:
-        return newer
+    other = tuple(other_file(document, FORMAT, VERSION))
+    if other:
+        return other
     findings = check(document, _schema())
     return (*findings, *responses_are_monotone(document, findings))
 
@@ -85,6 +85,12 @@ def check_plan_wholly(document: Any) -> tuple[Finding, ...]:
         except InvalidPlan as problem:
             findings = (error("plan", "", f"cannot be carried out: {problem}"),)
     return findings
+
+
+def check_frame(frame: Any) -> tuple[Finding, ...]:
+    """Every place where the frame of imported taxels breaks the plan's schema."""
+    definitions = _schema()["$defs"]
+    return check(frame, definitions["frame"] | {"$defs": definitions})
 
 
 @cache

@@ -16,7 +16,7 @@ from .model import LinkCalibration, MeshSource, Patch, SurfaceModel, TaxelArray
 from .response import response_document, response_from
 from .schema_check import check
 from .strict_json import parse, read
-from .validate import SCHEMA, VERSION, validate, validate_content
+from .validate import FORMAT, SCHEMA, VERSION, validate, validate_content
 
 Document = dict[str, Any]
 T = TypeVar("T")
@@ -96,7 +96,7 @@ def to_document(calibration: LinkCalibration) -> Document:
     """
     name = f"the calibration of '{calibration.link}'"
     document = {
-        "format": "skin-calibration",
+        "format": FORMAT,
         "version": VERSION,
         "generator": calibration.generator,
         "units": {"length": "m", "force": "N", "angle": "rad"},

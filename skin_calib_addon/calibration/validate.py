@@ -16,7 +16,13 @@ from .schema_types import has_type
 
 Findings = tuple[Finding, ...]
 
-VERSION = 1
+FORMAT, VERSION = "skin-calibration", 1
+# What the files of this program are, by their format, and what to do with one in the place of another.
+OURS = {
+    FORMAT: "a calibration; name the plan that it was made from",
+    "skin-plan": "a plan; fit it, and name the calibration that comes of it",
+    "skin-sources": "what fit notes of calibrations; name one of those beside it",
+}
 SCHEMA = read_schema(Path(__file__).with_name("schema.json"))
 
 
@@ -33,16 +39,21 @@ def validate(document: Any) -> Findings:
     tuple of Finding
         Empty if all is well. Where one member is unsound, what the others say is still checked.
     """
-    newer = tuple(newer_version(document, VERSION))
-    if newer:
-        return newer
+    other = tuple(other_file(document, FORMAT, VERSION))
+    if other:
+        return other
     findings = validate_content(document)
     return (*findings, *checksum_findings(document, findings))
 
 
-def newer_version(document: Any, known: int) -> Iterator[Finding]:
-    """That a document has a later version than the one known; nothing else in it can then be judged."""
-    version: Any = document.get("version") if isinstance(document, dict) else None
+def other_file(document: Any, format: str, known: int) -> Iterator[Finding]:
+    """That a document is another file of ours, or of a later version; nothing else in it can then be judged."""
+    members = document if isinstance(document, dict) else {}
+    found: Any = members.get("format")
+    if isinstance(found, str) and found != format and found in OURS:
+        yield error("value", "/format", f"must be {show(format)}, not {show(found)}: the file is {OURS[found]}", found)
+        return
+    version: Any = members.get("version")
     if has_type(version, "integer") and version > known:
         message = f"is {show(version)}, newer than the {known} that this program reads; update the program"
         yield error("version", "/version", message, version)

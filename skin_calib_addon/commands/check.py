@@ -55,7 +55,7 @@ def _check_one(path: Path, mesh: Path | None) -> int:
     document, findings = parse(data)
     if isinstance(document, dict) and document.get("format") == FORMAT:
         findings = tuple(findings) or check_plan_wholly(document)
-        findings = findings or tuple(_mesh_of_plan(path, document))
+        findings = findings or tuple(_lost_files(path, document))
     else:
         document, findings = check_bytes(data)
         if not any(finding.severity == "error" for finding in findings):
@@ -76,9 +76,14 @@ def _taxels(document: dict[str, Any]) -> int:
     return sum(len(patch["taxels"]["id"]) for patch in document["patches"])
 
 
-def _mesh_of_plan(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
+def _lost_files(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
+    """The files that a plan names and that are not there."""
     if not os.path.isfile(path.parent / document["mesh"]):
         yield warning("no-mesh", "/mesh", "names no file; a plan names its mesh relative to its own folder")
+    for k, skin in enumerate(document["skins"]):
+        if skin["kind"] == "imported" and not os.path.isfile(path.parent / skin["file"]):
+            message = "names no file; a plan names files of taxels relative to its own folder"
+            yield warning("no-taxels", f"/skins/{k}/file", message, skin["file"])
 
 
 def _compared(path: Path, mesh: dict[str, Any], named: Path | None) -> tuple[list[Finding], str]:

@@ -4,15 +4,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..atomic_file import write_bytes_safely
 from ..calibration.exchange import READABLE, read_taxels, write_taxel_set
 from ..calibration.file import save_calibration
 from ..calibration.strict_json import parse
 from ..errors import InvalidPlan
 from ..pipeline import calibrate
-from ..plan import Plan, check_plan, load_plan, plan_document, plan_from
+from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..report import summary
 from ..skin.imported import placed
 from .common import DONE, check_folder, complain, listed
@@ -90,12 +88,10 @@ def _plan(options: argparse.Namespace) -> Plan:
 def _frame(text: str) -> dict[str, Any]:
     """A rotation and a translation in JSON, as a refusal proposes them."""
     frame, findings = parse(text.encode("utf-8", "replace"))
-    try:
-        shapes = [np.array(frame[name], float).shape for name in ("rotation", "translation")]
-    except (KeyError, TypeError, ValueError):
-        shapes = []
-    if findings or shapes != [(3, 3), (3,)]:
+    findings = tuple(findings) or check_frame(frame)
+    if findings:
         raise argparse.ArgumentTypeError(
-            'not {"rotation": [[...], [...], [...]], "translation": [x, y, z]}, as the refusal of a wrong frame has it'
+            'not {"rotation": [[...], [...], [...]], "translation": [x, y, z]}, as a refusal proposes it; '
+            f"{findings[0]}"
         )
     return frame

@@ -347,8 +347,15 @@ def test_missing_or_broken_file_is_one_line(folder, capsys, command):
 
 
 def test_show_refuses_a_plan(folder, capsys):
-    """It is no calibration: the file and a first finding."""
-    assert_refused(capsys, 1, f"'{folder / 'tube.plan.json'}' has 11 errors", "show", folder / "tube.plan.json")
+    """It is no calibration, nor is one a plan: what the file is and what to do, not what each misses of the other."""
+    plan = folder / "tube.plan.json"
+    assert_refused(capsys, 1, f"'{plan}' has one error: /format must be", "show", plan)
+    assert_refused(capsys, 1, "the file is a plan; fit it, and name the calibration", "show", plan)
+    assert main(["fit", str(plan), "-o", str(folder)]) == 0
+    capsys.readouterr()
+    made, notes = folder / "tube.calibration.json", folder / "sources.json"
+    assert_refused(capsys, 1, "the file is a calibration; name the plan", "fit", made, "-o", folder / "c.json")
+    assert_refused(capsys, 1, "the file is what fit notes of calibrations", "show", notes)
 
 
 def test_show_prints_a_table_and_draws(folder, capsys):
@@ -449,6 +456,10 @@ def test_check_says_when_the_mesh_is_another(folder, capsys):
     save_mesh(cylinder(around=24, along=8), folder / "kept.ply")
     assert f"mesh {folder / 'kept.ply'} is the one" in check(out, "--mesh", folder / "kept.ply")
     assert "warning: /mesh names no file" in check(plan)
+    worn = write_plan(folder, "worn", skins=[{"name": "worn", "kind": "imported", "file": "lost.csv"}])
+    assert "warning: /skins/0/file names no file; a plan names files of taxels relative" in check(worn)
+    (folder / "lost.csv").write_text("")
+    assert "/skins/0/file" not in check(worn)
     (folder / "out" / "sources.json").write_text("{")
     assert "warning: the document cannot tell what the calibrations of" in check(out)
 

@@ -20,6 +20,11 @@ FLAT = small_calibration(patches=(seven_boards(), boards(7)))
 BROKEN = '{"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, NaN]], "translation": [1, 2, 3]}'
 
 
+def framed(translation):
+    """A frame as it is typed."""
+    return f'{{"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "translation": {translation}}}'
+
+
 @pytest.fixture
 def flat(tmp_path):
     """A calibration file of two flat patches."""
@@ -87,6 +92,10 @@ def test_folders_are_looked_for_first(tmp_path, capsys):
         (("import", "a.txt", "-o", "x", "--frame", "[]"), 'not {"rotation":'),
         (("import", "a.txt", "-o", "x", "--frame", '{"rotation": 1}'), 'not {"rotation":'),
         (("import", "a.txt", "-o", "x", "--frame", BROKEN), 'not {"rotation":'),
+        (("import", "a.txt", "-o", "x", "--frame", framed("[0, 0, true]")), "/translation/2 must be"),
+        (("import", "a.txt", "-o", "x", "--frame", framed('[0, "0", 0]')), "/translation/1 must be"),
+        (("import", "a.txt", "-o", "x", "--frame", framed("[0, 0, 1e300]")), "/translation/2 must be at most"),
+        (("import", "a.txt", "-o", "x", "--frame", framed('[0, 0, 0], "unit": "m"')), "/unit"),
     ],
 )
 def test_wrong_call_is_one_line(capsys, words, message):
