@@ -1,5 +1,7 @@
 """Points of a skin are put on the link by hand: typed, at the 3D cursor, or where a ray from the eye meets the mesh."""
 
+import importlib
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -118,3 +120,15 @@ def test_origin_that_is_placed_holds_the_sheet(bpy, addon, link):
     way, normal = taxels.positions_link[0] - POINT, taxels.normals_link[0]
     assert np.linalg.norm(way) < 0.001
     assert_allclose(way - (way @ normal) * normal, 0, atol=2e-7)
+
+
+def test_what_can_be_moved_has_a_handle(addon, with_skins):
+    """Landmarks take the place of the origin; taxels of a file lie where that says."""
+    handles = importlib.import_module(addon.scene.__name__.replace(".scene", ".skin_handles"))
+    plan = with_skins.skin_calib
+    sheet = [("way", 0, 0), ("landmark", 0, 0)]
+    assert handles.targets_of(plan) == [*sheet, ("origin", 1, 0), ("way", 1, 0), ("zone", 1, 0)]
+    plan.skins[1].kind = "imported"
+    assert handles.targets_of(plan) == sheet
+    plan.skins[0].landmarks.clear()
+    assert handles.targets_of(plan) == [("origin", 0, 0), ("way", 0, 0)]
