@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ..arrays import Array, IntArray
+from ..arrays import Array, BoolArray, IntArray
 
 # Grid coordinates stay below 2**29: a grid below a nanometre for a foot, and whole numbers that floats hold exactly.
 GRID_BITS = 29
@@ -48,7 +48,6 @@ class HullTable:
         self._places: list[GridPoint] = list(map(tuple, places.tolist()))  # sorted; points in one place are one
         self._rank = rank.reshape(points.shape[:2])
         self._y = places[:, 1].copy()
-        self._among = np.zeros(len(places), bool)  # room to work in, left as it is
 
     @property
     def size(self) -> int:
@@ -61,32 +60,28 @@ class HullTable:
         No corner lies on the line of its neighbours. One point, or many in one place, give one corner; points on a line
         give its two ends; none give none.
         """
-        places = self._rank[rows]
-        try:
-            self._among[places] = True
-            chosen = self._among.nonzero()[0]
-        finally:  # one point left behind would be in every hull from now on
-            self._among[places] = False
-        high, low = _steps(self._y[chosen])
-        below, above = ([self._places[k] for k in chosen[keep].tolist()] for keep in (low, high[::-1]))
-        return below if len(below) < 2 else _left_turns(below)[:-1] + _left_turns(above)[:-1]
+        among = np.zeros(len(self._places), bool)
+        among[self._rank.take(rows, axis=0)] = True
+        chosen = among.nonzero()[0]
+        if len(chosen) < 2:
+            return [self._places[k] for k in chosen.tolist()]
+        first, last = int(chosen[0]), int(chosen[-1])
+        y, between = self._y.take(chosen), chosen[1:-1]
+        low, high = (between[_steps(heights)].tolist() for heights in (-y, y))
+        below = [self._places[k] for k in (first, *low, last)]
+        above = [self._places[k] for k in (last, *high[::-1], first)]
+        return _left_turns(below)[:-1] + _left_turns(above)[:-1]
 
 
-def _steps(y: IntArray) -> tuple[IntArray, IntArray]:
-    """Which points, sorted by x and then y, can be corners of the upper half of their hull, and which of the lower.
+def _steps(heights: IntArray) -> BoolArray:
+    """Which of n points, sorted by x and then y, can be corners of the upper half of their hull: (n - 2,) bool.
 
     A corner of the upper half is the outermost point in some direction that leans to one side; on the other side all
     points are lower than it. Few others are higher than all before, or than all behind them. The first and the last
-    point are among both.
+    point, which are corners of both halves, are not asked.
     """
-    high, low = np.ones(len(y), bool), np.ones(len(y), bool)
-    before, behind = y[:-1], y[1:]
-    high[1:] = behind > np.maximum.accumulate(before)
-    low[1:] = behind < np.minimum.accumulate(before)
-    high[:-1] |= before > np.maximum.accumulate(behind[::-1])[::-1]
-    low[:-1] |= before < np.minimum.accumulate(behind[::-1])[::-1]
-    high[-1:] = low[-1:] = True
-    return high.nonzero()[0], low.nonzero()[0]
+    before, behind = np.maximum.accumulate(heights), np.maximum.accumulate(heights[::-1])[::-1]
+    return heights[1:-1] > np.minimum(before[:-2], behind[2:])
 
 
 def _left_turns(ordered: list[GridPoint]) -> list[GridPoint]:
