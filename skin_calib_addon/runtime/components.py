@@ -1,7 +1,5 @@
 """Which active taxels hang together."""
 
-from functools import reduce
-
 import numpy as np
 
 from ..arrays import IntArray
@@ -25,19 +23,18 @@ def components(rows: IntArray, beside: IntArray, place: IntArray) -> IntArray:
     own = np.arange(len(rows) + 1)
     none = len(rows)
     place[rows] = own[:none]
-    near = place[beside[:, rows]]  # (k, a), -1 where the neighbour is none or not active
+    near = place.take(beside.take(rows, axis=1))  # (k, a), -1 where the neighbour is none or not active
     place[rows] = -1
     name = own  # its last element, which -1 means, stays the highest
     while True:
         mine = name[:none]
-        lowest = reduce(np.minimum, name[near], mine)
+        lowest = np.minimum.reduce(name.take(near), axis=0, initial=none)
         moves = (lowest < mine).nonzero()[0]
         if len(moves) == 0:
             break
         name = name.copy()
-        np.minimum.at(name, mine[moves], lowest[moves])
-        shorter = name[name]
-        while np.count_nonzero(shorter != name):
-            name, shorter = shorter, shorter[shorter]
+        np.minimum.at(name, mine.take(moves), lowest.take(moves))
+        for _ in range(none.bit_length()):  # each halves the way to the lowest name of a tree
+            name = name.take(name)
     first = (mine == own[:none]).nonzero()[0]
-    return np.searchsorted(first, mine)
+    return first.searchsorted(mine)

@@ -142,11 +142,11 @@ def contacts_of(footprint: Footprint, forces: Array, numbers: list[int]) -> tupl
     rows, starts = footprint.ordered
     if len(rows) == 0:
         return (), np.zeros(6)
-    skin, f = footprint.skin, forces[rows]
-    sums = np.add.reduceat(f[:, None] * skin.sums[rows], starts)
+    skin, f = footprint.skin, forces.take(rows)
+    sums = np.add.reduceat(f * skin.sums.take(rows, axis=1), starts, axis=1)
     bounds = [*starts.tolist(), len(rows)]
     contacts = (
         Contact(number, rows[i:j], f[i:j], total, skin)
-        for number, i, j, total in zip(numbers, bounds, bounds[1:], sums)
+        for number, i, j, total in zip(numbers, bounds, bounds[1:], sums.T)
     )
-    return tuple(contacts), sums[:, 5:].sum(axis=0)
+    return tuple(contacts), sums[5:].sum(axis=1)

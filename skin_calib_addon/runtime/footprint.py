@@ -40,13 +40,13 @@ class Footprint:
         """The rows sorted by contact, and where each contact begins among them."""
         if not np.count_nonzero(self.groups):
             return self.rows, np.zeros(min(len(self.rows), 1), np.int64)
-        order = np.argsort(self.groups, kind="stable")
-        return self.rows[order], np.searchsorted(self.groups[order], np.arange(self.groups.max(initial=-1) + 1))
+        order = self.groups.argsort(kind="stable")
+        return self.rows.take(order), self.groups.take(order).searchsorted(np.arange(self.groups.max(initial=-1) + 1))
 
     @cached_property
     def area(self) -> float:
         """Of the active cells [m^2], whole cells: on flat ground 1.06 times the true area."""
-        return float(self.skin.areas[self.rows].sum())
+        return float(self.skin.areas.take(self.rows).sum())
 
     @cached_property
     def polygon(self) -> SupportingPolygon:
@@ -54,7 +54,7 @@ class Footprint:
         ground = self.ground
         if ground is None:
             return SupportingPolygon(NOTHING, NOTHING, NOTHING)
-        rows = self.rows[ground.under[self.rows]]
+        rows = self.rows[ground.under.take(self.rows)]
         nominal = of_grid(ground.centre_hull.hull(rows), ground.centre_hull.step)
         outer = of_grid(ground.corner_hull.hull(rows), ground.corner_hull.step)
         return SupportingPolygon(outer, nominal, nominal.eroded(ground.cell))

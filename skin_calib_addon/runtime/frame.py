@@ -71,7 +71,7 @@ class Frame:
         if self.footprint is None or self.footprint.ground is None:
             return [0.0] * 6
         rows = self.footprint.rows
-        return (self.forces[rows] @ self.footprint.ground.sums[rows]).tolist()
+        return (self.forces.take(rows) @ self.footprint.ground.sums.take(rows, axis=0)).tolist()
 
     @property
     def load(self) -> float:

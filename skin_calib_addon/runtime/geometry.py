@@ -36,7 +36,7 @@ class SkinGeometry:
         Rows of neighbours; ``beside`` (k, n) has them as a table, see :func:`beside_of`.
     wrenches : array, shape (n, 6)
         Wrench about the link's origin of 1 N on each taxel [N, N m].
-    sums : array, shape (n, 11)
+    sums : array, shape (11, n)
         What contacts sum, weighted by forces: 1, position, height of the tangent plane over the origin, wrench.
     """
 
@@ -60,7 +60,7 @@ class SkinGeometry:
         self.wrenches = np.hstack((pushes, np.cross(self.positions, pushes)))
         heights = (self.normals * self.positions).sum(axis=1, keepdims=True)
         ones = np.ones((len(self.ids), 1))
-        self.sums = np.hstack((ones, self.positions, heights, self.wrenches))
+        self.sums = np.hstack((ones, self.positions, heights, self.wrenches)).T.copy()
         self.place = np.full(len(self.ids) + 1, -1)  # for :func:`.components.components`
 
     def _period(self, patch: int) -> tuple[int, int]:

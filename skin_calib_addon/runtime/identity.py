@@ -28,9 +28,9 @@ class Identities:
             return self._numbers
         rows, groups = footprint.rows, footprint.groups
         numbers: list[int | None] = [None] * (int(groups.max(initial=NONE)) + 1)
-        self._inherit(numbers, self._owner[rows], groups)
+        self._inherit(numbers, self._owner.take(rows), groups)
         if None in numbers and self._numbers:
-            for owners in self._owner[footprint.skin.beside[:, rows]]:
+            for owners in self._owner.take(footprint.skin.beside.take(rows, axis=1)):
                 self._inherit(numbers, owners, groups)
         final = []
         for number in numbers:

@@ -62,7 +62,7 @@ class Readings:
                 flag="wrong_length",
                 length=readings.shape[-1],
             )
-        return readings[..., self.channels]
+        return readings.take(self.channels, axis=-1)
 
     def forces(self, intensities: Array) -> tuple[Array, BoolArray]:
         """Forces of the taxels (n,) [N], and whether each is one that can be; masked taxels have none."""
