@@ -55,6 +55,11 @@ class Footprint:
         if ground is None:
             return SupportingPolygon(NOTHING, NOTHING, NOTHING)
         rows = self.rows[ground.under.take(self.rows)]
-        nominal = of_grid(ground.centre_hull.hull(rows), ground.centre_hull.step)
-        outer = of_grid(ground.corner_hull.hull(rows), ground.corner_hull.step)
-        return SupportingPolygon(outer, nominal, nominal.eroded(ground.cell))
+        hulls = ground.corner_hull.hull(rows), ground.centre_hull.hull(rows)
+        known, polygon = ground.supporting
+        if hulls != known:
+            outer = of_grid(hulls[0], ground.corner_hull.step)
+            nominal = of_grid(hulls[1], ground.centre_hull.step)
+            polygon = SupportingPolygon(outer, nominal, nominal.eroded(ground.cell))
+            ground.supporting = hulls, polygon
+        return polygon

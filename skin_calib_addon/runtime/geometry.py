@@ -1,6 +1,6 @@
 """What is the same in every cycle: the taxels of a link, laid out for sums over the active ones."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -142,6 +142,7 @@ class GroundGeometry:
         self.centre_hull, self.corner_hull = HullTable(self.centres), HullTable(self.corners)
         offsets = (self.corners - self.centres[:, None])[self.under].reshape(-1, 2)
         self.cell = convex_hull(offsets).corners
+        self.supporting: tuple[Any, Any] = None, None  # for :attr:`.Footprint.polygon`: the last hulls and polygons
         self.stretch = _in_cell(self.centres[self.under], self.corners[self.under], skin.areas[self.under])
 
 

@@ -13,6 +13,7 @@ from ..arrays import Array, BoolArray, IntArray
 # Grid coordinates stay below 2**29: a grid below a nanometre for a foot, and whole numbers that floats hold exactly.
 GRID_BITS = 29
 SMALLEST = -1074  # the exponent of the smallest number: on that grid every float lies exactly
+FEW = 12  # points that came since the last hull and are sooner put to its corners than found among all
 GridPoint = tuple[int, int]
 
 
@@ -24,6 +25,8 @@ def grid_step(size: float) -> float:
 
 class HullTable:
     """Points of which some, other ones each time, have a convex hull; what does not change is worked out once.
+
+    The last hull is remembered: a contact that moves wins and loses a few cells in a cycle, and mostly no corner.
 
     Parameters
     ----------
@@ -48,6 +51,7 @@ class HullTable:
         self._places: list[GridPoint] = list(map(tuple, places.tolist()))  # sorted; points in one place are one
         self._rank = rank.reshape(points.shape[:2])
         self._y = places[:, 1].copy()
+        self._last: tuple[BoolArray, list[GridPoint]] = np.zeros(len(places), bool), []  # which, and their hull
 
     @property
     def size(self) -> int:
@@ -62,7 +66,18 @@ class HullTable:
         """
         among = np.zeros(len(self._places), bool)
         among[self._rank.take(rows, axis=0)] = True
-        chosen = among.nonzero()[0]
+        before, corners = self._last
+        gone, came = (which.nonzero()[0].tolist() for which in (before > among, among > before))
+        if len(came) > FEW or any(self._places[k] in corners for k in gone):
+            corners = self._hull(among.nonzero()[0])
+        elif came:  # what goes and was no corner changes no hull
+            ordered = sorted([*corners, *(self._places[k] for k in came)])
+            corners = _joined(ordered, ordered[::-1])
+        self._last = among, corners
+        return corners.copy()
+
+    def _hull(self, chosen: IntArray) -> list[GridPoint]:
+        """Corners of the hull of some places, which ascend."""
         if len(chosen) < 2:
             return [self._places[k] for k in chosen.tolist()]
         first, last = int(chosen[0]), int(chosen[-1])
@@ -70,7 +85,12 @@ class HullTable:
         low, high = (between[_steps(heights)].tolist() for heights in (-y, y))
         below = [self._places[k] for k in (first, *low, last)]
         above = [self._places[k] for k in (last, *high[::-1], first)]
-        return _left_turns(below)[:-1] + _left_turns(above)[:-1]
+        return _joined(below, above)
+
+
+def _joined(below: list[GridPoint], above: list[GridPoint]) -> list[GridPoint]:
+    """The hull of points of which the lower half is among the first ones, ordered, the upper half among the others."""
+    return below if len(below) < 2 else _left_turns(below)[:-1] + _left_turns(above)[:-1]
 
 
 def _steps(heights: IntArray) -> BoolArray:

@@ -79,6 +79,20 @@ def test_hull_of_chosen_rows_is_that_of_their_points(points, data):
         assert table.hull(np.array(rows, np.int64)) == hull_corners(chosen)
 
 
+@given(clouds(), st.integers(1, 2), st.data())
+def test_hull_of_rows_that_come_and_go_is_as_good(points, k, data):
+    """One row or a few at a time, and at times many; rows share places, so that what goes may still be there."""
+    rows_of = points[: len(points) // k * k].reshape(-1, k, 2)
+    table, chosen = HullTable(rows_of), set()
+    whole = on_grid(rows_of.reshape(-1, 2), table.step)
+    some = st.sets(st.integers(0, len(rows_of) - 1), max_size=3) if len(rows_of) else st.just(set())
+    for _ in range(8):
+        chosen ^= data.draw(st.one_of(some, some, st.just(set(range(len(rows_of))))))
+        corners = table.hull(np.array(sorted(chosen), np.int64))
+        assert corners == hull_corners([whole[row * k + j] for row in chosen for j in range(k)])
+        corners.clear()  # what is done to an answer changes no later one
+
+
 @given(st.floats(5e-324, allow_infinity=False))
 def test_grid_is_the_finest_that_fits(size):
     """A power of two, of which the size is at most 2**29, and more than half as many; or every float lies on it."""
