@@ -70,7 +70,7 @@ class Contact:
         below = (height / force - (mx * cx + my * cy + mz * cz)) / (1 + together) / together
         return (
             np.array((cx + below * mx, cy + below * my, cz + below * mz)),
-            np.array((mx, my, mz)) / together,
+            np.array((mx / together, my / together, mz / together)),
         )
 
     @cached_property

@@ -41,7 +41,8 @@ class Footprint:
         if not np.count_nonzero(self.groups):
             return self.rows, np.zeros(min(len(self.rows), 1), np.int64)
         order = self.groups.argsort(kind="stable")
-        return self.rows.take(order), self.groups.take(order).searchsorted(np.arange(self.groups.max(initial=-1) + 1))
+        groups = self.groups.take(order)
+        return self.rows.take(order), groups.searchsorted(np.arange(groups[-1] + 1))
 
     @cached_property
     def area(self) -> float:

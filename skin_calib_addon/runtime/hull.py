@@ -67,8 +67,8 @@ class HullTable:
         among = np.zeros(len(self._places), bool)
         among[self._rank.take(rows, axis=0)] = True
         before, corners = self._last
-        gone, came = (which.nonzero()[0].tolist() for which in (before > among, among > before))
-        if len(came) > FEW or any(self._places[k] in corners for k in gone):
+        came = (among > before).nonzero()[0].tolist()
+        if len(came) > FEW or any(self._places[k] in corners for k in (before > among).nonzero()[0].tolist()):
             corners = self._hull(among.nonzero()[0])
         elif came:  # what goes and was no corner changes no hull
             ordered = sorted([*corners, *(self._places[k] for k in came)])

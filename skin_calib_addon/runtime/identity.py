@@ -27,7 +27,7 @@ class Identities:
         if footprint is self._last:
             return self._numbers
         rows, groups = footprint.rows, footprint.groups
-        numbers: list[int | None] = [None] * (int(groups.max(initial=NONE)) + 1)
+        numbers: list[int | None] = [None] * len(footprint.ordered[1])
         self._inherit(numbers, self._owner.take(rows), groups)
         if None in numbers and self._numbers:
             for owners in self._owner.take(footprint.skin.beside.take(rows, axis=1)):
@@ -49,11 +49,8 @@ class Identities:
 
     def _inherit(self, numbers: list[int | None], owners: IntArray, groups: IntArray) -> None:
         """Give groups without a number that of a contact of the last frame that ``owners`` share most with them."""
-        owned = owners != NONE
-        if not np.count_nonzero(owned):
-            return
         count = len(numbers)
-        shared = np.bincount(owners[owned] * count + groups[owned])
+        shared = np.bincount((owners - NONE) * count + groups)[count:]  # the first are those of no contact
         pairs = [(-int(shared[k]), self._numbers[k // count], k % count) for k in shared.nonzero()[0].tolist()]
         for _, number, group in sorted(pairs):
             if numbers[group] is None and number not in numbers:

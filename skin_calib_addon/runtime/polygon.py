@@ -198,7 +198,7 @@ class Polygon:
         if len(self._loop) < 3:
             return NOTHING
         inward = np.array([(-uy, ux) for _, _, ux, uy, _ in self._sides])
-        return self.moved_in(np.maximum((inward @ np.asarray(cell).T).max(axis=1), 0.0).tolist())
+        return self.moved_in((inward @ np.asarray(cell).T).max(axis=1, initial=0.0).tolist())
 
     def moved_in(self, distances: Iterable[float]) -> "Polygon":
         """What is left when each edge moves inward by a distance [m] of its own, 0 or more; empty where nothing is.
@@ -292,7 +292,6 @@ def _cut(loop: list[Point], sides: list[Side], distances: list[float]) -> list[P
             if not left:
                 return []
             first = ux * (left[0][1] - y) - uy * (left[0][0] - x) - distance
-        last = ux * (left[-1][1] - y) - uy * (left[-1][0] - x) - distance
         while last < 0:
             behind, out_behind = left.pop(), last
             last = ux * (left[-1][1] - y) - uy * (left[-1][0] - x) - distance

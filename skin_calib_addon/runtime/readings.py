@@ -1,5 +1,6 @@
 """From what the electronics send to newtons on the taxels, and what of it cannot be trusted."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,11 +102,11 @@ class Readings:
 
     def stuck(self, still: BoolArray, time: float) -> BoolArray:
         """(n,) whether a reading that is the last one has been so for half a minute."""
-        return still & (time - self._since > STUCK) if np.isfinite(time) else np.zeros(len(still), bool)
+        return still & (time - self._since > STUCK) if math.isfinite(time) else np.zeros(len(still), bool)
 
     def accept(self, intensities: Array, still: BoolArray, time: float) -> None:
         """Remember when each reading changed last, unless the time is none; where time ran back, from now on."""
-        if not np.isfinite(time):
+        if not math.isfinite(time):
             return
         self._since = np.where(still & (self._since <= time), self._since, time)
         self._last = intensities
