@@ -150,9 +150,14 @@ def hash_of(path: Path) -> str | None:
 
 
 def seen_from(folder: Path, path: Path) -> str:
-    """A path relative to a folder, with slashes; as it is where it is on another drive."""
+    """A path relative to a folder, with slashes; as it is where it is on another drive.
+
+    Folders are followed where they are links: what lies above one is not above the folder that it leads to.
+    """
     try:
-        return Path(os.path.relpath(path, folder)).as_posix()
+        return Path(
+            os.path.relpath(Path(os.path.realpath(path.parent), path.name), os.path.realpath(folder))
+        ).as_posix()
     except ValueError:  # on another drive
         return path.absolute().as_posix()
 

@@ -116,10 +116,10 @@ def find_files(documents: list[dict[str, Any]], folder: Path) -> None:
 
 
 def relate_files(documents: list[dict[str, Any]], folder: Path) -> None:
-    """Name the files of imported skins as a plan in a folder does, which may be there by a link."""
+    """Name the files of imported skins as a plan in a folder does."""
     for document in documents:
         if document["kind"] == "imported":
-            document["file"] = seen_from(folder.resolve(), Path(document["file"]).resolve())
+            document["file"] = seen_from(folder, Path(document["file"]))
 
 
 def kept_path(path: str) -> str:

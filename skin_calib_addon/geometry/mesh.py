@@ -173,7 +173,8 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     if kind not in FORMATS:
         raise InvalidMesh(f"cannot read {path.name}: use one of {', '.join(FORMATS)}", path=str(path))
     try:
-        raw: Any = trimesh.load(path, file_type=kind, process=False, force="mesh")
+        # As a real path: trimesh strikes out "link/..", which is another folder than the one that links lead to.
+        raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
         vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
     except Exception as error:  # the readers behind trimesh raise anything at all on a broken file
         raise InvalidMesh(f"cannot read {path.name} as {kind.upper()}: {error}", path=str(path)) from error

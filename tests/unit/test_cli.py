@@ -464,6 +464,20 @@ def test_check_says_when_the_mesh_is_another(folder, capsys):
     assert "warning: the document cannot tell what the calibrations of" in check(out)
 
 
+def test_calibrations_in_a_folder_that_is_a_link_know_their_mesh(folder, capsys):
+    """What lies above the link does not lie above the folder that it leads to."""
+    (folder / "far" / "away").mkdir(parents=True)
+    (folder / "near").symlink_to(folder / "far" / "away")
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "near")]) == 0
+    for place in (folder / "near", folder / "far" / "away"):
+        capsys.readouterr()
+        assert main(["check", str(place)]) == 0
+        assert "is the one that was calibrated" in capsys.readouterr().out
+    save_mesh(cylinder(around=24, along=9), folder / "tube.ply")
+    assert main(["check", str(folder / "near")]) == 0
+    assert "the mesh is no longer the one" in capsys.readouterr().out
+
+
 def test_check_goes_through_folders(folder, capsys):
     """A line or more for each file, in order; one that is broken does not hide the others."""
     main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "a.calibration.json")])
