@@ -5,7 +5,7 @@ from itertools import count
 from pathlib import Path
 
 import bpy
-from bpy_extras.io_utils import ExportHelper, ImportHelper
+from bpy_extras.io_utils import ExportHelper
 
 from ..skin_calib_addon.atomic_file import write_bytes_safely
 from ..skin_calib_addon.blender import results, scene, skins
@@ -15,10 +15,11 @@ from ..skin_calib_addon.calibration.strict_json import parse, read
 from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
 from ..skin_calib_addon.geometry.mesh import load_mesh, read_mesh, save_mesh
 from ..skin_calib_addon.plan import load_plan, plan_document, plan_from, save_plan
+from .files import FromFile
 from .on_link import OnLink
 
 
-class SKIN_OT_import_plan(bpy.types.Operator, ImportHelper):
+class SKIN_OT_import_plan(FromFile, bpy.types.Operator):
     """Open a skin plan: its mesh becomes an object that carries the plan"""
 
     bl_idname = "skin_calib.import_plan"

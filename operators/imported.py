@@ -4,7 +4,6 @@
 from pathlib import Path
 
 import bpy
-from bpy_extras.io_utils import ImportHelper
 
 from ..skin_calib_addon.blender import scene, skins
 from ..skin_calib_addon.blender.comparing import TAXEL_ENDINGS
@@ -12,22 +11,17 @@ from ..skin_calib_addon.blender.skin_properties import FORMAT_ITEMS
 from ..skin_calib_addon.calibration.exchange import read_taxels
 from ..skin_calib_addon.geometry import cut_cover
 from ..skin_calib_addon.skin.imported import frame_on
+from .files import FromFile
 from .lists import OnSkin
 from .on_link import Edit
 
 
-class SKIN_OT_skin_import(Edit, ImportHelper, bpy.types.Operator):
+class SKIN_OT_skin_import(Edit, FromFile, bpy.types.Operator):
     """Add a skin to the active link: the taxels of a file that another program wrote"""
 
     bl_idname = "skin_calib.skin_import"
     bl_label = "Import Taxels"
 
-    filepath: bpy.props.StringProperty(
-        name="File Path",
-        description="The file that has the taxels",
-        subtype="FILE_PATH",
-        options={"HIDDEN", "SKIP_PRESET", "PATH_SUPPORTS_BLEND_RELATIVE"},
-    )
     filter_glob: bpy.props.StringProperty(
         default=";".join(f"*{ending}" for ending in TAXEL_ENDINGS), options={"HIDDEN"}
     )

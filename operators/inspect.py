@@ -2,11 +2,11 @@
 """Look at the fitted skin of the active link: read taxels, compare them with those of a file, replay recordings."""
 
 import bpy
-from bpy_extras.io_utils import ImportHelper
 
 from ..skin_calib_addon.blender import comparing, replay, taxels
 from ..skin_calib_addon.blender.view import ray_under
 from ..skin_calib_addon.errors import SkinCalibError
+from .files import FromFile
 from .on_link import OnLink, OnResult
 from .picking import NAVIGATION
 
@@ -67,7 +67,7 @@ def taxel_under(context, x, y):
     return taxels.taxel_on_ray(context.object, context, *ray) if ray else None
 
 
-class SKIN_OT_compare(OnResult, bpy.types.Operator, ImportHelper):
+class SKIN_OT_compare(OnResult, FromFile, bpy.types.Operator):
     """Compare the taxels of the active link with those of a calibration, or of another program's file"""
 
     bl_idname = "skin_calib.compare"
@@ -99,7 +99,7 @@ class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SKIN_OT_replay_open(OnResult, bpy.types.Operator, ImportHelper):
+class SKIN_OT_replay_open(OnResult, FromFile, bpy.types.Operator):
     """Show a recorded reading over the skin of the active link: a table or an NPZ file of times and readings"""
 
     bl_idname = "skin_calib.replay_open"

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy_extras.io_utils import ImportHelper
 
 from ..skin_calib_addon.blender import diagnoses, scene
 from ..skin_calib_addon.calibration.findings import show
@@ -15,12 +14,13 @@ from ..skin_calib_addon.geometry.mesh import read_mesh
 from ..skin_calib_addon.geometry.units import NAMES, UNITS, likely_unit, mistaken
 from ..skin_calib_addon.robot import read_robot
 from ..skin_calib_addon.robot_mesh import USES, load_link, meshes_of
+from .files import FromFile
 from .on_link import OnMesh
 
 _choices: list[tuple[str, str, str]] = []  # what the search of the open URDF offers; Blender keeps no texts alive
 
 
-class Import(ImportHelper):
+class Import(FromFile):
     """Brings a link into the scene, named and active, or refuses and leaves the scene as it was."""
 
     bl_options = {"REGISTER", "UNDO"}
