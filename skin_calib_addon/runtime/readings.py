@@ -102,11 +102,12 @@ class Readings:
 
     def stuck(self, still: BoolArray, time: float) -> BoolArray:
         """(n,) whether a reading that is the last one has been so for half a minute."""
-        return still & (time - self._since > STUCK) if math.isfinite(time) else np.zeros(len(still), bool)
+        return still & (self._since < time - STUCK) if math.isfinite(time) else np.zeros(len(still), bool)
 
     def accept(self, intensities: Array, still: BoolArray, time: float) -> None:
         """Remember when each reading changed last, unless the time is none; where time ran back, from now on."""
         if not math.isfinite(time):
             return
-        self._since = np.where(still & (self._since <= time), self._since, time)
+        np.minimum(self._since, time, out=self._since)
+        np.copyto(self._since, time, where=~still)
         self._last = intensities

@@ -198,8 +198,9 @@ class Skin:
         if heard == 0 < len(known):
             return self._unknown(time, flags | {"blind"}, "no taxel gives a reading")
         fresh = not flags.isdisjoint({"time_back", "time_jump"})  # what was felt before says nothing about now
-        held = self.switch_on if fresh else np.where(self._active, self.switch_off, self.switch_on)
-        active = state = forces >= held  # NaN is not
+        active = state = forces >= self.switch_on  # NaN is not
+        if not fresh:
+            active = state = active | (self._active & (forces >= self.switch_off))
         if heard < len(known):
             forces = np.where(known, forces, 0.0)
             active = active & known
