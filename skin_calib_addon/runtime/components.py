@@ -25,16 +25,20 @@ def components(rows: IntArray, beside: IntArray, place: IntArray) -> IntArray:
     place[rows] = own[:none]
     near = place.take(beside.take(rows, axis=1))  # (k, a), -1 where the neighbour is none or not active
     place[rows] = -1
-    name = own  # its last element, which -1 means, stays the highest
+    name = own.copy()  # its last element, which -1 means, stays the highest
+    np.minimum(own[:none], _lowest(own, near), out=name[:none])
     while True:
-        mine = name[:none]
-        lowest = np.minimum.reduce(name.take(near), axis=0, initial=none)
+        for _ in range(none.bit_length()):  # each halves the way to the lowest name of a tree
+            name = name.take(name)
+        mine, lowest = name[:none], _lowest(name, near)
         moves = (lowest < mine).nonzero()[0]
         if len(moves) == 0:
             break
-        name = name.copy()
         np.minimum.at(name, mine.take(moves), lowest.take(moves))
-        for _ in range(none.bit_length()):  # each halves the way to the lowest name of a tree
-            name = name.take(name)
     first = (mine == own[:none]).nonzero()[0]
     return first.searchsorted(mine)
+
+
+def _lowest(name: IntArray, near: IntArray) -> IntArray:
+    """The lowest name among the neighbours of each active taxel; the highest of all where it has none."""
+    return np.minimum.reduce(name.take(near), axis=0, initial=len(name) - 1)
