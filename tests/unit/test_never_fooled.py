@@ -222,6 +222,26 @@ def test_array_of_another_library_that_refuses_is_told():
     assert frame.flags == {"wrong_type"} and "not Tensor: call detach() first" in frame.problem
 
 
+def test_polygons_of_a_frame_are_its_own():
+    """Over frames of which each is the last one but for a taxel or two, or like none: to the bit what a new skin says.
+
+    And what a controller kept of an earlier frame is what it was.
+    """
+    skin, rng, reading = sole(), np.random.default_rng(1), resting()
+    kept = []
+    for k in range(200):
+        if k % 20 == 0:
+            reading = rng.choice([0.0, 5.0], N)
+        else:
+            some = rng.integers(0, N, rng.integers(0, 3))
+            reading[some] = 5.0 - reading[some]
+        ours, fresh = (which.update(reading, 0.001 * k).polygon for which in (skin, sole()))
+        kept.append((ours, fresh))
+    for ours, fresh in kept:
+        for name in ("outer", "nominal", "guaranteed"):
+            assert getattr(ours, name).corners.tolist() == getattr(fresh, name).corners.tolist()
+
+
 def test_memory_does_not_grow():
     """Thousands of frames, every one with other contacts, leave no more behind than a few."""
     skin, rng = sole(), np.random.default_rng(0)
