@@ -2,7 +2,7 @@
 
 import bpy
 from mathutils import Vector
-from sample import hover_view, link, plan, undo
+from sample import hover_view, link, plan, run, undo
 
 # The button that flips a cut is too narrow to be found: so many pixels left of the one that removes it.
 FLIP = 20
@@ -117,7 +117,7 @@ def cuts_a_selection_away(gui):
     yield from gui.shot("cut_away_undone.png")
     yield from undo(gui, "shift")
     assert bpy.context.mode == "OBJECT" and faces() == len(link().data.polygons) - chosen
-    yield from gui.press("skin_calib.fit")
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 60, "the fit")
     key = plan().result.key
     yield from hover_view(gui)

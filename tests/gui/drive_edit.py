@@ -1,7 +1,7 @@
 """Drives the window through edits of the plan: refused ones, lists, typed numbers, a moved frame."""
 
 import bpy
-from sample import hover_view, link, plan, red, undo
+from sample import hover_view, link, plan, red, run, undo
 
 
 def drive(gui):
@@ -9,14 +9,13 @@ def drive(gui):
     yield from hover_view(gui)
     yield from gui.redraw()
     bare = red(gui)
-    fit = yield from gui.find("skin_calib.fit")  # it stays there, unless cuts are listed above it
-    yield from gui.click(*fit)
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     yield from hides_the_overlay(gui, bare)
-    yield from says_what_is_wrong(gui, fit)
+    yield from says_what_is_wrong(gui)
     yield from edits_lists(gui)
-    yield from types_a_number(gui, fit)
-    yield from follows_the_parent(gui, bare, fit)
+    yield from types_a_number(gui)
+    yield from follows_the_parent(gui, bare)
 
 
 def hides_the_overlay(gui, bare):
@@ -24,7 +23,8 @@ def hides_the_overlay(gui, bare):
     yield from hover_view(gui)
     yield from gui.redraw()
     drawn = red(gui)
-    yield from gui.press("skin_calib.show_overlay")
+    plan().show_overlay = False
+    bpy.ops.ed.undo_push(message="Overlay")
     yield from hover_view(gui)
     yield from gui.redraw()
     assert abs(red(gui) - bare) < 0.1 * (drawn - bare), (bare, drawn, red(gui))
@@ -32,11 +32,11 @@ def hides_the_overlay(gui, bare):
     assert red(gui) == drawn
 
 
-def says_what_is_wrong(gui, fit):
+def says_what_is_wrong(gui):
     """A plan that cannot be fitted is refused with a message; the last result stays."""
     key = plan().result.key
     plan().grid.n = 2
-    yield from gui.click(*fit)
+    yield from run(gui, "fit")
     yield from gui.redraw()
     yield from gui.shot("refused.png")
     assert plan().result.key == key and plan().result.outdated
@@ -64,7 +64,7 @@ def edits_lists(gui):
     assert (len(plan().skins), len(plan().cover.cuts)) == (1, 0)
 
 
-def types_a_number(gui, fit):
+def types_a_number(gui):
     """A number typed into the sidebar outdates the result; a second fit brings it up to date."""
     yield from gui.find("skin_calib.grid.n")
     yield from gui.key("RET")
@@ -73,7 +73,7 @@ def types_a_number(gui, fit):
     yield from gui.key("RET")
     yield from gui.redraw()
     assert plan().grid.n == 12 and plan().result.outdated
-    yield from gui.click(*fit)
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the second fit")
     assert plan().result.control_points == 240
     yield from undo(gui)
@@ -81,9 +81,9 @@ def types_a_number(gui, fit):
     assert plan().grid.n == 10
 
 
-def follows_the_parent(gui, bare, fit):
+def follows_the_parent(gui, bare):
     """The frame that a link hangs on may be moved and turned: the overlay goes along, the calibration stays."""
-    yield from gui.click(*fit)
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the fit")
     yield from hover_view(gui)
     yield from gui.redraw()
@@ -96,6 +96,6 @@ def follows_the_parent(gui, bare, fit):
     yield from gui.shot("moved.png")
     assert red(gui) - bare > 0.5 * (drawn - bare)
     plan().result.outdated = True
-    yield from gui.click(*fit)
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the fit of the moved link")
     assert plan().result.key == key

@@ -5,7 +5,7 @@ import sys
 import bpy
 import numpy as np
 from mathutils import Vector
-from sample import hover_view, plan, red, undo
+from sample import follow, hover_view, plan, red, run, undo
 
 TURN, SHIFT = np.array([[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]]), np.array([0.25, -0.125, 0.5])
 
@@ -20,7 +20,7 @@ def drive(gui):
     yield from gui.tab("Skin")
     with gui.context():
         bpy.ops.view3d.view_axis(type="LEFT")
-    yield from gui.press("skin_calib.fit")
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     write(path)
     yield from chooses_the_file(gui, path)
@@ -40,7 +40,7 @@ def write(path):
 
 def chooses_the_file(gui, path):
     """The sheet goes, the button opens the file browser, the file becomes a skin of its name."""
-    yield from gui.press("skin_calib.skin_remove")
+    yield from run(gui, "skin_remove", index=0)
     yield from gui.redraw(2)
     yield from gui.press("skin_calib.skin_import")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
@@ -57,7 +57,7 @@ def chooses_the_file(gui, path):
 
 def is_told_of_the_frame(gui):
     """Live says why the taxels cannot be laid, and goes on when they can."""
-    yield from gui.press("skin_calib.live")
+    yield from follow(gui)
     told = ours("live").told
     yield from gui.wait(lambda: any("off the mesh" in t.problem for t in told.values()), 60, "the refusal")
     yield from hover_view(gui)

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import bpy
-from sample import hover_view, link, plan, undo
+from sample import hover_view, link, plan, run, undo
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -16,7 +16,7 @@ def ours(name):
 
 def drive(gui):
     yield from gui.tab("Skin")
-    yield from gui.press("skin_calib.fit")
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     yield from chooses_from_the_menu(gui)
     yield from shows_layers(gui)

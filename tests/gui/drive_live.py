@@ -1,7 +1,7 @@
 """Drives a plan by the mouse while the link follows: surface and skin change under a drag, and after undo."""
 
 import bpy
-from sample import ours, plan, undo
+from sample import ours, plan, run, undo
 
 
 def overlay():
@@ -16,7 +16,7 @@ def points_drawn():
 
 def drive(gui):
     yield from gui.tab("Skin")
-    yield from gui.press("skin_calib.fit")
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     yield from gui.press("skin_calib.live")
     yield from gui.wait(lambda: plan().live and not plan().result.outdated, 30, "the first result")

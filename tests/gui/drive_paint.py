@@ -2,14 +2,14 @@
 
 import bpy
 from mathutils import Vector
-from sample import hover_view, link, ours, plan, undo
+from sample import follow, hover_view, link, ours, plan, run, undo
 
 
 def drive(gui):
     yield from gui.tab("Skin")
-    yield from gui.press("skin_calib.skin_remove")
-    yield from gui.press("skin_calib.skin_add(kind='hexagons'")
-    yield from gui.press("skin_calib.fit")
+    yield from run(gui, "skin_remove", index=0)
+    yield from run(gui, "skin_add", kind="hexagons")
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 60, "the fit")
     with gui.context():
         bpy.ops.view3d.view_axis(type="BOTTOM")
@@ -60,7 +60,7 @@ def paints(gui):
 
 def slides(gui):
     """The ball at the root takes the whole lattice along."""
-    yield from gui.press("skin_calib.live")
+    yield from follow(gui)
     yield from gui.wait(lambda: not plan().result.outdated and plan().result.key, 60, "the result")
     yield from gui.redraw(3)
     place = ours("skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation

@@ -4,7 +4,7 @@ from math import pi, radians, sin
 
 import bpy
 from mathutils import Vector
-from sample import link, ours, plan, undo
+from sample import follow, link, ours, plan, undo
 
 RING = 79  # [pixels] radius of a dial
 
@@ -109,7 +109,7 @@ def adds_and_removes(gui):
 
 def follows_live(gui):
     """With Live the surface follows a plane under the mouse, and the result comes when it rests."""
-    yield from gui.press("skin_calib.live")
+    yield from follow(gui)
     yield from gui.wait(lambda: plan().result.key and not plan().result.outdated, 30, "the first result")
     before = plan().result.key
     ours("live").REST = 60.0  # a software renderer rests between two moves

@@ -2,7 +2,7 @@
 
 import bpy
 from mathutils import Vector
-from sample import link, ours, plan, undo
+from sample import follow, link, ours, plan, run, undo
 
 
 def basis(what, skin=0, index=0):
@@ -15,9 +15,9 @@ def drive(gui):
     with gui.context():
         bpy.ops.view3d.view_axis(type="LEFT")
     yield from gui.redraw(3)
-    yield from gui.press("skin_calib.fit")
+    yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
-    yield from gui.press("skin_calib.live")
+    yield from follow(gui)
     yield from gui.redraw(3)
     yield from gui.shot("handles.png")
     yield from slides_the_origin(gui)

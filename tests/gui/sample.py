@@ -20,6 +20,20 @@ def plan():
     return link().skin_calib
 
 
+def run(gui, name, **words):
+    """What a button does, without the search for it in a long side bar, which takes longer than all else."""
+    with gui.context():
+        getattr(bpy.ops.skin_calib, name)("INVOKE_DEFAULT", True, **words)
+    yield from gui.redraw(2)
+
+
+def follow(gui):
+    """Switch Live on, in a step of undo as a click does."""
+    plan().live = True
+    bpy.ops.ed.undo_push(message="Live")
+    yield from gui.redraw(2)
+
+
 def red(gui):
     """How many pixels of the 3D view are red, as the normals of taxels are; what shines through the sidebar is not."""
     width = gui.region("UI").x - gui.area().x

@@ -53,7 +53,7 @@ DRIVERS = [
 def test_window(blender, driver, sample, size, tmp_path):
     """Every step of the driver does in the window what it says."""
     scene = SAMPLES / f"{sample}.blend"
-    words = ["--install", ROOT, "--blend", scene, "--size", size, "--out", tmp_path, "--timeout", 500]
+    words = ["--install", ROOT, "--blend", scene, "--size", size, "--out", tmp_path, "--timeout", 900]
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver)]
     done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
@@ -62,7 +62,7 @@ def test_window(blender, driver, sample, size, tmp_path):
 def test_first_steps_look_as_in_the_manual(blender, tmp_path):
     """From an empty scene to an exported calibration; each picture is near enough to that of docs/first_steps.md."""
     image = pytest.importorskip("PIL.Image", reason="no Pillow here, which compares pictures; '.[picture]' brings it")
-    words = ["--install", ROOT, "--size", "1000x1150", "--out", tmp_path, "--timeout", 500]
+    words = ["--install", ROOT, "--size", "1000x1150", "--out", tmp_path, "--timeout", 900]
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name("drive_steps.py")]
     done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
