@@ -36,7 +36,7 @@ def says_what_is_wrong(gui):
     """A plan that cannot be fitted is refused with a message; the last result stays."""
     key = plan().result.key
     plan().grid.n = 2
-    yield from run(gui, "fit")
+    yield from gui.press("skin_calib.fit")
     yield from gui.redraw()
     yield from gui.shot("refused.png")
     assert plan().result.key == key and plan().result.outdated
