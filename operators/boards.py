@@ -51,7 +51,10 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
         if skin.choice != "listed":
             skins.hold(skin, taxels, metre)
             skin.choice = "listed"
-        cells.remove(cell) if cell in cells else cells.append(cell)
+        if cell in cells:
+            cells.remove(cell)
+        else:
+            cells.append(cell)
         skin.cells = " ".join(f"{q},{r}" for q, r in cells)
 
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panels have in common: where they are, and when."""
+"""What the panels have in common: where they are, and when; how a plane placed by hand looks in them."""
+
+from ..skin_calib_addon.blender import live
 
 
 class SkinPanel:
@@ -18,3 +20,19 @@ class SkinPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False  # nothing here is animatable
         self.lay_out(layout, context.object and context.object.skin_calib)
+
+
+def what_is_wrong(settings, family, index):
+    """Why a plane is drawn red, as the last sketch of the link's planes has it; empty if it is sound."""
+    sketch = live.sketches.get(settings.id_data.name)
+    return sketch.wrong.get((family, index), "") if sketch else ""
+
+
+def lay_out_plane(layout, plane, wrong):
+    """The place of a plane, below what is wrong with it."""
+    column = layout.column()
+    if wrong:
+        column.alert = True
+        column.label(text=f"It {wrong}", icon="ERROR")
+    column.prop(plane, "point")
+    column.prop(plane, "normal")

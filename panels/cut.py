@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import cut_away, live
-from .base import SkinPanel
+from ..skin_calib_addon.blender import cut_away
+from .base import SkinPanel, lay_out_plane, what_is_wrong
 
 ROWS = 5  # of the list, at most
 ALONG = 0.9999  # a normal whose largest component is more than this is an axis
@@ -15,17 +15,11 @@ class SKIN_UL_cuts(bpy.types.UIList):
 
     def draw_item(self, _context, layout, cover, cut, _icon, _active, _property, index):
         row = layout.row(align=True)
-        wrong = what_is_wrong(cover, index)
+        wrong = what_is_wrong(cover, "CUT", index)
         row.alert = bool(wrong)
         row.label(text=f"Cut {index} keeps {kept_side(cut.normal)}", icon="ERROR" if wrong else "NONE")
         for name, icon in (("cut_flip", "ARROW_LEFTRIGHT"), ("cut_remove", "X")):
             row.operator(f"skin_calib.{name}", text="", icon=icon, emboss=False).index = index
-
-
-def what_is_wrong(cover, index):
-    """Why a cut does not cut, as the last sketch of the planes has it; empty if it does."""
-    sketch = live.sketches.get(cover.id_data.name)
-    return sketch.wrong.get(("CUT", index), "") if sketch else ""
 
 
 def kept_side(normal):
@@ -48,7 +42,7 @@ class SKIN_PT_cut(SkinPanel, bpy.types.Panel):
             rows = min(len(cuts), ROWS)
             layout.template_list("SKIN_UL_cuts", "", cover, "cuts", cover, "cut_index", rows=rows, sort_lock=True)
         if cover.cut_index < len(cuts):
-            self.lay_out_cut(layout, cover, cuts[cover.cut_index])
+            lay_out_plane(layout, cuts[cover.cut_index], what_is_wrong(cover, "CUT", cover.cut_index))
         row = layout.row(align=True)
         row.operator("skin_calib.cut_add", icon="ADD")
         row.operator("skin_calib.cut_place", text="", icon="EYEDROPPER")
@@ -56,16 +50,6 @@ class SKIN_PT_cut(SkinPanel, bpy.types.Panel):
         column.operator("skin_calib.cut_away", icon="FACESEL")
         if cut_away.modifier_of(plan.id_data):
             column.operator("skin_calib.bring_back", icon="LOOP_BACK")
-
-    def lay_out_cut(self, layout, cover, cut):
-        """The chosen cut, and what is wrong with it."""
-        column = layout.column()
-        wrong = what_is_wrong(cover, cover.cut_index)
-        if wrong:
-            column.alert = True
-            column.label(text=f"It {wrong}" if not wrong.startswith("its") else wrong.capitalize(), icon="ERROR")
-        column.prop(cut, "point")
-        column.prop(cut, "normal")
 
 
 CLASSES = (SKIN_UL_cuts, SKIN_PT_cut)

@@ -3,8 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import live
-from .base import SkinPanel
+from .base import SkinPanel, lay_out_plane, what_is_wrong
 
 
 class SKIN_UL_planes(bpy.types.UIList):
@@ -12,8 +11,7 @@ class SKIN_UL_planes(bpy.types.UIList):
 
     def draw_item(self, _context, layout, data, _item, _icon, _active, property_name, index):
         family = property_name.split("_")[0].upper()
-        sketch = live.sketches.get(data.id_data.name)
-        wrong = sketch.wrong.get((family, index)) if sketch else None
+        wrong = what_is_wrong(data, family, index)
         layout.alert = bool(wrong)
         layout.label(text=f"{family.lower()}-plane {index}", icon="ERROR" if wrong else "MESH_PLANE")
 
@@ -81,18 +79,7 @@ class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
         column.operator("skin_calib.planes_spread", text="", icon="ALIGN_JUSTIFY").family = family
         column.operator("skin_calib.planes_mirror", text="", icon="MOD_MIRROR").family = family
         if index < len(listed):
-            self.lay_out_plane(layout, grid, family, listed[index], index)
-
-    def lay_out_plane(self, layout, grid, family, plane, index):
-        """The chosen plane, and what is wrong with it."""
-        column = layout.column()
-        sketch = live.sketches.get(grid.id_data.name)
-        wrong = sketch.wrong.get((family.upper(), index)) if sketch else None
-        if wrong:
-            column.alert = True
-            column.label(text=f"It {wrong}" if not wrong.startswith("its") else wrong.capitalize(), icon="ERROR")
-        column.prop(plane, "point")
-        column.prop(plane, "normal")
+            lay_out_plane(layout, listed[index], what_is_wrong(grid, family.upper(), index))
 
 
 CLASSES = (SKIN_UL_planes, SKIN_PT_grid)

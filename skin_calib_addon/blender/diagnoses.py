@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 
 from ..errors import InvalidMesh, SkinCalibError
 from ..geometry.defects import Diagnosis, diagnose
-from . import overlay, scene
+from . import events, overlay, scene
 
 REST = 0.3  # [s] without a change, after which a mesh is compared with the one that was looked at
 
@@ -79,10 +79,8 @@ def _doubt(link: bpy.types.Object) -> None:
         return
     doubted.add(link.name)
     _changed[link.name] = perf_counter()
-    if not bpy.app.background and not bpy.app.timers.is_registered(
-        settle
-    ):  # no timer runs there, but exit waits for it
-        bpy.app.timers.register(settle, first_interval=REST)
+    if not bpy.app.background:  # no timer runs there, but exit waits for it
+        events.wake(settle, REST)
 
 
 @persistent
@@ -102,20 +100,16 @@ def _went_back(*_: Any) -> None:
         _doubt(link)
 
 
-HANDLERS = {"depsgraph_update_post": _updated} | dict.fromkeys(("undo_post", "redo_post", "load_post"), _went_back)
+HANDLERS = dict.fromkeys(events.TIME_TRAVEL, _went_back) | {"depsgraph_update_post": _updated}
 
 
 def register() -> None:
     """Notice changes."""
-    for name, handler in HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(handler)
+    events.listen(HANDLERS)
 
 
 def unregister() -> None:
     """Notice nothing any more."""
-    for name, handler in HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(handler)
-    if bpy.app.timers.is_registered(settle):
-        bpy.app.timers.unregister(settle)
+    events.ignore(HANDLERS, (settle,))
     doubted.clear()
     _changed.clear()

@@ -12,9 +12,8 @@ from mathutils import Matrix, Quaternion, Vector
 
 from . import live
 from .scene import link_frame, metres_per_unit, why_no_link
-from .sketch import COLOURS, MISSED
+from .sketch import COLOURS, FAMILIES, MISSED
 
-FAMILIES = ("CUT", "U", "V")
 DIAL_COLOURS = ((0.9, 0.3, 0.3), (0.3, 0.5, 1.0))
 
 
@@ -52,10 +51,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
 
     @classmethod
     def poll(cls, context):
-        if why_no_link(context) or not context.space_data.overlay.show_overlays:
-            return False
-        plan = context.object.skin_calib
-        return plan.show_overlay and "PLANES" in plan.layers and any(listed(plan, family) for family in FAMILIES)
+        return is_shown(context, "PLANES") and any(listed(context.object.skin_calib, family) for family in FAMILIES)
 
     def setup(self, context):
         self.arrows, self.dragged, self.start = [], None, None
@@ -68,9 +64,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         handle.target_set_handler("offset", get=lambda: self.moved(handle), set=lambda value: change(handle, value))
         handle.color, handle.color_highlight = colour, (1.0, 1.0, 1.0)
         handle.alpha, handle.alpha_highlight = 0.8, 1.0
-        handle.use_draw_modal = True
-        if hasattr(handle, "use_undo"):
-            handle.use_undo = True
+        undo_drags(handle)
         return handle
 
     def refresh(self, context):
@@ -158,15 +152,35 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         plane.normal = Quaternion(axis, value) @ normal
 
     def let_go(self):
-        """A drag has ended; before Blender 5.2 it is no step of undo by itself."""
-        if not hasattr(self.dragged, "use_undo"):
-            bpy.app.timers.register(push_undo)
+        """A drag has ended."""
+        let_go(self.dragged)
         self.dragged = None
+
+
+def is_shown(context: bpy.types.Context, layer: str) -> bool:
+    """Whether a layer of the link's overlay is drawn in this view, so that its handles are wanted."""
+    if why_no_link(context) or not context.space_data.overlay.show_overlays:
+        return False
+    plan = context.object.skin_calib
+    return plan.show_overlay and layer in plan.layers
+
+
+def undo_drags(handle: bpy.types.Gizmo) -> None:
+    """Draw a handle while it is dragged, and make each drag a step of undo."""
+    handle.use_draw_modal = True
+    if hasattr(handle, "use_undo"):
+        handle.use_undo = True
+
+
+def let_go(handle: bpy.types.Gizmo) -> None:
+    """A drag has ended; before Blender 5.2 it is no step of undo by itself."""
+    if not hasattr(handle, "use_undo"):
+        bpy.app.timers.register(push_undo)
 
 
 def push_undo() -> None:
     """Make a step of undo of what a handle has changed."""
-    bpy.ops.ed.undo_push(message="Move Plane")
+    bpy.ops.ed.undo_push(message="Move Handle")
 
 
 def placed(context: bpy.types.Context, point: Vector, way: Vector) -> Matrix:

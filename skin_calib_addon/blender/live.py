@@ -15,7 +15,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..errors import SkinCalibError
-from . import overlay, results, scene
+from . import events, overlay, results, scene
 from .background import Work
 from .facets import Facets
 from .plane_lists import read_hand_planes
@@ -58,12 +58,7 @@ def request(link: bpy.types.Object) -> None:
         _job = None
     _changed[link.name] = perf_counter()
     _drawn.discard(link.name)
-    _wake()
-
-
-def _wake() -> None:
-    if not bpy.app.timers.is_registered(tick):
-        bpy.app.timers.register(tick, first_interval=0.0)
+    events.wake(tick)
 
 
 def changed(result: Any, _context: Any) -> None:
@@ -167,7 +162,7 @@ def _take(job: Job) -> None:
 
 def _tell(link: bpy.types.Object, problem: str) -> None:
     """The plan cannot be carried out; the last result stays, and nothing more is tried before the next change."""
-    told[link.name] = Told(0.0, 0.0, problem)
+    told[link.name] = Told(problem=problem)
     _changed.pop(link.name, None)
     _drawn.discard(link.name)
 
@@ -180,7 +175,7 @@ def _preview(link: bpy.types.Object) -> Callable[..., Look] | None:
         try:
             plan = scene.read_plan(link, bpy.context.scene)
         except SkinCalibError as error:
-            problem = str(error)
+            problem = in_window(error)
     elif not planes.are_there:
         _forget_sketch(link.name)
         return None
@@ -249,7 +244,7 @@ def _updated(_scene: Any, depsgraph: bpy.types.Depsgraph) -> None:
         is_other = update.is_updated_geometry or update.is_updated_transform
         if is_other and isinstance(update.id, bpy.types.Object) and update.id.name in _seen:
             _touched.add(update.id.name)
-            _wake()
+            events.wake(tick)
 
 
 def _clear() -> None:
@@ -263,19 +258,15 @@ def _clear() -> None:
     overlay.take_back("planes")
 
 
-HANDLERS = {name: _went_back for name in ("undo_post", "redo_post", "load_post")} | {"depsgraph_update_post": _updated}
+HANDLERS = dict.fromkeys(events.TIME_TRAVEL, _went_back) | {"depsgraph_update_post": _updated}
 
 
 def register() -> None:
     """Notice when time goes back, and when meshes change."""
-    for name, handler in HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(handler)
+    events.listen(HANDLERS)
 
 
 def unregister() -> None:
     """Notice nothing any more."""
-    for name, handler in HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(handler)
-    if bpy.app.timers.is_registered(tick):
-        bpy.app.timers.unregister(tick)
+    events.ignore(HANDLERS, (tick,))
     _clear()

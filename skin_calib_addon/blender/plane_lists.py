@@ -14,7 +14,10 @@ from .sketch import HandPlanes
 
 
 def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlanes:
-    """The planes that were placed one by one, sound or not: cuts, and those of a grid of such planes."""
+    """The planes that were placed one by one, sound or not: cuts, and those of a grid of such planes.
+
+    In metres in the link frame; normals as they are written, of any length.
+    """
     settings, metre = link.skin_calib, metres_per_unit(scene)
     is_by_hand = settings.grid.kind == "planes"
     families = {
@@ -33,7 +36,7 @@ def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlan
 
 
 def read_planes(grid: Any, family: str, scene: bpy.types.Scene) -> Planes | None:
-    """The "u" or "v" planes of a grid that are listed one by one; None where there are none."""
+    """The "u" or "v" planes of a grid that are listed one by one, in metres in the link frame; None without any."""
     metre, listed = metres_per_unit(scene), getattr(grid, family)
     if not listed:
         return None

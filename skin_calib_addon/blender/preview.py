@@ -25,9 +25,9 @@ from .skins import in_window
 class Told:
     """What the panel says of a preview."""
 
-    mean: float  # distance along the rays of the fit [m]
-    seconds: float
-    problem: str = ""
+    mean: float = 0.0  # distance along the rays of the fit [m]
+    seconds: float = 0.0  # from the change to the preview
+    problem: str = ""  # why there is no preview; then the others say nothing
 
 
 @dataclass(eq=False)
@@ -72,10 +72,10 @@ class Asked:
 def look(kept: Kept, asked: Asked) -> Look:
     """Sketch the planes; where there is a plan, fit and lay without the exact errors."""
     mesh = kept.step("mesh", asked.facets, Facets.is_same, asked.facets.mesh)
-    sketch = sketch_of(mesh, asked.planes) if asked.planes.are_there else Sketch()
+    sketch = kept.step("sketch", (mesh, asked.planes), _same_planes, lambda: sketch_of(mesh, asked.planes))
     plan = asked.plan
     if plan is None:
-        return Look(sketch, told=Told(0.0, 0.0, asked.problem) if asked.problem else None)
+        return Look(sketch, told=Told(problem=asked.problem) if asked.problem else None)
     doc = plan_document(plan)
     skins = doc["skins"], [hash_of(path) for path in taxel_files(plan)]
     grid = doc["grid"], doc["degree"], plan.chords
@@ -85,7 +85,7 @@ def look(kept: Kept, asked: Asked) -> Look:
         near = kept.laid(skins)
         laid = kept.step("laid", (fit, skins), _equal, lambda: lay_all(plan.skins, fit, near))
     except SkinCalibError as error:
-        return Look(sketch, told=Told(0.0, 0.0, in_window(error)))
+        return Look(sketch, told=Told(problem=in_window(error)))
     patches = tuple(done.patch for done in laid)
     layers = layers_of(SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches)))
     for _ in layers.shown(asked.shown):  # made here, beside the main thread
@@ -97,3 +97,8 @@ def look(kept: Kept, asked: Asked) -> Look:
 def _equal(asked: tuple[Any, ...], before: tuple[Any, ...]) -> bool:
     """Whether the same mesh, by identity, was asked the same."""
     return asked[0] is before[0] and asked[1:] == before[1:]
+
+
+def _same_planes(asked: tuple[Any, HandPlanes], before: tuple[Any, HandPlanes]) -> bool:
+    """Whether the same mesh, by identity, was asked the same planes."""
+    return asked[0] is before[0] and asked[1].is_same(before[1])

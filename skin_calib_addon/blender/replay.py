@@ -15,7 +15,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..replaying import Replay
-from . import overlay
+from . import events, overlay
 from .layers import Layer, heat_layer, replay_lines
 from .scales import Legend
 from .taxels import result_of
@@ -141,8 +141,7 @@ def play(link: bpy.types.Object) -> None:
         return
     _begin(link, 0 if frame == len(replay) - 1 else frame)
     show(link)
-    if not bpy.app.timers.is_registered(tick):
-        bpy.app.timers.register(tick, first_interval=0.0)
+    events.wake(tick)
 
 
 def _begin(link: bpy.types.Object, frame: int) -> None:
@@ -207,14 +206,10 @@ HANDLERS = {"undo_post": _went_back, "redo_post": _went_back, "load_post": _open
 
 def register() -> None:
     """Notice when time goes back."""
-    for name, handler in HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(handler)
+    events.listen(HANDLERS)
 
 
 def unregister() -> None:
     """Play nothing any more."""
-    for name, handler in HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(handler)
-    if bpy.app.timers.is_registered(tick):
-        bpy.app.timers.unregister(tick)
+    events.ignore(HANDLERS, (tick,))
     _opened()

@@ -22,6 +22,8 @@ _lock = Lock()  # fits run beside the main thread
 def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda stage: None) -> tuple[str, Calibrated]:
     """Calibrate, or take what the same plan and mesh gave before; the result and its key.
 
+    ``begin`` is told the name of each stage as it begins, and may raise to stop there.
+
     Raises
     ------
     SkinCalibError

@@ -7,13 +7,14 @@ import numpy as np
 
 from ..arrays import Array, unit
 from ..errors import InvalidMesh, InvalidPlan
-from ..geometry.cover import one_side, outer_shells
+from ..geometry.cover import is_seen, one_side
 from ..geometry.grids import check_order
 from ..geometry.mesh import TriangleMesh, weld
 from ..geometry.planes import Planes, perpendicular
 from ..geometry.sections import cut_sections
 from .layers import Layer
 
+FAMILIES = ("CUT", "U", "V")
 COLOURS = {"CUT": (1.0, 0.3, 0.9, 1.0), "U": (1.0, 0.65, 0.1, 1.0), "V": (0.3, 0.9, 0.4, 1.0)}
 REMOVED, MISSED = (0.9, 0.1, 0.1, 0.35), (1.0, 0.0, 0.0, 1.0)
 # Half a side of the square that stands for a plane without a section, as a share of the mesh's size.
@@ -36,23 +37,32 @@ class HandPlanes:
         """Whether there is anything to sketch."""
         return any(len(points) for points in self.points.values())
 
+    def is_same(self, other: "HandPlanes") -> bool:
+        """Whether other planes would make the same sketch."""
+        pairs = (
+            (getattr(self, n)[family], getattr(other, n)[family]) for n in ("points", "normals") for family in FAMILIES
+        )
+        return (self.shell, self.closed) == (other.shell, other.closed) and all(np.array_equal(a, b) for a, b in pairs)
+
 
 @dataclass(eq=False)
 class Sketch:
     """What is drawn of planes, what is wrong with them, and where their handles are."""
 
     layers: list[Layer] = field(default_factory=list)
-    wrong: dict[Named, str] = field(default_factory=dict)
+    wrong: dict[Named, str] = field(default_factory=dict)  # what is said of it, after its name
     centres: dict[Named, Array] = field(default_factory=dict)  # of the sections [m]
     arms: dict[Named, Array] = field(default_factory=dict)  # from a plane's point to its handle, in the plane [m]
 
 
 def sketch_of(mesh: TriangleMesh, planes: HandPlanes) -> Sketch:
-    """Cut the mesh and draw the section of each plane."""
+    """Cut the mesh and draw the section of each plane; nothing where there are no planes."""
     sketch = Sketch()
-    for family in ("CUT", "U", "V"):
+    if not planes.are_there:
+        return sketch
+    for family in FAMILIES:
         for i in np.flatnonzero(~planes.normals[family].any(axis=1)):
-            sketch.wrong[family, int(i)] = "its normal is zero"
+            sketch.wrong[family, int(i)] = "has a normal of length zero"
     cover = _cut(sketch, mesh, planes)
     for family in ("U", "V"):
         _draw(sketch, family, cover, planes, "misses the mesh")
@@ -87,11 +97,10 @@ def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh
         gone.append(vertices[faces])
         mesh = kept
     if planes.shell == "outer":
-        outer = outer_shells(mesh)
-        if len(outer.faces) < len(mesh.faces):
-            known = {face.tobytes() for face in outer.triangles}
-            gone.append(np.array([face for face in mesh.triangles if face.tobytes() not in known]))
-        mesh = outer
+        seen = is_seen(mesh)
+        if not seen.all():
+            gone.append(mesh.triangles[~seen])
+            mesh = weld(mesh.vertices, mesh.faces[seen])
     if sum(map(len, gone)):
         corners = np.concatenate(gone).reshape(-1, 3).astype(np.float32)
         sketch.layers.append(Layer("PLANES", corners, np.tile(np.float32(REMOVED), (len(corners), 1))))

@@ -9,8 +9,8 @@ from mathutils import Matrix, Vector
 from mathutils.geometry import intersect_line_plane
 
 from . import overlay
-from .handles import placed, push_undo
-from .scene import link_frame, metres_per_unit, why_no_link
+from .handles import is_shown, let_go, placed, undo_drags
+from .scene import link_frame, metres_per_unit
 from .skins import hold, point_of, put_point, root_row
 from .view import place_under, ray_under
 
@@ -61,7 +61,7 @@ class SKIN_GT_spot(bpy.types.Gizmo):
 
     bl_idname = "SKIN_GT_spot"
 
-    __slots__ = ("before", "normal", "shape", "target")
+    __slots__ = ("before", "has_moved", "normal", "shape", "target")
 
     def setup(self) -> None:
         self.target, self.shape = None, None
@@ -82,14 +82,23 @@ class SKIN_GT_spot(bpy.types.Gizmo):
 
     def invoke(self, context, _event):
         plan, (what, skin, index) = context.object.skin_calib, self.target
-        self.before, self.normal = state(plan, skin, what, index), None
+        self.before, self.normal, self.has_moved = state(plan, skin, what, index), None, False
+        return {"RUNNING_MODAL"}
+
+    def begin(self, context):
+        """Let a skin that chose its own place keep the one it has, to be moved from there."""
+        plan, (what, skin, _) = context.object.skin_calib, self.target
         patches = overlay.patches_of(context.object)
         if what in ("origin", "way") and len(patches) == len(plan.skins):
             hold(plan.skins[skin], patches[skin].taxels, metres_per_unit(context.scene))
             self.normal = Vector(patches[skin].taxels.normals_link[root_row(patches[skin].taxels)])
-        return {"RUNNING_MODAL"}
 
     def modal(self, context, event, _tweak):
+        if event.type != "MOUSEMOVE":
+            return {"RUNNING_MODAL"}
+        if not self.has_moved:  # a mere click changes nothing
+            self.has_moved = True
+            self.begin(context)
         plan, (what, skin, index) = context.object.skin_calib, self.target
         if what == "way":
             way = way_under(context, event.mouse_x, event.mouse_y, self.matrix_basis)
@@ -111,8 +120,8 @@ class SKIN_GT_spot(bpy.types.Gizmo):
         if cancel:
             for group, name, value in self.before:
                 setattr(group, name, value)
-        elif not hasattr(self, "use_undo"):
-            bpy.app.timers.register(push_undo)
+        else:
+            let_go(self)
 
 
 def state(plan: Any, skin: int, what: str, index: int) -> list[tuple[Any, str, Any]]:
@@ -149,10 +158,7 @@ class SKIN_GGT_skins(bpy.types.GizmoGroup):
 
     @classmethod
     def poll(cls, context):
-        if why_no_link(context) or not context.space_data.overlay.show_overlays:
-            return False
-        plan = context.object.skin_calib
-        return plan.show_overlay and "PLACES" in plan.layers and len(plan.skins) > 0
+        return is_shown(context, "PLACES") and len(context.object.skin_calib.skins) > 0
 
     def setup(self, context):
         self.spots = []
@@ -163,9 +169,7 @@ class SKIN_GGT_skins(bpy.types.GizmoGroup):
         targets = targets_of(context.object.skin_calib)
         while len(self.spots) < len(targets):
             spot = self.gizmos.new(SKIN_GT_spot.bl_idname)
-            spot.use_draw_modal = True
-            if hasattr(spot, "use_undo"):
-                spot.use_undo = True
+            undo_drags(spot)
             self.spots.append(spot)
 
     def draw_prepare(self, context):

@@ -61,7 +61,13 @@ def _across(lines: LineGrid) -> Planes:
 
 
 def between(planes: Planes, i: int) -> tuple[Array, Array]:
-    """Point [m] and unit normal of a plane half way from plane ``i`` to the next, or as far beyond the last."""
+    """A plane half way from plane ``i`` to the next, or half a step beyond the last; the only one is repeated.
+
+    Returns
+    -------
+    point, normal : Array, shape (3,)
+        In metres in the link frame, and of length one.
+    """
     if len(planes) == 1:
         return planes.points[0], planes.normals[0]
     if i + 1 < len(planes):

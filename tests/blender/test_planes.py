@@ -85,7 +85,7 @@ def test_planes_that_are_wrong_are_told_while_they_are_placed(bpy, placed, live)
         cut.point, cut.normal = point, normal
     look(live)
     wrong = live.sketches[placed.name].wrong
-    assert wrong["U", 4].startswith("misses the mesh, by 9") and wrong["V", 0] == "its normal is zero"
+    assert wrong["U", 4].startswith("misses the mesh, by 9") and wrong["V", 0] == "has a normal of length zero"
     assert wrong["U", 2] == "does not lie beyond u-plane 1"
     assert wrong["CUT", 0] == "removes the whole mesh: turn it round"
     assert wrong["CUT", 1].startswith("cuts nothing off, by 1")

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is called when Blender tells that something has changed, and what is called after a while."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import bpy
+
+TIME_TRAVEL = ("undo_post", "redo_post", "load_post")  # after these the scene is another one
+
+Handlers = dict[str, Callable[..., Any]]  # by the name of the event in bpy.app.handlers
+Timer = Callable[[], float | None]  # gives the seconds to its next call, None to end
+
+
+def listen(handlers: Handlers) -> None:
+    """Call each handler at its event from now on."""
+    for name, handler in handlers.items():
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def ignore(handlers: Handlers, timers: Iterable[Timer]) -> None:
+    """Call the handlers no more, nor the timers that wait."""
+    for name, handler in handlers.items():
+        getattr(bpy.app.handlers, name).remove(handler)
+    for timer in timers:
+        if bpy.app.timers.is_registered(timer):
+            bpy.app.timers.unregister(timer)
+
+
+def wake(timer: Timer, seconds: float = 0.0) -> None:
+    """Call a timer after a while, if it does not wait for its call already."""
+    if not bpy.app.timers.is_registered(timer):
+        bpy.app.timers.register(timer, first_interval=seconds)
