@@ -65,6 +65,9 @@ def slides(gui):
     yield from gui.redraw(3)
     place = ours("skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation
     x, y = gui.at(place)
+    yield from gui.click(x, y)
+    yield from gui.redraw(3)
+    assert plan().skins[0].choice == "fill"  # a mere click moves nothing
     yield from gui.drag((x, y), (x + 20, y), mods=())
     yield from gui.wait(lambda: not plan().result.outdated, 60, "the boards elsewhere")
     yield from gui.redraw(3)
