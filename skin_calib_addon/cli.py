@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from . import __version__
-from .commands import check, export, fit, import_file, replay, response, show
+from .commands import check, export, fit, import_file, replay, response, show, touches
 from .commands.common import DONE, WRONG_CALL, WRONG_DATA, complain
 from .errors import OutputError, SkinCalibError
 
@@ -52,6 +52,6 @@ def _parser(scene_plans: fit.ScenePlans | None) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"skin-calib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     fit.add(commands, scene_plans)
-    for command in (check, show, export, import_file, response, replay):
+    for command in (check, show, export, import_file, response, replay, touches):
         command.add(commands)
     return parser

@@ -1,6 +1,7 @@
 """The author's choices as a file: what to cut, where the planes are, which skins."""
 
 import json
+import os.path
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -234,6 +235,19 @@ def _grid_document(grid: Grid | AutoGrid) -> dict[str, Any]:
 
 def _line(axis: Axis | None) -> Any:
     return {"point": [*axis.point], "direction": [*axis.direction]} if axis else "auto"
+
+
+def named_from(plan: Plan, folder: Path) -> Plan:
+    """The plan with its files named from a folder, as a plan file in it has them."""
+
+    def named(path: Path) -> Path:
+        try:
+            return Path(os.path.relpath(path, folder))
+        except ValueError:  # on another drive
+            return path.absolute()
+
+    skins = tuple(replace(s, file=named(s.file)) if isinstance(s, ImportedSkin) else s for s in plan.skins)
+    return replace(plan, mesh=named(plan.mesh), skins=skins)
 
 
 def save_plan(plan: Plan, path: str | Path) -> None:

@@ -1,6 +1,7 @@
 """The runtime against contact forces of a simulator that knows nothing of it; the data may be absent."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin, convex_hull
+from skin_calib_addon.validation import Touches, placements
 from tests.samples import plane, small_calibration
 from tests.soles import cell_patch
 
@@ -110,3 +112,32 @@ def test_contacts_on_a_forearm():
     for radius, limit in zip((1, 2.5, 5, 8, 12), (3.3, 2.7, 1.5, 0.8, 1.4)):
         ours = np.isclose(data["radius"], radius / 1e3)
         assert ours.sum() == 120 and np.mean(np.array(off)[ours]) < limit / 1e3
+
+
+def test_touches_on_a_forearm_say_where_its_sheet_lies():
+    """Of the 240 smallest contacts, each known by its strongest cell: no shift; one that is made is found within .5 mm.
+
+    The cells that a simulator pressed most are those that the places lie in, so nothing else is left off.
+    """
+    data = recorded("forearm_single")
+    positions, normals, corners = layout("forearm")
+    index = np.column_stack(np.divmod(np.arange(132), 22))
+    patch = cell_patch(positions, normals, corners, name="arm", reach=0.0115, index=index)
+    along = np.roll(positions.reshape(6, 22, 3), -1, axis=1).reshape(-1, 3) - positions
+    along[21::22] = along[20::22]
+    along -= (along * normals).sum(axis=1)[:, None] * normals
+    tangents = along / np.linalg.norm(along, axis=1)[:, None]
+    patch = replace(patch, kind="sheet", shape=(6, 22), taxels=replace(patch.taxels, tangents_link=tangents))
+    small = data["radius"] < 3e-3
+    rows = data["cell_force"][small].argmax(axis=1)
+    touches = Touches(
+        tuple(patch.taxels.ids[r] for r in rows), np.arange(240), data["point"][small], np.zeros((240, 3))
+    )
+    (found,) = placements(small_calibration(patches=(patch,), surfaces=(plane(),)), touches)
+    assert len(found.astray) == 0 and np.sqrt(np.mean(found.distances**2)) < 1.05 * found.by_chance
+    assert np.linalg.norm(found.motion.shift) < 0.5e-3 and abs(found.motion.turn) < np.deg2rad(0.5)
+    moved = replace(patch, taxels=replace(patch.taxels, positions_link=positions + 0.003 * np.array((0, 0, 1.0))))
+    (off,) = placements(small_calibration(patches=(moved,), surfaces=(plane(),)), touches)
+    across = np.cross(normals, tangents)[:, 2].mean()
+    assert_allclose(off.motion.shift - found.motion.shift, (0, -0.003 * across), rtol=0, atol=0.3e-3)
+    assert off.motion.is_certain

@@ -19,6 +19,7 @@ BELOW = {
     "calibration": (*SHARED, "calibration"),
     "skin": (*SHARED, "geometry", "skin", *(f"calibration.{m}" for m in ("model", "findings", "exchange.taxel_set"))),
     "runtime": (*SHARED, "calibration", "runtime"),
+    "validation": (*SHARED, "calibration", "validation"),
 }
 PURE = (*BELOW["geometry"], "calibration", "skin")
 ABOVE = {
@@ -26,6 +27,8 @@ ABOVE = {
     "plan": (*PURE, "plan_skins"),
     "laying": (*PURE, "plan_skins"),
     "pipeline": (*PURE, "laying", "plan"),
+    "refining": (*PURE, "validation", "plan", "plan_skins", "laying", "pipeline"),
+    "touches_picture": (*PURE, "validation", "picture"),
     "report": (*PURE, "plan", "laying", "pipeline"),
     "robot": (*PURE, "plan"),
     "robot_mesh": (*PURE, "robot"),
@@ -47,8 +50,11 @@ ABOVE = {
         "picture",
         "response_picture",
         "recording",
+        "refining",
         "replay_picture",
         "runtime",
+        "touches_picture",
+        "validation",
         "commands",
     ),
     "cli": ("errors", "", "commands"),
@@ -77,11 +83,14 @@ LIBRARIES = {
     "runtime": {"numpy"},
     "geometry": {"numpy", "scipy", "trimesh"},
     "skin": {"numpy", "scipy"},
+    "validation": {"numpy"},
+    "refining": {"numpy", "scipy"},
     "sources": {"numpy", "scipy", "trimesh"},
     "inspection": {"numpy", "scipy"},
     "comparison": {"numpy", "scipy"},
     "picture": {"numpy", "matplotlib"},
     "replay_picture": {"numpy", "matplotlib"},
+    "touches_picture": {"numpy", "matplotlib"},
     "blender": {"numpy", *BLENDER},
     "": {"numpy"},
 }

@@ -1,0 +1,107 @@
+"""``touches``: a calibration beside measured touches, and a plan whose skins lie where these say."""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration.file import load_calibration
+from ..calibration.model import LinkCalibration
+from ..calibration.strict_json import parse, read
+from ..errors import InvalidPlan
+from ..pipeline import calibrate
+from ..plan import FORMAT, load_plan, named_from, save_plan
+from ..refining import refine
+from ..validation import Placement, placements, read_touches
+from .common import DONE, check_folder, complain
+
+
+def add(commands) -> None:
+    touches = commands.add_parser(
+        "touches",
+        help="compare a calibration with measured touches",
+        description="TOUCHES is a CSV file with the taxel, or channel, that felt each touch most, and x, y, z of the "
+        "probe's tip [m], or the wrench fx, fy, fz, tx, ty, tz of a force-torque sensor [N, N m]; in the link frame.",
+    )
+    touches.add_argument("file", type=Path, metavar="FILE", help="calibration, or plan")
+    touches.add_argument("touches", type=Path, metavar="TOUCHES")
+    touches.add_argument("--refine", action="store_true", help="move the skins of the plan to where the touches are")
+    touches.add_argument("-o", "--output", type=Path, metavar="OUT", help="the moved plan")
+    touches.add_argument("--picture", type=Path, metavar="PNG", help="touches over the cells that felt them")
+    touches.set_defaults(run=run, refuse=touches.error)
+
+
+def run(options: argparse.Namespace) -> int:
+    if options.refine != (options.output is not None):
+        options.refuse("--refine writes the moved plan to -o OUT: name both or neither")
+    for target in (options.output, options.picture):
+        check_folder(target)
+    is_plan = _is_plan(options.file)
+    if options.refine and not is_plan:
+        raise InvalidPlan(
+            f"'{options.file}' is no plan; a calibration does not say how its skins were laid: name its plan"
+        )
+    plan = load_plan(options.file) if is_plan else None
+    result = calibrate(plan) if plan else None
+    calibration = result.calibration if result else load_calibration(options.file)
+    touches = read_touches(options.touches, calibration)
+    found = placements(calibration, touches)
+    print(f"link             {calibration.link}, {_count(calibration)} taxels")
+    print(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
+    _tell(found)
+    for doubt in (doubt for placement in found for doubt in placement.doubts()):
+        complain(f"warning: {doubt}")
+    if options.refine and plan and result:
+        refined = refine(plan, result, touches)
+        found = refined.placements
+        save_plan(named_from(refined.plan, options.output.absolute().parent), options.output)
+        print(f"plan             {options.output}; once its skins are moved:")
+        _tell(found)
+    if options.picture:
+        from ..touches_picture import draw_touches  # matplotlib, which not every place has
+
+        draw_touches(found, options.picture)
+    return DONE
+
+
+def _is_plan(path: Path) -> bool:
+    document, _ = parse(read(path))
+    return isinstance(document, dict) and document.get("format") == FORMAT
+
+
+def _count(calibration: LinkCalibration) -> int:
+    return sum(len(patch.taxels.ids) for patch in calibration.patches)
+
+
+def _tell(found: list[Placement]) -> None:
+    """A few lines for each patch."""
+    for placement in found:
+        for line in _lines(placement):
+            print(line)
+
+
+def _lines(placement: Placement) -> Iterator[str]:
+    name, off = f"{placement.patch.name[:16]:16}", placement.distances * 1e3
+    if not len(off):
+        return
+    yield (
+        f"{name} {len(off)} touches, off along the skin: mean {off.mean():.2f}, rms {np.sqrt(np.mean(off**2)):.2f}, "
+        f"max {off.max():.2f} mm; rms {placement.by_chance * 1e3:.2f} mm from the size of the cells alone"
+    )
+    if len(placement.heights):
+        heights = placement.heights * 1e3
+        yield f"{name} {heights.mean():.2f} mm over the taxels on the mean, {np.std(heights):.2f} mm about it"
+    motion = placement.motion
+    if motion is None:
+        return
+    (x, y), (dx, dy) = np.round(motion.shift * 1e3, 2) + 0.0, motion.shift_error * 1e3  # no minus zero
+    turned = ""
+    if np.isfinite(motion.turn_error):
+        turn = np.round(np.rad2deg(motion.turn), 2) + 0.0
+        turned = f", {turn:.2f} +- {np.rad2deg(motion.turn_error):.2f} degrees"
+    verdict = "" if motion.is_certain else ": no more than chance"
+    yield f"{name} shifted {x:.2f} +- {dx:.2f} mm along the rows, {y:.2f} +- {dy:.2f} mm across{turned}{verdict}"
+    left = np.delete(placement.left, placement.astray)
+    without = f", without {len(placement.astray)} far from their taxels" if len(placement.astray) else ""
+    yield f"{name} rms {np.sqrt(np.mean(left**2)) * 1e3:.2f} mm once that is made up for{without}"
