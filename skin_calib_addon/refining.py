@@ -46,8 +46,8 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
     Raises
     ------
     InvalidPlan
-        If a skin was touched too few times, or by channels in another order, is imported, or has no cell where its
-        origin would be.
+        If a skin was touched too few times, or by channels in another order, is imported, has no cell where its
+        origin would be, or comes to no rest.
     OutsideSurface
         If a skin would lie off the surface.
     """
@@ -67,8 +67,12 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
         calibration = replace(result.calibration, patches=tuple(done.patch for done in laid))
         found = placements(calibration, touches)
         if all(_largest(placement) < SETTLED for placement in found):
-            break
-    return Refined(replace(plan, skins=skins), calibration, found)
+            return Refined(replace(plan, skins=skins), calibration, found)
+    worst = max(found, key=_largest)
+    raise InvalidPlan(
+        f"skin {worst.patch.name!r} comes to no rest where the touches ask it to lie: in step {ROUNDS} it still moves "
+        f"by {_largest(worst) * 1e3:.2f} mm; look at the touches first"
+    )
 
 
 def _motion(placement: Placement) -> Motion:

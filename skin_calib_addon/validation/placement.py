@@ -23,6 +23,7 @@ CERTAIN = 2.0  # standard errors beyond which a slide is more than chance
 ASTRAY, CELLS = 3.0, 1.5
 GAIN = 0.5  # another order of the channels that leaves less than this share of the distances is the right one
 NAMED = 3  # touches, at most, that a doubt names
+HIGH = 0.01  # over or below the taxels of a skin nothing touches it [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ class Placement:
     @property
     def by_chance(self) -> float:
         """Root of the mean square of distances that the size of the cells alone gives [m]."""
-        return float(np.sqrt(self.patch.taxels.areas[self.rows].mean() / 6))  # of squares; of hexagons 2 % less
+        return float(np.sqrt(self.patch.taxels.areas.mean() / 6))  # of squares; of hexagons 2 % less
 
     @cached_property
     def flat(self) -> Array:
@@ -108,19 +109,23 @@ class Placement:
         if order:
             yield f"the touches of {self.patch.name} fit {order}; is that how its channels run?"
             return
+        name = self.patch.name
         if len(self.passing):
-            count, some = len(self.passing), ", ".join(map(str, self.passing[:NAMED].tolist()))
-            more = ", ..." if count > NAMED else ""
-            yield f"{count} touches press along the skin of {self.patch.name} and tell no place: line {some}{more}"
+            told = [f"line {line}" for line in self.passing.tolist()]
+            yield f"touches that press along the skin of {name} tell no place: {_some(told)}"
         if len(self.astray):
-            some = "; ".join(self._other_taxel(i) for i in self.astray[:NAMED].tolist())
-            more = "; ..." if len(self.astray) > NAMED else ""
-            yield f"{len(self.astray)} touches lie far from the taxel of {self.patch.name} that felt them: {some}{more}"
+            told = [self._other_taxel(i) for i in self.astray.tolist()]
+            yield f"touches far from the taxel of {name} that felt them: {_some(told)}"
+        if len(self.heights) and abs(height := float(np.median(self.heights))) > HIGH:
+            side = "over" if height > 0 else "below"
+            yield f"the touches of {name} lie {abs(height) * 1e3:.1f} mm {side} its taxels: are they in the link frame?"
 
     @cached_property
     def astray(self) -> IntArray:
         """Touches (k,) that no slide of the skin explains: most likely a wrong channel."""
-        height = np.nan_to_num(self.off[:, 2] - np.median(self.heights) if len(self.heights) else self.off[:, 2])
+        if len(self.rows) == 0:
+            return self.rows
+        height = np.nan_to_num(self.off[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0))
         far = np.hypot(self.left, height)
         usual = max(self.by_chance, float(np.median(far)))
         return np.flatnonzero((far > ASTRAY * usual) & (far > CELLS * max(self.patch.pitch)))
@@ -227,6 +232,10 @@ def other_order(placement: Placement) -> str | None:
                     ends = f"{' and '.join(flips)} counted from the other end" if flips else ""
                     best, words = mean, ", ".join(part for part in (name, ends) if part)
     return words
+
+
+def _some(told: list[str]) -> str:
+    return "; ".join(told[:NAMED]) + (f"; and {len(told) - NAMED} more" if len(told) > NAMED else "")
 
 
 def _mean(ends: Array) -> float:

@@ -23,6 +23,7 @@ from skin_calib_addon.validation import Touches
 from tests.shapes import Z_AXIS, cone
 from tests.unit.test_picture import read_png
 
+ROOT = Path(__file__).parents[2]
 SHEET = {"name": "band", "kind": "sheet", "rows": 4, "columns": 12, "pitch": [0.01, 0.01], "direction": [0, 1, 0]}
 BOARDS = {"name": "boards", "kind": "hexagons", "side": 0.01, "gap": 0.0, "direction": [0, 1, 0]}
 PLACED, HIGH = {"origin": [0.05, 0, 0.03]}, {"origin": [0.05, 0, 0.07]}
@@ -104,6 +105,15 @@ def test_skins_that_were_not_touched_stay(fitted):
     turned = Touches(taxels.ids[::-1], np.arange(48), taxels.positions_link, np.zeros((48, 3)))
     with pytest.raises(InvalidPlan, match="rows and columns counted from the other end"):
         refine(plan, result, turned)
+
+
+def test_touches_that_no_place_explains_are_refused():
+    """All of one cell, and far inside the link: the sheet would wander round it."""
+    plan = load_plan(ROOT / "sample_scenes" / "wrist.plan.json")
+    result = calibrate(plan)
+    inside = Touches(result.laid[0].patch.taxels.ids[:1] * 4, np.arange(4), np.zeros((4, 3)), np.zeros((4, 3)))
+    with pytest.raises(InvalidPlan, match="skin 'wrist' comes to no rest where the touches ask it to lie: in step 8"):
+        refine(plan, result, inside)
 
 
 @pytest.fixture

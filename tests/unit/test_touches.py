@@ -107,7 +107,7 @@ def test_lines_of_action_are_met_in_the_tangent_plane(tmp_path):
     assert len(placement.rows) == len(rows) - 1 and placement.passing.tolist() == [5]
     assert np.isnan(placement.off[:, 2]).all() and len(placement.heights) == 0
     assert_allclose(placement.motion.shift, (0.001, 0.0005), rtol=0, atol=3e-5)
-    assert list(placement.doubts()) == ["1 touches press along the skin of sheet and tell no place: line 5"]
+    assert list(placement.doubts()) == ["touches that press along the skin of sheet tell no place: line 5"]
 
 
 def test_a_wrong_channel_is_named_and_counts_little():
@@ -120,7 +120,7 @@ def test_a_wrong_channel_is_named_and_counts_little():
     (found,) = placements(CALIBRATION, touched(CALIBRATION, swapped, points))
     assert found.astray.tolist() == [7, 40] and fine.astray.tolist() == []
     (doubt,) = found.doubts()
-    assert doubt.startswith("2 touches lie far from the taxel of sheet that felt them: line 9, s3.4, ")
+    assert doubt.startswith("touches far from the taxel of sheet that felt them: line 9, s3.4, ")
     assert "(s0.7 lies there); line 42, s0.7, " in doubt and "(s3.4 lies there)" in doubt
     assert np.abs(found.motion.shift - fine.motion.shift).max() < 2.5e-4
 
@@ -172,6 +172,18 @@ def test_few_touches_tell_no_slide():
     rows = np.arange(20)
     (found,) = placements(imported, touched(imported, rows, slid(rows, 0.0, 0.0, PITCH)))
     assert found.motion is None
+
+
+def test_touches_of_another_frame_are_doubted():
+    """Centimetres below the skin nothing touches it; and where every line passes along the skin nothing is told."""
+    rows = np.arange(20)
+    (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0, height=-0.012)))
+    assert list(found.doubts()) == ["the touches of sheet lie 12.0 mm below its taxels: are they in the link frame?"]
+    along = SHEET.taxels.tangents_link[rows]
+    (none,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0), along))
+    assert len(none.rows) == len(none.astray) == 0 and none.motion is None
+    told = "touches that press along the skin of sheet tell no place: line 2; line 3; line 4; and 17 more"
+    assert list(none.doubts()) == [told]
 
 
 def test_touches_go_to_their_patches():
