@@ -5,7 +5,7 @@ import json
 from typing import Any
 
 _BROKEN_LISTS = {"surfaces", "patches"}  # objects, each with one member per line
-_LISTS = {"responses"}  # one object per line
+_LISTS = {"control_net", "responses"}  # one row or object per line
 
 
 def checksum(document: dict[str, Any]) -> str:
@@ -43,9 +43,7 @@ def _member(name: str, value: Any, margin: str) -> str:
         return _object(value, margin, tables=True)
     if name in _BROKEN_LISTS and value:
         return f"[\n{inner}" + f",\n{inner}".join(_object(item, inner) for item in value) + f"\n{margin}]"
-    if name in _LISTS and value:
-        return f"[\n{inner}" + f",\n{inner}".join(map(_inline, value)) + f"\n{margin}]"
-    return _column(name, value, margin) if name == "control_net" else _inline(value)
+    return _column(name, value, margin) if name in _LISTS else _inline(value)
 
 
 def _column(name: str, value: Any, margin: str) -> str:
@@ -61,9 +59,9 @@ def _rows(table: list[Any], margin: str) -> str:
     depth, row = 0, table[0]
     while isinstance(row, list):
         depth, row = depth + 1, row[0] if row else None
-    seam = "]" * depth + ",\n" + "[" * depth
-    broken = "]" * depth + f",\n{margin}" + "[" * depth
-    return text.replace(seam, "\0").replace(",\n", ", ").replace("\0", broken)
+    begin, end = ("[" * depth + "{", "}" + "]" * depth) if isinstance(row, dict) else ("[" * depth, "]" * depth)
+    rows = text.replace(f"{end},\n{begin}", "\0").replace(",\n", ", ")
+    return rows.replace("\0", f"{end},\n{margin}{begin}")
 
 
 def _inline(value: Any) -> str:

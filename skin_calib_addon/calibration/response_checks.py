@@ -1,12 +1,13 @@
 """What must hold for the responses of a calibration, or of a plan."""
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, BoolArray
 from .findings import Finding, child, error, show
 from .parts import Part, touched_by
 
@@ -18,9 +19,11 @@ PASCAL = np.array([[math.comb(i, k) for k in range(16)] for i in range(16)], flo
 def responses_are_monotone(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Of the responses of a document in which the schema found nothing, those that are none."""
     touched = touched_by(findings)
-    for pointer, response in _responses(document):
-        if pointer not in touched:
-            yield from response_findings(response, pointer)
+    sound = [(pointer, response) for pointer, response in _responses(document) if pointer not in touched]
+    with np.errstate(all="ignore"):
+        suspected = _suspected([response for _, response in sound])
+    for row in suspected:
+        yield from response_findings(sound[row][1], sound[row][0])
 
 
 def responses_are_there(document: Any, patches: Iterable[Part]) -> Iterator[Finding]:
@@ -52,6 +55,37 @@ def _responses(document: Any) -> Iterator[tuple[str, Any]]:
     listed = document.get("responses")
     for index, response in enumerate(listed if isinstance(listed, list) else ()):
         yield f"/responses/{index}", response
+
+
+def _suspected(responses: list[dict[str, Any]]) -> list[int]:
+    """Rows of all but those that a look at all of one shape at once finds sound; there may be one for each taxel."""
+    alike = defaultdict(list)
+    for row, response in enumerate(responses):
+        if response["kind"] == "table":
+            alike["table", len(response["readings"]), len(response["forces"])].append(row)
+        elif "range" in response:
+            alike["polynomial", len(response["coefficients"]), 2].append(row)
+    suspected: list[int] = []
+    for (kind, *_), rows in alike.items():
+        is_fine = _are_fine_tables if kind == "table" else _are_fine_polynomials
+        suspected += np.array(rows)[~is_fine([responses[row] for row in rows])].tolist()
+    return sorted(suspected)
+
+
+def _are_fine_tables(tables: list[dict[str, Any]]) -> BoolArray:
+    """Of tables of one length, whether each surely rises and its forces go one way, shape (n,)."""
+    readings, forces = (np.array([table[name] for table in tables], float) for name in ("readings", "forces"))
+    if readings.shape != forces.shape:
+        return np.zeros(len(tables), bool)
+    rise = (np.diff(readings) > 0).all(axis=1) & np.isfinite(readings[:, -1] - readings[:, 0])
+    return rise & _one_way(np.diff(forces))
+
+
+def _are_fine_polynomials(polynomials: list[dict[str, Any]]) -> BoolArray:
+    """Of polynomials of one degree, whether each surely goes one way on its range, shape (n,)."""
+    coefficients, ranges = (np.array([p[name] for p in polynomials], float) for name in ("coefficients", "range"))
+    shifted = _shifted(coefficients, *ranges.T)
+    return (ranges[:, 0] < ranges[:, 1]) & np.isfinite(np.abs(shifted).sum(axis=1)) & _one_way(_slope_bounds(shifted))
 
 
 def _table_findings(table: dict[str, Any], pointer: str) -> Iterator[Finding]:
@@ -88,19 +122,39 @@ def _range_findings(response: dict[str, Any], pointer: str) -> Iterator[Finding]
 
 def is_monotone(coefficients: Any, low: float, high: float) -> bool:
     """Whether a polynomial rises or falls all the way between two readings, rounding apart."""
-    shifted = _shifted(coefficients, float(low), float(high))
-    if not np.isfinite(np.abs(shifted).sum()):
-        return False
-    m = len(shifted) - 1
-    slope = shifted[1:] * np.arange(1, m + 1)
-    hull = PASCAL[:m, :m] @ (slope / PASCAL[m - 1, :m])  # the slope lies between these, its Bernstein coefficients
-    if (hull >= 0).all() or (hull <= 0).all():  # most are told so, faster than by their roots
-        return True
-    return _never_turns(shifted, slope)
+    with np.errstate(all="ignore"):
+        shifted = _shifted(np.array(coefficients, float), float(low), float(high))
+        if not np.isfinite(np.abs(shifted).sum()):
+            return False
+        return bool(_one_way(_slope_bounds(shifted))) or _never_turns(shifted)
 
 
-def _never_turns(shifted: Array, slope: Array) -> bool:
-    """The same by the places where the slope is zero."""
+def _shifted(coefficients: Array, low: Any, high: Any) -> Array:
+    """Polynomials (..., k) of a place on [0, 1] instead of a reading between low and high (...)."""
+    low, width = np.expand_dims(low, -1), np.expand_dims(high - low, -1)
+    shifted = np.zeros_like(coefficients)
+    for k in range(coefficients.shape[-1] - 1, -1, -1):  # Horner's scheme
+        rest = shifted[..., :-1] * width
+        shifted *= low
+        shifted[..., 1:] += rest
+        shifted[..., 0] += coefficients[..., k]
+    return shifted
+
+
+def _slope_bounds(shifted: Array) -> Array:
+    """Bernstein coefficients (..., m) of slopes on [0, 1], which lie between the least and the largest of them."""
+    m = shifted.shape[-1] - 1
+    return np.asarray(shifted[..., 1:] * np.arange(1, m + 1) / PASCAL[max(m - 1, 0), :m] @ PASCAL[:m, :m].T)
+
+
+def _one_way(steps: Array) -> BoolArray:
+    """Whether steps (..., m) all rise or all fall."""
+    return (steps >= 0).all(axis=-1) | (steps <= 0).all(axis=-1)
+
+
+def _never_turns(shifted: Array) -> bool:
+    """Whether a polynomial goes one way on [0, 1], by the places where its slope is zero."""
+    slope = shifted[1:] * np.arange(1, len(shifted))
     size = np.abs(slope).max()
     slope = np.trim_zeros(np.where(np.abs(slope) > NEGLIGIBLE * size, slope / size, 0.0), "b")
     # More places than those where the slope is zero do no harm: of each root the real part is looked at.
@@ -108,15 +162,6 @@ def _never_turns(shifted: Array, slope: Array) -> bool:
     values = np.polynomial.polynomial.polyval(places, shifted)
     steps, most = np.diff(values), TURN * np.ptp(values)
     return bool((steps >= -most).all() or (steps <= most).all())
-
-
-def _shifted(coefficients: Any, low: float, high: float) -> Array:
-    """The polynomial of a place on [0, 1] instead of a reading between low and high."""
-    line, shifted = np.array((low, high - low)), np.array(coefficients[-1:], float)
-    for coefficient in coefficients[-2::-1]:
-        shifted = np.convolve(shifted, line)
-        shifted[0] += coefficient
-    return shifted
 
 
 def _first(wrong: Any) -> int | None:

@@ -87,7 +87,7 @@ def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
         return fits and ("items" not in schema or all_fit(list(chain.from_iterable(values)), schema["items"], root))
     if wanted == "string":
         least, matches = schema.get("minLength", 0), matcher(schema.get("pattern", ""))
-        return types <= {str} and all(len(v) >= least and matches(v) and not _SURROGATE.search(v) for v in values)
+        return types <= {str} and all(len(v) >= least and matches(v) and not _SURROGATE.search(v) for v in set(values))
     if wanted == "object":
         return types <= {dict} and _objects_fit(values, schema, root)
     if wanted in _TYPES:

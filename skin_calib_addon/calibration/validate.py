@@ -78,6 +78,7 @@ def _shapes(document: Any, findings: Findings) -> Findings:
 def _meaning(document: Any, findings: Findings) -> Findings:
     surfaces = [part.as_arrays() for part in parts_of(document, "surfaces", findings)]
     patches = [part.as_arrays() for part in parts_of(document, "patches", findings)]
+    near = _neighbours(patches)
     return (
         *_run(surface_checks.CHECKS, surfaces),
         *_run(patch_checks.CHECKS, patches),
@@ -86,8 +87,8 @@ def _meaning(document: Any, findings: Findings) -> Findings:
         *first(_repeats(patches, "id", "duplicate-id")),
         *first(_repeats(patches, "channel", "duplicate-channel")),
         *first(_unknown_surfaces(patches, surfaces)),
-        *first(_unknown_neighbours(patches)),
-        *first(_one_sided_neighbours(patches)),
+        *first(_unknown_neighbours(patches, near)),
+        *first(_one_sided_neighbours(patches, near)),
         *first(responses_are_monotone(document, findings)),
         *first(responses_are_there(document, patches)),
     )
@@ -125,20 +126,21 @@ def _unknown_surfaces(patches: list[Part], surfaces: list[Part]) -> Iterator[Fin
             yield error("unknown-surface", patch.at("surface"), message, name)
 
 
-def _unknown_neighbours(patches: list[Part]) -> Iterator[Finding]:
-    near = _neighbours(patches)
-    for where, taxel, other in _pairs(patches) if near else ():
+def _unknown_neighbours(patches: list[Part], near: dict[str, set[str]]) -> Iterator[Finding]:
+    for patch, row, column, taxel, other in _pairs(patches) if near else ():
         if other not in near:
-            yield error("unknown-neighbour", where, f"names no taxel here: {show(other)}", other)
+            message = f"names no taxel here: {show(other)}"
+            yield error("unknown-neighbour", patch.at("neighbours", row, column), message, other)
         elif other == taxel:
-            yield error("self-neighbour", where, f"names the taxel itself: {show(other)}", other)
+            message = f"names the taxel itself: {show(other)}"
+            yield error("self-neighbour", patch.at("neighbours", row, column), message, other)
 
 
-def _one_sided_neighbours(patches: list[Part]) -> Iterator[Finding]:
-    near = _neighbours(patches)
-    for where, taxel, other in _pairs(patches) if near else ():
+def _one_sided_neighbours(patches: list[Part], near: dict[str, set[str]]) -> Iterator[Finding]:
+    for patch, row, column, taxel, other in _pairs(patches) if near else ():
         if other in near and taxel not in near[other]:
-            yield warning("one-sided-neighbour", where, f"is {show(other)}, which does not name this one", other)
+            message = f"is {show(other)}, which does not name this one"
+            yield warning("one-sided-neighbour", patch.at("neighbours", row, column), message, other)
 
 
 def _neighbours(patches: list[Part]) -> dict[str, set[str]]:
@@ -148,13 +150,12 @@ def _neighbours(patches: list[Part]) -> dict[str, set[str]]:
     return {taxel: set(ids) for p in patches for taxel, ids in zip(p.members["id"], p.members["neighbours"])}
 
 
-def _pairs(patches: list[Part]) -> Iterator[tuple[str, str, str]]:
-    """Pointer, taxel and neighbour of every entry."""
+def _pairs(patches: list[Part]) -> Iterator[tuple[Part, int, int, str, str]]:
+    """Patch, row, column, taxel and neighbour of every entry."""
     for patch in patches:
-        pointer = patch.at("neighbours")
         for row, (taxel, ids) in enumerate(zip(patch.members["id"], patch.members["neighbours"])):
             for column, other in enumerate(ids):
-                yield f"{pointer}/{row}/{column}", taxel, other
+                yield patch, row, column, taxel, other
 
 
 def checksum_findings(document: Any, findings: Findings) -> Iterator[Finding]:
