@@ -2,11 +2,8 @@
 
 import json
 import os
-import signal
 import traceback
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -20,6 +17,7 @@ from ..plan import Plan, load_plan
 from ..report import report_document, summary
 from ..robot import Robot, compare
 from ..sources import Source, is_current, source_of, with_outputs
+from .side_by_side import carry_out
 
 EDITED = "it was changed after its last fit, and that is lost now: do again what was done to it"
 
@@ -60,26 +58,8 @@ class Outcome:
 def outcomes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
     """What becomes of each job, as soon as it is known."""
     if processes == 1 or len(jobs) == 1:
-        yield from map(_survive if len(jobs) > 1 else fit_one, jobs)
-        return
-    lost = []
-    with ProcessPoolExecutor(processes, initializer=_leave_interrupts) as pool:
-        futures = {pool.submit(_survive, job): job for job in jobs}
-        try:
-            for future in as_completed(futures):
-                try:
-                    yield future.result()
-                except BrokenProcessPool:
-                    lost.append(futures[future])
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    for job in lost:  # a process that dies takes all waiting jobs along; alone, each tells whether it was the one
-        with ProcessPoolExecutor(1, initializer=_leave_interrupts) as pool:
-            try:
-                yield pool.submit(_survive, job).result()
-            except BrokenProcessPool:
-                yield Outcome(job, "failed", "its process was ended from outside, most likely for want of memory")
+        return map(_survive if len(jobs) > 1 else fit_one, jobs)
+    return carry_out(_survive, jobs, processes, lambda job, problem: Outcome(job, "failed", str(problem)))
 
 
 def fit_one(job: Job) -> Outcome:
@@ -136,11 +116,6 @@ def _survive(job: Job) -> Outcome:
     except Exception as error:
         text = f"a mistake in the program, please report it: {type(error).__name__}: {error}"
         return Outcome(job, "failed", text, trace=traceback.format_exc())
-
-
-def _leave_interrupts() -> None:
-    """Ctrl+C reaches every process; the one that waits for the others ends them."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _draw(result: Calibrated, path: Path) -> None:

@@ -1,9 +1,12 @@
 """Whole robots: many plans in one call, what is up to date left alone, and no link that stops another."""
 
 import json
-import multiprocessing
 import os
 import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +20,7 @@ from skin_calib_addon.geometry.mesh import load_mesh, save_mesh, weld
 from tests.shapes import LENGTH, RADIUS, cylinder
 from tests.unit.test_cli import TUBE, write_plan
 
+ROOT = Path(__file__).parents[2]
 NAMES = ("arm", "leg", "toe")
 TAXELS = "label,x,y,z\na,0.035,0,0.04\nb,0.035,0,0.06\n"
 
@@ -40,6 +44,13 @@ def states(capsys):
     """What the table says became of each link."""
     rows = capsys.readouterr().out.splitlines()[:-1]
     return {row.split()[0]: row.split("  ")[1].strip() for row in rows}
+
+
+def noted(robot):
+    """The links that are noted to be fitted."""
+    path = robot / "out" / "sources.json"
+    names = json.loads(path.read_text())["calibrations"] if path.exists() else ()
+    return {name.removesuffix(".calibration.json") for name in names}
 
 
 def written(robot):
@@ -207,14 +218,46 @@ def test_mistake_of_the_program_does_not_stop_the_others(robot, capsys, monkeypa
         fit(robot, plans="plans/leg.plan.json")
 
 
-@pytest.mark.skipif(multiprocessing.get_start_method() != "fork", reason="a patched function reaches forked processes")
 def test_process_that_dies_does_not_stop_the_others(robot, capsys, monkeypatch):
-    """The system may end one that takes too much memory; those that waited in the same pool are fitted."""
-    monkeypatch.setattr(fit_jobs, "calibrate", only_leg(lambda: os.kill(os.getpid(), signal.SIGKILL)))
-    assert fit(robot, "--jobs", "2") == 1
+    """The system may end one that takes too much memory; its link is told, and the same call goes on from there."""
+
+    class Popen(subprocess.Popen):
+        begun = 0
+
+        def __init__(self, *words, **more):
+            super().__init__(*words, **more)
+            Popen.begun += 1
+            if Popen.begun == 2:
+                self.kill()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(subprocess, "Popen", Popen)
+        assert fit(robot, "--jobs", "2") == 1
     out = capsys.readouterr().out
-    assert "leg  failed      its process was ended from outside" in out
+    assert out.count("failed      its process was ended from outside") == 1
     assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
+    assert fit(robot, "--jobs", "2") == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "3 links: 1 fitted, 2 up to date"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
+def test_interrupted_call_leaves_whole_files(robot, capsys):
+    """Ctrl+C while processes are busy: what was fitted is kept, nothing else is left, and the same call goes on."""
+    small = (robot / "plans" / "toe.ply").read_bytes()
+    save_mesh(cylinder(around=600, along=1200), robot / "plans" / "toe.ply")  # takes seconds
+    command = [sys.executable, "-m", "skin_calib_addon", "fit", robot / "plans", "-o", robot / "out", "--jobs", "2"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=ROOT, process_group=0, **pipes) as process:
+        while process.poll() is None and not {"arm", "leg"} <= noted(robot):
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        out, err = process.communicate()
+    assert (process.returncode, out) == (130, "")
+    assert err == "skin-calib: interrupted after 2 of 3 links; the same call goes on from here\n"
+    assert sorted(os.listdir(robot / "out")) == ["arm.calibration.json", "leg.calibration.json", "sources.json"]
+    (robot / "plans" / "toe.ply").write_bytes(small)
+    assert fit(robot) == 0
+    assert states(capsys) == {"arm": "up to date", "leg": "up to date", "toe": "fitted"}
 
 
 def test_interrupted_call_goes_on(robot, capsys, monkeypatch):
