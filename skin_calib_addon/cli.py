@@ -35,6 +35,9 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     except BrokenPipeError:  # whoever reads has seen enough, as with "| head"
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
+    except MemoryError:
+        complain("there is not enough memory for this; close other programs, or make the input smaller")
+        return WRONG_DATA
     except (OutputError, SkinCalibError) as error:
         complain(str(error))
         return WRONG_CALL if isinstance(error, OutputError) else WRONG_DATA

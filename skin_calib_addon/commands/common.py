@@ -1,4 +1,4 @@
-"""What several commands share: exit codes, complaints, folders."""
+"""What several commands share: exit codes, complaints, what may be written."""
 
 import argparse
 import math
@@ -18,11 +18,36 @@ def complain(message: str) -> None:
     print("skin-calib:", " ".join(message.splitlines()), file=sys.stderr)
 
 
-def check_folder(target: Path | None) -> None:
-    """A missing folder is said before anything is computed."""
+def check_target(target: Path | None, *others: Path | None) -> None:
+    """A missing folder is said before anything is computed, and so is a file that would replace one of the others.
+
+    Parameters
+    ----------
+    target : Path, optional
+        What is to be written; None is never wrong.
+    *others : Path, optional
+        Files that are read, or written besides.
+
+    Raises
+    ------
+    OutputError
+    """
     # os.path, for Path.is_dir raises where a name is too long
     if target is not None and not os.path.isdir(target) and not os.path.isdir(target.absolute().parent):
         raise OutputError(f"no folder {target.absolute().parent} to write {target.name} into; create it first")
+    for other in others:
+        if target is not None and other is not None and _is_same(target, other):
+            raise OutputError(f"{target} would replace {other}, which the same call needs; name another file")
+
+
+def _is_same(a: Path, b: Path) -> bool:
+    """Whether two names are of one file, there or not; folders hold many."""
+    if os.path.isdir(a):
+        return False
+    try:
+        return os.path.samefile(a, b)
+    except (OSError, ValueError):
+        return os.path.realpath(a) == os.path.realpath(b)
 
 
 def count(text: str) -> int:

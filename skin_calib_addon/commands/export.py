@@ -6,7 +6,7 @@ from pathlib import Path
 from ..atomic_file import write_bytes_safely
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
-from .common import DONE, check_folder, listed
+from .common import DONE, check_target, listed
 
 
 def add(commands) -> None:
@@ -26,7 +26,7 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_folder(options.output)
+    check_target(options.output, options.file)
     calibration, format = load_calibration(options.file), FORMATS[options.to]
     if options.patch:
         calibration = only_patches(calibration, options.patch)

@@ -12,7 +12,7 @@ from ..geometry.mesh import TriangleMesh
 from ..plan import Plan
 from ..robot import Robot, read_robot
 from ..sources import Source, load_sources, note_source
-from .common import DONE, WRONG_DATA, check_folder, complain, count
+from .common import DONE, WRONG_DATA, check_target, complain, count
 from .fit_jobs import Job, Outcome, outcomes
 from .progress import Progress
 
@@ -46,8 +46,9 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    for target in (options.output, options.picture, options.report):
-        check_folder(target)
+    check_target(options.output, *options.plans)
+    check_target(options.picture, *options.plans, options.output)
+    check_target(options.report, *options.plans, options.output, options.picture)
     robot: Robot | None = None
     if options.plans:
         files, robot = _plan_files(options.plans)

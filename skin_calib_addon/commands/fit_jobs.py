@@ -16,7 +16,8 @@ from ..pipeline import Calibrated, calibrate
 from ..plan import Plan, load_plan
 from ..report import report_document, summary
 from ..robot import Robot, compare
-from ..sources import Source, is_current, source_of, with_outputs
+from ..sources import Source, is_current, source_of, taxel_files, with_outputs
+from .common import check_target
 from .side_by_side import carry_out
 
 EDITED = "it was changed after its last fit, and that is lost now: do again what was done to it"
@@ -66,6 +67,9 @@ def fit_one(job: Job) -> Outcome:
     """Fit one link and write its files, where they are not up to date."""
     try:
         plan = load_plan(job.plan) if isinstance(job.plan, Path) else job.plan
+        if isinstance(job.plan, Path):
+            for output in job.outputs:
+                check_target(output, plan.mesh, *taxel_files(plan))
         doubts = compare(job.robot, plan) if job.robot else ()
         source = source_of(job.plan, plan, job.folder) if job.folder and isinstance(job.plan, Path) else None
         if source and job.before and job.folder:
@@ -113,6 +117,8 @@ def _survive(job: Job) -> Outcome:
     """The same; a mistake of ours, too, is what became of this job alone."""
     try:
         return fit_one(job)
+    except MemoryError:
+        return Outcome(job, "failed", "there is not enough memory for it; use fewer --jobs, or a coarser mesh")
     except Exception as error:
         text = f"a mistake in the program, please report it: {type(error).__name__}: {error}"
         return Outcome(job, "failed", text, trace=traceback.format_exc())

@@ -13,7 +13,7 @@ from ..pipeline import calibrate
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..report import summary
 from ..skin.imported import placed
-from .common import DONE, check_folder, complain, listed
+from .common import DONE, check_target, complain, listed
 
 
 def add(commands) -> None:
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
         options.refuse("--name is that of a patch of a calibration, which needs --plan")
     if options.plan is None and options.output.suffix == ".json":
         options.refuse("a calibration needs the surface of a link: name its --plan; or name a table, OUT.csv")
-    check_folder(options.output)
+    check_target(options.output, options.file, options.plan)
     return _as_table(options) if options.plan is None else _on_link(options)
 
 
@@ -65,7 +65,9 @@ def _as_table(options: argparse.Namespace) -> int:
 
 
 def _on_link(options: argparse.Namespace) -> int:
-    result = calibrate(_plan(options))
+    plan = _plan(options)
+    check_target(options.output, plan.mesh)
+    result = calibrate(plan)
     save_calibration(result.calibration, options.output)
     for doubt in result.doubts:
         complain(f"warning: {doubt}")

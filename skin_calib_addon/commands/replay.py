@@ -12,7 +12,7 @@ from ..errors import CalibrationFormatError
 from ..recording import frame_document, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.skin import SWITCH_OFF, SWITCH_ON
-from .common import DONE, check_folder, complain, count, newtons
+from .common import DONE, check_target, complain, count, newtons
 
 
 def add(commands) -> None:
@@ -40,8 +40,8 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    for target in (options.output, options.picture):
-        check_folder(target)
+    check_target(options.output, options.file, options.readings)
+    check_target(options.picture, options.file, options.readings, options.output)
     off = options.on * SWITCH_OFF / SWITCH_ON if options.off is None else options.off
     if off > options.on:
         options.refuse(f"--off {off:g} lies above --on {options.on:g}: a taxel is let go at less than it is pressed at")

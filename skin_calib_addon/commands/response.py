@@ -13,7 +13,7 @@ from ..calibration.model import LinkCalibration, Patch
 from ..calibration.response import AnyResponse
 from ..calibration.response_fit import ResponseFit, fit_response
 from ..errors import UnderdeterminedFit
-from .common import DONE, check_folder, complain
+from .common import DONE, check_target, complain
 
 
 def add(commands) -> None:
@@ -28,8 +28,8 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    for target in (options.output, options.picture):
-        check_folder(target)
+    check_target(options.output, options.measurements)  # the calibration may get its responses where it is
+    check_target(options.picture, options.file, options.measurements, options.output)
     calibration = load_calibration(options.file)
     ids = {name for patch in calibration.patches for name in patch.taxels.ids}
     measured = read_measurements(options.measurements, ids)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..calibration.file import load_with_warnings
 from ..report import table
-from .common import DONE, check_folder, complain
+from .common import DONE, check_target, complain
 
 
 def add(commands) -> None:
@@ -16,7 +16,7 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    check_folder(options.picture)
+    check_target(options.picture, options.file)
     calibration, warnings = load_with_warnings(options.file)
     print(table(calibration))
     for warning in warnings:

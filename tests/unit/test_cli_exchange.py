@@ -218,3 +218,45 @@ def test_import_on_a_plan_is_refused_in_a_line(folder, capsys):  # noqa: F811
     assert_refused(capsys, 1, "is no valid plan", *words, write_plan(folder, "bad", unit="inch"))
     assert_refused(capsys, 1, "cannot be a skin of", *words, folder / "tube.plan.json", "--name", "a\nb")
     assert not (folder / "c.json").exists()
+
+
+REPLACING = {  # what would be written over what is read or written besides, code of the call, name of what it is
+    "export": ("export f.json --to csv -o f.json", 2, "f.json"),
+    "export by a link": ("export f.json --to csv -o link.csv", 2, "f.json"),
+    "export by folders": ("export f.json --to csv -o ./sub/../f.json", 2, "f.json"),
+    "import": ("import t.csv -o t.csv", 2, "t.csv"),
+    "import on a plan": ("import t.csv --plan tube.plan.json -o tube.plan.json", 2, "tube.plan.json"),
+    "import over the mesh": ("import t.csv --plan tube.plan.json -o tube.ply", 2, "tube.ply"),
+    "fit": ("fit tube.plan.json -o tube.plan.json", 2, "tube.plan.json"),
+    "fit over the mesh": ("fit tube.plan.json -o tube.ply", 1, "tube.ply"),
+    "fit twice": ("fit tube.plan.json -o new --report new", 2, "new"),
+    "show": ("show f.json --picture f.json", 2, "f.json"),
+    "response": ("response f.json m.csv -o m.csv", 2, "m.csv"),
+    "response twice": ("response f.json m.csv -o new --picture new", 2, "new"),
+    "replay": ("replay f.json r.csv -o r.csv", 2, "r.csv"),
+    "replay twice": ("replay f.json r.csv -o new --picture new", 2, "new"),
+}
+
+
+@pytest.mark.parametrize("case", REPLACING)
+def test_nothing_replaces_what_the_call_needs(folder, monkeypatch, capsys, case):  # noqa: F811
+    """Whatever its name: a calibration is not lost because its name was typed twice."""
+    words, code, name = REPLACING[case]
+    save_calibration(FLAT, folder / "f.json")
+    (folder / "t.csv").write_text(csv_text(on_tube()[0]))
+    (folder / "m.csv").write_text("reading,force\n0,0\n1,1\n2,2\n")
+    (folder / "r.csv").write_text("time,0,1,2,3,4,5,6,7,8\n0,0,0,0,0,0,0,0,0,0\n")
+    (folder / "sub").mkdir()
+    (folder / "link.csv").symlink_to("f.json")
+    monkeypatch.chdir(folder)
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert_refused(capsys, code, f" would replace {name}, which the same call needs", *words.split())
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+def test_responses_go_into_the_calibration_itself(folder, capsys):  # noqa: F811
+    """That is one file that may be read and written: the old one is whole until the new one is."""
+    save_calibration(FLAT, folder / "f.json")
+    (folder / "m.csv").write_text("".join(["reading,force\n", *(f"{k},{2 * k}\n" for k in range(20))]))
+    assert main(["response", str(folder / "f.json"), str(folder / "m.csv"), "-o", str(folder / "f.json")]) == 0
+    assert_allclose(load_calibration(folder / "f.json").response.newtons([3.0]), [6.0])

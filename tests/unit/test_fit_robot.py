@@ -218,6 +218,17 @@ def test_mistake_of_the_program_does_not_stop_the_others(robot, capsys, monkeypa
         fit(robot, plans="plans/leg.plan.json")
 
 
+def test_want_of_memory_is_told_and_stops_one_link(robot, capsys, monkeypatch):
+    """Not as a mistake of the program; of one plan alone it is one line too."""
+    monkeypatch.setattr(fit_jobs, "calibrate", only_leg(lambda: np.empty(2**50)))
+    assert fit(robot) == 1
+    out, err = capsys.readouterr()
+    assert "leg  failed      there is not enough memory for it; use fewer --jobs" in out and err.count("\n") == 1
+    assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
+    assert fit(robot, plans="plans/leg.plan.json") == 1
+    assert capsys.readouterr().err.startswith("skin-calib: there is not enough memory for this; ")
+
+
 def test_process_that_dies_does_not_stop_the_others(robot, capsys, monkeypatch):
     """The system may end one that takes too much memory; its link is told, and the same call goes on from there."""
 

@@ -136,7 +136,8 @@ def test_picture_shows_curve_and_residuals(folder, taxels):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", 'line 1, column 2: the header names no column "reading"'),
+        ("", "m.csv' is empty; check that it was written whole"),
+        ("\n", 'line 1, column 2: the header names no column "reading"'),
         ("reading;forse\n1;2\n", 'line 1, column 3: the header names no column "force"; did you mean "forse"?'),
         ("reading,force,Reading\n1,2,3\n", 'line 1, column 3: the header names the column "reading" twice'),
         ("reading,force\n", "line 1, column 1: has no measurement below it"),
@@ -148,7 +149,7 @@ def test_picture_shows_curve_and_residuals(folder, taxels):
         ("reading,force\n1,2\n-2e12,3\n", "line 3, column 1: has -2e+12, beyond all that sensors read or feel"),
         ("reading,force\n1,2\n2,\n", "line 3, column 2: has '' where a number belongs"),
         ("force,taxel,reading\n1,s0.0,2\n1,s0,2\n", 'line 3, column 2: names no taxel of the calibration: "s0"; did'),
-        ('reading,force\n1,"2\n', "line 3, column 1: is no table: "),
+        ('reading,force\n1,"2\n', "line 2: begins what is no table: "),
         ("reading,force\n5,1\n5,2\n", "m.csv': all 2 measurements read 5; measure at two forces or more"),
         ("reading,force\n5,1\n6,1\n", "m.csv': all 2 measurements are of 1 N; measure at two forces or more"),
         ("taxel,reading,force\ns0.0,5,1\n", "m.csv', taxel s0.0: there is one measurement; measure at two"),
