@@ -10,6 +10,7 @@ import numpy as np
 
 from .arrays import Array
 from .calibration.exchange.text import BadNumber, read_text, real
+from .calibration.strict_json import size_of
 from .errors import CalibrationFormatError
 from .runtime.footprint import SupportingPolygon
 from .runtime.frame import Frame
@@ -37,8 +38,9 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
 
 
 def _packed(path: Path) -> Iterator[tuple[float, Array]]:
+    size_of(path)
     try:
-        if not zipfile.is_zipfile(path) and path.exists():  # NumPy would take it for a pickle
+        if not zipfile.is_zipfile(path):  # NumPy would take it for a pickle
             raise CalibrationFormatError(f"cannot read '{path}': it is no NPZ file; save it with numpy.savez")
         with np.load(path, allow_pickle=False) as file:
             missing = [name for name in ("time", "readings") if name not in file.files]

@@ -1,12 +1,11 @@
 """Tables with named columns in CSV files; what is wrong is told with its line and column."""
 
-import csv
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..errors import CalibrationFormatError
-from .exchange.table import SEPARATORS
+from .exchange.table import BadTable, numbered_rows
 from .exchange.text import BadNumber, real
 from .findings import did_you_mean, show
 
@@ -21,40 +20,34 @@ class WrongCell(ValueError):
 
 @contextmanager
 def naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Name the file in which a cell is wrong, as a CalibrationFormatError."""
+    """Name the file in which a cell is wrong, or that is no table, as a CalibrationFormatError."""
     try:
         yield
     except WrongCell as problem:
         raise CalibrationFormatError(f"'{path}', line {problem.line}, column {problem.column}: {problem}") from problem
+    except BadTable as problem:
+        raise CalibrationFormatError(f"'{path}', line {problem.line}: {problem}") from problem
 
 
-def numbered_rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Line and cells of the header, in lower case, and of each row below it; comments and empty lines are left out.
-
-    Commas, semicolons or tabs separate columns: the header tells which.
+def named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Line and cells of the header, in lower case, and of each row below it.
 
     Raises
     ------
     WrongCell
-        If a row has not as many cells as the header, or the text is no table.
+        If a row has not as many cells as the header.
+    BadTable
+        As :func:`.exchange.table.numbered_rows` does.
     """
-    lines = text.split("\n")
-    head = next((content for content in lines if content.strip() and not content.startswith("#")), "")
-    reader = csv.reader(lines, delimiter=max(SEPARATORS, key=head.count), strict=True)
     width = None
-    try:
-        for row in reader:
-            if not any(cell.strip() for cell in row) or row[0].startswith("#"):
-                continue
-            cells = [cell.strip() for cell in row]
-            if width is None:
-                cells, width = [cell.lower() for cell in cells], len(cells)
-            elif len(cells) != width:
-                column = min(len(cells), width) + 1
-                raise WrongCell(reader.line_num, column, f"has {len(cells)} columns, the header {width}")
-            yield reader.line_num, cells
-    except csv.Error as problem:
-        raise WrongCell(reader.line_num, 1, f"is no table: {problem}") from problem
+    for line, row in numbered_rows(text):
+        cells = [cell.strip() for cell in row]
+        if width is None:
+            cells, width = [cell.lower() for cell in cells], len(cells)
+        elif len(cells) != width:
+            column = min(len(cells), width) + 1
+            raise WrongCell(line, column, f"has {len(cells)} columns, the header {width}")
+        yield line, cells
 
 
 def place_of(header: list[str], name: str, line: int) -> int:

@@ -10,7 +10,7 @@ from ..atomic_file import write_bytes_safely
 from ..deviation import DistanceStatistics, SurfaceErrors
 from ..errors import CalibrationFormatError
 from .encoding import checksum, encode
-from .findings import Finding
+from .findings import Finding, in_short
 from .migration import migrated
 from .model import LinkCalibration, MeshSource, Patch, SurfaceModel, TaxelArray
 from .response import response_document, response_from
@@ -245,7 +245,5 @@ def _extra(document: Document) -> Document:
 
 def _refuse_errors(findings: Iterable[Finding], name: str) -> None:
     findings = tuple(findings)
-    errors = [finding for finding in findings if finding.severity == "error"]
-    if errors:
-        count = "one" if len(errors) == 1 else f"{len(errors)} errors; the first"
-        raise CalibrationFormatError(f"{name} has {count} {errors[0]}", findings)
+    if any(finding.severity == "error" for finding in findings):
+        raise CalibrationFormatError(f"{name} has {in_short(findings)}", findings)

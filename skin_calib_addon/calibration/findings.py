@@ -54,6 +54,12 @@ def first(findings: Iterable[Finding]) -> Iterator[Finding]:
         yield finding
 
 
+def in_short(findings: Iterable[Finding]) -> str:
+    """How many errors there are among findings, of which one is an error, and the first."""
+    errors = [finding for finding in findings if finding.severity == "error"]
+    return f"one {errors[0]}" if len(errors) == 1 else f"{len(errors)} errors; the first {errors[0]}"
+
+
 def show(value: Any) -> str:
     """A value in a few words, for a message."""
     if isinstance(value, dict):

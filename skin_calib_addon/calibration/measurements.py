@@ -8,7 +8,7 @@ from itertools import groupby
 import numpy as np
 
 from ..arrays import Array, freeze
-from .columns import WrongCell, naming, number_in, numbered_rows, place_of
+from .columns import WrongCell, named_rows, naming, number_in, place_of
 from .exchange.text import read_text
 from .findings import did_you_mean, show
 
@@ -50,7 +50,7 @@ def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> 
     """
     rows: list[tuple[str | None, float, float]] = []
     with naming(path):
-        table = numbered_rows(read_text(path))
+        table = named_rows(read_text(path))
         line, header = next(table, (1, [""]))
         columns = [place_of(header, name, line) for name in ("reading", "force")]
         owner = place_of(header, "taxel", line) if "taxel" in header else None

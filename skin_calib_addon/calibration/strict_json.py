@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import CalibrationFormatError
 from .findings import Finding, child, error, first, show
+from .plain_text import NotTextError, decoded
 
 MOST_BYTES = 512 * 2**20
 MOST_VALUES = 2**24  # three times what 100 000 taxels need; bounds the memory that building them takes
@@ -35,17 +36,37 @@ def read(path: str | os.PathLike[str]) -> bytes:
     CalibrationFormatError
         If it is missing, unreadable, a folder, a pipe or a device, or beyond `MOST_BYTES`.
     """
+    size = size_of(path)
+    if size > MOST_BYTES:
+        raise CalibrationFormatError(f"cannot read '{path}': its {size} bytes exceed {MOST_BYTES}")
     try:
-        status = os.stat(path)
-        if not stat.S_ISREG(status.st_mode):
-            raise CalibrationFormatError(f"cannot read '{path}': it is not a regular file; name a file")
-        if status.st_size > MOST_BYTES:
-            raise CalibrationFormatError(f"cannot read '{path}': its {status.st_size} bytes exceed {MOST_BYTES}")
         with open(path, "rb") as file:
             return file.read()
+    except OSError as problem:
+        raise _unreadable(path, problem) from problem
+
+
+def size_of(path: str | os.PathLike[str]) -> int:
+    """The bytes of a file; it is not opened, for a pipe or a device might never answer.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If it is missing, a folder, a pipe or a device.
+    """
+    try:
+        status = os.stat(path)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the path
-        reason = getattr(problem, "strerror", None) or problem
-        raise CalibrationFormatError(f"cannot read '{path}': {reason}; check the path") from problem
+        raise _unreadable(path, problem) from problem
+    if not stat.S_ISREG(status.st_mode):
+        what = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
+        raise CalibrationFormatError(f"cannot read '{path}': it is {what}; name a file")
+    return status.st_size
+
+
+def _unreadable(path: str | os.PathLike[str], problem: Exception) -> CalibrationFormatError:
+    reason = getattr(problem, "strerror", None) or problem
+    return CalibrationFormatError(f"cannot read '{path}': {reason}; check the path")
 
 
 def parse(data: bytes) -> tuple[Any, tuple[Finding, ...]]:
@@ -91,10 +112,12 @@ def _decoded(data: bytes) -> str:
         raise _UnreadableError("size", f"has {len(data)} bytes; at most {MOST_BYTES} are read")
     if data.startswith(codecs.BOM_UTF8):
         raise _UnreadableError("byte-order-mark", "begins with a byte order mark; save it as UTF-8 without one")
+    if not data:
+        raise _UnreadableError("syntax", "is empty; check that it was written whole")
     try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError as problem:
-        raise _UnreadableError("encoding", f"is not UTF-8 at byte {problem.start}; save it as UTF-8") from problem
+        return decoded(data)
+    except NotTextError as problem:
+        raise _UnreadableError("encoding", str(problem)) from problem
 
 
 def _measure(data: bytes) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array, IntArray, freeze, unit
-from ..calibration.columns import WrongCell, naming, number_in, numbered_rows, place_of
+from ..calibration.columns import WrongCell, named_rows, naming, number_in, place_of
 from ..calibration.exchange.text import read_text
 from ..calibration.findings import did_you_mean, show
 from ..calibration.model import LinkCalibration
@@ -64,7 +64,7 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
     lines: list[int] = []
     places: list[tuple[Array, Array]] = []
     with naming(path):
-        table = numbered_rows(read_text(path))
+        table = named_rows(read_text(path))
         line, header = next(table, (1, [""]))
         who = "channel" if "channel" in header and "taxel" not in header else "taxel"
         known = by_channel if who == "channel" else dict(zip(ids, ids))

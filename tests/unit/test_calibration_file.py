@@ -223,7 +223,7 @@ def test_load_refuses_what_is_no_file(tmp_path):
     for name, reason in (
         ("missing.json", "No such file"),
         ("missing/c.json", "No such file"),
-        (".", "not a regular file"),
+        (".", "it is a folder; name a file"),
         ("pipe", "not a regular file"),
         ("a\0b", "null"),
     ):

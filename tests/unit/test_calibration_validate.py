@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import gzip
 import json
 import re
 from contextlib import suppress
@@ -317,8 +318,15 @@ BYTES = [  # bytes, code, pointer, words of the message
     (b"\xef\xbb\xbf{}", "byte-order-mark", "", "byte order mark"),
     (b'{"a": "\xff"}', "encoding", "", "not UTF-8 at byte 7"),
     (b'{"a": "\xed\xa0\x80"}', "encoding", "", "at byte 7"),
-    ("{}".encode("utf-16"), "encoding", "", "at byte 0"),
-    (b"", "syntax", "", "byte 0, line 1, column 1"),
+    ("{}".encode("utf-16"), "encoding", "", "is UTF-16; save it as UTF-8"),
+    ("{}".encode("utf-16-le"), "encoding", "", "is binary at byte 1; check that it is the right file"),
+    (b"\x89PNG\r\n\x1a\n", "encoding", "", "is binary at byte 6; check"),
+    (b"\0\0\0\0", "encoding", "", "is binary at byte 0; check"),
+    (b"PK\3\4\xff", "encoding", "", "is a ZIP archive, as NPZ files are"),
+    (gzip.compress(b"{}"), "encoding", "", "is compressed by gzip; unpack it"),
+    (b"{" + b" " * 2**17 + b"\xff\0}", "encoding", "", "is binary at byte 131074"),
+    (b"", "syntax", "", "is empty"),
+    (b" ", "syntax", "", "byte 1, line 1, column 2"),
     ('{"é": 1,\n  "b" 2}'.encode(), "syntax", "", "byte 16, line 2, column 7: Expecting ':'"),
     (b"{} {}", "syntax", "", "byte 3, line 1, column 4: Extra data"),
     (b"[1,]", "syntax", "", "byte"),

@@ -343,7 +343,7 @@ def test_missing_or_broken_file_is_one_line(folder, capsys, command):
     """A path that is not there, a folder with nothing in it; code 1."""
     (folder / "empty").mkdir()
     assert_refused(capsys, 1, "No such file", command, folder / "none.json")
-    assert_refused(capsys, 1, "not a regular file", command, folder / "empty")
+    assert_refused(capsys, 1, "it is a folder", command, folder / "empty")
 
 
 def test_show_refuses_a_plan(folder, capsys):

@@ -282,7 +282,7 @@ def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
         (("\n0.03,", "\n1e400,"), "not-finite", "line 2", "has '1e400'"),
         (("\n0.03,", "\n50,"), "units", "line 2", "divide by 1000 if these are millimetres"),
         (("\n0.03,0.0,0.0", "\n0.03,0.0,1e7"), "units", "line 2", "divide by 1000"),
-        (("\n0.03", '\n"0.03'), "syntax", "", "is no table"),
+        (("\n0.03", '\n"0.03'), "syntax", "line 2", "begins what is no table: unexpected end of data"),
     ],
 )
 def test_table_reader_refuses_by_the_line(read, change, code, place, words):
@@ -587,6 +587,12 @@ def test_plan_knows_every_format():
     assert tuple(schema["$defs"]["imported"]["properties"]["format"]["enum"]) == READABLE
 
 
+def test_file_that_is_no_ply_is_refused_as_such(read):
+    """Whoever names the format is told that it is another, not what a header lacks."""
+    with pytest.raises(CalibrationFormatError, match="does not begin with ply; check that it is the right file"):
+        read(pcd_text(ROUND), "ply")
+
+
 def test_format_is_told_by_the_content(read, tmp_path):
     """The three samples without a name; with the wrong one, with an unknown one, with no content."""
     rows = np.column_stack((ROUND, OUTWARD))
@@ -603,7 +609,7 @@ def test_format_is_told_by_the_content(read, tmp_path):
         CalibrationFormatError, match="no format 'cvs' of taxels; use one of icub, tum, csv, .*; did you mean \"csv\""
     ):
         read(samples["csv"], "cvs")
-    for content in ("", "hello", "\n\n", "a,b,c\n1,2,3\n", "x y z\n1 2 3\n", "\x00"):
+    for content in ("hello", "\n\n", "a,b,c\n1,2,3\n", "x y z\n1 2 3\n", "\x01"):
         with pytest.raises(CalibrationFormatError, match="is no taxel file that is known here"):
             read(content)
         for name in READABLE:
@@ -615,7 +621,10 @@ def test_format_is_told_by_the_content(read, tmp_path):
     ("content", "words"),
     [
         (b"x,y,z\n\xff,0,0\n", "is not UTF-8 at byte 6; save it as UTF-8"),
-        (b"\xff\xfex\x00,\x00", "is not UTF-8 at byte 0"),
+        (b"\xff\xfex\x00,\x00", "is UTF-16; save it as UTF-8"),
+        (b"solid\0\0\0", "is binary at byte 5; check that it is the right file"),
+        (b"", "is empty; check that it was written whole"),
+        (b'{"format": "skin-calibration"}', "is JSON, no taxel file: export .* fit"),
         (b"x,y,z\n1,2,3\n" + b" " * (text.MOST_LINE + 1), "line 3 of .* has 1048577 characters; at most 1048576"),
     ],
 )

@@ -386,7 +386,7 @@ def test_members_that_do_not_go_together_are_refused(pointer, value, message):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "p.plan.json is no valid plan: error: the document is not JSON"),
+        (b"", "p.plan.json is no valid plan: error: the document is empty"),
         (b"{", "not JSON at byte 1"),
         (b"[]", "must be an object, not an array of 0"),
         (b"\xff", "is not UTF-8"),

@@ -1,6 +1,7 @@
 """Recorded readings through the runtime, from the command line."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -94,7 +95,8 @@ def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "line 1: a recording's header is time and one name for each channel"),
+        ("", "is empty; check that it was written whole"),
+        ("\n", "line 1: a recording's header is time and one name for each channel"),
         ("t,a\n1,2\n", "line 1: a recording's header is time"),
         ("time,a\n0,1\n1,x\n", "line 3, column 2: has 'x' where a number belongs"),
         ('time,a\n0,"1\n', "is no table"),
@@ -134,6 +136,15 @@ def test_file_that_is_no_archive_is_refused(tmp_path):
         CalibrationFormatError, match="cannot read .*r.npz': it is no NPZ file; save it with numpy.savez"
     ):
         list(read_recording(path))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pipes of this kind")
+@pytest.mark.parametrize("name", ["r.npz", "r.csv"])
+def test_pipe_is_refused_and_not_waited_for(name, tmp_path):
+    """Nobody may ever write into it."""
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(CalibrationFormatError, match=f"{name}': it is not a regular file; name a file"):
+        list(read_recording(tmp_path / name))
 
 
 def test_bad_calls_say_why_and_leave_nothing(calibration, tmp_path, capsys):

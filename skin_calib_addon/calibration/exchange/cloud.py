@@ -6,6 +6,7 @@ import numpy as np
 
 from ..findings import error, show
 from ..model import LinkCalibration
+from ..plain_text import NotTextError, decoded
 from .link_taxels import refuse_labels, taxels_of
 from .table import NORMAL, POSITION
 from .taxel_set import HIGHEST_CHANNEL, Draft, line
@@ -128,12 +129,12 @@ def rows_of(text: str, first: int, count: int) -> list[tuple[int, str]]:
     return rows[:count]
 
 
-def decoded(data: bytes) -> str:
+def lines_of(data: bytes) -> str:
     """Text with one kind of line ends."""
     try:
-        return data.decode().replace("\r\n", "\n").replace("\r", "\n")
-    except UnicodeDecodeError as problem:
-        raise BadCloud("encoding", "", f"is not UTF-8 at byte {problem.start} of its text; export it anew") from problem
+        return decoded(data).replace("\r\n", "\n").replace("\r", "\n")
+    except NotTextError as problem:
+        raise BadCloud("encoding", "", f"has text that {problem}") from problem
 
 
 def count_of(word: str, number: int) -> int:

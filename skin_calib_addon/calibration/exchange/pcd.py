@@ -8,8 +8,8 @@ from .cloud import (
     BadCloud,
     cloud_of,
     count_of,
-    decoded,
     fill,
+    lines_of,
     point,
     rows_of,
     take_bytes,
@@ -48,7 +48,7 @@ def read_pcd(data: bytes) -> Draft:
         names, types = _columns(header)
         count, form = count_of(header.entry("POINTS")[0], header.numbers["POINTS"]), header.entry("DATA")[0]
         if form == "ascii":
-            rows = rows_of(decoded(data[stop:]), header.lines + 1, count)
+            rows = rows_of(lines_of(data[stop:]), header.lines + 1, count)
             draft.lines = [number for number, _ in rows]
             columns = take_lines(names, rows)
         elif form == "binary":
@@ -71,7 +71,7 @@ def _header(data: bytes) -> tuple[Header, int]:
     header, start = Header(), 0
     while start < len(data):
         stop = data.find(b"\n", start) + 1 or len(data)
-        content = decoded(data[start:stop]).rstrip("\n")
+        content = lines_of(data[start:stop]).rstrip("\n")
         start, header.lines = stop, header.lines + 1
         if content.startswith("#"):
             header.comments.append(content[1:].removeprefix(" "))

@@ -8,8 +8,8 @@ from .cloud import (
     BadCloud,
     cloud_of,
     count_of,
-    decoded,
     fill,
+    lines_of,
     point,
     rows_of,
     take_bytes,
@@ -51,7 +51,9 @@ def read_ply(data: bytes) -> Draft:
     draft = Draft()
     try:
         stop = data.find(b"\n", max(data.find(b"\n" + END), 0) + 1) + 1 or len(data)
-        head = decoded(data[:stop]).split("\n")
+        if not data.startswith(MAGIC):
+            raise BadCloud("syntax", "", "does not begin with ply; check that it is the right file")
+        head = lines_of(data[:stop]).split("\n")
         header = _header(head)
         if header.order is None or header.count is None or not header.names:
             raise BadCloud("syntax", "", "has a header that names no format or no vertices; export it anew")
@@ -60,7 +62,7 @@ def read_ply(data: bytes) -> Draft:
             draft.lines, draft.at = list(range(header.count)), point
             columns = take_bytes(header.names, types, data[stop:], header.count)
         else:
-            rows = rows_of(decoded(data[stop:]), len(head), header.count)
+            rows = rows_of(lines_of(data[stop:]), len(head), header.count)
             draft.lines = [number for number, _ in rows]
             columns = take_lines(header.names, rows)
         fill(draft, columns, take_comments(draft, header.comments))

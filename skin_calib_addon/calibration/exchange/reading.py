@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable
 
 from ...errors import CalibrationFormatError
-from ..findings import Finding, did_you_mean
+from ..findings import did_you_mean, in_short
 from ..strict_json import read
 from .icub import BLOCK, read_icub
 from .pcd import MARKS, read_pcd
@@ -61,6 +61,10 @@ def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: s
     else:
         text = text_of(data, path)
         format = format or format_of(text)
+        if format is None and text.lstrip().startswith("{"):
+            raise CalibrationFormatError(
+                f"'{path}' is JSON, no taxel file: export writes those of a calibration, fit makes one from a plan"
+            )
         if format is None:
             raise CalibrationFormatError(
                 f"'{path}' is no taxel file that is known here: a positions file has a line {BLOCK}, a patch or a "
@@ -70,7 +74,7 @@ def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: s
         draft = READERS[format](text)
     taxels, findings = finished(draft, only)
     if taxels is None:
-        raise _refusal(path, findings)
+        raise CalibrationFormatError(f"'{path}' has {in_short(findings)}", findings)
     return taxels
 
 
@@ -89,9 +93,3 @@ def format_of(text: str) -> str | None:
     if any(content.strip() == BLOCK for content in text.split("\n")):
         return "icub"
     return "csv" if has_header(text) else None
-
-
-def _refusal(path: str | os.PathLike[str], findings: tuple[Finding, ...]) -> CalibrationFormatError:
-    errors = [finding for finding in findings if finding.severity == "error"]
-    count = "one" if len(errors) == 1 else f"{len(errors)} errors; the first"
-    return CalibrationFormatError(f"'{path}' has {count} {errors[0]}", findings)

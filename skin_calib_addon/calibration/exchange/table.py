@@ -45,7 +45,7 @@ def read_table(text: str) -> Draft:
     Without a channel, a row's index counts; without a label, its channel is its name.
     """
     draft = Draft()
-    rows = _rows(text)
+    rows = numbered_rows(text)
     try:
         number, header = next(rows, (1, [""]))
         columns = _columns(draft, number, [name.strip().lower() for name in header])
@@ -53,8 +53,8 @@ def read_table(text: str) -> Draft:
             draft.normals = None if columns.normal is None else []
             draft.tangents = None if columns.tangent is None else []
             draft.findings += first(_take(draft, columns, rows, len(header)))
-    except csv.Error as problem:
-        draft.findings.append(error("syntax", "", f"is no table: {problem}"))
+    except BadTable as problem:
+        draft.findings.append(error("syntax", line(problem.line), str(problem)))
     if not draft.lines and not draft.broken:
         draft.findings.append(error("no-taxels", "", "has no row below its header; check that it is the right file"))
     return draft
@@ -63,21 +63,38 @@ def read_table(text: str) -> Draft:
 def has_header(text: str) -> bool:
     """Whether a text begins with a header that names x, y and z."""
     try:
-        _, header = next(_rows(text), (1, [""]))
-    except csv.Error:
+        _, header = next(numbered_rows(text), (1, [""]))
+    except BadTable:
         return False
     return {"x", "y", "z"} <= {name.strip().lower() for name in header}
 
 
-def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Numbered rows, comments and empty lines left out; the header tells what separates columns."""
+class BadTable(ValueError):
+    """A text is no table from ``line`` on."""
+
+    def __init__(self, line: int, message: str):
+        super().__init__(message)
+        self.line = line
+
+
+def numbered_rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Rows with the number of their line, comments and empty lines left out; the header tells what separates columns.
+
+    Raises
+    ------
+    BadTable
+        If quotation marks are not closed, or are where they do not belong.
+    """
     lines = text.split("\n")
     head = next((content for content in lines if content.strip() and not content.startswith("#")), "")
-    separator = max(SEPARATORS, key=head.count)
-    reader = csv.reader(lines, delimiter=separator, strict=True)
-    for row in reader:
-        if any(cell.strip() for cell in row) and not row[0].startswith("#"):
-            yield reader.line_num, row
+    reader, last = csv.reader(lines, delimiter=max(SEPARATORS, key=head.count), strict=True), 0
+    try:
+        for row in reader:
+            last = reader.line_num
+            if any(cell.strip() for cell in row) and not row[0].startswith("#"):
+                yield last, row
+    except csv.Error as problem:  # of the row that begins after the last one, wherever it was noticed
+        raise BadTable(last + 1, f"begins what is no table: {problem}") from problem
 
 
 def _columns(draft: Draft, number: int, header: list[str]) -> Columns | None:

@@ -5,6 +5,7 @@ import os
 import re
 
 from ...errors import CalibrationFormatError
+from ..plain_text import NotTextError, decoded
 from ..strict_json import read
 
 MOST_BYTES = 64 * 2**20
@@ -50,13 +51,14 @@ def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
     Raises
     ------
     CalibrationFormatError
-        If it is beyond `MOST_LINES` or `MOST_LINE`, or is no text in UTF-8.
+        If it is empty, beyond `MOST_LINES` or `MOST_LINE`, or no text in UTF-8.
     """
+    if not data:
+        raise CalibrationFormatError(f"'{path}' is empty; check that it was written whole")
     try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        message = f"'{path}' is not UTF-8 at byte {problem.start}; save it as UTF-8"
-        raise CalibrationFormatError(message) from problem
+        text = decoded(data).removeprefix("\ufeff")
+    except NotTextError as problem:
+        raise CalibrationFormatError(f"'{path}' {problem}") from problem
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = text.count("\n") + 1
     if lines > MOST_LINES:

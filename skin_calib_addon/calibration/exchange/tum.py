@@ -11,7 +11,7 @@ from ..findings import Finding, error, warning
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, taxels_of
 from .taxel_set import Draft, line
-from .text import MOST_TAXELS, BadNumber, real, whole
+from .text import MOST_TAXELS, BadNumber, real
 from .xml_nodes import Node, Refused, children_of_root
 from .xml_text import HEAD, quoted
 
@@ -66,8 +66,8 @@ def _take(patches: Patches, node: Node) -> Iterator[Finding]:
     if node.tag == "cell":
         if len(patches.cells) == MOST_TAXELS:
             raise Refused("size", node.line, f"opens one cell too many; at most {MOST_TAXELS} are read")
-        ports = tuple(_whole(port, "id") for port in node.child("neighbors").children)
-        cell = Cell(node.line, _whole(node, "id"), node.attributes.get("patch", ""), _pose(node), ports)
+        ports = tuple(port.whole("id") for port in node.child("neighbors").children)
+        cell = Cell(node.line, node.whole("id"), node.attributes.get("patch", ""), _pose(node), ports)
         patches.cells.append(cell)
     elif node.tag == "patchExtrinsics":
         patch = node.attribute("patchId")
@@ -133,7 +133,7 @@ def _matrix(node: Node, name: str, columns: int) -> Array:
     found = np.full((3, columns), np.nan)
     holder = node.child(name).child("matrix")
     for element in holder.children:
-        i, j = _whole(element, "row"), _whole(element, "col")
+        i, j = element.whole("row"), element.whole("col")
         if not (0 <= i < 3 and 0 <= j < columns):
             raise Refused("size", element.line, f"holds element ({i}, {j}) of a {name}, which is 3 x {columns}")
         try:
@@ -144,13 +144,6 @@ def _matrix(node: Node, name: str, columns: int) -> Array:
         i, j = (int(k) for k in np.argwhere(np.isnan(found))[0])
         raise Refused("missing", holder.line, f"opens a matrix without element ({i}, {j})")
     return found
-
-
-def _whole(node: Node, name: str) -> int:
-    try:
-        return whole(node.attribute(name).strip())
-    except BadNumber as problem:
-        raise Refused(problem.code, node.line, f"{problem} ({node.tag} {name})") from problem
 
 
 def write_tum(calibration: LinkCalibration) -> bytes:

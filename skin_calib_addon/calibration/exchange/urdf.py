@@ -10,7 +10,7 @@ from ..findings import error, show
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, refuse_labels, refuse_repeats, taxels_of
 from .taxel_set import Draft
-from .text import MOST_TAXELS, BadNumber, real, whole
+from .text import MOST_TAXELS, BadNumber, real
 from .xml_nodes import Node, Refused, children_of_root
 from .xml_text import HEAD, numbers, quoted, rpy, turned
 
@@ -94,7 +94,7 @@ def _of_sensors(robot: Robot) -> Iterator[Taxel]:
                 message = "opens an array, whose taxels are not read; list them one by one as taxel elements"
                 raise Refused("array", node.line, message)
             if node.tag == "taxel":
-                channel = _whole(node, "idx")
+                channel = node.whole("idx")
                 yield node.line, f"{name}.{channel}", channel, parent, _beyond(base, _pose(node))
 
 
@@ -161,13 +161,6 @@ def _three(node: Node, name: str) -> Array:
         return np.array([real(word) for word in words])
     except BadNumber as problem:
         raise Refused(problem.code, node.line, f"{problem} ({name})") from problem
-
-
-def _whole(node: Node, name: str) -> int:
-    try:
-        return whole(node.attribute(name).strip())
-    except BadNumber as problem:
-        raise Refused(problem.code, node.line, f"{problem} ({node.tag} {name})") from problem
 
 
 def write_frames(calibration: LinkCalibration) -> bytes:

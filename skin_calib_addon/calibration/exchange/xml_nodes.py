@@ -6,6 +6,7 @@ from xml.parsers import expat
 
 from ..findings import error, show
 from .taxel_set import line
+from .text import BadNumber, whole
 
 MOST_DEPTH = 16
 MOST_NODES = 1000  # in one child of the root, if not told: a cell has about 25
@@ -43,6 +44,13 @@ class Node:
         if name not in self.attributes:
             raise Refused("missing", self.line, f"opens a {self.tag} without the attribute {name}")
         return self.attributes[name]
+
+    def whole(self, name: str) -> int:
+        """The integer that an attribute holds; Refused if it holds none."""
+        try:
+            return whole(self.attribute(name).strip())
+        except BadNumber as problem:
+            raise Refused(problem.code, self.line, f"{problem} ({self.tag} {name})") from problem
 
 
 def children_of_root(text: str, root: str, most_nodes: int = MOST_NODES) -> Iterator[Node]:
