@@ -50,7 +50,8 @@ def _mode(target: Path) -> int | None:
     except FileNotFoundError:
         return None
     if not stat.S_ISREG(mode):  # replacing /dev/null or a pipe would destroy it
-        raise OutputError(f"cannot write '{target}': it is not a regular file; name a file")
+        what = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
+        raise OutputError(f"cannot write '{target}': it is {what}; name a file")
     if not os.access(target, os.W_OK):  # a rename would get past the protection of the file
         raise OutputError(f"cannot write '{target}': it is write-protected; choose another name or change its mode")
     return stat.S_IMODE(mode)

@@ -27,20 +27,32 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     int
         0 done, 1 the data is wrong, 2 the call is wrong. Errors are one line each on stderr.
     """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by whoever called, as with ">&-"
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
     options = _parser(scene_plans).parse_args(argv)
     try:
         code = options.run(options)
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # whoever reads has seen enough, as with "| head"
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _silence_stdout()
         return DONE
+    except OSError as error:  # files say for themselves what they cannot
+        _silence_stdout()
+        complain(f"the system refuses: {error}; see where the output goes")
+        return WRONG_CALL
     except MemoryError:
         complain("there is not enough memory for this; close other programs, or make the input smaller")
         return WRONG_DATA
     except (OutputError, SkinCalibError) as error:
         complain(str(error))
         return WRONG_CALL if isinstance(error, OutputError) else WRONG_DATA
+
+
+def _silence_stdout() -> None:
+    """What is left to be written would fail once more at the end of the program."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Parser(argparse.ArgumentParser):

@@ -544,3 +544,26 @@ def test_reader_that_leaves_early_is_no_error(tmp_path):
     done = subprocess.run(words, cwd=ROOT, env=ENVIRONMENT, stdout=writer, stderr=subprocess.PIPE, text=True)
     os.close(writer)
     assert done.returncode == 0 and done.stderr == ""
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+def test_output_that_is_full_is_one_line(tmp_path):
+    """What was to be printed did not get there: code 2, and no second complaint at the end of the program."""
+    save_calibration(small_calibration(), tmp_path / "c.json")
+    words = [sys.executable, "-m", "skin_calib_addon", "show", tmp_path / "c.json"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(words, cwd=ROOT, env=ENVIRONMENT, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("skin-calib: the system refuses: ") and "No space left" in done.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell that closes handles")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_output_is_nothing_to_stumble_over(folder, closed):
+    """As where a service starts the program: it does its work and ends with its code."""
+    words = f"{sys.executable} -m skin_calib_addon fit a.plan.json b.plan.json -o {folder} --jobs 2"
+    write_plan(folder, "a")
+    write_plan(folder, "b", mesh="none.ply")
+    shell = ["sh", "-c", f"cd {folder}; {words} {closed}"]
+    assert subprocess.run(shell, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 1
+    assert load_calibration(folder / "a.calibration.json").link == "tube"
