@@ -61,15 +61,23 @@ def cross(a: Array, b: Array) -> Array:
 
 # Multiplications below which OpenBLAS leaves a matrix product on the calling thread, halved to be safe.
 QUIET = 2**17
+FEWEST_ROWS = 16  # in a piece: with fewer, each number of the second matrix is fetched for next to nothing
 
 
 def product(a: Array, b: Array) -> Array:
-    """The matrix product of two small matrices, in pieces that BLAS does not spread over its threads.
+    """The matrix product of two matrices, in pieces that BLAS does not spread over its threads.
 
     Waking the threads costs more than such a product, and a hundred times more where the processors are busy; limiting
     their number would change the user's process.
     """
-    rows = max(2, QUIET // max(b.size, 1))
-    if len(a) <= rows:
+    if len(a) * b.size <= QUIET:
         return a @ b
+    inner, columns = b.shape
+    if b.size * FEWEST_ROWS > QUIET and inner >= columns:
+        half = inner // 2
+        return product(a[:, :half], b[:half]) + product(a[:, half:], b[half:])
+    if b.size * FEWEST_ROWS > QUIET:
+        half = columns // 2
+        return np.concatenate((product(a, b[:, :half]), product(a, b[:, half:])), axis=1)
+    rows = QUIET // b.size
     return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])

@@ -176,21 +176,29 @@ class TensorBasis:
         return by_v + product(product(product(self.N.T, self.N), net), bend_v)
 
     def _solve_with_holes(self, residuals: Array, known: BoolArray, offsets: Array, stiffness: float) -> Array:
-        """Conjugate gradients on the weighted normal equations; the factors of the whole precondition them."""
-        n, m = offsets.shape
+        """Conjugate gradients on the weighted normal equations, in modes: there those of the whole are diagonal.
+
+        They precondition, and only the rows and columns of sites that miss some are left to multiply.
+        """
+        U, V, bend = self._modes
+        rows, columns = ((~known).any(axis=axis) for axis in (1, 0))
+        hole = ~known[rows][:, columns]
+        P, Q = product(self.N[rows], U), product(self.B[columns], V)
+        whole = 1 + stiffness * bend
 
         def normal(step: Array) -> Array:
-            net = step.reshape(n, m)
-            moved = product(product(self.N, net), self.B.T)
-            return (product(product(self.N.T, known * moved), self.B) + stiffness * self._bending(net)).ravel()
+            amplitude = step.reshape(bend.shape)
+            lost = hole * product(product(P, amplitude), Q.T)
+            return (whole * amplitude - product(product(P.T, lost), Q)).ravel()
 
         def precondition(gradient: Array) -> Array:
-            return self._solve_modes(gradient.reshape(n, m), stiffness).ravel()
+            return (gradient.reshape(bend.shape) / whole).ravel()
 
-        A, P = (LinearOperator((n * m, n * m), f, dtype=float) for f in (normal, precondition))
-        right = (product(product(self.N.T, residuals), self.B) - stiffness * self._bending(offsets)).ravel()
+        A, M = (LinearOperator((bend.size, bend.size), f, dtype=float) for f in (normal, precondition))
+        right = product(product(self.N.T, residuals), self.B) - stiffness * self._bending(offsets)
         # What only the slight stiffness holds is the last to settle: to the same nanometre on every machine.
-        return cg(A, right, M=P, rtol=1e-12, maxiter=500)[0].reshape(n, m)
+        amplitude = cg(A, product(product(U.T, right), V).ravel(), M=M, rtol=1e-12, maxiter=500)[0]
+        return product(product(U, amplitude.reshape(bend.shape)), V.T)
 
 
 def pseudo_inverse(matrix: Array) -> Array:
