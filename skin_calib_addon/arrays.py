@@ -81,3 +81,8 @@ def product(a: Array, b: Array) -> Array:
         return np.concatenate((product(a, b[:, :half]), product(a, b[:, half:])), axis=1)
     rows = QUIET // b.size
     return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])
+
+
+def over_rows(rows: Array, matrix: Array) -> Array:
+    """The products of many rows (..., k) and a matrix (k, l), shape (..., l), as one ``product``."""
+    return product(rows.reshape(-1, rows.shape[-1]), matrix).reshape(*rows.shape[:-1], matrix.shape[1])

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, product
+from ..arrays import Array, over_rows
 from .frames import TubeFrame
 from .lines import LineGrid
 from .planes import Planes
@@ -63,32 +63,35 @@ class TubeChart:
         ----------
         weights : array, shape (l, m)
             Basis functions at the sites.
-        t : array, shape (m,)
-            Of the lines.
-        heights : array, shape (r, m)
+        t : array, shape (..., m)
+            Of the lines; of several choices of them at once.
+        heights : array, shape (..., r, m)
             Of the control points along their lines, in each of r rows [m].
 
         Returns
         -------
-        t, heights : array, shape (r, l)
+        t, heights : array, shape (..., r, l)
             Of the spline's points.
         """
-        x, y = (product(heights * wave, weights.T) for wave in (np.cos(t), np.sin(t)))
+        x, y = (over_rows(heights * wave(t)[..., None, :], weights.T) for wave in (np.cos, np.sin))
         return np.arctan2(y, x) % TURN, np.hypot(x, y)
 
-    def blend_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array) -> tuple[Array, Array]:
-        """How t and height of the spline's points change as lines move across, shapes (r, l, m).
+    def gap_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array, steep: Array) -> Array:
+        """How the gaps between mesh and spline at its points change as lines move across, shape (r, l, m).
 
         Parameters
         ----------
         weights, t, heights
-            As for ``blend``.
+            As for ``blend``; one choice of lines.
         at, reach : array, shape (r, l)
             Its answer.
+        steep : array, shape (r, l)
+            How the height of the mesh changes with t there.
         """
-        aside = t - at[..., None]
-        moved = weights * heights[:, None]
-        return moved * np.cos(aside) / reach[..., None], -moved * np.sin(aside)
+        c, s, aside = np.cos(at), np.sin(at), steep / reach
+        # Across the ray a moving line takes a point along the mesh, which rises; along the ray it takes it up or down.
+        x, y = (part[:, None] * weights for part in (heights * np.cos(t), heights * np.sin(t)))
+        return (aside * c - s)[..., None] * x + (aside * s + c)[..., None] * y
 
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""
@@ -121,13 +124,12 @@ class FaceChart:
 
     def blend(self, weights: Array, t: Array, heights: Array) -> tuple[Array, Array]:
         """As for a tube; all rays run the same way."""
-        height = product(heights, weights.T)
-        return np.broadcast_to(weights @ t, height.shape), height
+        height = over_rows(heights, weights.T)
+        return np.broadcast_to((t @ weights.T)[..., None, :], height.shape), height
 
-    def blend_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array) -> tuple[Array, Array]:
+    def gap_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array, steep: Array) -> Array:
         """As for a tube; no line moves up or down."""
-        moved = np.broadcast_to(weights, (*reach.shape, len(t)))
-        return moved, np.zeros((1, 1, 1))
+        return steep[..., None] * weights
 
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""

@@ -74,7 +74,7 @@ def guessed_planes(survey: Survey, count: int, degree: int) -> Array:
     maps, errors = evened(looked.error_along, linear, shares, degree, False)
     candidates = [even, *(place(m, shares) for m in maps)]
     errors = [looked.error_along(even, degree)[0], *errors]
-    return best([even, candidates[int(np.argmin(errors))]], judged.error_along, degree, survey)
+    return best([even, candidates[int(np.argmin(errors))]], judged.errors_along, degree, survey)
 
 
 def moved_planes(survey: Survey, places: Array, degree: int) -> Array:
@@ -85,7 +85,7 @@ def moved_planes(survey: Survey, places: Array, degree: int) -> Array:
         return places
     looked, judged = survey.halves
     moved = moved_places(looked.slopes_along, places, degree, survey.chart.span, False)
-    return best([places, moved], judged.error_along, degree, survey)
+    return best([places, moved], judged.errors_along, degree, survey)
 
 
 def guessed_lines(survey: Survey, count: int, degree: int) -> Array:
@@ -98,10 +98,10 @@ def guessed_lines(survey: Survey, count: int, degree: int) -> Array:
     maps = list(density_maps(looked).values())
     plain = place(maps[0], even)
     if closed:
-        maps = [turned(m, turn / count) for m in maps for turn in (0.0, HALF)]
-    start = min(maps, key=lambda m: looked.error_across(place(m, shares), degree)[0])
-    more, errors = evened(looked.error_across, start, shares, degree, closed)
-    return best([plain, place(more[int(np.argmin(errors))], shares)], judged.error_across, degree, survey)
+        maps = [m for map_ in maps for m in (map_, turned(map_, HALF / count))]
+    left = looked.errors_across(np.stack([place(m, shares) for m in maps]), degree)
+    more, errors = evened(looked.error_across, maps[int(np.argmin(left))], shares, degree, closed)
+    return best([plain, place(more[int(np.argmin(errors))], shares)], judged.errors_across, degree, survey)
 
 
 def moved_lines(survey: Survey, places: Array, degree: int) -> Array:
@@ -110,7 +110,7 @@ def moved_lines(survey: Survey, places: Array, degree: int) -> Array:
         return places
     looked, judged = survey.halves
     moved = moved_places(looked.slopes_across, places, degree, survey.chart.breadth, survey.chart.closed)
-    return best([places, moved], judged.error_across, degree, survey)
+    return best([places, moved], judged.errors_across, degree, survey)
 
 
 def moved_places(
@@ -167,13 +167,11 @@ def turned(m: Map, share: float) -> Map:
     return knots - share, place(period, knots)
 
 
-def best(
-    candidates: list[Array], error: Callable[[Array, int], tuple[float, Array]], degree: int, survey: Survey
-) -> Array:
+def best(candidates: list[Array], errors: Callable[[Array, int], Array], degree: int, survey: Survey) -> Array:
     """The candidate of the least error, or the first that leaves hardly more: for symmetric shapes, and noise."""
-    errors = np.array([error(candidate, degree)[0] for candidate in candidates])
+    left = errors(np.stack(candidates), degree)
     nothing = NOTHING * float(np.abs(survey.profiles).mean())
-    return candidates[int(np.argmax(GAIN * errors - nothing <= errors.min()))]
+    return candidates[int(np.argmax(GAIN * left - nothing <= left.min()))]
 
 
 def place(m: Map, shares: Array) -> Array:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Array, IntArray, product
+from ..arrays import Array, BoolArray, IntArray, over_rows, product
 from ..errors import EmptySection
 from .basis import SplineSites, spline_sites
 from .charts import Chart
@@ -103,8 +103,19 @@ class Survey:
             per_span=per_span,
         )
 
+    def errors_across(self, t: Array, degree: int) -> Array:
+        """What several choices of lines (c, m) leave between outlines and fits.
+
+        Returns
+        -------
+        array, shape (c,)
+            Root mean squares, corrected for what went into the unknowns [m].
+        """
+        at, _, _, residuals = self._fit_across(t, degree)
+        return root_mean_squares(residuals, self._met_across(at), t.shape[-1])
+
     def error_across(self, t: Array, degree: int) -> tuple[float, Array]:
-        """What lines at some t leave between outlines and fits.
+        """What lines at some t (m,) leave between outlines and fits.
 
         Returns
         -------
@@ -115,8 +126,7 @@ class Survey:
         """
         closed = self.chart.closed
         at, _, _, residuals = self._fit_across(t, degree)
-        met = interpolated(self.outlines_known, self.outline_t, at, closed)
-        return spread(residuals, met, len(t), len(t) if closed else len(t) - degree, closed)
+        return spread(residuals, self._met_across(at), len(t), len(t) if closed else len(t) - degree, closed)
 
     def slopes_across(self, t: Array, degree: int) -> tuple[Array, Array]:
         """What lines at some t leave, and how that changes as each moves.
@@ -128,50 +138,64 @@ class Survey:
         slopes : array, shape (k, m)
             Their derivatives, as far as the heights have any.
         """
-        closed, weights = self.chart.closed, spline_sites(len(t), degree, self.chart.closed, self.per_span)
+        sites = spline_sites(len(t), degree, self.chart.closed, self.per_span)
         at, reach, offsets, residuals = self._fit_across(t, degree)
-        met = interpolated(self.outlines_known, self.outline_t, at, closed) == 1
-        steep = interpolated(self._outline_slopes, self.outline_t, at, closed)
-        aside, up = self.chart.blend_slopes(weights.values, t, offsets, at, reach)
-        slopes = refitted(steep[..., None] * aside - up, weights)
+        met = self._met_across(at)
+        steep = interpolated(self._outline_slopes, self.outline_t, at, self.chart.closed)
+        slopes = refitted(self.chart.gap_slopes(sites.values, t, offsets, at, reach, steep), sites)
         return (residuals * met).ravel(), (slopes * met[..., None]).reshape(-1, len(t))
 
     def _fit_across(self, t: Array, degree: int) -> tuple[Array, Array, Array, Array]:
-        """Least squares on lines at some t: where their points lie, heights, offsets (r, m), residuals, (r, l)."""
-        closed = self.chart.closed
-        sites = spline_sites(len(t), degree, closed, self.per_span)
-        offsets = interpolated(self.outlines, self.outline_t, np.broadcast_to(t, (len(self.outlines), len(t))), closed)
+        """Least squares on lines at some t (..., m): where their points lie, heights, offsets, residuals, (..., r, l).
+
+        The offsets are of shape (..., r, m).
+        """
+        closed, m = self.chart.closed, t.shape[-1]
+        sites = spline_sites(m, degree, closed, self.per_span)
+        rows = (*t.shape[:-1], len(self.outlines), m)
+        offsets = interpolated(self.outlines, self.outline_t, np.broadcast_to(t[..., None, :], rows), closed)
         for _ in range(ROUNDS):  # as the passes of a fit: rays through the spline's own points
             at, reach = self.chart.blend(sites.values, t, offsets)
             residuals = interpolated(self.outlines, self.outline_t, at, closed) - reach
-            step = product(residuals, sites.inverse.T)
-            if (step**2).mean() < STILL * (residuals**2).mean():
+            step = over_rows(residuals, sites.inverse.T)
+            moving = mean_square(step) >= STILL * mean_square(residuals)
+            if not moving.any():
                 break
-            offsets = offsets + step
+            offsets = offsets + moving[..., None, None] * step
         return at, reach, offsets, residuals
 
+    def _met_across(self, at: Array) -> BoolArray:
+        """Whether the outlines were met on both sides of places (..., r, l)."""
+        return met_beside(self.outlines_known, self.outline_t, at, self.chart.closed)
+
+    def errors_along(self, s: Array, degree: int) -> Array:
+        """What several choices of planes (c, n) leave between profiles and fits, as for lines across."""
+        sites, met, residuals = self._fit_along(s, degree)
+        return root_mean_squares(residuals, met, s.shape[-1], lengths(over_rows(s, sites.values.T)))
+
     def error_along(self, s: Array, degree: int) -> tuple[float, Array]:
-        """What planes at some s leave between profiles and fits, as for lines across; each place by its length."""
-        sites, at, residuals = self._fit_along(s, degree)
-        met = interpolated(self.profiles_known, self.profile_s, at, False)
+        """What planes at some s (n,) leave between profiles and fits, as for lines across; each place by its length."""
+        sites, met, residuals = self._fit_along(s, degree)
         return spread(residuals, met, len(s), len(s) - degree, False, lengths(sites.values @ s))
 
     def slopes_along(self, s: Array, degree: int) -> tuple[Array, Array]:
         """What planes at some s leave, and how that changes as each moves; as for lines across, but for the lengths."""
-        sites, at, residuals = self._fit_along(s, degree)
-        met = interpolated(self.profiles_known, self.profile_s, at, False) == 1
+        sites, met, residuals = self._fit_along(s, degree)
+        at = np.broadcast_to(sites.values @ s, residuals.shape)
         steep = interpolated(self._profile_slopes, self.profile_s, at, False)
         root = np.sqrt(lengths(sites.values @ s))
         slopes = root[:, None] * refitted(steep[..., None] * sites.values, sites)
-        slopes += residuals[..., None] * (lengths(sites.values) / (2 * root[:, None]))
+        slopes += residuals[..., None] * (lengths(sites.values.T).T / (2 * root[:, None]))
         return (root * residuals * met).ravel(), (slopes * met[..., None]).reshape(-1, len(s))
 
-    def _fit_along(self, s: Array, degree: int) -> tuple[SplineSites, Array, Array]:
-        """Least squares on planes at some s: the sites, where they lie and what is left there, (r, l)."""
-        sites = spline_sites(len(s), degree, False, self.per_span)
-        at = np.broadcast_to(sites.values @ s, (len(self.profiles), len(sites.values)))
+    def _fit_along(self, s: Array, degree: int) -> tuple[SplineSites, BoolArray, Array]:
+        """Least squares on planes at some s (..., n): the sites, whether they were met, what is left, (..., r, l)."""
+        sites = spline_sites(s.shape[-1], degree, False, self.per_span)
+        rows = (*s.shape[:-1], len(self.profiles), len(sites.values))
+        at = np.broadcast_to(over_rows(s, sites.values.T)[..., None, :], rows)
         heights = interpolated(self.profiles, self.profile_s, at, False)
-        return sites, at, heights - product(product(heights, sites.inverse.T), sites.values.T)
+        met = met_beside(self.profiles_known, self.profile_s, at, False)
+        return sites, met, heights - over_rows(over_rows(heights, sites.inverse.T), sites.values.T)
 
     @cached_property
     def _outline_slopes(self) -> Array:
@@ -194,14 +218,24 @@ def refitted(changes: Array, sites: SplineSites) -> Array:
 
 
 def lengths(places: Array) -> Array:
-    """How much lies about each of some ascending places (l, ...): half of the way between its neighbours."""
-    steps = np.diff(places, axis=0) / 2
-    none = np.zeros_like(steps[:1])
-    return np.concatenate((none, steps)) + np.concatenate((steps, none))
+    """How much lies about each of some ascending places (..., l): half of the way between its neighbours."""
+    steps = np.diff(places) / 2
+    none = np.zeros_like(steps[..., :1])
+    return np.concatenate((none, steps), axis=-1) + np.concatenate((steps, none), axis=-1)
+
+
+def mean_square(values: Array) -> Array:
+    """Over the last two axes, shape (...)."""
+    return np.asarray(np.einsum("...ij,...ij->...", values, values) / (values.shape[-2] * values.shape[-1]))
+
+
+def met_beside(known: Array, places: Array, at: Array, closed: bool) -> BoolArray:
+    """Whether rows (r, k) that are ``known`` at even places are so on both sides of others (..., r, l)."""
+    return np.ones(at.shape, bool) if known.all() else interpolated(known, places, at, closed) == 1
 
 
 def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> Array:
-    """Heights (r, k) at even places ``known`` as straight lines between them, at ``wanted`` (r, l); shape (r, l)."""
+    """Heights (r, k) at even places ``known`` as straight lines between them, at ``wanted``; shape (..., r, l)."""
     r, k = heights.shape
     place = (wanted - known[0]) / (known[1] - known[0])
     if not closed:
@@ -218,24 +252,31 @@ def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> A
     return low + share * (high - low)
 
 
-def spread(
-    residuals: Array, met: Array, unknowns: int, spans: int, closed: bool, weights: Array | float = 1.0
-) -> tuple[float, Array]:
-    """Root mean square of residuals (r, sites) of which some went into unknowns, and mean squares by span.
+def root_mean_squares(residuals: Array, met: BoolArray, unknowns: int, weights: Array | float = 1.0) -> Array:
+    """Of residuals (..., r, sites) of which some went into unknowns; shape (...).
 
-    Sites beside which the mesh was not met (``met`` below 1) do not count; a span of such has no error. One on a knot
-    counts half for each side, so that a mirrored mesh has mirrored errors.
+    Sites beside which the mesh was not met do not count; the others have ``weights`` (..., sites).
+    """
+    counts, squares = met.sum(axis=-2), (residuals**2 * met).sum(axis=-2)
+    known = (counts * weights).sum(axis=-1) * (1 - unknowns / residuals.shape[-1])
+    return np.sqrt((squares * weights).sum(axis=-1) / np.where(known > 0, known, np.inf))
+
+
+def spread(
+    residuals: Array, met: BoolArray, unknowns: int, spans: int, closed: bool, weights: Array | float = 1.0
+) -> tuple[float, Array]:
+    """Root mean square of residuals (r, sites), as of several choices, and mean squares by span.
+
+    A span that the mesh was met nowhere beside has no error. A site on a knot counts half for each side, so that a
+    mirrored mesh has mirrored errors.
     """
     sites = residuals.shape[1]
-    counts = (met == 1).sum(axis=0) * 0.5
-    squares = (residuals**2 * (met == 1)).sum(axis=0) * 0.5
+    counts, squares = met.sum(axis=0) * 0.5, (residuals**2 * met).sum(axis=0) * 0.5
     place, last = np.arange(sites) * spans, sites if closed else sites - 1
     sides = [(place + side) // last for side in (0, -1)]
     sides = [side % spans if closed else np.clip(side, 0, spans - 1) for side in sides]
     by_span, count = (sum(np.bincount(side, x, spans) for side in sides) for x in (squares, counts))
-    known = (counts * weights).sum() * (1 - unknowns / sites)
-    left = (squares * weights).sum() / known if known > 0 else 0.0
-    return float(np.sqrt(left)), by_span / np.maximum(count, 1)
+    return float(root_mean_squares(residuals, met, unknowns, weights)), by_span / np.maximum(count, 1)
 
 
 def filled(heights: Array, closed: bool) -> Array:

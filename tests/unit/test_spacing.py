@@ -245,15 +245,33 @@ def test_heights_between_places_are_interpolated(seed, closed):
 
 def test_error_is_shared_over_what_is_not_fitted():
     """Twelve sites of which four went into unknowns; sites beside a gap count for nothing, nor does their span."""
-    residuals, met = np.full((1, 12), 2.0), np.ones((1, 12))
+    residuals, met = np.full((1, 12), 2.0), np.ones((1, 12), bool)
     error, spans = spread(residuals, met, 4, 3, True)
     assert_allclose(error, 2 / np.sqrt(1 - 4 / 12))
     assert_allclose(spans, (4, 4, 4))
-    met[0, 4:9], residuals[0, 4:9] = 0.5, 100.0
+    met[0, 4:9], residuals[0, 4:9] = False, 100.0
     error, spans = spread(residuals, met, 4, 3, True)
     assert_allclose(error, 2 / np.sqrt(1 - 4 / 12))
     assert_allclose(spans, (4, 0, 4))
-    assert spread(residuals, 0 * met, 4, 3, True)[0] == 0.0
+    assert spread(residuals, met & False, 4, 3, True)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("mesh", "grid"),
+    [
+        pytest.param(wrist(), TubeGrid(9, 14, Z_AXIS, 0.004), id="tube"),
+        pytest.param(with_hole(wrist(), (0.04, 0, 0.04), 0.01), TubeGrid(9, 14, Z_AXIS, 0.004), id="holed tube"),
+        pytest.param(dome(), AcrossGrid(7, 8, (0, 0, 1.0)), id="face"),
+    ],
+)
+def test_choices_of_places_are_judged_together_as_one_by_one(mesh, grid):
+    """The errors of even places and of some that lie elsewhere, at once and each by itself."""
+    survey, rng = survey_of(mesh, grid), np.random.default_rng(1)
+    pairs = (survey.errors_along, survey.error_along), (survey.errors_across, survey.error_across)
+    for (together, alone), places in zip(pairs, even_places(grid, survey)):
+        step = places[1] - places[0]
+        choices = places + np.r_[0.0, np.ones(len(places) - 2), 0.0] * rng.uniform(-step, step, (5, len(places))) / 3
+        assert_allclose(together(choices, 3), [alone(choice, 3)[0] for choice in choices], rtol=1e-9)
 
 
 @given(seed=seeds, spans=st.integers(2, 9), closed=st.booleans())
@@ -261,7 +279,9 @@ def test_errors_of_a_mirrored_row_are_mirrored(seed, spans, closed):
     """A site on a knot belongs to both spans: no end is preferred."""
     residuals = np.random.default_rng(seed).normal(size=(2, 3 * spans + (not closed)))
     mirrored = np.roll(residuals[:, ::-1], 1, axis=1) if closed else residuals[:, ::-1]
-    (error, energy), (again, other) = (spread(r, 0 * r + 1, 4, spans, closed) for r in (residuals, mirrored))
+    (error, energy), (again, other) = (
+        spread(r, np.ones(r.shape, bool), 4, spans, closed) for r in (residuals, mirrored)
+    )
     assert_allclose(again, error, rtol=1e-12)
     assert_allclose(other, energy[::-1], rtol=1e-12)
     assert energy.shape == (spans,)
