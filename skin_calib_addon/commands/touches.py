@@ -14,7 +14,7 @@ from ..pipeline import calibrate
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..refining import refine
 from ..validation import Placement, placements, read_touches
-from .common import DONE, check_folder, complain
+from .common import DONE, check_target, complain
 
 
 def add(commands) -> None:
@@ -35,8 +35,8 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     if options.refine != (options.output is not None):
         options.refuse("--refine writes the moved plan to -o OUT: name both or neither")
-    for target in (options.output, options.picture):
-        check_folder(target)
+    check_target(options.output, options.touches)  # the plan may be moved where it is
+    check_target(options.picture, options.file, options.touches, options.output)
     is_plan = _is_plan(options.file)
     if options.refine and not is_plan:
         raise InvalidPlan(

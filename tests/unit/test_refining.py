@@ -157,17 +157,20 @@ def test_command_compares_and_refines(folder, capsys):
         ("cone.plan.json", ["--refine"], 2, "--refine writes the moved plan to -o OUT"),
         ("cone.plan.json", ["-o", "out.json"], 2, "--refine writes the moved plan to -o OUT"),
         ("cone.plan.json", ["--refine", "-o", "none/out.json"], 2, "no folder"),
+        ("cone.plan.json", ["--refine", "-o", "t.csv"], 2, "t.csv would replace"),
+        ("cone.json", ["--picture", "cone.json"], 2, "cone.json would replace"),
         ("t.csv", [], 1, "t.csv"),
         ("none.json", [], 1, "none.json"),
     ],
 )
 def test_command_refuses_in_one_line(folder, capsys, file, words, code, message):
     """And writes nothing."""
-    words = [str(folder / w) if w.endswith("out.json") else w for w in words]
+    words = [str(folder / w) if w.endswith((".json", ".csv")) else w for w in words]
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     try:
         found = touches(folder, file, *words)
     except SystemExit as ended:
         found = ended.code
     out, err = capsys.readouterr()
     assert found == code and out == "" and message in err and err.count("\n") == 1
-    assert not (folder / "out.json").exists()
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
