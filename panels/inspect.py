@@ -81,6 +81,27 @@ class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
             column.prop(found, "max_angle")
 
 
+class SKIN_PT_inspect_touches(SkinPanel, bpy.types.Panel):
+    bl_label = "Touches"
+    bl_parent_id = "SKIN_PT_inspect"
+
+    def lay_out(self, layout, plan):
+        found = plan.inspect.touches
+        row = layout.row(align=True)
+        row.operator("skin_calib.touches", icon="FILEBROWSER")
+        if not found.file:
+            return
+        row.operator("skin_calib.touches_end", text="", icon="X")
+        if found.key != plan.result.key:
+            layout.label(text="Of another fit: compare again", icon="INFO")
+        layout.label(text=comparing.name_of(found.file), icon="FILE")
+        for line in found.doubts.splitlines():
+            say(layout, line, "ERROR")
+        for line in found.told.splitlines():
+            say(layout, line, "DOT")
+        layout.operator("skin_calib.touches_move", icon="SNAP_ON")
+
+
 class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
     bl_label = "Replay"
     bl_parent_id = "SKIN_PT_inspect"
@@ -133,6 +154,7 @@ CLASSES = (
     SKIN_PT_inspect,
     SKIN_PT_inspect_taxel,
     SKIN_PT_inspect_compare,
+    SKIN_PT_inspect_touches,
     SKIN_PT_inspect_replay,
     SKIN_PT_inspect_sizes,
 )

@@ -81,6 +81,16 @@ class SKIN_PG_comparison(bpy.types.PropertyGroup):
     told: StringProperty(description="What else is to be known, a line each", **FIXED)
 
 
+class SKIN_PG_touches(bpy.types.PropertyGroup):
+    """How far the skin is from where it was touched."""
+
+    file: StringProperty(name="File", description="The table of touches", **FIXED)
+    key: StringProperty(description="Which fit was compared", **FIXED)
+    token: StringProperty(description="Under which what is drawn of it is kept", **FIXED)
+    told: StringProperty(description="What the touches say, a line each", **FIXED)
+    doubts: StringProperty(description="What the author should look at, a line each", **FIXED)
+
+
 def _share(record):
     """How far the frame is through the recording."""
     shown = replay.find(record.id_data)
@@ -174,6 +184,10 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         type=SKIN_PG_comparison, name="Comparison", description="How far the taxels are from those of a file"
     )
 
+    touches: PointerProperty(
+        type=SKIN_PG_touches, name="Touches", description="How far the skin is from where it was touched"
+    )
+
     replay: PointerProperty(type=SKIN_PG_replay, name="Replay", description="A recording that is shown over the skin")
 
     def tokens(self):
@@ -183,8 +197,10 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
             yield taxels.token_of(self.taxel.key, self.taxel.id)
         if self.comparison.token and self.comparison.key == key:
             yield self.comparison.token
+        if self.touches.token and self.touches.key == key:
+            yield self.touches.token
         if self.replay.token and self.replay.key == key:
             yield self.replay.token
 
 
-CLASSES = (SKIN_PG_taxel, SKIN_PG_comparison, SKIN_PG_replay, SKIN_PG_inspect)
+CLASSES = (SKIN_PG_taxel, SKIN_PG_comparison, SKIN_PG_touches, SKIN_PG_replay, SKIN_PG_inspect)

@@ -13,6 +13,7 @@ from ..geometry.planes import Planes, perpendicular
 from ..geometry.sections import cut_sections
 from ..inspection import AllTaxels
 from ..runtime import Frame
+from ..validation import Placement
 from .scales import Legend, most_of
 
 CURVE_POINTS = 96
@@ -219,6 +220,19 @@ def comparison_of(taxels: AllTaxels, found: Comparison) -> tuple[Layer, ...]:
             "COMPARED", _segments(_closed(taxels.corners[worst : worst + 1])), colour=(1.0, 0.25, 0.9, 1.0), width=3.0
         ),
     )
+
+
+def touches_of(found: Sequence[Placement]) -> tuple[Layer, ...]:
+    """Lines from the taxels to where they were touched; those that are far from their taxels stand out."""
+    colours = {False: (0.2, 0.9, 1.0, 1.0), True: (1.0, 0.2, 0.2, 1.0)}
+    layers = []
+    for placement in found:
+        ends = np.stack((placement.patch.taxels.positions_link[placement.rows], placement.places), axis=1)
+        astray = np.isin(np.arange(len(ends)), placement.astray)
+        for is_astray, colour in colours.items():
+            if (astray == is_astray).any():
+                layers.append(Layer("TOUCHED", _single(ends[astray == is_astray]), colour=colour, width=3.0))
+    return tuple(layers)
 
 
 def replay_lines(taxels: AllTaxels, frame: Frame) -> tuple[Layer, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..calibration.model import TaxelArray
 from ..errors import InvalidPlan, SkinCalibError
-from ..plan_skins import GAP, SIDE
+from ..plan_skins import GAP, SIDE, BoardSkin, SheetSkin
 from ..sources import seen_from
 from .decimals import exact, in_units, vector
 
@@ -211,6 +211,17 @@ def _set_imported(skin: Any, document: dict[str, Any], metre: float) -> None:
 def set_frame(skin: Any, rotation: Any, translation: Any, metre: float) -> None:
     """Set the frame of an imported skin: rotation (3, 3), translation (3,) [m]."""
     skin.framed, skin.rotation, skin.translation = True, np.ravel(rotation), in_units(translation, metre)
+
+
+def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
+    """Set what places a skin, and nothing else of it: origin and direction or landmarks, and which boards there are."""
+    for item, mark in zip(skin.landmarks, getattr(moved, "landmarks", ())):
+        item.point = in_units(mark.point, metre)
+    if moved.origin is not None:
+        skin.origin, skin.centred = in_units(moved.origin, metre), False
+    skin.direction, skin.auto_direction = moved.direction, False
+    if isinstance(moved, BoardSkin):
+        skin.choice, skin.cells = "listed", " ".join(f"{q},{r}" for q, r in moved.choice)
 
 
 def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:

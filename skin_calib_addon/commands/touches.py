@@ -1,10 +1,7 @@
 """``touches``: a calibration beside measured touches, and a plan whose skins lie where these say."""
 
 import argparse
-from collections.abc import Iterator
 from pathlib import Path
-
-import numpy as np
 
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
@@ -13,7 +10,7 @@ from ..errors import InvalidPlan
 from ..pipeline import calibrate
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..refining import refine
-from ..validation import Placement, placements, read_touches
+from ..validation import Placement, in_words, placements, read_touches
 from .common import DONE, check_target, complain
 
 
@@ -77,31 +74,5 @@ def _count(calibration: LinkCalibration) -> int:
 def _tell(found: list[Placement]) -> None:
     """A few lines for each patch."""
     for placement in found:
-        for line in _lines(placement):
-            print(line)
-
-
-def _lines(placement: Placement) -> Iterator[str]:
-    name, off = f"{placement.patch.name[:16]:16}", placement.distances * 1e3
-    if not len(off):
-        return
-    yield (
-        f"{name} {len(off)} touches, off along the skin: mean {off.mean():.2f}, rms {np.sqrt(np.mean(off**2)):.2f}, "
-        f"max {off.max():.2f} mm; rms {placement.by_chance * 1e3:.2f} mm from the size of the cells alone"
-    )
-    if len(placement.heights):
-        heights = placement.heights * 1e3
-        yield f"{name} {heights.mean():.2f} mm over the taxels on the mean, {np.std(heights):.2f} mm about it"
-    motion = placement.motion
-    if motion is None:
-        return
-    (x, y), (dx, dy) = np.round(motion.shift * 1e3, 2) + 0.0, motion.shift_error * 1e3  # no minus zero
-    turned = ""
-    if np.isfinite(motion.turn_error):
-        turn = np.round(np.rad2deg(motion.turn), 2) + 0.0
-        turned = f", {turn:.2f} +- {np.rad2deg(motion.turn_error):.2f} degrees"
-    verdict = "" if motion.is_certain else ": no more than chance"
-    yield f"{name} shifted {x:.2f} +- {dx:.2f} mm along the rows, {y:.2f} +- {dy:.2f} mm across{turned}{verdict}"
-    left = np.delete(placement.left, placement.astray)
-    without = f", without {len(placement.astray)} far from their taxels" if len(placement.astray) else ""
-    yield f"{name} rms {np.sqrt(np.mean(left**2)) * 1e3:.2f} mm once that is made up for{without}"
+        for line in in_words(placement):
+            print(f"{placement.patch.name[:16]:16} {line}")

@@ -2,5 +2,6 @@
 
 from .placement import Motion, Placement, placements
 from .touches import Touches, read_touches
+from .words import in_words
 
-__all__ = ["Motion", "Placement", "Touches", "placements", "read_touches"]
+__all__ = ["Motion", "Placement", "Touches", "in_words", "placements", "read_touches"]

@@ -9,6 +9,7 @@ OPERATORS = (
     *("planes_place", "plane_add", "plane_remove", "planes_spread", "planes_mirror", "axis_from_sections"),
     *("fit", "show_worst", "skin_add", "skin_remove", "landmark_add", "landmark_remove", "zone_add", "zone_remove"),
     *("boards_paint", "place", "place_at_cursor", "taxel", "compare", "compare_end"),
+    *("touches", "touches_move", "touches_end"),
     *("cut_place", "cut_flip", "cut_away", "bring_back", "skin_import", "frame_find"),
     *("replay_open", "replay_close", "replay_play"),
 )
@@ -19,7 +20,7 @@ EXCHANGE = (
 KINDS = {"sheet": "a flexible sheet of taxels", "hexagons": "rigid hexagonal boards"}
 PANELS = (
     *("link", "mesh", "cut", "grid", "fit", "skin"),
-    *("inspect", "inspect_taxel", "inspect_compare", "inspect_replay", "inspect_sizes", "export"),
+    *("inspect", "inspect_taxel", "inspect_compare", "inspect_touches", "inspect_replay", "inspect_sizes", "export"),
 )
 
 

@@ -24,6 +24,7 @@ def drive(gui):
     yield from writes_labels(gui)
     yield from reads_taxels(gui)
     yield from compares(gui)
+    yield from holds_against_touches(gui)
     yield from replays(gui)
 
 
@@ -139,6 +140,23 @@ def compares(gui):
     assert not plan().inspect.comparison.file
     yield from looks(gui)
     assert changed(gui, before) < 0.001
+
+
+def holds_against_touches(gui):
+    """The example's touches: a shift is told, two wires stand out; the sheet moves there, Ctrl-Z brings it back."""
+    before = yield from looks(gui)
+    yield from gui.press("skin_calib.touches")
+    yield from answer(gui, ROOT / "examples" / "wrist_touches.csv")
+    found = plan().inspect.touches
+    assert "Shifted 2.87" in found.told and "wrist.5.1" in found.doubts, (found.told, found.doubts)
+    yield from looks(gui)
+    yield from gui.shot("touches.png")
+    assert changed(gui, before) > 0.002
+    yield from gui.press("skin_calib.touches_move")
+    assert not plan().skins[0].centred and plan().result.outdated
+    yield from undo(gui)
+    assert plan().skins[0].centred and not plan().result.outdated
+    yield from run(gui, "touches_end")
 
 
 def replays(gui):

@@ -69,6 +69,8 @@ ABOVE = {
         "picture",
         "inspection",
         "comparison",
+        "validation",
+        "refining",
         "runtime",
         "replaying",
         "sources",

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hold the skin of the active link against touches of known places, and move it there."""
+
+import bpy
+
+from ..skin_calib_addon.blender import touching
+from ..skin_calib_addon.errors import SkinCalibError
+from .files import FromFile
+from .on_link import Edit, OnLink, OnResult
+
+
+class SKIN_OT_touches(OnResult, FromFile, bpy.types.Operator):
+    """Compare the taxels of the active link with a table of touches: which taxel felt most, and where the probe was"""
+
+    bl_idname = "skin_calib.touches"
+    bl_label = "Compare with Touches"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: bpy.props.StringProperty(default="*.csv", options={"HIDDEN"})
+
+    def execute(self, context):
+        try:
+            found = touching.compare_touches(context.object, bpy.path.abspath(self.filepath))
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        count = sum(len(placement.rows) for placement in found)
+        self.report({"INFO"}, f"{count} touches compared")
+        return {"FINISHED"}
+
+
+class SKIN_OT_touches_move(OnResult, Edit, bpy.types.Operator):
+    """Move the skins of the active link to where they were touched: origins and directions, or landmarks"""
+
+    bl_idname = "skin_calib.touches_move"
+    bl_label = "Move Skins There"
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        touches, result = context.object.skin_calib.inspect.touches, context.object.skin_calib.result
+        if not touches.file:
+            return cls.says("Compare with touches first")
+        return cls.says("Fit the link again first" if result.outdated else "")
+
+    def edit(self, context, plan):
+        touching.move_to_touches(context.object, context.scene)
+
+
+class SKIN_OT_touches_end(OnLink, bpy.types.Operator):
+    """Show these touches no more"""
+
+    bl_idname = "skin_calib.touches_end"
+    bl_label = "Forget Touches"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        touching.forget(context.object)
+        return {"FINISHED"}
+
+
+CLASSES = (SKIN_OT_touches, SKIN_OT_touches_move, SKIN_OT_touches_end)

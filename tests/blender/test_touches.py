@@ -1,0 +1,95 @@
+"""Touches in the scene: compared with the last fit, drawn, and the skins moved to where they were touched."""
+
+import importlib
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.blender.conftest import BAND
+
+
+@pytest.fixture
+def ours(extension):
+    """Modules of the running extension."""
+    names = ("overlay", "results", "scene")
+    return SimpleNamespace(**{n: importlib.import_module(f"{extension}.skin_calib_addon.blender.{n}") for n in names})
+
+
+@pytest.fixture(params=[1.0, 0.001], ids=["m", "mm"])
+def table(request, bpy, ours, plan_file, tmp_path):
+    """A fitted link with a sheet, in scenes of either unit, and touches of all cells 2 mm further along the rows."""
+    bpy.context.scene.unit_settings.scale_length = request.param
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("band", skins=[BAND])))
+    bpy.ops.skin_calib.fit()
+    taxels = taxels_of(bpy, ours)
+    points = taxels.positions_link + 0.002 * taxels.tangents_link
+    rows = [f"{name},{x},{y},{z}" for name, (x, y, z) in zip(taxels.ids, points.tolist())]
+    path = tmp_path / "touches.csv"
+    path.write_text("\n".join(["taxel,x,y,z", *rows]) + "\n")
+    return path
+
+
+def taxels_of(bpy, ours):
+    """The taxels of the last fit."""
+    return ours.results.find(bpy.context.object.skin_calib.result.key).calibration.patches[0].taxels
+
+
+def shown(bpy, ours):
+    """What is drawn of touches."""
+    return [layer for layer in ours.overlay.shown_layers(bpy.context.object) if layer.what == "TOUCHED"]
+
+
+def test_touches_are_told_drawn_and_forgotten(bpy, ours, table):
+    """Words in the panel, lines of 2 mm in the view; Ctrl-Z and the button take both away."""
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.touches("EXEC_DEFAULT", True, filepath=str(table)) == {"FINISHED"}
+    found = bpy.context.object.skin_calib.inspect.touches
+    assert found.told.splitlines()[0].startswith("6 touches, off along the skin: mean 2.00") and found.doubts == ""
+    assert "Shifted 2.0" in found.told
+    (lines,) = shown(bpy, ours)
+    assert_allclose(np.linalg.norm(lines.points[1::2] - lines.points[::2], axis=1), 0.002, rtol=1e-4)
+    bpy.ops.ed.undo()
+    assert not bpy.context.object.skin_calib.inspect.touches.file and shown(bpy, ours) == []
+    bpy.ops.skin_calib.touches(filepath=str(table))
+    bpy.ops.skin_calib.touches_end()
+    assert not bpy.context.object.skin_calib.inspect.touches.file and shown(bpy, ours) == []
+
+
+def test_skins_move_to_where_they_were_touched(bpy, ours, table):
+    """In one step of undo; fitted again nothing is left of the shift."""
+    before = taxels_of(bpy, ours).positions_link
+    bpy.ops.skin_calib.touches(filepath=str(table))
+    bpy.ops.ed.undo_push(message="start")
+    plan = ours.scene.plan_document(bpy.context.object, bpy.context.scene)
+    bpy.ops.skin_calib.touches_move("EXEC_DEFAULT", True)
+    settings = bpy.context.object.skin_calib
+    assert settings.result.outdated and not settings.skins[0].centred
+    with pytest.raises(RuntimeError, match="Fit the link again first"):
+        bpy.ops.skin_calib.touches_move()
+    bpy.ops.skin_calib.fit()
+    after = taxels_of(bpy, ours).positions_link
+    assert_allclose(np.linalg.norm(after - before, axis=1), 0.002, rtol=0, atol=2e-5)
+    bpy.ops.skin_calib.touches(filepath=str(table))
+    told = bpy.context.object.skin_calib.inspect.touches.told
+    assert "Shifted 0.00 ±" in told, told
+    bpy.ops.ed.undo()
+    assert ours.scene.plan_document(bpy.context.object, bpy.context.scene) == plan
+
+
+def test_what_cannot_be_compared_or_moved_says_why(bpy, table, tmp_path):
+    """The last comparison stays, and so does the plan."""
+    with pytest.raises(RuntimeError, match="Compare with touches first"):
+        bpy.ops.skin_calib.touches_move()
+    bpy.ops.skin_calib.touches(filepath=str(table))
+    wrong = tmp_path / "wrong.csv"
+    wrong.write_text("taxel,x,y,z\nnone,0,0,0\n")
+    with pytest.raises(RuntimeError, match="line 2, column 1: names no taxel of the calibration"):
+        bpy.ops.skin_calib.touches(filepath=str(wrong))
+    found = bpy.context.object.skin_calib.inspect.touches
+    assert found.file == str(table)
+    table.write_text("\n".join(table.read_text().splitlines()[:3]) + "\n")
+    with pytest.raises(RuntimeError, match="was touched 2 times, which is too few"):
+        bpy.ops.skin_calib.touches_move()
+    assert bpy.context.object.skin_calib.skins[0].centred and not bpy.context.object.skin_calib.result.outdated
