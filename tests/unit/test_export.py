@@ -175,6 +175,27 @@ def test_pcd_is_what_its_specification_says():
     assert_allclose(rows, np.column_stack((taxels.positions, taxels.normals, taxels.channels)), rtol=0, atol=0)
 
 
+def test_pcd_is_what_another_reader_takes(tmp_path):
+    """Points, normals and channels of ours, in single precision as declared; and we take what it writes."""
+    pypcd4 = pytest.importorskip("pypcd4")
+    content, taxels = written("pcd", link="前腕")
+    (tmp_path / "ours.pcd").write_bytes(content)
+    cloud = pypcd4.PointCloud.from_path(tmp_path / "ours.pcd")
+    assert cloud.fields == ("x", "y", "z", "normal_x", "normal_y", "normal_z", "channel")
+    numbers = cloud.numpy(cloud.fields)
+    vectors = np.column_stack((taxels.positions, taxels.normals))
+    assert_allclose(numbers[:, :6], vectors, rtol=1e-7, atol=1e-9)
+    assert numbers[:, 6].tolist() == taxels.channels.tolist()
+    for encoding in (pypcd4.Encoding.ASCII, pypcd4.Encoding.BINARY):
+        cloud.save(tmp_path / "its.pcd", encoding=encoding)
+        back = read_taxels(tmp_path / "its.pcd")
+        assert_allclose(np.column_stack((back.positions, back.normals)), vectors, rtol=0, atol=1e-7)
+        assert back.channels.tolist() == taxels.channels.tolist() and back.findings == ()
+    cloud.save(tmp_path / "its.pcd", encoding=pypcd4.Encoding.BINARY_COMPRESSED)
+    with pytest.raises(CalibrationFormatError, match="save it as ascii or binary"):
+        read_taxels(tmp_path / "its.pcd")
+
+
 # --- Isaac
 
 
