@@ -1,6 +1,6 @@
 """Ours beside the paper's method and its peers, in one run: tables, CSV files and the charts of the documentation.
 
-    python benchmarks/run.py [--repeats N] [--only time_error|stability|cost|placement|cycle]
+    python benchmarks/run.py [--repeats N] [--only time_error|stability|cost|placement|cycle|files]
 
 Times are the median of N runs, or of as many as fit in ``measure.BUDGET``, from mesh to surface without reading files,
 with whatever threads the machine gives. All surfaces are measured by the same exact distances, in as many even places.
@@ -16,12 +16,13 @@ from pathlib import Path
 import charts
 import cost
 import cycle
+import files
 import placement
 import stability
 import time_error
 from links import ROOT
 
-MODULES = (time_error, stability, cost, placement, cycle)
+MODULES = (time_error, stability, cost, placement, cycle, files)
 BENCHMARKS = {module.__name__: module for module in MODULES}
 
 

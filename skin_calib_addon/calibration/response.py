@@ -223,4 +223,4 @@ def _finite(readings: Any) -> Array:
 
 def _floats(values: Any) -> list[float]:
     """1 becomes 1.0, so that one calibration has one file."""
-    return [float(value) for value in values]
+    return list(map(float, values))

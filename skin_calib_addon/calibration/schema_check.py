@@ -17,9 +17,9 @@ from .schema_types import (
     definition,
     fits_length,
     has_type,
-    is_meant,
     is_same,
     matcher,
+    meaning,
     tags,
 )
 
@@ -117,8 +117,8 @@ def _check_string(value: str, schema: Schema, pointer: str) -> Iterator[Finding]
 
 def _check_choice(value: Any, branches: list[Schema], pointer: str, root: Schema) -> Iterator[Finding]:
     definitions = [definition(branch, root) for branch in branches]
-    meant = [branch for branch, meaning in zip(branches, definitions) if is_meant(value, meaning)]
-    told = [tag for meaning in definitions for tag in tags(meaning).items()]
+    meant = [branch for branch, defined in zip(branches, definitions) if meaning(defined)(value)]
+    told = [tag for defined in definitions for tag in tags(defined).items()]
     if meant:
         yield from _check(value, meant[0], pointer, root)
     elif isinstance(value, dict) and told:

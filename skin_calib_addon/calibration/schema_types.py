@@ -2,6 +2,7 @@
 
 import operator
 import re
+from collections.abc import Callable
 from functools import cache
 from itertools import chain
 from typing import Any
@@ -50,11 +51,12 @@ def definition(schema: Schema, root: Schema) -> Schema:
     return root["$defs"][schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
 
 
-def is_meant(value: Any, branch: Schema) -> bool:
-    """Whether a branch of a choice is the one for this value, right or wrong in its details."""
+def meaning(branch: Schema) -> Callable[[Any], bool]:
+    """The test whether a branch of a choice is the one for a value, right or wrong in its details."""
     if "const" in branch:
-        return is_same(value, branch["const"])
-    return has_type(value, branch["type"]) and all(is_same(value.get(k), const) for k, const in tags(branch).items())
+        return lambda value: is_same(value, branch["const"])
+    wanted, told = branch["type"], tuple(tags(branch).items())
+    return lambda value: has_type(value, wanted) and all(is_same(value.get(name), const) for name, const in told)
 
 
 def tags(branch: Schema) -> dict[str, Any]:
@@ -97,7 +99,7 @@ def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
 
 def _choices_fit(values: list[Any], branches: list[Schema], root: Schema) -> bool:
     for branch in branches:
-        meant = [is_meant(value, branch) for value in values]
+        meant = list(map(meaning(branch), values))
         if not all_fit([value for value, is_this in zip(values, meant) if is_this], branch, root):
             return False
         values = [value for value, is_this in zip(values, meant) if not is_this]

@@ -126,15 +126,17 @@ def _measure(data: bytes) -> None:
     Exact as far as the syntax is right, which is as far as anything will be built.
     """
     unescaped = data.replace(rb"\\", b"__").replace(rb"\"", b"__")  # now every quote opens or closes a string
-    quotes = depth = deepest = values = 0
+    depth = deepest = values = 0
+    in_text = False
     for start in range(0, len(unescaped), _CHUNK):
         chunk = np.frombuffer(unescaped[start : start + _CHUNK], np.uint8)
-        inside = (np.cumsum(chunk == ord('"')) + quotes) % 2 == 1
+        inside = np.logical_xor.accumulate(chunk == ord('"')) ^ in_text
         outside = np.where(inside, 0, chunk)
-        depths = np.cumsum(_STEP[outside]) + depth
-        quotes += int(np.count_nonzero(chunk == ord('"')))
-        depth, deepest = int(depths[-1]), max(deepest, int(depths.max()))
-        values += int(np.count_nonzero(_STEP[outside] > 0) + np.count_nonzero(outside == ord(",")))
+        steps = _STEP[outside]
+        depths = np.cumsum(steps[steps != 0]) + depth
+        in_text, depth = bool(inside[-1]), int(depths[-1]) if len(depths) else depth
+        deepest = max(deepest, int(depths.max(initial=0)))
+        values += int(np.count_nonzero(steps > 0) + np.count_nonzero(outside == ord(",")))
     if deepest > MOST_DEPTH:
         raise _UnreadableError("depth", f"nests {deepest} levels; at most {MOST_DEPTH} are read")
     if values > MOST_VALUES:
