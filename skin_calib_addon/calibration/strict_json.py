@@ -41,7 +41,7 @@ def read(path: str | os.PathLike[str]) -> bytes:
         raise CalibrationFormatError(f"cannot read '{path}': its {size} bytes exceed {MOST_BYTES}")
     try:
         with open(path, "rb") as file:
-            return file.read()
+            return file.read(MOST_BYTES + 1)  # a file may grow, or tell no size, as those in /proc
     except OSError as problem:
         raise _unreadable(path, problem) from problem
 

@@ -24,6 +24,7 @@ from skin_calib_addon.calibration import (
     from_document,
     load_calibration,
     save_calibration,
+    strict_json,
     to_document,
     validate,
 )
@@ -230,6 +231,15 @@ def test_load_refuses_what_is_no_file(tmp_path):
         with pytest.raises(CalibrationFormatError, match=reason) as caught:
             load_calibration(tmp_path / name)
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs a file that tells no size")
+def test_file_larger_than_it_tells_is_not_read_on(monkeypatch):
+    """One that grows while it is read must not fill the memory."""
+    monkeypatch.setattr(strict_json, "MOST_BYTES", 10)
+    assert len(strict_json.read("/proc/self/status")) == 11
+    with pytest.raises(CalibrationFormatError, match="has 11 bytes; at most 10 are read"):
+        load_calibration("/proc/self/status")
 
 
 def test_write_replaces_whole_file_and_keeps_mode(tmp_path):
