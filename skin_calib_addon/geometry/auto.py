@@ -1,11 +1,13 @@
 """The smallest grid that meets a tolerance: predicted from a survey, proved by fits."""
 
+from bisect import insort
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, IntArray
 from ..deviation import DistanceStatistics
 from ..errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from .axis import Axis
@@ -15,21 +17,27 @@ from .fit import SurfaceFit, check_fit, fit_lines, fit_surface
 from .grids import AcrossGrid, Grid, SectorGrid, TubeGrid
 from .lines import LineGrid
 from .mesh import TriangleMesh
-from .spacing import guessed_lines, guessed_planes, moved_lines, moved_planes
+from .spacing import line_places, plain_lines, plane_places
 from .survey import Survey
 
-LARGEST = MOST_PLANES, MOST_LINES = 60, 160
-MOST_FITS, MORE_FITS, MOST_TARGETS, MOST_STEPS = 8, 3, 30, 8
+MOST_PLANES, MOST_LINES = 60, 160
+MOST_FITS, MORE_FITS, MOST_ROUNDS = 6, 3, 12
 PROMISING = 3  # proportions of planes and lines that are tried, of those that are predicted
 CHECKED = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
-# A fit that uses this much of its tolerance is small enough, and so is one between targets as close as this.
-GOOD, CLOSE = 0.9, 1.05
+GOOD = 0.9  # a fit that uses this much of its tolerance is small enough
 SAFETY = 1.05  # of distances to the planes of facets, which where facets meet are a little shorter than to the mesh
-EASY = 2.0  # times the least predicted error, which a net of moderate size keeps
+EASY = 3.0  # times the least predicted error, which a net of moderate size keeps
+NEAR = 1.05  # times the least predicted error: what is nearer takes all there is
+FEWER = 1.1  # times the control points of a net that missed the tolerance: with fewer, no other is tried
 HOPE = 1.1  # a prediction may be off by this factor
+STUCK, ASTRAY = 0.97, 1.5  # a net for less error that leaves more than the one, and less than the other, gains nothing
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
-# What a mean and a largest error are of a root mean square, as a first guess; the first fit tells better.
-SHARE = {"mean": 0.74, "max": 5.0}
+MEASURES = ("mean", "max")
+LADDER = 1.4  # from one number of planes or lines to the next whose error is looked at
+MOVED = 0.6  # share of the error that is left by places where it is least, as a first guess
+TINY = 1e-300  # [m]
+SLIGHT = 0.4  # share of an error below which that of one direction adds little to that of the other
+SNUG = 0.8, 0.9  # a grid is small enough that leaves this share of an error; what is aimed at so that it leaves no more
 
 
 @dataclass(frozen=True)
@@ -62,77 +70,142 @@ def chart_of(
     return TubeGrid(0, 0, axis, margin).chart(mesh)
 
 
+class Family:
+    """Planes, or lines: how far any number of them leaves the mesh.
+
+    Errors of plain places are seen at a few numbers, those of the best places at fewer; between them, errors and what
+    the best places gain follow power laws.
+    """
+
+    def __init__(
+        self, plain: Callable[[int], float], best: Callable[[int], tuple[float, Array]], fewest: int, most: int
+    ):
+        self.counts: IntArray = np.arange(fewest, most + 1)
+        self.plain, self.best = cache(plain), cache(best)
+        steps = int(np.log(most / fewest) / np.log(LADDER)) + 1
+        self.ladder = np.unique(np.rint(np.geomspace(fewest, most, steps + 1)).astype(np.int64))
+        self.placed: list[int] = []  # numbers whose best places are known, ascending
+
+    def places(self, count: int) -> Array:
+        """Where so many leave the least error."""
+        if count not in self.placed:
+            insort(self.placed, count)
+        return self.best(count)[1]
+
+    def error(self, count: int) -> float:
+        """Error of so many at the best places [m]."""
+        self.places(count)
+        return self.best(count)[0]
+
+    def errors(self, enough: float = 0.0) -> Array:
+        """Error of each number at the best places as far as is known [m], but for those below what is ``enough``."""
+        seen = []
+        for count in self.ladder:
+            seen.append(self.plain(int(count)))
+            if seen[-1] < enough:
+                break
+        plain = power_law(self.counts, self.ladder[: len(seen)], seen)
+        if not self.placed:
+            return MOVED * plain
+        gains = [self.best(count)[0] / plain[count - self.counts[0]] for count in self.placed]
+        return plain * power_law(self.counts, np.array(self.placed), gains)
+
+
+def power_law(wanted: IntArray, counts: IntArray, values: Sequence[float]) -> Array:
+    """Values at some ascending counts, with power laws between them and nothing new beyond, at wanted ones."""
+    return np.exp(np.interp(np.log(wanted), np.log(counts), np.log(np.maximum(values, TINY))))
+
+
 class ErrorModel:
-    """Predicted error of every grid on a survey: errors along and across add in squares.
+    """Predicted error of every grid on a survey, mean or largest: errors along and across add in squares.
 
     Least-squares fits are projections, and those along u and along v commute: what the one leaves is at a right angle
     to what the other leaves.
     """
 
-    def __init__(self, survey: Survey, degree: tuple[int, int]):
+    def __init__(self, survey: Survey, degree: tuple[int, int], measure: str = "mean", most: int = MOST_LINES):
         self.survey, self.degree = survey, degree
-        self.along = cache(self._along)
-        self.across = cache(self._across)
-        self.planes = cache(lambda n: moved_planes(survey, self.along(n)[1], degree[0]))
-        self.v_lines = cache(lambda m: moved_lines(survey, self.across(m)[1], degree[1]))
+        judged = survey.halves[1]  # by what places were not chosen by
 
-    def _along(self, planes: int) -> tuple[float, Array]:
-        """Error of some planes along the chart, root mean square [m], and where they lie."""
-        s = guessed_planes(self.survey, planes, self.degree[0])
-        return self.survey.error_along(s, self.degree[0])[0], s
+        def planes(n: int) -> tuple[float, Array]:
+            s = plane_places(survey, n, "auto", degree[0])
+            return float(judged.misfits_along(s, degree[0], measure)), s
 
-    def _across(self, lines: int) -> tuple[float, Array]:
-        """Error of some lines across the chart, root mean square [m], and where they lie."""
-        t = guessed_lines(self.survey, lines, self.degree[1])
-        return self.survey.error_across(t, self.degree[1])[0], t
+        def lines(m: int) -> tuple[float, Array]:
+            t = line_places(survey, m, "auto", degree[1])
+            return float(judged.misfits_across(t, degree[1], measure)), t
+
+        def even_planes(n: int) -> float:
+            return float(judged.misfits_along(np.linspace(*survey.chart.span, n), degree[0], measure))
+
+        def plainest_lines(m: int) -> float:
+            return float(judged.misfits_across(plain_lines(survey, m, degree[1]), degree[1], measure).min())
+
+        self.along = Family(even_planes, planes, degree[0] + 1, MOST_PLANES)
+        self.across = Family(plainest_lines, lines, degree[1] + 1, most)
 
     @property
     def smallest(self) -> tuple[int, int]:
         """Planes and lines of the smallest grid that the degree allows."""
         return self.degree[0] + 1, self.degree[1] + 1
 
+    @property
+    def least(self) -> float:
+        """The least error of all grids, as far as is known [m]."""
+        return float(np.hypot(self.along.errors().min(), self.across.errors().min()))
+
     def error(self, size: tuple[int, int]) -> float:
-        """Error of a grid of some planes and lines, root mean square [m]."""
-        return float(np.hypot(self.along(size[0])[0], self.across(size[1])[0]))
+        """Error of a grid of some planes and lines [m]."""
+        return float(np.hypot(self.along.error(size[0]), self.across.error(size[1])))
 
     def lines(self, size: tuple[int, int]) -> LineGrid:
-        """The lines of a grid; they are moved to where they leave less than is predicted."""
-        return chart_lines(self.survey.chart, self.planes(size[0]), self.v_lines(size[1]))
+        """The lines of a grid, where they leave the least."""
+        return chart_lines(self.survey.chart, self.along.places(size[0]), self.across.places(size[1]))
 
-    def best_below(self, size: tuple[int, int]) -> tuple[int, int] | None:
-        """The best grid with fewer control points than one of about as many planes; None if there is none."""
-        net = size[0] * size[1]
-        planes = range(max(size[0] - 1, self.degree[0] + 1), min(size[0] + 1, MOST_PLANES) + 1)
-        sizes = [(n, (net - 1) // n) for n in planes if self.degree[1] < (net - 1) // n <= MOST_LINES]
-        return min(sizes, key=self.error, default=None)
+    def smallest_grid(self, error: float, above: float = 0.0) -> tuple[int, int] | None:
+        """Planes and lines of the smallest net with at most this error [m]; None if there is none.
 
-    def fewest_lines(self, error: float) -> int | None:
-        """Fewest lines that leave at most this error across, found by bisection; None if none do."""
-        low, high = self.degree[1] + 1, MOST_LINES
-        step = low
-        while step < high and self.across(step)[0] > error:  # double up to a first good number: small nets cost little
-            low, step = step + 1, 2 * step
-        high = min(step, high)
-        if self.across(high)[0] > error:
-            return None
-        while low < high:
-            middle = (low + high) // 2
-            low, high = (low, middle) if self.across(middle)[0] <= error else (middle + 1, high)
-        return high
+        Places are looked for where the answer seems to lie, until they are known there.
 
-    def smallest_grid(self, error: float) -> tuple[int, int] | None:
-        """Planes and lines of the smallest net with at most this error; None if there is none."""
-        best: tuple[int, int] | None = None
-        fewest = self.fewest_lines(error)
-        for n in range(self.degree[0] + 1, MOST_PLANES + 1):
-            if fewest is None or (best and n * fewest >= best[0] * best[1]):
+        Parameters
+        ----------
+        above : float
+            So many control points are too few.
+        """
+        along, across = self.along, self.across
+        nets = 1.0 * along.counts[:, None] * across.counts
+        nets[nets <= above] = np.inf
+        aim = SNUG[1] * error
+        for _ in range(MOST_ROUNDS):
+            errors = np.hypot(along.errors(SLIGHT * error)[:, None], across.errors(SLIGHT * error))
+            if not (errors <= aim).any():
+                if aim == error:
+                    return None
+                aim = error
+                continue
+            # Of nets of one size that of the least error: that is below one, and nets are whole numbers.
+            i, j = divmod(int(np.argmin(np.where(errors <= aim, nets + errors / (2 * error), np.inf))), nets.shape[1])
+            size = int(along.counts[i]), int(across.counts[j])
+            known = size[0] in along.placed and size[1] in across.placed
+            if SNUG[0] * error <= self.error(size) <= error or known:
                 break
-            left, _ = self.along(n)
-            if left < error:
-                lines = self.fewest_lines(float(np.sqrt(error**2 - left**2)))
-                if lines and (best is None or n * lines < best[0] * best[1]):
-                    best = n, lines
-        return best
+            aim = error
+        return size
+
+    def best_grids(self, control_points: int, count: int) -> list[tuple[int, int]]:
+        """The grids of the least error with at most so many control points, best first."""
+        along, across = self.along, self.across
+        widest = np.minimum(control_points // along.counts, across.counts[-1])
+        fits = widest >= across.counts[0]
+        for _ in range(MOST_ROUNDS):
+            errors = np.hypot(along.errors()[fits], across.errors()[widest[fits] - across.counts[0]])
+            best = np.argsort(errors, kind="stable")[:count]
+            sizes = [(int(along.counts[fits][i]), int(widest[fits][i])) for i in best]
+            if all(n in along.placed and m in across.placed for n, m in sizes):
+                break
+            for size in sizes:
+                self.error(size)
+        return sizes
 
 
 def fit_to_tolerance(
@@ -164,12 +237,11 @@ def fit_to_tolerance(
     UnreachableTolerance
         If the mesh's own facets are further from any smooth surface; says what can be reached.
     """
-    if not tolerance > 0 or measure not in SHARE:
+    if not tolerance > 0 or measure not in MEASURES:
         raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
     degrees = (degree, degree) if isinstance(degree, int) else degree
     survey = Survey.of(mesh, chart_of(mesh, axis, margin, sector, normal), MOST_PLANES)
-    model = ErrorModel(survey, degrees)
-    search = Search(mesh, model, tolerance, measure)
+    search = Search(mesh, ErrorModel(survey, degrees, measure), tolerance, measure)
     search.run()
     if search.best is None:
         least = min(search.reachable, *(error for error, _ in search.tried.values()))
@@ -212,9 +284,8 @@ def fit_to_count(
         )
     most = min(control_points // fewest_m, MOST_PLANES)
     survey = Survey.of(mesh, chart_of(mesh, axis, margin, sector, normal), most)
-    model = ErrorModel(survey, degrees)
-    sizes = [(n, min(control_points // n, MOST_LINES)) for n in range(fewest_n, most + 1)]
-    fits = [fit_lines(mesh, model.lines(size), degrees) for size in sorted(sizes, key=model.error)[:PROMISING]]
+    model = ErrorModel(survey, degrees, most=min(control_points // fewest_n, MOST_LINES))
+    fits = [fit_lines(mesh, model.lines(size), degrees) for size in model.best_grids(control_points, PROMISING)]
     best = min(fits, key=lambda fit: fit.distances(CHECKED).mean)
     check_fit(best)
     return best
@@ -238,40 +309,60 @@ class Search:
 
     def run(self) -> None:
         """Look for the smallest net; the winner is proved where ``errors`` looks, and if it fails, the next one is."""
-        self.by_target(MOST_FITS)
-        if self.best is None:
-            self.from_experience()
-        proved: SurfaceFit | None = None
-        while self.best is not None and self.best is not proved:
-            self.downwards()
-            proved = self.best
-            n, m = proved.offsets.shape
-            if (n, m) not in self.proved:
-                self.tried[n, m] = self.exact_error(proved), proved
+        self.look(MOST_FITS)
+        while self.best is not None and size_of(self.best) not in self.proved:
+            fit = self.best
+            self.proved.add(size_of(fit))
+            self.tried[size_of(fit)] = self.exact_error(fit), fit
             if self.best is None:  # rays promised what exact distances do not keep
-                self.by_target(len(self.tried) + MORE_FITS)
+                self.look(len(self.tried) + MORE_FITS)
 
-    def from_experience(self) -> None:
-        """Where the predictions promise nothing, learn from fits how far they are off; go on while there is hope."""
-        least = self.model.error(LARGEST)
-        easy = min(self.tried, key=self.error, default=self.model.smallest_grid(EASY * least))
-        assert easy is not None  # the largest net is one of those that keep more than its own error
-        share = self.share_of_predicted(easy)
-        if self.hopes(share * least):
-            self.by_target(len(self.tried) + MORE_FITS, start=AIM * SHARE[self.measure] / share * self.tolerance)
-        share = self.share_of_predicted(min(self.tried, key=self.error))
-        if self.best is None and self.hopes(share * least) and self.error(LARGEST) <= self.tolerance:
-            self.by_target(len(self.tried) + MORE_FITS, kept=SHARE[self.measure] * least)
+    def look(self, fits: int) -> None:
+        """Fit the smallest grid that is predicted to keep the tolerance, and learn from each fit what to aim at.
 
-    def share_of_predicted(self, size: tuple[int, int]) -> float:
-        """The error of the fit of this size over what is predicted."""
-        return self.error(size) / self.model.error(size)
+        Parameters
+        ----------
+        fits : int
+            How many there may be in all.
+        """
+        while len(self.tried) < fits:
+            size = self.model.smallest_grid(self.target, FEWER * self.most_missed)
+            if size is None and not self.tried:
+                size = self.model.smallest_grid(EASY * self.model.least)
+            elif size is None and self.best is None:
+                self.reachable = self.share * self.model.least
+                if self.reachable > HOPE * self.tolerance:
+                    break
+                size = self.model.smallest_grid(NEAR * self.model.least)
+            if size is None or size in self.tried or (self.best and size[0] * size[1] >= net_size(self.best)):
+                break
+            least = min((error for error, _ in self.tried.values()), default=np.inf)
+            error = self.error(size)
+            stuck = self.best is None and STUCK * least < error < ASTRAY * least
+            if stuck or GOOD * self.tolerance < error <= self.tolerance:
+                break
 
-    def hopes(self, least: float) -> bool:
-        """Whether the least error to expect [m] is about the tolerance; it is what can be reached where it is not."""
-        hope = least <= HOPE * self.tolerance
-        self.reachable = np.inf if hope else least
-        return hope
+    @property
+    def most_missed(self) -> int:
+        """Control points of the largest net that missed the tolerance and is smaller than the best; 0 if none is."""
+        most = net_size(self.best) if self.best else 0
+        missed = [n * m for (n, m), (error, _) in self.tried.items() if error > self.tolerance and n * m < most]
+        return max(missed, default=0)
+
+    @property
+    def target(self) -> float:
+        """The predicted error of grids to try: as predictions have been off so far, and below all that missed [m]."""
+        missed = [self.model.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
+        target = AIM * self.tolerance / self.share
+        return min(target, GOOD * min(missed)) if missed and self.best is None else target
+
+    @property
+    def share(self) -> float:
+        """Error of the fit that comes nearest to the mesh over what was predicted; 1 before the first."""
+        if not self.tried:
+            return 1.0
+        size = min(self.tried, key=lambda size: self.tried[size][0])
+        return self.tried[size][0] / self.model.error(size)
 
     def error(self, size: tuple[int, int]) -> float:
         """What the error of the fit of this size does not exceed, or about what it is [m]."""
@@ -295,43 +386,11 @@ class Search:
         distance = self.exact(self.mesh)(fit.surface.points(uv[trusted]))[0]
         return float(getattr(DistanceStatistics.of(distance, weights[trusted]), self.measure))
 
-    def by_target(self, fits: int, kept: float = 0.0, start: float = 0.0) -> None:
-        """Fit the smallest grid that is predicted to reach a target, and learn from each what to aim at.
 
-        Parameters
-        ----------
-        fits : int
-            How many there may be in all.
-        kept : float
-            A target that is known to keep the tolerance [m]; 0 if none is.
-        start : float
-            The first target [m]; 0 for the one that is known, or else the tolerance.
-        """
-        target, share = start or kept or self.tolerance, SHARE[self.measure]
-        # Targets between which the answer lies: the largest that kept the tolerance, the smallest that did not.
-        missed = self.tolerance if kept else np.inf
-        for _ in range(MOST_TARGETS):
-            size = self.model.smallest_grid(target / share)
-            if size is None or missed <= CLOSE * kept or (size not in self.tried and len(self.tried) == fits):
-                break
-            error = self.error(size)
-            good = error <= self.tolerance
-            kept, missed = (max(kept, target), missed) if good else (kept, min(missed, target))
-            if GOOD * self.tolerance < error <= self.tolerance or (good and size == self.model.smallest):
-                break
-            between = float(np.sqrt(kept * missed)) if kept and missed < np.inf else 0.0
-            target = between or target * self.tolerance / error * AIM
-
-    def downwards(self) -> None:
-        """Try the most promising smaller nets, as long as they keep the tolerance and something is left of it."""
-        for _ in range(MOST_STEPS):
-            if self.best is None:
-                break
-            n, m = self.best.offsets.shape
-            size = self.model.best_below((n, m))
-            allowed = HOPE * self.tolerance / self.tried[n, m][0] * self.model.error((n, m))
-            if size is None or self.model.error(size) > allowed or self.error(size) > self.tolerance:
-                break
+def size_of(fit: SurfaceFit) -> tuple[int, int]:
+    """Planes and lines."""
+    n, m = fit.offsets.shape
+    return n, m
 
 
 def net_size(fit: SurfaceFit) -> int:

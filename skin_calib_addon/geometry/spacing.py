@@ -88,6 +88,16 @@ def moved_planes(survey: Survey, places: Array, degree: int) -> Array:
     return best([places, moved], judged.errors_along, degree, survey)
 
 
+def plain_lines(survey: Survey, count: int, degree: int) -> Array:
+    """Choices of lines that need no search: at even places, lengths and a power of the curvature; shape (c, count)."""
+    if not survey.fills:
+        return line_places(survey, count, "uniform", degree)[None]
+    shares = (
+        even_shares(count, True) if survey.chart.closed else greville(spline_sites(count, degree, False).knots, degree)
+    )
+    return np.stack([place(m, shares) for m in density_maps(survey).values()])
+
+
 def guessed_lines(survey: Survey, count: int, degree: int) -> Array:
     """Lines at even places, even lengths or a power of the curvature, or such as leave alike errors in all spans."""
     closed, even = survey.chart.closed, even_shares(count, survey.chart.closed)

@@ -24,6 +24,7 @@ SMOOTHING_STEPS = 2.3  # of the outlines, over which curvature is averaged: face
 FULL = 0.98  # share of the rays that meet a mesh which fills its chart
 ROUNDS = 5
 STILL = 1e-4  # a round that moves the offsets by this share of what they leave, both squared, is the last
+FEWEST_SITES = 80  # where a mean or a largest distance is told
 LOOKED, JUDGED = 7, 10  # sites per span: a short spline passes through three, and facets come in round numbers
 
 
@@ -103,6 +104,21 @@ class Survey:
             per_span=per_span,
         )
 
+    def misfits_across(self, t: Array, degree: int, measure: str) -> Array:
+        """Mean or largest distance [m], as ``measure`` says, that choices of lines (..., m) leave; shape (...)."""
+        closed, count = self.chart.closed, t.shape[-1]
+        at, _, _, residuals = self._densely(count if closed else count - degree)._fit_across(t, degree)
+        return misfits(residuals, self._met_across(at).astype(np.float64), measure)
+
+    def misfits_along(self, s: Array, degree: int, measure: str) -> Array:
+        """Mean or largest distance [m] that choices of planes (..., n) leave, each place by its length; shape (...)."""
+        sites, met, residuals = self._densely(s.shape[-1] - degree)._fit_along(s, degree)
+        return misfits(residuals, met * lengths(over_rows(s, sites.values.T))[..., None, :], measure)
+
+    def _densely(self, spans: int) -> "Survey":
+        """The same with so many sites that few spans, too, see every facet."""
+        return replace(self, per_span=max(self.per_span, -(-FEWEST_SITES // spans)))
+
     def errors_across(self, t: Array, degree: int) -> Array:
         """What several choices of lines (c, m) leave between outlines and fits.
 
@@ -150,10 +166,9 @@ class Survey:
 
         The offsets are of shape (..., r, m).
         """
-        closed, m = self.chart.closed, t.shape[-1]
-        sites = spline_sites(m, degree, closed, self.per_span)
-        rows = (*t.shape[:-1], len(self.outlines), m)
-        offsets = interpolated(self.outlines, self.outline_t, np.broadcast_to(t[..., None, :], rows), closed)
+        closed = self.chart.closed
+        sites = spline_sites(t.shape[-1], degree, closed, self.per_span)
+        offsets = interpolated(self.outlines, self.outline_t, t[..., None, :], closed)
         for _ in range(ROUNDS):  # as the passes of a fit: rays through the spline's own points
             at, reach = self.chart.blend(sites.values, t, offsets)
             residuals = interpolated(self.outlines, self.outline_t, at, closed) - reach
@@ -181,9 +196,9 @@ class Survey:
     def slopes_along(self, s: Array, degree: int) -> tuple[Array, Array]:
         """What planes at some s leave, and how that changes as each moves; as for lines across, but for the lengths."""
         sites, met, residuals = self._fit_along(s, degree)
-        at = np.broadcast_to(sites.values @ s, residuals.shape)
-        steep = interpolated(self._profile_slopes, self.profile_s, at, False)
-        root = np.sqrt(lengths(sites.values @ s))
+        at = sites.values @ s
+        steep = interpolated(self._profile_slopes, self.profile_s, at[None], False)
+        root = np.sqrt(lengths(at))
         slopes = root[:, None] * refitted(steep[..., None] * sites.values, sites)
         slopes += residuals[..., None] * (lengths(sites.values.T).T / (2 * root[:, None]))
         return (root * residuals * met).ravel(), (slopes * met[..., None]).reshape(-1, len(s))
@@ -191,8 +206,7 @@ class Survey:
     def _fit_along(self, s: Array, degree: int) -> tuple[SplineSites, BoolArray, Array]:
         """Least squares on planes at some s (..., n): the sites, whether they were met, what is left, (..., r, l)."""
         sites = spline_sites(s.shape[-1], degree, False, self.per_span)
-        rows = (*s.shape[:-1], len(self.profiles), len(sites.values))
-        at = np.broadcast_to(over_rows(s, sites.values.T)[..., None, :], rows)
+        at = over_rows(s, sites.values.T)[..., None, :]
         heights = interpolated(self.profiles, self.profile_s, at, False)
         met = met_beside(self.profiles_known, self.profile_s, at, False)
         return sites, met, heights - over_rows(over_rows(heights, sites.inverse.T), sites.values.T)
@@ -230,12 +244,28 @@ def mean_square(values: Array) -> Array:
 
 
 def met_beside(known: Array, places: Array, at: Array, closed: bool) -> BoolArray:
-    """Whether rows (r, k) that are ``known`` at even places are so on both sides of others (..., r, l)."""
-    return np.ones(at.shape, bool) if known.all() else interpolated(known, places, at, closed) == 1
+    """Whether rows that are ``known`` at even places are so on both sides of others; shapes as of ``interpolated``."""
+    if known.all():
+        return np.ones((*at.shape[:-2], len(known), at.shape[-1]), bool)
+    return interpolated(known, places, at, closed) == 1
 
 
 def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> Array:
-    """Heights (r, k) at even places ``known`` as straight lines between them, at ``wanted``; shape (..., r, l)."""
+    """Heights at even places as straight lines between them.
+
+    Parameters
+    ----------
+    heights : array, shape (r, k)
+    known : array, shape (k,)
+        The even places.
+    wanted : array, shape (..., r, l), or (..., 1, l) for the same in all rows
+    closed : bool
+        Whether the first height follows the last.
+
+    Returns
+    -------
+    array, shape (..., r, l)
+    """
     r, k = heights.shape
     place = (wanted - known[0]) / (known[1] - known[0])
     if not closed:
@@ -250,6 +280,14 @@ def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> A
     start = k * np.arange(r)[:, None]
     low, high = heights.take(before + start), heights.take(after + start)
     return low + share * (high - low)
+
+
+def misfits(residuals: Array, weights: Array, measure: str) -> Array:
+    """Mean or largest size of residuals (..., r, sites), as ``measure`` says; shape (...). Zero weight: none."""
+    size = np.abs(residuals) * (weights if measure == "mean" else weights > 0)
+    if measure == "max":
+        return np.asarray(size.max(axis=(-2, -1)))
+    return np.asarray(size.sum(axis=(-2, -1)) / np.maximum(weights.sum(axis=(-2, -1)), 1e-300))
 
 
 def root_mean_squares(residuals: Array, met: BoolArray, unknowns: int, weights: Array | float = 1.0) -> Array:

@@ -16,6 +16,7 @@ from skin_calib_addon.geometry import (
 )
 from skin_calib_addon.geometry.auto import ErrorModel, chart_of, net_size
 from skin_calib_addon.geometry.distance import MeshDistance, surface_samples
+from skin_calib_addon.geometry.fit import fit_lines
 from skin_calib_addon.geometry.survey import Survey
 from skin_calib_addon.plan import plan_from
 from tests.shapes import Z_AXIS, cone, cylinder, dome, keep, sheet, welded, wrist
@@ -230,7 +231,7 @@ def test_plan_is_carried_out(members, kind, measure, tolerance):
 
 def test_chords_go_on_from_the_smallest_grid():
     """With chords the surface lies over the facets of the very lines that were found without."""
-    mesh, grid = cylinder(around=24), AutoGrid(8e-5, axis=Z_AXIS, margin=0.004, sector=(-1.0, 1.5))
+    mesh, grid = cylinder(around=24), AutoGrid(9e-5, axis=Z_AXIS, margin=0.004, sector=(-1.0, 1.5))
     plain, bulged = (fit_grid(mesh, grid, (3, 3), chords) for chords in (False, True))
     assert plain.lines.origins.tobytes() == bulged.lines.origins.tobytes()
     uv = surface_samples(plain.surface)[0]
@@ -255,14 +256,24 @@ def test_chart_of_an_automatic_grid_is_that_of_its_kind():
 
 
 def test_smallest_grid_of_the_model_keeps_its_error():
-    """The errors along and across of the grid it names keep within it; one plane or one line less does not."""
+    """What is predicted of the grid it names keeps within; of grids of two thirds of its control points none does."""
     mesh = coarse_wrist()
     model = ErrorModel(Survey.of(mesh, chart_of(mesh, **SECTOR), 60), (3, 3))
     for error in np.geomspace(2e-3, 2e-5, 12):
         n, lines = model.smallest_grid(error)
         assert model.error((n, lines)) <= error
-        assert lines == 4 or model.error((n, lines - 1)) > error
+        fewer = [(i, 2 * n * lines // 3 // i) for i in range(4, 20)]
+        assert all(model.error(size) > error for size in fewer if size[1] >= 4)
     assert model.smallest_grid(1e-12) is None
+
+
+@pytest.mark.parametrize(("mesh", "where"), [CASES[0], CASES[2]])
+def test_prediction_is_about_what_a_fit_keeps(mesh, where):
+    """Within a third by exact distances, for grids of several sizes and proportions."""
+    model = ErrorModel(Survey.of(mesh, chart_of(mesh, **where), 60), (3, 3))
+    for size in ((4, 5), (4, 8), (6, 5), (8, 12)):
+        fit = fit_lines(mesh, model.lines(size), (3, 3))
+        np.testing.assert_allclose(model.error(size), fit.errors.surface_to_mesh.mean, rtol=0.33, err_msg=str(size))
 
 
 @pytest.mark.parametrize("where", [{"sector": (1.0, 1.0)}, {"sector": (0.0, 7.0)}, {"normal": (0.0, 0.0, -1.0)}])
