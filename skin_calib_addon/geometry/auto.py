@@ -8,24 +8,23 @@ from functools import cache
 import numpy as np
 
 from ..arrays import Array, IntArray
-from ..deviation import DistanceStatistics
 from ..errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from .axis import Axis
 from .charts import Chart, chart_lines
-from .distance import MeshDistance, surface_samples
+from .distance import MeshDistance
 from .fit import SurfaceFit, check_fit, fit_lines, fit_surface
 from .grids import AcrossGrid, Grid, SectorGrid, TubeGrid
 from .lines import LineGrid
 from .mesh import TriangleMesh
+from .proof import proved_error
 from .spacing import line_places, plain_lines, plane_places
 from .survey import Survey
 
 MOST_PLANES, MOST_LINES = 60, 160
-MOST_FITS, MORE_FITS, MOST_ROUNDS = 6, 3, 12
+MOST_FITS, MOST_ROUNDS = 6, 12
 PROMISING = 3  # proportions of planes and lines that are tried, of those that are predicted
 CHECKED = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
 GOOD = 0.9  # a fit that uses this much of its tolerance is small enough
-SAFETY = 1.05  # of distances to the planes of facets, which where facets meet are a little shorter than to the mesh
 EASY = 3.0  # times the least predicted error, which a net of moderate size keeps
 NEAR = 1.05  # times the least predicted error: what is nearer takes all there is
 FEWER = 1.1  # times the control points of a net that missed the tolerance: with fewer, no other is tried
@@ -297,9 +296,8 @@ class Search:
     def __init__(self, mesh: TriangleMesh, model: ErrorModel, tolerance: float, measure: str):
         self.mesh, self.model, self.tolerance, self.measure = mesh, model, tolerance, measure
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
-        self.proved: set[tuple[int, int]] = set()  # sizes whose error does not exceed the tolerance for certain
         self.reachable = np.inf  # the least error [m], where it is not hoped to keep the tolerance
-        self.exact = cache(MeshDistance)  # made when it is needed
+        self.distance = cache(MeshDistance)  # made when it is needed
 
     @property
     def best(self) -> SurfaceFit | None:
@@ -308,24 +306,8 @@ class Search:
         return min(kept, key=net_size, default=None)
 
     def run(self) -> None:
-        """Look for the smallest net; the winner is proved where ``errors`` looks, and if it fails, the next one is."""
-        self.look(MOST_FITS)
-        while self.best is not None and size_of(self.best) not in self.proved:
-            fit = self.best
-            self.proved.add(size_of(fit))
-            self.tried[size_of(fit)] = self.exact_error(fit), fit
-            if self.best is None:  # rays promised what exact distances do not keep
-                self.look(len(self.tried) + MORE_FITS)
-
-    def look(self, fits: int) -> None:
-        """Fit the smallest grid that is predicted to keep the tolerance, and learn from each fit what to aim at.
-
-        Parameters
-        ----------
-        fits : int
-            How many there may be in all.
-        """
-        while len(self.tried) < fits:
+        """Fit the smallest grid that is predicted to keep the tolerance, and learn from each fit what to aim at."""
+        while len(self.tried) < MOST_FITS:
             size = self.model.smallest_grid(self.target, FEWER * self.most_missed)
             if size is None and not self.tried:
                 size = self.model.smallest_grid(EASY * self.model.least)
@@ -365,32 +347,16 @@ class Search:
         return self.tried[size][0] / self.model.error(size)
 
     def error(self, size: tuple[int, int]) -> float:
-        """What the error of the fit of this size does not exceed, or about what it is [m]."""
+        """Error of the fit of this size [m]: proved where it keeps the tolerance, else about what it is."""
         if size not in self.tried:
             fit = fit_lines(self.mesh, self.model.lines(size), self.model.degree)
-            bounds = fit.bounds()
-            error = float(getattr(bounds, self.measure)) if bounds else np.inf
-            if error <= self.tolerance:
-                self.proved.add(size)
-            else:
-                error = min(error, SAFETY * getattr(fit.distances(CHECKED), self.measure))
-            self.tried[size] = error, fit
+            points, bounds, areas = fit.bounds()
+
+            def exact(chosen: IntArray) -> Array:
+                return self.distance(self.mesh)(points[chosen])[0]
+
+            self.tried[size] = proved_error(bounds, areas, exact, self.measure, self.tolerance), fit
         return self.tried[size][0]
-
-    def exact_error(self, fit: SurfaceFit) -> float:
-        """Error of a fit by exact distances [m], as in ``errors``: what spans a hole does not count."""
-        uv, weights = surface_samples(fit.surface)
-        trusted = fit.is_trusted(uv)
-        if not trusted.any():
-            return np.inf
-        distance = self.exact(self.mesh)(fit.surface.points(uv[trusted]))[0]
-        return float(getattr(DistanceStatistics.of(distance, weights[trusted]), self.measure))
-
-
-def size_of(fit: SurfaceFit) -> tuple[int, int]:
-    """Planes and lines."""
-    n, m = fit.offsets.shape
-    return n, m
 
 
 def net_size(fit: SurfaceFit) -> int:

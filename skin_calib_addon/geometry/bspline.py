@@ -110,6 +110,14 @@ def basis_functions(u: Array, knots: Array, degree: int) -> Array:
     return dense
 
 
+def basis_derivatives(u: Array, knots: Array, degree: int) -> tuple[Array, Array]:
+    """Every B-spline basis function at each parameter, and its derivative there; shapes (m, n)."""
+    first, values = local_basis(u, knots, degree, 1)
+    dense = np.zeros((2, len(u), len(knots) - degree - 1))
+    np.put_along_axis(dense, (first[:, None] + np.arange(degree + 1))[None], values, axis=2)
+    return dense[0], dense[1]
+
+
 @dataclass(frozen=True, eq=False)
 class SpanPolynomials:
     """The basis functions of each knot span as polynomials of the way from its start to a parameter."""
@@ -239,6 +247,18 @@ class BSplineSurface:
         n, m, _ = self.control_net.shape
         rows = product(A, self.control_net.reshape(n, -1)).reshape(len(A), m, 3)
         return B @ rows  # one small product per row
+
+    def grid_tangents(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Derivatives by u and by v at every pair of ``u`` and ``v``, shapes (len(u), len(v), 3) [m]."""
+        A, along = basis_derivatives(u, self.knots_u, self.degree[0])
+        B, across = basis_derivatives(v, self.knots_v, self.degree[1])
+        n, m, _ = self.control_net.shape
+        nets = self.control_net.transpose(0, 2, 1).reshape(n, -1)
+        by_u, by_v = (
+            product(product(rows, nets).reshape(-1, m), columns.T).reshape(len(u), 3, len(v)).transpose(0, 2, 1)
+            for rows, columns in ((along, B), (A, across))
+        )
+        return by_u, by_v
 
     def turning(self, length: float) -> float:
         """By how much the normal turns at most on ways of this length, or less, along the coordinate lines [rad].

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import Array, BoolArray, IntArray
+from ..arrays import Array, BoolArray, IntArray, cross
 from ..deviation import DistanceStatistics, SurfaceErrors
 from ..errors import EmptySection
 from .bspline import BSplineSurface
@@ -63,9 +63,9 @@ def lies_at(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
 
 def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
     """Parameters of a dense grid of cell centres, shape (k, 2), and the area that each stands for [m^2]."""
-    uv = _pairs(*sample_lines(surface, SAMPLES_PER_SPAN))
-    r = surface.derivatives(uv)
-    return uv, np.linalg.norm(np.cross(r[1, 0], r[0, 1]), axis=1) / len(uv)
+    u, v = sample_lines(surface, SAMPLES_PER_SPAN)
+    normals = cross(*surface.grid_tangents(u, v)).reshape(-1, 3)
+    return _pairs(u, v), np.linalg.norm(normals, axis=1) / len(normals)
 
 
 def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:

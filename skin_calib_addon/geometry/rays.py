@@ -144,13 +144,27 @@ class RayCaster:
         if self.ordered and not self.clean.all():
             self._cast_overlapping(origins, directions, distance, hit)
         # A ray through a corner or a rim may have been given a segment beside it: misses are looked at again.
-        open_ = np.isnan(distance)
-        for i in np.flatnonzero(open_.any(axis=1)):
-            place = slice(self.bounds[i], self.bounds[i + 1])
-            rays = open_[i]
-            distance[i, rays], found = outermost(self.ends[place], origins[i, rays], directions[i, rays])
-            hit[i, rays] = np.where(np.isnan(distance[i, rays]), 0, found + self.bounds[i])
+        missed = np.flatnonzero(np.isnan(distance))
+        if len(missed) == 0:
+            return distance, self.segment[hit]
+        if self.ordered:
+            self._look_again(origins, directions, distance, hit, missed)
+        else:
+            for i in np.unique(missed // distance.shape[1]):
+                place, rays = slice(self.bounds[i], self.bounds[i + 1]), np.isnan(distance[i])
+                distance[i, rays], found = outermost(self.ends[place], origins[i, rays], directions[i, rays])
+                hit[i, rays] = np.where(np.isnan(distance[i, rays]), 0, found + self.bounds[i])
         return distance, self.segment[hit]
+
+    def _look_again(self, origins: Array, directions: Array, distance: Array, hit: IntArray, missed: IntArray) -> None:
+        """Fill in what rays that have missed so far meet by rounding, among the segments that lie under them."""
+        ray, segment = self._pairs(self._abscissae(origins, directions), missed)
+        ends, (origin, direction) = self.ends[segment], (x.reshape(-1, 2)[ray] for x in (origins, directions))
+        start, step = (ends[:, 0] - origin).T, (ends[:, 1] - ends[:, 0]).T
+        reach = crossing(*start, *step, *direction.T)
+        met = np.flatnonzero(~np.isnan(reach))
+        met = met[np.lexsort((reach[met], ray[met]))]
+        distance.ravel()[ray[met]], hit.ravel()[ray[met]] = reach[met], segment[met]  # of each ray the last one stays
 
     def _abscissae(self, origins: Array, directions: Array) -> Array:
         """Of rays, short of the whole width: the row's number times the width must not round up to the next row."""
@@ -191,23 +205,7 @@ class RayCaster:
         A ray through the end that two segments share crosses just one of them.
         """
         x = self._abscissae(origins, directions)
-        chosen = np.zeros(len(x), bool)
-        chosen[rows] = True
-        key = (np.arange(len(x))[:, None] * self.width + np.broadcast_to(x, origins.shape[:2])).ravel()
-        by_key = np.argsort(key, kind="stable")
-        key = key[by_key]
-        place = np.flatnonzero(chosen[self.row])  # segments in the order of their abscissae keep their rows
-        slack = ROUNDING * self.width
-        begin, stop = self.key[place] - slack, self.stop[place] + slack
-        low, high = self.row[place] * self.width, (self.row[place] + 1) * self.width
-        pairs = []
-        for turn in (0.0, self.width) if self.centres is not None else (0.0,):  # segments over the zero angle, again
-            first = np.searchsorted(key, np.maximum(begin - turn, low))
-            count = np.maximum(np.searchsorted(key, np.minimum(stop - turn, high)) - first, 0)
-            which = np.repeat(np.arange(len(place)), count)
-            pairs.append((by_key[np.arange(len(which)) + np.repeat(first - np.cumsum(count) + count, count)], which))
-        ray, which = (np.concatenate(parts) for parts in zip(*pairs))
-        segment = self.order[place][which]
+        ray, segment = self._pairs(x, (rows[:, None] * x.shape[1] + np.arange(x.shape[1])).ravel())
         offset = self.ends[segment] - origins.reshape(-1, 2)[ray][:, None]
         direction = np.broadcast_to(directions, origins.shape).reshape(-1, 2)[ray]
         side = direction[:, None, 0] * offset[..., 1] - direction[:, None, 1] * offset[..., 0]
@@ -218,6 +216,27 @@ class RayCaster:
         met = np.flatnonzero(crosses & (distance > 0))
         met = met[np.argsort(ray[met], kind="stable")]
         return ray[met], segment[met], distance[met]
+
+    def _pairs(self, x: Array, rays: IntArray) -> tuple[IntArray, IntArray]:
+        """Numbers of some rays and of the segments that lie under them, or all but do, for abscissae (rows, l)."""
+        row = rays // x.shape[1]
+        key = row * self.width + x.ravel()[rays]
+        by_key = np.argsort(key, kind="stable")
+        key, rays = key[by_key], rays[by_key]
+        chosen = np.zeros(len(x), bool)
+        chosen[row] = True
+        place = np.flatnonzero(chosen[self.row])  # segments in the order of their abscissae keep their rows
+        slack = ROUNDING * self.width
+        begin, stop = self.key[place] - slack, self.stop[place] + slack
+        low, high = self.row[place] * self.width, (self.row[place] + 1) * self.width
+        pairs = []
+        for turn in (0.0, self.width) if self.centres is not None else (0.0,):  # segments over the zero angle, again
+            first = np.searchsorted(key, np.maximum(begin - turn, low))
+            count = np.maximum(np.searchsorted(key, np.minimum(stop - turn, high)) - first, 0)
+            which = np.repeat(np.arange(len(place)), count)
+            pairs.append((rays[np.arange(len(which)) + np.repeat(first - np.cumsum(count) + count, count)], which))
+        ray, which = (np.concatenate(parts) for parts in zip(*pairs))
+        return ray, self.order[place][which]
 
 
 def diamond_angle(vectors: Array) -> Array:

@@ -26,7 +26,7 @@ def arm(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
     skin = {"name": "none", "kind": "imported", "file": "none"}
     plan = {"format": "skin-plan", "version": 1, "link": "r_upper_arm", "unit": "m", "skins": [skin]}
-    plan |= {"mesh": str(MESHES / "icub27_r_upper_arm.stl"), "grid": {"kind": "auto", "tolerance": 0.001}}
+    plan |= {"mesh": str(MESHES / "icub27_r_upper_arm.stl"), "grid": {"kind": "auto", "tolerance": 5e-4}}
     (folder / "arm.plan.json").write_text(json.dumps(plan))
     out, refusal = folder / "arm.json", io.StringIO()
     words = ["import", str(ARM), "--plan", str(folder / "arm.plan.json"), "--name", "arm", "-o", str(out)]

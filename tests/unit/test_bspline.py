@@ -100,11 +100,15 @@ def test_surface_is_the_double_sum(make, degree):
 
 
 @pytest.mark.parametrize("make", [open_surface, closed_surface])
-def test_grid_points_are_the_points(make):
+def test_grids_are_the_points_and_their_tangents(make):
     """Both ways to evaluate agree, the ends of the domain included."""
     surface, u, v = make(3), np.linspace(0, 1, 9), np.linspace(0, 1, 11)
     uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
     assert_allclose(surface.grid_points(u, v).reshape(-1, 3), surface.points(uv), rtol=0, atol=1e-14)
+    by_u, by_v = (tangents.reshape(-1, 3) for tangents in surface.grid_tangents(u, v))
+    r = surface.derivatives(uv)
+    assert_allclose(by_u, r[1, 0], rtol=0, atol=1e-12)
+    assert_allclose(by_v, r[0, 1], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("make", [open_surface, closed_surface])

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from skin_calib_addon.deviation import DistanceStatistics
 from skin_calib_addon.errors import EmptySection, UnderdeterminedFit
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry import fit as fit_module
 from skin_calib_addon.geometry.basis import TensorBasis
+from skin_calib_addon.geometry.distance import MeshDistance, surface_samples
 from skin_calib_addon.geometry.samples import SampleRows
 from tests.oracles import best_step, cast_on_mesh, distance_to_mesh
 from tests.shapes import (
@@ -323,12 +325,24 @@ def test_fit_keeps_what_it_was_made_from():
 def test_bounds_are_no_less_than_the_errors(mesh, grid):
     """At the very points of the report, by the facets that rays meet instead of the nearest ones: hardly more."""
     fit = fit_surface(mesh, grid)
-    bounds, exact = fit.bounds(), fit.errors.surface_to_mesh
+    points, bounds, areas = fit.bounds()
+    exact = fit.errors.surface_to_mesh
+    assert (MeshDistance(mesh)(points)[0] <= bounds + 1e-15).all()
+    bounds = DistanceStatistics.of(bounds, areas)
     for measure in ("mean", "rms", "max"):
         assert 1 - 1e-12 <= getattr(bounds, measure) / getattr(exact, measure) < 1.02
 
 
-def test_no_bounds_over_a_hole():
-    """Where a ray meets nothing, nothing is proved."""
-    holed = with_hole(cylinder(), (0.035, 0, 0.05), 0.01)
-    assert fit_surface(holed, TubeGrid(8, 16, Z_AXIS, 0.004)).bounds() is None
+@pytest.mark.parametrize(("hole", "unknown"), [(0.01, 1), (0.002, 3)])
+def test_holes_have_no_bounds(hole, unknown):
+    """What lies over a hole is left out, as in the report; where the fit's samples saw none nothing is known."""
+    centre = (0.035, 0, 0.045)
+    fit = fit_surface(with_hole(cylinder(), centre, hole), TubeGrid(8, 16, Z_AXIS, 0.004))
+    points, bounds, areas = fit.bounds()
+    uv, every = surface_samples(fit.surface)
+    trusted = fit.is_trusted(uv)
+    assert trusted.all() == (fit.missing == 0) and len(points) == len(bounds) == trusted.sum()
+    assert_allclose(points, fit.surface.points(uv[trusted]), rtol=0, atol=1e-15)
+    assert_allclose(areas, every[trusted], rtol=1e-12)
+    over = np.isinf(bounds)
+    assert over.sum() == unknown and (np.linalg.norm(points[over] - centre, axis=1) < 1.1 * hole).all()
