@@ -33,6 +33,8 @@ MOST_PASSES = 10
 SETTLED = 3e-4
 # Passes end where the misfit has grown by this factor over the least: the section is no fan about its centre.
 WORSE = 1.2
+# Passes end, too, where one moves as far as the one before the last: rays go to and fro over a step.
+STALLED = 0.97
 CHORD_ROUNDS = 3
 STIFF_PASSES = 2
 # With more samples missing than this, the surface would be made up rather than fitted.
@@ -339,7 +341,7 @@ def settle(
         Whether no control point moved in the last.
     """
     best, least = (offsets, samples), misfit_of(samples.residuals + gaps)
-    settled = False
+    settled, moves = False, []
     for passes in range(1, MOST_PASSES + 1):  # noqa: B007
         step = basis.solve(samples.residuals + gaps, offsets)
         offsets = offsets + step
@@ -349,8 +351,9 @@ def settle(
             break
         if misfit < least:
             best, least = (offsets, samples), misfit
-        settled = bool(np.abs(step).max() < SETTLED * rows.mesh.size)
-        if settled:
+        moves.append(float(np.abs(step).max()))
+        settled = moves[-1] < SETTLED * rows.mesh.size
+        if settled or (passes > 2 and moves[-1] > STALLED * moves[-3]):
             break
     return *best, passes, settled
 
