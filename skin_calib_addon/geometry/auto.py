@@ -27,8 +27,8 @@ CHECKED = 5  # sites per span at which a fit is held against the mesh: not those
 GOOD = 0.9  # a fit that uses this much of its tolerance is small enough
 EASY = 3.0  # times the least predicted error, which a net of moderate size keeps
 NEAR = 1.05  # times the least predicted error: what is nearer takes all there is
-FEWER = 1.1  # times the control points of a net that missed the tolerance: with fewer, no other is tried
-HOPE = 1.1  # a prediction may be off by this factor
+CLOSE = 1.1  # times the control points of a net: with less of a difference, no other is tried
+HOPE = 1.05  # a prediction may be off by this factor
 STUCK, ASTRAY = 0.97, 1.5  # a net for less error that leaves more than the one, and less than the other, gains nothing
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 MEASURES = ("mean", "max")
@@ -36,7 +36,9 @@ LADDER = 1.4  # from one number of planes or lines to the next whose error is lo
 MOVED = 0.6  # share of the error that is left by places where it is least, as a first guess
 TINY = 1e-300  # [m]
 SLIGHT = 0.4  # share of an error below which that of one direction adds little to that of the other
-SNUG = 0.8, 0.9  # a grid is small enough that leaves this share of an error; what is aimed at so that it leaves no more
+SNUG = 0.9  # share of an error that is aimed at first, so that no more is left where that was a guess
+ROUGHLY = 1.3  # times an error that is seen to be far from reached: what is thought of smaller grids may be off
+SMALLER = 0.8  # share of the control points of a good grid that another one must seem to take for a closer look
 
 
 @dataclass(frozen=True)
@@ -104,10 +106,9 @@ class Family:
             if seen[-1] < enough:
                 break
         plain = power_law(self.counts, self.ladder[: len(seen)], seen)
-        if not self.placed:
-            return MOVED * plain
-        gains = [self.best(count)[0] / plain[count - self.counts[0]] for count in self.placed]
-        return plain * power_law(self.counts, np.array(self.placed), gains)
+        gains = {int(self.counts[0]): MOVED}
+        gains |= {count: self.best(count)[0] / plain[count - self.counts[0]] for count in self.placed}
+        return plain * power_law(self.counts, np.array(list(gains)), list(gains.values()))
 
 
 def power_law(wanted: IntArray, counts: IntArray, values: Sequence[float]) -> Array:
@@ -161,35 +162,41 @@ class ErrorModel:
         """The lines of a grid, where they leave the least."""
         return chart_lines(self.survey.chart, self.along.places(size[0]), self.across.places(size[1]))
 
-    def smallest_grid(self, error: float, above: float = 0.0) -> tuple[int, int] | None:
+    def smallest_grid(self, error: float, above: float = 0.0, below: float = np.inf) -> tuple[int, int] | None:
         """Planes and lines of the smallest net with at most this error [m]; None if there is none.
 
         Places are looked for where the answer seems to lie, until they are known there.
 
         Parameters
         ----------
-        above : float
-            So many control points are too few.
+        above, below : float
+            So many control points are too few, and too many.
         """
         along, across = self.along, self.across
-        nets = 1.0 * along.counts[:, None] * across.counts
-        nets[nets <= above] = np.inf
-        aim = SNUG[1] * error
+        nets = along.counts[:, None] * across.counts
+        asked = (nets > above) & (nets < below)
+        good: tuple[int, int] | None = None  # the last grid with known places that keeps the error
+        aim = SNUG * error
         for _ in range(MOST_ROUNDS):
             errors = np.hypot(along.errors(SLIGHT * error)[:, None], across.errors(SLIGHT * error))
-            if not (errors <= aim).any():
+            fits = asked & (errors <= aim)
+            if not fits.any():
                 if aim == error:
-                    return None
+                    break
                 aim = error
                 continue
             # Of nets of one size that of the least error: that is below one, and nets are whole numbers.
-            i, j = divmod(int(np.argmin(np.where(errors <= aim, nets + errors / (2 * error), np.inf))), nets.shape[1])
+            i, j = divmod(int(np.argmin(np.where(fits, nets + errors / (2 * error), np.inf))), nets.shape[1])
             size = int(along.counts[i]), int(across.counts[j])
-            known = size[0] in along.placed and size[1] in across.placed
-            if SNUG[0] * error <= self.error(size) <= error or known:
+            if good and nets[i, j] > SMALLER * good[0] * good[1]:
                 break
-            aim = error
-        return size
+            known = size[0] in along.placed and size[1] in across.placed
+            if self.error(size) <= error:
+                good = size
+            if known:
+                break
+            aim = ROUGHLY * error if self.error(size) < error / 2 else error
+        return good
 
     def best_grids(self, control_points: int, count: int) -> list[tuple[int, int]]:
         """The grids of the least error with at most so many control points, best first."""
@@ -308,15 +315,15 @@ class Search:
     def run(self) -> None:
         """Fit the smallest grid that is predicted to keep the tolerance, and learn from each fit what to aim at."""
         while len(self.tried) < MOST_FITS:
-            size = self.model.smallest_grid(self.target, FEWER * self.most_missed)
+            below = net_size(self.best) / CLOSE if self.best else np.inf
+            size = self.model.smallest_grid(self.target, CLOSE * self.most_missed, below)
             if size is None and not self.tried:
                 size = self.model.smallest_grid(EASY * self.model.least)
-            elif size is None and self.best is None:
-                self.reachable = self.share * self.model.least
-                if self.reachable > HOPE * self.tolerance:
-                    break
+            elif self.best is None and self.tried and not (size and self.hopes(self.model.error(size))):
                 size = self.model.smallest_grid(NEAR * self.model.least)
-            if size is None or size in self.tried or (self.best and size[0] * size[1] >= net_size(self.best)):
+                if not self.hopes(self.model.error(size) if size else self.model.least):
+                    break
+            if size is None or size in self.tried:
                 break
             least = min((error for error, _ in self.tried.values()), default=np.inf)
             error = self.error(size)
@@ -345,6 +352,23 @@ class Search:
             return 1.0
         size = min(self.tried, key=lambda size: self.tried[size][0])
         return self.tried[size][0] / self.model.error(size)
+
+    def hopes(self, predicted: float) -> bool:
+        """Whether a fit of this predicted error may keep the tolerance; if not, its error is what can be reached."""
+        expected = self.expected(predicted)
+        hope = expected <= HOPE * self.tolerance
+        self.reachable = np.inf if hope else expected
+        return hope
+
+    def expected(self, predicted: float) -> float:
+        """Error to expect where less is predicted than of any fit so far: as those of the nearest two fell, if so.
+
+        Over steps and edges errors fall more slowly than predictions, and less and less.
+        """
+        told = sorted((error, self.model.error(size)) for size, (error, _) in self.tried.items())[:2]
+        (least, best), (other, worse) = told[0], told[-1]
+        power = np.log(other / least) / np.log(worse / best) if worse > best else 1.0
+        return float(least * (predicted / best) ** min(power, 1.0))
 
     def error(self, size: tuple[int, int]) -> float:
         """Error of the fit of this size [m]: proved where it keeps the tolerance, else about what it is."""

@@ -144,7 +144,8 @@ def moved_places(
         gram = product(change[:, free].T, change[:, free])
         gram[np.diag_indices_from(gram)] += damping * np.trace(gram) / len(gram)
         step = np.zeros(len(places))
-        step[free] = -np.linalg.lstsq(gram, change[:, free].T @ residuals, rcond=None)[0]
+        downhill = product(residuals[None], change[:, free])[0]
+        step[free] = -np.linalg.lstsq(gram, downhill, rcond=None)[0]
         after = kept_apart(places, places + step, edges, closed)
         left, changed = slopes(after, degree)
         before, now = residuals @ residuals, left @ left
