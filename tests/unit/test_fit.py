@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.deviation import DistanceStatistics
 from skin_calib_addon.errors import EmptySection, UnderdeterminedFit
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
@@ -24,6 +25,7 @@ from tests.shapes import (
     sheet,
     together,
     weld,
+    welded,
     with_hole,
     wrist,
 )
@@ -346,3 +348,19 @@ def test_holes_have_no_bounds(hole, unknown):
     assert_allclose(areas, every[trusted], rtol=1e-12)
     over = np.isinf(bounds)
     assert over.sum() == unknown and (np.linalg.norm(points[over] - centre, axis=1) < 1.1 * hole).all()
+
+
+def test_passes_that_go_to_and_fro_end_early(monkeypatch):
+    """Over a step of 20 mm they come to no rest: fewer than ten leave no more than ten do."""
+
+    def stepped(angle, share):
+        radius = 0.03 + 0.02 * (share > 0.5) * (np.cos(angle) > 0)
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * share))
+
+    mesh, grid = welded(tube_mesh(stepped, 120, 60)), TubeGrid(4, 4, Z_AXIS, 0.004, "uniform")
+    early = fit_surface(mesh, grid)
+    monkeypatch.setattr(fit_module, "STALLED", np.inf)
+    late = fit_surface(mesh, grid)
+    assert early.passes < late.passes == fit_module.MOST_PASSES and not early.settled and not late.settled
+    left = [fit_module.misfit_of(fit.residuals) for fit in (early, late)]
+    assert left[0] <= left[1] * (1 + 1e-6)
