@@ -1,6 +1,5 @@
 """Recorded readings: what a controller got, cycle after cycle, from a CSV or NPZ file."""
 
-import csv
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
+from .calibration.exchange.table import BadTable, numbered_rows
 from .calibration.exchange.text import BadNumber, read_text, real
 from .calibration.strict_json import size_of
 from .errors import CalibrationFormatError
@@ -26,7 +26,8 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
     ----------
     path : path
         A CSV file whose header begins with ``time``, with a column for each channel in their order, where an empty cell
-        is a lost number; or an NPZ file with arrays ``time`` (t,) and ``readings`` (t, channels).
+        is a lost number; commas, semicolons or tabs separate columns. Or an NPZ file with arrays ``time`` (t,) and
+        ``readings`` (t, channels).
 
     Raises
     ------
@@ -61,19 +62,19 @@ def _packed(path: Path) -> Iterator[tuple[float, Array]]:
 
 
 def _table(path: Path) -> Iterator[tuple[float, Array]]:
-    rows = csv.reader(read_text(path).split("\n"), strict=True)
+    rows = numbered_rows(read_text(path))
     try:
-        header = [name.strip().lower() for name in next(rows, [])]
+        _, header = next(rows, (1, []))
+        header = [name.strip().lower() for name in header]
         if header[:1] != ["time"] or len(header) < 2:
             raise CalibrationFormatError(
                 f"'{path}', line 1: a recording's header is time and one name for each channel"
             )
-        for row in rows:
-            if any(cell.strip() for cell in row):
-                cells = [_number(cell, path, rows.line_num, k + 1) for k, cell in enumerate(row)]
-                yield cells[0], np.array(cells[1:])
-    except csv.Error as problem:
-        raise CalibrationFormatError(f"'{path}', line {rows.line_num}: is no table: {problem}") from problem
+        for line, row in rows:
+            cells = [_number(cell, path, line, k + 1) for k, cell in enumerate(row)]
+            yield cells[0], np.array(cells[1:])
+    except BadTable as problem:
+        raise CalibrationFormatError(f"'{path}', line {problem.line}: {problem}") from problem
 
 
 def _number(cell: str, path: Path, line: int, column: int) -> float:

@@ -81,6 +81,17 @@ def test_lost_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
     assert "warning: wrong_length in 1 of 4 frames" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_other_separators_and_comments_are_read(separator, tmp_path):
+    """As in every table here."""
+    time, rows = readings(4)
+    path = as_csv(tmp_path / "r.csv", time, rows)
+    plain = list(read_recording(path))
+    path.write_text("# hand 3\n" + path.read_text().replace(",", separator))
+    for (time, reading), (other_time, other) in zip(plain, list(read_recording(path)), strict=True):
+        assert time == other_time and (reading == other).all()
+
+
 def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
     """The first frames are the baseline; a higher threshold sees less."""
     time, rows = readings()
