@@ -62,14 +62,8 @@ class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
 
     def lay_out(self, layout, plan):
         found = plan.inspect.comparison
-        row = layout.row(align=True)
-        row.operator("skin_calib.compare", icon="FILEBROWSER")
-        if not found.file:
+        if not lay_out_file(layout, found, plan, "compare"):
             return
-        row.operator("skin_calib.compare_end", text="", icon="X")
-        if found.key != plan.result.key:
-            layout.label(text="Of another fit: compare again", icon="INFO")
-        layout.label(text=comparing.name_of(found.file), icon="FILE")
         for line in found.told.splitlines():
             say(layout, line, "ERROR")
         column = layout.column(align=True)
@@ -87,19 +81,26 @@ class SKIN_PT_inspect_touches(SkinPanel, bpy.types.Panel):
 
     def lay_out(self, layout, plan):
         found = plan.inspect.touches
-        row = layout.row(align=True)
-        row.operator("skin_calib.touches", icon="FILEBROWSER")
-        if not found.file:
+        if not lay_out_file(layout, found, plan, "touches"):
             return
-        row.operator("skin_calib.touches_end", text="", icon="X")
-        if found.key != plan.result.key:
-            layout.label(text="Of another fit: compare again", icon="INFO")
-        layout.label(text=comparing.name_of(found.file), icon="FILE")
         for line in found.doubts.splitlines():
             say(layout, line, "ERROR")
         for line in found.told.splitlines():
             say(layout, line, "DOT")
         layout.operator("skin_calib.touches_move", icon="SNAP_ON")
+
+
+def lay_out_file(layout, found, plan, operator):
+    """The buttons that compare with a file and end that, and which file it was; whether there is one."""
+    row = layout.row(align=True)
+    row.operator(f"skin_calib.{operator}", icon="FILEBROWSER")
+    if not found.file:
+        return False
+    row.operator(f"skin_calib.{operator}_end", text="", icon="X")
+    if found.key != plan.result.key:
+        layout.label(text="Of another fit: compare again", icon="INFO")
+    layout.label(text=comparing.name_of(found.file), icon="FILE")
+    return True
 
 
 class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
