@@ -4,6 +4,8 @@
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
+from ..skin_calib_addon.errors import SkinCalibError
+
 
 class FromFile(ImportHelper):
     """Asks for a file to read; its path may be relative to the .blend, as Blender keeps them."""
@@ -14,3 +16,18 @@ class FromFile(ImportHelper):
         subtype="FILE_PATH",
         options={"HIDDEN", "SKIP_PRESET", "PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+
+
+class LooksAtFile(FromFile):
+    """Shows what a file has to say of the active link; ``look`` gives that in a line."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        try:
+            told = self.look(context, bpy.path.abspath(self.filepath))
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, told)
+        return {"FINISHED"}

@@ -6,7 +6,7 @@ import bpy
 from ..skin_calib_addon.blender import comparing, replay, taxels
 from ..skin_calib_addon.blender.view import ray_under
 from ..skin_calib_addon.errors import SkinCalibError
-from .files import FromFile
+from .files import LooksAtFile
 from .on_link import OnLink, OnResult
 from .picking import NAVIGATION
 
@@ -67,24 +67,17 @@ def taxel_under(context, x, y):
     return taxels.taxel_on_ray(context.object, context, *ray) if ray else None
 
 
-class SKIN_OT_compare(OnResult, FromFile, bpy.types.Operator):
+class SKIN_OT_compare(OnResult, LooksAtFile, bpy.types.Operator):
     """Compare the taxels of the active link with those of a calibration, or of another program's file"""
 
     bl_idname = "skin_calib.compare"
     bl_label = "Compare with File"
-    bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: bpy.props.StringProperty(default=";".join(f"*{e}" for e in comparing.ENDINGS), options={"HIDDEN"})
 
-    def execute(self, context):
-        try:
-            found = comparing.compare_with(context.object, bpy.path.abspath(self.filepath), context.scene)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        mean = 1e3 * found.distances.mean()
-        self.report({"INFO"}, f"{len(found.ours)} taxels paired, {mean:.4f} mm apart on the mean")
-        return {"FINISHED"}
+    def look(self, context, path):
+        found = comparing.compare_with(context.object, path, context.scene)
+        return f"{len(found.ours)} taxels paired, {1e3 * found.distances.mean():.4f} mm apart on the mean"
 
 
 class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
@@ -99,25 +92,17 @@ class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SKIN_OT_replay_open(OnResult, FromFile, bpy.types.Operator):
+class SKIN_OT_replay_open(OnResult, LooksAtFile, bpy.types.Operator):
     """Show a recorded reading over the skin of the active link: a table or an NPZ file of times and readings"""
 
     bl_idname = "skin_calib.replay_open"
     bl_label = "Open Recording"
-    bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: bpy.props.StringProperty(default="*.csv;*.npz", options={"HIDDEN"})
 
-    def execute(self, context):
-        try:
-            shown = replay.open_recording(context.object, bpy.path.abspath(self.filepath))
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report(
-            {"INFO"}, f"{len(shown)} frames, {shown.duration:.2f} s, at most {shown.strongest:.2f} N on a taxel"
-        )
-        return {"FINISHED"}
+    def look(self, context, path):
+        shown = replay.open_recording(context.object, path)
+        return f"{len(shown)} frames, {shown.duration:.2f} s, at most {shown.strongest:.2f} N on a taxel"
 
 
 class OnRecording(OnLink):

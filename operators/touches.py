@@ -4,29 +4,21 @@
 import bpy
 
 from ..skin_calib_addon.blender import touching
-from ..skin_calib_addon.errors import SkinCalibError
-from .files import FromFile
+from .files import LooksAtFile
 from .on_link import Edit, OnLink, OnResult
 
 
-class SKIN_OT_touches(OnResult, FromFile, bpy.types.Operator):
+class SKIN_OT_touches(OnResult, LooksAtFile, bpy.types.Operator):
     """Compare the taxels of the active link with a table of touches: which taxel felt most, and where the probe was"""
 
     bl_idname = "skin_calib.touches"
     bl_label = "Compare with Touches"
-    bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: bpy.props.StringProperty(default="*.csv", options={"HIDDEN"})
 
-    def execute(self, context):
-        try:
-            found = touching.compare_touches(context.object, bpy.path.abspath(self.filepath))
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        count = sum(len(placement.rows) for placement in found)
-        self.report({"INFO"}, f"{count} touches compared")
-        return {"FINISHED"}
+    def look(self, context, path):
+        found = touching.compare_touches(context.object, path)
+        return f"{sum(len(placement.rows) for placement in found)} touches compared"
 
 
 class SKIN_OT_touches_move(OnResult, Edit, bpy.types.Operator):

@@ -46,8 +46,8 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
     Raises
     ------
     InvalidPlan
-        If a skin was touched too few times, or by channels in another order, is imported, has no cell where its
-        origin would be, or comes to no rest.
+        If a skin was touched too few times, or by channels in another order, is imported, is centred without
+        its first cell, or comes to no rest.
     OutsideSurface
         If a skin would lie off the surface.
     """
@@ -102,12 +102,10 @@ def _(skin: SheetSkin, patch: Patch, motion: Motion) -> SheetSkin:
     if not skin.landmarks:
         origin, direction = _root(skin, patch, motion)
         return replace(skin, origin=origin, direction=direction)
-    marks = []
-    for mark in skin.landmarks:
-        row = _row_of(skin.name, patch, mark.cell)
-        marks.append(Landmark(mark.cell, _triple(np.array(mark.point) + _step(patch, row, motion))))
-    row = _row_of(skin.name, patch, skin.landmarks[0].cell)
-    return replace(skin, landmarks=tuple(marks), direction=_turned(skin.direction, patch, row, motion))
+    marks = tuple(
+        Landmark(mark.cell, _triple(np.array(mark.point) + _step(patch, mark.cell, motion))) for mark in skin.landmarks
+    )
+    return replace(skin, landmarks=marks, direction=_turned(skin.direction, patch, marks[0].cell, motion))
 
 
 @moved.register
@@ -119,32 +117,34 @@ def _(skin: BoardSkin, patch: Patch, motion: Motion) -> BoardSkin:
 
 def _root(skin: SheetSkin | BoardSkin, patch: Patch, motion: Motion) -> tuple[Any, Any]:
     """Origin and direction of a slid skin; of one that was centred those that it has there."""
-    row = _row_of(skin.name, patch, (0, 0))
-    place, direction = patch.taxels.positions_link[row], patch.taxels.tangents_link[row]
+    taxels, root = patch.taxels, (0, 0)
+    row = _row_near(patch, root)
+    place, direction = taxels.positions_link[row], taxels.tangents_link[row]
     if skin.origin is not None:
         place, direction = np.array(skin.origin), np.array(skin.direction or direction)
-    return _triple(place + _step(patch, row, motion)), _turned(direction, patch, row, motion)
+    elif tuple(taxels.index[row]) != root:
+        raise InvalidPlan(f"skin {skin.name!r} has no cell (0, 0) to be held by where it lies; give it an origin first")
+    return _triple(place + _step(patch, root, motion)), _turned(direction, patch, root, motion)
 
 
-def _row_of(name: str, patch: Patch, cell: tuple[int, int]) -> int:
-    rows = np.flatnonzero((patch.taxels.index == cell).all(axis=1))
-    if len(rows) == 0:
-        raise InvalidPlan(
-            f"cell {list(cell)} of skin {name!r}, which holds it, was left out; hold it at one that is there"
-        )
-    return int(rows[0])
+def _row_near(patch: Patch, cell: tuple[int, int]) -> int:
+    """Of the taxel of a cell, or of the nearest one where that was left out."""
+    places, cells = flat_places(patch, patch.taxels.index), np.array([cell])
+    return int(np.linalg.norm(places - flat_places(patch, cells), axis=1).argmin())
 
 
-def _step(patch: Patch, row: int, motion: Motion) -> Array:
+def _step(patch: Patch, cell: tuple[int, int], motion: Motion) -> Array:
     """By how much a cell moves, in the link frame (3,) [m]."""
-    along, across = motion.at(flat_places(patch)[row : row + 1])[0]
+    along, across = motion.at(flat_places(patch, np.array([cell])))[0]
+    row = _row_near(patch, cell)
     normal, tangent = patch.taxels.normals_link[row], patch.taxels.tangents_link[row]
     return along * tangent + across * np.cross(normal, tangent)
 
 
-def _turned(direction: Any, patch: Patch, row: int, motion: Motion) -> Any:
+def _turned(direction: Any, patch: Patch, cell: tuple[int, int], motion: Motion) -> Any:
     """A direction at a cell, turned."""
-    return _triple(Rotation.from_rotvec(motion.turn * patch.taxels.normals_link[row]).apply(np.array(direction)))
+    normal = patch.taxels.normals_link[_row_near(patch, cell)]
+    return _triple(Rotation.from_rotvec(motion.turn * normal).apply(np.array(direction)))
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:

@@ -41,7 +41,7 @@ def _draw_map(axis: Any, placement: Placement) -> None:
     from matplotlib.collections import PolyCollection
 
     patch = placement.patch
-    places = flat_places(patch) * 1e3
+    places = flat_places(patch, patch.taxels.index) * 1e3
     outlines = places[:, None] + _outlines(placement) * 1e3
     touched = np.zeros(len(places), bool)
     touched[placement.rows] = True

@@ -78,7 +78,7 @@ class Placement:
     @cached_property
     def flat(self) -> Array:
         """Where the touched cells lie in the flat skin (m, 2) [m]."""
-        return flat_places(self.patch)[self.rows]
+        return flat_places(self.patch, self.patch.taxels.index[self.rows])
 
     @cached_property
     def motion(self) -> Motion | None:
@@ -142,7 +142,7 @@ class Placement:
 
 
 def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement]:
-    """Touches beside the taxels that felt them, for each patch that was touched."""
+    """Touches beside the taxels that felt them, for each patch that was touched; a taxel of no patch is left out."""
     found = []
     for patch in calibration.patches:
         row_of = {name: row for row, name in enumerate(patch.taxels.ids)}
@@ -184,9 +184,12 @@ def _robust(ways: Array, off: Array, far: float) -> tuple[Array, Array]:
     return found, np.sqrt(spread * np.diag(np.linalg.inv(normal)))
 
 
-def flat_places(patch: Patch) -> Array:
-    """Where the cells of a sheet or of boards lie before they are laid on a link (n, 2) [m]: x along the rows."""
-    i, j = patch.taxels.index.T.astype(float)
+def flat_places(patch: Patch, cells: IntArray) -> Array:
+    """Where cells (n, 2) of a sheet or of boards lie before these are laid on a link (n, 2) [m]: x along the rows.
+
+    Cells are named as in the patch's ``index``, whether the patch has them or not.
+    """
+    i, j = cells.T.astype(float)
     if patch.kind == "hexagons":
         return patch.pitch[0] * np.column_stack((i + j / 2, np.sqrt(0.75) * j))
     return np.column_stack((patch.pitch[1] * j, _hand(patch) * patch.pitch[0] * i))

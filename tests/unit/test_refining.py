@@ -52,7 +52,7 @@ def laid_so(fitted, skin):
 def moved_away(plan, result):
     """The taxels of the plan's only skin where it lies a few millimetres and a degree from where the plan has it."""
     skin, taxels = plan.skins[0], result.laid[0].patch.taxels
-    row = int(np.flatnonzero((taxels.index == 0).all(axis=1))[0])
+    row = int(np.abs(taxels.index).sum(axis=1).argmin())
     normal, tangent = taxels.normals_link[row], taxels.tangents_link[row]
     turn = Rotation.from_rotvec(0.02 * normal)
     shift = 0.002 * tangent + 0.0015 * np.cross(normal, tangent)
@@ -60,8 +60,8 @@ def moved_away(plan, result):
         marks = tuple(replace(m, point=tuple(np.array(m.point) + (0.0, 0.0, 0.002))) for m in skin.landmarks)
         skin = replace(skin, landmarks=marks)
     else:
-        origin = taxels.positions_link[row] + shift
-        skin = replace(skin, origin=tuple(origin), direction=tuple(turn.apply(np.array(tangent))))
+        place, way = (taxels.positions_link[row], tangent) if skin.origin is None else (skin.origin, skin.direction)
+        skin = replace(skin, origin=tuple(place + shift), direction=tuple(turn.apply(np.array(way))))
     if skin.name == "boards":
         skin = replace(skin, choice=tuple(map(tuple, taxels.index.tolist())))
     return lay_all((skin,), result.fit)[0].patch.taxels
@@ -70,8 +70,9 @@ def moved_away(plan, result):
 @pytest.mark.parametrize(
     "skin",
     [CENTRED, SHEET | PLACED, SHEET | HIGH | {"hand": "left", "offset": 0.002}, SHEET | {"landmarks": MARKS}]
-    + [BOARDS | {"cells": "fill"}, BOARDS | {"cells": [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}],
-    ids=["centred", "placed", "left", "landmarks", "fill", "listed"],
+    + [BOARDS | {"cells": "fill"}, BOARDS | {"cells": [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}]
+    + [BOARDS | {"cells": [[1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}],
+    ids=["centred", "placed", "left", "landmarks", "fill", "listed", "rootless"],
 )
 def test_skin_moves_to_where_it_was_touched(fitted, skin):
     """From exact touches of every cell: within a hundredth of a millimetre of where the skin lies."""
@@ -102,6 +103,14 @@ def test_skins_that_were_not_touched_stay(fitted):
     few = Touches(taxels.ids[:2], np.arange(2), taxels.positions_link[:2], np.zeros((2, 3)))
     with pytest.raises(InvalidPlan, match="skin 'band' was touched 2 times, which is too few"):
         refine(plan, result, few)
+    trimmed = laid_so(fitted, CENTRED | {"rows": 14, "trim": True})
+    part = trimmed[1].laid[0].patch.taxels
+    assert (part.index.sum(axis=1) > 0).all()
+    all_of_it = Touches(part.ids, np.arange(len(part.ids)), part.positions_link, np.zeros((len(part.ids), 3)))
+    with pytest.raises(
+        InvalidPlan, match="'band' has no cell \\(0, 0\\) to be held by where it lies; give it an origin"
+    ):
+        refine(*trimmed, all_of_it)
     turned = Touches(taxels.ids[::-1], np.arange(48), taxels.positions_link, np.zeros((48, 3)))
     with pytest.raises(InvalidPlan, match="rows and columns counted from the other end"):
         refine(plan, result, turned)

@@ -32,7 +32,7 @@ def touched(calibration, rows, points, ways=None, patch=0):
 
 def slid(rows, shift, turn, spread, seed=0, height=0.0):
     """Points that cells of `SHEET` would feel if it had slid and turned about its middle, thrown about in the cells."""
-    flat, rng = flat_places(SHEET)[rows], np.random.default_rng(seed)
+    flat, rng = flat_places(SHEET, SHEET.taxels.index[rows]), np.random.default_rng(seed)
     middle = flat.mean(axis=0)
     flat = flat + rng.uniform(-0.5, 0.5, flat.shape) * spread
     c, s = np.cos(turn), np.sin(turn)
