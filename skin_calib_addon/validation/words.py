@@ -33,9 +33,9 @@ def _slide(motion: Motion) -> str:
     turned = ""
     if np.isfinite(motion.turn_error):
         turn = np.round(np.rad2deg(motion.turn), 2) + 0.0
-        turned = f", turned {turn:.2f} ± {np.rad2deg(motion.turn_error):.2f} degrees"
+        turned = f", turned {turn:.2f} +- {np.rad2deg(motion.turn_error):.2f} degrees"
     verdict = "" if motion.is_certain else ": no more than chance"
-    return f"shifted {x:.2f} ± {dx:.2f} mm along the rows, {y:.2f} ± {dy:.2f} mm across{turned}{verdict}"
+    return f"shifted {x:.2f} +- {dx:.2f} mm along the rows, {y:.2f} +- {dy:.2f} mm across{turned}{verdict}"
 
 
 def _rms(values: Array) -> float:

@@ -73,7 +73,7 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     assert_allclose(np.linalg.norm(after - before, axis=1), 0.002, rtol=0, atol=2e-5)
     bpy.ops.skin_calib.touches(filepath=str(table))
     told = bpy.context.object.skin_calib.inspect.touches.told
-    assert "Shifted 0.00 ±" in told, told
+    assert "Shifted 0.00 +-" in told, told
     bpy.ops.ed.undo()
     assert ours.scene.plan_document(bpy.context.object, bpy.context.scene) == plan
 

@@ -153,10 +153,10 @@ def test_command_compares_and_refines(folder, capsys):
     assert (read_png(folder / "t.png").min(axis=2) < 0.9).mean() > 0.03
     moved = folder / "sub" / "moved.plan.json"
     assert touches(folder, "cone.plan.json", "--refine", "-o", moved) == 0
-    assert "shifted 0.00 ± 0.0" in capsys.readouterr().out
+    assert "shifted 0.00 +- 0.0" in capsys.readouterr().out
     assert load_plan(moved).extra == {"x_note": "kept"} and '"mesh": "../cone.ply"' in moved.read_text()
     assert touches(folder, "sub/moved.plan.json") == 0
-    assert "shifted 0.00 ± 0.0" in capsys.readouterr().out
+    assert "shifted 0.00 +- 0.0" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
