@@ -35,10 +35,9 @@ MEASURES = ("mean", "max")
 LADDER = 1.4  # from one number of planes or lines to the next whose error is looked at
 MOVED = 0.6  # share of the error that is left by places where it is least, as a first guess
 TINY = 1e-300  # [m]
-SLIGHT = 0.4  # share of an error below which that of one direction adds little to that of the other
+SLIGHT = 0.7  # share of an error below which that of one direction adds little to that of the other
 SNUG = 0.9  # share of an error that is aimed at first, so that no more is left where that was a guess
 ROUGHLY = 1.3  # times an error that is seen to be far from reached: what is thought of smaller grids may be off
-SMALLER = 0.8  # share of the control points of a good grid that another one must seem to take for a closer look
 
 
 @dataclass(frozen=True)
@@ -188,7 +187,7 @@ class ErrorModel:
             # Of nets of one size that of the least error: that is below one, and nets are whole numbers.
             i, j = divmod(int(np.argmin(np.where(fits, nets + errors / (2 * error), np.inf))), nets.shape[1])
             size = int(along.counts[i]), int(across.counts[j])
-            if good and nets[i, j] > SMALLER * good[0] * good[1]:
+            if good and CLOSE * nets[i, j] > good[0] * good[1]:
                 break
             known = size[0] in along.placed and size[1] in across.placed
             if self.error(size) <= error:

@@ -13,10 +13,12 @@ from .bspline import basis_functions, clamped_knots, periodic_knots
 from .lines import LineGrid
 
 SITES_PER_SPAN = 3
+# Fewer sites from edge to edge, or all round, may all fall on corners of the facets, or all on their middles.
+FEWEST_SITES, FEWEST_ROUND = 20, 60
 SCHULZ_ROUNDS = 3  # each squares the error of an inverse
 NEAR = 0.1  # to one, that a matrix times its inverse must be
-# Stiffness that only says what holes leave open.
-SLACK = 1e-5
+# Stiffness that says what holes leave open: with a tenth of it, what hardly any sample holds swings far out over them.
+SLACK = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,11 @@ def spline_sites(
     return SplineSites(knots, np.roll(values[:, :count], -shift, axis=1), degree, shift)
 
 
+def enough_sites(per_span: int, spans: int, closed: bool) -> int:
+    """Sites in each of some spans: ``per_span``, or more where that would be too few in all."""
+    return max(per_span, -(-(FEWEST_ROUND if closed else FEWEST_SITES) // spans))
+
+
 @dataclass(frozen=True, eq=False)
 class TensorBasis:
     """Basis functions at the sample sites of a grid, one factor per direction.
@@ -85,7 +92,7 @@ class TensorBasis:
         per_span: int = SITES_PER_SPAN,
         between: bool = False,
     ) -> "TensorBasis":
-        """Basis for the lines of a grid, at so many sites per span, or ``between`` them.
+        """Basis for the lines of a grid, at so many sites per span, more where spans are few, or ``between`` so many.
 
         Raises
         ------
@@ -95,10 +102,17 @@ class TensorBasis:
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
-        u = spline_sites(n, degree_u, False, per_span, between)
-        v = spline_sites(m, degree_v, lines.closed, per_span, between)
+        around = m if lines.closed else m - degree_v
+        u = spline_sites(n, degree_u, False, enough_sites(per_span, n - degree_u, False), between)
+        v = spline_sites(m, degree_v, lines.closed, enough_sites(per_span, around, lines.closed), between)
         common = unit(lines.directions.mean(axis=0))
         return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
+
+    @property
+    def spans(self) -> int:
+        """How many pieces the surface has between its knots."""
+        n, m = self.N.shape[1], self.M.shape[1]
+        return (n - self.degree_u) * (m if self.v.repeats else m - self.degree_v)
 
     @property
     def N(self) -> Array:

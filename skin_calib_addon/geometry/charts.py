@@ -76,6 +76,10 @@ class TubeChart:
         x, y = (over_rows(heights * wave(t)[..., None, :], weights.T) for wave in (np.cos, np.sin))
         return np.arctan2(y, x) % TURN, np.hypot(x, y)
 
+    def steps(self, heights: Array) -> Array:
+        """How far apart places one t apart are at some heights [m]."""
+        return heights
+
     def gap_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array, steep: Array) -> Array:
         """How the gaps between mesh and spline at its points change as lines move across, shape (r, l, m).
 
@@ -126,6 +130,10 @@ class FaceChart:
         """As for a tube; all rays run the same way."""
         height = over_rows(heights, weights.T)
         return np.broadcast_to((t @ weights.T)[..., None, :], height.shape), height
+
+    def steps(self, heights: Array) -> Array:
+        """As for a tube; all rays run the same way."""
+        return np.ones_like(heights)
 
     def gap_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array, steep: Array) -> Array:
         """As for a tube; no line moves up or down."""

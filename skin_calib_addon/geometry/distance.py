@@ -6,11 +6,12 @@ from scipy.spatial import cKDTree
 from ..arrays import Array, BoolArray, IntArray, cross
 from ..deviation import DistanceStatistics, SurfaceErrors
 from ..errors import EmptySection
+from .basis import enough_sites
 from .bspline import BSplineSurface
 from .mesh import TriangleMesh
 
 # Samples along each span of the surface's grid when distances are measured.
-SAMPLES_PER_SPAN = 6
+SAMPLES_PER_SPAN = 5  # odd: facets come in round numbers, and samples that keep step with them see but a part
 STARTS_PER_SPAN = 3  # of the grid whose nearest point begins the search for a footpoint
 NEWTON_STEPS = 8
 FOUND = 1e-9  # step of a footpoint's parameters that is none
@@ -69,11 +70,9 @@ def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
 
 
 def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
-    """Even parameters u and v, in the middle of equal parts, so many to a span."""
-    counts = (
-        per_span * (len(np.unique(k[d : len(k) - d])) - 1)
-        for k, d in zip((surface.knots_u, surface.knots_v), surface.degree)
-    )
+    """Even parameters u and v, in the middle of equal parts, so many to a span, more where spans are few."""
+    spans = (len(np.unique(k[d : len(k) - d])) - 1 for k, d in zip((surface.knots_u, surface.knots_v), surface.degree))
+    counts = (n * enough_sites(per_span, n, closed) for n, closed in zip(spans, surface.closed))
     u, v = ((np.arange(n) + 0.5) / n for n in counts)
     return u, v
 

@@ -36,12 +36,12 @@ WORSE = 1.2
 # Passes end, too, where one moves as far as the one before the last: rays go to and fro over a step.
 STALLED = 0.97
 CHORD_ROUNDS = 3
+CHORD_SITES = 6  # per span: how far facets are off their chords changes within each
 STIFF_PASSES = 2
 # With more samples missing than this, the surface would be made up rather than fitted.
 LARGEST_GAP = 0.5
 # A surface whose area element falls below this share of its mean is folded, or closes to a point.
 FOLDED = 1e-3
-FEWEST_SITES = 20  # along a direction
 # A surface that stays further off than this share of the mesh's size is no fit.
 FURTHEST = 0.05
 DENSE = 5  # places per control point, in each direction, at which the area element is looked at
@@ -147,9 +147,7 @@ class SurfaceFit:
             From the origins of the rays to the surface [m].
         samples : RaySamples
         """
-        spans = min(size - degree for size, degree in zip(self.offsets.shape, self.surface.degree))
-        basis = TensorBasis.of(self.lines, *self.surface.degree, max(per_span, -(-FEWEST_SITES // max(spans, 1))))
-        return self._met(basis)
+        return self._met(TensorBasis.of(self.lines, *self.surface.degree, per_span))
 
     def bounds(self) -> tuple[Array, Array, Array]:
         """What the distances from surface to mesh in ``errors`` do not exceed: those to the facets that rays meet.
@@ -279,16 +277,16 @@ def check_fit(fit: SurfaceFit) -> None:
 
 def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
     """``fit_surface`` along lines that are placed, however far off the surface stays."""
-    basis = TensorBasis.of(lines, *degree)
+    basis = TensorBasis.of(lines, *degree, CHORD_SITES if chords else SITES_PER_SPAN)
     rows = SampleRows.of(mesh, lines, basis)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
     check_coverage(lines, basis, samples.residuals)
     offsets, samples, passes, settled = settle(lines, basis, rows, offsets, samples)
     if settled and looks_noisy(mesh, samples, 0.0, offsets.size):
-        per_span = sites_for_noise(mesh, samples)
-        if per_span > SITES_PER_SPAN:
-            basis = TensorBasis.of(lines, *degree, per_span)
+        finer = TensorBasis.of(lines, *degree, sites_for_noise(mesh, basis, samples))
+        if len(finer.N) * len(finer.M) > samples.residuals.size:
+            basis = finer
             rows = SampleRows.of(mesh, lines, basis)
             samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
             offsets, samples, more, settled = settle(lines, basis, rows, offsets, samples)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..arrays import Array
-from .basis import SITES_PER_SPAN, TensorBasis
+from .basis import TensorBasis
 from .mesh import TriangleMesh
 from .samples import RaySamples
 
@@ -38,18 +38,20 @@ def looks_noisy(mesh: TriangleMesh, samples: RaySamples, gaps: Array | float, un
     return vertices_met(mesh, samples) >= FEWEST_VERTICES * unknowns
 
 
-def sites_for_noise(mesh: TriangleMesh, samples: RaySamples) -> int:
+def sites_for_noise(mesh: TriangleMesh, basis: TensorBasis, samples: RaySamples) -> int:
     """Sites per span, in each direction, that make about as many samples as the mesh has vertices there.
 
     Fewer leave vertices out of the mean that takes the noise away.
     """
-    met = int((~np.isnan(samples.residuals)).sum())
-    return min(int(np.ceil(SITES_PER_SPAN * np.sqrt(vertices_met(mesh, samples) / met))), MOST_SITES)
+    spans = basis.spans * (~np.isnan(samples.residuals)).mean()  # where there is mesh
+    return min(int(np.ceil(np.sqrt(vertices_met(mesh, samples) / spans))), MOST_SITES)
 
 
 def vertices_met(mesh: TriangleMesh, samples: RaySamples) -> int:
     """How many vertices the faces have that rays met."""
-    return len(np.unique(mesh.faces[np.unique(samples.faces[~np.isnan(samples.residuals)])]))
+    met = np.zeros(len(mesh.vertices), bool)
+    met[mesh.faces[samples.faces[~np.isnan(samples.residuals)]]] = True
+    return int(met.sum())
 
 
 def best_stiffness(

@@ -58,6 +58,11 @@ def line_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
     return place(maps.get(spacing, maps["uniform"]), even_shares(count, survey.chart.closed))
 
 
+def line_shares(count: int, degree: int, closed: bool) -> Array:
+    """Shares of the way across at which the control points of even knots lie."""
+    return even_shares(count, True) if closed else greville(spline_sites(count, degree, False).knots, degree)
+
+
 def even_shares(count: int, closed: bool) -> Array:
     """Shares of even steps: from the first place on all round, or from edge to edge."""
     return np.arange(count) / count if closed else np.linspace(0, 1, count)
@@ -69,7 +74,7 @@ def guessed_planes(survey: Survey, count: int, degree: int) -> Array:
     if not survey.fills:
         return even
     looked, judged = survey.halves
-    shares = greville(spline_sites(count, degree, False).knots, degree)
+    shares = line_shares(count, degree, False)
     linear = np.array((0.0, 1.0)), np.array(survey.chart.span)
     maps, errors = evened(looked.error_along, linear, shares, degree, False)
     candidates = [even, *(place(m, shares) for m in maps)]
@@ -92,10 +97,8 @@ def plain_lines(survey: Survey, count: int, degree: int) -> Array:
     """Choices of lines that need no search: at even places, lengths and a power of the curvature; shape (c, count)."""
     if not survey.fills:
         return line_places(survey, count, "uniform", degree)[None]
-    shares = (
-        even_shares(count, True) if survey.chart.closed else greville(spline_sites(count, degree, False).knots, degree)
-    )
-    return np.stack([place(m, shares) for m in density_maps(survey).values()])
+    shares = line_shares(count, degree, survey.chart.closed)
+    return np.stack([place(m, shares) for m in density_maps(survey.halves[0]).values()])
 
 
 def guessed_lines(survey: Survey, count: int, degree: int) -> Array:
@@ -104,7 +107,7 @@ def guessed_lines(survey: Survey, count: int, degree: int) -> Array:
     if not survey.fills:
         return place(density_maps(survey)["uniform"], even)
     looked, judged = survey.halves
-    shares = even if closed else greville(spline_sites(count, degree, False).knots, degree)
+    shares = line_shares(count, degree, closed)
     maps = list(density_maps(looked).values())
     plain = place(maps[0], even)
     if closed:

@@ -107,13 +107,18 @@ class Survey:
     def misfits_across(self, t: Array, degree: int, measure: str) -> Array:
         """Mean or largest distance [m], as ``measure`` says, that choices of lines (..., m) leave; shape (...)."""
         closed, count = self.chart.closed, t.shape[-1]
-        at, _, _, residuals = self._densely(count if closed else count - degree)._fit_across(t, degree)
-        return misfits(residuals, self._met_across(at).astype(np.float64), measure)
+        at, reach, _, residuals = self._densely(count if closed else count - degree)._fit_across(t, degree)
+        step = self.chart.steps(reach)
+        slope = np.hypot(1, interpolated(self._outline_slopes, self.outline_t, at, closed) / step)
+        ways = ways_round(at) if closed else lengths(at)
+        return misfits(residuals / slope, self._met_across(at) * ways * step * slope, measure)
 
     def misfits_along(self, s: Array, degree: int, measure: str) -> Array:
-        """Mean or largest distance [m] that choices of planes (..., n) leave, each place by its length; shape (...)."""
+        """Mean or largest distance [m] that choices of planes (..., n) leave; shape (...)."""
         sites, met, residuals = self._densely(s.shape[-1] - degree)._fit_along(s, degree)
-        return misfits(residuals, met * lengths(over_rows(s, sites.values.T))[..., None, :], measure)
+        at = over_rows(s, sites.values.T)
+        slope = np.hypot(1, interpolated(self._profile_slopes, self.profile_s, at[..., None, :], False))
+        return misfits(residuals / slope, met * lengths(at)[..., None, :] * slope, measure)
 
     def _densely(self, spans: int) -> "Survey":
         """The same with so many sites that few spans, too, see every facet."""
@@ -236,6 +241,12 @@ def lengths(places: Array) -> Array:
     steps = np.diff(places) / 2
     none = np.zeros_like(steps[..., :1])
     return np.concatenate((none, steps), axis=-1) + np.concatenate((steps, none), axis=-1)
+
+
+def ways_round(places: Array) -> Array:
+    """As ``lengths``, of angles (..., l) that go all round [rad]."""
+    ways = np.roll(places, -1, axis=-1) - np.roll(places, 1, axis=-1)
+    return np.abs((ways + TURN / 2) % TURN - TURN / 2) / 2
 
 
 def mean_square(values: Array) -> Array:
