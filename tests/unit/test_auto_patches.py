@@ -267,13 +267,25 @@ def test_smallest_grid_of_the_model_keeps_its_error():
     assert model.smallest_grid(1e-12) is None
 
 
-@pytest.mark.parametrize(("mesh", "where"), [CASES[0], CASES[2]])
-def test_prediction_is_about_what_a_fit_keeps(mesh, where):
-    """Within a third by exact distances, for grids of several sizes and proportions."""
+TUBE = {"axis": Z_AXIS, "margin": 0.004}
+
+
+@pytest.mark.parametrize(
+    ("mesh", "where", "off"),
+    [
+        pytest.param(wrist(), TUBE, 0.1, id="wrist"),
+        pytest.param(cylinder(around=48), TUBE, 0.1, id="cylinder"),
+        pytest.param(cone(0.045, 0.03), TUBE, 0.1, id="cone"),
+        pytest.param(*CASES[0].values, 0.2, id="sector"),
+        pytest.param(*CASES[2].values, 0.2, id="face"),
+    ],
+)
+def test_prediction_is_what_a_fit_keeps(mesh, where, off):
+    """Within a tenth all round, and a fifth of patches, by exact distances, down to what the facets leave."""
     model = ErrorModel(Survey.of(mesh, chart_of(mesh, **where), 60), (3, 3))
-    for size in ((4, 5), (4, 8), (6, 5), (8, 12)):
+    for size in ((4, 5), (4, 8), (6, 5), (5, 11), (8, 12), (8, 17), (10, 20)):
         fit = fit_lines(mesh, model.lines(size), (3, 3))
-        np.testing.assert_allclose(model.error(size), fit.errors.surface_to_mesh.mean, rtol=0.33, err_msg=str(size))
+        np.testing.assert_allclose(model.error(size), fit.errors.surface_to_mesh.mean, rtol=off, err_msg=str(size))
 
 
 @pytest.mark.parametrize("where", [{"sector": (1.0, 1.0)}, {"sector": (0.0, 7.0)}, {"normal": (0.0, 0.0, -1.0)}])
