@@ -23,6 +23,7 @@ from .survey import Survey
 MOST_PLANES, MOST_LINES = 60, 160
 MOST_FITS, MOST_ROUNDS = 6, 12
 PROMISING = 3  # proportions of planes and lines that are tried, of those that are predicted
+UNLIKE = 1.12  # times the planes of another: predictions tell no smaller differences
 CHECKED = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
 GOOD = 0.9  # a fit that uses this much of its tolerance is small enough
 EASY = 3.0  # times the least predicted error, which a net of moderate size keeps
@@ -198,14 +199,17 @@ class ErrorModel:
         return good
 
     def best_grids(self, control_points: int, count: int) -> list[tuple[int, int]]:
-        """The grids of the least error with at most so many control points, best first."""
+        """The grids of the least error with at most so many control points, best first, each of its own proportion."""
         along, across = self.along, self.across
         widest = np.minimum(control_points // along.counts, across.counts[-1])
         fits = widest >= across.counts[0]
         for _ in range(MOST_ROUNDS):
             errors = np.hypot(along.errors()[fits], across.errors()[widest[fits] - across.counts[0]])
-            best = np.argsort(errors, kind="stable")[:count]
-            sizes = [(int(along.counts[fits][i]), int(widest[fits][i])) for i in best]
+            sizes: list[tuple[int, int]] = []
+            for i in np.argsort(errors, kind="stable"):
+                n, m = int(along.counts[fits][i]), int(widest[fits][i])
+                if len(sizes) < count and all(max(n, other) > UNLIKE * min(n, other) for other, _ in sizes):
+                    sizes.append((n, m))
             if all(n in along.placed and m in across.placed for n, m in sizes):
                 break
             for size in sizes:

@@ -23,7 +23,7 @@ FLAT = 1e-3  # share of the mean below which a curvature is none but rounding
 SMOOTHING_STEPS = 2.3  # of the outlines, over which curvature is averaged: facets are corners too
 FULL = 0.98  # share of the rays that meet a mesh which fills its chart
 ROUNDS = 5
-STILL = 1e-4  # a round that moves the offsets by this share of what they leave, both squared, is the last
+STILL = 1e-3  # a round that moves the offsets by this share of what they leave, both squared, is the last
 FEWEST_SITES = 80  # where a mean or a largest distance is told
 LOOKED, JUDGED = 7, 10  # sites per span: a short spline passes through three, and facets come in round numbers
 
