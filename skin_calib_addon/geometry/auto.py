@@ -31,6 +31,7 @@ NEAR = 1.05  # times the least predicted error: what is nearer takes all there i
 CLOSE = 1.1  # times the control points of a net: with less of a difference, no other is tried
 HOPE = 1.05  # a prediction may be off by this factor
 STUCK, ASTRAY = 0.97, 1.5  # a net for less error that leaves more than the one, and less than the other, gains nothing
+MOST_STALLS, LEAP = 2, 0.7  # after one such net the next is predicted to leave this share of what it was
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 MEASURES = ("mean", "max")
 LADDER = 1.4  # from one number of planes or lines to the next whose error is looked at
@@ -306,6 +307,7 @@ class Search:
     def __init__(self, mesh: TriangleMesh, model: ErrorModel, tolerance: float, measure: str):
         self.mesh, self.model, self.tolerance, self.measure = mesh, model, tolerance, measure
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
+        self.stalls = 0  # nets for less error that gained nothing
         self.reachable = np.inf  # the least error [m], where it is not hoped to keep the tolerance
         self.distance = cache(MeshDistance)  # made when it is needed
 
@@ -316,7 +318,11 @@ class Search:
         return min(kept, key=net_size, default=None)
 
     def run(self) -> None:
-        """Fit the smallest grid that is predicted to keep the tolerance, and learn from each fit what to aim at."""
+        """Fit the smallest grid that is predicted to keep the tolerance, and learn from each fit what to aim at.
+
+        A net that gains nothing may have had more planes where lines were wanted: the next one is for much less error,
+        and only if that gains nothing either the tolerance is given up.
+        """
         while len(self.tried) < MOST_FITS:
             below = net_size(self.best) / CLOSE if self.best else np.inf
             size = self.model.smallest_grid(self.target, CLOSE * self.most_missed, below)
@@ -330,8 +336,8 @@ class Search:
                 break
             least = min((error for error, _ in self.tried.values()), default=np.inf)
             error = self.error(size)
-            stuck = self.best is None and STUCK * least < error < ASTRAY * least
-            if stuck or GOOD * self.tolerance < error <= self.tolerance:
+            self.stalls += self.best is None and STUCK * least < error < ASTRAY * least
+            if self.stalls == MOST_STALLS or GOOD * self.tolerance < error <= self.tolerance:
                 break
 
     @property
@@ -346,14 +352,15 @@ class Search:
         """The predicted error of grids to try: as predictions have been off so far, and below all that missed [m]."""
         missed = [self.model.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
         target = AIM * self.tolerance / self.share
-        return min(target, GOOD * min(missed)) if missed and self.best is None else target
+        less = LEAP if self.stalls else GOOD
+        return min(target, less * min(missed)) if missed and self.best is None else target
 
     @property
     def share(self) -> float:
-        """Error of the fit that comes nearest to the mesh over what was predicted; 1 before the first."""
+        """Error of the fit that comes nearest to the tolerance over what was predicted; 1 before the first."""
         if not self.tried:
             return 1.0
-        size = min(self.tried, key=lambda size: self.tried[size][0])
+        size = min(self.tried, key=lambda size: abs(np.log(self.tried[size][0] / self.tolerance)))
         return self.tried[size][0] / self.model.error(size)
 
     def hopes(self, predicted: float) -> bool:
