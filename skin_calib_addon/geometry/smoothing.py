@@ -14,6 +14,8 @@ FEWEST_VERTICES = 3
 # Half of the samples of a normal error lie within 0.67 of its standard deviation; where edges, steps or openings make
 # the residuals, a few large ones rule and most are far smaller, and over facets that are chords most are alike.
 NORMAL = 0.55, 0.75
+# The errors of a scan are each vertex's own; what a coarse net leaves of a shape goes along from sample to sample.
+ALONG = 0.4
 # Stiffness must lower the expected error of prediction by this factor, or least squares stay as they are.
 GAIN = 0.98
 MOST_SITES = 9  # per span
@@ -30,10 +32,13 @@ def looks_noisy(mesh: TriangleMesh, samples: RaySamples, gaps: Array | float, un
     unknowns : int
         Control points.
     """
-    known = ~np.isnan(samples.residuals)
-    size = np.abs((samples.residuals + gaps)[known])
+    residuals = samples.residuals + gaps
+    size = np.abs(residuals[~np.isnan(residuals)])
     rms = np.sqrt((size**2).mean())
     if rms <= FINEST * mesh.size or not NORMAL[0] < np.median(size) / rms < NORMAL[1]:
+        return False
+    beside = residuals[1:] * residuals[:-1], residuals[:, 1:] * residuals[:, :-1]
+    if min(np.nansum(x) / max((~np.isnan(x)).sum(), 1) for x in beside) > ALONG * rms**2:
         return False
     return vertices_met(mesh, samples) >= FEWEST_VERTICES * unknowns
 

@@ -62,6 +62,14 @@ def test_clean_mesh_is_not_smoothed(size):
     assert fit_surface(wrist(), TubeGrid(*size, Z_AXIS, 0.002)).noise == 0
 
 
+@pytest.mark.parametrize("size", [(5, 10), (6, 10)])
+def test_what_a_coarse_net_leaves_is_no_noise(size):
+    """It goes along from sample to sample, so that no more are taken; noise that rules it does not."""
+    grid = TubeGrid(*size, Z_AXIS, 0.002, "uniform")
+    clean, noisy = (fit_surface(mesh, grid) for mesh in (wrist(), scanned(wrist(), 2e-3)))
+    assert clean.residuals.size < 1600 < noisy.residuals.size
+
+
 def test_coarse_mesh_is_not_smoothed():
     """Eight facets around are the shape, not noise about a rounder one."""
     assert fit_surface(cylinder(around=8, along=5), TubeGrid(8, 24, Z_AXIS, 0.002)).noise == 0
