@@ -9,7 +9,7 @@ from .basis import check_counts, spline_sites
 from .bspline import greville
 from .charts import chart_lines
 from .lines import LineGrid
-from .survey import Survey
+from .survey import Map, Survey
 
 SPACINGS = ("auto", "uniform", "arc", "curvature")
 # Spans get shorter as this power of their mean square error: that of a cubic falls as the ninth power of its length.
@@ -24,9 +24,6 @@ NEAREST = 0.1  # share of the mean interval below which none is made shorter: li
 FIRST_DAMPING, EASED, RAISED = 0.01, 4.0, 6.0  # of Gauss-Newton steps, and by what it changes as they succeed or fail
 SLIGHT = 0.98  # share of the squares that a step must leave to be the last
 HALF = 0.5  # share of a line's interval by which closed lines may be turned
-
-# A spacing is a piecewise linear map from the share of the intervals behind a place, 0 to 1, to the place.
-Map = tuple[Array, Array]
 
 
 def spaced_lines(survey: Survey, n: int, lines: int, spacing: str, degree: tuple[int, int]) -> LineGrid:
@@ -54,7 +51,7 @@ def line_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
     """Places of ``count`` lines across the chart, ascending; those that leave the least error for ``auto``."""
     if spacing == "auto" and survey.fills:
         return moved_lines(survey, guessed_lines(survey, count, degree), degree)
-    maps = density_maps(survey)
+    maps = survey.maps
     return place(maps.get(spacing, maps["uniform"]), even_shares(count, survey.chart.closed))
 
 
@@ -98,17 +95,17 @@ def plain_lines(survey: Survey, count: int, degree: int) -> Array:
     if not survey.fills:
         return line_places(survey, count, "uniform", degree)[None]
     shares = line_shares(count, degree, survey.chart.closed)
-    return np.stack([place(m, shares) for m in density_maps(survey.halves[0]).values()])
+    return np.stack([place(m, shares) for m in survey.halves[0].maps.values()])
 
 
 def guessed_lines(survey: Survey, count: int, degree: int) -> Array:
     """Lines at even places, even lengths or a power of the curvature, or such as leave alike errors in all spans."""
     closed, even = survey.chart.closed, even_shares(count, survey.chart.closed)
     if not survey.fills:
-        return place(density_maps(survey)["uniform"], even)
+        return place(survey.maps["uniform"], even)
     looked, judged = survey.halves
     shares = line_shares(count, degree, closed)
-    maps = list(density_maps(looked).values())
+    maps = list(looked.maps.values())
     plain = place(maps[0], even)
     if closed:
         maps = [m for map_ in maps for m in (map_, turned(map_, HALF / count))]
@@ -219,15 +216,3 @@ def evened(
         shared = np.append(0.0, np.cumsum(weight))
         maps.append((shared / shared[-1], place(m, np.linspace(0, 1, len(energy) + 1))))
     return maps, [*errors, error(place(maps[-1], shares), degree)[0]]
-
-
-def density_maps(survey: Survey) -> dict[str, Map]:
-    """Maps that give each place the share of a density behind it: of nothing, arc length, a power of curvature."""
-    t, edges, closed = survey.outline_t, survey.chart.breadth, survey.chart.closed
-    maps = {"uniform": (np.array((0.0, 1.0)), np.array(edges))}
-    for spacing, density in survey.densities.items():
-        following = np.roll(density, -1) if closed else density[1:]
-        share = np.append(0.0, np.cumsum((density[: len(following)] + following) / 2))
-        if share[-1] > 0:  # a plane has no curvature
-            maps[spacing] = share / share[-1], np.append(t, edges[1]) if closed else t
-    return maps

@@ -27,6 +27,9 @@ STILL = 1e-3  # a round that moves the offsets by this share of what they leave,
 FEWEST_SITES = 80  # where a mean or a largest distance is told
 LOOKED, JUDGED = 7, 10  # sites per span: a short spline passes through three, and facets come in round numbers
 
+# A spacing is a piecewise linear map from the share of the intervals behind a place, 0 to 1, to the place.
+Map = tuple[Array, Array]
+
 
 @dataclass(frozen=True, eq=False)
 class Survey:
@@ -69,6 +72,18 @@ class Survey:
         return self.chart.closed or float(self.outlines_known.mean()) > FULL
 
     @cached_property
+    def maps(self) -> dict[str, Map]:
+        """Spacings across that follow a density: none, arc length, a power of the curvature."""
+        t, edges, closed = self.outline_t, self.chart.breadth, self.chart.closed
+        maps = {"uniform": (np.array((0.0, 1.0)), np.array(edges))}
+        for spacing, density in self.densities.items():
+            following = np.roll(density, -1) if closed else density[1:]
+            share = np.append(0.0, np.cumsum((density[: len(following)] + following) / 2))
+            if share[-1] > 0:  # a plane has no curvature
+                maps[spacing] = share / share[-1], np.append(t, edges[1]) if closed else t
+        return maps
+
+    @property
     def densities(self) -> dict[str, Array]:
         """Arc length, and a power of the curvature over it, per step of t on the outlines, shapes (l,)."""
         origins, rays = self.chart.rays(self.profile_s[:1], self.outline_t)

@@ -15,7 +15,7 @@ from skin_calib_addon.geometry.basis import spline_sites
 from skin_calib_addon.geometry.charts import FaceChart, TubeChart, chart_lines
 from skin_calib_addon.geometry.distance import MeshDistance, surface_samples
 from skin_calib_addon.geometry.frames import frame_of
-from skin_calib_addon.geometry.spacing import density_maps, evened, kept_apart, line_places, place, plane_places, turned
+from skin_calib_addon.geometry.spacing import evened, kept_apart, line_places, place, plane_places, turned
 from skin_calib_addon.geometry.survey import PROFILES, Survey, filled, interpolated, spread
 from tests.shapes import (
     LENGTH,
@@ -417,14 +417,14 @@ def test_curvature_lines_are_dense_at_corners():
     step = np.interp(np.arange(8) * np.pi / 4, t, np.gradient(t), period=TURN)
     assert (step[::2] < 0.6 * step[1::2]).all()
     assert_allclose(step[::2], step[0], rtol=0.15)
-    assert {*density_maps(survey)} == {"uniform", "arc", "curvature"}
+    assert {*survey.maps} == {"uniform", "arc", "curvature"}
 
 
 def test_flat_face_has_no_curvature_map():
     """A plane asked for curvature gets even lines."""
     survey = survey_of(sheet(lambda x, y: 0.02 + 0 * x), AcrossGrid(6, 7, (0, 0, 1.0)))
     flat = replace(survey, outlines=np.full_like(survey.outlines, 0.1))
-    assert "curvature" not in density_maps(flat)
+    assert "curvature" not in flat.maps
     assert_allclose(line_places(flat, 7, "curvature", 3), np.linspace(*survey.chart.breadth, 7), rtol=1e-12)
 
 
