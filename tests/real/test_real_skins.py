@@ -15,6 +15,7 @@ pytestmark = pytest.mark.skipif(not MESHES, reason=f"no real links here: {DATA} 
 
 # Links without room for a board of 2 cm: pins all over a palm.
 CROWDED = {"g1_left_palm_force_sensor"}
+NARROW = {"talos_arm_5_forearm"}  # sections go all round for 14 mm of it: too little for boards of 2 cm, or just enough
 STEEP = 0.5  # cosine to the nearest face below which that may be a wall
 NEAR = 0.5e-3  # [m] a taxel nearer to the mesh has its nearest face under it
 
@@ -45,9 +46,9 @@ def sheet_on(fit):
     return sheet_taxels(wrap_sheet(fit.surface, SheetLattice(8, 12, (0.005, 0.005)), None, direction, trim=True), "s")
 
 
-def boards_on(fit):
-    """All boards that fit."""
-    boards, overhang = lay_boards(fit.surface, HexLattice(0.01, 0.0), "all", None, None, fit=fit)
+def boards_on(fit, side=0.01):
+    """All boards with sides of some length [m] that fit."""
+    boards, overhang = lay_boards(fit.surface, HexLattice(side, 0.0), "all", None, None, fit=fit)
     return board_taxels(boards, "b", overhang=overhang)
 
 
@@ -62,7 +63,7 @@ def test_no_normal_of_a_real_link_is_flipped(path, lay):
         with pytest.raises(InvalidPlan, match="no board with sides of 10 mm lies wholly in the region"):
             lay(fit)
         return
-    taxels = lay(fit)
+    taxels = boards_on(fit, 0.005) if lay is boards_on and path.stem in NARROW else lay(fit)
     normals, tangents = taxels.normals_link, taxels.tangents_link
     assert np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-12
     frames = np.stack((tangents, np.cross(normals, tangents), normals), axis=1)
