@@ -17,7 +17,7 @@ from .grids import AcrossGrid, Grid, SectorGrid, TubeGrid
 from .lines import LineGrid
 from .mesh import TriangleMesh
 from .proof import proved_error
-from .spacing import line_places, plain_lines, plane_places
+from .spacing import MOST_MOVES, line_places, plain_lines, plane_places
 from .survey import Survey
 
 MOST_PLANES, MOST_LINES = 60, 160
@@ -34,6 +34,7 @@ STUCK, ASTRAY = 0.97, 1.5  # a net for less error that leaves more than the one,
 MOST_STALLS, LEAP = 2, 0.7  # after one such net the next is predicted to leave this share of what it was
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 MEASURES = ("mean", "max")
+FEW_MOVES = 2  # of planes and lines in nets that are tried: more take as long as they save in control points
 LADDER = 1.4  # from one number of planes or lines to the next whose error is looked at
 MOVED = 0.6  # share of the error that is left by places where it is least, as a first guess
 TINY = 1e-300  # [m]
@@ -124,16 +125,23 @@ class ErrorModel:
     to what the other leaves.
     """
 
-    def __init__(self, survey: Survey, degree: tuple[int, int], measure: str = "mean", most: int = MOST_LINES):
+    def __init__(
+        self,
+        survey: Survey,
+        degree: tuple[int, int],
+        measure: str = "mean",
+        most: int = MOST_LINES,
+        moves: int = MOST_MOVES,
+    ):
         self.survey, self.degree = survey, degree
         judged = survey.halves[1]  # by what places were not chosen by
 
         def planes(n: int) -> tuple[float, Array]:
-            s = plane_places(survey, n, "auto", degree[0])
+            s = plane_places(survey, n, "auto", degree[0], moves)
             return float(judged.misfits_along(s, degree[0], measure)), s
 
         def lines(m: int) -> tuple[float, Array]:
-            t = line_places(survey, m, "auto", degree[1])
+            t = line_places(survey, m, "auto", degree[1], moves)
             return float(judged.misfits_across(t, degree[1], measure)), t
 
         def even_planes(n: int) -> float:
@@ -251,7 +259,7 @@ def fit_to_tolerance(
         raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
     degrees = (degree, degree) if isinstance(degree, int) else degree
     survey = Survey.of(mesh, chart_of(mesh, axis, margin, sector, normal), MOST_PLANES)
-    search = Search(mesh, ErrorModel(survey, degrees, measure), tolerance, measure)
+    search = Search(mesh, ErrorModel(survey, degrees, measure, moves=FEW_MOVES), tolerance, measure)
     search.run()
     if search.best is None:
         least = min(search.reachable, *(error for error, _ in search.tried.values()))

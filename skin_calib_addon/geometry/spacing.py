@@ -40,17 +40,20 @@ def spaced_lines(survey: Survey, n: int, lines: int, spacing: str, degree: tuple
     return chart_lines(survey.chart, s, t)
 
 
-def plane_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
-    """Places of ``count`` planes along the chart; those that leave the least error where the spacing is ``auto``."""
+def plane_places(survey: Survey, count: int, spacing: str, degree: int, moves: int = MOST_MOVES) -> Array:
+    """Places of ``count`` planes along the chart; those that leave the least error where the spacing is ``auto``.
+
+    ``moves`` steps at most lead there from a guess: a few find most of what there is to gain.
+    """
     if spacing != "auto":
         return np.linspace(*survey.chart.span, count)
-    return moved_planes(survey, guessed_planes(survey, count, degree), degree)
+    return moved_planes(survey, guessed_planes(survey, count, degree), degree, moves)
 
 
-def line_places(survey: Survey, count: int, spacing: str, degree: int) -> Array:
-    """Places of ``count`` lines across the chart, ascending; those that leave the least error for ``auto``."""
+def line_places(survey: Survey, count: int, spacing: str, degree: int, moves: int = MOST_MOVES) -> Array:
+    """Places of ``count`` lines across the chart, ascending; as for planes."""
     if spacing == "auto" and survey.fills:
-        return moved_lines(survey, guessed_lines(survey, count, degree), degree)
+        return moved_lines(survey, guessed_lines(survey, count, degree), degree, moves)
     maps = survey.maps
     return place(maps.get(spacing, maps["uniform"]), even_shares(count, survey.chart.closed))
 
@@ -79,14 +82,14 @@ def guessed_planes(survey: Survey, count: int, degree: int) -> Array:
     return best([even, candidates[int(np.argmin(errors))]], judged.errors_along, degree, survey)
 
 
-def moved_planes(survey: Survey, places: Array, degree: int) -> Array:
+def moved_planes(survey: Survey, places: Array, degree: int, moves: int) -> Array:
     """Planes from some places moved one by one to where they leave the least error, if they do leave less."""
     if (
         not survey.fills or survey.chart.bends or len(places) > MOST_MOVED
     ):  # the survey does not see the axis' own error
         return places
     looked, judged = survey.halves
-    moved = moved_places(looked.slopes_along, places, degree, survey.chart.span, False)
+    moved = moved_places(looked.slopes_along, places, degree, survey.chart.span, False, moves)
     return best([places, moved], judged.errors_along, degree, survey)
 
 
@@ -114,12 +117,12 @@ def guessed_lines(survey: Survey, count: int, degree: int) -> Array:
     return best([plain, place(more[int(np.argmin(errors))], shares)], judged.errors_across, degree, survey)
 
 
-def moved_lines(survey: Survey, places: Array, degree: int) -> Array:
+def moved_lines(survey: Survey, places: Array, degree: int, moves: int) -> Array:
     """Lines from some places moved one by one to where they leave the least error, if they do leave less."""
     if not survey.fills or len(places) > MOST_MOVED:
         return places
     looked, judged = survey.halves
-    moved = moved_places(looked.slopes_across, places, degree, survey.chart.breadth, survey.chart.closed)
+    moved = moved_places(looked.slopes_across, places, degree, survey.chart.breadth, survey.chart.closed, moves)
     return best([places, moved], judged.errors_across, degree, survey)
 
 
@@ -129,6 +132,7 @@ def moved_places(
     degree: int,
     edges: tuple[float, float],
     closed: bool,
+    moves: int,
 ) -> Array:
     """Places moved one by one to where they leave the least error: Gauss-Newton with Marquardt's damping.
 
@@ -140,7 +144,7 @@ def moved_places(
     free = slice(None) if closed else slice(1, -1)
     residuals, change = slopes(places, degree)
     damping = FIRST_DAMPING
-    for _ in range(MOST_MOVES if residuals.any() else 0):
+    for _ in range(moves if residuals.any() else 0):
         gram = product(change[:, free].T, change[:, free])
         gram[np.diag_indices_from(gram)] += damping * np.trace(gram) / len(gram)
         step = np.zeros(len(places))

@@ -224,3 +224,16 @@ def test_ray_a_hair_below_zero_stays_in_its_row():
         distance, hit = caster.cast(0 * directions, directions)
         assert_allclose(distance[:, 0], np.arange(1.0, 9.0), rtol=1e-12)
         assert_array_equal(hit[:, 0] // 4, np.arange(8))
+
+
+def test_segments_that_are_points_leave_a_curve_clean():
+    """A plane through corners of the mesh cuts some faces in a point: no second curve, and the same hits."""
+    corners, rays = polygon(0), fan(1)[None]
+    points = np.stack((corners, corners), axis=1)
+    plain, dotted = (
+        RayCaster(np.zeros(len(ends), np.int64), ends, 1, centres=CENTRE)
+        for ends in (sides(corners), np.concatenate((sides(corners), points)))
+    )
+    assert dotted.clean.all() and not dotted.followed.any()
+    for ours, theirs in zip(dotted.cast(0 * rays, rays), plain.cast(0 * rays, rays)):
+        assert_array_equal(ours, theirs)
