@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from ..arrays import Array, IntArray
+from ..deviation import DistanceStatistics
 from ..errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from .axis import Axis
 from .charts import Chart, chart_lines
@@ -337,7 +338,8 @@ class Search:
             if size is None and not self.tried:
                 size = self.model.smallest_grid(EASY * self.model.least)
             elif self.best is None and self.tried and not (size and self.hopes(self.model.error(size))):
-                size = self.model.smallest_grid(NEAR * self.model.least)
+                size = self.model.smallest_grid(max(self.needed, NEAR * self.model.least))
+                size = size or self.model.smallest_grid(NEAR * self.model.least)  # that is known better now
                 if not self.hopes(self.model.error(size) if size else self.model.least):
                     break
             if size is None or size in self.tried:
@@ -379,17 +381,29 @@ class Search:
         return hope
 
     def expected(self, predicted: float) -> float:
-        """Error to expect where less is predicted than of any fit so far: as those of the nearest two fell, if so.
+        """Error to expect where less is predicted than of any fit so far [m]."""
+        least, best, power = self.trend
+        return float(least * (predicted / best) ** power)
+
+    @property
+    def needed(self) -> float:
+        """The predicted error at which the tolerance is to be expected [m]."""
+        least, best, power = self.trend
+        return float(best * (AIM * self.tolerance / least) ** (1 / power)) if power else 0.0
+
+    @property
+    def trend(self) -> tuple[float, float, float]:
+        """The least error so far, its prediction, and the power of predictions by which the nearest two errors fell.
 
         Over steps and edges errors fall more slowly than predictions, and less and less.
         """
         told = sorted((error, self.model.error(size)) for size, (error, _) in self.tried.items())[:2]
         (least, best), (other, worse) = told[0], told[-1]
         power = np.log(other / least) / np.log(worse / best) if worse > best else 1.0
-        return float(least * (predicted / best) ** min(power, 1.0))
+        return least, best, float(min(power, 1.0))
 
     def error(self, size: tuple[int, int]) -> float:
-        """Error of the fit of this size [m]: proved where it keeps the tolerance, else about what it is."""
+        """Error of the fit of this size [m]: proved, or exact, where it keeps the tolerance, else about what it is."""
         if size not in self.tried:
             fit = fit_lines(self.mesh, self.model.lines(size), self.model.degree)
             points, bounds, areas = fit.bounds()
@@ -397,7 +411,10 @@ class Search:
             def exact(chosen: IntArray) -> Array:
                 return self.distance(self.mesh)(points[chosen])[0]
 
-            self.tried[size] = proved_error(bounds, areas, exact, self.measure, self.tolerance), fit
+            error = proved_error(bounds, areas, exact, self.measure, self.tolerance)
+            if ASTRAY * self.model.error(size) < error <= self.tolerance:  # over steps, what is proved says little more
+                error = float(getattr(DistanceStatistics.of(exact(np.arange(len(points))), areas), self.measure))
+            self.tried[size] = error, fit
         return self.tried[size][0]
 
 

@@ -255,7 +255,7 @@ def test_process_that_dies_does_not_stop_the_others(robot, capsys, monkeypatch):
 def test_interrupted_call_leaves_whole_files(robot, capsys):
     """Ctrl+C while processes are busy: what was fitted is kept, nothing else is left, and the same call goes on."""
     small = (robot / "plans" / "toe.ply").read_bytes()
-    save_mesh(cylinder(around=600, along=1200), robot / "plans" / "toe.ply")  # takes seconds
+    save_mesh(cylinder(around=900, along=2400), robot / "plans" / "toe.ply")  # takes many seconds
     command = [sys.executable, "-m", "skin_calib_addon", "fit", robot / "plans", "-o", robot / "out", "--jobs", "2"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, cwd=ROOT, process_group=0, **pipes) as process:
