@@ -1,6 +1,7 @@
 """The command line, the same words inside and outside Blender."""
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -30,6 +31,8 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by whoever called, as with ">&-"
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a link's name may have letters that a terminal's encoding lacks
+        sys.stdout.reconfigure(errors="backslashreplace")
     options = _parser(scene_plans).parse_args(argv)
     try:
         code = options.run(options)

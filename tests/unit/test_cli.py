@@ -567,3 +567,12 @@ def test_closed_output_is_nothing_to_stumble_over(folder, closed):
     shell = ["sh", "-c", f"cd {folder}; {words} {closed}"]
     assert subprocess.run(shell, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 1
     assert load_calibration(folder / "a.calibration.json").link == "tube"
+
+
+def test_terminal_without_the_letters_of_a_name(tmp_path):
+    """What an encoding lacks is written as an escape, not as the end of the program."""
+    save_calibration(replace(small_calibration(), link="Pr\u00fcfling"), tmp_path / "a.json")
+    words = [sys.executable, "-m", "skin_calib_addon", "show", tmp_path / "a.json"]
+    environment = ENVIRONMENT | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "") and "Pr\\xfcfling" in done.stdout
