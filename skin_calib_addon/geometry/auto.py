@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 
 from ..arrays import Array, IntArray
-from ..deviation import DistanceStatistics
 from ..errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from .axis import Axis
 from .charts import Chart, chart_lines
@@ -32,6 +31,7 @@ NEAR = 1.05  # times the least predicted error: what is nearer takes all there i
 CLOSE = 1.1  # times the control points of a net: with less of a difference, no other is tried
 HOPE = 1.05  # a prediction may be off by this factor
 STUCK, ASTRAY = 0.97, 1.5  # a net for less error that leaves more than the one, and less than the other, gains nothing
+LOOSE = 1.5  # times its prediction: an error that is proved this far above, as over steps, may be far less
 MOST_STALLS, LEAP = 2, 0.7  # after one such net the next is predicted to leave this share of what it was
 AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 MEASURES = ("mean", "max")
@@ -403,7 +403,7 @@ class Search:
         return least, best, float(min(power, 1.0))
 
     def error(self, size: tuple[int, int]) -> float:
-        """Error of the fit of this size [m]: proved, or exact, where it keeps the tolerance, else about what it is."""
+        """Error of the fit of this size [m]: within the tolerance only where that is proved."""
         if size not in self.tried:
             fit = fit_lines(self.mesh, self.model.lines(size), self.model.degree)
             points, bounds, areas = fit.bounds()
@@ -412,8 +412,8 @@ class Search:
                 return self.distance(self.mesh)(points[chosen])[0]
 
             error = proved_error(bounds, areas, exact, self.measure, self.tolerance)
-            if ASTRAY * self.model.error(size) < error <= self.tolerance:  # over steps, what is proved says little more
-                error = float(getattr(DistanceStatistics.of(exact(np.arange(len(points))), areas), self.measure))
+            if LOOSE * self.model.error(size) < error <= self.tolerance:
+                error = min(error, proved_error(bounds, areas, exact, self.measure, 0.0))  # about what it is
             self.tried[size] = error, fit
         return self.tried[size][0]
 

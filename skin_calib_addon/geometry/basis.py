@@ -14,7 +14,7 @@ from .lines import LineGrid
 
 SITES_PER_SPAN = 3
 # Fewer sites from edge to edge, or all round, may all fall on corners of the facets, or all on their middles.
-FEWEST_SITES, FEWEST_ROUND = 20, 60
+FEWEST_SITES = {False: 20, True: 60}  # by whether the direction is closed
 SCHULZ_ROUNDS = 3  # each squares the error of an inverse
 NEAR = 0.1  # to one, that a matrix times its inverse must be
 # Stiffness that says what holes leave open: with a tenth of it, what hardly any sample holds swings far out over them.
@@ -64,9 +64,9 @@ def spline_sites(
     return SplineSites(knots, np.roll(values[:, :count], -shift, axis=1), degree, shift)
 
 
-def enough_sites(per_span: int, spans: int, closed: bool) -> int:
-    """Sites in each of some spans: ``per_span``, or more where that would be too few in all."""
-    return max(per_span, -(-(FEWEST_ROUND if closed else FEWEST_SITES) // spans))
+def enough_sites(per_span: int, spans: int, fewest: int) -> int:
+    """Sites in each of some spans: ``per_span``, or more where that would be fewer than ``fewest`` in all."""
+    return max(per_span, -(-fewest // spans))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +103,8 @@ class TensorBasis:
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
         around = m if lines.closed else m - degree_v
-        u = spline_sites(n, degree_u, False, enough_sites(per_span, n - degree_u, False), between)
-        v = spline_sites(m, degree_v, lines.closed, enough_sites(per_span, around, lines.closed), between)
+        u = spline_sites(n, degree_u, False, enough_sites(per_span, n - degree_u, FEWEST_SITES[False]), between)
+        v = spline_sites(m, degree_v, lines.closed, enough_sites(per_span, around, FEWEST_SITES[lines.closed]), between)
         common = unit(lines.directions.mean(axis=0))
         return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
 

@@ -77,7 +77,7 @@ class TubeChart:
         return np.arctan2(y, x) % TURN, np.hypot(x, y)
 
     def steps(self, heights: Array) -> Array:
-        """How far apart places one t apart are at some heights [m]."""
+        """How far apart places one t apart are at some heights, of any shape [m]."""
         return heights
 
     def gap_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array, steep: Array) -> Array:

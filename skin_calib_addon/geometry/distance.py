@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 from ..arrays import Array, BoolArray, IntArray, cross
 from ..deviation import DistanceStatistics, SurfaceErrors
 from ..errors import EmptySection
-from .basis import enough_sites
+from .basis import FEWEST_SITES, enough_sites
 from .bspline import BSplineSurface
 from .mesh import TriangleMesh
 
@@ -72,7 +72,7 @@ def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
 def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
     """Even parameters u and v, in the middle of equal parts, so many to a span, more where spans are few."""
     spans = (len(np.unique(k[d : len(k) - d])) - 1 for k, d in zip((surface.knots_u, surface.knots_v), surface.degree))
-    counts = (n * enough_sites(per_span, n, closed) for n, closed in zip(spans, surface.closed))
+    counts = (n * enough_sites(per_span, n, FEWEST_SITES[closed]) for n, closed in zip(spans, surface.closed))
     u, v = ((np.arange(n) + 0.5) / n for n in counts)
     return u, v
 

@@ -44,8 +44,9 @@ class RayCaster:
         self._sort(row, ends, rows)
         if self.ordered and not self.clean.all():
             long = (ends[:, 0] != ends[:, 1]).any(axis=1)  # a plane through a corner of a face may cut it in that point
-            self.segment, row, ends = self.segment[long], row[long], ends[long]
-            self._sort(row, ends, rows)
+            if not long.all():
+                self.segment, row, ends = self.segment[long], row[long], ends[long]
+                self._sort(row, ends, rows)
         if self.ordered and not self.clean.all():
             kept = self._outer_curves(ends)
             self.segment = self.segment[kept]

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import Array, BoolArray, IntArray, over_rows, product
 from ..errors import EmptySection
-from .basis import SplineSites, spline_sites
+from .basis import SplineSites, enough_sites, spline_sites
 from .charts import Chart
 from .mesh import TriangleMesh
 from .rays import TURN
@@ -24,7 +24,7 @@ SMOOTHING_STEPS = 2.3  # of the outlines, over which curvature is averaged: face
 FULL = 0.98  # share of the rays that meet a mesh which fills its chart
 ROUNDS = 5
 STILL = 1e-3  # a round that moves the offsets by this share of what they leave, both squared, is the last
-FEWEST_SITES = 80  # where a mean or a largest distance is told
+FEWEST_TOLD = 80  # sites where a mean or a largest distance is told
 LOOKED, JUDGED = 7, 10  # sites per span: a short spline passes through three, and facets come in round numbers
 
 # A spacing is a piecewise linear map from the share of the intervals behind a place, 0 to 1, to the place.
@@ -137,7 +137,7 @@ class Survey:
 
     def _densely(self, spans: int) -> "Survey":
         """The same with so many sites that few spans, too, see every facet."""
-        return replace(self, per_span=max(self.per_span, -(-FEWEST_SITES // spans)))
+        return replace(self, per_span=enough_sites(self.per_span, spans, FEWEST_TOLD))
 
     def errors_across(self, t: Array, degree: int) -> Array:
         """What several choices of lines (c, m) leave between outlines and fits.
