@@ -29,7 +29,7 @@ from skin_calib_addon.calibration import (
     load_calibration,
     save_calibration,
 )
-from skin_calib_addon.deviation import DistanceStatistics, SurfaceErrors
+from skin_calib_addon.common.surface_errors import DistanceStatistics, SurfaceErrors
 
 SIZES = {10_000: (100, 100), 100_000: (250, 400)}
 LONG = 5.0  # [s] what takes longer is not repeated

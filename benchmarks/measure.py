@@ -10,7 +10,7 @@ from links import Array, Fan, Link
 from samples import holes
 from scipy.interpolate import BSpline
 
-from skin_calib_addon.geometry.distance import MeshDistance
+from skin_calib_addon.geometry.surface.distance import MeshDistance
 
 # Cells in which every surface is measured; primes, so as to be out of step with its knots and with the facets.
 ROWS, COLUMNS = 37, 151

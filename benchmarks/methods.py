@@ -6,7 +6,7 @@ from links import Fan, Link
 from measure import Surface, tensor
 
 from skin_calib_addon.geometry import Planes, PlanesGrid, SurfaceFit, fit_surface, fit_to_count, fit_to_tolerance
-from skin_calib_addon.geometry.bspline import clamped_knots
+from skin_calib_addon.geometry.surface.bspline import clamped_knots
 
 
 def ours(link: Link, n: int, lines: int, spacing: str = "auto") -> SurfaceFit:

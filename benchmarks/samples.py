@@ -9,7 +9,7 @@ import numpy as np
 from links import Array, Fan, Link
 
 from skin_calib_addon.geometry import Planes
-from skin_calib_addon.geometry.samples import cast_rays
+from skin_calib_addon.geometry.sampling.samples import cast_rays
 
 MASK = (160, 720)  # rows and rays of the map that tells holes
 

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.cli import main as skin_calib
-from skin_calib_addon.laying import lay_all
 from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.pipeline.place_skins import lay_all
 from skin_calib_addon.plan import load_plan
 
 ROOT = Path(__file__).resolve().parent.parent

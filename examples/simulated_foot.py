@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from skin_calib_addon.calibration import LinkCalibration, Response
-from skin_calib_addon.geometry.distance import MeshDistance
+from skin_calib_addon.geometry.surface.distance import MeshDistance
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
-from skin_calib_addon.plan_skins import BoardSkin
+from skin_calib_addon.plan.skins import BoardSkin
 from skin_calib_addon.runtime import Frame, Skin, convex_hull
 from skin_calib_addon.skin import HexLattice
 

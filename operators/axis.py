@@ -3,10 +3,10 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import scene
-from ..skin_calib_addon.blender.decimals import in_units, vector
+from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.blender.scene.decimals import in_units, vector
 from ..skin_calib_addon.geometry import cut_cover
-from ..skin_calib_addon.geometry.axis import axis_through
+from ..skin_calib_addon.geometry.grid.axis import axis_through
 from .on_link import Edit, OnLink
 from .picking import POINT, Picking
 

@@ -3,11 +3,12 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import overlay, scene, skins
-from ..skin_calib_addon.blender.decimals import vector
-from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.blender.overlay import overlay
+from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene.decimals import vector
+from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.skin import HexLattice
-from ..skin_calib_addon.skin.touched import board_at
+from ..skin_calib_addon.skin.boards.touched import board_at
 from .lists import OnSkin
 from .on_link import Edit
 from .picking import POINT, Picking

@@ -4,12 +4,12 @@
 import bpy
 import numpy as np
 
-from ..skin_calib_addon.blender import cut_away, scene
-from ..skin_calib_addon.blender.decimals import vector
-from ..skin_calib_addon.blender.skins import entry
-from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
-from ..skin_calib_addon.geometry.cut_planes import cut_normal
-from ..skin_calib_addon.geometry.defects import count
+from ..skin_calib_addon.blender.scene import cut_away, scene
+from ..skin_calib_addon.blender.scene.decimals import vector
+from ..skin_calib_addon.blender.scene.skins import entry
+from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
+from ..skin_calib_addon.geometry.grid.cut_planes import cut_normal
+from ..skin_calib_addon.geometry.mesh.defects import count
 from .lists import INDEX
 from .on_link import Edit, OnMesh
 from .picking import POINT, Picking

@@ -7,13 +7,13 @@ from pathlib import Path
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
-from ..skin_calib_addon.atomic_file import write_bytes_safely
-from ..skin_calib_addon.blender import results, scene, skins
+from ..skin_calib_addon.blender.scene import results, scene, skins
 from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
-from ..skin_calib_addon.calibration.strict_json import parse, read
-from ..skin_calib_addon.errors import InvalidMesh, SkinCalibError
-from ..skin_calib_addon.geometry.mesh import load_mesh, read_mesh, save_mesh
+from ..skin_calib_addon.common.atomic_file import write_bytes_safely
+from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
+from ..skin_calib_addon.common.strict_json import parse, read
+from ..skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh, save_mesh
 from ..skin_calib_addon.plan import load_plan, plan_document, plan_from, save_plan
 from .files import FromFile
 from .on_link import OnLink

@@ -4,7 +4,7 @@
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
-from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.common.errors import SkinCalibError
 
 
 class FromFile(ImportHelper):

@@ -6,9 +6,11 @@ from time import perf_counter
 import bpy
 from mathutils import Vector
 
-from ..skin_calib_addon.blender import live, overlay, results, scene, skins
-from ..skin_calib_addon.blender.background import Work
-from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.blender.live import live
+from ..skin_calib_addon.blender.live.background import Work
+from ..skin_calib_addon.blender.overlay import overlay
+from ..skin_calib_addon.blender.scene import results, scene, skins
+from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.plan import plan_document
 from .on_link import OnLink, OnResult
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import bpy
 
-from ..skin_calib_addon.blender import scene, skins
-from ..skin_calib_addon.blender.comparing import TAXEL_ENDINGS
-from ..skin_calib_addon.blender.skin_properties import FORMAT_ITEMS
+from ..skin_calib_addon.blender.inspection.comparing import TAXEL_ENDINGS
+from ..skin_calib_addon.blender.properties.skin import FORMAT_ITEMS
+from ..skin_calib_addon.blender.scene import scene, skins
 from ..skin_calib_addon.calibration.exchange import read_taxels
 from ..skin_calib_addon.geometry import cut_cover
 from ..skin_calib_addon.skin.imported import frame_on

@@ -3,9 +3,9 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import comparing, replay, taxels
-from ..skin_calib_addon.blender.view import ray_under
-from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.blender.handles.view import ray_under
+from ..skin_calib_addon.blender.inspection import comparing, replay, taxels
+from ..skin_calib_addon.common.errors import SkinCalibError
 from .files import LooksAtFile
 from .on_link import OnLink, OnResult
 from .picking import NAVIGATION

@@ -6,14 +6,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..skin_calib_addon.blender import diagnoses, scene
-from ..skin_calib_addon.calibration.findings import show
-from ..skin_calib_addon.errors import SkinCalibError, UnknownLink
-from ..skin_calib_addon.geometry.defects import count, edges_at
-from ..skin_calib_addon.geometry.mesh import read_mesh
-from ..skin_calib_addon.geometry.units import NAMES, UNITS, likely_unit, mistaken
-from ..skin_calib_addon.robot import read_robot
-from ..skin_calib_addon.robot_mesh import USES, load_link, meshes_of
+from ..skin_calib_addon.blender.live import diagnoses
+from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink
+from ..skin_calib_addon.common.findings import show
+from ..skin_calib_addon.geometry.mesh.defects import count, edges_at
+from ..skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
+from ..skin_calib_addon.geometry.mesh.units import NAMES, UNITS, likely_unit, mistaken
+from ..skin_calib_addon.robot.link_mesh import USES, load_link, meshes_of
+from ..skin_calib_addon.robot.urdf import read_robot
 from .files import FromFile
 from .on_link import OnMesh
 

@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import scene, skins
-from ..skin_calib_addon.blender.skins import entry, of_kind
+from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene.skins import entry, of_kind
 from .on_link import Edit
 
 INDEX = {"min": 0, "options": {"HIDDEN"}}

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What operators on a link have in common: when they can work, and how an edit of its plan ends."""
 
-from ..skin_calib_addon.blender import results, scene
-from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.blender.scene import results, scene
+from ..skin_calib_addon.common.errors import SkinCalibError
 
 
 class OnMesh:

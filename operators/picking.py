@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Points that the author picks on the link with the mouse."""
 
-from ..skin_calib_addon.blender import scene
-from ..skin_calib_addon.blender.options import PLACE
-from ..skin_calib_addon.blender.view import point_under
-from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.blender.handles.view import point_under
+from ..skin_calib_addon.blender.properties.options import PLACE
+from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.common.errors import SkinCalibError
 
 # What moves the view, and no more.
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "MOUSEROTATE", "TIMER"}

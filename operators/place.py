@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import scene, skins
+from ..skin_calib_addon.blender.scene import scene, skins
 from .lists import INDEX, OnSkin
 from .on_link import Edit
 from .picking import POINT, Picking

@@ -3,11 +3,11 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import plane_lists, scene
-from ..skin_calib_addon.blender.skins import entry
-from ..skin_calib_addon.errors import SkinCalibError
+from ..skin_calib_addon.blender.scene import plane_lists, scene
+from ..skin_calib_addon.blender.scene.skins import entry
+from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.geometry import AutoGrid, PlanesGrid, cut_cover, fit_grid
-from ..skin_calib_addon.geometry.hand_planes import between, mirrored, planes_of, spread
+from ..skin_calib_addon.geometry.grid.hand_planes import between, mirrored, planes_of, spread
 from .lists import INDEX
 from .on_link import Edit, OnLink
 

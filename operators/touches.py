@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import touching
+from ..skin_calib_addon.blender.inspection import touching
 from .files import LooksAtFile
 from .on_link import Edit, OnLink, OnResult
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panels have in common: where they are, and when; how a plane placed by hand looks in them."""
 
-from ..skin_calib_addon.blender import live
+from ..skin_calib_addon.blender.live import live
 
 
 class SkinPanel:

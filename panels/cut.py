@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import cut_away
+from ..skin_calib_addon.blender.scene import cut_away
 from .base import SkinPanel, lay_out_plane, what_is_wrong
 
 ROWS = 5  # of the list, at most

@@ -5,8 +5,8 @@ import textwrap
 
 import bpy
 
-from ..skin_calib_addon.blender import live
-from ..skin_calib_addon.blender.scene import DOUBT_WIDTH
+from ..skin_calib_addon.blender.live import live
+from ..skin_calib_addon.blender.scene.scene import DOUBT_WIDTH
 from .base import SkinPanel
 
 

@@ -5,8 +5,9 @@ import textwrap
 
 import bpy
 
-from ..skin_calib_addon.blender import comparing, replay, results
-from ..skin_calib_addon.blender.scene import DOUBT_WIDTH
+from ..skin_calib_addon.blender.inspection import comparing, replay
+from ..skin_calib_addon.blender.scene import results
+from ..skin_calib_addon.blender.scene.scene import DOUBT_WIDTH
 from .base import SkinPanel
 
 

@@ -3,9 +3,9 @@
 
 import bpy
 
-from ..skin_calib_addon.blender import diagnoses
-from ..skin_calib_addon.blender.scene import longest_side
-from ..skin_calib_addon.geometry.units import NAMES, mistaken
+from ..skin_calib_addon.blender.live import diagnoses
+from ..skin_calib_addon.blender.scene.scene import longest_side
+from ..skin_calib_addon.geometry.mesh.units import NAMES, mistaken
 from .base import SkinPanel
 
 

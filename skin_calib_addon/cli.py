@@ -10,7 +10,7 @@ from typing import NoReturn
 from . import __version__
 from .commands import check, export, fit, import_file, replay, response, show, touches
 from .commands.common import DONE, WRONG_CALL, WRONG_DATA, complain
-from .errors import OutputError, SkinCalibError
+from .common.errors import OutputError, SkinCalibError
 
 
 def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None = None) -> int:

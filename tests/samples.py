@@ -3,7 +3,7 @@
 import numpy as np
 
 from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, Response, SurfaceModel, TaxelArray
-from skin_calib_addon.deviation import DistanceStatistics, SurfaceErrors
+from skin_calib_addon.common.surface_errors import DistanceStatistics, SurfaceErrors
 
 RADIUS = 0.035  # [m]
 ERRORS = SurfaceErrors(DistanceStatistics(1e-5, 2e-5, 1e-4), DistanceStatistics(1.5e-5, 2.5e-5, 1.1e-4), 1.1e-4)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from sample_scenes import shapes
 from skin_calib_addon.geometry import Axis, BSplineSurface, TriangleMesh, TubeGrid, fit_surface, weld
-from skin_calib_addon.geometry.bspline import clamped_knots, greville, periodic_knots
+from skin_calib_addon.geometry.surface.bspline import clamped_knots, greville, periodic_knots
 
 RADIUS, LENGTH = 0.035, 0.1
 TURN = 2 * np.pi

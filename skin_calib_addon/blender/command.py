@@ -7,9 +7,9 @@ from typing import Any
 import bpy
 
 from .. import cli
-from ..geometry.mesh import TriangleMesh
+from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..plan import Plan
-from .scene import links, read_mesh, read_plan
+from .scene.scene import links, read_mesh, read_plan
 
 _commands: list[Any] = []
 

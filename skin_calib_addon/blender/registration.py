@@ -4,7 +4,13 @@
 from importlib import import_module
 from types import ModuleType
 
-from . import command, diagnoses, handles, live, overlay, properties, replay, results, skin_handles
+from . import command
+from .handles import handles, skin_handles
+from .inspection import replay
+from .live import diagnoses, live
+from .overlay import overlay
+from .properties import link as properties
+from .scene import results
 
 _modules: list[ModuleType] = []
 

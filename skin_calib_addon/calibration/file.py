@@ -6,16 +6,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..atomic_file import write_bytes_safely
-from ..deviation import DistanceStatistics, SurfaceErrors
-from ..errors import CalibrationFormatError
-from .encoding import checksum, encode
-from .findings import Finding, in_short
+from ..common.atomic_file import write_bytes_safely
+from ..common.encoding import checksum, encode
+from ..common.errors import CalibrationFormatError
+from ..common.findings import Finding, in_short
+from ..common.schema_check import check
+from ..common.strict_json import parse, read
+from ..common.surface_errors import DistanceStatistics, SurfaceErrors
 from .migration import migrated
 from .model import LinkCalibration, MeshSource, Patch, SurfaceModel, TaxelArray
 from .response import response_document, response_from
-from .schema_check import check
-from .strict_json import parse, read
 from .validate import FORMAT, SCHEMA, VERSION, validate, validate_content
 
 Document = dict[str, Any]

@@ -7,10 +7,10 @@ from itertools import groupby
 
 import numpy as np
 
-from ..arrays import Array, freeze
-from .columns import WrongCell, named_rows, naming, number_in, place_of
-from .exchange.text import read_text
-from .findings import did_you_mean, show
+from ..common.arrays import Array, freeze
+from ..common.findings import did_you_mean, show
+from ..common.tables import WrongCell, named_rows, naming, number_in, place_of
+from ..common.text import read_text
 
 LEAST, LARGEST = 1e-100, 1e12  # of numbers that are not zero
 

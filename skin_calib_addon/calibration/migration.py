@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .encoding import checksum
-from .findings import Finding
-from .schema_check import check
-from .schema_types import Schema, has_type
+from ..common.encoding import checksum
+from ..common.findings import Finding
+from ..common.schema_check import check
+from ..common.schema_types import Schema, has_type
 from .validate import VERSION, checksum_findings
 
 Document = dict[str, Any]

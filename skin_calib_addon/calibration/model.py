@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, IntArray, freeze
-from ..deviation import SurfaceErrors
+from ..common.arrays import Array, IntArray, freeze
+from ..common.surface_errors import SurfaceErrors
 from .response import AnyResponse, Response
 
 

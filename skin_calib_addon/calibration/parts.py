@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .findings import Finding, child
+from ..common.findings import Finding, child
 
 NUMERIC = ("degree", "control_net", "pitch", "channel", "position", "normal", "tangent", "corners", "area", "response")
 

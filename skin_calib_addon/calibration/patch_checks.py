@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
-from .findings import Finding, error, show, warning
+from ..common.arrays import Array
+from ..common.findings import Finding, error, show, warning
 from .parts import Part, needs
 from .surface_checks import FARTHEST
 

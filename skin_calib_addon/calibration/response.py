@@ -1,16 +1,12 @@
 """From readings to newtons: the response of the sensors, of one kind for all taxels or each its own. NumPy only."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, IntArray
-
-if TYPE_CHECKING:
-    from .model import LinkCalibration
+from ..common.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -28,7 +24,7 @@ class Response:
         readings = _finite(readings)
         with np.errstate(all="ignore"):
             clamped = readings if self.range is None else np.clip(readings, *self.range)
-            return _pressing(np.polynomial.polynomial.polyval(clamped, self.coefficients))
+            return pressing(np.polynomial.polynomial.polyval(clamped, self.coefficients))
 
     @property
     def rest(self) -> float:
@@ -57,7 +53,7 @@ class ResponseTable:
 
     def newtons(self, readings: Any) -> Array:
         """Forces [N] of readings of any shape; NaN where one is no finite number."""
-        return _pressing(np.interp(_finite(readings), self.readings, self.forces))
+        return pressing(np.interp(_finite(readings), self.readings, self.forces))
 
     @property
     def rest(self) -> float:
@@ -92,125 +88,7 @@ def response_from(document: dict[str, Any]) -> AnyResponse:
     return Response(tuple(_floats(document["coefficients"])), (low, high) if "range" in document else None)
 
 
-class TaxelResponses:
-    """The responses of many taxels, ready to be applied to all of their readings at once.
-
-    Attributes
-    ----------
-    rest : array, shape (n,)
-        The reading of each taxel at which its force is least.
-    full : array, shape (n,)
-        The reading from which on its force is no longer told; infinite where there is none.
-    """
-
-    def __init__(self, responses: Sequence[AnyResponse], index: IntArray):
-        """Taxel i has the response ``responses[index[i]]``."""
-        index = np.asarray(index, np.int64)
-        used, index = np.unique(index, return_inverse=True)
-        kinds = [responses[i] for i in used]
-        self.rest = np.array([r.rest for r in kinds])[index] if kinds else np.empty(0)
-        self.full = np.array([np.inf if r.full is None else r.full for r in kinds])[index] if kinds else np.empty(0)
-        for shared in (self.rest, self.full):
-            shared.setflags(write=False)
-        self._sign = np.where(self.full < self.rest, -1.0, 1.0)
-        self._signed_full = self._sign * self.full
-        is_table = np.array([isinstance(r, ResponseTable) for r in kinds], bool)
-        self._polynomials = _Polynomials([r if isinstance(r, Response) else Response() for r in kinds], index)
-        self._rows = np.flatnonzero(is_table[index]) if kinds else np.empty(0, np.int64)
-        self._tables = None
-        if len(self._rows):
-            number = np.cumsum(is_table) - 1
-            self._tables = _Tables([r for r in kinds if isinstance(r, ResponseTable)], number[index[self._rows]])
-        self._only_tables = len(self._rows) == len(index) > 0
-
-    @classmethod
-    def of(cls, calibration: "LinkCalibration") -> "TaxelResponses":
-        """Those of all taxels of all patches, in the order of the patches."""
-        own = [np.zeros(0, np.int64)]
-        for patch in calibration.patches:
-            taxels = patch.taxels
-            own.append(taxels.responses + 1 if len(taxels.responses) else np.zeros(len(taxels.ids), np.int64))
-        return cls((calibration.response, *calibration.responses), np.concatenate(own))
-
-    def forces(self, intensity: Any) -> Array:
-        """Forces (n,) [N] of the taxels' readings (n,), never negative.
-
-        NaN where a reading is no finite number, or the force of one is beyond all numbers.
-        """
-        readings = np.asarray(intensity, float)
-        with np.errstate(all="ignore"):
-            if self._tables is None:
-                forces = self._polynomials.forces(readings)
-            elif self._only_tables:
-                forces = self._tables.forces(readings)
-            else:
-                forces = self._polynomials.forces(readings)
-                forces[self._rows] = self._tables.forces(readings[self._rows])
-            return _pressing(forces)
-
-    def saturated(self, intensity: Any) -> BoolArray:
-        """Whether the readings (n,) are at or beyond ``full``, where the force may be larger than is told."""
-        signed = np.asarray(intensity, float) * self._sign
-        return (signed >= self._signed_full) & (signed < np.inf)
-
-
-class _Polynomials:
-    """A polynomial for each taxel."""
-
-    def __init__(self, responses: Sequence[Response], index: IntArray):
-        degree = max((len(r.coefficients) - 1 for r in responses), default=1)
-        coefficients = np.zeros((max(degree, 1) + 1, len(responses)))  # the highest power first
-        ranges = np.tile((-np.inf, np.inf), (len(responses), 1))
-        for k, r in enumerate(responses):
-            coefficients[len(coefficients) - len(r.coefficients) :, k] = r.coefficients[::-1]
-            if r.range is not None:
-                ranges[k] = r.range
-        self._coefficients = np.take(coefficients, index, axis=1)  # (degree + 1, n)
-        self._low, self._high = np.take(ranges.T, index, axis=1)
-        self._clamps = bool(np.isfinite(ranges).any())
-
-    def forces(self, readings: Array) -> Array:
-        first, second, *others = self._coefficients
-        if self._clamps:
-            gone = readings * 0.0  # NaN where a reading is not finite: the ends of a range must not hide it
-            readings = np.maximum(readings, self._low)
-            np.minimum(readings, self._high, out=readings)
-            readings += gone
-        forces = readings * first
-        forces += second
-        for coefficient in others:
-            forces *= readings
-            forces += coefficient
-        return forces
-
-
-class _Tables:
-    """A table for each taxel; table k lies on [2 k, 2 k + 1] of one axis, so that one look-up serves all."""
-
-    def __init__(self, tables: Sequence[ResponseTable], index: IntArray):
-        self._low = np.array([t.readings[0] for t in tables])[index]
-        self._width = np.array([t.readings[-1] - t.readings[0] for t in tables])[index]
-        self._shift = 2.0 * index
-        self._knots = np.concatenate(
-            [
-                (np.array(t.readings) - t.readings[0]) / (t.readings[-1] - t.readings[0]) + 2 * k
-                for k, t in enumerate(tables)
-            ]
-        )
-        self._forces = np.concatenate([t.forces for t in tables])
-
-    def forces(self, readings: Array) -> Array:
-        gone = readings * 0.0
-        share = readings - self._low
-        share /= self._width
-        np.maximum(share, 0.0, out=share)
-        np.minimum(share, 1.0, out=share)
-        share += self._shift
-        share += gone
-        return np.interp(share, self._knots, self._forces)
-
-
-def _pressing(forces: Array) -> Array:
+def pressing(forces: Array) -> Array:
     """Forces without the negative ones; what is not finite becomes NaN, so that minus infinity is no zero."""
     return np.maximum(forces, 0.0) + forces * 0.0
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, BoolArray
-from .findings import Finding, child, error, show
+from ..common.arrays import Array, BoolArray
+from ..common.findings import Finding, child, error, show
 from .parts import Part, touched_by
 
 TURN = 1e-9  # of the forces on the range: a polynomial may run back by this, for its coefficients are rounded

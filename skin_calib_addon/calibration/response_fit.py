@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, IntArray
-from ..errors import UnderdeterminedFit
+from ..common.arrays import Array, BoolArray, IntArray
+from ..common.errors import UnderdeterminedFit
 from .response import AnyResponse, Response, ResponseTable
 from .response_checks import is_monotone
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
-from .findings import Finding, error, show, warning
+from ..common.arrays import Array
+from ..common.findings import Finding, error, show, warning
 from .parts import Part, needs
 
 FARTHEST = 20.0  # [m] no robot link reaches this far from its own frame

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from ..common.encoding import checksum
+from ..common.findings import Finding, did_you_mean, error, first, show, warning
+from ..common.schema_check import check, read_schema
+from ..common.schema_types import has_type
 from . import patch_checks, surface_checks
-from .encoding import checksum
-from .findings import Finding, did_you_mean, error, first, show, warning
 from .parts import Part, parts_of
 from .response_checks import responses_are_monotone, responses_are_there
-from .schema_check import check, read_schema
-from .schema_types import has_type
 
 Findings = tuple[Finding, ...]
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from ..calibration.file import check_bytes
-from ..calibration.findings import Finding, printable, warning
-from ..calibration.strict_json import parse, read
-from ..errors import CalibrationFormatError, InvalidMesh, OutputError
+from ..common.errors import CalibrationFormatError, InvalidMesh, OutputError
+from ..common.findings import Finding, printable, warning
+from ..common.strict_json import parse, read
+from ..pipeline.sources import changed_inputs, is_mesh, mesh_beside
 from ..plan import FORMAT, check_plan_wholly
-from ..sources import changed_inputs, is_mesh, mesh_beside
 from .common import DONE, WRONG_DATA, complain
 
 MANY = 10  # findings that one counts by their codes

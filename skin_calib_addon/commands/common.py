@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..calibration.exchange import FORMATS
-from ..errors import OutputError
+from ..common.errors import OutputError
 
 DONE, WRONG_DATA, WRONG_CALL = 0, 1, 2
 

@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from ..atomic_file import write_bytes_safely
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
+from ..common.atomic_file import write_bytes_safely
 from .common import DONE, check_target, listed
 
 

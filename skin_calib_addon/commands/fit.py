@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from ..errors import InvalidPlan, OutputError, SkinCalibError
-from ..geometry.mesh import TriangleMesh
+from ..common.errors import InvalidPlan, OutputError, SkinCalibError
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..pipeline.sources import Source, load_sources, note_source
 from ..plan import Plan
-from ..robot import Robot, read_robot
-from ..sources import Source, load_sources, note_source
+from ..robot.urdf import Robot, read_robot
 from .common import DONE, WRONG_DATA, check_target, complain, count
 from .fit_jobs import Job, Outcome, outcomes
 from .progress import Progress

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..atomic_file import write_bytes_safely
 from ..calibration.file import load_calibration, save_calibration
-from ..errors import CalibrationFormatError, SkinCalibError
-from ..geometry.mesh import TriangleMesh
+from ..common.atomic_file import write_bytes_safely
+from ..common.errors import CalibrationFormatError, SkinCalibError
+from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline import Calibrated, calibrate
+from ..pipeline.report import report_document, summary
+from ..pipeline.sources import Source, is_current, source_of, taxel_files, with_outputs
 from ..plan import Plan, load_plan
-from ..report import report_document, summary
-from ..robot import Robot, compare
-from ..sources import Source, is_current, source_of, taxel_files, with_outputs
+from ..robot.urdf import Robot, compare
 from .common import check_target
 from .side_by_side import carry_out
 
@@ -125,6 +125,6 @@ def _survive(job: Job) -> Outcome:
 
 
 def _draw(result: Calibrated, path: Path) -> None:
-    from ..picture import draw_calibration  # matplotlib, which not every place has
+    from ..pictures.calibration import draw_calibration  # matplotlib, which not every place has
 
     draw_calibration(result.calibration, path, result.cover)

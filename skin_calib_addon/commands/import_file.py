@@ -4,14 +4,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..atomic_file import write_bytes_safely
 from ..calibration.exchange import READABLE, read_taxels, write_taxel_set
 from ..calibration.file import save_calibration
-from ..calibration.strict_json import parse
-from ..errors import InvalidPlan
+from ..common.atomic_file import write_bytes_safely
+from ..common.errors import InvalidPlan
+from ..common.strict_json import parse
 from ..pipeline import calibrate
+from ..pipeline.report import summary
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
-from ..report import summary
 from ..skin.imported import placed
 from .common import DONE, check_target, complain, listed
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..atomic_file import write_bytes_safely
-from ..errors import CalibrationFormatError
-from ..recording import frame_document, read_recording
+from ..common.atomic_file import write_bytes_safely
+from ..common.errors import CalibrationFormatError
+from ..inspection.recording import frame_document, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.skin import SWITCH_OFF, SWITCH_ON
 from .common import DONE, check_target, complain, count, newtons
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     if all(frame.problem for frame in frames):
         raise CalibrationFormatError(f"'{options.readings}' does not fit the skin: {frames[0].problem}")
     if options.picture:
-        from ..replay_picture import draw_replay  # matplotlib, which not every place has
+        from ..pictures.replay import draw_replay  # matplotlib, which not every place has
 
         draw_replay(skin, frames, options.picture)
     if options.output:

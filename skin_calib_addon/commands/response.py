@@ -12,7 +12,7 @@ from ..calibration.measurements import Measurements, read_measurements
 from ..calibration.model import LinkCalibration, Patch
 from ..calibration.response import AnyResponse
 from ..calibration.response_fit import ResponseFit, fit_response
-from ..errors import UnderdeterminedFit
+from ..common.errors import UnderdeterminedFit
 from .common import DONE, check_target, complain
 
 
@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     fits = [_fit(one, options.measurements) for one in measured]
     result = with_responses(calibration, {one.taxel: fit.response for one, fit in zip(measured, fits)})
     if options.picture:
-        from ..response_picture import draw_responses  # matplotlib, which not every place has
+        from ..pictures.response import draw_responses  # matplotlib, which not every place has
 
         draw_responses(measured, fits, options.picture)
     save_calibration(result, options.output)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from ..calibration.file import load_with_warnings
-from ..report import table
+from ..pipeline.report import table
 from .common import DONE, check_target, complain
 
 
@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
     for warning in warnings:
         complain(str(warning))
     if options.picture:
-        from ..picture import draw_calibration
+        from ..pictures.calibration import draw_calibration
 
         draw_calibration(calibration, options.picture)
     return DONE

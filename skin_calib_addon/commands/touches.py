@@ -5,11 +5,11 @@ from pathlib import Path
 
 from ..calibration.file import load_calibration
 from ..calibration.model import LinkCalibration
-from ..calibration.strict_json import parse, read
-from ..errors import InvalidPlan
+from ..common.errors import InvalidPlan
+from ..common.strict_json import parse, read
 from ..pipeline import calibrate
+from ..pipeline.refine import refine
 from ..plan import FORMAT, load_plan, named_from, save_plan
-from ..refining import refine
 from ..validation import Placement, in_words, placements, read_touches
 from .common import DONE, check_target, complain
 
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"plan             {options.output}; once its skins are moved:")
         _tell(found)
     if options.picture:
-        from ..touches_picture import draw_touches  # matplotlib, which not every place has
+        from ..pictures.touches import draw_touches  # matplotlib, which not every place has
 
         draw_touches(found, options.picture)
     return DONE

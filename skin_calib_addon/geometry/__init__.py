@@ -1,13 +1,13 @@
 """Mesh to cover to sections to fitted surface."""
 
-from .auto import AutoGrid, fit_grid, fit_to_count, fit_to_tolerance
-from .axis import Axis
-from .bspline import BSplineSurface
-from .cover import CoverSpec, Cut, cut_cover
-from .fit import SurfaceFit, fit_surface
-from .grids import AcrossGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
-from .mesh import TriangleMesh, load_mesh, weld
-from .planes import Planes
+from .fit.auto import AutoGrid, fit_grid, fit_to_count, fit_to_tolerance
+from .fit.surface_fit import SurfaceFit, fit_surface
+from .grid.axis import Axis
+from .grid.grids import AcrossGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
+from .mesh.cover import CoverSpec, Cut, cut_cover
+from .mesh.triangle_mesh import TriangleMesh, load_mesh, weld
+from .sampling.planes import Planes
+from .surface.bspline import BSplineSurface
 
 __all__ = [
     "AcrossGrid",

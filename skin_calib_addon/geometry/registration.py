@@ -10,10 +10,10 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from ..arrays import Array, IntArray, freeze
-from ..deviation import DistanceStatistics
-from .distance import MeshDistance, closest_on_triangles, split_faces
-from .mesh import TriangleMesh
+from ..common.arrays import Array, IntArray, freeze
+from ..common.surface_errors import DistanceStatistics
+from .mesh.triangle_mesh import TriangleMesh
+from .surface.distance import MeshDistance, closest_on_triangles, split_faces
 
 # A cloud this near on the mean lies where it should: taxels stand off a mesh by the thickness of a cover [m].
 NEAR = 3e-3

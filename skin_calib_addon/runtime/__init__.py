@@ -1,11 +1,11 @@
 """What a controller loads: readings in; contacts, wrench, CoP, ZMP, supporting polygons out. NumPy alone."""
 
+from .balance.polygon import Polygon, convex_hull
 from .body import Body, BodyFrame
 from .contacts import Contact, Message
 from .footprint import SupportingPolygon
 from .frame import Frame, zero_moment_point
 from .plane import Plane
-from .polygon import Polygon, convex_hull
 from .skin import Skin, load
 
 __all__ = [

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, BoolArray
-from ..errors import UnknownLink
+from ..common.arrays import Array, BoolArray
+from ..common.errors import UnknownLink
+from .balance.polygon import NOTHING, Polygon, convex_hull
 from .footprint import SupportingPolygon
 from .frame import LEAST_LOAD, Frame, zero_moment_point
 from .plane import Plane
-from .polygon import NOTHING, Polygon, convex_hull
 from .skin import Skin
 from .wrench import carried
 

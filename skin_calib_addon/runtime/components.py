@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import IntArray
+from ..common.arrays import IntArray
 
 USUAL = 3  # as many jumps take round contacts to their lowest names; what is longer takes more from the second round on
 

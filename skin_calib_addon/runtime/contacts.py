@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Array, IntArray
+from ..common.arrays import Array, IntArray
 from .footprint import Footprint
 from .geometry import SkinGeometry
 

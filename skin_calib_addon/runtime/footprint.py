@@ -5,10 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import IntArray
+from ..common.arrays import IntArray
+from .balance.polygon import NOTHING, Polygon, of_grid
 from .components import components
 from .geometry import GroundGeometry, SkinGeometry
-from .polygon import NOTHING, Polygon, of_grid
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Array, BoolArray
+from ..common.arrays import Array, BoolArray
+from .balance.polygon import NOTHING
 from .contacts import Contact
 from .footprint import Footprint, SupportingPolygon
 from .geometry import GroundGeometry
-from .polygon import NOTHING
 
 # Below this the CoP of a foot is the noise of its taxels [N].
 LEAST_LOAD = 5.0

@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, IntArray
-from .hull import HullTable
+from ..common.arrays import Array, BoolArray, IntArray
+from .balance.hull import HullTable
+from .balance.polygon import convex_hull
 from .plane import DOWNWARD, Plane
-from .polygon import convex_hull
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import IntArray
+from ..common.arrays import IntArray
 from .footprint import Footprint
 
 NONE = -1

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, freeze, unit
+from ..common.arrays import Array, freeze, unit
 
 # A taxel that looks down by less than 60 degrees off the vertical can stand on the ground.
 DOWNWARD = 0.5

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..common.arrays import Array
+from .balance.polygon import Polygon, of_grid
 from .geometry import GroundGeometry
-from .polygon import Polygon, of_grid
 
 
 def preemptive_polygon(ground: GroundGeometry, distances: Any, height: float) -> Polygon:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array, BoolArray
-from ..errors import InvalidReading
+from ..common.arrays import Array, BoolArray
+from ..common.errors import InvalidReading
 from .geometry import SkinGeometry
 
 if TYPE_CHECKING:
@@ -24,7 +24,9 @@ class Readings:
     """Turns rows of readings into forces; remembers the baseline, the masked taxels and when each reading changed."""
 
     def __init__(self, calibration: "LinkCalibration", geometry: SkinGeometry):
-        from ..calibration.response import TaxelResponses  # the reader's imports are paid by who has a calibration
+        from ..calibration.taxel_responses import (
+            TaxelResponses,  # the reader's imports are paid by who has a calibration
+        )
 
         self.link, self.channels = calibration.link, geometry.channels
         self.length = int(geometry.channels.max(initial=-1)) + 1

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, IntArray
-from ..errors import InvalidReading
+from ..common.arrays import Array, BoolArray, IntArray
+from ..common.errors import InvalidReading
 from .clock import Clock
 from .contacts import contacts_of
 from .footprint import Footprint

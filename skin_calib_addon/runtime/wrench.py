@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..common.arrays import Array
 from .geometry import SkinGeometry
 from .plane import cross
 

@@ -3,15 +3,15 @@
 from numpy.typing import ArrayLike
 
 from ..calibration.model import TaxelArray
-from ..geometry.bspline import BSplineSurface
-from .board_taxels import board_taxels
-from .boards import WrappedBoards, wrap_boards
-from .landmarks import Landmark
+from ..geometry.surface.bspline import BSplineSurface
+from .boards.board_taxels import board_taxels
+from .boards.boards import WrappedBoards, wrap_boards
+from .boards.layout import Choice, lay_boards
+from .boards.outline import Zone
 from .lattice import HexLattice, SheetLattice
-from .layout import Choice, lay_boards
-from .outline import Zone
-from .taxels import sheet_taxels
-from .wrap import WrappedSheet, wrap_sheet
+from .sheet.landmarks import Landmark
+from .sheet.taxels import sheet_taxels
+from .sheet.wrap import WrappedSheet, wrap_sheet
 
 __all__ = [
     "HexLattice",

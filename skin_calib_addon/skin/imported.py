@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from ..arrays import Array, BoolArray, IntArray, unit
 from ..calibration.exchange.taxel_set import TaxelSet
-from ..calibration.findings import Finding, error, warning
 from ..calibration.model import TaxelArray
-from ..deviation import DistanceStatistics
-from ..errors import InvalidPlan
-from ..geometry.bspline import BSplineSurface
-from ..geometry.distance import MeshDistance, footpoints
-from ..geometry.mesh import TriangleMesh
+from ..common.arrays import Array, BoolArray, IntArray, unit
+from ..common.errors import InvalidPlan
+from ..common.findings import Finding, error, warning
+from ..common.surface_errors import DistanceStatistics
+from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import NEAR, RigidFit, find_frame
-from .taxels import fan_areas
+from ..geometry.surface.bspline import BSplineSurface
+from ..geometry.surface.distance import MeshDistance, footpoints
+from .sheet.taxels import fan_areas
 
 # A rotation that an author gives may be off by the rounding of this many decimals.
 ROUNDED = 1e-3

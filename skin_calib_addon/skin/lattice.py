@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import Array, IntArray
-from ..errors import InvalidPlan
+from ..common.arrays import Array, IntArray
+from ..common.errors import InvalidPlan
 
 Hand = Literal["right", "left"]
 Offsets = tuple[tuple[int, int], ...]

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Array, IntArray
 from ..calibration.model import LinkCalibration, Patch
+from ..common.arrays import Array, IntArray
 from .touches import Touches
 
 # Distances of so many times what the size of the cells gives count half; steps until the weights have settled.

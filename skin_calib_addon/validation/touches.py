@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, IntArray, freeze, unit
-from ..calibration.columns import WrongCell, named_rows, naming, number_in, place_of
-from ..calibration.exchange.text import read_text
-from ..calibration.findings import did_you_mean, show
 from ..calibration.model import LinkCalibration
+from ..common.arrays import Array, IntArray, freeze, unit
+from ..common.findings import did_you_mean, show
+from ..common.tables import WrongCell, named_rows, naming, number_in, place_of
+from ..common.text import read_text
 
 POINT = ("x", "y", "z")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..arrays import Array
+from ..common.arrays import Array
 from .placement import Motion, Placement
 
 

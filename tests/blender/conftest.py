@@ -38,6 +38,12 @@ def extension(tmp_path_factory):
         addon_utils.disable(name, default_set=True)
 
 
+def modules(extension, *names):
+    """Modules of the running extension, each under the last part of its name below ``blender``."""
+    found = {name: importlib.import_module(f"{extension}.skin_calib_addon.blender.{name}") for name in names}
+    return SimpleNamespace(**{name.split(".")[-1]: module for name, module in found.items()})
+
+
 @pytest.fixture
 def bpy(extension):
     """Blender with the extension and an empty scene."""
@@ -50,22 +56,19 @@ def bpy(extension):
 def addon(extension, bpy):
     """The extension's own modules, which are others than those that plain Python imports."""
 
-    def load(name):
-        return importlib.import_module(f"{extension}.skin_calib_addon.blender.{name}")
-
-    return SimpleNamespace(**{name: load(name) for name in ("command", "diagnoses", "overlay", "results", "scene")})
+    return modules(extension, "command", "live.diagnoses", "overlay.overlay", "scene.results", "scene.scene")
 
 
 @pytest.fixture
 def live(extension):
     """The module of the running extension."""
-    return importlib.import_module(f"{extension}.skin_calib_addon.blender.live")
+    return modules(extension, "live.live").live
 
 
 @pytest.fixture
 def preview(extension):
     """The module of the running extension."""
-    return importlib.import_module(f"{extension}.skin_calib_addon.blender.preview")
+    return modules(extension, "live.preview").preview
 
 
 @pytest.fixture

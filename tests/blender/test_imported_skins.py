@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.blender.conftest import BAND, look, oval
+from tests.blender.conftest import BAND, look, modules, oval
 from tests.blender.test_refusals import scene_state
 
 TURN, SHIFT = [[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]], [0.25, -0.125, 0.5]
@@ -202,9 +202,8 @@ def test_findings_of_the_file_are_told_and_kept(bpy, addon, worn, tmp_path, capf
 
 def test_imported_taxels_have_no_places_to_move(bpy, addon, worn, extension):
     """No handle in the view, and no origin to put somewhere: the file says where they lie."""
-    import importlib
 
-    handles = importlib.import_module(f"{extension}.skin_calib_addon.blender.skin_handles")
+    handles = modules(extension, "handles.skin_handles").skin_handles
     assert handles.targets_of(worn.skin_calib) == []
     with pytest.raises(RuntimeError, match="Error: skin 'worn' has no origin: it lies where its file says"):
         bpy.ops.skin_calib.place(what="origin", skin=0, point=(0, 0, 0))

@@ -1,13 +1,12 @@
 """What is drawn of a fitted link: layers as arrays, colours and their legends, names that have room."""
 
-import importlib
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.blender.conftest import BAND, BOARDS
+from tests.blender.conftest import BAND, BOARDS, modules
 
 LINES = {"SECTIONS", "LINES", "NET", "SURFACE", "CELLS", "NORMALS"}
 
@@ -15,8 +14,8 @@ LINES = {"SECTIONS", "LINES", "NET", "SURFACE", "CELLS", "NORMALS"}
 @pytest.fixture
 def ours(extension, bpy):
     """Modules of the running extension."""
-    names = ("layers", "scales", "units", "labels", "overlay", "results", "scene")
-    return SimpleNamespace(**{n: importlib.import_module(f"{extension}.skin_calib_addon.blender.{n}") for n in names})
+    names = ("overlay.layers", "overlay.scales", "overlay.labels", "overlay.overlay")
+    return modules(extension, *names, "scene.units", "scene.results", "scene.scene")
 
 
 @pytest.fixture
@@ -256,7 +255,7 @@ def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, resul
     from tests.blender.test_link_frame import frame_for
 
     frame_for(bpy, fitted)
-    pick = importlib.import_module(f"{extension}.skin_calib_addon.blender.taxels").taxel_on_ray
+    pick = modules(extension, "inspection.taxels").taxels.taxel_on_ray
     taxels, to_world = result.calibration.patches[0].taxels, ours.scene.link_frame(fitted)
     for name, place, normal in zip(taxels.ids, taxels.positions_link, taxels.normals_link):
         eye, target = to_world @ Vector(place + 0.1 * normal), to_world @ Vector(place)

@@ -6,17 +6,17 @@ import trimesh
 from numpy.testing import assert_allclose
 
 from sample_scenes.shapes import tube_mesh
-from skin_calib_addon.geometry.defects import diagnose
-from skin_calib_addon.geometry.mesh import load_mesh, read_mesh
-from skin_calib_addon.robot import read_robot
-from skin_calib_addon.robot_mesh import load_link
+from skin_calib_addon.geometry.mesh.defects import diagnose
+from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh
+from skin_calib_addon.robot.link_mesh import load_link
+from skin_calib_addon.robot.urdf import read_robot
 from tests.blender.conftest import oval
 from tests.blender.test_link_frame import frame_for
 from tests.blender.test_refusals import bare_object, scene_state
 from tests.blender.test_registration import draw
 from tests.real.test_real_links import MESHES
 from tests.shapes import box, together, weld, with_hole
-from tests.unit.test_robot_mesh import MM, shape
+from tests.unit.robot.test_robot_mesh import MM, shape
 
 TUBE = weld(*(lambda m: (m.vertices, m.faces))(tube_mesh(oval, 24, 9)))
 INNER = box((-0.01, 0, 0.04), (0.01, 0.02, 0.08))

@@ -124,7 +124,7 @@ def test_origin_that_is_placed_holds_the_sheet(bpy, addon, link):
 
 def test_what_can_be_moved_has_a_handle(addon, with_skins):
     """Landmarks take the place of the origin; taxels of a file lie where that says."""
-    handles = importlib.import_module(addon.scene.__name__.replace(".scene", ".skin_handles"))
+    handles = importlib.import_module(addon.scene.__name__.replace(".scene.scene", ".handles.skin_handles"))
     plan = with_skins.skin_calib
     sheet = [("way", 0, 0), ("landmark", 0, 0)]
     assert handles.targets_of(plan) == [*sheet, ("origin", 1, 0), ("way", 1, 0), ("zone", 1, 0)]

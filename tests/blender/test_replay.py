@@ -1,21 +1,19 @@
 """A recording over the skin: its forces, contacts, CoP and polygons follow the frame; a timer plays it."""
 
-import importlib
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.blender.conftest import ROOT
+from tests.blender.conftest import ROOT, modules
 from tests.blender.test_inspect import by_name
 
 
 @pytest.fixture
 def ours(extension, bpy):
     """Modules of the running extension."""
-    names = ("overlay", "replay", "results", "registration")
-    return SimpleNamespace(**{n: importlib.import_module(f"{extension}.skin_calib_addon.blender.{n}") for n in names})
+    return modules(extension, "overlay.overlay", "inspection.replay", "scene.results", "registration")
 
 
 @pytest.fixture

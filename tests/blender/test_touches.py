@@ -1,20 +1,16 @@
 """Touches in the scene: compared with the last fit, drawn, and the skins moved to where they were touched."""
 
-import importlib
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.blender.conftest import BAND
+from tests.blender.conftest import BAND, modules
 
 
 @pytest.fixture
 def ours(extension):
     """Modules of the running extension."""
-    names = ("overlay", "results", "scene")
-    return SimpleNamespace(**{n: importlib.import_module(f"{extension}.skin_calib_addon.blender.{n}") for n in names})
+    return modules(extension, "overlay.overlay", "scene.results", "scene.scene")
 
 
 @pytest.fixture(params=[1.0, 0.001], ids=["m", "mm"])

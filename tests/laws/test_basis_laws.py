@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.geometry.bspline import (
+from skin_calib_addon.geometry.surface.bspline import (
     BSplineSurface,
     basis_functions,
     clamped_knots,

@@ -20,12 +20,12 @@ from skin_calib_addon.calibration import (
     to_document,
     validate,
 )
-from skin_calib_addon.calibration.encoding import checksum
-from skin_calib_addon.calibration.findings import child
-from skin_calib_addon.calibration.schema_check import check
-from skin_calib_addon.calibration.strict_json import parse
 from skin_calib_addon.calibration.validate import SCHEMA
-from skin_calib_addon.errors import CalibrationFormatError
+from skin_calib_addon.common.encoding import checksum
+from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.common.findings import child
+from skin_calib_addon.common.schema_check import check
+from skin_calib_addon.common.strict_json import parse
 from tests.samples import boards, sheet, small_calibration
 
 OWN = (Response((0.0, 0.5), (0.0, 250.0)), ResponseTable((0.0, 100.0, 250.0), (16.0, 1.0, 0.0)))

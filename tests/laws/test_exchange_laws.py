@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.calibration.exchange import READABLE, read_taxels
 from skin_calib_addon.calibration.exchange.reading import CLOUDS, READERS, cloud_format_of, format_of
 from skin_calib_addon.calibration.exchange.taxel_set import finished
-from skin_calib_addon.errors import CalibrationFormatError
+from skin_calib_addon.common.errors import CalibrationFormatError
 from tests.exchange_samples import (
     CELLS,
     SENSOR,

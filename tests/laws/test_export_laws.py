@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, read_taxels
 from skin_calib_addon.calibration.exchange.reading import cloud_format_of, format_of
-from skin_calib_addon.errors import CalibrationFormatError
+from skin_calib_addon.common.errors import CalibrationFormatError
 from tests.samples import seven_boards, sheet, small_calibration
 from tests.shapes import Motion
 

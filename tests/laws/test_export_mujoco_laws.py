@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.exchange import FORMATS
 from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
-from skin_calib_addon.errors import CalibrationFormatError
+from skin_calib_addon.common.errors import CalibrationFormatError
 from tests.laws.test_export_laws import any_name, patches
 from tests.samples import small_calibration
 

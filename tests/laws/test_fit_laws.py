@@ -17,9 +17,9 @@ from skin_calib_addon.geometry import (
     fit_surface,
     weld,
 )
-from skin_calib_addon.geometry import fit as fit_module
-from skin_calib_addon.geometry.bspline import clamped_knots, periodic_knots
-from skin_calib_addon.geometry.distance import MeshDistance
+from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.surface.bspline import clamped_knots, periodic_knots
+from skin_calib_addon.geometry.surface.distance import MeshDistance
 from tests.shapes import LENGTH, TURN, Motion, dome, keep, sheet, shuffled, with_hole, wrist
 
 seeds = st.integers(0, 2**32 - 1)

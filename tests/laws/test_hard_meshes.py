@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.errors import InvalidMesh, SkinCalibError
+from skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, dome, keep, same_mesh, sheet, together, wrist
 

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.geometry.distance import MeshDistance, mesh_samples
 from skin_calib_addon.geometry.registration import find_frame
+from skin_calib_addon.geometry.surface.distance import MeshDistance, mesh_samples
 from tests.shapes import Motion, weld, wrist
 
 seeds = st.integers(0, 2**32 - 1)

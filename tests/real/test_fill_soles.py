@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from skin_calib_addon.skin.fill import fill
+from skin_calib_addon.skin.boards.fill import fill
+from skin_calib_addon.skin.boards.region import Region
 from skin_calib_addon.skin.lattice import HexLattice
-from skin_calib_addon.skin.region import Region
 from tests.oracles import all_offsets, most_boards
 
 DATA = (Path(__file__).parents[2] / ".." / "shared" / "data" / "meshes").resolve()

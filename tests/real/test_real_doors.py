@@ -65,7 +65,7 @@ def test_real_taxels_go_out_and_come_back(arm, tmp_path, name):
 def test_mujoco_feels_every_taxel_of_a_real_skin(arm, tmp_path):
     """A sphere on each of 350: its touch sensor tells, and its depth is the largest."""
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
-    from tests.unit.test_export_mujoco import DEPTH, RADIUS, press
+    from tests.unit.calibration.exchange.test_export_mujoco import DEPTH, RADIUS, press
 
     taxels = taxels_of(load_calibration(arm[0]))
     assert main(["export", str(arm[0]), "--to", "mjcf", "-o", str(tmp_path / "arm.xml")]) == 0

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skin_calib_addon.errors import SkinCalibError
+from skin_calib_addon.common.errors import SkinCalibError
 from skin_calib_addon.geometry import (
     AcrossGrid,
     Axis,
@@ -17,7 +17,7 @@ from skin_calib_addon.geometry import (
     fit_to_tolerance,
     load_mesh,
 )
-from skin_calib_addon.geometry.distance import MeshDistance
+from skin_calib_addon.geometry.surface.distance import MeshDistance
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
 

@@ -8,22 +8,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.arrays import unit
 from skin_calib_addon.calibration import save_calibration
 from skin_calib_addon.calibration.exchange import read_taxels
 from skin_calib_addon.calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
-from skin_calib_addon.geometry import (
-    AcrossGrid,
-    Axis,
-    CoverSpec,
-    Cut,
-    SectorGrid,
-    cut_cover,
-    fit_surface,
-    load_mesh,
-)
-from skin_calib_addon.geometry.distance import MeshDistance, closest_on_triangles
+from skin_calib_addon.common.arrays import unit
+from skin_calib_addon.geometry import AcrossGrid, Axis, CoverSpec, Cut, SectorGrid, cut_cover, fit_surface, load_mesh
 from skin_calib_addon.geometry.registration import find_frame
+from skin_calib_addon.geometry.surface.distance import MeshDistance, closest_on_triangles
 from skin_calib_addon.skin.imported import imported_taxels, placed
 from tests.shapes import Motion
 

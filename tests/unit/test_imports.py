@@ -13,89 +13,42 @@ ROOT = Path(__file__).parents[2]
 OURS = "skin_calib_addon"
 BLENDER = {"bpy", "bpy_extras", "bmesh", "gpu", "gpu_extras", "mathutils", "blf"}
 
-SHARED = ("", "arrays", "errors", "deviation", "atomic_file")
-BELOW = {
-    "geometry": (*SHARED, "geometry"),
-    "calibration": (*SHARED, "calibration"),
-    "skin": (*SHARED, "geometry", "skin", *(f"calibration.{m}" for m in ("model", "findings", "exchange.taxel_set"))),
-    "runtime": (*SHARED, "calibration", "runtime"),
-    "validation": (*SHARED, "calibration", "validation"),
-}
-PURE = (*BELOW["geometry"], "calibration", "skin")
-ABOVE = {
-    "plan_skins": PURE,
-    "plan": (*PURE, "plan_skins"),
-    "laying": (*PURE, "plan_skins"),
-    "pipeline": (*PURE, "laying", "plan"),
-    "refining": (*PURE, "validation", "plan", "plan_skins", "laying", "pipeline"),
-    "touches_picture": (*PURE, "validation", "picture"),
-    "report": (*PURE, "plan", "laying", "pipeline"),
-    "robot": (*PURE, "plan"),
-    "robot_mesh": (*PURE, "robot"),
-    "sources": (*PURE, "plan_skins", "plan"),
-    "picture": (*PURE, "plan", "pipeline"),
-    "response_picture": (*PURE, "picture"),
-    "recording": (*PURE, "runtime"),
-    "inspection": PURE,
-    "comparison": (*PURE, "inspection"),
-    "replaying": (*PURE, "runtime", "recording", "inspection"),
-    "replay_picture": (*PURE, "picture", "runtime"),
-    "commands": (
-        *PURE,
-        "plan",
-        "pipeline",
-        "report",
-        "robot",
-        "sources",
-        "picture",
-        "response_picture",
-        "recording",
-        "refining",
-        "replay_picture",
-        "runtime",
-        "touches_picture",
-        "validation",
-        "commands",
-    ),
-    "cli": ("errors", "", "commands"),
+# What each package may import besides itself and ``common``. Runtime code needs NumPy alone.
+FILE = ("calibration",)
+CORE = ("geometry", "calibration", "skin")
+MAY_IMPORT = {
+    "": (),
+    "common": (),
+    "geometry": (),
+    "calibration": (),
+    "skin": ("geometry", *(f"calibration.{m}" for m in ("model", "exchange.taxel_set"))),
+    "runtime": FILE,
+    "validation": FILE,
+    "plan": CORE,
+    "pipeline": (*CORE, "", "validation", "plan"),
+    "robot": (*CORE, "plan"),
+    "inspection": (*CORE, "runtime"),
+    "pictures": (*CORE, "validation", "runtime", "plan", "pipeline"),
+    "commands": (*CORE, "validation", "runtime", "plan", "pipeline", "robot", "inspection", "pictures"),
+    "cli": ("", "commands"),
     "__main__": ("cli",),
-    "blender": (
-        *PURE,
-        "plan_skins",
-        "plan",
-        "laying",
-        "pipeline",
-        "report",
-        "picture",
-        "inspection",
-        "comparison",
-        "validation",
-        "refining",
-        "runtime",
-        "replaying",
-        "sources",
-        "cli",
-        "blender",
-    ),
+    "blender": (*CORE, "validation", "runtime", "plan", "pipeline", "robot", "inspection", "pictures", "cli"),
 }
-# A module may import what stands here; what stands nowhere is shared, and imports what is shared.
-MAY_IMPORT = BELOW | ABOVE
+# Inside these packages a subpackage imports itself and what stands before it.
+ORDER = {
+    "geometry": ("mesh", "surface", "sampling", "grid", "fit"),
+    "skin": ("sheet", "boards"),
+    "runtime": ("balance",),
+    "blender": ("scene", "overlay", "live", "inspection", "handles", "properties"),
+}
 LIBRARIES = {
-    "calibration": {"numpy"},
-    "runtime": {"numpy"},
     "geometry": {"numpy", "scipy", "trimesh"},
     "skin": {"numpy", "scipy"},
-    "validation": {"numpy"},
-    "refining": {"numpy", "scipy"},
-    "sources": {"numpy", "scipy", "trimesh"},
+    "pipeline": {"numpy", "scipy", "trimesh"},
     "inspection": {"numpy", "scipy"},
-    "comparison": {"numpy", "scipy"},
-    "picture": {"numpy", "matplotlib"},
-    "replay_picture": {"numpy", "matplotlib"},
-    "touches_picture": {"numpy", "matplotlib"},
+    "pictures": {"numpy", "matplotlib"},
     "blender": {"numpy", *BLENDER},
-    "": {"numpy"},
-}
+}  # the others need NumPy alone
 
 
 @dataclass(frozen=True)
@@ -153,9 +106,17 @@ def is_ours(name):
 
 def may_import(path, name):
     """Whether a file of the pure package may import one of our modules."""
-    allowed = MAY_IMPORT.get(part_of(path), SHARED)
+    part = part_of(path)
+    allowed = (*MAY_IMPORT[part], *((part, "common") if part else ()))
     inner = name.removeprefix(OURS).removeprefix(".")
     return any(inner == a or (a and inner.startswith(a + ".")) for a in allowed)
+
+
+def room_of(name):
+    """Package and subpackage of a module, each None where it has none."""
+    parts = name.removeprefix(f"{OURS}.").split(".")
+    rooms = ORDER.get(parts[0], ())
+    return parts[0], rooms.index(parts[1]) if len(parts) > 1 and parts[1] in rooms else None
 
 
 def blender_offenders(root):
@@ -186,13 +147,44 @@ def layer_offenders(root):
                 yield str(i)
 
 
+def order_offenders(root):
+    """Imports of a later subpackage of the same package, or of its loose modules by an earlier subpackage's."""
+    for path in sources(root):
+        here = room_of(".".join(path.relative_to(root / OURS).with_suffix("").parts)) if OURS in path.parts else None
+        if here is None or here[1] is None:
+            continue
+        for i in imports(root, path):
+            package, room = room_of(i.name)
+            if is_ours(i.name) and package == here[0] and room is not None and room > here[1]:
+                yield str(i)
+
+
+def circles(root):
+    """Modules that import each other in a circle, also inside functions; each circle as its modules, sorted."""
+    graph = {}
+    for path in sources(root):
+        name = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
+        graph[name] = {i.name for i in imports(root, path) if is_ours(i.name) and i.relative} - {name}
+
+    def reached(start):
+        seen, todo = set(), list(graph.get(start, ()))
+        while todo:
+            name = todo.pop()
+            if name not in seen:
+                seen.add(name)
+                todo += graph.get(name, ())
+        return seen
+
+    return sorted(name for name in graph if name in reached(name))
+
+
 def library_offenders(root):
     """Libraries that a part does without."""
     for path in sources(root):
         shown = path.relative_to(root).as_posix()
         if not shown.startswith(f"{OURS}/"):
             continue
-        allowed = LIBRARIES.get(part_of(shown), LIBRARIES[""])
+        allowed = LIBRARIES.get(part_of(shown), {"numpy"})
         for i in imports(root, path):
             library = i.name.split(".")[0]
             if not is_ours(i.name) and library not in sys.stdlib_module_names and library not in allowed:
@@ -208,7 +200,15 @@ def eager_offenders(root):
                 yield f"{path.relative_to(root)}:{node.lineno}"
 
 
-RULES = [blender_offenders, absolute_offenders, layer_offenders, library_offenders, eager_offenders]
+RULES = [
+    blender_offenders,
+    absolute_offenders,
+    layer_offenders,
+    order_offenders,
+    circles,
+    library_offenders,
+    eager_offenders,
+]
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -220,34 +220,42 @@ def test_imports_keep_the_layers(rule):
 def test_sources_are_all_there():
     """The rules above read every file of the extension, and know where each belongs."""
     shown = {p.relative_to(ROOT).as_posix() for p in sources(ROOT)}
-    assert {"__init__.py", "operators/__init__.py", f"{OURS}/runtime/skin.py", f"{OURS}/blender/scene.py"} <= shown
+    assert {
+        "__init__.py",
+        "operators/__init__.py",
+        f"{OURS}/runtime/skin.py",
+        f"{OURS}/blender/scene/scene.py",
+    } <= shown
     parts = {part_of(s) for s in shown if s.startswith(OURS)}
-    assert parts == {*MAY_IMPORT, *SHARED}
+    assert parts == {*MAY_IMPORT}
 
 
 OFFENCES = [
-    ("geometry/fit.py", "import bpy", {blender_offenders, library_offenders}),
-    ("geometry/fit.py", "def f():\n    from mathutils import Vector", {blender_offenders, library_offenders}),
-    ("geometry/fit.py", "from skin_calib_addon.arrays import unit", {absolute_offenders}),
-    ("geometry/fit.py", "import skin_calib_addon.skin", {absolute_offenders, layer_offenders}),
-    ("geometry/fit.py", "from ..skin import wrap", {layer_offenders}),
-    ("geometry/fit.py", "from ..calibration.model import Patch", {layer_offenders}),
-    ("geometry/fit.py", "from .. import plan", {layer_offenders}),
-    ("skin/wrap.py", "from ..calibration import file", {layer_offenders}),
-    ("skin/wrap.py", "from ..calibration.validate import validate", {layer_offenders}),
-    ("skin/wrap.py", "import trimesh", {library_offenders}),
+    ("geometry/fit/auto.py", "import bpy", {blender_offenders, library_offenders}),
+    ("geometry/fit/auto.py", "def f():\n    from mathutils import Vector", {blender_offenders, library_offenders}),
+    ("geometry/fit/auto.py", "from skin_calib_addon.common.arrays import unit", {absolute_offenders}),
+    ("geometry/fit/auto.py", "import skin_calib_addon.skin", {absolute_offenders, layer_offenders}),
+    ("geometry/fit/auto.py", "from ...skin import sheet", {layer_offenders}),
+    ("geometry/fit/auto.py", "from ...calibration.model import Patch", {layer_offenders}),
+    ("geometry/fit/auto.py", "from ... import plan", {layer_offenders}),
+    ("skin/sheet/wrap.py", "from ...calibration import file", {layer_offenders}),
+    ("skin/sheet/wrap.py", "from ...calibration.validate import validate", {layer_offenders}),
+    ("skin/sheet/wrap.py", "import trimesh", {library_offenders}),
     ("calibration/model.py", "from ..geometry.mesh import weld", {layer_offenders}),
     ("calibration/model.py", "import scipy.sparse", {library_offenders}),
     ("runtime/skin.py", "from ..skin.lattice import CENTRE", {layer_offenders}),
     ("runtime/skin.py", "def f():\n    import scipy", {library_offenders}),
-    ("plan.py", "from .pipeline import calibrate", {layer_offenders}),
-    ("plan.py", "from . import cli", {layer_offenders}),
-    ("picture.py", "from .blender import scene", {layer_offenders}),
-    ("arrays.py", "from .geometry import mesh", {layer_offenders}),
-    ("arrays.py", "from .deviation import SurfaceErrors", set()),
-    ("blender/scene.py", "from ...operators import fit", {layer_offenders}),
-    ("blender/scene.py", "import bpy\nfrom ..cli import main", set()),
-    ("skin/wrap.py", "from ..calibration.model import TaxelArray\nfrom ..geometry import mesh", set()),
+    ("plan/plan.py", "from ..pipeline import calibrate", {layer_offenders}),
+    ("plan/plan.py", "from .. import cli", {layer_offenders}),
+    ("pictures/touches.py", "from ..blender import scene", {layer_offenders}),
+    ("common/arrays.py", "from ..geometry import mesh", {layer_offenders}),
+    ("common/arrays.py", "from .surface_errors import SurfaceErrors", set()),
+    ("blender/scene/scene.py", "from ....operators import fit", {layer_offenders}),
+    ("blender/scene/scene.py", "import bpy\nfrom ...cli import main", set()),
+    ("skin/sheet/wrap.py", "from ...calibration.model import TaxelArray\nfrom ...geometry import mesh", set()),
+    ("geometry/mesh/cover.py", "from ..sampling.rays import TURN", {order_offenders}),
+    ("geometry/sampling/rays.py", "from ..mesh import cover", set()),
+    ("skin/sheet/wrap.py", "from ..boards import fill", {order_offenders}),
     ("runtime/skin.py", "import json\nfrom ..calibration.file import load_calibration", set()),
     ("__init__.py", "import numpy", {eager_offenders}),
     ("../__init__.py", "import bpy", {blender_offenders, eager_offenders}),
@@ -258,23 +266,33 @@ OFFENCES = [
 ]
 
 
-PLACES = ("geometry/mesh", "skin/lattice", "skin/wrap", "calibration/file", "plan", "cli", "__init__", "../__init__")
-PLACES += ("blender/scene", "../operators/fit", "../operators/exchange", "../panels/skin")
+PLACES = ("geometry/mesh/cover", "geometry/sampling/rays", "geometry/fit/auto", "skin/lattice", "skin/sheet/wrap")
+PLACES += ("skin/boards/fill", "calibration/file", "calibration/model", "plan/plan", "pipeline/calibrate", "cli")
+PLACES += ("common/arrays", "common/surface_errors", "pictures/touches", "runtime/skin", "blender/scene/scene")
+PLACES += ("__init__", "../__init__", "../operators/fit", "../operators/exchange", "../panels/skin")
 
 
 @pytest.mark.parametrize(("path", "code", "broken"), OFFENCES)
 def test_each_rule_fires(tmp_path, path, code, broken):
     """An offence in a house of its own is found by the rules that it breaks, at its line, and by no other."""
-    for folder in ("geometry", "skin", "calibration", "runtime", "blender", "../operators", "../panels"):
-        (tmp_path / OURS / folder).mkdir(parents=True, exist_ok=True)
     for place in PLACES:
-        (tmp_path / OURS / f"{place}.py").write_text("")
+        file = tmp_path / OURS / f"{place}.py"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("")
     (tmp_path / OURS / path).write_text(code)
     found = {rule: list(rule(tmp_path)) for rule in RULES}
     assert {rule for rule, offenders in found.items() if offenders} == broken
     shown = (Path(OURS) / path).as_posix().removeprefix(f"{OURS}/../")
     line = code.count("\n") + 1
     assert all(o.startswith(f"{shown}:{line}") for offenders in found.values() for o in offenders)
+
+
+def test_a_circle_is_found(tmp_path):
+    """Two modules that import each other, one of them inside a function."""
+    for name, code in (("a", "from .b import f"), ("b", "def f():\n    from . import a"), ("c", "from . import a")):
+        (tmp_path / OURS).mkdir(exist_ok=True)
+        (tmp_path / OURS / f"{name}.py").write_text(code)
+    assert circles(tmp_path) == [f"{OURS}.a", f"{OURS}.b"]
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..findings import error, show
+from ...common.findings import error, show
+from ...common.plain_text import NotTextError, decoded
+from ...common.text import MOST_TAXELS, BadNumber, real, shown
 from ..model import LinkCalibration
-from ..plain_text import NotTextError, decoded
 from .link_taxels import refuse_labels, taxels_of
 from .table import NORMAL, POSITION
 from .taxel_set import HIGHEST_CHANNEL, Draft, line
-from .text import MOST_TAXELS, BadNumber, real, shown
 
 CHANNEL = "channel"
 MARK, LINK = "taxel ", "link "  # begin comments: channel and id of a taxel, name of the link

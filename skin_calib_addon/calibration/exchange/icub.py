@@ -5,12 +5,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...errors import CalibrationFormatError
-from ..findings import Finding, error, first, show, warning
+from ...common.errors import CalibrationFormatError
+from ...common.findings import Finding, error, first, show, warning
+from ...common.text import MOST_TAXELS, BadNumber, real, shown, whole
 from ..model import LinkCalibration
 from .link_taxels import taxels_of
 from .taxel_set import Draft, line
-from .text import MOST_TAXELS, BadNumber, real, shown, whole
 
 BLOCK = "[calibration]"
 TABLE = "taxel2Repr"

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...arrays import Array, BoolArray, IntArray, freeze
-from ...errors import CalibrationFormatError
-from ..findings import did_you_mean, show
+from ...common.arrays import Array, BoolArray, IntArray, freeze
+from ...common.errors import CalibrationFormatError
+from ...common.findings import did_you_mean, show
+from ...common.text import MOST_TAXELS
 from ..model import LinkCalibration, TaxelArray
 from .taxel_set import LONGEST_LABEL
-from .text import MOST_TAXELS
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...arrays import Array, IntArray
+from ...common.arrays import Array, IntArray
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, refuse_repeats, taxels_of
 from .xml_text import HEAD, numbers, quoted

@@ -2,20 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from ..findings import show, warning
+from ...common.findings import show, warning
 from ..model import LinkCalibration
-from .cloud import (
-    BadCloud,
-    cloud_of,
-    count_of,
-    fill,
-    lines_of,
-    point,
-    rows_of,
-    take_bytes,
-    take_comments,
-    take_lines,
-)
+from .cloud import BadCloud, cloud_of, count_of, fill, lines_of, point, rows_of, take_bytes, take_comments, take_lines
 from .taxel_set import Draft, line
 
 MARKS = (b"# .PCD", b"VERSION", b"FIELDS")  # one of these begins a file

@@ -2,22 +2,11 @@
 
 from dataclasses import dataclass, field
 
-from ..findings import show, warning
+from ...common.findings import show, warning
+from ...common.text import shown
 from ..model import LinkCalibration
-from .cloud import (
-    BadCloud,
-    cloud_of,
-    count_of,
-    fill,
-    lines_of,
-    point,
-    rows_of,
-    take_bytes,
-    take_comments,
-    take_lines,
-)
+from .cloud import BadCloud, cloud_of, count_of, fill, lines_of, point, rows_of, take_bytes, take_comments, take_lines
 from .taxel_set import Draft, line
-from .text import shown
 
 MAGIC = b"ply"
 END = b"end_header"

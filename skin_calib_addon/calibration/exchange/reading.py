@@ -4,15 +4,15 @@ import os
 import re
 from collections.abc import Callable
 
-from ...errors import CalibrationFormatError
-from ..findings import did_you_mean, in_short
-from ..strict_json import read
+from ...common.errors import CalibrationFormatError
+from ...common.findings import did_you_mean, in_short
+from ...common.strict_json import read
+from ...common.text import check_size, text_of
 from .icub import BLOCK, read_icub
 from .pcd import MARKS, read_pcd
 from .ply import MAGIC, read_ply
 from .table import has_header, read_table
 from .taxel_set import Draft, TaxelSet, finished
-from .text import check_size, text_of
 from .tum import read_tum
 from .urdf import ROOT, read_urdf
 

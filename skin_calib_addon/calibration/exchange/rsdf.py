@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ...arrays import Array, unit
-from ...errors import CalibrationFormatError
-from ..findings import show
+from ...common.arrays import Array, unit
+from ...common.errors import CalibrationFormatError
+from ...common.findings import show
 from ..model import LinkCalibration, Patch
 from .xml_text import HEAD, numbers, quoted, rpy
 

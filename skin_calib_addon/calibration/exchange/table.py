@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..findings import Finding, did_you_mean, error, first, show, warning
+from ...common.findings import Finding, did_you_mean, error, first, show, warning
+from ...common.tables import BadTable, numbered_rows
+from ...common.text import MOST_TAXELS, BadNumber, real, whole
 from ..model import LinkCalibration
 from .link_taxels import refuse_labels, taxels_of
 from .taxel_set import Draft, TaxelSet, line
-from .text import MOST_TAXELS, BadNumber, real, whole
 
-SEPARATORS = ",;\t"
 # Names of each column, in small letters; the first that the header has is taken.
 POSITION = (("x",), ("y",), ("z",))
 NORMAL = tuple((f"n{c}", f"norm{c}", f"normal_{c}") for c in "xyz")
@@ -67,34 +67,6 @@ def has_header(text: str) -> bool:
     except BadTable:
         return False
     return {"x", "y", "z"} <= {name.strip().lower() for name in header}
-
-
-class BadTable(ValueError):
-    """A text is no table from ``line`` on."""
-
-    def __init__(self, line: int, message: str):
-        super().__init__(message)
-        self.line = line
-
-
-def numbered_rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Rows with the number of their line, comments and empty lines left out; the header tells what separates columns.
-
-    Raises
-    ------
-    BadTable
-        If quotation marks are not closed, or are where they do not belong.
-    """
-    lines = text.split("\n")
-    head = next((content for content in lines if content.strip() and not content.startswith("#")), "")
-    reader, last = csv.reader(lines, delimiter=max(SEPARATORS, key=head.count), strict=True), 0
-    try:
-        for row in reader:
-            last = reader.line_num
-            if any(cell.strip() for cell in row) and not row[0].startswith("#"):
-                yield last, row
-    except csv.Error as problem:  # of the row that begins after the last one, wherever it was noticed
-        raise BadTable(last + 1, f"begins what is no table: {problem}") from problem
 
 
 def _columns(draft: Draft, number: int, header: list[str]) -> Columns | None:

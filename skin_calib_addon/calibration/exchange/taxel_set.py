@@ -7,8 +7,8 @@ from fnmatch import fnmatchcase
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array, BoolArray, IntArray, freeze, unit
-from ..findings import Finding, error, first, show, warning
+from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
+from ...common.findings import Finding, error, first, show, warning
 
 # No robot link reaches this far from its own frame [m]; a larger number is in millimetres.
 FARTHEST = 5.0

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...arrays import Array
-from ...errors import CalibrationFormatError
-from ..findings import Finding, error, warning
+from ...common.arrays import Array
+from ...common.errors import CalibrationFormatError
+from ...common.findings import Finding, error, warning
+from ...common.text import MOST_TAXELS, BadNumber, real
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, taxels_of
 from .taxel_set import Draft, line
-from .text import MOST_TAXELS, BadNumber, real
 from .xml_nodes import Node, Refused, children_of_root
 from .xml_text import HEAD, quoted
 

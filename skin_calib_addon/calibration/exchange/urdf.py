@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...arrays import Array
-from ..findings import error, show
+from ...common.arrays import Array
+from ...common.findings import error, show
+from ...common.text import MOST_TAXELS, BadNumber, real
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, refuse_labels, refuse_repeats, taxels_of
 from .taxel_set import Draft
-from .text import MOST_TAXELS, BadNumber, real
 from .xml_nodes import Node, Refused, children_of_root
 from .xml_text import HEAD, numbers, quoted, rpy, turned
 

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from ..findings import error, show
+from ...common.findings import error, show
+from ...common.text import BadNumber, whole
 from .taxel_set import line
-from .text import BadNumber, whole
 
 MOST_DEPTH = 16
 MOST_NODES = 1000  # in one child of the root, if not told: a cell has about 25

@@ -6,9 +6,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ...arrays import Array
-from ...errors import CalibrationFormatError
-from ..findings import show
+from ...common.arrays import Array
+from ...common.errors import CalibrationFormatError
+from ...common.findings import show
 
 # What XML 1.0 cannot hold, escaped or not.
 _FORBIDDEN = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handles in the 3D view for planes placed by hand: each can be moved, and the chosen one tilted.
+
+Handles look their plane up each time: a plane that a handle held on to would be other memory after an undo.
+"""
+
+from functools import partial
+from typing import Any
+
+import bpy
+from mathutils import Matrix, Quaternion, Vector
+
+from ..live import live
+from ..live.sketch import COLOURS, FAMILIES, MISSED
+from ..scene.scene import link_frame, metres_per_unit, why_no_link
+
+DIAL_COLOURS = ((0.9, 0.3, 0.3), (0.3, 0.5, 1.0))
+
+
+def listed(plan: Any, family: str) -> Any:
+    """The list of planes of a family."""
+    if family == "CUT":
+        return plan.cover.cuts
+    return getattr(plan.grid, family.lower()) if plan.grid.kind == "planes" else ()
+
+
+def chosen(plan: Any) -> tuple[str, int]:
+    """The plane that has the handles to tilt it."""
+    owner, name = (plan.cover, "cut_index") if plan.held == "CUT" else (plan.grid, f"{plan.held.lower()}_index")
+    return plan.held, getattr(owner, name)
+
+
+def choose(plan: Any, family: str, index: int) -> None:
+    """Give a plane the handles to tilt it."""
+    if chosen(plan) == (family, index):
+        return
+    if family == "CUT":
+        plan.cover.cut_index = index
+    else:
+        setattr(plan.grid, f"{family.lower()}_index", index)
+
+
+class SKIN_GGT_planes(bpy.types.GizmoGroup):
+    """Moves and tilts planes placed by hand."""
+
+    bl_idname = "SKIN_GGT_planes"
+    bl_label = "Skin Planes"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"3D", "PERSISTENT", "SHOW_MODAL_ALL"}
+
+    @classmethod
+    def poll(cls, context):
+        return is_shown(context, "PLANES") and any(listed(context.object.skin_calib, family) for family in FAMILIES)
+
+    def setup(self, context):
+        self.arrows, self.dragged, self.start = [], None, None
+        self.dials = [self.add("GIZMO_GT_dial_3d", partial(self.tilt, k), DIAL_COLOURS[k]) for k in range(2)]
+        self.refresh(context)
+
+    def add(self, kind, change, colour):
+        """A handle that tells how far it has been moved or turned since it was taken."""
+        handle = self.gizmos.new(kind)
+        handle.target_set_handler("offset", get=lambda: self.moved(handle), set=lambda value: change(handle, value))
+        handle.color, handle.color_highlight = colour, (1.0, 1.0, 1.0)
+        handle.alpha, handle.alpha_highlight = 0.8, 1.0
+        undo_drags(handle)
+        return handle
+
+    def refresh(self, context):
+        """As many arrows as there are planes."""
+        count = sum(len(listed(context.object.skin_calib, family)) for family in FAMILIES)
+        while len(self.arrows) < count:
+            index = len(self.arrows)
+            self.arrows.append(self.add("GIZMO_GT_arrow_3d", partial(self.move, index), (1, 1, 1)))
+
+    def draw_prepare(self, context):
+        if self.dragged is not None and not self.dragged.is_modal:
+            self.let_go()
+        plan, names = context.object.skin_calib, self.names(context.object.skin_calib)
+        for k, arrow in enumerate(self.arrows):
+            arrow.hide = k >= len(names)
+            if not arrow.hide and arrow is not self.dragged:
+                self.draw_arrow(context, arrow, plan, *names[k])
+        held = chosen(plan)
+        for k, dial in enumerate(self.dials):
+            dial.hide = held not in names
+            if not dial.hide and dial is not self.dragged:
+                plane = listed(plan, held[0])[held[1]]
+                dial.matrix_basis = placed(context, Vector(plane.point), self.tilt_axes(plan, plane)[k])
+
+    def names(self, plan):
+        """Family and place of each plane, in the order of the arrows."""
+        return [(family, i) for family in FAMILIES for i in range(len(listed(plan, family)))]
+
+    def draw_arrow(self, context, arrow, plan, family, i):
+        """At the rim of the plane's section; on the chosen plane an arrow, else a box."""
+        plane, metre = listed(plan, family)[i], metres_per_unit(context.scene)
+        sketch = live.sketches.get(context.object.name)
+        arm = sketch.arms.get((family, i), (0, 0, 0)) if sketch else (0, 0, 0)
+        is_wrong = sketch is not None and (family, i) in sketch.wrong
+        is_chosen = chosen(plan) == (family, i)
+        arrow.draw_style = "NORMAL" if is_chosen else "BOX"
+        arrow.length = 0.8 if is_chosen else 0.0
+        arrow.color = (MISSED if is_wrong else COLOURS[family])[:3]
+        arrow.matrix_basis = placed(context, Vector(plane.point) + Vector(arm) / metre, Vector(plane.normal))
+
+    def tilt_axes(self, plan, plane):
+        """Two axes in a plane about which it is turned; a v-plane's first is where the link runs."""
+        normal = Vector(plane.normal).normalized()
+        along = sum((Vector(u.normal) for u in plan.grid.u), Vector()) if plan.held == "V" else Vector()
+        along -= along.dot(normal) * normal
+        if along.length < 1e-6:
+            along = normal.orthogonal()
+        along.normalize()
+        return along, normal.cross(along)
+
+    def plane_of(self, plan, index):
+        """The plane that an arrow moves."""
+        family, i = self.names(plan)[index]
+        choose(plan, family, i)
+        return listed(plan, family)[i]
+
+    def take(self, handle, plane, axis):
+        """Remember where a drag began."""
+        if self.dragged is not handle:
+            self.dragged = handle
+            self.start = Vector(plane.point), Vector(plane.normal), axis
+            self.value = 0.0
+
+    def moved(self, handle):
+        """How far a handle has been dragged."""
+        return self.value if self.dragged is handle else 0.0
+
+    def move(self, index, handle, value):
+        """Move a plane along its normal by Blender units of the world."""
+        plane = self.plane_of(bpy.context.object.skin_calib, index)
+        self.take(handle, plane, None)
+        point, normal, _ = self.start
+        self.value = value
+        plane.point = point + value * normal.normalized()
+
+    def tilt(self, k, handle, value):
+        """Turn the chosen plane by an angle about an axis through its point."""
+        plan = bpy.context.object.skin_calib
+        family, i = chosen(plan)
+        plane = listed(plan, family)[i]
+        if self.dragged is not handle:
+            self.take(handle, plane, self.tilt_axes(plan, plane)[k])
+        _, normal, axis = self.start
+        self.value = value
+        plane.normal = Quaternion(axis, value) @ normal
+
+    def let_go(self):
+        """A drag has ended."""
+        let_go(self.dragged)
+        self.dragged = None
+
+
+def is_shown(context: bpy.types.Context, layer: str) -> bool:
+    """Whether a layer of the link's overlay is drawn in this view, so that its handles are wanted."""
+    if why_no_link(context) or not context.space_data.overlay.show_overlays:
+        return False
+    plan = context.object.skin_calib
+    return plan.show_overlay and layer in plan.layers
+
+
+def undo_drags(handle: bpy.types.Gizmo) -> None:
+    """Draw a handle while it is dragged, and make each drag a step of undo."""
+    handle.use_draw_modal = True
+    if hasattr(handle, "use_undo"):
+        handle.use_undo = True
+
+
+def let_go(handle: bpy.types.Gizmo) -> None:
+    """A drag has ended; before Blender 5.2 it is no step of undo by itself."""
+    if not hasattr(handle, "use_undo"):
+        bpy.app.timers.register(push_undo)
+
+
+def push_undo() -> None:
+    """Make a step of undo of what a handle has changed."""
+    bpy.ops.ed.undo_push(message="Move Handle")
+
+
+def placed(context: bpy.types.Context, point: Vector, way: Vector) -> Matrix:
+    """A place in the link frame in Blender units, with the z axis along a direction, in the world."""
+    return link_frame(context.object) @ Matrix.Translation(point) @ way.to_track_quat("Z", "Y").to_matrix().to_4x4()
+
+
+def register() -> None:
+    """Add the handles."""
+    bpy.utils.register_class(SKIN_GGT_planes)
+
+
+def unregister() -> None:
+    """Take them away."""
+    bpy.utils.unregister_class(SKIN_GGT_planes)

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handles in the 3D view for skins: origins, landmarks and excluded zones slide over the link, directions turn."""
+
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+from mathutils.geometry import intersect_line_plane
+
+from ..overlay import overlay
+from ..scene.scene import link_frame, metres_per_unit
+from ..scene.skins import hold, point_of, put_point, root_row
+from .handles import is_shown, let_go, placed, undo_drags
+from .view import place_under, ray_under
+
+COLOURS = {
+    "origin": (1.0, 0.85, 0.2),
+    "way": (1.0, 0.85, 0.2),
+    "landmark": (0.2, 0.9, 1.0),
+    "zone": (1.0, 0.35, 0.2),
+}
+RADIUS, SIDES = 0.09, 12  # of a ball, and of everything round, in handles of one unit
+REACH, TIP = 1.0, 0.3  # of an arrow, and of its tip
+
+Target = tuple[str, int, int]  # what it is, of which skin, and which of the skin's landmarks or zones
+
+
+def ball() -> list[Vector]:
+    """Triangles of a ball."""
+    turns, rises = np.linspace(0, 2 * np.pi, SIDES + 1), np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)
+    rings = [
+        [RADIUS * Vector((np.cos(rise) * np.cos(a), np.cos(rise) * np.sin(a), np.sin(rise))) for a in turns]
+        for rise in rises
+    ]
+    quads = [(*low, *high) for one, other in zip(rings, rings[1:]) for low, high in zip(pairs(one), pairs(other))]
+    return [corner for a, b, d, c in quads for corner in (a, b, c, a, c, d)]
+
+
+def pairs(ring: list[Vector]) -> list[tuple[Vector, Vector]]:
+    """Points and those after them."""
+    return list(zip(ring, ring[1:]))
+
+
+def arrow() -> list[Vector]:
+    """Triangles of an arrow along z; near its foot there is room for the ball."""
+    found = []
+    for radius, low, high in ((0.025, 2 * RADIUS, REACH - TIP), (0.09, REACH - TIP, REACH)):
+        turns = np.linspace(0, 2 * np.pi, SIDES + 1)
+        foot = [Vector((radius * np.cos(a), radius * np.sin(a), low)) for a in turns]
+        for a, b in pairs(foot):
+            found += [a, b, Vector((0, 0, high))]
+            if high < REACH:  # a stem
+                rise = Vector((0, 0, high - low))
+                found[-1:] = [a + rise, b, b + rise, a + rise]
+    return found
+
+
+class SKIN_GT_spot(bpy.types.Gizmo):
+    """A ball or an arrow that follows the mouse over the link."""
+
+    bl_idname = "SKIN_GT_spot"
+
+    __slots__ = ("before", "has_moved", "normal", "shape", "target")
+
+    def setup(self) -> None:
+        self.target, self.shape = None, None
+
+    def aim(self, target: Target) -> None:
+        """Say what is moved."""
+        if self.target is None or (self.target[0] == "way") != (target[0] == "way"):
+            self.shape = self.new_custom_shape("TRIS", arrow() if target[0] == "way" else ball())
+        self.target = target
+        self.color, self.color_highlight = COLOURS[target[0]], (1.0, 1.0, 1.0)
+        self.alpha = self.alpha_highlight = 0.9
+
+    def draw(self, _context):
+        self.draw_custom_shape(self.shape)
+
+    def draw_select(self, _context, select_id):
+        self.draw_custom_shape(self.shape, select_id=select_id)
+
+    def invoke(self, context, _event):
+        plan, (what, skin, index) = context.object.skin_calib, self.target
+        self.before, self.normal, self.has_moved = state(plan, skin, what, index), None, False
+        return {"RUNNING_MODAL"}
+
+    def begin(self, context):
+        """Let a skin that chose its own place keep the one it has, to be moved from there."""
+        plan, (what, skin, _) = context.object.skin_calib, self.target
+        patches = overlay.patches_of(context.object)
+        if what in ("origin", "way") and len(patches) == len(plan.skins):
+            hold(plan.skins[skin], patches[skin].taxels, metres_per_unit(context.scene))
+            self.normal = Vector(patches[skin].taxels.normals_link[root_row(patches[skin].taxels)])
+
+    def modal(self, context, event, _tweak):
+        if event.type != "MOUSEMOVE":
+            return {"RUNNING_MODAL"}
+        if not self.has_moved:  # a mere click changes nothing
+            self.has_moved = True
+            self.begin(context)
+        plan, (what, skin, index) = context.object.skin_calib, self.target
+        if what == "way":
+            way = way_under(context, event.mouse_x, event.mouse_y, self.matrix_basis)
+            if way is not None:
+                plan.skins[skin].direction, plan.skins[skin].auto_direction = way, False
+            return {"RUNNING_MODAL"}
+        place = place_under(context, event.mouse_x, event.mouse_y)
+        if place is not None:
+            point, normal = place
+            put_point(plan, what, skin, index, point)
+            if what == "origin" and self.normal is not None:  # its rows go on in the same sense over the link's bend
+                turn = self.normal.rotation_difference(normal)
+                plan.skins[skin].direction = turn @ Vector(plan.skins[skin].direction)
+                self.normal = normal
+        return {"RUNNING_MODAL"}
+
+    def exit(self, context, cancel):
+        _, skin, _ = self.target
+        if cancel:
+            for group, name, value in self.before:
+                setattr(group, name, value)
+        else:
+            let_go(self)
+
+
+def state(plan: Any, skin: int, what: str, index: int) -> list[tuple[Any, str, Any]]:
+    """What a drag may change: each group of properties, a name there, and its value."""
+    owner, name = point_of(plan, "origin" if what == "way" else what, skin, index)
+    names = (name,) if what not in ("origin", "way") else ("origin", "centred", "direction", "auto_direction", "choice")
+    found = []
+    for changed in names:
+        value = getattr(owner, changed)
+        found.append((owner, changed, value.copy() if isinstance(value, Vector) else value))
+    return found
+
+
+def way_under(context: bpy.types.Context, x: int, y: int, basis: Matrix) -> Vector | None:
+    """From the foot of an arrow to the mouse, on the plane that it turns in: in the link frame, of length one."""
+    ray = ray_under(context, x, y)
+    if ray is None:
+        return None
+    foot, normal = basis.translation, basis.to_3x3().col[0]
+    met = intersect_line_plane(ray[0], ray[0] + ray[1], foot, normal)
+    if met is None or (met - foot).length == 0:
+        return None
+    return (link_frame(context.object).inverted().to_3x3() @ (met - foot)).normalized()
+
+
+class SKIN_GGT_skins(bpy.types.GizmoGroup):
+    """Moves and turns skins, their landmarks and what keeps them away."""
+
+    bl_idname = "SKIN_GGT_skins"
+    bl_label = "Skin Places"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"3D", "PERSISTENT", "SHOW_MODAL_ALL"}
+
+    @classmethod
+    def poll(cls, context):
+        return is_shown(context, "PLACES") and len(context.object.skin_calib.skins) > 0
+
+    def setup(self, context):
+        self.spots = []
+        self.refresh(context)
+
+    def refresh(self, context):
+        """As many handles as there are places."""
+        targets = targets_of(context.object.skin_calib)
+        while len(self.spots) < len(targets):
+            spot = self.gizmos.new(SKIN_GT_spot.bl_idname)
+            undo_drags(spot)
+            self.spots.append(spot)
+
+    def draw_prepare(self, context):
+        targets = targets_of(context.object.skin_calib)
+        for k, spot in enumerate(self.spots):
+            basis = basis_of(context, targets[k]) if k < len(targets) else None
+            spot.hide = basis is None
+            if basis is not None:
+                spot.aim(targets[k])
+                spot.matrix_basis = basis
+
+
+def targets_of(plan: Any) -> list[Target]:
+    """All that can be moved of the skins of a plan."""
+    found: list[Target] = []
+    for k, skin in enumerate(plan.skins):
+        if skin.kind == "imported":
+            continue
+        if skin.kind == "hexagons" or not skin.landmarks:
+            found.append(("origin", k, 0))
+        found.append(("way", k, 0))
+        if skin.kind == "sheet":
+            found += [("landmark", k, i) for i in range(len(skin.landmarks))]
+        else:
+            found += [("zone", k, i) for i in range(len(skin.excluded))]
+    return found
+
+
+def basis_of(context: bpy.types.Context, target: Target) -> Matrix | None:
+    """Where a handle is, in the world; an arrow's z axis is its way and its x axis stands upright on the link.
+
+    None for a way, or the origin of a centred skin, before the skin has been laid.
+    """
+    what, skin, index = target
+    if what in ("landmark", "zone") or what == "origin" and not context.object.skin_calib.skins[skin].centred:
+        owner, name = point_of(context.object.skin_calib, what, skin, index)
+        return placed(context, Vector(getattr(owner, name)), Vector((0, 0, 1)))
+    patches = overlay.patches_of(context.object)
+    if len(patches) != len(context.object.skin_calib.skins):
+        return None
+    taxels = patches[skin].taxels
+    i, metre = root_row(taxels), metres_per_unit(context.scene)
+    normal, tangent = Vector(taxels.normals_link[i]), Vector(taxels.tangents_link[i])
+    turn = Matrix((normal, tangent.cross(normal), tangent)).transposed()
+    return link_frame(context.object) @ Matrix.Translation(Vector(taxels.positions_link[i]) / metre) @ turn.to_4x4()
+
+
+CLASSES = (SKIN_GT_spot, SKIN_GGT_skins)
+
+
+def register() -> None:
+    """Add the handles."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Take them away."""
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The taxels of a link beside those of a file: figures on its object, lines in the view; nothing enters the plan."""
+
+import hashlib
+from pathlib import Path
+
+import bpy
+
+from ...calibration.exchange import FORMATS
+from ...inspection.comparison import Comparison, compare, read_others
+from ..overlay import overlay
+from ..overlay.layers import comparison_of
+from ..scene.scene import metres_per_unit
+from .taxels import result_of, taxels_of
+
+TAXEL_ENDINGS = tuple(sorted({form.ending for form in FORMATS.values() if form.readable}))
+ENDINGS = (".json", *TAXEL_ENDINGS)
+MOST_TOLD = 6
+
+
+def compare_with(link: bpy.types.Object, path: str, scene: bpy.types.Scene) -> Comparison:
+    """Compare the last result of a link with the taxels of a file, and keep what came out.
+
+    Raises
+    ------
+    SkinCalibError
+        If there is no result, or the file cannot be read.
+    """
+    settings, taxels = link.skin_calib, taxels_of(link)
+    found = compare(taxels, read_others(path), result_of(link).cover, settings.link)
+    _write(settings.inspect.comparison, found, metres_per_unit(scene))
+    record, key = settings.inspect.comparison, settings.result.key
+    record.file, record.key = path, key
+    record.token = "comparison " + hashlib.sha256(key.encode() + found.ends.tobytes()).hexdigest()
+    overlay.keep(record.token, comparison_of(taxels, found))
+    overlay.redraw()
+    return found
+
+
+def _write(record: bpy.types.PropertyGroup, found: Comparison, metre: float) -> None:
+    distances = found.distances / metre
+    record.by = "by id" if found.by == "id" else "with the nearest"
+    record.pairs, record.worst = len(found.ours), found.worst
+    record.mean, record.max = distances.mean(), distances.max()
+    record.has_angles = found.angles is not None
+    if found.angles is not None:
+        record.mean_angle, record.max_angle = found.angles.mean(), found.angles.max()
+    record.told = "\n".join(found.told[:MOST_TOLD])
+
+
+def name_of(path: str) -> str:
+    """Of a file, without its folder."""
+    return Path(path).name

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Touches of known places beside the taxels that felt them: words on the object, lines in the view."""
+
+import hashlib
+
+import bpy
+import numpy as np
+
+from ...pipeline.refine import refine
+from ...validation import Placement, in_words, placements, read_touches
+from ..overlay import overlay
+from ..overlay.layers import touches_of
+from ..scene.scene import metres_per_unit, read_plan
+from ..scene.skins import move_skin
+from .taxels import result_of
+
+
+def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
+    """Compare the last result of a link with a table of touches, and keep what came out.
+
+    Raises
+    ------
+    SkinCalibError
+        If there is no result, or the table cannot be read.
+    """
+    settings = link.skin_calib
+    calibration, record, key = result_of(link).calibration, settings.inspect.touches, settings.result.key
+    found = placements(calibration, read_touches(path, calibration))
+    many = len(calibration.patches) > 1
+    record.file, record.key = path, key
+    record.told = "\n".join(_named(p, line, many) for p in found for line in in_words(p))
+    record.doubts = "\n".join(doubt for p in found for doubt in p.doubts())
+    places = np.concatenate([p.places for p in found])
+    record.token = "touches " + hashlib.sha256(key.encode() + places.tobytes()).hexdigest()
+    overlay.keep(record.token, touches_of(found))
+    overlay.redraw()
+    return found
+
+
+def _named(placement: Placement, line: str, many: bool) -> str:
+    """A line about a patch, with its name where there are several."""
+    return f"{placement.patch.name}: {line}" if many else line[0].upper() + line[1:]
+
+
+def move_to_touches(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
+    """Move the skins of a plan to where the touches that are shown say that they lie.
+
+    Raises
+    ------
+    SkinCalibError
+        If the last result is of another plan, the table cannot be read, or the touches do not say where a skin lies.
+    """
+    settings, result = link.skin_calib, result_of(link)
+    touches = read_touches(settings.inspect.touches.file, result.calibration)
+    plan = read_plan(link, scene)
+    refined = refine(plan, result, touches)
+    for skin, before, after in zip(settings.skins, plan.skins, refined.plan.skins):
+        if after != before:
+            move_skin(skin, after, metres_per_unit(scene))
+
+
+def forget(link: bpy.types.Object) -> None:
+    """Show no touches any more."""
+    link.skin_calib.inspect.property_unset("touches")

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene's mesh as arrays that no longer hang on Blender, so that another thread can make a mesh of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...common.arrays import Array, IntArray
+from ...common.errors import InvalidMesh
+from ...geometry.mesh.triangle_mesh import LARGEST, SMALLEST, TriangleMesh, weld
+
+
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """Triangles of an object as Blender holds them, and where they lie in the link frame."""
+
+    name: str  # of the object
+    vertices: Array  # (v, 3) float32, in the object's own axes and units
+    faces: IntArray  # (f, 3) int32
+    placed: Array  # (3, 4) from there to metres in the link frame
+
+    def is_same(self, other: "Facets | None") -> bool:
+        """Whether another object's facets would make the same mesh."""
+        pairs = ((getattr(self, n), getattr(other, n, None)) for n in ("placed", "vertices", "faces"))
+        return all(np.array_equal(one, another) for one, another in pairs)
+
+    def triangles(self) -> tuple[Array, IntArray]:
+        """Vertices (v, 3) in metres in the link frame, and faces (f, 3) that look outward, as many as Blender holds."""
+        points, faces = self.vertices.astype(float), self.faces
+        if not np.array_equal(self.placed, np.eye(3, 4)):  # times one plus zero is exact, but only for finite numbers
+            points = points @ self.placed[:, :3].T + self.placed[:, 3]
+        if np.linalg.det(self.placed[:, :3]) < 0:  # mirrored by its scale: the faces would look inward
+            faces = faces[:, ::-1]
+        return points, faces
+
+    def welded(self) -> TriangleMesh:
+        """The mesh in metres in the link frame, of any size.
+
+        Raises
+        ------
+        InvalidMesh
+            If it has no faces, or a vertex is not finite.
+        """
+        try:
+            return weld(*self.triangles())
+        except InvalidMesh as error:
+            raise InvalidMesh(f"{self.name}: {error}", **error.numbers) from error
+
+    def mesh(self) -> TriangleMesh:
+        """The same if it has the size of a link.
+
+        Raises
+        ------
+        InvalidMesh
+            As :meth:`welded`; or if its size says that the unit is wrong.
+        """
+        mesh = self.welded()
+        if not SMALLEST <= mesh.size <= LARGEST:
+            raise InvalidMesh(
+                f"{self.name} is {mesh.size:.4g} m across in this scene; set the object's scale, or the scene's unit "
+                "scale, to the link's real size",
+                size=mesh.size,
+            )
+        return mesh

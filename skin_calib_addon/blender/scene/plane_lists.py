@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lists of planes in a plan's properties to arrays, and back."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...common.arrays import Array
+from ...geometry import Planes, PlanesGrid
+from .decimals import in_units, vector
+from .scene import metres_per_unit
+
+FAMILIES = ("CUT", "U", "V")
+
+
+@dataclass(frozen=True, eq=False)
+class HandPlanes:
+    """The planes of a plan that its author placed one by one, by family; row i of each pair of arrays is one plane."""
+
+    points: dict[str, Array]  # (k, 3) [m]
+    normals: dict[str, Array]  # (k, 3), of any length
+    shell: str  # which shells of the mesh are kept, as in a CoverSpec
+    closed: bool  # whether the v-planes go all the way round
+
+    @property
+    def are_there(self) -> bool:
+        """Whether there is anything to sketch."""
+        return any(len(points) for points in self.points.values())
+
+    def is_same(self, other: "HandPlanes") -> bool:
+        """Whether other planes would make the same sketch."""
+        pairs = (
+            (getattr(self, n)[family], getattr(other, n)[family]) for n in ("points", "normals") for family in FAMILIES
+        )
+        return (self.shell, self.closed) == (other.shell, other.closed) and all(np.array_equal(a, b) for a, b in pairs)
+
+
+def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlanes:
+    """The planes that were placed one by one, sound or not: cuts, and those of a grid of such planes.
+
+    In metres in the link frame; normals as they are written, of any length.
+    """
+    settings, metre = link.skin_calib, metres_per_unit(scene)
+    is_by_hand = settings.grid.kind == "planes"
+    families = {
+        "CUT": settings.cover.cuts,
+        "U": settings.grid.u if is_by_hand else (),
+        "V": settings.grid.v if is_by_hand else (),
+    }
+    points = {name: np.array([vector(p.point, metre) for p in planes]) for name, planes in families.items()}
+    normals = {name: np.array([vector(p.normal) for p in planes]) for name, planes in families.items()}
+    return HandPlanes(
+        {name: rows.reshape(-1, 3) for name, rows in points.items()},
+        {name: rows.reshape(-1, 3) for name, rows in normals.items()},
+        settings.cover.shell,
+        settings.grid.closed,
+    )
+
+
+def read_planes(grid: Any, family: str, scene: bpy.types.Scene) -> Planes | None:
+    """The "u" or "v" planes of a grid that are listed one by one, in metres in the link frame; None without any."""
+    metre, listed = metres_per_unit(scene), getattr(grid, family)
+    if not listed:
+        return None
+    return Planes(
+        np.array([vector(plane.point, metre) for plane in listed]), np.array([vector(p.normal) for p in listed])
+    )
+
+
+def write_planes(grid: Any, family: str, planes: Planes, scene: bpy.types.Scene) -> None:
+    """List planes one by one."""
+    listed = getattr(grid, family)
+    listed.clear()
+    for point, normal in zip(planes.points, planes.normals):
+        set_plane(listed.add(), point, normal, scene)
+
+
+def set_plane(item: Any, point: Array, normal: Array, scene: bpy.types.Scene) -> None:
+    """Set a listed plane."""
+    item.point, item.normal = in_units(point, metres_per_unit(scene)), normal
+
+
+def write_grid(link: bpy.types.Object, scene: bpy.types.Scene, grid: PlanesGrid) -> None:
+    """Set an object's grid to planes one by one."""
+    settings = link.skin_calib.grid
+    settings.kind, settings.closed = "planes", grid.closed
+    write_planes(settings, "u", grid.u, scene)
+    write_planes(settings, "v", grid.v, scene)

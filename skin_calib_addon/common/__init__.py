@@ -1,0 +1,1 @@
+"""What every other package uses: arrays, errors, files, JSON, schema checks."""

@@ -1,0 +1,1 @@
+"""Where planes and lines of control points go."""

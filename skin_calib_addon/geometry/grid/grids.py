@@ -1,0 +1,271 @@
+"""How an author says where the planes are: tubes, sectors, planes across a sole, planes one by one."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...common.arrays import Array, unit
+from ...common.errors import InvalidPlan
+from ..mesh.triangle_mesh import TriangleMesh
+from ..sampling.frames import frame_of
+from ..sampling.lines import LineGrid
+from ..sampling.planes import Planes, perpendicular
+from ..sampling.rays import TURN
+from .axis import ALL_ROUND, Axis, find_axis, stations_between, tube_frame
+from .charts import Chart, FaceChart, TubeChart, chart_lines
+from .error_model import Survey
+from .spacing import spaced_lines
+from .spine import find_spine, spine_span
+
+# Planes of the two families that meet at less than this cut each other nowhere definite.
+SMALLEST_ANGLE = np.deg2rad(3.0)
+SMALL_ANGLE = 10.0  # [degrees] at which they do so badly
+# v-planes that pass a common point within this share of the distances involved were meant to share it.
+CONCURRENT = 1e-9
+# Lines whose mean direction is shorter than this turn by some 60 degrees or more: they go out from an axis.
+FAN = 0.95
+# Planes nearer to each other than this share of the mesh's size are the same.
+SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class TubeGrid:
+    """``n`` planes across an axis and ``lines`` half-planes that start from it, all round (paper eq. 10 and 11).
+
+    The paper counts ``m`` full planes through the axis; that is ``lines = 2 * m``.
+    """
+
+    n: int
+    lines: int
+    axis: Axis | None = None  # None: found from the mesh
+    margin: float | None = None  # [m] left free at both ends; None: up to the first complete sections
+    spacing: str = "auto"  # of the planes; "uniform", "arc" or "curvature" for the lines, the u-planes then even
+
+    def chart(self, mesh: TriangleMesh) -> TubeChart:
+        """Stations and angles on ``mesh``."""
+        frame = tube_frame(mesh, self.axis)
+        if self.axis is None:
+            spine = find_spine(mesh, frame)
+            if spine is not None:
+                return TubeChart(spine, spine_span(mesh, spine, self.margin))
+        return TubeChart(frame, stations_between(mesh, frame, self.margin, ALL_ROUND))
+
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh`` for a surface of this degree."""
+        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
+
+
+@dataclass(frozen=True)
+class SectorGrid:
+    """A tube grid that goes only part of the way round, between two half-planes."""
+
+    n: int
+    lines: int
+    start: float  # [rad] about the axis, from the side of the link's x axis; of its y axis where the tube runs along x
+    stop: float  # [rad], larger than start
+    axis: Axis | None = None
+    margin: float | None = None
+    spacing: str = "auto"
+
+    def chart(self, mesh: TriangleMesh) -> TubeChart:
+        """Stations and angles on ``mesh``."""
+        if not 0 < self.stop - self.start < TURN:
+            raise InvalidPlan(f'"from" {self.start:g} and "to" {self.stop:g} must span more than 0 and less than 2 pi')
+        found = (
+            find_axis(mesh) if self.axis is None else frame_of(np.array(self.axis.point), np.array(self.axis.direction))
+        )
+        x_axis, y_axis = np.eye(3)[:2]
+        frame = frame_of(found.point, found.e3, y_axis if abs(found.e3 @ x_axis) > 0.9 else x_axis)
+        span = stations_between(mesh, frame, self.margin, np.linspace(self.start, self.stop, 90))
+        return TubeChart(frame, span, (self.start, self.stop))
+
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh`` for a surface of this degree."""
+        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
+
+
+@dataclass(frozen=True)
+class AcrossGrid:
+    """Two families of parallel planes across a sole or a palm; control points move along ``normal``."""
+
+    n: int
+    lines: int
+    normal: tuple[float, float, float]  # out of the robot
+    along: tuple[float, float, float] | None = None  # the u-planes lie across it; None: the longer side
+    margin: float | None = None  # [m] left free at all four sides; None: a hundredth of the longer one
+    spacing: str = "auto"
+
+    def chart(self, mesh: TriangleMesh) -> FaceChart:
+        """Lengths over the faces of ``mesh`` that look along ``normal``."""
+        up = unit(self.normal)
+        faces = mesh.faces[mesh.face_normals @ up > 0.5]
+        if len(faces) == 0:
+            raise InvalidPlan(f'no face of the mesh looks along "normal" {list(self.normal)}; give the outward side')
+        seen = mesh.vertices[np.unique(faces)]
+        along = self._along(seen, up)
+        side = np.cross(up, along)  # along x side = up: r_u x r_v points outward
+        x, y = seen @ along, seen @ side
+        margin = 0.01 * max(np.ptp(x), np.ptp(y)) if self.margin is None else self.margin
+        if 2 * margin >= min(np.ptp(x), np.ptp(y)):
+            raise InvalidPlan(f"margin {margin * 1e3:g} mm leaves nothing of the face; make it smaller")
+        below = ((mesh.vertices @ up).min() - 0.1 * mesh.size) * up  # rays start inside and go outward
+        span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
+        return FaceChart(below, along, side, up, span, breadth)
+
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh`` for a surface of this degree."""
+        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
+
+    def _along(self, seen: Array, up: Array) -> Array:
+        if self.along is not None:
+            direction = np.asarray(self.along, float)
+            direction = direction - (direction @ up) * up
+            if np.linalg.norm(direction) < np.sin(SMALLEST_ANGLE) * np.linalg.norm(self.along):
+                raise InvalidPlan(f'the axis {list(self.along)} runs along "normal"; it must lie in the face')
+            return unit(direction)
+        a = perpendicular(up)
+        flat = np.column_stack((seen @ a, seen @ np.cross(up, a)))
+        long = np.linalg.eigh(np.cov(flat.T))[1][:, 1]
+        direction = unit(long[0] * a + long[1] * np.cross(up, a))
+        return direction if direction[np.argmax(np.abs(direction))] > 0 else -direction
+
+
+@dataclass(frozen=True, eq=False)
+class PlanesGrid:
+    """Planes as the author placed them; where ``closed``, each v-plane cuts a section twice and gives two lines."""
+
+    u: Planes
+    v: Planes
+    closed: bool
+
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """The lines of the control points on ``mesh``; they do not depend on the degree."""
+        across = np.cross(self.u.normals[:, None], self.v.normals)
+        sine = np.linalg.norm(across, axis=2)
+        i, j = np.unravel_index(np.argmin(sine), sine.shape)
+        if sine[i, j] < np.sin(SMALLEST_ANGLE):
+            raise InvalidPlan(
+                f"u-plane {i} and v-plane {j} are {np.rad2deg(np.arcsin(sine[i, j])):.1f} degrees from parallel; turn "
+                "one so that they cross"
+            )
+        angle = np.rad2deg(np.arcsin(min(sine[i, j], 1.0)))
+        doubts = (
+            (
+                f"u-plane {i} and v-plane {j} are only {angle:.1f} degrees from parallel: their line slides far for a "
+                "small turn of either; turn one of them",
+            )
+            if angle < SMALL_ANGLE
+            else ()
+        )
+        points = np.array([self._line_points(i) for i in range(len(self.u))])
+        check_order(points.mean(axis=1), "u", mesh.size)
+        build = self._closed_lines if self.closed else self._open_lines
+        return replace(build(mesh, points, unit(across)), doubts=doubts)
+
+    def _line_points(self, i: int) -> Array:
+        """Point of each line of u-plane ``i`` nearest to the place where all v-planes come closest, shape (m, 3)."""
+        system = np.vstack((self.u.normals[i] * 1e3, self.v.normals))  # the u-plane holds, the v-planes at best
+        level = np.r_[self.u.points[i] @ self.u.normals[i] * 1e3, (self.v.points * self.v.normals).sum(axis=1)]
+        centre = np.linalg.lstsq(system, level, rcond=None)[0]
+        if (
+            np.abs(((self.v.points - centre) * self.v.normals).sum(axis=1)).max()
+            < CONCURRENT * np.abs(self.u.points).max()
+        ):
+            return np.tile(centre, (len(self.v), 1))  # all lines of this u-plane leave one point, to the bit
+        points = []
+        for point, normal in zip(self.v.points, self.v.normals):
+            pair = np.array((self.u.normals[i], normal))
+            gap = np.array((self.u.points[i] @ pair[0], point @ normal)) - pair @ centre
+            points.append(centre + np.linalg.lstsq(pair, gap, rcond=None)[0])
+        return np.array(points)
+
+    def _closed_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
+        if len(self.v) < 2:
+            raise InvalidPlan("a closed grid needs at least two v-planes")
+        centres = points.mean(axis=1)  # not the author's points, which may be anywhere in their planes
+        along = centres[-1] - centres[0]
+        frame = frame_of(centres[0], along if along.any() else self.u.normals[0], across[0, 0])
+        points, directions = np.tile(points, (1, 2, 1)), np.concatenate((across, -across), axis=1)
+        directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
+        xy = frame.across(directions[0])
+        clockwise = -np.arctan2(xy[:, 1], xy[:, 0])  # from the first v-plane, whose own angle is a rounded zero
+        order = np.argsort((clockwise + SAME) % TURN, kind="stable")
+        points, directions, plane = points[:, order], directions[:, order], order % len(self.v)
+        reach = points[0] + mesh.size * directions[0]
+        same = np.flatnonzero(np.linalg.norm(reach - np.roll(reach, -1, axis=0), axis=1) < SAME * mesh.size)
+        if len(same):
+            first, second = sorted((plane[same[0]], plane[(same[0] + 1) % len(plane)]))
+            raise InvalidPlan(f"v-plane {second} is the same as v-plane {first}; take one away")
+        return LineGrid(self.u, points, directions, True, tuple(f"v-plane {j}" for j in plane))
+
+    def _open_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
+        turned = np.where((across[:, 1:] * across[:, :-1]).sum(axis=2) < 0, -1.0, 1.0)
+        directions = across * np.cumprod(np.concatenate((np.ones((len(points), 1)), turned), axis=1), axis=1)[..., None]
+        directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
+        middle, mean = mesh.vertices.mean(axis=0), directions.mean(axis=(0, 1))
+        if np.linalg.norm(mean) < FAN:  # they leave an axis inside the link
+            directions = directions * np.sign((middle - points.mean(axis=(0, 1))) @ mean)
+        else:
+            directions = directions * self._side(mesh, unit(mean))
+            points = points + (((middle - points) * directions).sum(axis=2) - mesh.size)[..., None] * directions
+        reach = points + mesh.size * directions
+        check_order(reach.mean(axis=0), "v", mesh.size)
+        names = numbered(len(self.v))
+        turn = np.cross(reach[-1, 0] - reach[0, 0], reach[0, -1] - reach[0, 0]) @ directions[0].mean(axis=0)
+        if turn < 0:
+            points, directions, names = points[:, ::-1], directions[:, ::-1], names[::-1]
+        return LineGrid(self.u, points, directions, False, names)
+
+    @staticmethod
+    def _side(mesh: TriangleMesh, mean: Array) -> float:
+        """1 where the faces look along the lines, -1 where they look against them."""
+        outward = (mesh.face_normals * mesh.face_areas[:, None]).sum(axis=0) / mesh.face_areas.sum()
+        side = float(outward @ mean)
+        if abs(side) < 0.1:
+            raise InvalidPlan("the faces look to both sides of the planes; cut the mesh so that one side is left")
+        return float(np.sign(side))
+
+
+def check_order(places: Array, name: str, size: float) -> None:
+    """Refuse planes that do not follow each other: the surface would fold back.
+
+    Parameters
+    ----------
+    places : array, shape (n, 3)
+        Where each plane is [m].
+    name : str
+        "u" or "v".
+    size : float
+        Of the mesh [m].
+
+    Raises
+    ------
+    InvalidPlan
+        Names the first plane that lies on the one before it, or on the side it came from.
+    """
+    steps = np.diff(places, axis=0)
+    back = np.append(False, (steps[1:] * steps[:-1]).sum(axis=1) < 0) if len(steps) else np.zeros(0, bool)
+    wrong = np.flatnonzero(back | (np.linalg.norm(steps, axis=1) < SAME * size))
+    if len(wrong):
+        i = int(wrong[0])
+        raise InvalidPlan(
+            f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}; list them in the order in which they lie",
+            plane=i + 1,
+        )
+
+
+def lines_on(chart: Chart, mesh: TriangleMesh, n: int, lines: int, spacing: str, degree: tuple[int, int]) -> LineGrid:
+    """The lines of ``n`` planes and ``lines`` lines in each over a chart; even ones need no look at the mesh."""
+    if spacing == "uniform":
+        last = lines if chart.closed else lines - 1
+        t = chart.breadth[0] + (chart.breadth[1] - chart.breadth[0]) * np.arange(lines) / last
+        return chart_lines(chart, np.linspace(*chart.span, n), t)
+    return spaced_lines(Survey.of(mesh, chart, n), n, lines, spacing, degree)
+
+
+Grid = TubeGrid | SectorGrid | AcrossGrid | PlanesGrid
+
+
+def numbered(count: int) -> tuple[str, ...]:
+    """Names of v-planes for messages."""
+    return tuple(f"v-plane {j}" for j in range(count))

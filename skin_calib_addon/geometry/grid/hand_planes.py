@@ -1,0 +1,130 @@
+"""Planes one by one: from the lines of another grid, and what an author does to a row of them."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...common.arrays import Array, unit
+from ...common.errors import InvalidPlan
+from ..sampling.lines import LineGrid
+from ..sampling.planes import Planes
+
+FEWEST_V = 2  # full planes of a closed grid
+PARALLEL = 1e-3  # normals of planes that differ by less have no line in common
+
+
+def planes_of(lines: LineGrid) -> tuple[Planes, Planes]:
+    """The u-planes and v-planes that give the lines of a grid, or nearly: full planes have lines on both sides.
+
+    The lines of a closed grid that are not evenly spaced, and those about a bent axis, lie in no such planes; their
+    v-planes go through the straight line nearest to their axis, at even angles from the first line.
+
+    Returns
+    -------
+    u, v : Planes
+        ``n`` and, of an open grid, ``m`` planes; of a closed one half as many as it has lines.
+    """
+    if lines.closed:
+        return lines.planes_u, _turned(lines)
+    return lines.planes_u, _across(lines)
+
+
+def _turned(lines: LineGrid) -> Planes:
+    centres = lines.origins.mean(axis=1)
+    middle = centres.mean(axis=0)
+    along = np.linalg.svd(centres - middle)[2][0]
+    if along @ (centres[-1] - centres[0]) < 0:
+        along = -along
+    first = lines.directions[:, 0].mean(axis=0)
+    normal = unit(np.cross(first, along))  # the first line of these planes is the first of the grid, not its opposite
+    count = max(FEWEST_V, len(lines.v_names) // 2)
+    return Planes(np.tile(middle, (count, 1)), _fan(normal, along, count))
+
+
+def _fan(normal: Array, axis: Array, count: int) -> Array:
+    """Normals of planes about an axis at even angles over half a turn, shape (count, 3)."""
+    return np.asarray(Rotation.from_rotvec(np.outer(np.arange(count) * np.pi / count, axis)).apply(np.array(normal)))
+
+
+def _across(lines: LineGrid) -> Planes:
+    points, normals = [], []
+    for j in range(len(lines.v_names)):
+        origins = lines.origins[:, j]
+        middle = origins.mean(axis=0)
+        reach = np.linalg.norm(origins - middle, axis=1).max() or 1.0
+        spread = np.linalg.svd(np.concatenate((lines.directions[:, j], (origins - middle) / reach)))[2]
+        points.append(middle)
+        normals.append(spread[2])
+    rows = np.array(normals)
+    next_one = np.roll(lines.origins + lines.directions, -1, axis=1) - lines.origins - lines.directions
+    ahead = next_one[:, :-1].mean(axis=(0, 1))
+    return Planes(np.array(points), rows * np.where(rows @ ahead < 0, -1.0, 1.0)[:, None])
+
+
+def between(planes: Planes, i: int) -> tuple[Array, Array]:
+    """A plane half way from plane ``i`` to the next, or half a step beyond the last; the only one is repeated.
+
+    Returns
+    -------
+    point, normal : Array, shape (3,)
+        In metres in the link frame, and of length one.
+    """
+    if len(planes) == 1:
+        return planes.points[0], planes.normals[0]
+    if i + 1 < len(planes):
+        one, other, share = i, i + 1, 0.5
+    else:
+        one, other, share = i - 1, i, 1.5
+    points, normals = planes.points, _aligned(planes.normals)
+    return points[one] + share * (points[other] - points[one]), unit(
+        (1 - share) * normals[one] + share * normals[other]
+    )
+
+
+def spread(planes: Planes, around: bool) -> Planes:
+    """Even steps from the first plane to the last; ``around``, even angles about the line that all have in common.
+
+    Raises
+    ------
+    InvalidPlan
+        If planes that are to stand around a line have none in common.
+    """
+    if around:
+        return _spread_around(planes)
+    share, normals = np.linspace(0, 1, len(planes))[:, None], _aligned(planes.normals)
+    points = planes.points[0] + share * (planes.points[-1] - planes.points[0])
+    return Planes(points, unit(normals[0] + share * (normals[-1] - normals[0])))
+
+
+def _spread_around(planes: Planes) -> Planes:
+    """About the line nearest to all planes, from the first one on, turning as the second does."""
+    count, (_, sizes, axes) = len(planes), np.linalg.svd(planes.normals)
+    if count < FEWEST_V or sizes[1] < PARALLEL:
+        raise InvalidPlan("the planes are parallel, so there is no line to stand around; turn one of them first")
+    axis = axes[2] if axes[2] @ np.cross(planes.normals[0], planes.normals[1]) >= 0 else -axes[2]
+    levels = (planes.points * planes.normals).sum(axis=1)
+    point = np.linalg.lstsq(planes.normals, levels, rcond=PARALLEL)[0]
+    point = point + ((planes.points.mean(axis=0) - point) @ axis) * axis
+    return Planes(np.tile(point, (count, 1)), _fan(planes.normals[0], axis, count))
+
+
+def mirrored(planes: Planes, i: int) -> Planes:
+    """Planes up to ``i``, and their mirror images behind it in place of those that are there.
+
+    Raises
+    ------
+    InvalidPlan
+        If nothing lies before plane ``i``.
+    """
+    if i == 0:
+        raise InvalidPlan("nothing lies before the first plane; choose the one that is to be the middle")
+    middle, normal = planes.points[i], planes.normals[i]
+    points, normals = planes.points[i - 1 :: -1], planes.normals[i - 1 :: -1]
+    points = points - 2 * ((points - middle) @ normal)[:, None] * normal
+    normals = -(normals - 2 * (normals @ normal)[:, None] * normal)
+    return Planes(np.concatenate((planes.points[: i + 1], points)), np.concatenate((planes.normals[: i + 1], normals)))
+
+
+def _aligned(normals: Array) -> Array:
+    """The normals, each turned round where it looks away from the one before it."""
+    signs = np.cumprod(np.r_[1.0, np.where((normals[1:] * normals[:-1]).sum(axis=1) < 0, -1.0, 1.0)])
+    return normals * signs[:, None]

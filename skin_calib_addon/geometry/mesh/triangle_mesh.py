@@ -1,0 +1,232 @@
+"""Triangle meshes in metres in the link frame, in one canonical order."""
+
+import hashlib
+import os
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from ...common.arrays import Array, IntArray, freeze
+from ...common.arrays import unit as to_unit
+from ...common.atomic_file import write_bytes_safely
+from ...common.errors import InvalidMesh
+
+FORMATS = ("stl", "ply", "obj", "off")
+METRES = {"m": 1.0, "mm": 1e-3}
+# Where the head of a file tells how many faces follow.
+FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
+# A robot link is larger than a fingertip and smaller than a room; outside of this the unit is wrong.
+SMALLEST, LARGEST = 2e-3, 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """Vertices [m] in the link frame and the triangles between them; build it with :func:`weld`."""
+
+    vertices: Array  # (v, 3) [m], no two equal
+    faces: IntArray  # (f, 3)
+
+    def __post_init__(self):
+        freeze(self, vertices=(None, 3), faces=(None, 3))
+
+    @cached_property
+    def size(self) -> float:
+        """Diameter of the ball about the middle of all vertices that holds them [m]; tolerances are fractions of it.
+
+        A box along the link's axes would make fits depend on how the link lies in its frame.
+        """
+        return 2 * float(np.linalg.norm(self.vertices - self.vertices.mean(axis=0), axis=1).max())
+
+    @cached_property
+    def corners(self) -> tuple[IntArray, IntArray, IntArray]:
+        """First, second and third vertex of each face, shape (f,) each, as arrays of their own."""
+        a, b, c = np.ascontiguousarray(self.faces.T)
+        return a, b, c
+
+    @cached_property
+    def triangles(self) -> Array:
+        """Corners of each face, shape (f, 3, 3) [m]."""
+        return self.vertices[self.faces]
+
+    @cached_property
+    def face_normals(self) -> Array:
+        """Unit normals by the winding of each face, shape (f, 3)."""
+        return to_unit(self._cross)
+
+    @cached_property
+    def face_areas(self) -> Array:
+        """Shape (f,) [m^2]."""
+        return np.linalg.norm(self._cross, axis=1) / 2
+
+    @cached_property
+    def _cross(self) -> Array:
+        corners = self.triangles
+        return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+    @cached_property
+    def adjacency(self) -> tuple[IntArray, IntArray]:
+        """Pairs of faces that share an edge with each other and no third one, shape (e,) each."""
+        edges = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        face = np.repeat(np.arange(len(self.faces)), 3)
+        order = np.lexsort(edges.T)
+        edges, face = edges[order], face[order]
+        same = (edges[1:] == edges[:-1]).all(axis=1)
+        pair = same & ~np.append(False, same[:-1]) & ~np.append(same[1:], False)
+        return face[:-1][pair], face[1:][pair]
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the geometry; the same whatever file format or order of vertices and faces it came in."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.vertices, "<f8").tobytes())
+        digest.update(np.ascontiguousarray(self.faces, "<i8").tobytes())
+        return digest.hexdigest()
+
+
+def weld(vertices: Any, faces: Any) -> TriangleMesh:
+    """Merge equal vertices, drop degenerate and repeated faces, and sort both.
+
+    The result depends on the set of triangles alone, not on the order in which a file or a scene lists them.
+
+    Parameters
+    ----------
+    vertices : array, shape (v, 3)
+        [m], link frame.
+    faces : array of int, shape (f, 3)
+
+    Raises
+    ------
+    InvalidMesh
+        If there is no face, an index is out of range, or a coordinate is not finite.
+    """
+    vertices = np.asarray(vertices, float).reshape(-1, 3) + 0.0  # -0.0 becomes 0.0: they are the same place
+    faces = np.asarray(faces, np.int64).reshape(-1, 3)
+    if len(faces) == 0:
+        raise InvalidMesh("the mesh has no faces; it must be a surface of triangles")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        wrong = faces.min() if faces.min() < 0 else faces.max()
+        raise InvalidMesh(
+            f"a face refers to vertex {wrong}, but the mesh has {len(vertices)} vertices; export it again"
+        )
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        raise InvalidMesh(
+            f"vertex {bad[0]} of the mesh is not finite ({len(bad)} such); remove it or export again",
+            vertex=int(bad[0]),
+        )
+    order = np.lexsort(vertices.T[::-1])
+    ordered = vertices[order]
+    new = np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)]
+    place = np.empty(len(vertices), np.int64)
+    place[order] = np.cumsum(new) - 1
+    faces = place[faces]
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    if len(faces) == 0:
+        raise InvalidMesh("every face of the mesh is degenerate (two equal corners); export it again")
+    lowest = np.argmin(faces, axis=1)[:, None]
+    faces = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
+    faces = faces[np.lexsort(faces.T[::-1])]
+    faces = faces[np.r_[True, (faces[1:] != faces[:-1]).any(axis=1)]]
+    used = np.unique(faces)
+    renumber = np.empty(len(ordered), np.int64)
+    renumber[used] = np.arange(len(used))
+    return TriangleMesh(ordered[new][used], renumber[faces])
+
+
+def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
+    """Read a mesh file into metres.
+
+    Parameters
+    ----------
+    path : path
+        An STL, PLY, OBJ or OFF file.
+    unit : "m" or "mm"
+        Unit of the numbers in the file.
+
+    Raises
+    ------
+    InvalidMesh
+        If the file is missing, unreadable or no surface, or its size says that the unit is wrong.
+    """
+    raw = read_mesh(path)
+    mesh = TriangleMesh(raw.vertices * METRES[unit], raw.faces)
+    check_size(mesh, unit, Path(path).name)
+    return mesh
+
+
+def read_mesh(path: str | Path) -> TriangleMesh:
+    """Read a mesh file with its numbers as they stand there.
+
+    Raises
+    ------
+    InvalidMesh
+        If the file is missing, unreadable or no surface.
+    """
+    path = Path(path)
+    kind = path.suffix.lower().lstrip(".")
+    if not os.path.isfile(path):  # Path.is_file raises where a name is too long
+        raise InvalidMesh(f"no mesh file at {path}; a plan names it relative to its own folder", path=str(path))
+    if kind not in FORMATS:
+        raise InvalidMesh(f"cannot read {path.name}: use one of {', '.join(FORMATS)}", path=str(path))
+    try:
+        # As a real path: trimesh strikes out "link/..", which is another folder than the one that links lead to.
+        raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
+        vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
+    except Exception as error:  # the readers behind trimesh raise anything at all on a broken file
+        raise InvalidMesh(f"cannot read {path.name} as {kind.upper()}: {error}", path=str(path)) from error
+    check_whole(path, kind, len(faces))
+    try:
+        return weld(vertices, faces)
+    except InvalidMesh as error:
+        raise InvalidMesh(f"{path.name}: {error}", **error.numbers) from error
+
+
+def check_whole(path: Path, kind: str, faces: int) -> None:
+    """Refuse a text file that was cut off: the readers take what there is.
+
+    Raises
+    ------
+    InvalidMesh
+        If there are fewer faces than the head of the file tells.
+    """
+    with open(path, "rb") as file:
+        told = re.search(FACE_COUNTS[kind], file.read(2**16)) if kind in FACE_COUNTS else None
+    if told and faces < int(told[1]):
+        raise InvalidMesh(f"{path.name} has {faces} of the {int(told[1])} faces that it tells of; export it again")
+
+
+def save_mesh(mesh: TriangleMesh, path: str | Path) -> None:
+    """Write a binary PLY file in double precision, so that reading it gives the same numbers, to the bit.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written; an old one is then whole.
+    """
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
+        "property double x\nproperty double y\nproperty double z\n"
+        f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.empty(len(mesh.faces), np.dtype([("count", "u1"), ("corner", "<i4", 3)]))
+    faces["count"], faces["corner"] = 3, mesh.faces
+    write_bytes_safely(path, header.encode() + mesh.vertices.astype("<f8").tobytes() + faces.tobytes())
+
+
+def check_size(mesh: TriangleMesh, unit: str, name: str) -> None:
+    """Refuse a mesh whose size says that its unit was taken for another one.
+
+    Raises
+    ------
+    InvalidMesh
+        If the mesh is larger than a room or smaller than a fingertip.
+    """
+    if SMALLEST <= mesh.size <= LARGEST:
+        return
+    other = {"m": "mm", "mm": "m"}[unit] if (mesh.size > LARGEST) == (unit == "m") else None
+    advice = f'it is likely in {other}: set "unit": "{other}"' if other else "scale it to its real size"
+    raise InvalidMesh(f'{name} is {mesh.size:.4g} m across when read in "{unit}"; {advice}', size=mesh.size)

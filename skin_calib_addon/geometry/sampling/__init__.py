@@ -1,0 +1,1 @@
+"""Where planes and rays cut a mesh."""

@@ -1,0 +1,47 @@
+"""Cylinder coordinates about a line."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...common.arrays import Array, along, unit
+from .planes import Planes, perpendicular
+
+
+@dataclass(frozen=True, eq=False)
+class TubeFrame:
+    """Cylinder coordinates about an axis: stations along ``e3``, angles from ``e1`` towards ``e2``."""
+
+    point: Array  # (3,) [m]
+    e1: Array  # (3,) unit, as are e2 and e3; right-handed
+    e2: Array
+    e3: Array
+
+    def stations(self, points: Array) -> Array:
+        """Height of points along the axis [m]."""
+        return along(points - self.point, self.e3)
+
+    def rays(self, angles: Array) -> Array:
+        """Unit directions away from the axis, shape (len(angles), 3)."""
+        return np.cos(angles)[:, None] * self.e1 + np.sin(angles)[:, None] * self.e2
+
+    def fan(self, stations: Array, angles: Array) -> Array:
+        """The same at every station, shape (len(stations), len(angles), 3)."""
+        return np.broadcast_to(self.rays(angles), (len(stations), len(angles), 3))
+
+    def across(self, vectors: Array) -> Array:
+        """Components across the axis, shape (..., 2)."""
+        return np.stack((along(vectors, self.e1), along(vectors, self.e2)), axis=-1)
+
+    def planes(self, stations: Array) -> Planes:
+        """Planes across the axis."""
+        points = self.point + np.asarray(stations)[:, None] * self.e3
+        return Planes(points, np.broadcast_to(self.e3, points.shape))
+
+
+def frame_of(point: Array, direction: Array, towards: Array | None = None) -> TubeFrame:
+    """Cylinder coordinates about a line; angle zero lies on the side of ``towards``."""
+    e3 = unit(direction)
+    e1 = perpendicular(e3) if towards is None else towards - (towards @ e3) * e3
+    e1 = unit(e1) if np.linalg.norm(e1) > 0 else perpendicular(e3)
+    return TubeFrame(np.asarray(point, float), e1, np.cross(e3, e1), e3)

@@ -1,0 +1,37 @@
+"""Planes, and the frames in which sections are drawn."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...common.arrays import Array, freeze, unit
+
+# A normal that is this near to length one is left as it is, so that a plan that is saved and read again does not drift.
+UNIT = 1e-15
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """A family of planes; row i of both arrays is one plane."""
+
+    points: Array  # (n, 3) [m]
+    normals: Array  # (n, 3) unit
+
+    def __post_init__(self):
+        normals = np.asarray(self.normals, float)
+        is_unit = np.abs(np.linalg.norm(normals, axis=-1, keepdims=True) - 1) < UNIT
+        object.__setattr__(self, "normals", np.where(is_unit, normals, unit(normals)))
+        freeze(self, points=(None, 3), normals=(len(self.points), 3))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def are_parallel(self) -> bool:
+        """Whether all normals are the same to the bit, as in a grid made from one axis."""
+        return bool((self.normals == self.normals[0]).all())
+
+
+def perpendicular(direction: Array) -> Array:
+    """A unit vector at a right angle to ``direction``, shape (3,): from the link axis that is furthest from it."""
+    axis = np.eye(3)[np.argmin(np.abs(direction))]
+    return unit(axis - (axis @ direction) * direction / (direction @ direction))

@@ -1,0 +1,273 @@
+"""Cast fans of rays on mesh sections: how far along each ray the outer curve of the section lies."""
+
+import numpy as np
+
+from ...common.arrays import Array, BoolArray, IntArray
+from .curves import in_order, outer_curve
+
+TURN = 2 * np.pi
+DIAMOND_TURN = 4.0
+# A ray through the end that two segments share may miss both by rounding; it counts as a hit within this share.
+ROUNDING = 1e-9
+PROBES = 64  # rays that tell which curve of a section is the outer one
+
+
+class RayCaster:
+    """Segments in planes, sorted once so that many fans of rays can be cast on them.
+
+    Where the rays of a row all start at its centre, or all run in one direction, the segment under a ray is found by
+    bisection of an abscissa: a measure of the angle about the centre, or the position across the direction. A row in
+    which segments lie over each other keeps only its outer curve, if it has one (see ``curves.outer_curve``), and
+    where that folds back, rays follow it in order (``curves.in_order``). Without such a curve the outermost segment
+    counts. Rays of no such order are compared with all segments.
+
+    Parameters
+    ----------
+    row : array of int, shape (s,)
+        Row of each segment, ascending.
+    ends : array, shape (s, 2, 2)
+        Ends of each segment in the frame of its row [m].
+    rows : int
+    centres : array, shape (rows, 2), optional
+        Where all rays of a row start.
+    direction : array, shape (2,), optional
+        Where all rays run to.
+    """
+
+    def __init__(
+        self, row: IntArray, ends: Array, rows: int, centres: Array | None = None, direction: Array | None = None
+    ):
+        self.centres, self.direction = centres, direction
+        self.ordered = len(row) > 0 and (centres is not None or direction is not None)
+        self.segment: IntArray = np.arange(len(row))  # as the caller counts them
+        self.followed: BoolArray = np.zeros(rows, bool)
+        self._sort(row, ends, rows)
+        if self.ordered and not self.clean.all():
+            long = (ends[:, 0] != ends[:, 1]).any(axis=1)  # a plane through a corner of a face may cut it in that point
+            if not long.all():
+                self.segment, row, ends = self.segment[long], row[long], ends[long]
+                self._sort(row, ends, rows)
+        if self.ordered and not self.clean.all():
+            kept = self._outer_curves(ends)
+            self.segment = self.segment[kept]
+            self._sort(row[kept], ends[kept], rows)
+
+    def _sort(self, row: IntArray, ends: Array, rows: int) -> None:
+        """Sort the segments by their abscissae, and tell which rows have no two over each other."""
+        self.ends = ends
+        self.bounds = np.searchsorted(row, np.arange(rows + 1))
+        if not self.ordered:
+            self.clean: BoolArray = np.zeros(rows, bool)
+            return
+        begin: Array
+        sweep: Array
+        if self.centres is not None:
+            angle = diamond_angle(ends - self.centres[row][:, None] if self.centres.any() else ends)
+            sweep = angle[:, 1] - angle[:, 0]
+            sweep -= DIAMOND_TURN * np.rint(sweep / DIAMOND_TURN)
+            begin, sweep = np.minimum(angle[:, 0], angle[:, 0] + sweep), np.abs(sweep)
+            begin += DIAMOND_TURN * (begin < 0)
+            self.low, self.width = 0.0, DIAMOND_TURN
+        else:
+            assert self.direction is not None
+            self.across: Array = np.array((self.direction[1], -self.direction[0]))
+            x = ends[..., 0] * self.across[0] + ends[..., 1] * self.across[1]
+            begin, sweep = x.min(axis=1), x.max(axis=1) - x.min(axis=1)
+            self.low = float(begin.min())
+            self.width = 2 * float((begin + sweep).max() - self.low) or 1.0  # twice, so that rows keep apart
+            begin = begin - self.low
+        key = row * self.width + begin
+        self.order: IntArray = np.argsort(key, kind="stable")
+        self.key: Array = key[self.order]
+        self.stop: Array = self.key + sweep[self.order]
+        self.row = row
+        # By component, in the order of the abscissae.
+        self.start, stop = (np.stack([ends[:, i, c][self.order] for c in (0, 1)]) for i in (0, 1))
+        self.step = stop - self.start
+        self.clean = self._clean(rows)
+
+    def _clean(self, rows: int) -> BoolArray:
+        """Which rows have at most one segment over each abscissa; there the first hit is the only one."""
+        following = np.append(self.key[1:], np.inf)
+        first, last = self.bounds[:-1], self.bounds[1:] - 1
+        filled = last >= first
+        # The last segment of a row is followed by its first, one turn on; by nothing where the rays are parallel.
+        following[last[filled]] = self.key[first[filled]] + self.width if self.centres is not None else np.inf
+        overlaps = self.stop - following > ROUNDING * self.width
+        return np.bincount(self.row[overlaps], minlength=rows) == 0
+
+    def _outer_curves(self, ends: Array) -> BoolArray:
+        """Which segments are kept, shape (s,): of rows in which they lie over each other, the outer curve's."""
+        rows = np.flatnonzero(~self.clean)
+        origins, directions = (np.zeros((len(self.clean), PROBES, 2)) for _ in range(2))
+        origins[rows], directions[rows] = self._probes(rows)
+        probe, segment, distance = self._crossings(origins, directions, rows)
+        kept = np.ones(len(ends), bool)
+        row = probe // PROBES
+        for i in rows:
+            place, mine = slice(self.bounds[i], self.bounds[i + 1]), slice(*np.searchsorted(row, (i, i + 1)))
+            crossings = (probe[mine] % PROBES, segment[mine] - self.bounds[i], distance[mine])
+            curve = outer_curve(ends[place], *crossings)
+            if curve is not None:
+                kept[place], self.followed[i] = curve, True
+        return kept
+
+    def _probes(self, rows: IntArray) -> tuple[Array, Array]:
+        """Origins and directions of even rays over some rows, shapes (len(rows), PROBES, 2)."""
+        part = (np.arange(PROBES) + 0.5) / PROBES
+        if self.centres is not None:
+            directions = np.column_stack((np.cos(TURN * part), np.sin(TURN * part)))
+            return self.centres[rows][:, None], directions
+        assert self.direction is not None
+        first = self.key[self.bounds[rows]] - rows * self.width
+        last = np.maximum.reduceat(self.stop, self.bounds[rows]) - rows * self.width
+        x = self.low + first[:, None] + (last - first)[:, None] * part
+        below = (self.ends @ self.direction).min() - self.width
+        return x[..., None] * self.across + below * self.direction, self.direction
+
+    def cast(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
+        """Distance along each ray to the outer curve of its row.
+
+        Parameters
+        ----------
+        origins, directions : array, shape (rows, l, 2)
+            Rays in the frame of their row; directions are unit vectors.
+
+        Returns
+        -------
+        distance : array, shape (rows, l)
+            [m]; NaN where the ray meets nothing.
+        hit : array of int, shape (rows, l)
+            Segment that was met; 0 where nothing was.
+        """
+        distance = np.full(origins.shape[:2], np.nan)
+        hit = np.zeros(origins.shape[:2], np.int64)
+        if len(self.ends) == 0:
+            return distance, hit
+        if self.clean.any():
+            distance, hit = self._bisect(origins, directions)
+        if self.ordered and not self.clean.all():
+            self._cast_overlapping(origins, directions, distance, hit)
+        # A ray through a corner or a rim may have been given a segment beside it: misses are looked at again.
+        missed = np.flatnonzero(np.isnan(distance))
+        if len(missed) == 0:
+            return distance, self.segment[hit]
+        if self.ordered:
+            self._look_again(origins, directions, distance, hit, missed)
+        else:
+            for i in np.unique(missed // distance.shape[1]):
+                place, rays = slice(self.bounds[i], self.bounds[i + 1]), np.isnan(distance[i])
+                distance[i, rays], found = outermost(self.ends[place], origins[i, rays], directions[i, rays])
+                hit[i, rays] = np.where(np.isnan(distance[i, rays]), 0, found + self.bounds[i])
+        return distance, self.segment[hit]
+
+    def _look_again(self, origins: Array, directions: Array, distance: Array, hit: IntArray, missed: IntArray) -> None:
+        """Fill in what rays that have missed so far meet by rounding, among the segments that lie under them."""
+        ray, segment = self._pairs(self._abscissae(origins, directions), missed)
+        ends, (origin, direction) = self.ends[segment], (x.reshape(-1, 2)[ray] for x in (origins, directions))
+        start, step = (ends[:, 0] - origin).T, (ends[:, 1] - ends[:, 0]).T
+        reach = crossing(*start, *step, *direction.T)
+        met = np.flatnonzero(~np.isnan(reach))
+        met = met[np.lexsort((reach[met], ray[met]))]
+        distance.ravel()[ray[met]], hit.ravel()[ray[met]] = reach[met], segment[met]  # of each ray the last one stays
+
+    def _abscissae(self, origins: Array, directions: Array) -> Array:
+        """Of rays, short of the whole width: the row's number times the width must not round up to the next row."""
+        x = diamond_angle(directions) if self.centres is not None else origins @ self.across - self.low
+        return np.clip(x, 0.0, self.width * (1 - ROUNDING))
+
+    def _bisect(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
+        x = self._abscissae(origins, directions)
+        rows = np.arange(len(x))[:, None]
+        place = np.searchsorted(self.key, rows * self.width + x, side="right") - 1
+        first, last = self.bounds[:-1, None], self.bounds[1:, None] - 1
+        # A ray before the first segment of its row can only lie on the last one, which crosses the zero angle.
+        place = np.where(place < first, np.maximum(last, 0), place)
+        start_x, start_y, step_x, step_y = (part.take(place) for part in (*self.start, *self.step))
+        if self.centres is None or self.centres.any():
+            start_x, start_y = start_x - origins[..., 0], start_y - origins[..., 1]
+        distance = crossing(start_x, start_y, step_x, step_y, directions[..., 0], directions[..., 1])
+        unknown = (last < first)[:, 0] | ~self.clean
+        if unknown.any():
+            distance[unknown] = np.nan
+        return distance, self.order[place]
+
+    def _cast_overlapping(self, origins: Array, directions: Array, distance: Array, hit: IntArray) -> None:
+        """Fill in the rows in which segments lie over each other."""
+        shape = distance.shape
+        ray, segment, along = self._crossings(origins, directions, np.flatnonzero(~self.clean))
+        last = np.lexsort((along, ray))
+        last = last[np.append(ray[last][1:] != ray[last][:-1], True)] if len(last) else last
+        distance.ravel()[ray[last]], hit.ravel()[ray[last]] = along[last], segment[last]
+        for i in np.flatnonzero(self.followed & ~self.clean):
+            mine = slice(*np.searchsorted(ray, (i * shape[1], (i + 1) * shape[1])))
+            folded, way = in_order(ray[mine] % shape[1], along[mine], shape[1])
+            distance[i, folded] = way
+
+    def _crossings(self, origins: Array, directions: Array, rows: IntArray) -> tuple[IntArray, IntArray, Array]:
+        """All crossings of the rays of some rows: number of the ray, ascending, of the segment, and distance [m].
+
+        A ray through the end that two segments share crosses just one of them.
+        """
+        x = self._abscissae(origins, directions)
+        ray, segment = self._pairs(x, (rows[:, None] * x.shape[1] + np.arange(x.shape[1])).ravel())
+        offset = self.ends[segment] - origins.reshape(-1, 2)[ray][:, None]
+        direction = np.broadcast_to(directions, origins.shape).reshape(-1, 2)[ray]
+        side = direction[:, None, 0] * offset[..., 1] - direction[:, None, 1] * offset[..., 0]
+        crosses = (side[:, 0] > 0) != (side[:, 1] > 0)
+        part = side[:, 0] / np.where(crosses, side[:, 0] - side[:, 1], 1.0)
+        reach = direction[:, None, 0] * offset[..., 0] + direction[:, None, 1] * offset[..., 1]
+        distance = reach[:, 0] + part * (reach[:, 1] - reach[:, 0])
+        met = np.flatnonzero(crosses & (distance > 0))
+        met = met[np.argsort(ray[met], kind="stable")]
+        return ray[met], segment[met], distance[met]
+
+    def _pairs(self, x: Array, rays: IntArray) -> tuple[IntArray, IntArray]:
+        """Numbers of some rays and of the segments that lie under them, or all but do, for abscissae (rows, l)."""
+        row = rays // x.shape[1]
+        key = row * self.width + x.ravel()[rays]
+        by_key = np.argsort(key, kind="stable")
+        key, rays = key[by_key], rays[by_key]
+        chosen = np.zeros(len(x), bool)
+        chosen[row] = True
+        place = np.flatnonzero(chosen[self.row])  # segments in the order of their abscissae keep their rows
+        slack = ROUNDING * self.width
+        begin, stop = self.key[place] - slack, self.stop[place] + slack
+        low, high = self.row[place] * self.width, (self.row[place] + 1) * self.width
+        pairs = []
+        for turn in (0.0, self.width) if self.centres is not None else (0.0,):  # segments over the zero angle, again
+            first = np.searchsorted(key, np.maximum(begin - turn, low))
+            count = np.maximum(np.searchsorted(key, np.minimum(stop - turn, high)) - first, 0)
+            which = np.repeat(np.arange(len(place)), count)
+            pairs.append((rays[np.arange(len(which)) + np.repeat(first - np.cumsum(count) + count, count)], which))
+        ray, which = (np.concatenate(parts) for parts in zip(*pairs))
+        return ray, self.order[place][which]
+
+
+def diamond_angle(vectors: Array) -> Array:
+    """A number in [0, 4) that grows with the angle of plane vectors (..., 2), without trigonometry."""
+    x, y = vectors[..., 0], vectors[..., 1]
+    size = np.abs(x) + np.abs(y)
+    rise = y / np.where(size > 0, size, 1.0)
+    angle = np.where(x < 0, 2 - rise, rise)
+    return np.where(angle < 0, angle + DIAMOND_TURN, angle)
+
+
+def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Array, y: Array) -> Array:
+    """Distance along rays (x, y) to segments from ``start``, seen from its origin, to ``step`` beyond; NaN: none."""
+    turn = x * step_y - y * step_x
+    with np.errstate(divide="ignore", invalid="ignore"):  # a ray along its segment
+        distance = (start_x * step_y - start_y * step_x) / turn
+        part = (start_x * y - start_y * x) / turn
+        hits = (np.abs(part - 0.5) <= 0.5 + ROUNDING) & (distance > 0)
+    return distance if hits.all() else np.where(hits & (turn != 0), distance, np.nan)
+
+
+def outermost(ends: Array, origins: Array, directions: Array) -> tuple[Array, IntArray]:
+    """Distance to the furthest crossing of each ray with any of the segments, and which; shapes (l,)."""
+    if len(ends) == 0:
+        return np.full(len(origins), np.nan), np.zeros(len(origins), np.int64)
+    offset, step = np.moveaxis(ends[:, 0] - origins[:, None], -1, 0), (ends[:, 1] - ends[:, 0]).T
+    distance = crossing(*offset, *step, *directions.T[..., None])
+    hit = np.where(np.isnan(distance), -np.inf, distance).argmax(axis=1)
+    return distance[np.arange(len(hit)), hit], hit

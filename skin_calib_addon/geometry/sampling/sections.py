@@ -1,0 +1,114 @@
+"""Where planes cut a mesh: all planes in one pass, as segments that a ray fan can be cast on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...common.arrays import Array, IntArray, along
+from ..mesh.triangle_mesh import TriangleMesh
+from .planes import Planes
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Segments in which planes cut the faces of a mesh, ordered by plane; row i of each array is one segment."""
+
+    plane: IntArray  # (s,) which plane
+    face: IntArray  # (s,) which face
+    ends: Array  # (s, 2, 3) [m]; from first to second, the face's normal is to the right as the plane's normal sees it
+    planes: int  # how many planes were cut, those that meet nothing included
+
+
+def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None) -> Sections:
+    """Cut a mesh with every plane at once.
+
+    A vertex that lies on a plane counts as below it, so that no position is degenerate; each edge is cut by a formula
+    that is symmetric in its vertices, so that the two faces beside it agree to the bit.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    planes : Planes
+        Parallel planes are found from the sorted heights alone; others are compared with every vertex.
+    values : array, shape (v, c), optional
+        What the ends of the segments tell of the vertices in place of their coordinates, such as plane coordinates.
+
+    Returns
+    -------
+    Sections
+    """
+    cut = _cut_parallel if planes.are_parallel() else _cut_any
+    return cut(mesh, planes, mesh.vertices if values is None else values)
+
+
+# By which corners of a face lie above a plane (1, 2 and 4 for the first, second and third): the one that is alone on
+# its side, and those to whose sides the cut runs from and to. A tip above the plane and one below see their segment
+# run in opposite directions.
+TIP = np.array((0, 0, 1, 2, 2, 1, 0, 0))
+START = np.array((0, 1, 2, 1, 0, 0, 2, 0))
+STOP = np.array((0, 2, 0, 0, 1, 2, 1, 0))
+
+
+def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
+    """Cut with parallel planes: each vertex has one height, and its rank among the levels tells all crossings."""
+    level = along(planes.points, planes.normals[0])
+    order = np.argsort(level, kind="stable")
+    height = along(mesh.vertices, planes.normals[0])
+    rank = np.zeros(len(height), np.int16)  # how many planes lie below each vertex
+    for one in level:  # a comparison per level is faster than a bisection per vertex
+        rank += height > one
+    a, b, c = (rank[corner] for corner in mesh.corners)
+    first = np.minimum(np.minimum(a, b), c)
+    count = np.maximum(np.maximum(a, b), c) - first
+    cut = np.flatnonzero(count)
+    count, first = count[cut].astype(np.int64), first[cut].astype(np.int64)
+    part = np.repeat(np.arange(len(cut)), count)
+    place = np.arange(len(part)) + np.repeat(first - np.cumsum(count) + count, count)
+    by_plane = np.argsort(order[place].astype(np.int16), kind="stable")
+    part, place = part[by_plane], place[by_plane]
+    plane = order[place]
+    is_above = [rank[cut][part] > place for rank in (a, b, c)]
+    above = is_above[0] + 2 * is_above[1] + 4 * is_above[2]
+    face, lift = cut[part], level[plane]
+    ends = _segments(mesh, values, face, above, lambda vertex: height[vertex] - lift)
+    return Sections(plane, face, ends, len(planes))
+
+
+def _cut_any(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
+    """Cut with planes of any direction: each vertex is compared with each plane."""
+    height = planes.normals @ mesh.vertices.T - (planes.points * planes.normals).sum(axis=1)[:, None]
+    side = (height > 0).astype(np.int8)
+    a, b, c = (side[:, corner] for corner in mesh.corners)
+    above = a + 2 * b + 4 * c
+    plane, face = np.nonzero((above > 0) & (above < 7))
+    ends = _segments(mesh, values, face, above[plane, face], lambda vertex: height[plane, vertex])
+    return Sections(plane, face, ends, len(planes))
+
+
+def _segments(
+    mesh: TriangleMesh, values: Array, face: IntArray, above: IntArray, height: Callable[[IntArray], Array]
+) -> Array:
+    """Ends of the segment in which a plane cuts each face, shape (s, 2, c).
+
+    Parameters
+    ----------
+    above : array of int, shape (s,)
+        Which corners lie above the plane, as in ``TIP``.
+    height : function
+        Heights above its plane [m] of one vertex for each segment.
+    """
+    corners, base = mesh.faces.reshape(-1), 3 * face
+    tip = corners[base + TIP[above]]
+    tip_height = height(tip)
+    columns = np.ascontiguousarray(values.T)
+    tips = [column[tip] for column in columns]
+    ends = np.empty((len(columns), 2, len(face)))
+    for i, table in enumerate((START, STOP)):
+        other = corners[base + table[above]]
+        other_height = height(other)
+        between = tip_height - other_height
+        for end, column, tip_value in zip(ends, columns, tips):
+            # The same to the bit from whichever end of the edge: the faces on both sides of it agree.
+            end[i] = (tip_height * column[other] - other_height * tip_value) / between
+    return ends.transpose(2, 1, 0)

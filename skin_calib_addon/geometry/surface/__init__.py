@@ -1,0 +1,1 @@
+"""B-spline surfaces, distances to them, their centre."""

@@ -1,0 +1,212 @@
+"""Distances between a surface and a mesh, both ways."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...common.arrays import Array, BoolArray, IntArray, cross
+from ...common.errors import EmptySection
+from ...common.surface_errors import DistanceStatistics, SurfaceErrors
+from ..mesh.triangle_mesh import TriangleMesh
+from .bspline import FEWEST_SITES, BSplineSurface, enough_sites
+
+# Samples along each span of the surface's grid when distances are measured.
+SAMPLES_PER_SPAN = 5  # odd: facets come in round numbers, and samples that keep step with them see but a part
+STARTS_PER_SPAN = 3  # of the grid whose nearest point begins the search for a footpoint
+NEWTON_STEPS = 8
+FOUND = 1e-9  # step of a footpoint's parameters that is none
+MOST_PARTS = 64  # of one side of a face
+FEW = 8  # points for which no tree is worth its making
+# A triangle with less height than this share of its length is no plane; its sides have all of its points.
+FLAT = 1e-8
+
+
+def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray) -> SurfaceErrors:
+    """Measure a surface against the mesh it was fitted to, where they lie over each other.
+
+    Parameters
+    ----------
+    known : array of bool, shape (k, l)
+        Which of the sample sites of the fit met the mesh; what lies beside another site is left out.
+
+    Raises
+    ------
+    EmptySection
+        If no part of the surface lies over the mesh.
+    """
+    uv, weights = surface_samples(surface)
+    trusted = lies_at(surface, uv, known)
+    if not trusted.any():
+        raise EmptySection("no part of the surface lies over the mesh: its holes are everywhere; move the planes")
+    there = DistanceStatistics.of(MeshDistance(mesh)(surface.points(uv[trusted]))[0], weights[trusted])
+    points, areas, face = mesh_samples(mesh)
+    foot, distance = footpoints(surface, points)
+    # The mesh beside the surface: over its inside, and facing the same way (or, wound wrongly, the opposite one).
+    beside = lies_at(surface, foot, known)
+    beside &= np.abs((surface.normals(foot) * mesh.face_normals[face]).sum(axis=1)) > 0.5
+    for axis in (0, 1):
+        if not surface.closed[axis]:
+            beside &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
+    if not beside.any():
+        raise EmptySection("no face of the mesh lies beside the surface and looks its way; move the planes")
+    back = DistanceStatistics.of(distance[beside], areas[beside])
+    return SurfaceErrors(back, there, max(back.max, there.max))
+
+
+def lies_at(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
+    """Whether all sample sites around each ``uv`` are known ones; sites are even in u and v."""
+    k, l = known.shape
+    row, column = uv[:, 0] * (k - 1), uv[:, 1] * (l if surface.closed[1] else l - 1)
+    rows = (np.clip(f(row).astype(int), 0, k - 1) for f in (np.floor, np.ceil))
+    columns = [f(column).astype(int) % l for f in (np.floor, np.ceil)]
+    return np.logical_and.reduce([known[i, j] for i in rows for j in columns])
+
+
+def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
+    """Parameters of a dense grid of cell centres, shape (k, 2), and the area that each stands for [m^2]."""
+    u, v = sample_lines(surface, SAMPLES_PER_SPAN)
+    normals = cross(*surface.grid_tangents(u, v)).reshape(-1, 3)
+    return _pairs(u, v), np.linalg.norm(normals, axis=1) / len(normals)
+
+
+def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
+    """Even parameters u and v, in the middle of equal parts, so many to a span, more where spans are few."""
+    spans = (len(np.unique(k[d : len(k) - d])) - 1 for k, d in zip((surface.knots_u, surface.knots_v), surface.degree))
+    counts = (n * enough_sites(per_span, n, FEWEST_SITES[closed]) for n, closed in zip(spans, surface.closed))
+    u, v = ((np.arange(n) + 0.5) / n for n in counts)
+    return u, v
+
+
+def _pairs(u: Array, v: Array) -> Array:
+    return np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))
+
+
+def mesh_samples(mesh: TriangleMesh) -> tuple[Array, Array, IntArray]:
+    """Points spread over the faces, at most a fiftieth of the mesh apart, the area each stands for, and its face."""
+    points, face, parts = split_faces(mesh, 0.02 * mesh.size)
+    return points, mesh.face_areas[face] / parts[face] ** 2, face
+
+
+def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntArray]:
+    """Centres of the like triangles into which long faces are split until their sides are at most ``size`` [m].
+
+    Returns
+    -------
+    centres : array, shape (p, 3)
+    face : array of int, shape (p,)
+    parts : array of int, shape (f,)
+        Into how many parts each side of each face was split; the face has as many pieces squared.
+    """
+    corners = mesh.triangles
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    parts = np.clip(np.ceil(longest / size).astype(int), 1, MOST_PARTS)
+    centres, face = [], []
+    for k in np.unique(parts):
+        chosen = np.flatnonzero(parts == k)
+        i, j = (x.ravel() for x in np.meshgrid(np.arange(k), np.arange(k), indexing="ij"))
+        up, down = i + j < k, i + j < k - 1  # pieces that stand like the face, and upside down
+        a = np.r_[i[up] + 1 / 3, i[down] + 2 / 3] / k
+        b = np.r_[j[up] + 1 / 3, j[down] + 2 / 3] / k
+        centres.append(np.einsum("sb,fbc->fsc", np.column_stack((1 - a - b, a, b)), corners[chosen]).reshape(-1, 3))
+        face.append(np.repeat(chosen, len(a)))
+    return np.concatenate(centres), np.concatenate(face), parts
+
+
+class MeshDistance:
+    """Distance from points to a mesh, exact: a tree of face pieces gives candidates, then triangles decide."""
+
+    def __init__(self, mesh: TriangleMesh):
+        self.triangles = mesh.triangles
+        sides = np.linalg.norm(self.triangles - np.roll(self.triangles, 1, axis=1), axis=2).max(axis=1)
+        centres, self.face, parts = split_faces(mesh, max(float(np.median(sides)), 0.01 * mesh.size))
+        self.reach = 2 / 3 * float((sides / parts).max())  # no point of a piece is further from its centre
+        self.tree = cKDTree(centres)
+
+    def __call__(self, points: Array) -> tuple[Array, IntArray, Array]:
+        """Distance [m], nearest face and nearest point of each point, shapes (k,), (k,), (k, 3)."""
+        distance = np.full(len(points), np.inf)
+        face = np.zeros(len(points), np.int64)
+        nearest = np.zeros((len(points), 3))
+
+        def try_pairs(which: IntArray, faces: IntArray) -> None:
+            foot = closest_on_triangles(points[which], self.triangles[faces])
+            d = np.linalg.norm(foot - points[which], axis=1)
+            order = np.lexsort((d, which))  # of each point's candidates the nearest comes first
+            first = order[np.append(True, which[order][1:] != which[order][:-1])] if len(order) else order
+            first = first[d[first] < distance[which[first]]]
+            distance[which[first]], face[which[first]], nearest[which[first]] = d[first], faces[first], foot[first]
+
+        open_, seen, k = np.arange(len(points)), 0, 8
+        while len(open_):
+            k = min(k, self.tree.n)
+            far, index = map(np.asarray, self.tree.query(points[open_], k=np.arange(seen + 1, k + 1)))
+            if seen == 0:
+                try_pairs(open_, self.face[index[:, 0]])
+            # A piece has no point nearer than its centre less the reach of a piece.
+            row, column = np.nonzero(far - self.reach < distance[open_, None])
+            try_pairs(open_[row], self.face[index[row, column]])
+            open_ = open_[(far[:, -1] - self.reach < distance[open_]) & (k < self.tree.n)]
+            seen, k = k, 2 * k
+        return distance, face, nearest
+
+
+def closest_on_triangles(points: Array, triangles: Array) -> Array:
+    """Nearest point of each triangle (k, 3, 3) to each point (k, 3) (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    ab, ac, ap = b - a, c - a, points - a
+    normal = np.cross(ab, ac)
+    square = (normal**2).sum(axis=1)
+    flat = square <= (FLAT * np.maximum((ab**2).sum(axis=1), (ac**2).sum(axis=1))) ** 2
+    square = np.where(flat, 1.0, square)
+    v = (np.cross(ap, ac) * normal).sum(axis=1) / square
+    w = (np.cross(ab, ap) * normal).sum(axis=1) / square
+    best = a + v[:, None] * ab + w[:, None] * ac
+    outside = (v < 0) | (w < 0) | (v + w > 1) | flat
+    if outside.any():
+        p = points[outside]
+        best_edge = np.full(len(p), np.inf)
+        for start, stop in ((a, b), (b, c), (c, a)):
+            s, e = start[outside], stop[outside] - start[outside]
+            t = np.clip(((p - s) * e).sum(axis=1) / np.maximum((e**2).sum(axis=1), 1e-300), 0, 1)
+            q = s + t[:, None] * e
+            d = ((p - q) ** 2).sum(axis=1)
+            better = d < best_edge
+            best_edge = np.where(better, d, best_edge)
+            if start is a:
+                edge = q
+            else:
+                edge[better] = q[better]
+        best[outside] = edge
+    return best
+
+
+def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
+    """Nearest surface point of each point: parameters, shape (k, 2), and distance [m].
+
+    The nearest of a dense grid starts a Gauss-Newton descent that stays within the surface.
+    """
+    lines = sample_lines(surface, STARTS_PER_SPAN)
+    grid = surface.grid_points(*lines).reshape(-1, 3)
+    if len(points) <= FEW:
+        index = np.array([int(np.argmin(((grid - p) ** 2).sum(axis=1))) for p in points], np.int64)
+    else:
+        index = np.asarray(cKDTree(grid).query(points)[1])
+    uv = _pairs(*lines)[index]
+    moving = np.arange(len(points))
+    for _ in range(NEWTON_STEPS):
+        r = surface.derivatives(uv[moving])
+        gap = points[moving] - r[0, 0]
+        a, b = r[1, 0], r[0, 1]
+        aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
+        ga, gb = (gap * a).sum(1), (gap * b).sum(1)
+        det = np.maximum(aa * bb - ab * ab, 1e-300)
+        after = uv[moving] + np.column_stack(((bb * ga - ab * gb) / det, (aa * gb - ab * ga) / det))
+        for axis in (0, 1):
+            if not surface.closed[axis]:
+                after[:, axis] = np.clip(after[:, axis], 0, 1)
+        step = np.abs(after - uv[moving]).max(axis=1)
+        uv[moving] = after
+        moving = moving[step > FOUND]
+        if len(moving) == 0:
+            break
+    uv = surface.wrap(uv)
+    return uv, np.linalg.norm(points - surface.points(uv), axis=1)

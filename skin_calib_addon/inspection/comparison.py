@@ -1,0 +1,172 @@
+"""The taxels of a link beside those of a file: how far each is from its own, and whether another frame is why."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from ..calibration.exchange import TaxelSet, read_taxels
+from ..calibration.file import load_calibration
+from ..common.arrays import Array, IntArray
+from ..common.errors import CalibrationFormatError
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..geometry.registration import GAIN, NEAR, find_frame
+from .values import AllTaxels
+
+# From this mean distance on [m] it is asked whether one motion would take most of it away.
+OFF = 5e-4
+LEAST_TURN = 0.05  # that is told [degrees]
+MOST_NAMES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Pairs of a taxel of ours and one of a file; row i of every array is the same pair."""
+
+    by: Literal["id", "nearest"]
+    ours: IntArray  # (m,) rows
+    theirs: IntArray  # (m,) rows
+    ends: Array  # (m, 2, 3) from ours to theirs [m]
+    angles: Array | None  # (m,) between the normals [rad]; None where the file has none
+    worst: str  # of ours, the id of the one that is furthest off
+    told: tuple[str, ...]  # what else a person should know, the frame first
+
+    @property
+    def distances(self) -> Array:
+        """Of each pair (m,) [m]."""
+        return np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
+
+
+def read_others(path: str | os.PathLike[str]) -> TaxelSet:
+    """Taxels of a calibration, or of a file of another program in any format that can be read.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the file cannot be read.
+    """
+    if Path(path).suffix.lower() != ".json":
+        return read_taxels(path)
+    calibration = load_calibration(path)
+    taxels = AllTaxels.of(calibration.patches)
+    if not len(taxels.ids):
+        raise CalibrationFormatError(f"'{path}' is a calibration without taxels; there is nothing to compare")
+    return TaxelSet(taxels.positions, taxels.normals, taxels.ids, taxels.channels, calibration.link)
+
+
+def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str = "") -> Comparison:
+    """Pair taxels with those of a file: by id where most agree, else each of the file with the nearest of ours.
+
+    Parameters
+    ----------
+    taxels : AllTaxels
+        Ours, at least one.
+    others : TaxelSet
+        Of the file, as it stands there.
+    mesh : TriangleMesh
+        Of the link, on which taxels in its frame lie.
+    link : str
+        Its name, if the file may name another.
+    """
+    known = [(taxels.rows[label], row) for row, label in enumerate(others.labels) if label in taxels.rows]
+    is_named = 2 * len(known) >= min(len(taxels.ids), len(others.labels))
+    by: Literal["id", "nearest"] = "id" if is_named else "nearest"
+    if is_named:
+        ours, theirs = np.array(known, np.int64).T
+    else:
+        ours = np.asarray(cKDTree(taxels.positions).query(others.positions)[1])
+        theirs = np.arange(len(others.labels))
+    ends = np.stack((taxels.positions[ours], others.positions[theirs]), axis=1)
+    angles = None if others.normals is None else _angles(taxels.normals[ours], others.normals[theirs])
+    worst = taxels.ids[ours[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).argmax()]]
+    told = (
+        *([f"The file is in the frame {others.frame}"] if link and others.frame not in (None, link) else ()),
+        *(_of_pairs(ends) if is_named else _of_mesh(mesh, others.positions)),
+        *_unpaired(by, taxels.ids, others.labels, ours, theirs),
+        *_inward(angles),
+        *(str(finding) for finding in others.findings),
+    )
+    return Comparison(by, ours, theirs, ends, angles, worst, told)
+
+
+def _angles(a: Array, b: Array) -> Array:
+    """Angles between unit vectors (m, 3): exact also where they are nearly the same, or opposite."""
+    return 2 * np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
+
+
+def _of_pairs(ends: Array) -> Iterator[str]:
+    """Whether one motion lays the taxels of the file on their own (Kabsch, 1976)."""
+    ours, theirs = ends.transpose(1, 0, 2)
+    before = float(np.linalg.norm(theirs - ours, axis=1).mean())
+    if before < OFF or len(ends) < 3:
+        return
+    middle, target = theirs.mean(axis=0), ours.mean(axis=0)
+    u, _, v = np.linalg.svd((ours - target).T @ (theirs - middle))
+    turn = u @ np.diag((1.0, 1.0, np.sign(np.linalg.det(u @ v)))) @ v
+    after = float(np.linalg.norm((theirs - middle) @ turn.T + target - ours, axis=1).mean())
+    if after <= GAIN * before:
+        motion = _motion(turn, target - turn @ middle)
+        yield f"Another frame? {motion} would bring it from {_mm(before)} to {_mm(after)}"
+
+
+def _of_mesh(mesh: TriangleMesh, positions: Array) -> Iterator[str]:
+    """Whether the taxels of the file lie on the mesh, and what would bring them there."""
+    fit = find_frame(mesh, positions)
+    if fit.before.mean <= NEAR:
+        return
+    off = f"{_mm(fit.before.mean)} off the mesh on the mean"
+    if fit.verdict == "right":
+        yield f"It lies {off}, and no motion brings it much nearer"
+    elif fit.verdict == "lost":
+        left = _mm(fit.after.mean)
+        yield f"It lies {off}, and no motion brings it nearer than {left}: another link, or another unit?"
+    else:
+        also = ", but it would lie there in other places too" if fit.verdict == "ambiguous" else ""
+        motion = _motion(fit.rotation, fit.translation)
+        yield f"Another frame: it lies {off}; {motion} would bring it to {_mm(fit.after.mean)}{also}"
+
+
+def _motion(turn: Array, shift: Array) -> str:
+    """A motion in words."""
+    angle = np.rad2deg(np.linalg.norm(Rotation.from_matrix(turn).as_rotvec()))
+    by = ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in shift.tolist())  # no minus zero
+    turned = f"a turn by {angle:.1f}° and " if angle >= LEAST_TURN else ""
+    return f"{turned}a shift by ({by}) mm"
+
+
+def _mm(length: float) -> str:
+    return f"{round(length * 1e3, 4):.3g} mm"
+
+
+def _unpaired(
+    by: str, ids: tuple[str, ...], labels: tuple[str, ...], ours: IntArray, theirs: IntArray
+) -> Iterator[str]:
+    """Taxels that have no partner; by the nearest, also those that share one."""
+    alone = [ids[row] for row in np.setdiff1d(np.arange(len(ids)), ours)]
+    others = [labels[row] for row in np.setdiff1d(np.arange(len(labels)), theirs)]
+    shared = len(ours) - len(np.unique(ours))
+    if alone:
+        yield f"{_count(alone)} of ours without one in the file: {_named(alone)}"
+    if others:
+        yield f"{_count(others)} of the file without one of ours: {_named(others)}"
+    if by == "nearest" and shared:
+        yield f"{shared} of the file share the nearest of ours with another"
+
+
+def _count(names: list[str]) -> str:
+    return f"{len(names)} taxel" + ("s" if len(names) > 1 else "")
+
+
+def _named(names: list[str]) -> str:
+    return ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
+
+
+def _inward(angles: Array | None) -> Iterator[str]:
+    count = 0 if angles is None else int((angles > np.pi / 2).sum())
+    if count:
+        yield f"{count} normals of the file look the other way"

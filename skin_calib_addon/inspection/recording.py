@@ -1,0 +1,126 @@
+"""Recorded readings: what a controller got, cycle after cycle, from a CSV or NPZ file."""
+
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..common.arrays import Array
+from ..common.errors import CalibrationFormatError
+from ..common.strict_json import size_of
+from ..common.tables import BadTable, numbered_rows
+from ..common.text import BadNumber, read_text, real
+from ..runtime.balance.polygon import Polygon
+from ..runtime.footprint import SupportingPolygon
+from ..runtime.frame import Frame
+
+MOST_NUMBERS = 2**28  # of an NPZ file
+
+
+def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
+    """Time [s] and reading of each frame of a recording.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file whose header begins with ``time``, with a column for each channel in their order, where an empty cell
+        is a lost number; commas, semicolons or tabs separate columns. Or an NPZ file with arrays ``time`` (t,) and
+        ``readings`` (t, channels).
+
+    Raises
+    ------
+    CalibrationFormatError
+        Names the file, and line and column, of the first thing that is wrong.
+    """
+    path = Path(path)
+    return _packed(path) if path.suffix.lower() == ".npz" else _table(path)
+
+
+def _packed(path: Path) -> Iterator[tuple[float, Array]]:
+    size_of(path)
+    try:
+        if not zipfile.is_zipfile(path):  # NumPy would take it for a pickle
+            raise CalibrationFormatError(f"cannot read '{path}': it is no NPZ file; save it with numpy.savez")
+        with np.load(path, allow_pickle=False) as file:
+            missing = [name for name in ("time", "readings") if name not in file.files]
+            if missing:
+                raise CalibrationFormatError(f"'{path}' has no array '{missing[0]}'; it has {sorted(file.files)}")
+            for name in ("time", "readings"):
+                if (size := file.zip.getinfo(f"{name}.npy").file_size) > 8 * MOST_NUMBERS:
+                    raise CalibrationFormatError(
+                        f"array '{name}' of '{path}' has {size} bytes, too many to read at once"
+                    )
+            time, readings = file["time"], file["readings"]
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as problem:
+        raise CalibrationFormatError(f"cannot read '{path}': {problem}") from problem
+    if time.ndim != 1 or time.dtype.kind not in "uif" or readings.shape[:1] != time.shape or readings.ndim != 2:
+        shapes = f"time {time.dtype} {time.shape} and readings {readings.dtype} {readings.shape}"
+        raise CalibrationFormatError(f"'{path}' has {shapes}; needed are numbers (t,) and (t, channels)")
+    yield from zip(time.astype(float).tolist(), readings)
+
+
+def _table(path: Path) -> Iterator[tuple[float, Array]]:
+    rows = numbered_rows(read_text(path))
+    try:
+        _, header = next(rows, (1, []))
+        header = [name.strip().lower() for name in header]
+        if header[:1] != ["time"] or len(header) < 2:
+            raise CalibrationFormatError(
+                f"'{path}', line 1: a recording's header is time and one name for each channel"
+            )
+        for line, row in rows:
+            cells = [_number(cell, path, line, k + 1) for k, cell in enumerate(row)]
+            yield cells[0], np.array(cells[1:])
+    except BadTable as problem:
+        raise CalibrationFormatError(f"'{path}', line {problem.line}: {problem}") from problem
+
+
+def _number(cell: str, path: Path, line: int, column: int) -> float:
+    word = cell.strip()
+    try:
+        return real(word) if word else np.nan
+    except BadNumber as problem:
+        if problem.code == "not-finite":
+            return float(word)
+        raise CalibrationFormatError(f"'{path}', line {line}, column {column}: {problem}") from problem
+
+
+def frame_document(frame: Frame) -> dict[str, Any]:
+    """A frame as JSON has it: SI units, contacts and wrench in the link frame, the rest in the ground's coordinates.
+
+    What is not known is null, never a number.
+    """
+    return {
+        "time": _known(frame.time),
+        "flags": sorted(frame.flags),
+        "touched": frame.touched,
+        "wrench": None if frame.touched is None else frame.wrench.tolist(),
+        "contacts": [
+            {
+                "number": c.number,
+                "ids": list(c.ids),
+                "force": c.force,
+                "area": c.area,
+                "peak_pressure": c.peak_pressure,
+                "position": c.position.tolist(),
+                "normal": c.normal.tolist(),
+                "wrench": c.wrench.tolist(),
+            }
+            for c in frame.contacts
+        ],
+        "cop": None if frame.cop is None else frame.cop.tolist(),
+        "zmp": None if frame.zmp is None else frame.zmp.tolist(),
+        "reason": frame.reason,
+        "polygon": _polygons(frame.polygon),
+    }
+
+
+def _polygons(polygon: SupportingPolygon) -> dict[str, Any]:
+    parts: dict[str, Polygon] = {n: getattr(polygon, n) for n in ("outer", "nominal", "guaranteed")}
+    return {name: part.corners.tolist() for name, part in parts.items()}
+
+
+def _known(number: float) -> float | None:
+    return number if np.isfinite(number) else None

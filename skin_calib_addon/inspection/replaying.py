@@ -1,0 +1,105 @@
+"""A recording on the skin of a link: any of its frames, in any order."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration.model import LinkCalibration
+from ..common.arrays import Array
+from ..common.errors import CalibrationFormatError, InvalidReading
+from ..runtime import Frame, Skin
+from .recording import read_recording
+from .values import AllTaxels
+
+# Forces that are kept at most: a quarter of a gigabyte.
+MOST = 2**25
+# Between frames of a recording whose times tell nothing [s].
+STEP = 0.01
+
+
+class Replay:
+    """Readings of a recording through the runtime.
+
+    Parameters
+    ----------
+    calibration : LinkCalibration
+    recorded : iterable of (time [s], reading)
+    name : str
+        Of the recording, for messages.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If it has no frame, or one that is no reading of this skin; says which, and why.
+    """
+
+    def __init__(self, calibration: LinkCalibration, recorded: Iterable[tuple[float, Array]], name: str):
+        self.taxels = AllTaxels.of(calibration.patches)
+        if not self.taxels.ids:
+            raise CalibrationFormatError(f"{calibration.link} has no taxel that '{name}' could be shown on")
+        self._skin = Skin(calibration)
+        self._frames: list[Frame] = []
+        self.strongest = 0.0  # force on a taxel in any frame [N]
+        self._readings: list[Array] = []
+        times = []
+        for time, reading in recorded:
+            self._take(reading, name)
+            times.append(time)
+        if not times:
+            raise CalibrationFormatError(f"'{name}' holds no frame")
+        self.times = np.array(times, float)  # (frames,) as recorded [s]
+        self.seconds = _since_start(self.times)  # (frames,) never going back
+
+    @classmethod
+    def read(cls, calibration: LinkCalibration, path: str | Path) -> "Replay":
+        """A recording in a file, see `read_recording`."""
+        return cls(calibration, read_recording(path), Path(path).name)
+
+    def _take(self, reading: Array, name: str) -> None:
+        """Check a reading, and keep it."""
+        if (len(self._readings) + 1) * len(self.taxels.ids) > MOST:
+            most = MOST // len(self.taxels.ids)
+            raise CalibrationFormatError(f"'{name}' has more than {most} frames, too many to keep: cut it into parts")
+        try:
+            forces = self._skin.forces(reading)
+        except InvalidReading as error:
+            raise CalibrationFormatError(f"'{name}', frame {len(self._readings)}: {error}") from error
+        self.strongest = max(self.strongest, float(forces[np.isfinite(forces)].max(initial=0.0)))
+        self._readings.append(reading)
+
+    def __len__(self) -> int:
+        return len(self._readings)
+
+    @property
+    def skin(self) -> Skin:
+        """The skin that feels the recording."""
+        return self._skin
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers a frame of the recording has; the skin may need fewer."""
+        return len(self._readings[0])
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the end of the last [s]."""
+        return float(self.seconds[-1] + (self.seconds[-1] / (len(self) - 1) if len(self) > 1 else STEP))
+
+    def at(self, seconds: float) -> int:
+        """The frame that is felt so long after the first."""
+        return int(np.clip(np.searchsorted(self.seconds, seconds, side="right") - 1, 0, len(self) - 1))
+
+    def frame(self, k: int) -> Frame:
+        """What the skin feels in frame k, after all those before: contacts keep their numbers."""
+        for i in range(len(self._frames), k + 1):
+            self._frames.append(self._skin.update(self._readings[i], self.times[i]))
+        return self._frames[k]
+
+
+def _since_start(times: Array) -> Array:
+    """Seconds since the first time; one that is none, or goes back, is that before. Even steps where none goes on."""
+    known = np.isfinite(times)
+    since = np.where(known, times, 0.0) - times[known][:1].sum()
+    seconds: Array = np.maximum.accumulate(np.where(known, since, 0.0).clip(0))
+    return seconds if seconds[-1] > 0 else STEP * np.arange(len(times), dtype=float)

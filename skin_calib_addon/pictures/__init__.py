@@ -1,0 +1,1 @@
+"""Pictures that Matplotlib draws of calibrations, responses, touches and replays."""

@@ -1,0 +1,238 @@
+"""A picture of a calibration without OpenGL: faces are sorted by depth and drawn from the back."""
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..calibration.model import LinkCalibration
+from ..common.arrays import Array, unit
+from ..common.atomic_file import write_bytes_safely
+from ..common.errors import SkinCalibError
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..geometry.sampling.planes import perpendicular
+from ..geometry.surface.distance import MeshDistance
+from ..pipeline.calibrate import surface_of
+
+QUADS = (60, 120)  # how finely a surface is drawn, along u and v
+LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # from the viewer's right and above
+NORMAL_LENGTH = 0.006  # [m]
+PLAIN = np.array((0.78, 0.80, 0.83))
+# What colours the cells, the first that there is: name, scale, least end of the bar, label.
+SHOWN = (
+    ("strain", 100.0, 0.1, "strain of the cell [%]"),
+    ("gap", 1e3, 0.1, "height of corners, or of the taxel [mm]"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """An orthographic view: rows are right, up and towards the viewer, in the link frame."""
+
+    axes: Array
+
+    def project(self, points: Array) -> Array:
+        """Points as right, up, towards the viewer [m]."""
+        return points @ self.axes.T
+
+
+def look_at(normals: Array, along: Array) -> Camera:
+    """A view that sees the mean of ``normals``, from a little above, with ``along`` upright."""
+    front = unit(normals.mean(axis=0)) if np.linalg.norm(normals.mean(axis=0)) > 0.1 else unit(normals[0])
+    towards = unit(front + 0.35 * along)
+    right = np.cross(along, towards)
+    right = unit(right) if np.linalg.norm(right) > 1e-6 else perpendicular(towards)  # along the view nothing is upright
+    return Camera(np.array((right, np.cross(towards, right), towards)))
+
+
+def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: TriangleMesh | None = None) -> None:
+    """Draw mesh, fitted surface and taxels side by side into a PNG.
+
+    Parameters
+    ----------
+    calibration : LinkCalibration
+    path : path
+    mesh : TriangleMesh, optional
+        The cover; the surface is then coloured by its distance to it. Without it only surface and taxels are drawn.
+
+    Raises
+    ------
+    SkinCalibError
+        If matplotlib is not there, or the calibration has no surface.
+    OutputError
+        If the picture cannot be written.
+    """
+    if not calibration.surfaces:
+        raise SkinCalibError(f"the calibration of '{calibration.link}' has no surface to draw; fit its plan")
+    figure = blank(1, 1)  # says what is missing before anything is computed
+    grids = [surface_of(s).grid_points(*(np.linspace(0, 1, k + 1) for k in QUADS)) for s in calibration.surfaces]
+    grid, all_quads = grids[0], np.concatenate([_quads(grid) for grid in grids])
+    quads, all_normals = _quads(grid), _quad_normals(all_quads)
+    normals = all_normals[: len(quads)]
+    camera = look_at(_seen(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
+    panels: list[_Panel] = [_TaxelPanel(calibration, all_quads, all_normals)]
+    panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, quads, normals, mesh)] if mesh else []
+    figure.set_size_inches(5 * len(panels), 5)
+    for i, panel in enumerate(panels):
+        left, width = i / len(panels), 1 / len(panels)
+        axis = figure.add_axes((left + 0.02 * width, 0.01, 0.76 * width, 0.9))
+        axis.set_title(panel.title)
+        _paint(axis, camera, panel.layers)
+        panel.decorate(axis, camera)
+        if panel.colours:
+            bar = figure.add_axes((left + 0.82 * width, 0.15, 0.03 * width, 0.65))
+            figure.colorbar(panel.colours, bar, label=panel.unit)
+    save_png(figure, path)
+
+
+def _quads(grid: Array) -> Array:
+    """The faces (k, 4, 3) between the points of a grid."""
+    return np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2).reshape(-1, 4, 3)
+
+
+def _quad_normals(quads: Array) -> Array:
+    return unit(np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]))
+
+
+def blank(width: float, height: float) -> Any:
+    """An empty figure of a size in inches, without a window.
+
+    Raises
+    ------
+    SkinCalibError
+        If matplotlib is not there.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise SkinCalibError(
+            "a picture needs matplotlib, which is not installed here: pip install 'skin-calib[picture]'"
+        ) from error
+    figure = Figure(figsize=(width, height), dpi=110, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_png(figure: Any, path: str | Path) -> None:
+    """Write a figure, the same bytes for the same drawing."""
+    data = io.BytesIO()
+    figure.savefig(data, format="png", metadata={"Software": None})
+    write_bytes_safely(path, data.getvalue())
+
+
+def _seen(calibration: LinkCalibration, normals: Array) -> Array:
+    """Normals of the side to look at: of an open surface its taxels, of a tube the side opposite its seam."""
+    taxels = [p.taxels.normals_link for p in calibration.patches]
+    if taxels and not calibration.surfaces[0].closed[1]:
+        return np.concatenate(taxels)
+    return normals[np.abs(np.arange(len(normals)) % QUADS[1] / QUADS[1] - 0.5) < 0.2]
+
+
+class _Panel:
+    """One drawing: layers of polygons with normals, colours and outlines, and the bar that explains the colours."""
+
+    title: str
+    unit = ""
+    colours: Any = None
+    layers: list[Any]
+
+    def decorate(self, axis: Any, camera: Camera) -> None:
+        """Draw what lies over the layers."""
+
+    def scale(self, name: str, largest: float) -> Any:
+        """Colours from zero to a largest value."""
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+
+        self.colours = ScalarMappable(Normalize(0, largest), name)
+        return self.colours
+
+
+class _MeshPanel(_Panel):
+    def __init__(self, calibration: LinkCalibration, mesh: TriangleMesh):
+        self.title = f"{calibration.link}: cover, {len(mesh.faces)} faces"
+        self.layers = [(mesh.triangles, mesh.face_normals, PLAIN, (0.45, 0.47, 0.5, 0.35))]
+
+
+class _ErrorPanel(_Panel):
+    unit = "distance to the mesh [mm]"
+
+    def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array, mesh: TriangleMesh):
+        errors = calibration.surfaces[0].errors.surface_to_mesh
+        self.title = f"surface: mean {errors.mean * 1e3:.3f} mm, max {errors.max * 1e3:.3f} mm"
+        u, v = ((np.arange(k) + 0.5) / k for k in QUADS)
+        middles = surface_of(calibration.surfaces[0]).grid_points(u, v)  # on the surface; a quad is a chord of it
+        distance = MeshDistance(mesh)(middles.reshape(-1, 3))[0]
+        scale = self.scale("turbo", 1e3 * min(errors.max, 5 * errors.rms))
+        beyond = distance > 2 * errors.max  # the surface goes on where the mesh has ended
+        colours = np.where(beyond[:, None], PLAIN, scale.to_rgba(1e3 * distance)[:, :3])
+        self.layers = [(quads, normals, colours, None)]
+
+
+class _TaxelPanel(_Panel):
+    def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array):
+        self.taxels = [p.taxels for p in calibration.patches]
+        self.title = f"{sum(len(t.ids) for t in self.taxels)} taxels and their normals"
+        shown = {name for t in self.taxels for name in t.quality}
+        name, scale, least, self.unit = next((q for q in SHOWN if q[0] in shown), SHOWN[0])
+        values = [scale * np.abs(t.quality.get(name, np.zeros((len(t.ids), 1)))) for t in self.taxels]
+        values = [v.reshape(len(v), -1)[:, :2].max(axis=1) for v in values]
+        colours = self.scale("viridis", max(least, *(float(v.max()) for v in values)) if values else least)
+        self.layers = [(quads, normals, PLAIN, None)]
+        for t, v in zip(self.taxels, values):
+            self.layers.append((t.corners_link, t.normals_link, colours.to_rgba(v)[:, :3], "white"))
+
+    def decorate(self, axis: Any, camera: Camera) -> None:
+        for t in self.taxels:
+            _draw_normals(axis, camera, t.positions_link, t.normals_link)
+
+
+def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
+    """Draw layers of polygons (k, c, 3) with their normals and colours.
+
+    What faces away comes first, then layer by layer, the further ones first: a cell and the surface it lies on are
+    too close for their depths to tell which is in front.
+    """
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgba
+
+    outlines, faces, edges, keys = [], [], [], []
+    for number, (polygons, normals, colour, edge) in enumerate(layers):
+        view = camera.project(polygons)
+        facing = normals @ camera.axes[2]
+        shade = 0.45 + 0.55 * np.clip((normals @ camera.axes.T) @ LIGHT, 0, 1)
+        shade = np.where(facing > 0, shade, 0.35)
+        rgb = np.clip(np.broadcast_to(colour, (len(polygons), 3)) * shade[:, None], 0, 1)
+        rgba = np.column_stack((rgb, np.ones(len(rgb))))
+        outlines += list(view[..., :2] * 1e3)
+        faces.append(rgba)
+        edges.append(rgba if edge is None else np.broadcast_to(to_rgba(edge), rgba.shape))
+        keys.append(np.column_stack((view[..., 2].mean(axis=1), np.full(len(view), number), facing > 0)))
+    order = np.lexsort(np.concatenate(keys).T)
+    collection = PolyCollection(
+        [outlines[i] for i in order],
+        facecolors=np.concatenate(faces)[order],
+        edgecolors=np.concatenate(edges)[order],
+        linewidths=0.4,
+    )
+    axis.add_collection(collection)
+    axis.set_aspect("equal")
+    axis.set_axis_off()
+    shown = np.concatenate([camera.project(layer[0])[..., :2].reshape(-1, 2) for layer in layers]) * 1e3
+    middle, reach = (shown.min(axis=0) + shown.max(axis=0)) / 2, 0.52 * np.ptp(shown, axis=0).max()
+    axis.set_xlim(middle[0] - reach, middle[0] + reach)
+    axis.set_ylim(middle[1] - reach, middle[1] + reach)
+
+
+def _draw_normals(axis: Any, camera: Camera, positions: Array, normals: Array) -> None:
+    """Sticks along the normals of the taxels that face the viewer."""
+    from matplotlib.collections import LineCollection
+
+    seen = normals @ camera.axes[2] > 0
+    sticks = np.stack((positions, positions + NORMAL_LENGTH * normals), axis=1)[seen]
+    axis.add_collection(LineCollection(list(camera.project(sticks)[..., :2] * 1e3), colors="#d62728", linewidths=1.1))
+    dots = camera.project(positions[seen])[:, :2] * 1e3
+    axis.plot(dots[:, 0], dots[:, 1], "o", color="#d62728", markersize=2)

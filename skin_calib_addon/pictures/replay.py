@@ -1,0 +1,124 @@
+"""A picture of a replayed recording: where the skin was pressed, how contacts moved, where a foot could stand."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..common.arrays import Array
+from ..runtime.frame import Frame
+from ..runtime.skin import Skin
+from .calibration import blank, save_png
+
+COLOURS = {"outer": "#9aa7b8", "nominal": "#1552c0", "guaranteed": "#1a9a3a"}
+POLYGONS = 6  # frames whose polygons are drawn
+
+
+def draw_replay(skin: Skin, frames: Sequence[Frame], path: str | Path) -> None:
+    """Draw the skin with the largest force on each taxel, the contacts' ways, and forces over time, into a PNG.
+
+    A skin with a ground is seen on it, from the robot, with the CoP and some supporting polygons; another one patch by
+    patch in its rows and columns.
+
+    Raises
+    ------
+    SkinCalibError
+        If matplotlib is not there.
+    OutputError
+        If the picture cannot be written.
+    """
+    figure = blank(12, 5.2)
+    place, course = figure.subplots(1, 2, width_ratios=(1.35, 1))
+    peak = np.array([frame.forces for frame in frames]).max(axis=0)
+    cells = _cells(skin)
+    _fill(figure, place, cells, peak)
+    if skin.ground is None:
+        _ways(place, skin, frames)
+        place.set(title="largest force on each taxel, and the contacts' ways", xlabel="column", ylabel="row")
+    else:
+        _stand(place, frames)
+        place.set(title="largest force, CoP and supporting polygons", xlabel="x on the ground [mm]", ylabel="y [mm]")
+    place.set_aspect("equal")
+    _course(course, frames)
+    figure.tight_layout()
+    save_png(figure, path)
+
+
+def _cells(skin: Skin) -> Array:
+    """Outlines (n, k, 2): on the ground [mm], or unit squares of rows and columns, patches one above the other."""
+    if skin.ground is not None:
+        return 1e3 * skin.ground.corners
+    return _index(skin)[:, None, ::-1] + np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+
+
+def _index(skin: Skin) -> Array:
+    """Row and column (n, 2) of each taxel, patches one above the other."""
+    index = skin.geometry.index.astype(float)
+    for patch in range(1, int(skin.geometry.patch.max(initial=0)) + 1):
+        mine = skin.geometry.patch == patch
+        index[mine, 0] += index[~mine & (skin.geometry.patch < patch), 0].max() + 2 - index[mine, 0].min()
+    return index
+
+
+def _fill(figure: Any, axes: Any, cells: Array, forces: Array) -> None:
+    from matplotlib.collections import PolyCollection
+
+    drawn = PolyCollection(list(cells), array=forces, cmap="YlOrRd", edgecolors="0.75", linewidths=0.4)
+    drawn.set_clim(0, max(float(forces.max(initial=0.0)), 1e-9))
+    axes.add_collection(drawn)
+    axes.autoscale_view()
+    figure.colorbar(drawn, ax=axes, shrink=0.75, label="force [N]")
+
+
+def _ways(axes: Any, skin: Skin, frames: Sequence[Frame]) -> None:
+    """Where each contact went, in rows and columns."""
+    index = _index(skin)
+    ways: dict[int, list[Array]] = {}
+    for frame in frames:
+        for contact in frame.contacts:
+            strongest = contact.taxels[contact.forces.argmax()]
+            near = np.abs(index[contact.taxels] - index[strongest]).max(axis=1) < 8  # not over the seam
+            ways.setdefault(contact.number, []).append(
+                contact.forces[near] @ index[contact.taxels[near]] / contact.forces[near].sum()
+            )
+    for k, way in enumerate(ways.values()):
+        row, column = np.array(way).T
+        axes.plot(column, row, "-", color=f"C{k % 10}", linewidth=1.2)
+        axes.plot(column[-1], row[-1], "o", color=f"C{k % 10}", markersize=4)
+
+
+def _stand(axes: Any, frames: Sequence[Frame]) -> None:
+    """The CoP's way, and polygons of some frames between the first and the last that stands."""
+    standing = [frame for frame in frames if frame.cop is not None]
+    if not standing:
+        return
+    x, y = 1e3 * np.array([frame.cop for frame in standing]).T
+    for k, frame in enumerate(standing[:: max(1, len(standing) // POLYGONS)]):
+        for name, colour in COLOURS.items():
+            corners = 1e3 * getattr(frame.polygon, name).corners
+            if len(corners):
+                loop = np.concatenate((corners, corners[:1]))
+                axes.plot(*loop.T, color=colour, linewidth=1.0, alpha=0.7, label=None if k else name)
+    axes.plot(x, y, "-", color="black", linewidth=1.3, label="CoP")
+    axes.plot(x[-1], y[-1], "o", color="black", markersize=4)
+    axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=4, frameon=False)
+
+
+def _course(axes: Any, frames: Sequence[Frame]) -> None:
+    """Force of each contact over time, and when there were doubts."""
+    courses: dict[int, list[tuple[float, float]]] = {}
+    for frame in frames:
+        for contact in frame.contacts:
+            courses.setdefault(contact.number, []).append((frame.time, contact.force))
+    for k, (number, course) in enumerate(courses.items()):
+        label = f"contact {number}" if len(courses) <= 10 else None
+        axes.plot(*np.array(course).T, ".-", color=f"C{k % 10}", markersize=2, linewidth=1.0, label=label)
+    doubtful = [frame.time for frame in frames if frame.flags]
+    axes.plot(
+        doubtful, np.zeros(len(doubtful)), "|", color="#d62728", markersize=9, label="flagged" if doubtful else None
+    )
+    axes.set(title="force of each contact", xlabel="time [s]", ylabel="force [N]")
+    axes.grid(alpha=0.3)
+    if len(courses) <= 10 and (courses or doubtful):
+        axes.legend(fontsize=8)

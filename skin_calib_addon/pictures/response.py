@@ -1,0 +1,48 @@
+"""A picture of fitted responses: measurements, curves and residuals."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration.measurements import Measurements
+from ..calibration.response_fit import ResponseFit
+from .calibration import blank, save_png
+
+PLACES = 400  # at which a curve is drawn
+NAMED = 10  # as many curves have colours and names of their own
+
+
+def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit], path: str | Path) -> None:
+    """Draw forces over readings with the curves, and beside them the residuals, into a PNG.
+
+    Raises
+    ------
+    SkinCalibError
+        If matplotlib is not there.
+    OutputError
+        If the picture cannot be written.
+    """
+    figure = blank(11, 4.6)
+    curves, errors = figure.subplots(1, 2)
+    for k, (one, fit) in enumerate(zip(measured, fits)):
+        colour = f"C{k % NAMED}" if len(fits) <= NAMED else "C0"
+        alpha = 1.0 if len(fits) <= NAMED else 0.3
+        x = np.linspace(one.readings.min(), one.readings.max(), PLACES)
+        label = fit.kind if one.taxel is None else f"{one.taxel}: {fit.kind}"
+        curves.plot(one.readings[fit.used], one.forces[fit.used], ".", color=colour, alpha=0.5 * alpha, markersize=4)
+        curves.plot(one.readings[~fit.used], one.forces[~fit.used], "x", color="#d62728", alpha=alpha, markersize=4)
+        curves.plot(x, fit.response.newtons(x), color=colour, alpha=alpha, linewidth=1.3, label=label)
+        errors.plot(one.readings[fit.used], fit.residuals, ".", color=colour, alpha=0.6 * alpha, markersize=4)
+    errors.axhline(0.0, color="0.4", linewidth=0.8)
+    for axis, label in ((curves, "force [N]"), (errors, "residual, measured less told [N]")):
+        axis.set_xlabel("reading")
+        axis.set_ylabel(label)
+        axis.grid(alpha=0.3)
+    if len(fits) <= NAMED:
+        curves.legend(fontsize=8)
+    residuals = np.concatenate([fit.residuals for fit in fits])
+    curves.set_title(f"{sum(len(one.forces) for one in measured)} measurements")
+    errors.set_title(f"rms {np.sqrt(np.mean(residuals**2)):.3g} N, largest {np.abs(residuals).max():.3g} N")
+    figure.tight_layout()
+    save_png(figure, path)

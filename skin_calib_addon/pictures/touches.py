@@ -1,0 +1,104 @@
+"""A picture of touches: over the flat skin, and all of them over one cell."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..common.arrays import Array
+from ..common.errors import SkinCalibError
+from ..validation.placement import Placement, flat_places
+from .calibration import blank, save_png
+
+WIDTH, HEIGHT = 12.0, 4.8  # of a patch [inches]
+
+
+def draw_touches(found: Sequence[Placement], path: str | Path) -> None:
+    """Draw each patch as it lies flat with its touches, and beside it the touches over one cell, into a PNG.
+
+    Raises
+    ------
+    SkinCalibError
+        If matplotlib is not there, or no patch has a flat shape.
+    OutputError
+        If the picture cannot be written.
+    """
+    shown = [placement for placement in found if placement.patch.kind != "imported" and len(placement.rows)]
+    if not shown:
+        raise SkinCalibError("the touches are on no sheet and no boards, whose flat shape could be drawn")
+    figure = blank(WIDTH, HEIGHT * len(shown))
+    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
+    for (map_axis, cell_axis), placement in zip(axes, shown):
+        _draw_map(map_axis, placement)
+        _draw_cell(cell_axis, placement)
+    figure.tight_layout()
+    save_png(figure, path)
+
+
+def _draw_map(axis: Any, placement: Placement) -> None:
+    """The flat skin, and from each taxel to where it was touched."""
+    from matplotlib.collections import PolyCollection
+
+    patch = placement.patch
+    places = flat_places(patch, patch.taxels.index) * 1e3
+    outlines = places[:, None] + _outlines(placement) * 1e3
+    touched = np.zeros(len(places), bool)
+    touched[placement.rows] = True
+    colours = np.where(touched[:, None], (0.80, 0.87, 0.95), (0.94, 0.94, 0.95))
+    axis.add_collection(PolyCollection(list(outlines), facecolors=colours, edgecolors="0.7", linewidths=0.5))
+    starts, off = placement.flat * 1e3, placement.off[:, :2] * 1e3
+    astray = np.zeros(len(starts), bool)
+    astray[placement.astray] = True
+    for rows, colour, label in ((~astray, "#1f77b4", "touch"), (astray, "#d62728", "far from its taxel")):
+        if rows.any():
+            (x, y), (u, v) = starts[rows].T, off[rows].T
+            axis.plot([x, x + u], [y, y + v], color=colour, linewidth=1.0, alpha=0.7)
+            axis.plot(x + u, y + v, "o", color=colour, markersize=3, label=label)
+    axis.set_title(f"{patch.name}: {len(placement.rows)} touches, from the taxels that felt them", loc="left")
+    axis.set_xlabel("along the rows [mm]")
+    axis.set_ylabel("across [mm]")
+    axis.set_aspect("equal")
+    axis.autoscale_view()
+    _explain(axis)
+
+
+def _draw_cell(axis: Any, placement: Placement) -> None:
+    """All touches over one cell, and where their middle is."""
+    from matplotlib.patches import Ellipse
+
+    off, outline = placement.off[:, :2] * 1e3, _outlines(placement)[placement.rows[0]] * 1e3
+    closed = np.concatenate((outline, outline[:1]))
+    axis.plot(*closed.T, color="0.5", linewidth=1.0, label="cell")
+    axis.plot(*off.T, "o", color="#1f77b4", markersize=3, alpha=0.6, label="touch")
+    motion = placement.motion
+    if motion is not None:
+        centre = motion.shift * 1e3
+        width, height = 4e3 * motion.shift_error  # two standard errors to either side
+        axis.add_patch(Ellipse((centre[0], centre[1]), width, height, color="#ff7f0e", alpha=0.5))
+        axis.plot(*centre, "+", color="#d62728", markersize=12, markeredgewidth=2, label="shift of the skin")
+        turn = f", turned {np.rad2deg(motion.turn):.2f}°" if np.isfinite(motion.turn_error) else ""
+        x, y = np.round(centre, 2) + 0.0  # no minus zero
+        axis.set_title(f"shifted {x:.2f}, {y:.2f} mm{turn}", loc="left")
+    reach = 1.1 * max(np.abs(closed).max(), np.quantile(np.abs(off), 0.95))
+    axis.set_xlim(-reach, reach)
+    axis.set_ylim(-reach, reach)
+    axis.axhline(0, color="0.8", linewidth=0.6, zorder=0)
+    axis.axvline(0, color="0.8", linewidth=0.6, zorder=0)
+    axis.set_aspect("equal")
+    axis.set_xlabel("along the row [mm]")
+    axis.set_ylabel("across [mm]")
+    _explain(axis)
+
+
+def _explain(axis: Any) -> None:
+    """What the colours are, below the drawing."""
+    axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False)
+
+
+def _outlines(placement: Placement) -> Array:
+    """Corners of each cell about its taxel, along its row and across it (n, k, 2) [m]."""
+    taxels = placement.patch.taxels
+    arms = taxels.corners_link - taxels.positions_link[:, None]
+    across = np.cross(taxels.normals_link, taxels.tangents_link)
+    return np.stack([(arms * axis[:, None]).sum(axis=2) for axis in (taxels.tangents_link, across)], axis=2)

@@ -1,0 +1,101 @@
+"""From one link's mesh to its taxels: the whole flow on one page."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from time import perf_counter
+
+import numpy as np
+
+from .. import __version__
+from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
+from ..geometry.fit.auto import fit_grid
+from ..geometry.fit.surface_fit import SurfaceFit
+from ..geometry.mesh.cover import cut_cover
+from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
+from ..geometry.surface.bspline import BSplineSurface
+from ..plan import Plan
+from .place_skins import SURFACE, Laid, lay_all
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """A calibration, and what it was made from, for reports and pictures."""
+
+    calibration: LinkCalibration
+    cover: TriangleMesh
+    fit: SurfaceFit
+    laid: tuple[Laid, ...]
+    seconds: dict[str, float]  # by stage
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What the author should look at: of the fit, and taxels that lie where the mesh has a hole."""
+        of_skins = (_untrusted(done.patch, self.fit) + done.doubts for done in self.laid)
+        return self.fit.doubts + tuple(doubt for doubts in of_skins for doubt in doubts)
+
+
+def calibrate(
+    plan: Plan, mesh: TriangleMesh | None = None, begin: Callable[[str], None] = lambda stage: None
+) -> Calibrated:
+    """Cut the cover, fit the surface, wrap the skins.
+
+    Parameters
+    ----------
+    plan : Plan
+    mesh : TriangleMesh, optional
+        The link's mesh where it is at hand, as in a scene; else it is read from the plan's file.
+    begin : function, optional
+        Is told the name of each stage; what it raises ends the work.
+
+    Raises
+    ------
+    SkinCalibError
+        With what is wrong, where, and what to do.
+    """
+    seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(name: str) -> Iterator[None]:
+        begin(name)
+        start = perf_counter()
+        yield
+        seconds[name] = perf_counter() - start
+
+    with stage("load"):
+        mesh = load_mesh(plan.mesh, plan.unit) if mesh is None else mesh
+    with stage("cut"):
+        cover = cut_cover(mesh, plan.cover)
+    with stage("fit"):
+        fit = fit_grid(cover, plan.grid, plan.degree, plan.chords)
+    with stage("wrap"):
+        laid = lay_all(plan.skins, fit)
+        patches = tuple(done.patch for done in laid)
+    with stage("errors"):
+        surface = surface_model(fit)
+    source = MeshSource(plan.mesh.name, mesh.sha256, len(mesh.vertices), len(mesh.faces))
+    calibration = LinkCalibration(
+        plan.link, source, (surface,), patches, plan.response, f"skin-calib {__version__}", plan.extra
+    )
+    return Calibrated(calibration, cover, fit, laid, seconds)
+
+
+def _untrusted(patch: Patch, fit: SurfaceFit) -> tuple[str, ...]:
+    """The taxels of a patch that lie where the surface spans a hole, in a line, if there are any."""
+    over = np.flatnonzero(~fit.is_trusted(patch.taxels.uv))
+    if len(over) == 0:
+        return ()
+    ids = ", ".join(str(patch.taxels.ids[i]) for i in over[:5]) + (", ..." if len(over) > 5 else "")
+    return (f"{len(over)} taxels of {patch.name} lie over a hole of the mesh, where the surface is a guess: {ids}",)
+
+
+def surface_model(fit: SurfaceFit) -> SurfaceModel:
+    """The fitted surface as the calibration keeps it."""
+    s = fit.surface
+    return SurfaceModel(SURFACE, s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
+
+
+def surface_of(model: SurfaceModel) -> BSplineSurface:
+    """A surface kept in a calibration, ready to evaluate."""
+    return BSplineSurface(model.control_net, model.knots_u, model.knots_v, model.degree, model.closed)

@@ -1,0 +1,121 @@
+"""Lay the skins of a plan on the fitted surface, each in its own way."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property, singledispatch
+
+import numpy as np
+
+from ..calibration.exchange import read_taxels
+from ..calibration.model import Patch
+from ..common.errors import InvalidPlan
+from ..geometry.fit.surface_fit import SurfaceFit
+from ..plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
+from ..skin.boards.board_taxels import board_taxels
+from ..skin.boards.layout import lay_boards
+from ..skin.imported import ImportedTaxels, imported_taxels
+from ..skin.sheet.joined import joined
+from ..skin.sheet.strain import Closure, closure
+from ..skin.sheet.taxels import sheet_taxels
+from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
+from ..skin.warnings import sitting_doubts
+
+SURFACE = "cover"
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """A patch on the surface, and what is told of how it got there."""
+
+    patch: Patch
+    sheet: WrappedSheet | None = None
+    imported: ImportedTaxels | None = None
+
+    @cached_property
+    def closure(self) -> Closure | None:
+        """How a sheet that goes round the link closes; None of other skins."""
+        return None if self.sheet is None else closure(self.sheet)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What the author should look at."""
+        found = () if self.imported is None else self.imported.findings
+        of_file = tuple(f"{self.patch.name}: {str(finding).removeprefix('warning: ')}" for finding in found)
+        return sitting_doubts(self.patch, self.closure) + of_file
+
+
+def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[Laid, ...] = ()) -> tuple[Laid, ...]:
+    """Lay the skins of a link one after another, and join those that touch.
+
+    Parameters
+    ----------
+    near : tuple of Laid, optional
+        How the same skins lay on a surface much like this one: sheets then come to rest sooner, and less exactly.
+
+    Raises
+    ------
+    SkinCalibError
+        If one does not fit, two share a channel, or imported taxels are in another frame.
+    """
+    laid: list[Laid] = []
+    counts: list[int | None] = []
+    for k, skin in enumerate(skins):
+        first = first_channels(skins[: k + 1], [*counts, None])[k]
+        assert first is not None  # the numbers of all skins before are known
+        done = lay(skin, fit, first, near[k] if near else None)
+        laid.append(done)
+        counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
+    first_channels(skins, counts)
+    patches = joined(tuple(done.patch for done in laid))
+    return tuple(replace(done, patch=patch) for done, patch in zip(laid, patches))
+
+
+@singledispatch
+def lay(skin: Skin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
+    """Lay one skin on the surface of a fit."""
+    raise TypeError(f"no way to lay a {type(skin).__name__}")
+
+
+@lay.register
+def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
+    sheet = wrap_sheet(
+        fit.surface,
+        skin.lattice,
+        skin.origin,
+        skin.direction,
+        offset=skin.offset,
+        landmarks=skin.landmarks,
+        trim=skin.trim,
+        near=near.sheet if near else None,
+    )
+    taxels, shape = sheet_taxels(sheet, skin.name, first_channel), (skin.lattice.rows, skin.lattice.columns)
+    patch = Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
+    return Laid(patch, sheet)
+
+
+@lay.register
+def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
+    boards, overhang = lay_boards(
+        fit.surface,
+        skin.lattice,
+        skin.choice,
+        skin.origin,
+        skin.direction,
+        offset=skin.offset,
+        fit=fit,
+        excluded=skin.excluded,
+    )
+    taxels, pitch = board_taxels(boards, skin.name, first_channel, overhang), skin.lattice.pitch
+    columns, rows = (int(k) + 1 for k in np.ptp(boards.cells, axis=0))
+    return Laid(Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset))
+
+
+@lay.register
+def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
+    taxel_set = read_taxels(skin.file, skin.format, skin.only)
+    found = imported_taxels(taxel_set, fit.surface, skin.name, fit.mesh, frame=skin.frame, snap=skin.snap)
+    wrong = next((finding for finding in found.findings if finding.severity == "error"), None)
+    if wrong is not None:
+        raise InvalidPlan(f"skin {skin.name!r}, {skin.file.name}: {wrong.message}", finding=wrong)
+    taxels = replace(found.taxels, channels=found.taxels.channels + first_channel)
+    shape = (len(taxels.ids), 1)
+    return Laid(Patch(skin.name, "imported", SURFACE, shape, (found.pitch, found.pitch), taxels), imported=found)

@@ -1,0 +1,192 @@
+"""What a calibration is, in words and numbers: the summary of a fit, the table of a file."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..calibration.model import LinkCalibration, Patch
+from ..calibration.response import AnyResponse, ResponseTable
+from ..common.arrays import Array
+from ..common.errors import millimetres
+from ..common.findings import printable
+from ..common.surface_errors import DistanceStatistics
+from ..skin.boards.board_taxels import angles
+from ..skin.imported import Distances
+from .calibrate import Calibrated
+from .place_skins import Laid
+
+# What is told of boards, in metres.
+BOARD_LENGTHS = ("pitch_error", "gap", "collision", "overhang")
+
+
+def summary(result: Calibrated, path: Path) -> str:
+    """A dozen lines about one fit: what, how far off, how it sits, how long."""
+    fit, seconds, errors = result.fit, result.seconds, result.fit.errors
+    n, m = fit.lines.origins.shape[:2]
+    taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
+    mesh = result.calibration.mesh
+    return "\n".join(
+        (
+            f"link             {result.calibration.link}",
+            f"mesh             {mesh.file}: {mesh.faces} faces; cover {len(result.cover.faces)} faces",
+            f"surface          {n} x {m} control points, degree {fit.surface.degree}, {fit.passes} passes, "
+            f"{fit.missing:.1%} of the samples missing",
+            f"surface to mesh  {_millimetres(errors.surface_to_mesh)}",
+            f"mesh to surface  {_millimetres(errors.mesh_to_surface)}",
+            f"Hausdorff        {errors.hausdorff * 1e3:.4f} mm",
+            f"taxels           {taxels} in {len(result.calibration.patches)} patches",
+            *(line for laid in result.laid for line in _how_it_sits(laid)),
+            "time             " + ", ".join(f"{name} {s * 1e3:.1f} ms" for name, s in seconds.items()),
+            f"calibration      {path}",
+        )
+    )
+
+
+def _how_it_sits(laid: Laid) -> Iterator[str]:
+    """A line or two about a patch: the strain of a sheet and how it closes, the worst of the boards."""
+    quality, name = laid.patch.taxels.quality, f"{laid.patch.name[:16]:16} "
+    if "strain" in quality:
+        strain = np.abs(quality["strain"]).max(axis=0)
+        yield f"{name}strain at most {strain[:2].max():.2%}, shear {np.rad2deg(strain[2]):.2f} degrees"
+    if laid.closure is not None:
+        gaps = 1e3 * laid.closure.gaps
+        yield f"{name}{laid.closure.of} close with gaps of {gaps.min():.2f} to {gaps.max():.2f} mm"
+    if laid.imported is not None:
+        before = laid.imported.before
+        yield f"{name}to the surface {_millimetres(before.surface)}"
+    if "pitch_error" in quality:
+        worst = {key: 1e3 * np.abs(quality[key]).max() for key in BOARD_LENGTHS if key in quality}
+        lengths = ", ".join(f"{key.replace('_', ' ')} {value:.2f}" for key, value in worst.items())
+        yield f"{name}tilt at most {np.rad2deg(quality['tilt'].max()):.1f} degrees; at most {lengths} mm"
+
+
+def _distances(distances: Distances) -> dict[str, Any]:
+    of = {"surface": distances.surface, "mesh": distances.mesh}
+    return {name: {"mean": d.mean, "rms": d.rms, "max": d.max} for name, d in of.items() if d is not None}
+
+
+def _patch_document(laid: Laid) -> dict[str, Any]:
+    """How one patch sits, for the report."""
+    taxels = laid.patch.taxels
+    document: dict[str, Any] = {
+        "name": laid.patch.name,
+        "kind": laid.patch.kind,
+        "taxels": len(taxels.ids),
+        "area": {"min": taxels.areas.min(), "mean": taxels.areas.mean(), "max": taxels.areas.max()},
+    }
+    for key, values in sorted(taxels.quality.items()):
+        document[key] = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+    if laid.imported is not None:
+        document["distances"] = {name: _distances(getattr(laid.imported, name)) for name in ("before", "after")}
+    if laid.closure is not None:
+        closure = laid.closure
+        document["closure"] = {"of": closure.of, "gaps": closure.gaps.tolist(), "steps": closure.steps.tolist()}
+    if taxels.ports:
+        row = {taxel: i for i, taxel in enumerate(taxels.ids)}
+        pairs = [(i, row[b]) for i, beside in enumerate(taxels.neighbours) for b in beside if i < row.get(b, -1)]
+        tilts = angles(taxels.normals_link, np.array(pairs, int).reshape(-1, 2))
+        document["tilts"] = [[taxels.ids[a], taxels.ids[b], t] for (a, b), t in zip(pairs, tilts.tolist())]
+    return document
+
+
+def _millimetres(d: DistanceStatistics) -> str:
+    return f"mean {d.mean * 1e3:.4f}, rms {d.rms * 1e3:.4f}, max {d.max * 1e3:.4f} mm"
+
+
+def report_document(result: Calibrated) -> dict[str, Any]:
+    """Errors, sizes and times of one fit as JSON; metres and seconds."""
+    fit = result.fit
+    errors = {
+        name: {"mean": d.mean, "rms": d.rms, "max": d.max}
+        for name, d in (
+            ("mesh_to_surface", fit.errors.mesh_to_surface),
+            ("surface_to_mesh", fit.errors.surface_to_mesh),
+        )
+    }
+    return {
+        "link": result.calibration.link,
+        "control_points": int(np.prod(fit.lines.origins.shape[:2])),
+        "passes": fit.passes,
+        "missing": fit.missing,
+        "settled": fit.settled,
+        "noise": fit.noise,
+        "condition": fit.condition,
+        "dropped_loops": int(fit.dropped_loops.max()),
+        "leave_one_out": fit.leave_one_out().tolist(),
+        "doubts": list(result.doubts),
+        "worst": {"uv": fit.worst[0].tolist(), "point": fit.worst[1].tolist(), "distance": fit.worst[2]},
+        "smallest_area": fit.smallest_area,
+        "errors": errors | {"hausdorff": fit.errors.hausdorff},
+        "taxels": sum(len(p.taxels.ids) for p in result.calibration.patches),
+        "patches": [_patch_document(laid) for laid in result.laid],
+        "seconds": result.seconds,
+    }
+
+
+def table(calibration: LinkCalibration) -> str:
+    """What a calibration file holds, for a person to read."""
+    mesh, responses = calibration.mesh, calibration.responses
+    own = f"; {len(responses)} more, that taxels have of their own" if responses else ""
+    lines = [
+        f"link      {calibration.link}",
+        f"mesh      {mesh.file}: {mesh.vertices} vertices, {mesh.faces} faces",
+        f"by        {calibration.generator}",
+        f"response  {_response(calibration.response)}{own}",
+    ]
+    for s in calibration.surfaces:
+        n, m = s.control_net.shape[:2]
+        closed = "".join(f", closed in {name}" for name, is_closed in zip("uv", s.closed) if is_closed)
+        lines += (
+            f"surface   {s.name}: {n} x {m} control points, degree {s.degree}{closed}",
+            f"          surface to mesh: {_millimetres(s.errors.surface_to_mesh)}",
+            f"          mesh to surface: {_millimetres(s.errors.mesh_to_surface)}",
+        )
+    for p in calibration.patches:
+        lines += _patch_lines(p)
+    return "\n".join(map(printable, lines))
+
+
+def _patch_lines(patch: Patch) -> Iterator[str]:
+    """Kind, cells, channels and place of a patch, and where each quality is worst."""
+    taxels = patch.taxels
+    least, most = int(taxels.channels.min()), int(taxels.channels.max())
+    channels = f"channels {least} to {most}" + (", not all" if most - least >= len(taxels.ids) else "")
+    cells = f"{patch.shape[0]} x {patch.shape[1]}"
+    yield f"patch     {patch.name}: {patch.kind} of {cells}, {len(taxels.ids)} taxels, {channels}"
+    pitch = " x ".join(f"{1e3 * length:.2f}" for length in patch.pitch)
+    height = f", {1e3 * patch.offset:.2f} mm above it" if patch.offset else ""
+    areas = 1e6 * taxels.areas
+    yield f"          on {patch.surface}{height}; pitch {pitch} mm; areas {areas.min():.2f} to {areas.max():.2f} mm^2"
+    low, high = (millimetres(f(taxels.corners_link.reshape(-1, 3), axis=0)) for f in (np.min, np.max))
+    yield f"          from {low} to {high}"
+    for name, values in sorted(taxels.quality.items()):
+        for what, column, factor, unit in _columns(name, values):
+            worst = int(np.abs(column).argmax())
+            yield f"          largest {what}: {column[worst] * factor:.4g} {unit}, at {taxels.ids[worst]}"
+
+
+def _columns(name: str, values: Array) -> Iterator[tuple[str, Array, float, str]]:
+    """What a column of quality tells: name, numbers, and factor to a unit that people read."""
+    if name == "strain":
+        yield "strain along", values[:, 0], 100, "%"
+        yield "strain across", values[:, 1], 100, "%"
+        yield "shear", values[:, 2], 180 / np.pi, "degrees"
+    elif name == "size":
+        yield "size along", values[:, 0], 1e3, "mm"
+        yield "size across", values[:, 1], 1e3, "mm"
+    else:
+        yield name.replace("_", " "), values, *((180 / np.pi, "degrees") if name == "tilt" else (1e3, "mm"))
+
+
+def _response(response: AnyResponse) -> str:
+    """The force of a reading, in words."""
+    if isinstance(response, ResponseTable):
+        readings, forces = response.readings, response.forces
+        ends = f"readings {readings[0]:g} to {readings[-1]:g}, {min(forces):g} to {max(forces):g} N"
+        return f"table of {len(readings)} rows, {ends}"
+    powers = ("", " I", *(f" I^{k}" for k in range(2, len(response.coefficients))))
+    terms = [f"{factor:g}{power}" for factor, power in zip(response.coefficients, powers) if factor]
+    ends = f", readings {response.range[0]:g} to {response.range[1]:g}" if response.range else ""
+    return f"{' + '.join(terms).replace('+ -', '- ') or '0'} N for a reading I{ends}"

@@ -1,0 +1,1 @@
+"""A URDF, and the meshes of its links."""

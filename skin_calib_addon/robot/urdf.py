@@ -1,0 +1,105 @@
+"""The links of a robot and their meshes, from its URDF, and whether plans agree with it."""
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from ..calibration.exchange.xml_nodes import Node, Refused, children_of_root
+from ..common.errors import CalibrationFormatError, UnknownLink
+from ..common.findings import did_you_mean, show
+from ..common.text import BadNumber, read_text, real
+from ..geometry.mesh.triangle_mesh import METRES
+from ..plan import Plan
+
+MOST_NODES = 100_000  # in one link
+
+
+@dataclass(frozen=True)
+class LinkMesh:
+    """A mesh of a link, as the URDF has it."""
+
+    file: str  # its name without folders
+    scale: tuple[float, ...]
+    moved: bool  # whether its frame is not that of the link
+    use: str  # "visual" or "collision"
+    address: str  # where it is, as it stands there
+    place: tuple[float, ...]  # of its frame in the link's [m]
+    angles: tuple[float, ...]  # about the fixed x, y and z axes of the link [rad]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The meshes of every link."""
+
+    file: str
+    links: dict[str, tuple[LinkMesh, ...]]
+
+
+def read_robot(path: Path) -> Robot:
+    """Read a URDF.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If it cannot be read or is none.
+    """
+    text, links = read_text(path), {}
+    try:
+        for node in children_of_root(text, "robot", MOST_NODES):
+            if node.tag == "link":
+                links[node.attribute("name")] = tuple(_meshes(node))
+    except Refused as problem:
+        raise CalibrationFormatError(f"'{path}' has {problem.finding}", (problem.finding,)) from problem
+    if not links:
+        raise CalibrationFormatError(f"'{path}' has no link; check that it is the right file")
+    return Robot(path.name, links)
+
+
+def compare(robot: Robot, plan: Plan) -> tuple[str, ...]:
+    """Where a plan and the robot contradict each other in what they say of a mesh.
+
+    Raises
+    ------
+    UnknownLink
+        If the robot has no such link.
+    """
+    if plan.link not in robot.links:
+        near = did_you_mean(plan.link, robot.links)
+        raise UnknownLink(f"{robot.file} has no link {show(plan.link)}, which the plan is for{near}")
+    meshes = robot.links[plan.link]
+    same = [mesh for mesh in meshes if PurePosixPath(mesh.file).stem == plan.mesh.stem]
+    if meshes and not same:
+        names = ", ".join(dict.fromkeys(mesh.file for mesh in meshes))
+        return (f"{robot.file} gives {plan.link} the mesh {names}, the plan has {plan.mesh.name}; see that it fits",)
+    doubts = []
+    if same and all(mesh.moved for mesh in same):
+        what = f"{robot.file} has {plan.mesh.name} at an origin of its own in {plan.link}"
+        doubts.append(f"{what}; a plan needs it in the link's frame: move it there")
+    scales = {mesh.scale for mesh in same if mesh.file == plan.mesh.name}
+    if scales and (METRES[plan.unit],) * 3 not in scales:
+        scale = " ".join(f"{s:g}" for s in min(scales))
+        doubts.append(f'{robot.file} scales {plan.mesh.name} by {scale}, the plan has "unit": "{plan.unit}"')
+    return tuple(doubts)
+
+
+def _meshes(link: Node) -> list[LinkMesh]:
+    """Of what is seen of a link and of what it collides with; boxes and the like have none."""
+    found = []
+    for part in link.children:
+        shapes = [s for g in part.children if g.tag == "geometry" for s in g.children if s.tag == "mesh"]
+        if part.tag not in ("visual", "collision") or not shapes:
+            continue
+        origins = [node for node in part.children if node.tag == "origin"]
+        origin = origins[0] if origins else Node("origin", {}, part.line)
+        place, angles = (_numbers(origin, name, "0 0 0") for name in ("xyz", "rpy"))
+        for shape in shapes:
+            address = shape.attribute("filename").replace("\\", "/")
+            scale, moved = _numbers(shape, "scale", "1 1 1"), any(place + angles)
+            found.append(LinkMesh(address.rpartition("/")[2], scale, moved, part.tag, address, place, angles))
+    return found
+
+
+def _numbers(node: Node, name: str, default: str) -> tuple[float, ...]:
+    try:
+        return tuple(map(real, node.attributes.get(name, default).split()))
+    except BadNumber as problem:
+        raise Refused(problem.code, node.line, f"{problem} ({node.tag} {name})") from problem

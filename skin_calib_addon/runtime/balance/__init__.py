@@ -1,0 +1,1 @@
+"""Supporting polygons, wrench cones, footholds and walking references."""

@@ -1,0 +1,1 @@
+"""Rigid hexagonal boards: placement on a surface, filling a region."""

@@ -1,0 +1,126 @@
+"""From wrapped boards to taxels, and how well each board sits: its tilt, the gap under it, what it runs into."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...calibration.model import TaxelArray
+from ...common.arrays import Array, IntArray, unit
+from ...geometry.surface.distance import footpoints
+from ..sheet.net import board_net
+from ..sheet.taxels import neighbours
+from .boards import WrappedBoards
+
+# Share of the pitch that is no collision but rounding.
+ROUNDING = 1e-6
+
+
+def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overhang: Array | None = None) -> TaxelArray:
+    """One taxel in the middle of each board.
+
+    Parameters
+    ----------
+    boards : WrappedBoards
+    name : str
+        Name of the patch; ids read ``name.q.r``.
+    first_channel : int
+        Channel of the first board; the others follow in the order of ``boards.cells``.
+    overhang : array, shape (n,), optional
+        How far each board sticks out, where that is known [m].
+    """
+    surface, lattice = boards.surface, boards.lattice
+    normals = surface.normals(boards.uv)
+    positions = surface.points(boards.uv) + boards.offset * normals
+    tangents = boards.tangents - (boards.tangents * normals).sum(axis=1, keepdims=True) * normals
+    tangents = unit(tangents)
+    axes = np.stack((tangents, np.cross(normals, tangents)), axis=1)
+    corners = positions[:, None] + lattice.corners @ axes
+    sides = (corners + np.roll(corners, -1, axis=1)) / 2
+    ids = tuple(f"{name}.{q}.{r}" for q, r in boards.cells.tolist())
+    beside = neighbours(ids, positions, normals, corners)
+    number = {taxel: i for i, taxel in enumerate(ids)}
+    pairs = np.array([(i, number[other]) for i, others in enumerate(beside) for other in others], int).reshape(-1, 2)
+    kept = board_net(lattice, boards.cells).pairs
+    kept = np.concatenate((kept, kept[:, ::-1]))
+    return TaxelArray(
+        ids=ids,
+        channels=first_channel + np.arange(len(ids)),
+        index=boards.cells,
+        uv=surface.wrap(boards.uv),
+        positions_link=positions,
+        normals_link=normals,
+        tangents_link=tangents,
+        corners_link=corners,
+        areas=np.full(len(ids), lattice.area),
+        neighbours=beside,
+        ports=_ports(ids, positions, sides, pairs),
+        quality={
+            "gap": corner_gaps(boards, corners - boards.offset * normals[:, None]),
+            "tilt": largest(angles(normals, pairs), pairs, len(ids)),
+            "pitch_error": largest(np.abs(_distances(positions, kept) - lattice.pitch), kept, len(ids)),
+            "collision": collisions(boards, positions, corners, normals),
+        }
+        | ({} if overhang is None else {"overhang": overhang}),
+    )
+
+
+def _ports(ids: tuple[str, ...], positions: Array, sides: Array, pairs: IntArray) -> tuple[tuple[str | None, ...], ...]:
+    """The board beside each side of each board; None where there is none."""
+    ports: list[list[str | None]] = [[None] * sides.shape[1] for _ in ids]
+    ahead = np.einsum("pkc,pc->pk", (sides - positions[:, None])[pairs[:, 0]], np.diff(positions[pairs], axis=1)[:, 0])
+    for (board, other), side in zip(pairs.tolist(), ahead.argmax(axis=1).tolist()):
+        ports[board][side] = ids[other]
+    return tuple(map(tuple, ports))
+
+
+def _distances(positions: Array, pairs: IntArray) -> Array:
+    return np.linalg.norm(np.diff(positions[pairs], axis=1)[:, 0], axis=1)
+
+
+def angles(normals: Array, pairs: IntArray) -> Array:
+    """Between the normals of pairs of boards, shape (e,) [rad]; exact also where they are small."""
+    a, b = normals[pairs[:, 0]], normals[pairs[:, 1]]
+    return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0, 1))
+
+
+def largest(values: Array, pairs: IntArray, count: int) -> Array:
+    """The largest of the values of the pairs that begin at each board, zero where none does, shape (count,)."""
+    result = np.zeros(count)
+    np.maximum.at(result, pairs[:, 0], values)
+    return result
+
+
+def corner_gaps(boards: WrappedBoards, corners: Array) -> Array:
+    """Height above the surface of the corner that is furthest off it, negative where it sinks in, shape (n,) [m].
+
+    Parameters
+    ----------
+    corners : array, shape (n, 6, 3)
+        Of the planes that touch the surface in the middle of the boards [m].
+    """
+    points = corners.reshape(-1, 3)
+    uv, _ = footpoints(boards.surface, points)
+    heights = ((points - boards.surface.points(uv)) * boards.surface.normals(uv)).sum(axis=1).reshape(len(corners), -1)
+    return heights[np.arange(len(heights)), np.abs(heights).argmax(axis=1)]
+
+
+def collisions(boards: WrappedBoards, positions: Array, corners: Array, normals: Array) -> Array:
+    """How much deeper each board runs into another than in the flat lattice, shape (n,) [m].
+
+    By the theorem of separating axes, in the plane of each board, for the upper and lower faces of boards whose middle
+    planes lie ``offset`` above the surface.
+    """
+    lattice, depth = boards.lattice, np.zeros(len(positions))
+    apothem, flat_overlap = np.sqrt(0.75) * lattice.side, max(-lattice.gap, 0.0)
+    pairs = cKDTree(positions).query_pairs(2 * lattice.side, output_type="ndarray")
+    pairs = np.concatenate((pairs, pairs[:, ::-1]))
+    a, b = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 0].T
+    ways = unit((corners + np.roll(corners, -1, axis=1)) / 2 - positions[:, None])  # out of each side
+    for height in {boards.offset, -boards.offset}:
+        faces = corners + height * normals[:, None]
+        middles = positions + height * normals
+        apart = np.full(len(a), -np.inf)
+        for one, other in ((a, b), (b, a)):  # beyond any side of the one: apart
+            reach = np.einsum("pkc,psc->psk", faces[other] - middles[one][:, None], ways[one])
+            apart = np.maximum(apart, (reach.min(axis=2) - apothem).max(axis=1))
+        np.maximum.at(depth, a, -apart - flat_overlap)
+    return np.where(depth > ROUNDING * lattice.pitch, depth, 0.0)

@@ -1,0 +1,154 @@
+"""Which boards lie on a surface, and where: as many as fit, all that fit as it lies, or those the author chose."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ...common.arrays import Array
+from ...common.errors import InvalidPlan, OutsideSurface
+from ...geometry.fit.surface_fit import SurfaceFit
+from ...geometry.surface.bspline import BSplineSurface
+from ...geometry.surface.distance import footpoints
+from ..lattice import HexLattice
+from ..sheet.net import board_net
+from ..sheet.offset import offset_surface
+from ..sheet.wrap import on_surface, root_of, size_of
+from .boards import WrappedBoards, at_rest, unrolled
+from .fill import Placement, fill
+from .outline import FlatMap, Zone, disc, flat_loops, outline
+from .region import Region
+
+Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
+# The map that lays a surface flat has no more nodes than this to its size.
+NODES = 30
+# Nodes of the map that geodesics have brought this much of a pitch too near or too far are led astray.
+AMISS = 0.3
+# How far boards on a bent surface may stick out because their lattice strains, and still count as inside [m].
+LIP = 5e-4
+# Distances that differ by less are the same [m].
+SLIGHT = 1e-6
+
+
+def lay_boards(
+    surface: BSplineSurface,
+    lattice: HexLattice,
+    choice: Choice,
+    origin: ArrayLike | None,
+    direction: ArrayLike | None,
+    *,
+    offset: float = 0.0,
+    fit: SurfaceFit | None = None,
+    excluded: Sequence[Zone] = (),
+) -> tuple[WrappedBoards, Array]:
+    """Choose boards and lay them on a surface.
+
+    Parameters
+    ----------
+    choice : "fill", "all" or cells
+        "fill" takes the offset and rotation of the lattice with which most boards fit; "all" leaves the root at the
+        origin and its row along the direction, and takes all boards that fit; cells are axial coordinates.
+    origin : array, shape (3,), or None
+        Where the root cell (0, 0) lies, or near which it lies if the lattice is free [m]. None: the middle.
+    direction : array, shape (3,), or None
+        Where the row of the root runs to, or nearly so if the lattice is free. None: along the surface's v.
+    fit : SurfaceFit, optional
+        What the surface comes from: boards keep to where its mesh has faces.
+    excluded : sequence of Zone
+        Places that boards keep clear of.
+
+    Returns
+    -------
+    boards : WrappedBoards
+    overhang : array, shape (n,)
+        How far each board sticks out over an edge of the surface or the mesh, or into an excluded zone [m].
+
+    Raises
+    ------
+    InvalidPlan
+        If no board fits.
+    """
+    layer, start = offset_surface(surface, offset), root_of(surface, origin)
+    if direction is None:
+        direction = layer.derivatives(start[None])[0, 1, 0]
+    to_flat = _map_of(layer, lattice, fit, start, direction)
+    loops = flat_loops(to_flat, outline(surface, fit, float(start[1])))
+    centres = np.array([zone.point for zone in excluded]).reshape(-1, 3)
+    places = to_flat(centres, footpoints(surface, centres)[0])
+    region = Region(tuple(loops), tuple(disc(place, zone.radius) for place, zone in zip(places, excluded)))
+    if choice == "fill":
+        placement = rooted(fill(region, lattice))
+    elif choice == "all":
+        placement = fill(region, lattice, np.zeros(2), 0.0)
+    else:
+        placement = Placement(lattice, np.zeros(2), 0.0, np.array(choice))
+    guess = to_flat.at(placement.centres, placement.angle)
+    boards = WrappedBoards(surface, offset, lattice, placement.cells, *at_rest(layer, lattice, placement.cells, *guess))
+    out = overhangs(region, placement, to_flat(layer.points(boards.uv), boards.uv))
+    inside = on_surface(layer, boards.uv)
+    if not isinstance(choice, str):
+        if not inside.all():
+            raise OutsideSurface(
+                f"board {placement.cells[~inside][0].tolist()} lies beyond the edge of the surface, the first of "
+                f"{np.count_nonzero(~inside)}; leave it out, or move the origin"
+            )
+        return boards, out
+    # On a surface bent both ways boards keep their pitch and leave their flat places: what sticks out goes.
+    inside &= out <= LIP
+    if not inside.any():
+        raise InvalidPlan("no board fits on this surface, which is bent too much for them; take smaller ones")
+    kept = replace(boards, cells=boards.cells[inside], uv=boards.uv[inside], tangents=boards.tangents[inside])
+    return kept, out[inside]
+
+
+def rooted(placement: Placement) -> Placement:
+    """The same boards, counted from the cell next to the flat origin."""
+    away = np.linalg.norm(placement.centres, axis=1)
+    root = placement.cells[np.flatnonzero(away < away.min() + SLIGHT)[0]]
+    centre = placement.centres[(placement.cells == root).all(axis=1)][0]
+    return replace(placement, offset=centre, cells=placement.cells - root)
+
+
+def overhangs(region: Region, placement: Placement, centres: Array) -> Array:
+    """How far each board, its centre laid flat, sticks out of the region, shape (n,) [m]."""
+    turn = np.array(
+        ((np.cos(placement.angle), np.sin(placement.angle)), (-np.sin(placement.angle), np.cos(placement.angle)))
+    )
+    out = -region.rooms(centres, placement.lattice.corners @ turn)
+    return np.where(out > SLIGHT, out, 0.0)
+
+
+def _map_of(
+    layer: BSplineSurface, lattice: HexLattice, fit: SurfaceFit | None, start: Array, direction: ArrayLike
+) -> FlatMap:
+    """A flat map of all of a surface that the mesh covers, by boards as large as these where they are not too many."""
+    size = size_of(layer)
+    if lattice.pitch < size / NODES:
+        lattice = HexLattice(size / NODES / np.sqrt(3), 0.0)
+    grid = layer.grid_points(np.linspace(0, 1, 33), np.linspace(0, 1, 33))
+    length, breadth = (float(np.linalg.norm(np.diff(grid, axis=k), axis=2).sum(axis=k).max()) for k in (0, 1))
+    reach = float(np.hypot(length, breadth / 2 if layer.closed[1] else breadth))
+    if fit is not None:  # a surface may go far astray where it has no mesh
+        reach = min(reach, (2.0 if layer.closed[1] else 1.0) * fit.mesh.size)
+    count = int(np.ceil(reach / lattice.row_step)) + 1
+    r, q = np.indices((2 * count + 1, 2 * count + 1)).reshape(2, -1) - count
+    cells = np.column_stack((q, r))
+    cells = cells[(lattice.centres(cells) ** 2).sum(axis=1) <= reach**2]
+    uv, _ = unrolled(layer, lattice, cells, start, direction)
+    kept = on_surface(layer, uv) & (~np.array(layer.closed) | (np.abs(uv - start) <= 0.5)).all(axis=1)
+    if fit is not None:
+        kept &= fit.is_trusted(layer.wrap(np.where(kept[:, None], uv, start)))
+    kept |= (cells == 0).all(axis=1)
+    cells, points = cells[kept], layer.points(uv[kept])
+    # Of these, what hangs together with the root: geodesics that have left the mesh may come back anywhere.
+    pairs = board_net(lattice, cells).pairs
+    pairs = pairs[np.abs(np.linalg.norm(np.diff(points[pairs], axis=1)[:, 0], axis=1) / lattice.pitch - 1) < AMISS]
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
+    group = connected_components(links, directed=False)[1]
+    cells = cells[group == group[(cells == 0).all(axis=1)]]
+    guess = unrolled(layer, lattice, cells, start, direction)
+    return FlatMap(layer, lattice.centres(cells), *at_rest(layer, lattice, cells, *guess))

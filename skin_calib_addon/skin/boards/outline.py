@@ -1,0 +1,213 @@
+"""The part of a surface that boards may lie on, laid flat: edges of the mesh, holes, a seam."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from ...common.arrays import Array, BoolArray, IntArray, unit
+from ...geometry.fit.surface_fit import SurfaceFit
+from ...geometry.mesh.triangle_mesh import TriangleMesh
+from ...geometry.surface.bspline import BSplineSurface
+from ...geometry.surface.distance import footpoints
+
+# The outline is followed in steps of this share of the size of the mesh; a face between the rays is met where the ray
+# next to it ends within such a step.
+STEP = 0.01
+# Cosine of the angle that a face of the surface may have with it, and rays in each direction that look for faces.
+FACING, RAYS = 0.5, 200
+# Points along each side of the border of a surface.
+BORDER = 100
+# Nodes whose maps are blended to lay a point flat.
+NODES = 4
+# Steps in which the parameters of a flat place are found; the slope is that of the node next to it.
+INVERSE_STEPS = 6
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A disc that boards must keep clear of: a screw, a cable outlet."""
+
+    point: tuple[float, float, float]  # its middle, on or near the mesh [m]
+    radius: float  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class FlatMap:
+    """Lays points of a surface flat, by the nodes of a net that lies on it."""
+
+    surface: BSplineSurface
+    flat: Array  # (n, 2) of the nodes [m]
+    uv: Array  # (n, 2)
+    x_axes: Array  # (n, 3) where the flat x axis points, unit
+
+    @cached_property
+    def points(self) -> Array:
+        """The nodes, shape (n, 3) [m]."""
+        return self.surface.points(self.uv)
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit normals at the nodes, shape (n, 3)."""
+        return self.surface.normals(self.uv)
+
+    @cached_property
+    def axes(self) -> Array:
+        """Where the flat axes point at the nodes, shape (n, 2, 3)."""
+        return np.stack((self.x_axes, np.cross(self.normals, self.x_axes)), axis=1)
+
+    def __call__(self, points: Array, uv: Array) -> Array:
+        """Flat places of points (k, 3) on or near the surface, whose parameters are ``uv``; shape (k, 2) [m].
+
+        Exact on a plane; elsewhere blended from the nodes next to each point, as far from each as the arc is long that
+        the slope of the chord implies.
+        """
+        count = np.arange(1, min(NODES, len(self.flat)) + 1)
+        if any(self.surface.closed):  # what is near through a seam is far in the flat
+            near = cKDTree(self.uv * self._lengths).query(uv * self._lengths, k=count)[1]
+        else:
+            near = cKDTree(self.points).query(points, k=count)[1]
+        way = points[:, None] - self.points[near]
+        chord = np.linalg.norm(way, axis=2)
+        slope = np.arcsin(np.clip((unit(way) * self.normals[near]).sum(axis=2), -1, 1))
+        level = unit(np.einsum("pnc,pnac->pna", way, self.axes[near])) * (chord * (1 + slope**2 / 6))[..., None]
+        weights = 1 / (chord**2 + (1e-9 * chord.max(initial=1e-6)) ** 2)
+        weights /= weights.sum(axis=1, keepdims=True)
+        return np.einsum("pn,pna->pa", weights, self.flat[near] + level)
+
+    @cached_property
+    def _lengths(self) -> Array:
+        """How long the parameters are, shape (2,) [m]."""
+        r = self.surface.derivatives(self.uv)
+        return np.array((np.linalg.norm(r[1, 0], axis=1).mean(), np.linalg.norm(r[0, 1], axis=1).mean()))
+
+    def at(self, places: Array, angle: float) -> tuple[Array, Array]:
+        """The parameters that lie at flat places (k, 2), and unit tangents there at an angle to the flat x axis."""
+        node = cKDTree(self.flat).query(places)[1]
+        uv = self.uv[node].copy()
+        for _ in range(INVERSE_STEPS):
+            r = self.surface.derivatives(uv)
+            slope = np.einsum("dkc,kac->kad", np.stack((r[1, 0], r[0, 1])), self.axes[node])
+            uv += np.linalg.solve(slope, (places - self(r[0, 0], uv))[..., None])[..., 0]
+        ahead = np.einsum("a,kac->kc", (np.cos(angle), np.sin(angle)), self.axes[node])
+        normals = self.surface.normals(uv)
+        return uv, unit(ahead - (ahead * normals).sum(axis=1, keepdims=True) * normals)
+
+
+@dataclass(frozen=True, eq=False)
+class Polyline:
+    """Points of an outline, on or near the surface, and their parameters."""
+
+    points: Array  # (k, 3) [m]
+    uv: Array  # (k, 2)
+
+
+def outline(surface: BSplineSurface, fit: SurfaceFit | None, middle: float) -> list[Polyline]:
+    """Polylines that enclose, by the rule of even and odd, the part of a surface where its mesh is; they share ends.
+
+    Parameters
+    ----------
+    fit : SurfaceFit, or None
+        What the surface comes from. None: all of it counts.
+    middle : float
+        Parameter v opposite of which a closed surface is cut open.
+    """
+    if fit is None:
+        return [_border(surface, middle)]
+    mesh, step = fit.mesh, STEP * fit.mesh.size
+    edges = _rim(mesh, _outermost(surface, fit, step))
+    lines = _followed(surface, mesh, edges, step, middle)
+    if not surface.closed[1]:
+        return lines
+    # The ends of a tube are those of the surface; only what lies wholly between them is a hole.
+    inside = [
+        not ((p.uv[:, 0] <= 0) | (p.uv[:, 0] >= 1)).any() and np.abs(np.diff(p.uv[:, 1])).max() < 0.5 for p in lines
+    ]
+    links = coo_array((np.ones(len(edges)), edges.T), shape=(len(mesh.vertices), len(mesh.vertices)))
+    loop = connected_components(links, directed=False)[1][edges[:, 0]] if len(edges) else np.zeros(0, int)
+    spoilt = set(loop[~np.array(inside, bool)].tolist())
+    return [_border(surface, middle), *(p for p, k in zip(lines, loop.tolist()) if k not in spoilt)]
+
+
+def _border(surface: BSplineSurface, middle: float) -> Polyline:
+    """All round the parameters of a surface, cut open where it is closed."""
+    box = np.array(((0.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)))
+    if surface.closed[1]:
+        box[:, 1] += middle - 0.5
+    share = np.arange(BORDER)[:, None] / BORDER
+    uv = np.concatenate((*(a + share * (b - a) for a, b in zip(box, box[1:])), box[:1]))
+    return Polyline(surface.points(uv), uv)
+
+
+def _outermost(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolArray:
+    """Which faces the rays of the fit meet, or would if they were not too small, and look the surface's way."""
+    mesh, spans = fit.mesh, min(size - degree for size, degree in zip(fit.offsets.shape, surface.degree))
+    samples = fit.resampled(-(-RAYS // spans))[1]
+    met = samples.residuals
+    known = ~np.isnan(met)
+    faces = samples.faces[known]
+    # A face between the rays counts where the ray next to its middle ends at its height, not before it.
+    small = np.setdiff1d(np.arange(len(mesh.faces)), faces)
+    centres = mesh.triangles[small].mean(axis=1)
+    uv, _ = footpoints(surface, centres)
+    height = ((centres - surface.points(uv)) * surface.normals(uv)).sum(axis=1)
+    (k, l), closed = met.shape, surface.closed[1]
+    row = np.clip(np.rint(uv[:, 0] * (k - 1)), 0, k - 1).astype(int)
+    column = np.rint(uv[:, 1] * (l if closed else l - 1)).astype(int) % l
+    beside = np.abs(height - met[row, column]) < step
+    for axis in (0, 1):
+        if not surface.closed[axis]:
+            beside &= (uv[:, axis] > 0) & (uv[:, axis] < 1)
+    sites = np.stack(np.meshgrid(np.linspace(0, 1, k), np.linspace(0, 1, l, endpoint=not closed), indexing="ij"), -1)
+    chosen = np.zeros(len(mesh.faces), bool)
+    for face, place in ((faces, sites[known]), (small[beside], uv[beside])):
+        chosen[face[(surface.normals(place) * mesh.face_normals[face]).sum(axis=1) > FACING]] = True
+    return chosen
+
+
+def _rim(mesh: TriangleMesh, chosen: BoolArray) -> IntArray:
+    """Edges with a chosen face on one side only, or an odd number of them, shape (e, 2)."""
+    faces = mesh.faces[chosen]
+    edges = np.sort(np.concatenate((faces[:, :2], faces[:, 1:], faces[:, ::2])), axis=1)
+    found, times = np.unique(edges, axis=0, return_counts=True)
+    return found[times % 2 == 1]
+
+
+def _followed(
+    surface: BSplineSurface, mesh: TriangleMesh, edges: IntArray, step: float, middle: float
+) -> list[Polyline]:
+    """Edges of a mesh, in steps, with the parameters of the surface next to them."""
+    if len(edges) == 0:
+        return []
+    ends = mesh.vertices[edges]
+    parts = np.maximum(np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / step), 1).astype(int)
+    points = [a + np.linspace(0, 1, k + 1)[:, None] * (b - a) for (a, b), k in zip(ends, parts)]
+    for line, (_, b) in zip(points, ends):
+        line[-1] = b  # to the bit: ends that are shared are equal
+    uv = footpoints(surface, np.concatenate(points))[0]
+    if surface.closed[1]:
+        uv[:, 1] += np.rint(middle - uv[:, 1])
+    return [Polyline(p, q) for p, q in zip(points, np.split(uv, np.cumsum(parts + 1)[:-1]))]
+
+
+def flat_loops(to_flat: FlatMap, lines: Sequence[Polyline]) -> list[Array]:
+    """Loops (k, 2) that enclose, by the rule of even and odd, what polylines enclose laid flat [m].
+
+    Each becomes a fan to one point, and the sides that two fans share cancel.
+    """
+    both = np.concatenate([np.column_stack((line.points, line.uv)) for line in lines])
+    known, back = np.unique(both, axis=0, return_inverse=True)
+    flat = to_flat(known[:, :3], known[:, 3:])[back.ravel()]
+    return [
+        np.concatenate((flat[:1], part)) for part in np.split(flat, np.cumsum([len(line.uv) for line in lines])[:-1])
+    ]
+
+
+def disc(centre: Array, radius: float) -> Array:
+    """A polygon around a disc, shape (48, 2) [m]."""
+    angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    return centre + radius / np.cos(np.pi / 48) * np.column_stack((np.cos(angles), np.sin(angles)))

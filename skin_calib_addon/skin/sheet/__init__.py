@@ -1,0 +1,1 @@
+"""Flexible sheets: isometric placement on a surface."""

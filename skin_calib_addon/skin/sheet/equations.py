@@ -1,0 +1,89 @@
+"""Newton's equations of a net: a banded matrix, for only nodes beside each other meet, and the ties that hold it."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve, solveh_banded
+
+from ...common.arrays import Array
+from .net import Net
+
+# Share of the mean stiffness that nodes have against any move: what hangs on one pair alone is free to swing about it.
+LITTLE = 1e-9
+
+
+class NetEquations:
+    """Newton's equations of a net that ties hold in place."""
+
+    def __init__(self, net: Net):
+        self.place, self.size = net.place, 2 * len(net.flat)
+        unknowns = (2 * net.place[net.pairs][:, :, None] + np.arange(2)).reshape(-1, 4)
+        row, column = np.repeat(unknowns, 4, axis=1), np.tile(unknowns, (1, 4))
+        self.lower = row >= column
+        self.unknowns = unknowns
+        self.width = int((row - column).max(initial=0)) + 1
+        self.entry = ((row - column) * self.size + column)[self.lower]
+        # Two nodes held by springs, which are taken back below, keep the matrix from being singular: a sheet on a
+        # cylinder slides and turns at no cost.
+        far = int(np.argmax((net.flat**2).sum(axis=1)))
+        self.held = (2 * net.place[[net.pin, far], None] + np.arange(2)).ravel()[: 2 if far == net.pin else 4]
+
+    def step(
+        self, along: Array, sideways: Array, stretch: Array | None, strain: Array, rows: Array, off: Array, loads: Array
+    ) -> Array | None:
+        """Step of the parameters of all nodes, shape (n, 2); None if the matrix is not positive definite.
+
+        Parameters
+        ----------
+        along, sideways : array, shape (e, 2, 2)
+            How the strain of each pair, and its turn, change with the parameters of its two nodes.
+        stretch : array, shape (e,), or None
+            Stiffness against turning; None leaves it out (Gauss-Newton).
+        strain : array, shape (e,)
+        rows : array, shape (k, n, 2)
+            How each tie changes with the parameters.
+        off : array, shape (k,)
+            By how much each tie is not kept.
+        loads : array, shape (k, n, 2)
+            The forces that may keep the ties, as they act on the parameters.
+        """
+        along, turn = along.reshape(-1, 4), sideways.reshape(-1, 4)
+        blocks = along[:, :, None] * along[:, None]
+        if stretch is not None:
+            blocks += stretch[:, None, None] * turn[:, :, None] * turn[:, None]
+        band: Array = np.zeros(self.width * self.size)
+        band += np.bincount(self.entry, blocks.reshape(-1, 16)[self.lower], band.size)
+        band = band.reshape(self.width, self.size)
+        spring = float(band[0].mean())
+        band[0, self.held] += spring
+        band[0] += LITTLE * spring
+
+        k = len(off)
+        right = np.zeros((self.size, 1 + k + len(self.held)))
+        right[:, 0] = -np.bincount(self.unknowns.ravel(), (along * strain[:, None]).ravel(), self.size)
+        right[:, 1 : 1 + k] = self._in_order(loads).T
+        right[self.held, 1 + k + np.arange(len(self.held))] = spring
+        try:
+            answers = solveh_banded(band, right, overwrite_ab=True, lower=True, check_finite=False)
+            # The step is answers @ (1, forces, steps of the held nodes); it keeps the ties, and is what it says.
+            ties = np.concatenate((self._in_order(rows) @ answers, answers[self.held]))
+            ties[k:, 1 + k :] -= np.eye(len(self.held))
+            ties[:k, 0] += off
+            largest = np.abs(ties[:, 1:]).max(axis=0)  # a force that meets little stiffness moves much
+            shares = solve(ties[:, 1:] / largest, -ties[:, 0], check_finite=False) / largest
+        except (LinAlgError, ValueError):
+            return None
+        step = answers[:, 0] + answers[:, 1:] @ shares
+        return step.reshape(-1, 2)[self.place] if np.isfinite(step).all() else None
+
+    def _in_order(self, values: Array) -> Array:
+        """Values of nodes as values of unknowns, shape (k, 2 n)."""
+        ordered = np.empty_like(values)
+        ordered[:, self.place] = values
+        return ordered.reshape(len(values), -1)
+
+
+@lru_cache(maxsize=8)
+def equations_of(net: Net) -> NetEquations:
+    """The equations of a net, made once while it is dragged about."""
+    return NetEquations(net)

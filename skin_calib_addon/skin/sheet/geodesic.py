@@ -1,0 +1,172 @@
+"""Geodesics on a surface: the straight lines of a sheet that bends and does not stretch."""
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+
+from ...common.arrays import Array, BoolArray, cross, unit
+from ...geometry.surface.bspline import BSplineSurface
+from ...geometry.surface.distance import footpoints
+
+# Parts into which a step along a geodesic is divided until its speed keeps within this of one, and the surface turns by
+# no more than this in each [rad].
+PARTS, UNIT_SPEED, TURN = (1, 2, 4, 16), 0.03, 0.6
+# Share of a step that may be rounding.
+ROUNDING = 1e-6
+
+
+def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: float) -> Array:
+    """Lay flat points on a surface: along a geodesic from ``uv``, and along geodesics that leave it at right angles.
+
+    On a developable surface the image is isometric; elsewhere it is a first guess.
+
+    Parameters
+    ----------
+    flat : array, shape (n, 2)
+        From the point at ``uv``, x along the first geodesic [m].
+    uv : array, shape (2,)
+    along : array, shape (3,)
+        Unit tangent there.
+    step : float
+        Between the points of the geodesics, which the others lie between [m].
+
+    Returns
+    -------
+    array, shape (n, 2)
+        Parameters, which go on over a seam.
+    """
+    (left, below), (right, above) = (
+        np.maximum(np.ceil(reach / step - ROUNDING), 1).astype(int) for reach in (-flat.min(axis=0), flat.max(axis=0))
+    )
+    row, tangents = trace_both(surface, uv[None], along[None], step, left, left + right + 1)
+    row, tangents = row[:, 0], tangents[:, 0]
+    across = cross(surface.normals(row), tangents)
+    grid = trace_both(surface, row, across, step, below, below + above + 1)[0]
+    y, x = step * np.arange(-below, above + 1), step * np.arange(-left, right + 1)
+    splines = [RectBivariateSpline(y, x, grid[..., k], kx=min(3, len(y) - 1), ky=min(3, len(x) - 1)) for k in (0, 1)]
+    return np.column_stack([spline.ev(flat[:, 1], flat[:, 0]) for spline in splines])
+
+
+def trace_both(
+    surface: BSplineSurface, uv: Array, tangents: Array, step: float, before: int, count: int
+) -> tuple[Array, Array]:
+    """Geodesics through each ``uv``, with ``before`` of their ``count`` points on the side it comes from.
+
+    Returns
+    -------
+    path : array, shape (count, k, 2)
+    tangents : array, shape (count, k, 3)
+        Unit, in the direction of growing index.
+    """
+    k = len(uv)
+    reach = max(before, count - 1 - before)
+    path, heading = trace(surface, np.concatenate((uv, uv)), np.concatenate((tangents, -tangents)), step, reach)
+    back, forth = slice(before, 0, -1), slice(0, count - before)
+    return (
+        np.concatenate((path[back, k:], path[forth, :k])),
+        np.concatenate((-heading[back, k:], heading[forth, :k])),
+    )
+
+
+def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: Array | float, count: int) -> tuple[Array, Array]:
+    """Follow geodesics: ``count`` steps of ``step`` metres, one for all or (k, 1), from each ``uv`` along its tangent.
+
+    Returns
+    -------
+    path : array, shape (count + 1, k, 2)
+    tangents : array, shape (count + 1, k, 3)
+        Unit.
+    """
+    path, headings = [uv], [tangents]
+    steps = np.broadcast_to(step, (len(uv), 1))
+    r = surface.derivatives(uv, order=2)
+    state = np.stack((uv, in_basis(r[1, 0], r[0, 1], tangents)), axis=1)
+    for _ in range(count):
+        state, r, tangents = _advance(surface, state, r, steps)
+        path.append(state[:, 0])
+        headings.append(tangents)
+    return np.stack(path), np.stack(headings)
+
+
+def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tuple[Array, Array, Array]:
+    """One step along geodesics (Runge-Kutta 4), in more parts where the surface bends sharply.
+
+    A geodesic keeps its unit speed: where the speed has changed, the step was too long for the bend. What no number of
+    parts brings over a bend goes on straight and comes down on the nearest point of the surface.
+
+    Parameters
+    ----------
+    start : array, shape (k, 2, 2)
+        Parameters, and their speed.
+    r : array, shape (3, 3, k, 3)
+        Derivatives of the surface there.
+    step : array, shape (k, 1)
+
+    Returns
+    -------
+    state, r : array
+        The same at the end.
+    tangents : array, shape (k, 3)
+        Unit, at the end.
+    """
+    first, up = r, unit(cross(r[1, 0], r[0, 1]))
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for parts in PARTS:
+            state, r, h = start, first, step[:, None] / parts
+            for _ in range(parts):
+                k1 = _slope(r, state)
+                k2 = _slope_at(surface, state + h / 2 * k1)
+                k3 = _slope_at(surface, state + h / 2 * k2)
+                k4 = _slope_at(surface, state + h * k3)
+                state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+                r = surface.derivatives(state[:, 0], order=2)
+            velocity = r[1, 0] * state[:, 1, :1] + r[0, 1] * state[:, 1, 1:]
+            speed = np.sqrt((velocity**2).sum(axis=1, keepdims=True))
+            turned = np.arccos(np.clip((unit(cross(r[1, 0], r[0, 1])) * up).sum(axis=1), -1, 1))
+            kept = (np.abs(speed[:, 0] - 1) < UNIT_SPEED) & (turned < TURN * parts)
+            if kept.all():
+                state[:, 1] /= speed
+                return state, r, velocity / speed
+        tangents = unit(velocity)  # of those that are lost anything
+    return _stepped_over(surface, start, first, step, state, tangents, ~kept)
+
+
+def _stepped_over(
+    surface: BSplineSurface, start: Array, first: Array, step: Array, state: Array, tangents: Array, lost: BoolArray
+) -> tuple[Array, Array, Array]:
+    """The end of a step where what is ``lost`` goes straight ahead."""
+    uv = start[lost, 0]
+    ahead = first[1, 0, lost] * start[lost, 1, :1] + first[0, 1, lost] * start[lost, 1, 1:]
+    found = footpoints(surface, first[0, 0, lost] + step[lost] * ahead)[0]
+    # Footpoints lie in [0, 1]; paths go on over a seam.
+    state[lost, 0] = found + np.where(surface.closed, np.rint(uv - found), 0.0)
+    r = surface.derivatives(state[:, 0], order=2)
+    normals = unit(cross(r[1, 0, lost], r[0, 1, lost]))
+    tangents[lost] = unit(ahead - (ahead * normals).sum(axis=1, keepdims=True) * normals)
+    state[:, 1] = in_basis(r[1, 0], r[0, 1], tangents)
+    return state, r, tangents
+
+
+def _slope_at(surface: BSplineSurface, state: Array) -> Array:
+    return _slope(surface.derivatives(state[:, 0], order=2), state)
+
+
+def _slope(r: Array, state: Array) -> Array:
+    """Rate of parameters and of their speed on a geodesic: its acceleration has no part in the surface."""
+    du, dv = state[:, 1, :1], state[:, 1, 1:]
+    bend = r[2, 0] * du**2 + 2 * r[1, 1] * du * dv + r[0, 2] * dv**2
+    slope = np.empty_like(state)
+    slope[:, 0] = state[:, 1]
+    slope[:, 1] = -in_basis(r[1, 0], r[0, 1], bend)
+    return slope
+
+
+def in_basis(a: Array, b: Array, vectors: Array) -> Array:
+    """Components of the tangential part of vectors in the basis (a, b), shape (k, 2)."""
+    basis = np.empty((len(a), 3, 3))
+    basis[:, 0], basis[:, 1], basis[:, 2] = a, b, vectors
+    gram = np.matmul(basis[:, :2], basis.transpose(0, 2, 1))
+    aa, ab, va, bb, vb = gram[:, 0, 0], gram[:, 0, 1], gram[:, 0, 2], gram[:, 1, 1], gram[:, 1, 2]
+    parts = np.empty((len(a), 2))
+    parts[:, 0], parts[:, 1] = bb * va - ab * vb, aa * vb - ab * va
+    parts /= (aa * bb - ab * ab)[:, None]
+    return parts

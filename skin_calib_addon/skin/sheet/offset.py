@@ -1,0 +1,63 @@
+"""Surfaces parallel to another: where the neutral layer of a skin with a thickness lies."""
+
+import numpy as np
+
+from ...common.arrays import product, unit
+from ...common.errors import InvalidPlan
+from ...geometry.sampling.basis import spline_sites
+from ...geometry.surface.bspline import BSplineSurface
+from ...geometry.surface.distance import sample_lines
+
+# Samples along each span of a parallel surface, and of the surface where it is looked at for folds.
+PER_SPAN = 2
+
+
+def offset_surface(surface: BSplineSurface, distance: float) -> BSplineSurface:
+    """The surface at a distance outward, with the same parameters.
+
+    A spline through its points, with twice the spans: the parallel of a spline is none.
+
+    Raises
+    ------
+    InvalidPlan
+        If the surface bends so tightly that its parallel folds; the place is named.
+    """
+    if distance == 0:
+        return surface
+    _check_folds(surface, distance)
+    u, v = (
+        spline_sites(2 * spans if closed else 2 * spans + degree, degree, closed, PER_SPAN)
+        for spans, degree, closed in zip(_spans(surface), surface.degree, surface.closed)
+    )
+    sites = [np.linspace(0, 1, len(s.values), endpoint=not s.repeats) for s in (u, v)]
+    uv = np.column_stack((np.repeat(sites[0], len(sites[1])), np.tile(sites[1], len(sites[0]))))
+    points = (surface.points(uv) + distance * surface.normals(uv)).reshape(len(sites[0]), len(sites[1]), 3)
+    for axis, s in enumerate((u, v)):
+        rows = np.moveaxis(points, axis, 0)
+        net = product(s.inverse, rows.reshape(len(rows), -1)).reshape(-1, *rows.shape[1:])
+        net = np.roll(net, s.shift, axis=0)
+        points = np.moveaxis(np.concatenate((net, net[: s.repeats])), 0, axis)
+    return BSplineSurface(points, u.knots, v.knots, surface.degree, surface.closed)
+
+
+def _spans(surface: BSplineSurface) -> tuple[int, int]:
+    n, m = (len(np.unique(k[d : len(k) - d])) - 1 for k, d in zip((surface.knots_u, surface.knots_v), surface.degree))
+    return n, m
+
+
+def _check_folds(surface: BSplineSurface, distance: float) -> None:
+    u, v = sample_lines(surface, PER_SPAN)
+    r = surface.derivatives(np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u)))), order=2)
+    normals = unit(np.cross(r[1, 0], r[0, 1]))
+    E, F, G = ((a * b).sum(axis=1) for a, b in ((r[1, 0], r[1, 0]), (r[1, 0], r[0, 1]), (r[0, 1], r[0, 1])))
+    L, M, N = ((second * normals).sum(axis=1) for second in (r[2, 0], r[1, 1], r[0, 2]))
+    # Eigenvalues of 1 - distance * (second fundamental form / first): by how much the parallel is longer.
+    trace = 2 - distance * (E * N - 2 * F * M + G * L) / (E * G - F**2)
+    both = ((E - distance * L) * (G - distance * N) - (F - distance * M) ** 2) / (E * G - F**2)
+    folded = np.flatnonzero((both <= 0) | (trace <= 0))
+    if len(folded):
+        place = ", ".join(f"{x * 1e3:.1f}" for x in r[0, 0, folded[0]])
+        raise InvalidPlan(
+            f"a skin {distance * 1e3:g} mm above the surface folds near ({place}) mm, where the surface bends more "
+            "tightly than that; lessen the offset, or fit a smoother surface"
+        )

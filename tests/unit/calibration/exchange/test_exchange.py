@@ -1,0 +1,683 @@
+"""Taxel sets in other programs' files: read as they are, with everything strange about them, or refused by the line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration.exchange import READABLE, TaxelSet, icub, read_taxels, reading, table, tum, xml_nodes
+from skin_calib_addon.common import text
+from skin_calib_addon.common.errors import CalibrationFormatError
+from tests.exchange_samples import (
+    CELLS,
+    SENSOR,
+    csv_text,
+    icub_text,
+    matrix,
+    pcd_text,
+    ply_text,
+    points_round,
+    robot_text,
+    tum_text,
+)
+
+ROUND, OUTWARD = points_round(12)
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Read a text as if it were a file."""
+
+    def run(content, format=None, only=None):
+        path = tmp_path / "taxels"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_taxels(path, format, only)
+
+    return run
+
+
+def codes(taxels):
+    """What was found, and where."""
+    return {finding.code: finding.pointer for finding in taxels.findings}
+
+
+def value(taxels, code):
+    """The value of the one finding of that code."""
+    (found,) = (finding.value for finding in taxels.findings if finding.code == code)
+    return found
+
+
+# --- iCub
+
+
+def test_icub_rows_keep_their_index_as_channel(read):
+    """Zero rows hold a place in the reading and no taxel; they are counted, and nothing else is strange."""
+    rows = np.column_stack((ROUND, OUTWARD))
+    rows[[0, 5, 6]] = 0
+    taxels = read(icub_text(rows, "3 " * 12))
+    kept = [1, 2, 3, 4, 7, 8, 9, 10, 11]
+    assert taxels.channels.tolist() == kept
+    assert taxels.labels == tuple(map(str, kept))
+    assert (taxels.positions == ROUND[kept]).all()
+    assert_allclose(taxels.normals, OUTWARD[kept], rtol=0, atol=1e-12)
+    assert codes(taxels) == {"no-taxel": "line 5", "no-position": "line 3"}
+    assert value(taxels, "no-taxel") == 3 and value(taxels, "no-position") == 3
+    assert taxels.neighbours is None and taxels.tangents is None
+
+
+@pytest.mark.parametrize(
+    ("head", "frame"),
+    [
+        ("name\tl_upper_leg\n", "l_upper_leg"),
+        ("name l_forearm\nframe  l_forearm_dh_frame\n", "l_forearm_dh_frame"),
+        ("# a comment\n\nspatial_sampling\ttaxel\n", None),
+        ("name\n", None),
+    ],
+)
+def test_icub_frame_is_the_one_named(read, head, frame):
+    """The frame, else the link; a comment and a name without a value are none."""
+    assert read(icub_text(np.column_stack((ROUND, OUTWARD)), head=head)).frame == frame
+
+
+def test_icub_table_is_held_against_the_rows(read):
+    """Thermal pads, unused rows, marked rows that have a position, and a table of another length: told, not obeyed."""
+    rows = np.column_stack((ROUND, OUTWARD))
+    rows[[2, 3]] = 0
+    taxels = read(icub_text(rows, "3 3 -2 -1 3 -2 3 3"))
+    assert len(taxels.labels) == 10
+    assert {f.code: f.value for f in taxels.findings} == {
+        "table-length": [8, 12],
+        "thermal-pad": 2,
+        "unused": 1,
+        "no-taxel": 2,
+    }
+    (short,) = (f for f in taxels.findings if f.code == "table-length")
+    assert short.pointer == "line 3" and "4 taxels have none" in short.message
+    (thermal,) = (f for f in taxels.findings if f.code == "thermal-pad")
+    assert "1 have a position and are kept, the first on line 10" in thermal.message
+    longer = read(icub_text(rows, "3 " * 15))
+    assert value(longer, "table-length") == [15, 12]
+
+
+def test_icub_reader_stops_at_the_next_section(read):
+    """Comments, empty lines and another block are no rows."""
+    rows = np.column_stack((ROUND, OUTWARD))
+    content = icub_text(rows).replace("[calibration]\n", "[calibration]\n# x y z\n\n") + "[other]\n1 2\n"
+    assert len(read(content).labels) == 12
+    assert len(read(content.replace("\n", "\r\n")).labels) == 12
+
+
+# --- TUM
+
+
+def test_tum_cells_have_full_frames(read):
+    """Positions and axes go from the root cell to the base; ports lead to the neighbours that are in the file."""
+    taxels = read(tum_text(CELLS, base=(matrix(90), (1.0, 2.0, 0.5))))
+    turn, shift = matrix(90), np.array((1.0, 2.0, 0.5))
+    assert_allclose(taxels.positions, [turn @ c.position + shift for c in CELLS], rtol=0, atol=1e-12)
+    assert_allclose(taxels.normals, [turn @ c.rotation[:, 2] for c in CELLS], rtol=0, atol=1e-9)
+    assert_allclose(taxels.tangents, [turn @ c.rotation[:, 0] for c in CELLS], rtol=0, atol=1e-9)
+    assert taxels.labels == ("5", "6", "7") and taxels.channels.tolist() == [0, 1, 2]
+    assert taxels.neighbours == (("6",), ("5", "7"), ("6",))
+    assert taxels.frame == "world"
+    assert list(codes(taxels)) == ["unknown-neighbour"] and value(taxels, "unknown-neighbour") == 1
+
+
+def test_tum_transform_beyond_the_base_is_told(read):
+    """It is not applied: what it leads to has no name, or another than the base."""
+    moved = tum_text(CELLS, beyond=(matrix(0), (0, 0, 0.1)))
+    assert "unused-transform" in codes(read(moved))
+    assert (read(moved).positions == read(tum_text(CELLS)).positions).all()
+
+
+def test_tum_patches_in_two_frames_are_told(read):
+    """There is no one frame then; each patch is where its own extrinsics put it."""
+    content = tum_text(CELLS).replace('<cell id="7" patch="2"', '<cell id="7" patch="3"')
+    start, stop = content.index("<patchExtrinsics"), content.index("</patchExtrinsics>") + len("</patchExtrinsics>")
+    place = content[start:stop].replace('patchId="2" baseFrame="world"', 'patchId="3" baseFrame="arm"')
+    raised = place.replace('row="2" col="0">0.0<', 'row="2" col="0">0.3<', 1)
+    taxels = read(content[:stop] + raised + content[stop:])
+    assert taxels.frame is None and value(taxels, "frames") == ["arm", "world"]
+    shifts = [(0, 0, 0.3 * (c.id == 7)) for c in CELLS]
+    assert_allclose(taxels.positions, [c.position + s for c, s in zip(CELLS, shifts)], rtol=0, atol=1e-12)
+
+
+def test_tum_patch_without_place_stays_in_its_root_cell(read):
+    """No extrinsics, no frame: the positions are those of the cells, and that is said."""
+    content = tum_text(CELLS)
+    start, stop = content.index("<patchExtrinsics"), content.index("</patchExtrinsics>") + len("</patchExtrinsics>")
+    taxels = read(content[:start] + content[stop:])
+    assert taxels.frame is None and value(taxels, "no-frame") == 3
+    assert_allclose(taxels.positions, [c.position for c in CELLS], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        (("<!DOCTYPE scfg>", '<!DOCTYPE scfg [<!ENTITY a "b">]>'), "entity", "declares an entity"),
+        (("<!DOCTYPE scfg>", '<!DOCTYPE scfg [<!ENTITY % a SYSTEM "file:///etc/passwd">]>'), "entity", "an entity"),
+        (("</pos>", ""), "syntax", "is not XML at column"),
+        (("SkinConfig", "Skin"), "syntax", 'opens "Skin"; a SkinConfig is needed'),
+        (("<rot>", "<tor>", "</rot>", "</tor>"), "missing", "opens a tf_rootCell_base without rot"),
+        (('<cell id="5"', "<cell"), "missing", "opens a cell without the attribute id"),
+        (('<cell id="5"', '<cell id="five"'), "number", "has 'five' where an integer belongs (cell id)"),
+        (('<cell id="6"', '<cell id="5"'), "duplicate-label", 'repeats the label "5" of line'),
+        (('row="2" col="0">0.0<', 'row="3" col="0">0.0<'), "size", "holds element (3, 0) of a pos, which is 3 x 1"),
+        (('row="2" col="0">0.0<', 'row="1" col="0">0.0<'), "missing", "opens a matrix without element (2, 0)"),
+        (('row="2" col="0">0.0<', 'row="2" col="0">zero<'), "number", "has 'zero' where a number belongs"),
+        (('row="2" col="0">0.0<', 'row="2" col="0">NaN<'), "not-finite", "has 'NaN'; a finite number is needed"),
+        (('row="2" col="0">0.0<', 'row="2" col="0">1e999<'), "not-finite", "has '1e999'"),
+        (('row="2" col="2">1.0<', 'row="2" col="2">-1.0<'), "rotation", "opens a rot that is no rotation"),
+        (('row="2" col="2">1.0<', 'row="2" col="2">1e300<'), "rotation", "opens a rot that is no rotation"),
+    ],
+)
+def test_tum_reader_refuses_by_the_line(read, change, code, words):
+    """Each has one error, its line, and what is wrong in words."""
+    content = tum_text(CELLS)
+    for old, new in zip(change[::2], change[1::2]):
+        assert old in content
+        content = content.replace(old, new) if len(change) > 2 or old == "SkinConfig" else content.replace(old, new, 1)
+    with pytest.raises(CalibrationFormatError, match="has one error: line [0-9]+ ") as refused:
+        read(content)
+    (found,) = (f for f in refused.value.findings if f.severity == "error")
+    assert found.code == code and words in found.message
+
+
+def test_tum_declared_encoding_is_not_believed(read):
+    """The text is UTF-8, and decoded, before anything is parsed."""
+    assert len(read(tum_text(CELLS).replace("UTF-8", "UTF-16")).labels) == 3
+
+
+def test_tum_reader_has_limits(read, monkeypatch):
+    """Depth, elements of one cell, cells: refused before they fill the memory."""
+    deep = "<SkinConfig>" + "<a>" * 40
+    many = "<SkinConfig><cell>" + "<a/>" * (xml_nodes.MOST_NODES + 5)
+    for content, code in ((deep, "depth"), (many, "size")):
+        with pytest.raises(CalibrationFormatError) as refused:
+            read(content)
+        assert refused.value.findings[0].code == code
+    monkeypatch.setattr(tum, "MOST_TAXELS", 2)
+    with pytest.raises(CalibrationFormatError, match="one cell too many; at most 2"):
+        read(tum_text(CELLS))
+
+
+# --- tables
+
+
+@pytest.mark.parametrize(
+    ("header", "channel", "label"),
+    [
+        ("x,y,z,nx,ny,nz", 0, "0"),
+        ("Index,X,Y,Z,NormX,NormY,NormZ", 40, "40"),
+        ("id,row,index,x,y,z,normal_x,normal_y,normal_z", 30, "name 20"),
+        ("label,index,nz,ny,nx,z,y,x,remark", 30, "name 20"),
+        (" Channel , Row ,X, Y,Z,NX,NY,NZ", 20, "20"),
+    ],
+)
+def test_columns_are_found_by_name(read, header, channel, label):
+    """In any order and case, whatever else there is; a channel before a row before an index."""
+    names = [name.strip().lower() for name in header.split(",")]
+    known = {"x": 0, "y": 1, "z": 2, "nx": 3, "ny": 4, "nz": 5}
+    numbers = np.column_stack((ROUND, OUTWARD))
+    lines = [header]
+    for i, row in enumerate(numbers):
+        first = {"id": f"name {20 + i}", "label": f"name {20 + i}", "channel": 20 + i, "remark": "a, b"}
+        first |= {"row": 30 + i, "index": (30 if "label" in names else 40) + i}
+        cells = []
+        for name in names:
+            axis = name.replace("normal_", "n").replace("norm", "n")
+            cells.append(f'"{first[name]}"' if name in first else f"{row[known[axis]]:.17g}")
+        lines.append(",".join(cells))
+    taxels = read("\n".join(lines))
+    assert taxels.channels.tolist() == list(range(channel, channel + 12))
+    assert taxels.labels[0] == label and taxels.findings == ()
+    assert (taxels.positions == ROUND).all()
+    assert_allclose(taxels.normals, OUTWARD, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_separators_and_line_ends_are_understood(read, separator, ending):
+    """What spreadsheets write, with a byte order mark, comments and empty lines."""
+    content = "# made by hand\n\n" + csv_text(ROUND, tangents=OUTWARD).replace(",", separator) + "\n \n"
+    taxels = read(b"\xef\xbb\xbf" + content.replace("\n", ending).encode())
+    assert (taxels.positions == ROUND).all() and taxels.normals is None
+    assert_allclose(taxels.tangents, OUTWARD, rtol=0, atol=1e-12)
+
+
+def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
+    """GenTact's parent; where rows differ there is none, and that is said."""
+    rows = [f"{i},{x},{y},{z},0.005,/panda/link5,skin" for i, (x, y, z) in enumerate(ROUND)]
+    header = "Index,X,Y,Z,Radius,Parent,Object Name in Blender"
+    assert read("\n".join((header, *rows))).frame == "/panda/link5"
+    rows[7] = rows[7].replace("link5", "link6")
+    taxels = read("\n".join((header, *rows)))
+    assert taxels.frame is None and codes(taxels) == {"frames": "line 9"}
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "place", "words"),
+    [
+        (("x,y,z,nx", "u,y,z,nx"), "missing-column", "line 1", 'names no column "x"'),
+        (("nx,ny,nz", "nx,ny,nu"), "missing-column", "line 1", 'names no column "nz"; did you mean'),
+        (("x,y,z,nx", "x,y,y,nx"), "duplicate-column", "line 1", 'names the column "y" twice'),
+        (("\n", "\n,"), "row", "line 2", "has 7 columns, the header 6"),
+        (("\n0.03", "\nabc"), "number", "line 2", "has 'abc"),
+        (("\n0.03", "\n1_0.03"), "number", "line 2", "has '1_0.03"),
+        (("\n0.03", "\n０.03"), "number", "line 2", "where a number belongs"),
+        (("\n0.03", "\n "), "number", "line 2", "where a number belongs"),
+        (("\n0.03,", "\nnan,"), "not-finite", "line 2", "has 'nan'; a finite number is needed"),
+        (("\n0.03,", "\n-Infinity,"), "not-finite", "line 2", "has '-Infinity'"),
+        (("\n0.03,", "\n1e400,"), "not-finite", "line 2", "has '1e400'"),
+        (("\n0.03,", "\n50,"), "units", "line 2", "divide by 1000 if these are millimetres"),
+        (("\n0.03,0.0,0.0", "\n0.03,0.0,1e7"), "units", "line 2", "divide by 1000"),
+        (("\n0.03", '\n"0.03'), "syntax", "line 2", "begins what is no table: unexpected end of data"),
+    ],
+)
+def test_table_reader_refuses_by_the_line(read, change, code, place, words):
+    """The header and the rows: what is wrong is found in its line."""
+    content = csv_text(ROUND, normals=OUTWARD)
+    assert change[0] in content
+    with pytest.raises(CalibrationFormatError) as refused:
+        read(content.replace(*change, 1), "csv")
+    found = [f for f in refused.value.findings if f.severity == "error"]
+    assert (found[0].code, found[0].pointer) == (code, place) and words in found[0].message
+    assert str(found[0]) in str(refused.value) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "code", "words"),
+    [
+        ("channel,x,y,z", "-1,0,0,1", "channel", "has the channel -1; use 0 to 2147483647"),
+        ("channel,x,y,z", "2147483648,0,0,1", "channel", "has the channel 2147483648"),
+        ("channel,x,y,z", "1.5,0,0,1", "number", "has '1.5' where an integer belongs"),
+        ("channel,x,y,z", "7,0,0,1\n7,0,1,1", "duplicate-channel", "repeats the channel 7 of line 2"),
+        ("id,x,y,z", "a,0,0,1\na,0,1,1", "duplicate-label", 'repeats the label "a" of line 2'),
+        ("id,x,y,z", " ,0,0,1", "label", 'has the label ""; use 1 to 200 printable characters'),
+        ("id,x,y,z", "a\x07,0,0,1", "label", "printable"),
+        ("id,x,y,z", "a" * 300 + ",0,0,1", "label", "printable"),
+        ("x,y,z,nx,ny,nz", "0,0,1,1e300,0,0", "direction", "holds 1e+300 in a direction"),
+        ("x,y,z", "0,0,0\n0,0,0", "no-taxels", "holds nothing but rows of zeros"),
+        ("x,y,z", "", "no-taxels", "has no row below its header"),
+    ],
+)
+def test_labels_channels_and_directions_must_be_usable(read, header, row, code, words):
+    """Refused, once, with what to do."""
+    with pytest.raises(CalibrationFormatError) as refused:
+        read(f"{header}\n{row}")
+    (found,) = (f for f in refused.value.findings if f.severity == "error")
+    assert found.code == code and words in found.message
+
+
+def test_neighbours_of_a_table_are_channels(read):
+    """They become labels; one that the file does not have is told, a word that is no channel is refused."""
+    table = "channel,id,x,y,z,neighbours\n4,a,0,0,0.1,7 9\n7,b,0,0,0.2,4\n9,c,0,0,0.3,\n"
+    taxels = read(table)
+    assert taxels.neighbours == (("b", "c"), ("a",), ()) and taxels.findings == ()
+    taxels = read(table.replace("7 9", "7 8"))
+    assert taxels.neighbours == (("b",), ("a",), ()) and codes(taxels) == {"unknown-neighbour": "line 2"}
+    with pytest.raises(CalibrationFormatError, match="line 2 has 'b' where an integer belongs"):
+        read(table.replace("7 9", "b"))
+
+
+# --- URDF
+
+PLACES = {f"skin_{i}": tuple(place) for i, place in enumerate(ROUND.tolist())}
+
+
+def test_frames_of_urdf_are_taxels(read):
+    """Frames that bear nothing, in their order, in the link with a body."""
+    taxels = read(robot_text(PLACES))
+    assert taxels.labels == tuple(PLACES) and taxels.channels.tolist() == list(range(12))
+    assert (taxels.positions == ROUND).all() and taxels.frame == "forearm"
+    assert (taxels.tangents == [1, 0, 0]).all()
+
+
+def test_frames_between_are_passed(read):
+    """A frame on a frame is placed in the link that bears both; what lies between, moves or has a body is no taxel."""
+    more = (
+        '<link name="palm"/><joint name="p" type="fixed"><origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/>'
+        '<parent link="forearm"/><child link="palm"/></joint><link name="tip"/><joint name="t" type="fixed">'
+        '<origin xyz="0.02 0 0" rpy="0 1.5707963267948966 0"/><parent link="palm"/><child link="tip"/></joint>'
+        '<link name="thumb"/><joint name="th" type="revolute"><parent link="palm"/><child link="thumb"/></joint>'
+        '<link name="nail"><visual/></link><joint name="n" type="fixed"><parent link="palm"/>'
+        '<child link="nail"/></joint>'
+    )
+    taxels = read(robot_text({}, more))
+    assert taxels.labels == ("tip",) and taxels.frame == "forearm"
+    assert_allclose(taxels.positions, [[0, 0.02, 0.1]], rtol=0, atol=1e-15)
+    assert_allclose(taxels.normals, [[0, 1, 0]], rtol=0, atol=1e-15)
+    assert_allclose(taxels.tangents, [[0, 0, -1]], rtol=0, atol=1e-15)
+
+
+def test_frames_of_one_link_are_picked(read):
+    """Two links in a file are refused with what to do; picked by label, the channels count anew."""
+    hand = '<link name="hand"><visual/></link><link name="nail"/><joint name="n" type="fixed"><parent link="hand"/>'
+    content = robot_text(PLACES, hand + '<child link="nail"/></joint>')
+    with pytest.raises(CalibrationFormatError, match=r'hangs "nail" on "hand", those before on "forearm"; .*--only'):
+        read(content)
+    taxels = read(content, only="skin_1*")
+    assert taxels.labels == ("skin_1", "skin_10", "skin_11") and taxels.channels.tolist() == [0, 1, 2]
+    assert read(content, only="nail").frame == "hand"
+    with pytest.raises(
+        CalibrationFormatError, match='no taxel whose label matches "thumb.*"; the first is called "skin_0"'
+    ):
+        read(content, only="thumb*")
+
+
+def test_taxels_of_tactile_sensors_are_read(read):
+    """In the link, past the frame of the sensor; the index is the channel; other sensors are left alone."""
+    taxels = read(SENSOR)
+    assert taxels.labels == ("cuff.4", "cuff.2") and taxels.channels.tolist() == [4, 2] and taxels.frame == "wrist"
+    assert_allclose(taxels.positions, [[0, 0.03, 0.1], [-0.03, 0, 0.1]], rtol=0, atol=1e-15)
+    assert_allclose(taxels.normals, [[0, 1, 0], [-1, 0, 0]], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("content", "change", "code", "words"),
+    [
+        (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="${r} 0.0'), "number", "has '${r}' where a number belongs (xyz)"),
+        (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="0.03'), "number", "has 2 numbers in xyz; three are needed"),
+        (robot_text(PLACES), ('xyz="0.03 ', 'xyz="nan '), "not-finite", "has 'nan'"),
+        (robot_text(PLACES), ('xyz="0.03 ', 'xyz="30 '), "units", "divide by 1000 if these are millimetres"),
+        (
+            robot_text(PLACES),
+            ('<link name="skin_3"/>', ""),
+            "missing",
+            'names the link "skin_3", which the file does not',
+        ),
+        (
+            robot_text(PLACES),
+            ('<link name="skin_3"', '<link name="skin_2"'),
+            "duplicate-label",
+            'repeats the link "skin_2"',
+        ),
+        (
+            robot_text(PLACES),
+            ('<child link="skin_3"', '<child link="skin_2"'),
+            "syntax",
+            'the link "skin_2" a second time',
+        ),
+        (robot_text(PLACES), ('<child link="skin_3"/>', ""), "missing", "opens a joint without child"),
+        (robot_text(PLACES), ('type="fixed"', ""), "missing", "opens a joint without the attribute type"),
+        (robot_text({}), ("", ""), "no-taxels", "has no tactile sensor and no frame fixed to a link"),
+        (SENSOR, ("<taxel", '<array rows="2" cols="2"/><taxel'), "array", "opens an array, whose taxels are not read"),
+        (SENSOR, ('idx="4"', 'idx="2"'), "duplicate-channel", "repeats the channel 2 of line 4"),
+        (SENSOR, ('idx="4"', 'idx="-4"'), "channel", "has the channel -4"),
+        (SENSOR, ('idx="4"', ""), "missing", "opens a taxel without the attribute idx"),
+        (SENSOR, ("<robot", '<!DOCTYPE a [<!ENTITY b "c">]><robot'), "entity", "declares an entity"),
+    ],
+)
+def test_urdf_reader_refuses_by_the_line(read, content, change, code, words):
+    """Each has one error and what is wrong in words."""
+    assert change[0] in content
+    with pytest.raises(CalibrationFormatError) as refused:
+        read(content.replace(*change, 1))
+    (found,) = (f for f in refused.value.findings if f.severity == "error")
+    assert found.code == code and words in found.message and "\n" not in str(refused.value)
+
+
+def test_frames_in_a_ring_are_refused(read):
+    """Joints that go round end nowhere."""
+    ring = "".join(
+        f'<link name="{a}"/><joint name="j{a}" type="fixed"><parent link="{b}"/><child link="{a}"/></joint>'
+        for a, b in (("a", "b"), ("b", "c"), ("c", "b2"), ("b2", "b"), ("t", "a"))
+    )
+    with pytest.raises(CalibrationFormatError, match="by itself, round a loop of joints"):
+        read(f'<robot name="r">{ring}</robot>')
+
+
+def test_many_taxels_in_one_sensor_are_read(read):
+    """More elements than a cell of a patch may hold."""
+    taxel = '<taxel idx="{0}" xyz="0 0 {1!r}"><geometry><box size="1 1 1"/></geometry></taxel>'
+    many = "".join(taxel.format(i, 0.001 * (i + 1)) for i in range(1500))
+    assert len(read(SENSOR.split("<taxel")[0] + many + "</tactile></sensor></robot>").labels) == 1500
+
+
+# --- clouds
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_binary_ply_is_read(read, order, kind):
+    """Of either order and precision, with columns between and faces behind."""
+    name = {"f4": "float", "f8": "double"}[kind]
+    form = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = f"ply\nformat {form} 1.0\nelement vertex 12\nproperty uchar red\n"
+    head += "".join(f"property {name} {axis}\n" for axis in ("x", "y", "z", "nx", "ny", "nz"))
+    head += "property ushort channel\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    table = np.zeros(12, [("red", "u1"), ("v", order + kind, 6), ("channel", order + "u2")])
+    table["v"], table["channel"] = np.column_stack((ROUND, OUTWARD)), 300 + np.arange(12)
+    taxels = read(head.encode() + table.tobytes() + b"\x03" + bytes(12))
+    assert_allclose(taxels.positions, ROUND, rtol=0, atol=1e-8 if kind == "f4" else 0)
+    assert taxels.channels.tolist() == list(range(300, 312)) and taxels.labels[0] == "300"
+    assert codes(taxels) == {"faces": "line 12"} and "promises '1' faces" in str(taxels.findings[0])
+    assert read(head.replace("face 1", "face 0").encode() + table.tobytes()).findings == ()
+    with pytest.raises(CalibrationFormatError, match="holds 11 of its 12 points; it is cut off"):
+        read(head.encode() + table.tobytes()[:-1])
+    table["v"][5, 1] = np.nan
+    with pytest.raises(CalibrationFormatError, match="point 5 has a coordinate that is no finite number"):
+        read(head.encode() + table.tobytes())
+    table["v"][5, 1] = 70
+    with pytest.raises(CalibrationFormatError, match="point 5 lies 70 m from the frame; divide by 1000"):
+        read(head.encode() + table.tobytes())
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_clouds_of_text_are_read(read, ending):
+    """All digits that are there, with either line end; without a channel the place is one."""
+    for content in (ply_text(ROUND, OUTWARD), ply_text(ROUND), pcd_text(ROUND)):
+        taxels = read(content.replace("\n", ending))
+        assert (taxels.positions == ROUND).all() and taxels.channels.tolist() == list(range(12))
+    assert_allclose(read(ply_text(ROUND, OUTWARD)).normals, OUTWARD, rtol=0, atol=1e-12)
+
+
+def test_viewpoint_of_a_cloud_is_told(read):
+    """It is not applied."""
+    taxels = read(pcd_text(ROUND).replace("VIEWPOINT 0 0 0", "VIEWPOINT 0 0 1"))
+    assert codes(taxels) == {"unused-transform": "line 9"} and (taxels.positions == ROUND).all()
+
+
+@pytest.mark.parametrize(
+    ("content", "change", "words"),
+    [
+        (ply_text(ROUND), ("end_header", "ende"), "has a header without end"),
+        (ply_text(ROUND), ("format ascii", "format ebcdic"), "names no format or no vertices"),
+        (ply_text(ROUND), ("vertex 12", "vertex 13"), "line 23 has 4 numbers|more than 3 numbers"),
+        (ply_text(ROUND), ("vertex 12", "vertex 20"), "holds 13 of its 20 points; it is cut off"),
+        (ply_text(ROUND), ("vertex 12", "vertex 1e9"), "line 4 promises '1e9' points; at most 100000"),
+        (ply_text(ROUND), ("vertex 12", "vertex 0"), "holds no point"),
+        (ply_text(ROUND), ("element vertex", "element edge 1\nelement vertex"), 'names "edge" before the vertices'),
+        (ply_text(ROUND), ("property float x", "property list uchar int x"), "gives vertices a list"),
+        (ply_text(ROUND), ("property float x", "property real x"), 'has the type "real", which PLY does not have'),
+        (ply_text(ROUND), ("float x", "float u"), 'names no "x" among "u y z"'),
+        (ply_text(ROUND), ("\n0.03 ", "\n0.03 1 "), "line 11 has more than 3 numbers; the header names 3"),
+        (ply_text(ROUND), ("\n0.03 ", "\n0x3 "), "line 11 has '0x3' where a number belongs"),
+        (pcd_text(ROUND), ("DATA ascii", "DATA binary_compressed"), "save it as ascii or binary"),
+        (pcd_text(ROUND), ("DATA ascii", "data"), "has no line DATA"),
+        (pcd_text(ROUND), ("POINTS 12", "POINTS 13"), "holds 12 of its 13 points"),
+        (pcd_text(ROUND), ("POINTS 12", "POINTS -1"), "line 10 promises '-1' points"),
+        (pcd_text(ROUND), ("POINTS 12\n", ""), "has a header without POINTS"),
+        (pcd_text(ROUND), ("SIZE 4", "SIZE 3"), 'the field "x" of type "F", size "3"'),
+        (pcd_text(ROUND), ("SIZE 4", "SIZE"), "names other fields than SIZE, TYPE and COUNT describe"),
+        (pcd_text(ROUND), ("\n0.03 ", "\nnan "), "line 12 has 'nan'; a finite number is needed"),
+        (pcd_text(ROUND, "x y channel"), ("", ""), 'names no "z" among'),
+        (
+            pcd_text(np.column_stack((ROUND, ROUND)), "x y z channel b c"),
+            ("", ""),
+            "line 12 has the channel 0.03; use 0",
+        ),
+    ],
+)
+def test_cloud_readers_refuse_by_the_place(read, content, change, words):
+    """The header, the number of points, the numbers: each is one line that says what and where."""
+    assert change[0] in content
+    with pytest.raises(CalibrationFormatError, match=words) as refused:
+        read(content.replace(*change, 1))
+    assert "\n" not in str(refused.value)
+
+
+# --- all formats
+
+
+@pytest.mark.parametrize("normal", [(1, 0, 0), (0.6, 0, 0.8)])
+def test_one_normal_for_taxels_all_round_is_a_placeholder(read, normal):
+    """Whatever direction it is; then no normal of the file is used, and it is said how many are so."""
+    taxels = read(csv_text(ROUND, normals=np.tile(normal, (12, 1))))
+    assert taxels.normals is None
+    assert codes(taxels) == {"placeholder-normals": "line 2"} and value(taxels, "placeholder-normals") == 12
+
+
+def test_a_few_placeholders_spoil_all_normals(read):
+    """Rows of (1, 0, 0) on both sides of the link, among right ones; the one that is right counts with them."""
+    normals = OUTWARD.copy()
+    normals[[2, 8]] = 1, 0, 0
+    taxels = read(csv_text(ROUND, normals=normals))
+    assert taxels.normals is None and codes(taxels) == {"placeholder-normals": "line 2"}
+    assert value(taxels, "placeholder-normals") == 3
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_one_normal_for_a_flat_patch_is_right(read, axis):
+    """A sole has one normal; so has a patch across x, where (1, 0, 0) is right."""
+    flat = np.roll(np.column_stack((0.1 * np.ones(12), ROUND[:, :2])), axis, axis=1)
+    normals = np.tile(np.roll((1.0, 0, 0), axis), (12, 1))
+    taxels = read(csv_text(flat, normals=normals))
+    assert (taxels.normals == normals).all() and taxels.findings == ()
+
+
+def test_missing_and_long_normals_are_told(read):
+    """A zero normal leaves no normals to rely on; one that is not unit is scaled."""
+    normals = OUTWARD.copy()
+    normals[4] *= 2.5
+    normals[8] *= 0.5
+    taxels = read(csv_text(ROUND, normals=normals))
+    assert_allclose(taxels.normals, OUTWARD, rtol=0, atol=1e-12)
+    assert codes(taxels) == {"not-unit-normals": "line 6"} and value(taxels, "not-unit-normals") == 2
+    normals[2] = 0
+    taxels = read(csv_text(ROUND, normals=normals))
+    assert taxels.normals is None and codes(taxels) == {"missing-normals": "line 4"}
+
+
+def test_taxels_in_one_place_are_told(read):
+    """Three taxels in two places: the second and the third of a place are named, with the first of them."""
+    places = ROUND.copy()
+    places[7], places[11] = places[2], places[2]
+    taxels = read(csv_text(places, normals=OUTWARD))
+    (found,) = taxels.findings
+    assert (found.code, found.pointer, found.value) == ("duplicate-position", "line 9", 2)
+    assert "that of line 4" in found.message and len(taxels.labels) == 12
+
+
+def test_plan_knows_every_format():
+    """The schema of plans lists what is read here."""
+    path = Path(__file__).parents[4] / "skin_calib_addon" / "plan" / "schema.json"
+    schema = json.loads(path.read_text("utf-8"))
+    assert tuple(schema["$defs"]["imported"]["properties"]["format"]["enum"]) == READABLE
+
+
+def test_file_that_is_no_ply_is_refused_as_such(read):
+    """Whoever names the format is told that it is another, not what a header lacks."""
+    with pytest.raises(CalibrationFormatError, match="does not begin with ply; check that it is the right file"):
+        read(pcd_text(ROUND), "ply")
+
+
+def test_format_is_told_by_the_content(read, tmp_path):
+    """The three samples without a name; with the wrong one, with an unknown one, with no content."""
+    rows = np.column_stack((ROUND, OUTWARD))
+    samples = {"icub": icub_text(rows), "tum": tum_text(CELLS), "csv": csv_text(ROUND), "urdf": robot_text(PLACES)}
+    samples |= {"ply": ply_text(ROUND), "pcd": pcd_text(ROUND)}
+    assert set(samples) == set(READABLE) - {"gentact", "urdf-tactile"}  # which are read as csv and urdf
+    for name, content in samples.items():
+        assert (reading.cloud_format_of(content.encode()) or reading.format_of(content)) == name
+        assert len(read(content).labels) == len(read(content, name).labels) > 0
+        for other in samples.keys() - {name}:
+            with pytest.raises(CalibrationFormatError):
+                read(content, other)
+    with pytest.raises(
+        CalibrationFormatError, match="no format 'cvs' of taxels; use one of icub, tum, csv, .*; did you mean \"csv\""
+    ):
+        read(samples["csv"], "cvs")
+    for content in ("hello", "\n\n", "a,b,c\n1,2,3\n", "x y z\n1 2 3\n", "\x01"):
+        with pytest.raises(CalibrationFormatError, match="is no taxel file that is known here"):
+            read(content)
+        for name in READABLE:
+            with pytest.raises(CalibrationFormatError):
+                read(content, name)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"x,y,z\n\xff,0,0\n", "is not UTF-8 at byte 6; save it as UTF-8"),
+        (b"\xff\xfex\x00,\x00", "is UTF-16; save it as UTF-8"),
+        (b"solid\0\0\0", "is binary at byte 5; check that it is the right file"),
+        (b"", "is empty; check that it was written whole"),
+        (b'{"format": "skin-calibration"}', "is JSON, no taxel file: export .* fit"),
+        (b"x,y,z\n1,2,3\n" + b" " * (text.MOST_LINE + 1), "line 3 of .* has 1048577 characters; at most 1048576"),
+    ],
+)
+def test_text_that_is_none_is_refused(read, content, words):
+    """Before any reader sees it."""
+    with pytest.raises(CalibrationFormatError, match=words):
+        read(content)
+
+
+def test_sizes_are_limited(read, monkeypatch):
+    """Bytes before decoding, rows before they are taken; as many as are allowed are read."""
+    rows = np.column_stack((ROUND, OUTWARD))
+    for module, content in ((icub, icub_text(rows)), (table, csv_text(ROUND))):
+        monkeypatch.setattr(module, "MOST_TAXELS", 12)
+        assert len(read(content).labels) == 12
+        monkeypatch.setattr(module, "MOST_TAXELS", 11)
+        with pytest.raises(CalibrationFormatError, match="is one row too many; at most 11 are read"):
+            read(content)
+    with pytest.raises(CalibrationFormatError, match="has more than 12 entries in taxel2Repr"):
+        monkeypatch.setattr(icub, "MOST_TAXELS", 12)
+        read(icub_text(rows, "3 " * 13))
+    monkeypatch.setattr(text, "MOST_LINES", 12)
+    with pytest.raises(CalibrationFormatError, match="its 14 lines exceed 12"):
+        read(csv_text(ROUND))
+    monkeypatch.setattr(text, "MOST_BYTES", 100)
+    with pytest.raises(CalibrationFormatError, match="bytes exceed 100"):
+        read(csv_text(ROUND))
+
+
+def test_files_that_are_none_are_refused(tmp_path):
+    """A folder, nothing, a name with a NUL: one line, no traceback."""
+    for path in (tmp_path, tmp_path / "nothing.csv", "a\x00b"):
+        with pytest.raises(CalibrationFormatError, match="cannot read"):
+            read_taxels(path)
+
+
+def test_errors_are_all_told_and_counted(read):
+    """Ten bad rows: ten findings, and the message says how many."""
+    lines = csv_text(ROUND).split("\n")
+    lines[1:11] = ["a,b,c"] * 10
+    with pytest.raises(CalibrationFormatError, match="has 10 errors; the first error: line 2 has 'a'") as refused:
+        read("\n".join(lines))
+    assert [f.pointer for f in refused.value.findings] == [f"line {n}" for n in range(2, 12)]
+
+
+def test_taxel_set_is_frozen_and_checked():
+    """Read-only copies; rows that do not fit are a mistake of ours."""
+    taxels = TaxelSet(ROUND, OUTWARD, tuple("abcdefghijkl"), np.arange(12), "link")
+    for values in (taxels.positions, taxels.normals, taxels.channels):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 0
+    with pytest.raises(ValueError, match="TaxelSet.normals has shape"):
+        TaxelSet(ROUND, OUTWARD[1:], tuple("abcdefghijkl"), np.arange(12), "link")
+    with pytest.raises(ValueError, match="TaxelSet.neighbours has 1 rows, expected 12"):
+        TaxelSet(ROUND, None, tuple("abcdefghijkl"), np.arange(12), None, neighbours=((),))
+
+
+def test_moved_set_goes_along():
+    """Positions turn and shift, directions turn; the frame that the file named is left."""
+    taxels = TaxelSet(ROUND, OUTWARD, tuple("abcdefghijkl"), np.arange(12), "link", tangents=OUTWARD)
+    moved = taxels.moved(matrix(90), np.array((1.0, 0, 0)))
+    assert_allclose(moved.positions, ROUND @ matrix(90).T + (1, 0, 0), rtol=0, atol=1e-15)
+    assert_allclose(moved.normals, OUTWARD @ matrix(90).T, rtol=0, atol=1e-12)
+    assert_allclose(moved.tangents, OUTWARD @ matrix(90).T, rtol=0, atol=1e-12)
+    assert moved.frame is None and moved.labels == taxels.labels

@@ -1,0 +1,155 @@
+"""MuJoCo feels a press where it is: the exported model is loaded, touched on every taxel, and read."""
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration.exchange import FORMATS
+from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
+from skin_calib_addon.common.errors import CalibrationFormatError
+from tests.samples import boards, seven_boards, sheet, small_calibration
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco): its model is not tried")
+
+RADIUS, DEPTH = 0.004, 0.0003  # of the sphere that presses [m]
+
+
+def curved_and_flat():
+    """A sheet round a cylinder and boards on a plane beside it; names with what XML escapes."""
+    calibration = small_calibration(patches=(sheet(4, 6, 0.01), seven_boards(24)), link='fore"arm & <hand>')
+    return calibration, taxels_of(calibration)
+
+
+def pressed(calibration):
+    """A model with a sphere that floats beside it, and its data."""
+    spec = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode())
+    finger = spec.worldbody.add_body(name="finger")
+    finger.add_freejoint()
+    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
+    spec.option.gravity = [0, 0, 0]
+    model = spec.compile()
+    return model, mujoco.MjData(model)
+
+
+def press(model, data, place, normal, velocity=(0, 0, 0)):
+    """Put the sphere into the skin at a place, and compute."""
+    data.qpos[:] = [*(place + (RADIUS - DEPTH) * normal), 1, 0, 0, 0]
+    data.qvel[:] = [*velocity, 0, 0, 0]
+    mujoco.mj_forward(model, data)
+
+
+def test_sites_stand_where_the_taxels_are():
+    """By name: place, and frame with the normal as z axis."""
+    calibration, taxels = curved_and_flat()
+    model = mujoco.MjModel.from_xml_string(FORMATS["mjcf"].write(calibration).decode())
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert (model.nsite, model.body(1).name) == (31, calibration.link)
+    for i, name in enumerate(taxels.ids):
+        np.testing.assert_allclose(data.site(name).xpos, taxels.positions[i], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(data.site(name).xmat.reshape(3, 3), taxels.axes[i], rtol=0, atol=1e-12)
+
+
+def test_touch_and_tactile_sensors_feel_the_pressed_taxel():
+    """A small sphere on each taxel in turn, a little off its middle: it alone is touched, and tells the depth."""
+    calibration, taxels = curved_and_flat()
+    model, data = pressed(calibration)
+    for i, name in enumerate(taxels.ids):
+        press(model, data, taxels.positions[i] + 0.0005 * taxels.tangents[i], taxels.normals[i])
+        touched = [other for other in taxels.ids if data.sensor(other).data[0] > 0]
+        assert touched == [name]
+        patch, row = ("sheet", i) if i < 24 else ("flower", i - 24)
+        depth = data.sensor(patch).data.reshape(3, -1)[0]
+        assert np.flatnonzero(depth).tolist() == [row] and 0.8 * DEPTH < depth[row] <= DEPTH
+        assert not data.sensor("flower" if patch == "sheet" else "sheet").data.any()
+
+
+def test_sphere_that_hovers_is_not_felt():
+    """A tenth of a millimetre above each taxel: the cells end where the taxels are."""
+    calibration, taxels = curved_and_flat()
+    model, data = pressed(calibration)
+    for i in range(len(taxels.ids)):
+        press(model, data, taxels.positions[i] + (DEPTH + 1e-4) * taxels.normals[i], taxels.normals[i])
+        assert not data.sensordata.any()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_slip_runs_along_the_tangent_and_across(axis):
+    """A sphere that moves along an axis of the taxel's frame slips in that channel, and in no other."""
+    calibration, taxels = curved_and_flat()
+    model, data = pressed(calibration)
+    for i in (8, 9, 24):
+        press(model, data, taxels.positions[i], taxels.normals[i], 0.1 * taxels.axes[i, :, axis])
+        slips = data.sensor("sheet" if i < 24 else "flower").data.reshape(3, -1)[1:, i if i < 24 else 0]
+        assert abs(slips[axis]) > 1e-6 and abs(slips[1 - axis]) < 1e-3 * abs(slips[axis])
+
+
+def test_press_between_four_cells_is_felt_by_them():
+    """Sites leave no gaps: a larger sphere on a corner touches some of the cells around it and no other."""
+    calibration, taxels = curved_and_flat()
+    model, data = pressed(calibration)
+    corner = calibration.patches[0].taxels.corners_link[7, 2]
+    press(model, data, corner, taxels.normals[7])
+    touched = {other for other in taxels.ids if data.sensor(other).data[0] > 0}
+    assert touched and touched <= {"s1.1", "s1.2", "s2.1", "s2.2"}
+
+
+def test_patches_without_a_mesh_have_touch_sensors():
+    """Two boards make no mesh; a single row of cells on a straight line neither; one round a bend does."""
+    straight = sheet(5, 1, 0.01)
+    assert pressed(small_calibration(patches=(sheet(1, 3, 0.01),)))[0].nmesh == 0
+    calibration = small_calibration(patches=(sheet(1, 5, 0.01), boards(5)))
+    model, data = pressed(calibration)
+    assert (model.nmesh, model.nsensor) == (1, 8)
+    press(model, data, calibration.patches[1].taxels.positions_link[1], np.array([0, 0, 1.0]))
+    assert data.sensor("h1").data[0] > 0 and data.sensor("h0").data[0] == 0
+    model, data = pressed(small_calibration(patches=(straight,)))
+    assert (model.nmesh, model.nsensor) == (0, 5)
+
+
+def test_robot_wears_an_attached_skin():
+    """As the manual has it: on a link that stands elsewhere and moves, every sensor feels what it should."""
+    calibration, taxels = curved_and_flat()
+    link = (
+        '<body name="arm" pos="0.3 0 0.1" euler="0 40 0"><joint axis="0 0 1"/><geom type="cylinder" size="0.03 0.1"/>'
+    )
+    robot = mujoco.MjSpec.from_string(f'<mujoco><option gravity="0 0 0"/><worldbody>{link}</body></worldbody></mujoco>')
+    skin = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode())
+    robot.body("arm").add_frame().attach_body(skin.body(calibration.link), "skin/", "")
+    finger = robot.worldbody.add_body(name="finger")
+    finger.add_freejoint()
+    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
+    model = robot.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert model.body(f"skin/{calibration.link}").mass == 0
+    for i, name in enumerate(taxels.ids):
+        site = data.site(f"skin/{name}")
+        data.qpos[1:] = [*(site.xpos + (RADIUS - DEPTH) * site.xmat.reshape(3, 3)[:, 2]), 1, 0, 0, 0]
+        mujoco.mj_forward(model, data)
+        assert [other for other in taxels.ids if data.sensor(f"skin/{other}").data[0] > 0] == [name]
+        depth = data.sensor("skin/sheet" if i < 24 else "skin/flower").data.reshape(3, -1)[0]
+        assert np.flatnonzero(depth).tolist() == [i if i < 24 else i - 24]
+
+
+def test_names_of_sensors_must_differ():
+    """A patch that is called as one of its taxels is refused before MuJoCo does."""
+    patch = sheet(2, 2, 0.01)
+    object.__setattr__(patch, "name", "s0.1")
+    with pytest.raises(CalibrationFormatError, match='two things would be called "s0.1" in MuJoCo; rename'):
+        FORMATS["mjcf"].write(small_calibration(patches=(patch,)))
+
+
+def test_frames_of_urdf_are_where_mujoco_puts_them():
+    """Another reader of URDF places each frame of patch and taxel as the calibration has it."""
+    calibration = small_calibration(patches=(sheet(3, 5, 0.01), seven_boards(15)), link="arm & hand")
+    taxels = taxels_of(calibration)
+    text = FORMATS["urdf"].write(calibration).decode()
+    kept = '<mujoco><compiler fusestatic="false"/></mujoco>\n</robot>'
+    model = mujoco.MjModel.from_xml_string(text.replace("</robot>", kept))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for i, name in enumerate(taxels.ids):
+        np.testing.assert_allclose(data.body(name).xpos, taxels.positions[i], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(data.body(name).xmat.reshape(3, 3), taxels.axes[i], rtol=0, atol=1e-12)
+        parent = model.body(model.body(name).parentid[0]).name
+        assert parent == taxels.patches[i]

@@ -1,0 +1,382 @@
+"""Calibration files: what is written comes back, and a failure leaves what was there."""
+
+import dataclasses
+import errno
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration import (
+    MeshSource,
+    Response,
+    ResponseTable,
+    check_calibration,
+    encode,
+    from_document,
+    load_calibration,
+    save_calibration,
+    to_document,
+    validate,
+)
+from skin_calib_addon.common import atomic_file, strict_json
+from skin_calib_addon.common.atomic_file import write_bytes_safely
+from skin_calib_addon.common.encoding import checksum
+from skin_calib_addon.common.errors import CalibrationFormatError, OutputError
+from tests.samples import boards, cylinder, plane, sheet, small_calibration
+
+ROOT = Path(__file__).parents[3]
+STEPS = ("open", "fsync", "chmod", "replace")
+
+
+def test_sample_is_valid():
+    """The calibration that the other tests start from has not even a warning."""
+    assert validate(to_document(small_calibration())) == ()
+
+
+def test_document_keeps_its_order_and_names():
+    """Other programs hold on to the member names, in this order."""
+    document = to_document(small_calibration())
+    assert list(document) == [
+        *("format", "version", "generator", "units", "link", "mesh", "surfaces", "patches", "response"),
+        *("x_note", "checksum"),
+    ]
+    assert list(document["surfaces"][1]) == [
+        *("name", "degree", "knots", "control_net", "closed", "errors", "x_material"),
+    ]
+    assert list(document["patches"][1]) == ["name", "kind", "surface", "shape", "pitch", "taxels", "x_ports"]
+    assert list(document["patches"][1]["taxels"]) == [
+        *("id", "channel", "index", "uv", "position", "normal", "tangent", "corners", "area", "neighbours"),
+        *("gap", "tilt"),
+    ]
+    assert list(document["patches"][0]["taxels"])[-1] == "strain"
+
+
+def test_file_is_json_with_a_taxel_per_line(tmp_path):
+    """Any JSON reader reads the same document, and a changed taxel changes one line per column."""
+    path = tmp_path / "c.json"
+    save_calibration(small_calibration(), path)
+    data = path.read_bytes()
+    assert json.loads(data) == to_document(small_calibration())
+    assert data.endswith(b"}\n") and b"\r" not in data
+    patch = sheet(2, 3, 0.01)
+    moved = patch.taxels.positions_link + np.array([[0, 0, 1e-6 * (row == 4)] for row in range(6)])
+    taxels = dataclasses.replace(patch.taxels, positions_link=moved)
+    changed = encode(to_document(small_calibration(patches=(dataclasses.replace(patch, taxels=taxels), boards(6)))))
+    lines = [(a, b) for a, b in zip(data.splitlines(), changed.splitlines(), strict=True) if a != b]
+    assert len(lines) == 2 and b"checksum" in lines[1][0]
+
+
+def test_file_has_a_response_per_line():
+    """Own responses stand one under the other, each taxel's on a line of its own; any JSON reader reads the same."""
+    patch = sheet(2, 3, 0.01)
+    taxels = dataclasses.replace(patch.taxels, responses=np.array((0, 1, 0, 1, 0, 1)))
+    own = (Response((0.0, 0.5), (0.0, 250.0)), ResponseTable((0.0, 250.0), (16.0, 0.0)))
+    patches = (dataclasses.replace(patch, taxels=taxels), boards(6))
+    document = to_document(small_calibration(patches=patches, responses=own))
+    data = encode(document)
+    assert json.loads(data) == document and validate(document) == ()
+    assert list(document)[7:10] == ["patches", "response", "responses"]
+    assert data.count(b'\n    {"kind": "polynomial", "coefficients": [0.0, 0.5], "range": [0.0, 250.0]},\n') == 1
+    assert data.count(b'\n    {"kind": "table", "readings": [0.0, 250.0], "forces": [16.0, 0.0]}\n  ],') == 1
+    assert b'"response": [\n          0,\n          1,\n' in data
+
+
+def test_rows_survive_text_that_looks_like_structure():
+    """Ids full of brackets, commas, quotes and escapes come back as they were."""
+    names = ('],\\n["', "]], [[", 'a", "b', "\\", "前腕 \u2028", ",")
+    patch = sheet(2, 3, 0.01)
+    new = dict(zip(patch.taxels.ids, names, strict=True))
+    neighbours = tuple(tuple(new[i] for i in ids) for ids in patch.taxels.neighbours)
+    taxels = dataclasses.replace(patch.taxels, ids=names, neighbours=neighbours)
+    document = to_document(small_calibration(patches=(dataclasses.replace(patch, taxels=taxels),)))
+    assert json.loads(encode(document)) == document
+    assert validate(document) == ()
+
+
+def test_lonely_taxel_survives():
+    """A taxel without neighbours: its empty row stays a row, first in the table or not."""
+    patch = sheet(1, 1, 0.01)
+    document = to_document(small_calibration(surfaces=(cylinder(),), patches=(patch,)))
+    assert json.loads(encode(document)) == document
+    pair = dataclasses.replace(sheet(2, 1, 0.01).taxels, neighbours=((), ()))
+    document = to_document(small_calibration(patches=(dataclasses.replace(patch, taxels=pair),)))
+    assert json.loads(encode(document)) == document
+
+
+def test_calibration_without_patches_survives(tmp_path):
+    """A fit without a skin is a calibration too."""
+    save_calibration(small_calibration(patches=(), surfaces=()), tmp_path / "c.json")
+    assert load_calibration(tmp_path / "c.json").patches == ()
+
+
+def test_free_members_pass_through(tmp_path):
+    """``x_`` members come back from the top level, surfaces and patches."""
+    save_calibration(small_calibration(), tmp_path / "c.json")
+    loaded = load_calibration(tmp_path / "c.json")
+    assert loaded.extra == {"x_note": {"author": "前腕", "numbers": [1, 2.5, None, True]}}
+    assert loaded.surfaces[1].extra == {"x_material": "PLA"}
+    assert loaded.patches[1].extra == {"x_ports": [[1, 0, 0, 0], [0, 0, 1, 0]]}
+
+
+def test_numbers_of_another_writer_become_ours():
+    """1 for 1.0 and 1.0 for 1 are the same numbers: the calibration is the same, to its bytes."""
+    document = to_document(small_calibration())
+    foreign = json.loads(encode(document))
+    foreign["patches"][0]["taxels"]["channel"][2] = 2.0
+    foreign["patches"][0]["shape"][0] = 2.0
+    foreign["mesh"]["faces"] = 1996.0
+    foreign["patches"][0]["taxels"]["normal"][0] = [1, 0, 0]
+    foreign["surfaces"][0]["degree"][0] = 2.0
+    foreign["surfaces"][0]["errors"]["hausdorff"] = 1
+    document["surfaces"][0]["errors"]["hausdorff"] = 1.0
+    document["checksum"] = checksum(document)
+    ours, theirs = from_document(document), from_document(foreign)
+    assert encode(to_document(theirs)) == encode(document)
+    assert repr(theirs.mesh) == repr(ours.mesh) and repr(theirs.surfaces[0].errors) == repr(ours.surfaces[0].errors)
+    assert repr(theirs.patches[0].shape) == repr(ours.patches[0].shape)
+
+
+def test_numpy_numbers_are_written(tmp_path):
+    """Counts and distances that are NumPy scalars are numbers like others."""
+    mesh = MeshSource("a.stl", "0" * 64, np.int64(5), np.int32(6))
+    save_calibration(small_calibration(mesh=mesh), tmp_path / "c.json")
+    assert load_calibration(tmp_path / "c.json").mesh == MeshSource("a.stl", "0" * 64, 5, 6)
+
+
+def test_checksum_ignores_layout():
+    """White space and the order of members are no content; a digit is."""
+    document = to_document(small_calibration())
+    shuffled = dict(reversed(document.items()))
+    assert checksum(shuffled) == document["checksum"]
+    assert validate(json.loads(json.dumps(shuffled, indent=4))) == ()
+    document["link"] = "Forearm"
+    assert [finding.code for finding in validate(document)] == ["checksum"]
+
+
+def test_save_refuses_what_load_would(tmp_path):
+    """A calibration with an error in it is not written, and the old file stays."""
+    path = tmp_path / "c.json"
+    path.write_bytes(b"old")
+    twice = small_calibration(patches=(sheet(2, 3, 0.01), boards(first_channel=5)))
+    with pytest.raises(CalibrationFormatError, match=r"'forearm' has one error: /patches/1/taxels/channel/0 repeats 5"):
+        save_calibration(twice, path)
+    assert path.read_bytes() == b"old" and os.listdir(tmp_path) == ["c.json"]
+
+
+def test_save_refuses_nan_with_its_place(tmp_path):
+    """A NaN in a quality column is named by its pointer."""
+    patch = sheet(2, 3, 0.01)
+    taxels = dataclasses.replace(patch.taxels, quality={"gap": np.array([0, 0, np.nan, 0, 0, 0])})
+    with pytest.raises(CalibrationFormatError, match="/patches/0/taxels/gap/2 must be a finite number, not nan"):
+        save_calibration(small_calibration(patches=(dataclasses.replace(patch, taxels=taxels),)), tmp_path / "c.json")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("junk", [{1, 2}, float("nan"), object(), "\ud800"])
+def test_save_refuses_free_members_that_are_not_json(junk, tmp_path):
+    """What JSON cannot hold is refused in one line, also where the schema does not look."""
+    with pytest.raises(CalibrationFormatError, match="^the calibration of 'forearm' holds what JSON cannot"):
+        save_calibration(small_calibration(extra={"x_junk": junk}), tmp_path / "c.json")
+
+
+def test_save_refuses_free_members_without_their_prefix(tmp_path):
+    """A free member cannot replace one of ours."""
+    with pytest.raises(CalibrationFormatError, match="must begin with 'x_', not be 'link'"):
+        save_calibration(small_calibration(extra={"link": "thigh"}), tmp_path / "c.json")
+
+
+def test_load_names_count_and_first_finding(tmp_path):
+    """The message is one line; the findings are all there."""
+    document = to_document(small_calibration())
+    document["link"] = 3
+    document["mesh"]["fases"] = document["mesh"].pop("faces")
+    path = tmp_path / "c.json"
+    path.write_bytes(json.dumps(document).encode())
+    with pytest.raises(CalibrationFormatError) as caught:
+        load_calibration(path)
+    assert str(caught.value) == f"'{path}' has 4 errors; the first error: /link must be a string, not 3 [type]"
+    assert [f.pointer for f in caught.value.findings] == ["/link", "/mesh", "/mesh/fases", "/checksum"]
+    assert caught.value.findings == check_calibration(path)
+
+
+def test_load_accepts_warnings(tmp_path):
+    """A warning is for a person; the calibration is usable."""
+    patch = boards()
+    taxels = dataclasses.replace(patch.taxels, areas=2 * patch.taxels.areas)
+    path = tmp_path / "c.json"
+    calibration = small_calibration(surfaces=(plane(),), patches=(dataclasses.replace(patch, taxels=taxels),))
+    save_calibration(calibration, path)
+    assert load_calibration(path).patches[0].taxels.areas.tolist() == taxels.areas.tolist()
+    assert {finding.severity for finding in check_calibration(path)} == {"warning"}
+
+
+def test_load_refuses_what_is_no_file(tmp_path):
+    """Missing, a folder, a pipe, a path that cannot be: one line each, and no waiting."""
+    os.mkfifo(tmp_path / "pipe")
+    for name, reason in (
+        ("missing.json", "No such file"),
+        ("missing/c.json", "No such file"),
+        (".", "it is a folder; name a file"),
+        ("pipe", "not a regular file"),
+        ("a\0b", "null"),
+    ):
+        with pytest.raises(CalibrationFormatError, match=reason) as caught:
+            load_calibration(tmp_path / name)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs a file that tells no size")
+def test_file_larger_than_it_tells_is_not_read_on(monkeypatch):
+    """One that grows while it is read must not fill the memory."""
+    monkeypatch.setattr(strict_json, "MOST_BYTES", 10)
+    assert len(strict_json.read("/proc/self/status")) == 11
+    with pytest.raises(CalibrationFormatError, match="has 11 bytes; at most 10 are read"):
+        load_calibration("/proc/self/status")
+
+
+def test_write_replaces_whole_file_and_keeps_mode(tmp_path):
+    """The new content is there, the permissions are the old ones, and nothing else is left."""
+    path = tmp_path / "c.json"
+    path.write_bytes(b"a longer old content")
+    path.chmod(0o640)
+    write_bytes_safely(path, b"new")
+    assert path.read_bytes() == b"new" and stat.S_IMODE(path.stat().st_mode) == 0o640
+    assert os.listdir(tmp_path) == ["c.json"]
+
+
+def test_write_gives_new_files_the_usual_mode(tmp_path):
+    """A new file is as readable as any that the user makes, not private."""
+    (tmp_path / "usual").touch()
+    write_bytes_safely(tmp_path / "c.json", b"new")
+    assert (tmp_path / "c.json").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def test_write_follows_symbolic_links(tmp_path):
+    """The target is replaced, in its own folder; the link stays a link. A target may be new."""
+    (tmp_path / "store").mkdir()
+    target, link = tmp_path / "store" / "c.json", tmp_path / "link.json"
+    link.symlink_to(target)
+    for content in (b"first", b"second"):
+        write_bytes_safely(link, content)
+        assert link.is_symlink() and target.read_bytes() == content
+    assert sorted(os.listdir(tmp_path)) == ["link.json", "store"] and os.listdir(tmp_path / "store") == ["c.json"]
+
+
+def test_write_names_missing_folder(tmp_path):
+    """The folder is named, and not made."""
+    with pytest.raises(OutputError, match=f"no folder '{tmp_path}/nowhere'; make it first"):
+        write_bytes_safely(tmp_path / "nowhere" / "c.json", b"")
+    assert os.listdir(tmp_path) == []
+
+
+def test_write_spares_what_is_no_regular_file(tmp_path):
+    """A pipe or folder is not replaced; a device neither, by the same rule."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path, tmp_path / "pipe"):
+        with pytest.raises(OutputError, match="it is (not a regular file|a folder); name a file"):
+            write_bytes_safely(path, b"")
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+
+
+def test_write_respects_protection(tmp_path, monkeypatch):
+    """A file or folder without permission to write stays as it is."""
+    path = tmp_path / "c.json"
+    path.write_bytes(b"old")
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write anything
+    with pytest.raises(OutputError, match="write-protected"):
+        write_bytes_safely(path, b"new")
+    assert path.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EACCES])
+def test_write_failing_leaves_old_file(step, code, tmp_path, monkeypatch):
+    """A full disk, a broken one or a missing permission at any step: the old file is whole, and alone."""
+    path = tmp_path / "c.json"
+    path.write_bytes(b"old")
+
+    def fail(*_, **__):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(atomic_file if step == "open" else os, step, fail, raising=step != "open")
+    with pytest.raises(OutputError, match=os.strerror(code)):
+        write_bytes_safely(path, b"new")
+    monkeypatch.undo()
+    assert path.read_bytes() == b"old" and os.listdir(tmp_path) == ["c.json"]
+
+
+def test_write_interrupted_leaves_old_file(tmp_path, monkeypatch):
+    """The interrupt reaches the caller; the old file is whole, and alone."""
+    path = tmp_path / "c.json"
+    path.write_bytes(b"old")
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_bytes_safely(path, b"new")
+    assert path.read_bytes() == b"old" and os.listdir(tmp_path) == ["c.json"]
+
+
+def test_write_survives_folder_that_cannot_be_synced(tmp_path, monkeypatch):
+    """The file is in place by then; some file systems sync no folders."""
+    real = os.fsync
+
+    def fail(handle):
+        if stat.S_ISDIR(os.fstat(handle).st_mode):
+            raise OSError(errno.EINVAL, "no folders here")
+        real(handle)
+
+    monkeypatch.setattr(os, "fsync", fail)
+    write_bytes_safely(tmp_path / "c.json", b"new")
+    assert (tmp_path / "c.json").read_bytes() == b"new"
+
+
+def run_write(tmp_path, preparation):
+    """Write 'new' over 'old' in a process of its own, prepared by a line of code."""
+    path = tmp_path / "c.json"
+    path.write_bytes(b"old")
+    code = (
+        "import os, resource, signal, sys\n"
+        "from skin_calib_addon.common import atomic_file\n"
+        f"{preparation}\n"
+        "try:\n    atomic_file.write_bytes_safely(sys.argv[1], b'new' * 100_000)\n"
+        "except atomic_file.OutputError as error:\n    sys.exit(str(error))\n"
+    )
+    return subprocess.run([sys.executable, "-c", code, path], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("after", [False, True])
+def test_write_killed_leaves_a_whole_file(step, after, tmp_path):
+    """Killed before or after any step, the file is the old one, or after the last step the new one; never a part."""
+    place = "atomic_file" if step == "open" else "os"
+    run = run_write(
+        tmp_path,
+        f"real = getattr({place}, '{step}', open)\n"
+        "def deadly(*given):\n"
+        f"    {'real(*given)' if after else 'pass'}\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+        f"{place}.{step} = deadly",
+    )
+    assert run.returncode == -signal.SIGKILL
+    whole = b"new" * 100_000 if step == "replace" and after else b"old"
+    assert (tmp_path / "c.json").read_bytes() == whole
+
+
+def test_write_to_full_disk_leaves_old_file(tmp_path):
+    """A write that stops half-way for lack of room: one line, the old file whole, and alone."""
+    run = run_write(
+        tmp_path,
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)",
+    )
+    assert run.returncode == 1 and run.stderr.startswith("cannot write") and run.stderr.count("\n") == 1
+    assert (tmp_path / "c.json").read_bytes() == b"old" and os.listdir(tmp_path) == ["c.json"]

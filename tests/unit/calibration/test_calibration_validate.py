@@ -1,0 +1,480 @@
+"""What is wrong with a calibration is found, all of it, and said where it stands."""
+
+import ast
+import copy
+import gzip
+import json
+import re
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skin_calib_addon import calibration
+from skin_calib_addon.calibration import encode, to_document, validate
+from skin_calib_addon.calibration.validate import SCHEMA
+from skin_calib_addon.common import findings, strict_json
+from skin_calib_addon.common.encoding import checksum
+from skin_calib_addon.common.findings import Finding
+from skin_calib_addon.common.schema_check import check, read_schema
+from skin_calib_addon.common.strict_json import MOST_DEPTH, parse
+from tests.samples import small_calibration
+
+TABLE = {"kind": "table", "readings": [0.0, 10.0, 20.0], "forces": [5.0, 1.0, 0.0]}
+SAMPLE = to_document(small_calibration())
+TEXT = encode(SAMPLE)
+NORMAL = "/patches/0/taxels/normal"
+
+
+def at(document, pointer):
+    """Parent and key of what a pointer leads to."""
+    *path, last = [key.replace("~1", "/").replace("~0", "~") for key in pointer.split("/")[1:]]
+    for key in path:
+        document = document[int(key) if isinstance(document, list) else key]
+    return document, int(last) if isinstance(document, list) else last
+
+
+def changed(**by_pointer):
+    """The sample with values replaced (``...`` removes), its checksum made right again."""
+    document = copy.deepcopy(SAMPLE)
+    for pointer, value in by_pointer.items():
+        parent, key = at(document, pointer)
+        if value is ...:
+            del parent[key]
+        else:
+            parent[key] = value(parent[key]) if callable(value) else value
+    if "/checksum" not in by_pointer:
+        with suppress(ValueError):  # NaN and half characters cannot be summed
+            document["checksum"] = checksum(document)
+    return document
+
+
+def found(document):
+    return [(finding.code, finding.pointer) for finding in validate(document)]
+
+
+def times(factor):
+    return lambda values: (factor * np.array(values)).tolist()
+
+
+def spread(taxels):
+    """Twenty times as far apart, each as large as it was."""
+    position = np.array(taxels["position"])
+    corners = np.array(taxels["corners"]) + 19 * position[:, None]
+    return {"position": (20 * position).tolist(), "corners": corners.tolist()}
+
+
+E0 = "/surfaces/0/errors/mesh_to_surface"
+FAR = {"mean": 0.1, "rms": 0.2, "max": 1.0}
+MILLIMETRES = {"mesh_to_surface": FAR, "surface_to_mesh": FAR, "hausdorff": 1.0}
+T0, T1 = "/patches/0/taxels", "/patches/1/taxels"
+FORM = [  # what the schema says: pointer to change, new value, code, pointer of the finding, words of the message
+    ("/format", "skin-plan", "value", "/format", 'must be "skin-calibration", not "skin-plan"'),
+    ("/version", 2, "version", "/version", "newer than the 1 that this program reads; update"),
+    ("/version", 0, "value", "/version", "must be 1, not 0"),
+    ("/version", True, "value", "/version", "must be 1, not true"),
+    ("/version", "1", "value", "/version", 'must be 1, not "1"'),
+    ("/units/length", "mm", "value", "/units/length", 'must be "m", not "mm"'),
+    ("/link", "", "pattern", "/link", "must match"),
+    ("/link", "fore\narm", "pattern", "/link", "must match"),
+    ("/link", "forearm\n", "pattern", "/link", "must match"),
+    ("/link", "\ud800", "type", "/link", "must be a string"),
+    ("/link", ..., "missing", "", 'lacks the member "link"'),
+    ("/linc", "forearm", "unknown", "/linc", 'not known here; did you mean "link"?'),
+    ("/mesh/sha256", "F" * 64, "pattern", "/mesh/sha256", "must match"),
+    ("/mesh/faces", -1, "range", "/mesh/faces", "must be at least 0, not -1"),
+    ("/mesh/faces", 2**31, "range", "/mesh/faces", "must be at most 2147483647"),
+    ("/mesh/faces", 1.5, "type", "/mesh/faces", "must be an integer, not 1.5"),
+    ("/surfaces", {}, "type", "/surfaces", "must be an array, not an object of 0"),
+    ("/surfaces/0", None, "type", "/surfaces/0", "must be an object, not null"),
+    ("/surfaces/0/degree", [3], "length", "/surfaces/0/degree", "must hold 2, not 1"),
+    ("/surfaces/0/degree/0", 0, "range", "/surfaces/0/degree/0", "at least 1"),
+    ("/surfaces/0/closed/0", 0, "type", "/surfaces/0/closed/0", "must be a boolean, not 0"),
+    ("/surfaces/0/control_net/1/2/0", "1.5", "type", "/surfaces/0/control_net/1/2/0", 'a finite number, not "1.5"'),
+    ("/surfaces/0/control_net/1/2", [0, 0], "length", "/surfaces/0/control_net/1/2", "must hold 3, not 2"),
+    ("/surfaces/0/control_net", [], "length", "/surfaces/0/control_net", "must hold at least 1, not 0"),
+    ("/patches/0/kind", "sheets", "value", "/patches/0/kind", 'did you mean "sheet"?'),
+    ("/patches/0/pitch/0", 0, "range", "/patches/0/pitch/0", "must be more than 0, not 0"),
+    (f"{T0}/normal", ..., "missing", T0, 'lacks the member "normal"'),
+    (f"{T0}/positon", [], "unknown", f"{T0}/positon", 'did you mean "position"?'),
+    (f"{T0}/a~1~0b", [], "unknown", f"{T0}/a~1~0b", "not known here"),
+    (f"{T0}/position/3/1", True, "type", f"{T0}/position/3/1", "must be a finite number, not true"),
+    (f"{T0}/position/3/1", float("nan"), "type", f"{T0}/position/3/1", "must be a finite number, not nan"),
+    (f"{T0}/position/3/1", 10**400, "type", f"{T0}/position/3/1", "must be a finite number, not a Python int"),
+    (f"{T0}/channel/2", 2.5, "type", f"{T0}/channel/2", "must be an integer, not 2.5"),
+    (f"{T0}/channel/2", -1, "range", f"{T0}/channel/2", "at least 0"),
+    (f"{T0}/id/2", 7, "type", f"{T0}/id/2", "must be a string, not 7"),
+    (f"{T0}/id/2", "\udfff", "type", f"{T0}/id/2", "must be a string"),
+    (f"{T0}/neighbours/2/0", None, "type", f"{T0}/neighbours/2/0", "must be a string, not null"),
+    (f"{T0}/corners/1", [[0, 0, 0]] * 2, "length", f"{T0}/corners/1", "must hold at least 3, not 2"),
+    ("/response/coefficients", [], "length", "/response/coefficients", "must hold 1 to 16, not 0"),
+    (
+        "/response/kind",
+        "tabel",
+        "value",
+        "/response/kind",
+        'must be one of "polynomial", "table".*did you mean "table"',
+    ),
+    ("/response", {"kind": "table", "readings": [0, 1]}, "missing", "/response", 'lacks the member "forces"'),
+    ("/response", TABLE | {"coefficients": [1]}, "unknown", "/response/coefficients", "not known here"),
+    ("/response", TABLE | {"readings": [0]}, "length", "/response/readings", "must hold 2 to 65536, not 1"),
+    ("/responses", [TABLE, {"kind": "spline"}], "value", "/responses/1/kind", "must be one of"),
+    (f"{T0}/response", [0, 1, -1, 0, 0, 0], "range", f"{T0}/response/2", "must be at least 0, not -1"),
+    ("/checksum", "sha256:0", "pattern", "/checksum", "must match"),
+]
+MEANING = [  # what only the whole document tells
+    ("/checksum", "sha256:" + "0" * 64, "checksum", "/checksum", "changed after writing; .* write sha256:"),
+    ("/surfaces/1/name", "tube", "duplicate-name", "/surfaces/1/name", 'repeats "tube" of /surfaces/0/name'),
+    ("/patches/1/name", "sheet", "duplicate-name", "/patches/1/name", "of /patches/0/name"),
+    (f"{T1}/channel/1", 3, "duplicate-channel", f"{T1}/channel/1", f"repeats 3 of {T0}/channel/3"),
+    ("/patches/0/surface", "tub", "unknown-surface", "/patches/0/surface", 'did you mean "tube"?'),
+    (f"{T0}/neighbours/0/1", "s9", "unknown-neighbour", f"{T0}/neighbours/0/1", 'names no taxel here: "s9"'),
+    (f"{T0}/neighbours/0/1", "s0.0", "self-neighbour", f"{T0}/neighbours/0/1", "names the taxel itself"),
+    (f"{T0}/neighbours/0/1", "h0", "one-sided-neighbour", f"{T0}/neighbours/0/1", "does not name this one"),
+    (f"{T0}/uv", lambda uv: uv[:5], "length", f"{T0}/uv", "holds 5 taxels, 'id' 6"),
+    (f"{T0}/strain", lambda rows: rows + rows, "length", f"{T0}/strain", "holds 12 taxels"),
+    (f"{T0}/corners/2", lambda polygon: polygon[:3], "length", f"{T0}/corners/2", "has 3 corners, the first cell 4"),
+    (f"{NORMAL}/4", times(1.001), "not-unit", f"{NORMAL}/4", "has length 1.001"),
+    (f"{NORMAL}/4", times(1 + 3e-9), "not-unit", f"{NORMAL}/4", "has length 1.000000003"),
+    (f"{T0}/tangent/0", [0, 0, 0], "not-unit", f"{T0}/tangent/0", "has length 0;"),
+    (f"{T0}/tangent/0", [1, 0, 0], "not-square", f"{T0}/tangent/0", "not at a right angle"),
+    (f"{NORMAL}/1", times(-1), "flipped-normal", f"{NORMAL}/1", "points inwards"),
+    (f"{T0}/corners/1", lambda polygon: polygon[::-1], "flipped-normal", f"{NORMAL}/1", "reverse the corners"),
+    (f"{T0}/area/5", 1.3e-4, "area", f"{T0}/area/5", "is 0.00013 m.2, but the corners span 0.0001 m.2"),
+    (f"{T0}/area/5", 7e-5, "area", f"{T0}/area/5", "is 7e-05"),
+    (f"{T0}/position/2", times(1000), "units", f"{T0}/position/2", "divide lengths by 1000"),
+    (
+        f"{T0}/area",
+        times(1e6),
+        "units",
+        f"{T0}/area",
+        "everywhere 1e.06 times or more what the corners span; it must be in m.2",
+    ),
+    (f"{T0}/area", times(1e4), "units", f"{T0}/area", "is everywhere 1e.04 times"),
+    (T0, lambda t: t | spread(t), "units", f"{T0}/position", "lie 0.1993 m from their neighbours, the pitch is 0.01 m"),
+    ("/surfaces/0/errors/hausdorff", 0.1, "errors", "/surfaces/0/errors/hausdorff", "the larger maximum is 0.00011"),
+    (f"{E0}/rms", 9e-6, "errors", E0, "has mean 1e-05, rms 9e-06, max 0.0001, which must not fall"),
+    (f"{E0}/max", 1.9e-5, "errors", E0, "rms 2e-05, max 1.9e-05"),
+    ("/surfaces/0/errors", MILLIMETRES, "units", "/surfaces/0/errors/hausdorff", "reaches 1 m, and the surface is 0.2"),
+    ("/patches/0/pitch", [10, 10], "units", "/patches/0/pitch", "reaches 10 m; divide by 1000"),
+    ("/surfaces/1/control_net", times(1000), "units", "/surfaces/1/control_net", "reaches 100 m"),
+    ("/surfaces/0/control_net/1", lambda row: row[:-1], "length", "/surfaces/0/control_net/1", "the first row 11"),
+    ("/surfaces/0/knots/0", lambda row: row[1:], "length", "/surfaces/0/knots/0", "must hold 6 knots .*, not 5"),
+    ("/surfaces/0/degree/0", 3, "length", "/surfaces/0/control_net", "degree 3 needs 4 or more"),
+    ("/surfaces/0/knots/1/6", 0.1, "knots-decrease", "/surfaces/0/knots/1/6", "is 0.1, below the knot before it"),
+    ("/surfaces/0/knots/1", times(2), "knots-domain", "/surfaces/0/knots/1", r"not \[0.0, 2.0\]"),
+    ("/response", TABLE | {"forces": [5, 1]}, "length", "/response/forces", "holds 2 forces, 'readings' 3"),
+    ("/response", TABLE | {"readings": [0, 1, 1]}, "not-increasing", "/response/readings/2", "is 1, not above the"),
+    ("/response", TABLE | {"readings": [-1e308, 0, 1e308]}, "not-increasing", "/response/readings", "spans more than"),
+    ("/response", TABLE | {"forces": [5, 0, 1]}, "not-monotone", "/response/forces/2", "is 1, against the way"),
+    ("/response", TABLE | {"forces": [5, 0, 5]}, "not-monotone", "/response/forces/1", "is 0, against the way"),
+    ("/response/range", [3, 3.0], "not-increasing", "/response/range", r"must be \[low, high\], not \[3, 3.0\]"),
+    ("/response/range", [-1e308, 1.7e308], "not-increasing", "/response/range", "spans more than a number"),
+    ("/response/range", [0, 126], "not-monotone", "/response/range", "the force turns round or overflows"),
+    ("/response/range", [0, 1e200], "not-monotone", "/response/range", "the force turns round or overflows"),
+    ("/responses", [TABLE, TABLE | {"forces": [0, 1, 0]}], "not-monotone", "/responses/1/forces/1", "is 1, against"),
+    (f"{T0}/response", [0] * 6, "unknown-response", f"{T0}/response/0", "is 0, but the file has 0 responses"),
+    (f"{T0}/response", [0] * 5, "length", f"{T0}/response", "holds 5 taxels, 'id' 6"),
+    ("/surfaces/0/control_net/1/9/0", 0.03, "open-seam", "/surfaces/0/control_net", "0.00525 m off its first 3"),
+]
+
+
+@pytest.mark.parametrize(("pointer", "value", "code", "where", "words"), FORM + MEANING)
+def test_validate_finds_each_mistake(pointer, value, code, where, words):
+    """One change, the finding for it: code, place and words."""
+    document = changed(**{pointer: value})
+    findings = [finding for finding in validate(document) if (finding.code, finding.pointer) == (code, where)]
+    assert len(findings) == 1, found(document)
+    assert re.search(words, findings[0].message), findings[0].message
+    assert findings[0].severity == ("warning" if code in ("area", "errors", "one-sided-neighbour") else "error")
+
+
+def test_validate_finds_repeated_ids_across_patches():
+    """An id belongs to one taxel of the link, whatever its patch."""
+    document = changed(**{f"{T1}/id/1": "s0.2", f"{T1}/neighbours/0": [], f"{T1}/neighbours/1": []})
+    assert ("duplicate-id", f"{T1}/id/1") in found(document)
+
+
+def test_validate_knows_the_responses_of_taxels():
+    """The last of the list is there, the one after it is not; nothing is said of a list that is none."""
+    own = {"/responses": [TABLE, TABLE], f"{T0}/response": [0, 1, 0, 1, 1, 0]}
+    assert found(changed(**own)) == []
+    assert found(changed(**own | {f"{T0}/response": [0, 1, 0, 2, 1, 0]})) == [("unknown-response", f"{T0}/response/3")]
+    assert found(changed(**own | {"/responses": {}})) == [("type", "/responses")]
+
+
+def test_validate_finds_millimetres_near_the_frame():
+    """Taxels within 20 units of the frame: the corners contradict a pitch in metres, and no pitch is over a metre."""
+    small = {f"{T1}/{name}": times(100) for name in ("position", "corners")}
+    assert [pointer for code, pointer in found(changed(**small)) if code == "units"] == [
+        f"{T1}/corners",
+        f"{T1}/position",
+    ]
+    small["/patches/1/pitch"] = times(100)
+    assert [pointer for code, pointer in found(changed(**small)) if code == "units"] == ["/patches/1/pitch"]
+
+
+def test_validate_finds_everything_at_once():
+    """Mistakes in different members do not hide each other, in form or in meaning."""
+    document = changed(
+        **{
+            "/link": 5,
+            "/surfaces/0/name": None,
+            "/surfaces/0/knots/1/6": 0.1,
+            f"{T0}/uv/0/0": "0.1",
+            f"{T0}/tangent": lambda rows: rows[1:],
+            f"{NORMAL}/4": times(1.1),
+            f"{T1}/channel/1": 3,
+            f"{T1}/area/0": 1.0,
+        }
+    )
+    assert set(found(document)) == {
+        ("type", "/link"),
+        ("type", "/surfaces/0/name"),
+        ("knots-decrease", "/surfaces/0/knots/1/6"),
+        ("type", f"{T0}/uv/0/0"),
+        ("length", f"{T0}/tangent"),
+        ("not-unit", f"{NORMAL}/4"),
+        ("duplicate-channel", f"{T1}/channel/1"),
+        ("area", f"{T1}/area/0"),
+    }
+
+
+def test_check_bytes_says_a_thing_once():
+    """What strict JSON and the schema both refuse is one finding; the rest of the document is checked too."""
+    text = TEXT.replace(b'"forearm.stl"', b"NaN").replace(b'"length": "m"', b'"length": 1e999, "length": "mm"')
+    assert [(f.code, f.pointer) for f in calibration.check_bytes(text)[1]] == [
+        ("duplicate-key", "/units/length"),
+        ("not-finite", "/mesh/file"),
+        ("checksum", "/checksum"),
+    ]
+    assert [(f.code, f.pointer) for f in calibration.check_bytes(b"null")[1]] == [("type", "")]
+
+
+def test_validate_draws_no_conclusion_from_the_unsound():
+    """Where the ids, names or lists are wrong themselves, nothing is said to be missing from them."""
+    assert found(changed(**{"/surfaces": {}})) == [("type", "/surfaces")]
+    assert found(changed(**{"/checksum": "sha256:0"})) == [("pattern", "/checksum")]
+    assert found(changed(**{"/patches/1": None})) == [("type", "/patches/1")]
+    assert found(changed(**{f"{T1}/id/0": 3})) == [("type", f"{T1}/id/0")]
+
+
+def test_validate_lists_a_thousand_of_a_kind():
+    """A file that is wrong throughout is reported in bounded space; no error hides behind warnings."""
+    document = to_document(small_calibration(40, 50, 0.001))
+    document["patches"][0]["taxels"]["neighbours"] = [["h0"]] * 2000
+    document["patches"][1]["taxels"]["neighbours"] = [["h9"], []]
+    document["checksum"] = checksum(document)
+    codes = [(finding.code, finding.severity) for finding in validate(document)]
+    assert codes == [
+        ("unknown-neighbour", "error"),
+        *[("one-sided-neighbour", "warning")] * 1000,
+        ("more", "warning"),
+    ]
+    document["patches"][0]["taxels"]["uv"] = [["0", "0"]] * 2000
+    document["checksum"] = checksum(document)
+    codes = [(finding.code, finding.severity) for finding in validate(document)]
+    assert codes == [("type", "error")] * 1000 + [("more", "error")]
+
+
+@pytest.mark.parametrize("document", [None, True, 1, 1.5, "", [], {}, [[]], {"version": 10**5000}, {1: 2}, np.eye(3)])
+def test_validate_takes_anything(document):
+    """Whatever comes is answered with findings."""
+    assert any(finding.severity == "error" for finding in validate(document))
+    assert all("\n" not in str(finding) for finding in validate(document))
+
+
+def test_validate_takes_what_is_not_json():
+    """A free member that JSON cannot hold is no traceback, but a finding."""
+    loop = []
+    loop.append(loop)
+    for junk in (loop, {1, 2}, float("nan"), "\ud800", {(1, 2): 3}):
+        findings = validate({**SAMPLE, "x_junk": junk})
+        assert [(f.code, f.pointer) for f in findings] == [("checksum", "/checksum")]
+        assert "not JSON" in findings[0].message
+
+
+def test_finding_is_one_printable_line():
+    """Whatever a file names its members, a finding stays on its line and can be printed."""
+    finding = Finding("unknown", "error", "/a\nb\ud800\x1b[31m" + "c" * 1000, "is not known here")
+    assert "\n" not in str(finding) and "\x1b" not in str(finding) and len(str(finding)) < 300
+    str(finding).encode()
+
+
+def test_every_code_is_tested():
+    """Each code in the package is one that a test here sees."""
+    place = {"error": 0, "warning": 0, "refused": 0, "_UnreadableError": 0, "Finding": 0, "_repeats": 2}
+    codes = set()
+    package = Path(calibration.__file__).parents[1]
+    for path in (*(package / "calibration").glob("*.py"), *(package / "common").glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", None) in place:
+                code = node.args[place[node.func.id]]
+                codes |= {code.value} if isinstance(code, ast.Constant) else set()
+    tested = {row[2] for row in FORM + MEANING} | {row[1] for row in BYTES} | {"duplicate-id", "more", "size"}
+    assert codes == tested
+
+
+BYTES = [  # bytes, code, pointer, words of the message
+    (b"\xef\xbb\xbf{}", "byte-order-mark", "", "byte order mark"),
+    (b'{"a": "\xff"}', "encoding", "", "not UTF-8 at byte 7"),
+    (b'{"a": "\xed\xa0\x80"}', "encoding", "", "at byte 7"),
+    ("{}".encode("utf-16"), "encoding", "", "is UTF-16; save it as UTF-8"),
+    ("{}".encode("utf-16-le"), "encoding", "", "is binary at byte 1; check that it is the right file"),
+    (b"\x89PNG\r\n\x1a\n", "encoding", "", "is binary at byte 6; check"),
+    (b"\0\0\0\0", "encoding", "", "is binary at byte 0; check"),
+    (b"PK\3\4\xff", "encoding", "", "is a ZIP archive, as NPZ files are"),
+    (gzip.compress(b"{}"), "encoding", "", "is compressed by gzip; unpack it"),
+    (b"{" + b" " * 2**17 + b"\xff\0}", "encoding", "", "is binary at byte 131074"),
+    (b"", "syntax", "", "is empty"),
+    (b" ", "syntax", "", "byte 1, line 1, column 2"),
+    ('{"é": 1,\n  "b" 2}'.encode(), "syntax", "", "byte 16, line 2, column 7: Expecting ':'"),
+    (b"{} {}", "syntax", "", "byte 3, line 1, column 4: Extra data"),
+    (b"[1,]", "syntax", "", "byte"),
+    (b"{'a': 1}", "syntax", "", "byte 1"),
+    (b'["\n"]', "syntax", "", "byte 2, line 1, column 3: Invalid control character"),
+    (b"[01]", "syntax", "", "byte 2"),
+    (b"[0x10]", "syntax", "", "byte 2"),
+    (b"// a\n1", "syntax", "", "byte 0"),
+    (b'{"a": {"b": 1, "b/~": 2, "b/~": 3}}', "duplicate-key", "/a/b~1~0", "more than once"),
+    (b'[{"a": 1, "\\u0061": 2}]', "duplicate-key", "/0/a", "more than once"),
+    (b'{"a": [1, NaN]}', "not-finite", "/a/1", "is NaN"),
+    (b"[-Infinity]", "not-finite", "/0", "is -Infinity"),
+    (b"[1e999]", "number-range", "/0", "is 1e999"),
+    (b"[0, -1e999]", "number-range", "/1", "is -1e999"),
+    (b"[" + b"9" * 5000 + b"]", "number-range", "/0", "is 99999"),
+    (b"[9223372036854775808]", "number-range", "/0", "is 9223372036854775808"),
+    (b'["a", "\\ud800"]', "surrogate", "/1", "half a character"),
+    (b'{"\\uDFff": 1}', "surrogate", "", "half a character"),
+    (b"[" * (MOST_DEPTH + 1) + b"]" * (MOST_DEPTH + 1), "depth", "", "nests 33 levels; at most 32"),
+    (b"[" * 1_000_000, "depth", "", "nests 1000000 levels"),
+    (b'{"a":' * 1_000_000, "depth", "", "nests 1000000 levels"),
+]
+
+
+@pytest.mark.parametrize(("data", "code", "pointer", "words"), BYTES)
+def test_parse_finds_what_strict_json_forbids(data, code, pointer, words):
+    """Code, place and words for each thing that is no JSON, or means two things."""
+    _, found = parse(data)
+    assert [(finding.code, finding.pointer) for finding in found] == [(code, pointer)]
+    assert words in found[0].message
+
+
+def test_parse_finds_several():
+    """A document with several faults that leave it whole has them all reported."""
+    document, found = parse(b'{"a": NaN, "b": [1e999, {"c": 1, "c": 2}], "d": "\\udc00"}')
+    assert [(f.code, f.pointer) for f in found] == [
+        ("not-finite", "/a"),
+        ("number-range", "/b/0"),
+        ("duplicate-key", "/b/1/c"),
+        ("surrogate", "/d"),
+    ]
+    assert document["b"][1] == {"c": 2}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(
+            "null",
+            " \t\r\n1 ",
+            "-0.0",
+            "[1, -1, 1.0, 1e5, 1E-400, 9223372036854775807]",
+            '{"x": {"x": {"X": [{}, []]}}}',
+        ),
+        *('"' + "[{" * 99 + '"', r'"\ud83d\ude00 \\ \" [[[["', r'["\\", "\\\"[", "]"]'),
+        "[" * MOST_DEPTH + "]" * MOST_DEPTH,
+    ],
+)
+def test_parse_builds_what_json_does(text):
+    """Good JSON gives what the standard library gives, with the same types, and no finding."""
+    document, found = parse(text.encode())
+    assert found == () and repr(document) == repr(json.loads(text))
+
+
+def test_parse_refuses_sizes_before_building(monkeypatch):
+    """Too many bytes or values are refused from the bytes alone, strings not counted."""
+    monkeypatch.setattr(strict_json, "MOST_VALUES", 100)
+    assert parse(b"[" + b"1," * 99 + b"1]")[1] == ()
+    assert parse(b'["' + b"," * 1000 + b'"]')[1] == ()
+    assert parse(b"[" + b"1," * 100 + b"1]")[1][0].code == "size"
+    assert parse(b"[" + b"{}," * 50 + b"{}]")[1][0].code == "size"
+    monkeypatch.setattr(strict_json, "MOST_BYTES", 10)
+    assert "has 11 bytes; at most 10" in parse(b'"123456789"')[1][0].message
+
+
+def test_read_refuses_size_before_reading(tmp_path, monkeypatch):
+    """A file beyond the limit is not loaded."""
+    monkeypatch.setattr(strict_json, "MOST_BYTES", 10)
+    path = tmp_path / "c.json"
+    path.write_bytes(b"1" * 11)
+    with pytest.raises(calibration.file.CalibrationFormatError, match="its 11 bytes exceed 10"):
+        strict_json.read(path)
+
+
+def test_measure_is_blind_to_chunks(monkeypatch):
+    """Where the bytes are divided makes no difference to depth and count."""
+    monkeypatch.setattr(strict_json, "MOST_DEPTH", 2)
+    for size in range(1, 12):
+        monkeypatch.setattr(strict_json, "_CHUNK", size)
+        assert parse(rb'[["[[\"[[", "\\"], [{}]]')[1][0].message.startswith("nests 3 levels")
+        assert parse(rb'[["[[\"[[", "\\"], [0]]')[1] == ()
+
+
+CHOICES = {
+    "$defs": {"tube": {"type": "object", "properties": {"kind": {"const": "tube"}, "n": {"type": "integer"}}}},
+    "type": "object",
+    "properties": {
+        "grid": {
+            "oneOf": [
+                {"$ref": "#/$defs/tube"},
+                {"type": "object", "properties": {"kind": {"const": "auto"}}, "required": ["kind"]},
+            ]
+        },
+        "axis": {"oneOf": [{"const": "auto"}, {"type": "array", "minItems": 3}]},
+        "pair": {"type": "array", "prefixItems": [{"type": "string"}, {"type": "integer"}], "items": {"type": "null"}},
+        "name": {"type": "string", "minLength": 2},
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("document", "pointer", "words"),
+    [
+        ({"grid": {"kind": "tub"}}, "/grid/kind", 'must be one of "tube", "auto", not "tub"; did you mean "tube"?'),
+        ({"grid": {"kind": "tube", "n": "4"}}, "/grid/n", "must be an integer"),
+        ({"grid": {}}, "/grid", 'lacks the member "kind"'),
+        ({"grid": 4}, "/grid", "must be an object or an object, not 4"),
+        ({"axis": "autu"}, "/axis", 'must be "auto" or an array, not "autu"'),
+        ({"axis": [1]}, "/axis", "must hold at least 3, not 1"),
+        ({"pair": [1, 1]}, "/pair/0", "must be a string"),
+        ({"pair": ["a", 1, None, 1]}, "/pair/3", "must be null, not 1"),
+        ({"name": "a"}, "/name", "must have at least 2 characters"),
+    ],
+)
+def test_check_explains_choices(document, pointer, words):
+    """Of a choice, the branch that is meant is the one that is explained."""
+    (finding,) = check(document, CHOICES)
+    assert finding.pointer == pointer and finding.message.startswith(words)
+
+
+def test_read_schema_refuses_unknown_keywords(tmp_path):
+    """A keyword that `check` would pass over is a mistake of ours, seen at once."""
+    path = tmp_path / "schema.json"
+    path.write_text(json.dumps({"properties": {"a": {"items": {"uniqueItems": True}}}}), "utf-8")
+    with pytest.raises(AssertionError, match="uniqueItems"):
+        read_schema(path)
+
+
+def test_schema_is_a_schema():
+    """Ours is valid JSON Schema of the draft that it names, by the reference implementation."""
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    assert jsonschema.Draft202012Validator(SCHEMA).is_valid(SAMPLE)
+
+
+def test_show_is_short():
+    """No value fills a message."""
+    for value in ("x" * 10**6, list(range(10**5)), {str(i): i for i in range(1000)}, 10**3000, 1e308, {1, 2}, None):
+        assert len(findings.show(value)) < 60

@@ -1,0 +1,272 @@
+"""Responses fitted to synthetic sensors whose truth is known, and what is doubtful about the measurements."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration import Response, ResponseTable
+from skin_calib_addon.calibration.response import response_document
+from skin_calib_addon.calibration.response_checks import response_findings
+from skin_calib_addon.calibration.response_fit import fit_response
+from skin_calib_addon.common.errors import UnderdeterminedFit
+
+FULL = 20.0  # [N] of the sensor of the simulated forearm
+
+
+def forearm(forces, noise=0.0, seed=1):
+    """Readings of the simulated forearm's sensors: 8 bits, I = 255 (1 - (1 - F / 20)^3)."""
+    exact = 255 * (1 - (1 - np.minimum(forces, FULL) / FULL) ** 3)
+    return np.clip(np.rint(exact + np.random.default_rng(seed).normal(0, noise, len(forces))), 0, 255)
+
+
+def forearm_truth(readings):
+    return FULL * (1 - np.cbrt(1 - readings / 255))
+
+
+def presses(largest, n=300, seed=0):
+    return np.random.default_rng(seed).uniform(0, largest, n)
+
+
+def errors(fit, truth, low, high):
+    """Force told less the true one, over the readings between two."""
+    x = np.linspace(low, high, 1001)
+    return fit.response.newtons(x) - truth(x)
+
+
+def about(fit, word):
+    return [doubt for doubt in fit.doubts if word in doubt]
+
+
+@pytest.mark.parametrize(("noise", "rms", "largest"), [(0.0, 0.01, 0.03), (0.5, 0.015, 0.05), (2.0, 0.05, 0.2)])
+def test_forearm_sensor_is_found(noise, rms, largest):
+    """Up to 10 N an 8-bit step is at most 0.1 N: the curve is found to a tenth of that, with noise to a half of it.
+
+    A standard deviation of 2 readings is 0.2 N there; 300 measurements and 4 to 6 numbers leave a seventh to a tenth.
+    """
+    forces = presses(10.0)
+    readings = forearm(forces, noise)
+    fit = fit_response(readings, forces)
+    assert isinstance(fit.response, Response) and fit.response.range == (readings.min(), readings.max())
+    off = errors(fit, forearm_truth, readings.min(), readings.max())
+    assert np.sqrt(np.mean(off**2)) < rms and np.abs(off).max() < largest
+    assert fit.used.all() and fit.doubts == ()
+    assert_allclose(fit.residuals, forces - fit.response.newtons(readings), rtol=0, atol=0)
+
+
+def test_steep_sensor_is_a_table():
+    """Where the curve rises ever more steeply up to 16 N, no polynomial follows; knots go where it bends."""
+    forces = presses(16.0, 1000)
+    readings = forearm(forces)
+    fit = fit_response(readings, forces)
+    assert isinstance(fit.response, ResponseTable) and len(fit.response.readings) <= 24
+    off = errors(fit, forearm_truth, readings.min(), readings.max())
+    # The last 8-bit steps are 0.3 N and more.
+    assert np.sqrt(np.mean(off**2)) < 0.02 and np.abs(off).max() < 0.3
+    assert np.mean(np.array(fit.response.readings) > 128) > 0.5
+
+
+def test_falling_sensor_is_found():
+    """A signal that drops when pressed, 12 bits: rest is the upper end of the range, full the lower."""
+    forces = presses(10.0)
+    readings = np.rint(3000 - 220 * forces + 4 * forces**2 + np.random.default_rng(2).normal(0, 3, 300))
+    fit = fit_response(readings, forces)
+    off = errors(fit, lambda x: (220 - np.sqrt(220**2 - 16 * (3000 - x))) / 8, readings.min(), readings.max())
+    assert np.abs(off).max() < 0.02  # 3 readings are 0.014 N at rest, 0.022 N at 10 N
+    assert (fit.response.rest, fit.response.full) == (readings.max(), readings.min())
+    assert fit.doubts == ()
+
+
+@pytest.mark.parametrize("falls", [False, True])
+def test_saturated_measurements_are_left_out(falls):
+    """Presses beyond what the sensor tells count for its end alone: no curve bends up to their mean."""
+    forces = presses(30.0)
+    readings = np.clip(np.rint(12 * forces + np.random.default_rng(3).normal(0, 1, 300)), 0, 255)
+    full = 255.0
+    if falls:
+        readings, full = 1000 - readings, 745.0
+    fit = fit_response(readings, forces)
+    off = errors(fit, lambda x: np.abs(x - (1000 if falls else 0)) / 12, readings.min(), readings.max())
+    assert np.abs(off).max() < 0.03  # a third of a reading
+    assert fit.response.full == full
+    assert 255 / 12 - 0.3 < fit.response.newtons(full) < 255 / 12 + 0.3
+    assert (~fit.used).sum() == (readings == full).sum() - 1 and (forces[~fit.used] > 21).all()
+    (doubt,) = fit.doubts
+    assert f"all read {full:g}: the sensor is full there" in doubt and doubt.startswith(f"{(readings == full).sum()} ")
+
+
+def test_dead_zone_does_not_press():
+    """A sensor that feels nothing below 2 N: at rest it tells no force, above it the right one, and this is said."""
+    forces = presses(20.0)
+    readings = np.clip(np.rint(12 * (forces - 2) + np.random.default_rng(4).normal(0, 0.5, 300)), 0, 255)
+    fit = fit_response(readings, forces)
+    assert fit.response.newtons(0.0) < 0.1
+    off = errors(fit, lambda x: 2 + x / 12, 5, readings.max())
+    assert np.abs(off).max() < 0.1
+    (doubt,) = fit.doubts
+    assert "all read 0: smaller forces are not felt" in doubt
+
+
+def cycles(lag, noise=0.5):
+    """Three presses up to 12 N and back; the reading lags by so many newtons on either way."""
+    forces = np.tile(np.concatenate((np.linspace(0, 12, 40), np.linspace(12, 0, 40))), 3)
+    way = np.tile(np.repeat((1.0, -1.0), 40), 3)
+    exact = 18 * (forces - lag * way * np.sin(np.pi * forces / 12))
+    return np.rint(exact + np.random.default_rng(5).normal(0, noise, len(forces))), forces
+
+
+def test_hysteresis_is_told_and_halved():
+    """The response lies between the two ways; the mean of a half sine of 0.3 N, there and back, is 0.38 N."""
+    readings, forces = cycles(0.3)
+    fit = fit_response(readings, forces)
+    assert np.abs(errors(fit, lambda x: x / 18, 0, readings.max())).max() < 0.05
+    (doubt,) = about(fit, "hysteresis")
+    assert "is 0.3" in doubt and "N more while it grows" in doubt
+    backwards = fit_response(*cycles(-0.3))
+    assert "N less while it grows" in about(backwards, "hysteresis")[0]
+
+
+def test_hysteresis_is_told_while_the_force_is_held():
+    """Every newton up to 12 and back, held for twenty readings each: the last change tells the way."""
+    forces = np.repeat(np.concatenate((np.arange(13.0), np.arange(11.0, 0, -1))), 20)
+    lag = np.repeat((0.8, -0.8), (260, 220))
+    readings = np.rint(18 * (forces - lag) + np.random.default_rng(6).normal(0, 1, len(forces)))
+    assert "N more while it grows" in about(fit_response(readings, forces), "hysteresis")[0]
+
+
+@given(seed=st.integers(0, 2**20), noise=st.floats(0, 3), n=st.integers(10, 200))
+def test_no_hysteresis_is_seen_where_there_is_none(seed, noise, n):
+    """Noise of up to 3 readings, in cycles and in any order."""
+    rng = np.random.default_rng(seed)
+    for forces in (np.abs(np.linspace(-12, 12, n)), rng.uniform(0, 12, n)):
+        fit = fit_response(np.rint(18 * forces + rng.normal(0, noise, n)), forces)
+        assert about(fit, "hysteresis") == []
+
+
+def test_smallest_degree_that_will_do_is_taken():
+    """Exact polynomials are found as they are, whatever the noise of nothing; one more digit is not one more degree."""
+    x = np.arange(0.0, 4096, 41)
+    for powers in ([0.0, 1e-3], [0.5, 1e-3, 1e-7], [0.0, 1e-3, 0.0, 1e-10]):
+        fit = fit_response(x, np.polynomial.polynomial.polyval(x, powers))
+        assert len(fit.response.coefficients) == len(powers)
+        assert_allclose(fit.response.newtons(x), np.polynomial.polynomial.polyval(x, powers), rtol=0, atol=1e-7)
+
+
+def test_readings_far_from_zero_keep_their_digits():
+    """24 bits, of which the sensor uses the last few: what powers cannot hold is a table."""
+    forces = presses(10.0)
+    readings = np.rint(8e6 + 300 * np.sqrt(forces))
+    fit = fit_response(readings, forces)
+    off = errors(fit, lambda x: ((x - 8e6) / 300) ** 2, readings.min(), readings.max())
+    assert np.abs(off).max() < 0.05  # a reading is 0.02 N at 10 N
+
+
+def test_digits_that_powers_lose_make_a_table():
+    """The forearm's sensor on top of a large offset: its fifth powers cancel to nothing."""
+    forces = presses(10.0)
+    readings = 1e9 + forearm(forces)
+    fit = fit_response(readings, forces)
+    assert isinstance(fit.response, ResponseTable)
+    assert np.abs(errors(fit, lambda x: forearm_truth(x - 1e9), readings.min(), readings.max())).max() < 0.1
+
+
+def test_what_turns_round_is_made_monotone():
+    """Forces that fall again near the end are followed best by a parabola, which is no response."""
+    readings = np.arange(100.0)
+    fit = fit_response(readings, 50 - (readings - 70) ** 2 / 100)
+    assert isinstance(fit.response, ResponseTable)
+    assert (np.diff(fit.response.forces) >= 0).all()
+    assert np.abs(fit.residuals[:60]).max() < 1.0 and np.abs(fit.residuals).max() < 7
+
+
+def test_coarse_readings_are_not_taken_for_full():
+    """Four bits: every reading stands for forces over 7 %, and the last for no more than the others."""
+    forces = presses(20.6)
+    fit = fit_response(np.rint(0.75 * forces), forces)
+    assert fit.used.all() and fit.doubts == ()
+
+
+def test_noise_has_no_hysteresis():
+    """Where readings tell nothing, that is what is said: a force that has grown is a larger one."""
+    (doubt,) = fit_response(np.random.default_rng(7).uniform(0, 255, 100), presses(10.0, 100)).doubts
+    assert "hardly tell" in doubt
+
+
+@pytest.mark.parametrize(
+    ("readings", "forces", "words"),
+    [
+        ([0, 10, 20, 30], [0, 1, 2, 3], "only 4 measurements at 4 readings; take 10 or more"),
+        ([0, 10, 20, 30] * 5, [0, 1, 2, 3] * 5, "only 20 measurements at 4 readings"),
+        ([*range(10), *range(40, 60)], [*range(10), *range(40, 60)], "no measurement reads between 9 and 40"),
+        ([7, 3, 9, 1, 5, 8, 2, 6, 4, 0] * 3, [*range(30)], "the readings hardly tell the force"),
+    ],
+)
+def test_doubts_are_told(readings, forces, words):
+    """Few points, few readings, a hole, no relation: one warning each, about that."""
+    (doubt,) = fit_response(np.array(readings), np.array(forces)).doubts
+    assert words in doubt
+
+
+@pytest.mark.parametrize("readings", [[], [5.0], [5.0, 5.0, 5.0]])
+def test_one_reading_is_no_response(readings):
+    """What does not change tells nothing."""
+    with pytest.raises(UnderdeterminedFit, match="measure at two forces or more that the sensor tells apart"):
+        fit_response(np.array(readings), np.arange(float(len(readings))))
+
+
+measurements = st.lists(st.tuples(st.integers(-50, 300), st.floats(-1, 50)), min_size=2, max_size=40).filter(
+    lambda rows: min(len(set(column)) for column in zip(*rows)) > 1
+)
+
+
+@given(rows=measurements)
+def test_any_measurements_give_a_valid_response(rows):
+    """Whatever was measured: monotone on the readings that it is of, finite, and what the file's check lets pass."""
+    readings, forces = np.array(rows, float).T
+    fit = fit_response(readings, forces)
+    assert list(response_findings(response_document(fit.response), "")) == []
+    assert {fit.response.rest, fit.response.full} == {readings.min(), readings.max()}
+    told = fit.response.newtons(np.linspace(readings.min(), readings.max(), 50))
+    assert np.isfinite(told).all() and told.max() <= max(2 * np.abs(forces).max(), 1)
+    assert len(fit.residuals) == fit.used.sum() >= 2
+
+
+@pytest.mark.parametrize("unit", [1e-15, 1e-100, 1e12 / 255])
+def test_unit_of_readings_makes_no_difference(unit):
+    """Farads, or anything else: the same curve; where its powers overflow, a table."""
+    forces = presses(10.0)
+    readings = forearm(forces) * unit
+    fit = fit_response(readings, forces)
+    off = errors(fit, lambda x: forearm_truth(x / unit), readings.min(), readings.max())
+    assert np.abs(off).max() < (0.03 if isinstance(fit.response, Response) else 0.1)
+    assert isinstance(fit.response, Response) == (unit > 1e-90)
+
+
+values = st.floats(-1e12, 1e12).filter(lambda x: x == 0 or abs(x) >= 1e-100)
+
+
+@given(
+    rows=st.lists(
+        st.tuples(values | st.sampled_from((0.0, 1e-100, 1e-90, 1.0, 1 + 1e-15)), values),
+        min_size=2,
+        max_size=12,
+    ).filter(lambda rows: min(len(set(column)) for column in zip(*rows)) > 1)
+)
+def test_strange_measurements_give_a_valid_response_too(rows):
+    """Readings a bit apart, or all that a table may hold: no warning, no overflow."""
+    readings, forces = np.array(rows, float).T
+    fit = fit_response(readings, forces)
+    assert list(response_findings(response_document(fit.response), "")) == []
+    assert np.isfinite(fit.response.newtons(readings)).all()
+
+
+@given(rows=measurements)
+def test_mirrored_readings_give_the_mirrored_response(rows):
+    """Nothing in the fit prefers sensors that rise."""
+    readings, forces = np.array(rows, float).T
+    together = np.sum((readings - readings.mean()) * (forces - forces.mean()))
+    assume(abs(together) > 1e-6)  # what neither rises nor falls is taken to rise
+    fit, mirrored = fit_response(readings, forces), fit_response(-readings, forces)
+    x = np.linspace(readings.min(), readings.max(), 50)
+    assert_allclose(mirrored.response.newtons(-x), fit.response.newtons(x), rtol=0, atol=1e-6 * max(1, np.ptp(forces)))

@@ -1,0 +1,578 @@
+"""The command line: codes, files, and one line for everything that is wrong."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration import Response, ResponseTable, load_calibration, save_calibration, to_document
+from skin_calib_addon.cli import main
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.plan import load_plan
+from tests.samples import boards, plane, small_calibration
+from tests.samples import cylinder as surface_tube
+from tests.shapes import LENGTH, RADIUS, box, cylinder, together
+from tests.unit.geometry.mesh.test_mesh import write
+
+ROOT = Path(__file__).parents[3]
+ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+AXIS = {"point": [0, 0, 0], "direction": [0, 0, 1]}
+TUBE = {"kind": "tube", "n": 6, "lines": 12, "axis": AXIS, "margin": 0.003}
+SHEET = {"kind": "sheet", "rows": 2, "columns": 4, "pitch": [0.01, 0.01], "origin": "center", "direction": [0, 1, 0]}
+PLAN = {
+    "format": "skin-plan",
+    "version": 1,
+    "link": "tube",
+    "mesh": "tube.ply",
+    "unit": "m",
+    "grid": TUBE,
+    "skins": [SHEET | {"name": "tube"}],
+}
+
+
+def planes(stations):
+    """A grid of planes across z."""
+    u = [{"point": [0, 0, z], "normal": [0, 0, 1]} for z in stations]
+    angles = np.arange(5) * np.pi / 5
+    v = [{"point": [0, 0, 0], "normal": [float(np.cos(a)), float(np.sin(a)), 0]} for a in angles]
+    return {"kind": "planes", "u": u, "v": v, "closed": True}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a mesh and a plan for it."""
+    save_mesh(cylinder(around=24, along=8), tmp_path / "tube.ply")
+    write_plan(tmp_path)
+    return tmp_path
+
+
+def write_plan(folder, name="tube", **changes):
+    """A plan file; the path to it."""
+    path = folder / f"{name}.plan.json"
+    path.write_text(json.dumps(PLAN | changes))
+    return path
+
+
+def run(*words):
+    """Run a command in a process of its own: code, output, errors."""
+    done = subprocess.run(
+        [sys.executable, "-m", "skin_calib_addon", *map(str, words)], capture_output=True, text=True, env=ENVIRONMENT
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def assert_refused(capsys, code, message, *words):
+    """The call ends with this code, one line on stderr that holds the message, and nothing on stdout."""
+    assert main([str(word) for word in words]) == code
+    out, err = capsys.readouterr()
+    assert out == "" and err.startswith("skin-calib: ") and err.endswith("\n") and err.count("\n") == 1
+    assert message in err
+
+
+def test_fit_writes_a_calibration(folder, capsys):
+    """Code 0, nothing on stderr, ten lines on stdout, and a valid file."""
+    out = folder / "out.json"
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(out)]) == 0
+    text, err = capsys.readouterr()
+    assert err == "" and len(text.splitlines()) == 10
+    assert text.splitlines()[0] == "link             tube" and text.splitlines()[-1] == f"calibration      {out}"
+    calibration = load_calibration(out)
+    assert calibration.link == "tube" and len(calibration.patches[0].taxels.ids) == 8
+    assert not list(folder.glob(".*"))  # no temporary file stays
+
+
+def test_fit_keeps_what_the_plan_says_of_the_link(folder):
+    """Response, free members, degree, names, channels and origin arrive in the calibration, beside the mesh."""
+    response = {"kind": "polynomial", "coefficients": [0.0, 0.5, 0.25]}
+    skins = [SHEET | {"name": "a", "first_channel": 7}, SHEET | {"name": "b", "origin": [RADIUS, 0, 0.03]}]
+    plan = write_plan(folder, response=response, x_note={"by": "us"}, degree=[4, 3], skins=skins)
+    assert main(["fit", str(plan), "-o", str(folder / "out.json")]) == 0
+    calibration = load_calibration(folder / "out.json")
+    assert calibration.response.coefficients == (0.0, 0.5, 0.25) and calibration.extra == {"x_note": {"by": "us"}}
+    assert calibration.surfaces[0].degree == (4, 3) and calibration.surfaces[0].closed == (False, True)
+    assert [(p.name, p.taxels.channels.tolist()) for p in calibration.patches] == [
+        ("a", list(range(7, 15))),
+        ("b", list(range(15, 23))),
+    ]
+    assert np.linalg.norm(calibration.patches[1].taxels.positions_link[0] - (RADIUS, 0, 0.03)) < 5e-4
+    mesh = cylinder(around=24, along=8)
+    assert (calibration.mesh.file, calibration.mesh.sha256) == ("tube.ply", mesh.sha256)
+    assert (calibration.mesh.vertices, calibration.mesh.faces) == (len(mesh.vertices), len(mesh.faces))
+
+
+def test_fit_makes_the_same_bytes_again(folder):
+    """Twice in this process and once in another: one calibration, one file."""
+    plan, outs = folder / "tube.plan.json", [folder / f"{k}.json" for k in range(3)]
+    for out in outs[:2]:
+        assert main(["fit", str(plan), "-o", str(out)]) == 0
+    code, _, err = run("fit", plan, "-o", outs[2])
+    assert (code, err) == (0, "")
+    assert outs[0].read_bytes() == outs[1].read_bytes() == outs[2].read_bytes()
+
+
+def test_fit_writes_report_and_picture(folder, capsys):
+    """Beside the calibration, where they are asked for; the summary has the same numbers, in millimetres."""
+    words = ("--picture", folder / "p.png", "--report", folder / "r.json")
+    assert main([*map(str, ("fit", folder / "tube.plan.json", "-o", folder / "out.json", *words))]) == 0
+    assert (folder / "p.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    report = json.loads((folder / "r.json").read_text())
+    errors = load_calibration(folder / "out.json").surfaces[0].errors
+    assert report["errors"]["hausdorff"] == errors.hausdorff
+    assert report["errors"]["surface_to_mesh"]["mean"] == errors.surface_to_mesh.mean
+    assert (report["link"], report["control_points"], report["taxels"], report["missing"]) == ("tube", 72, 8, 0.0)
+    assert set(report["seconds"]) == {"load", "cut", "fit", "wrap", "errors"}
+    out = capsys.readouterr().out
+    assert f"Hausdorff        {errors.hausdorff * 1e3:.4f} mm" in out
+    there = errors.surface_to_mesh
+    assert f"mean {there.mean * 1e3:.4f}, rms {there.rms * 1e3:.4f}, max {there.max * 1e3:.4f} mm" in out
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
+    """Files are named for their plans; one bad plan spoils its own only, and the code."""
+    (folder / "out").mkdir()
+    names = ("a", "b", "c")
+    paths = [write_plan(folder, name, **({"mesh": "none.ply"} if name == "b" else {})) for name in names]
+    words = ["fit", *map(str, paths), "-o", str(folder / "out"), "--report", str(folder / "out"), "--jobs", jobs]
+    assert main(words) == 1
+    out, err = capsys.readouterr()
+    assert sorted(p.name for p in (folder / "out").iterdir()) == [
+        *("a.calibration.json", "a.report.json", "c.calibration.json", "c.report.json", "sources.json")
+    ]
+    assert (folder / "out" / "a.calibration.json").read_bytes() == (folder / "out" / "c.calibration.json").read_bytes()
+    assert err.count("\n") == 1 and err.startswith("skin-calib: b: no mesh file at ") and len(out.splitlines()) == 4
+
+
+MESHES = {
+    "missing": (None, "no mesh file at"),
+    "garbage": (b"\x00\x01garbage", "bad.stl"),
+    "empty": (b"", "bad.stl"),
+    "no faces": (b"\0" * 84, "bad.stl: the mesh has no faces"),
+}
+
+
+@pytest.mark.parametrize("case", MESHES)
+def test_bad_mesh_is_refused(folder, capsys, case):
+    """Missing, unreadable, empty, without faces: code 1, one line, no file."""
+    data, message = MESHES[case]
+    if data is not None:
+        (folder / "bad.stl").write_bytes(data)
+    plan = write_plan(folder, mesh="bad.stl")
+    assert_refused(capsys, 1, message, "fit", plan, "-o", folder / "out.json", "--report", folder / "r.json")
+    assert not {"out.json", "r.json"} & {p.name for p in folder.iterdir()}
+
+
+def test_mesh_with_a_vertex_that_is_no_number_is_refused(folder, capsys):
+    """NaN in the file."""
+    lines = ["OFF", "3 1 0", "0 0 0", "nan 0 0", "0 1 0", "3 0 1 2"]
+    (folder / "nan.off").write_text("\n".join(lines))
+    message = "nan.off: vertex 1 of the mesh is not finite"
+    assert_refused(capsys, 1, message, "fit", write_plan(folder, mesh="nan.off"), "-o", folder / "out.json")
+    assert not (folder / "out.json").exists()
+
+
+BAD_PLANS = {
+    "metres as millimetres": ({"unit": "mm"}, 'set "unit": "m"'),
+    "plane misses": (
+        {"grid": planes([0.01, 0.03, 0.05, 0.07, 0.3])},
+        "u-plane 4, through (0.0, 0.0, 300.0) mm, misses",
+    ),
+    "axis misses": ({"grid": TUBE | {"axis": AXIS | {"point": [1, 0, 0]}}}, "the mesh"),
+    "margin": ({"grid": TUBE | {"margin": 0.05}}, "margin 50 mm at both ends leaves nothing"),
+    "n too small": ({"grid": TUBE | {"n": 3}}, "degree 3 needs at least 4 u-planes, the grid has 3"),
+    "one plane": ({"grid": planes([0.05])}, "degree 3 needs at least 4 u-planes, the grid has 1"),
+    "m too small": (
+        {"grid": TUBE | {"lines": 4}, "degree": [3, 4]},
+        "degree 4 needs at least 5 v-lines, the grid has 4",
+    ),
+    "unknown key": ({"grip": 1}, '/grip is not known here; did you mean "grid"?'),
+    "misspelt key": ({"skins": [SHEET | {"nmae": "a"}]}, "/skins/0"),
+    "huge number": ({"skins": [SHEET | {"name": "a", "origin": [0, 1e300, 0]}]}, "/skins/0/origin/1 must be at most"),
+    "cut of everything": (
+        {"cover": {"cuts": [{"point": [0, 0, 1], "normal": [0, 0, 1]}]}},
+        "cut 0 removes the whole mesh",
+    ),
+    "cell off": ({"skins": [SHEET | {"name": "a", "rows": 30}]}, "cell (0, 0) lies"),
+    "upright rows": (
+        {"skins": [SHEET | {"name": "a", "direction": [-1, 0, 0], "origin": [RADIUS, 0, 0.05]}]},
+        "upright",
+    ),
+    "same skin twice": ({"skins": 2 * [SHEET | {"name": "a"}]}, "two skins are called 'a'"),
+    "two lines in a name": ({"link": "a\nb"}, "/link must match"),
+    "mesh name of two lines": ({"mesh": "a\nb.ply"}, "no mesh file at"),
+    "mesh name too long": ({"mesh": "a" * 5000 + ".ply"}, "no mesh file at"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_PLANS)
+def test_bad_plan_is_refused(folder, capsys, case):
+    """Every mistake an author can make: code 1, one line that says what and where, no file of any kind."""
+    changes, message = BAD_PLANS[case]
+    plan, before = write_plan(folder, **changes), sorted(folder.iterdir())
+    words = ("--picture", folder / "p.png", "--report", folder / "r.json")
+    assert_refused(capsys, 1, message, "fit", plan, "-o", folder / "out.json", *words)
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("case", "message"), [("plane misses", "misses the mesh"), ("one plane", "4 u-planes"), ("cell off", "cell (0, 0)")]
+)
+def test_bad_plan_is_one_line_for_a_user_too(folder, case, message):
+    """In a process of its own, where warnings of NumPy would show: one line, code 1."""
+    code, out, err = run("fit", write_plan(folder, **BAD_PLANS[case][0]), "-o", folder / "out.json")
+    assert code == 1 and out == "" and err.count("\n") == 1 and message in err
+    assert "Traceback" not in err and not (folder / "out.json").exists()
+
+
+@pytest.mark.parametrize("option", ["-o", "--picture", "--report"])
+@pytest.mark.parametrize("target", ["none/x", "x" * 5000])
+def test_missing_folder_is_said_at_once(folder, capsys, option, target):
+    """Code 2 before anything is computed, for each file; a name that no system takes is one line too."""
+    words = {"-o": folder / "out.json", option: folder / target}
+    code = 2 if target == "none/x" else 1
+    message = f"no folder {folder / 'none'} to write x into; create it first" if code == 2 else "cannot write"
+    assert_refused(
+        capsys, code, message, "fit", folder / "tube.plan.json", *(w for pair in words.items() for w in pair)
+    )
+    assert not (folder / "none").exists()
+
+
+def test_failed_fit_leaves_the_old_file(folder, capsys):
+    """What was there before is there after, to the byte."""
+    out = folder / "out.json"
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(out)])
+    old = out.read_bytes()
+    capsys.readouterr()
+    assert_refused(capsys, 1, "4 u-planes", "fit", write_plan(folder, grid=TUBE | {"n": 2}), "-o", out)
+    assert out.read_bytes() == old
+
+
+@pytest.mark.parametrize(("option", "code"), [("-o", 2), ("--picture", 2), ("--report", 2)])
+def test_many_plans_need_a_folder(folder, capsys, option, code):
+    """One file cannot take two calibrations, pictures or reports."""
+    (folder / "out").mkdir()
+    words = {"-o": folder / "out", option: folder / "one.file"}
+    plans = write_plan(folder, "a"), write_plan(folder, "b")
+    message = f"2 links need a folder, and {folder / 'one.file'} is none"
+    assert_refused(capsys, code, message, "fit", *plans, *(w for pair in words.items() for w in pair))
+    assert not list((folder / "out").iterdir()) and not (folder / "one.file").exists()
+
+
+def test_plans_of_one_name_are_refused(folder, capsys):
+    """They would write one file."""
+    (folder / "out").mkdir()
+    (folder / "other").mkdir()
+    plans = write_plan(folder, "a"), write_plan(folder / "other", "a")
+    assert_refused(capsys, 2, "two plans are both called 'a'; rename one", "fit", *plans, "-o", folder / "out")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "the following arguments are required: COMMAND"),
+        (("fat",), "invalid choice: 'fat'"),
+        (("fit", "-o", "x"), "the following arguments are required: PLAN"),
+        (("fit", "p.json"), "the following arguments are required: -o/--output"),
+        (("fit", "p.json", "-o", "x", "--jobs", "0"), "'0' is not a number of 1 or more"),
+        (("fit", "p.json", "-o", "x", "--job\ns", "0"), "unrecognized arguments: --job s"),
+        (("check",), "the following arguments are required: FILE"),
+    ],
+)
+def test_wrong_call_is_one_line(capsys, words, message):
+    """Code 2, what is wrong, and where the help is."""
+    with pytest.raises(SystemExit) as caught:
+        main(list(words))
+    out, err = capsys.readouterr()
+    assert caught.value.code == 2 and out == "" and err.count("\n") == 1 and message in err and "--help" in err
+
+
+def test_help_names_every_command(capsys):
+    """Code 0; the words that stand in the documentation."""
+    with pytest.raises(SystemExit) as caught:
+        main(["--help"])
+    assert caught.value.code == 0
+    out = capsys.readouterr().out
+    assert all(word in out for word in ("fit", "check", "show"))
+
+
+def test_check_passes_what_is_right(folder, capsys):
+    """A plan and the calibration made from it: code 0, no findings."""
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
+    capsys.readouterr()
+    told = f"; 8 taxels on tube; mesh {folder / 'tube.ply'} is the one that was calibrated"
+    for path, more in ((folder / "tube.plan.json", ""), (folder / "out.json", told)):
+        assert main(["check", str(path)]) == 0
+        assert capsys.readouterr() == (f"{path}: 0 errors, 0 warnings{more}\n", "")
+
+
+def test_check_names_every_finding_with_its_pointer(folder, capsys):
+    """Of a plan and of a calibration: each on its line, then how many; code 1."""
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
+    document = json.loads((folder / "out.json").read_text())
+    document["patches"][0]["taxels"]["area"][2] = -1.0
+    document["units"]["length"] = "mm"
+    (folder / "out.json").write_text(json.dumps(document))
+    capsys.readouterr()
+    assert main(["check", str(folder / "out.json")]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert any("error: /patches/0/taxels/area/2 " in line for line in lines)
+    assert any("error: /units/length " in line for line in lines)
+    assert lines[-1] == f"{folder / 'out.json'}: {len(lines) - 1} errors, 0 warnings"
+    plan = write_plan(folder, grid=TUBE | {"n": 0}, unit="inch")
+    assert main(["check", str(plan)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[1] for line in lines[:-1]] == ["/unit", "/grid/n"] and lines[
+        -1
+    ] == f"{plan}: 2 errors, 0 warnings"
+
+
+def test_check_refuses_a_plan_that_fit_refuses(folder, capsys):
+    """Members that are right each by itself and do not go together."""
+    plan = write_plan(folder, grid=TUBE | {"m": 6})
+    assert main(["check", str(plan)]) == 1
+    assert '"m" (planes) or "lines"' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["check", "show"])
+def test_missing_or_broken_file_is_one_line(folder, capsys, command):
+    """A path that is not there, a folder with nothing in it; code 1."""
+    (folder / "empty").mkdir()
+    assert_refused(capsys, 1, "No such file", command, folder / "none.json")
+    assert_refused(capsys, 1, "it is a folder", command, folder / "empty")
+
+
+def test_show_refuses_a_plan(folder, capsys):
+    """It is no calibration, nor is one a plan: what the file is and what to do, not what each misses of the other."""
+    plan = folder / "tube.plan.json"
+    assert_refused(capsys, 1, f"'{plan}' has one error: /format must be", "show", plan)
+    assert_refused(capsys, 1, "the file is a plan; fit it, and name the calibration", "show", plan)
+    assert main(["fit", str(plan), "-o", str(folder)]) == 0
+    capsys.readouterr()
+    made, notes = folder / "tube.calibration.json", folder / "sources.json"
+    assert_refused(capsys, 1, "the file is a calibration; name the plan", "fit", made, "-o", folder / "c.json")
+    assert_refused(capsys, 1, "the file is what fit notes of calibrations", "show", notes)
+
+
+def test_show_prints_a_table_and_draws(folder, capsys):
+    """Link, mesh, surface with its errors, patches with their channels and strain; a PNG where asked for."""
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
+    capsys.readouterr()
+    assert main(["show", str(folder / "out.json"), "--picture", str(folder / "p.png")]) == 0
+    out, err = capsys.readouterr()
+    for text in ("tube.ply: 192 vertices, 336 faces", "6 x 15 control points, degree (3, 3)", "surface to mesh: mean",
+                 "sheet of 2 x 4, 8 taxels, channels 0 to 7", "largest strain along: "):  # fmt: skip
+        assert text in out
+    assert err == "" and (folder / "p.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_show_tells_what_a_person_looks_for(tmp_path, capsys):
+    """Response, closed directions, errors both ways, cells, place, the worst of each quality with its taxel."""
+    path = tmp_path / "c.json"
+    own = (ResponseTable((0.0, 250.0), (16.0, 0.0)), Response((0.0, 1.0)))
+    save_calibration(small_calibration(responses=own, generator="a\x1b[31m"), path)
+    assert main(["show", str(path)]) == 0
+    out, err = capsys.readouterr()
+    assert err == "" and out.splitlines() == [
+        "link      forearm",
+        "mesh      forearm.stl: 1000 vertices, 1996 faces",
+        "by        a\\x1b[31m",
+        "response  0.25 I - 0.001 I^2 N for a reading I; 2 more, that taxels have of their own",
+        "surface   tube: 3 x 11 control points, degree (2, 3), closed in v",
+        "          surface to mesh: mean 0.0150, rms 0.0250, max 0.1100 mm",
+        "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm",
+        "surface   plane: 2 x 2 control points, degree (1, 1)",
+        "          surface to mesh: mean 0.0150, rms 0.0250, max 0.1100 mm",
+        "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm",
+        "patch     sheet: sheet of 2 x 3, 6 taxels, channels 0 to 5",
+        "          on tube; pitch 10.00 x 10.00 mm; areas 100.00 to 100.00 mm^2",
+        "          from (26.7, -5.0, 0.0) mm to (35.0, 23.1, 20.0) mm",
+        "          largest strain along: -1 %, at s0.0",
+        "          largest strain across: 0.8824 %, at s1.2",
+        "          largest shear: 0.573 degrees, at s1.2",
+        "patch     boards: hexagons of 1 x 2, 2 taxels, channels 6 to 7",
+        "          on plane; pitch 27.75 x 27.75 mm; areas 690.28 to 690.28 mm^2",
+        "          from (15.9, 33.7, -100.0) mm to (71.9, 66.3, -100.0) mm",
+        "          largest gap: 0.1 mm, at h1",
+        "          largest tilt: 1.146 degrees, at h1",
+    ]
+    response = ResponseTable((0.0, 250.0), (16.0, 0.0))
+    save_calibration(small_calibration(response=response), path)
+    main(["show", str(path)])
+    assert "response  table of 2 rows, readings 0 to 250, 0 to 16 N\n" in capsys.readouterr().out
+
+
+def test_show_warns(tmp_path, capsys):
+    """What is no error, but wants a look, is on stderr; the table is there all the same."""
+    patch = boards()
+    taxels = replace(patch.taxels, neighbours=(("h1",), ()))
+    save_calibration(small_calibration(patches=(replace(patch, taxels=taxels),)), tmp_path / "c.json")
+    assert main(["show", str(tmp_path / "c.json")]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("link ") and err.startswith("skin-calib: warning: /patches/0/taxels/neighbours/0/0 is ")
+
+
+def test_show_draws_all_surfaces_or_says_that_there_is_none(tmp_path, capsys):
+    """A calibration of several surfaces shows each; one without any is one line."""
+    pictures = []
+    for name, surfaces in (("two", (surface_tube(), plane())), ("one", (surface_tube(),)), ("none", ())):
+        save_calibration(small_calibration(surfaces=surfaces, patches=()), tmp_path / f"{name}.json")
+        words = ["show", str(tmp_path / f"{name}.json"), "--picture", str(tmp_path / f"{name}.png")]
+        assert main(words) == (0 if surfaces else 1)
+        pictures += [(tmp_path / f"{name}.png").read_bytes()] if surfaces else []
+    assert pictures[0] != pictures[1] and not (tmp_path / "none.png").exists()
+    assert capsys.readouterr().err == "skin-calib: the calibration of 'forearm' has no surface to draw; fit its plan\n"
+
+
+def test_check_says_when_the_mesh_is_another(folder, capsys):
+    """Beside the calibration, where it was fitted from, or named; the plan, too, may have changed."""
+    (folder / "out").mkdir()
+    plan, out = folder / "tube.plan.json", folder / "out" / "tube.calibration.json"
+    main(["fit", str(plan), "-o", str(folder / "out")])
+    main(["fit", str(plan), "-o", str(folder / "beside.json")])
+
+    def check(path, *words):
+        capsys.readouterr()
+        assert main([*map(str, ("check", path, *words))]) == 0
+        return capsys.readouterr().out
+
+    same = f"0 warnings; 8 taxels on tube; mesh {folder / 'tube.ply'} is the one that was calibrated\n"
+    assert check(out).endswith(same) and check(folder / "beside.json").endswith(same)
+    save_mesh(cylinder(around=24, along=9), folder / "tube.ply")
+    for path in (out, folder / "beside.json"):
+        text = check(path)
+        assert f"warning: /mesh/sha256 is not that of {folder / 'tube.ply'}: the mesh is no longer" in text
+        assert text.endswith("0 errors, 1 warnings; 8 taxels on tube; mesh is another one\n")
+    write_plan(folder, degree=[3, 4])
+    assert "warning: the document was made from ../tube.plan.json, which has changed since" in check(out)
+    (folder / "tube.ply").write_bytes(b"ply")
+    assert "warning: /mesh/sha256 cannot be compared: cannot read tube.ply" in check(out)
+    (folder / "tube.ply").unlink()
+    assert check(out).endswith("mesh tube.ply not found and not compared: name it with --mesh\n")
+    save_mesh(cylinder(around=24, along=8), folder / "kept.ply")
+    assert f"mesh {folder / 'kept.ply'} is the one" in check(out, "--mesh", folder / "kept.ply")
+    assert "warning: /mesh names no file" in check(plan)
+    worn = write_plan(folder, "worn", skins=[{"name": "worn", "kind": "imported", "file": "lost.csv"}])
+    assert "warning: /skins/0/file names no file; a plan names files of taxels relative" in check(worn)
+    (folder / "lost.csv").write_text("")
+    assert "/skins/0/file" not in check(worn)
+    (folder / "out" / "sources.json").write_text("{")
+    assert "warning: the document cannot tell what the calibrations of" in check(out)
+
+
+def test_calibrations_in_a_folder_that_is_a_link_know_their_mesh(folder, capsys):
+    """What lies above the link does not lie above the folder that it leads to."""
+    (folder / "far" / "away").mkdir(parents=True)
+    (folder / "near").symlink_to(folder / "far" / "away")
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "near")]) == 0
+    for place in (folder / "near", folder / "far" / "away"):
+        capsys.readouterr()
+        assert main(["check", str(place)]) == 0
+        assert "is the one that was calibrated" in capsys.readouterr().out
+    save_mesh(cylinder(around=24, along=9), folder / "tube.ply")
+    assert main(["check", str(folder / "near")]) == 0
+    assert "the mesh is no longer the one" in capsys.readouterr().out
+
+
+def test_check_goes_through_folders(folder, capsys):
+    """A line or more for each file, in order; one that is broken does not hide the others."""
+    main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "a.calibration.json")])
+    (folder / "b.calibration.json").write_text("{")
+    capsys.readouterr()
+    assert main(["check", str(folder), str(folder / "none.json"), str(folder / "tube.plan.json")]) == 1
+    out, err = capsys.readouterr()
+    names = [line.split(": ")[0] for line in out.splitlines() if not line.startswith("error: ")]
+    expected = ("a.calibration.json", "b.calibration.json", "tube.plan.json", "tube.plan.json")
+    assert names == [str(folder / name) for name in expected]
+    assert err.count("\n") == 1 and "none.json" in err
+    assert_refused(capsys, 2, "--mesh is that of one calibration", "check", folder, "--mesh", folder / "tube.ply")
+
+
+def test_check_names_taxels_and_counts(tmp_path, capsys):
+    """A finding about a taxel has its id; many findings are counted by what they are."""
+    document = to_document(small_calibration(rows=4, columns=4))
+    document["patches"][0]["taxels"]["area"] = [2e-4] * 16
+    document["patches"][1]["taxels"]["id"][1] = 5
+    document["patches"][1]["taxels"]["gap"][1] = "x"
+    (tmp_path / "c.json").write_text(json.dumps(document))
+    assert main(["check", str(tmp_path / "c.json")]) == 1
+    out = capsys.readouterr().out
+    assert "/patches/0/taxels/area/6 is 0.0002 m^2, but the corners span 0.0001 m^2 [area] (taxel s1.2)\n" in out
+    assert '/patches/1/taxels/gap/1 must be a finite number, not "x" [type]\n' in out
+    assert out.endswith("3 errors, 16 warnings; 16 area, 2 type, 1 checksum\n")
+    for ids in (["h0"], 7, None):
+        document["patches"][1]["taxels"]["id"] = ids
+        (tmp_path / "c.json").write_text(json.dumps(document))
+        assert main(["check", str(tmp_path / "c.json")]) == 1
+        assert '/patches/1/taxels/gap/1 must be a finite number, not "x" [type]\n' in capsys.readouterr().out
+
+
+def test_scene_plans_stand_in_for_files(folder, capsys):
+    """Where a scene is open: its links are fitted from their own meshes, to the same bytes as from files."""
+    plan, mesh = load_plan(folder / "tube.plan.json"), cylinder(around=24, along=8)
+    assert main(["fit", "-o", str(folder / "a.json")], lambda: [(plan, mesh)]) == 0
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "b.json")], lambda: []) == 0
+    assert (folder / "a.json").read_bytes() == (folder / "b.json").read_bytes()
+    capsys.readouterr()
+    assert main(["fit", "-o", str(folder / "c.json")], lambda: []) == 1
+    assert "the scene has no link to fit" in capsys.readouterr().err
+
+
+def test_inner_parts_are_cut_away_on_the_way(folder, capsys):
+    """Unit, shells and cuts of the plan are followed: the summary tells the faces of file and cover."""
+    tube = cylinder(around=24, along=8)
+    inner = box((-0.01, -0.01, 0.03), (0.01, 0.01, LENGTH / 2))
+    write(together(tube, inner), folder / "both.stl", 1000)
+    cut = {"cuts": [{"point": [0, 0, 0.05], "normal": [0, 0, -1]}]}
+    for name, cover, faces in (("a", {}, 336), ("b", {"shell": "all"}, 348), ("c", cut, 216)):  # a cut splits faces
+        plan = write_plan(folder, name, mesh="both.stl", unit="mm", cover=cover)
+        main(["fit", str(plan), "-o", str(folder / f"{name}.json")])
+        assert f"both.stl: 348 faces; cover {faces} faces" in capsys.readouterr().out
+
+
+def test_reader_that_leaves_early_is_no_error(tmp_path):
+    """``skin-calib show FILE | head -1`` ends in silence, though not everything was said."""
+    path = tmp_path / "c.json"
+    save_calibration(small_calibration(), path)
+    reader, writer = os.pipe()
+    os.close(reader)
+    words = [sys.executable, "-m", "skin_calib_addon", "show", path]
+    done = subprocess.run(words, cwd=ROOT, env=ENVIRONMENT, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert done.returncode == 0 and done.stderr == ""
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+def test_output_that_is_full_is_one_line(tmp_path):
+    """What was to be printed did not get there: code 2, and no second complaint at the end of the program."""
+    save_calibration(small_calibration(), tmp_path / "c.json")
+    words = [sys.executable, "-m", "skin_calib_addon", "show", tmp_path / "c.json"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(words, cwd=ROOT, env=ENVIRONMENT, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("skin-calib: the system refuses: ") and "No space left" in done.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell that closes handles")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_output_is_nothing_to_stumble_over(folder, closed):
+    """As where a service starts the program: it does its work and ends with its code."""
+    words = f"{sys.executable} -m skin_calib_addon fit a.plan.json b.plan.json -o {folder} --jobs 2"
+    write_plan(folder, "a")
+    write_plan(folder, "b", mesh="none.ply")
+    shell = ["sh", "-c", f"cd {folder}; {words} {closed}"]
+    assert subprocess.run(shell, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 1
+    assert load_calibration(folder / "a.calibration.json").link == "tube"
+
+
+def test_terminal_without_the_letters_of_a_name(tmp_path):
+    """What an encoding lacks is written as an escape, not as the end of the program."""
+    save_calibration(replace(small_calibration(), link="Pr\u00fcfling"), tmp_path / "a.json")
+    words = [sys.executable, "-m", "skin_calib_addon", "show", tmp_path / "a.json"]
+    environment = ENVIRONMENT | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "") and "Pr\\xfcfling" in done.stdout

@@ -1,0 +1,262 @@
+"""``export`` and ``import`` on the command line: what is written, what is told, and how each ends."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration import load_calibration, save_calibration
+from skin_calib_addon.calibration.exchange import FORMATS, READABLE, WRITABLE, read_taxels
+from skin_calib_addon.cli import main
+from tests.exchange_samples import csv_text, icub_text, matrix, robot_text
+from tests.samples import boards, seven_boards, sheet, small_calibration
+from tests.shapes import LENGTH, RADIUS
+from tests.unit.commands.test_cli import assert_refused, folder, write_plan  # noqa: F401
+
+FLAT = small_calibration(patches=(seven_boards(), boards(7)))
+
+
+BROKEN = '{"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, NaN]], "translation": [1, 2, 3]}'
+
+
+def framed(translation):
+    """A frame as it is typed."""
+    return f'{{"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "translation": {translation}}}'
+
+
+@pytest.fixture
+def flat(tmp_path):
+    """A calibration file of two flat patches."""
+    save_calibration(FLAT, tmp_path / "flat.json")
+    return tmp_path / "flat.json"
+
+
+def on_tube(count=40):
+    """Taxels round the tube of the plan, 0.5 mm above it, and the directions away from it."""
+    angle, height = 2.4 * np.arange(count), np.linspace(0.02, LENGTH - 0.02, count)
+    outward = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
+    return (RADIUS + 5e-4) * outward + np.column_stack((0 * height, 0 * height, height)), outward
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_export_writes_what_the_format_says(flat, tmp_path, capsys, name):
+    """Code 0, the bytes, one line that tells what became of the ids, nothing on stderr and no other file."""
+    out = tmp_path / "out"
+    assert main(["export", str(flat), "--to", name, "-o", str(out)]) == 0
+    assert out.read_bytes() == FORMATS[name].write(FLAT)
+    text, err = capsys.readouterr()
+    assert err == "" and text.count("\n") == 1 and FORMATS[name].labels in text and "9 taxels in 2 patches" in text
+    assert {p.name for p in tmp_path.iterdir()} == {"flat.json", "out"}
+
+
+def test_export_takes_patches_by_name(flat, tmp_path, capsys):
+    """One or several; an unknown one is refused with those that there are."""
+    out = tmp_path / "out.csv"
+    assert main(["export", str(flat), "--to", "csv", "-o", str(out), "--patch", "boards"]) == 0
+    assert read_taxels(out).labels == ("h0", "h1")
+    words = ["export", str(flat), "--to", "csv", "-o", str(out), "--patch"]
+    assert main([*words, "boards", "--patch", "flower"]) == 0
+    assert len(read_taxels(out).labels) == 9
+    capsys.readouterr()
+    assert_refused(capsys, 1, 'no patch "bord" in this calibration; it has "flower", "boards"', *words, "bord")
+
+
+def test_failed_export_leaves_the_old_file(tmp_path, capsys):
+    """A bent patch as a planar surface, a broken calibration, none at all: code 1, one line, the file as it was."""
+    save_calibration(small_calibration(patches=(sheet(2, 6, 0.01),)), tmp_path / "bent.json")
+    (tmp_path / "broken.json").write_text("{}")
+    out = tmp_path / "out"
+    out.write_text("old")
+    for name, message in (("bent", "is bent"), ("broken", "broken.json' has"), ("none", "No such file")):
+        assert_refused(capsys, 1, message, "export", tmp_path / f"{name}.json", "--to", "rsdf", "-o", out)
+    assert out.read_text() == "old" and len(list(tmp_path.iterdir())) == 3
+
+
+def test_folders_are_looked_for_first(tmp_path, capsys):
+    """Code 2 before anything is read."""
+    for words in (("export", "none.json", "--to", "csv"), ("import", "none.txt")):
+        assert_refused(capsys, 2, "create it first", *words, "-o", tmp_path / "none" / "x.csv")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("export", "c.json", "-o", "x"), "the following arguments are required: --to"),
+        (("export", "c.json", "--to", "csv"), "the following arguments are required: -o/--output"),
+        (("export", "c.json", "--to", "step", "-o", "x"), "invalid choice: 'step'"),
+        (("import", "-o", "x"), "the following arguments are required: FILE"),
+        (("import", "a.txt", "--from", "mjcf", "-o", "x"), "invalid choice: 'mjcf'"),
+        (("import", "a.txt", "-o", "x", "--name", "a"), "which needs --plan"),
+        (("import", "a.txt", "-o", "x.json"), "name its --plan; or name a table, OUT.csv"),
+        (("import", "a.txt", "-o", "x", "--frame", "[]"), 'not {"rotation":'),
+        (("import", "a.txt", "-o", "x", "--frame", '{"rotation": 1}'), 'not {"rotation":'),
+        (("import", "a.txt", "-o", "x", "--frame", BROKEN), 'not {"rotation":'),
+        (("import", "a.txt", "-o", "x", "--frame", framed("[0, 0, true]")), "/translation/2 must be"),
+        (("import", "a.txt", "-o", "x", "--frame", framed('[0, "0", 0]')), "/translation/1 must be"),
+        (("import", "a.txt", "-o", "x", "--frame", framed("[0, 0, 1e300]")), "/translation/2 must be at most"),
+        (("import", "a.txt", "-o", "x", "--frame", framed('[0, 0, 0], "unit": "m"')), "/unit"),
+    ],
+)
+def test_wrong_call_is_one_line(capsys, words, message):
+    """Code 2, what is wrong, and where the help is."""
+    with pytest.raises(SystemExit) as caught:
+        main(list(words))
+    out, err = capsys.readouterr()
+    assert caught.value.code == 2 and out == "" and err.count("\n") == 1 and message in err and "--help" in err
+
+
+@pytest.mark.parametrize(("command", "known"), [("export", WRITABLE), ("import", READABLE)])
+def test_help_lists_every_format(capsys, command, known):
+    """With what it is, from the one table."""
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    lines = capsys.readouterr().out.splitlines()
+    for name in known:
+        assert any(line.split()[:1] == [name] and FORMATS[name].what in line for line in lines)
+
+
+@pytest.mark.parametrize("name", READABLE)
+def test_import_writes_a_table(flat, tmp_path, capsys, name):
+    """What export wrote, with or without the format's name: the same taxels, told in a line."""
+    main(["export", str(flat), "--to", name, "-o", str(tmp_path / "there")])
+    capsys.readouterr()
+    for words in ((), ("--from", name)):
+        assert main(["import", str(tmp_path / "there"), *words, "-o", str(tmp_path / "back.csv")]) == 0
+        out, err = capsys.readouterr()
+        assert "table of 9 taxels, channels 0 to 8, frame forearm" in out and out.count("\n") == 1
+        assert ("warning" in err) == (name == "icub")  # the row of zeros that its reader needs
+        there, back = read_taxels(tmp_path / "there"), read_taxels(tmp_path / "back.csv")
+        assert (there.positions == back.positions).all() and there.labels == back.labels
+
+
+def test_import_tells_what_is_strange(tmp_path, capsys):
+    """Placeholders, rows of zeros, two taxels in one place: a warning each, with its line; the table has no normals."""
+    rows = np.zeros((12, 6))
+    rows[:, :3], rows[:, 3] = on_tube(12)[0], 1
+    rows[4], rows[7] = 0, rows[2]
+    (tmp_path / "arm.txt").write_text(icub_text(rows))
+    assert main(["import", str(tmp_path / "arm.txt"), "-o", str(tmp_path / "arm.csv")]) == 0
+    err = capsys.readouterr().err.splitlines()
+    assert len(err) == 3 and all(line.startswith("skin-calib: warning: line ") for line in err)
+    assert {line.rpartition("[")[2] for line in err} == {"no-taxel]", "duplicate-position]", "placeholder-normals]"}
+    assert read_taxels(tmp_path / "arm.csv").normals is None and len(read_taxels(tmp_path / "arm.csv").labels) == 11
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("x,y,z\n1,2\n", "line 2 has 2 columns, the header 3"),
+        ("hello", "is no taxel file that is known here"),
+        ("<robot><link name='a'/></robot>", "has no tactile sensor and no frame"),
+        (None, "cannot read"),
+    ],
+)
+def test_bad_file_is_refused(tmp_path, capsys, content, message):
+    """Code 1, one line, no file."""
+    path, out = tmp_path / "a", tmp_path / "out.csv"
+    if content is not None:
+        path.write_text(content)
+    assert_refused(capsys, 1, message, "import", path, "-o", out)
+    assert not out.exists()
+
+
+def test_import_picks_and_places(tmp_path, capsys):
+    """Taxels of one link out of a robot, moved into a frame; a matrix that is no rotation is refused."""
+    content = robot_text({"skin_0": (0.1, 0.0, 0.0), "tool": (0.0, 0.0, 0.0)})
+    (tmp_path / "robot.urdf").write_text(content)
+    frame = {"rotation": matrix(90).tolist(), "translation": [0, 0, 0.5]}
+    words = ["import", str(tmp_path / "robot.urdf"), "-o", str(tmp_path / "a.csv"), "--only", "skin_*", "--frame"]
+    assert main([*words, json.dumps(frame)]) == 0
+    taxels = read_taxels(tmp_path / "a.csv")
+    assert taxels.labels == ("skin_0",) and taxels.frame is None
+    assert_allclose(taxels.positions, [[0, 0.1, 0.5]], rtol=0, atol=1e-12)
+    capsys.readouterr()
+    assert_refused(capsys, 1, "is no rotation", *words, json.dumps(frame | {"rotation": [[1, 0, 0]] * 3}))
+
+
+def test_import_on_a_plan_is_a_calibration(folder, capsys):  # noqa: F811
+    """The file is the only skin of the link: outward normals, neighbours, the name of the file or another."""
+    positions, outward = on_tube()
+    (folder / "cuff.csv").write_text(csv_text(positions, normals=-outward))
+    words = ["import", str(folder / "cuff.csv"), "--plan", str(folder / "tube.plan.json"), "-o", str(folder / "c.json")]
+    assert main(words) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == f"calibration      {folder / 'c.json'}"
+    assert "warning: cuff: " in err and "40 of 40 normals that point inwards" in err
+    (patch,) = load_calibration(folder / "c.json").patches
+    assert (patch.name, patch.kind) == ("cuff", "imported") and (patch.taxels.positions_link == positions).all()
+    assert ((patch.taxels.normals_link * outward).sum(axis=1) > 0.99).all() and any(patch.taxels.neighbours)
+    assert main([*words, "--name", "band", "--only", "1*"]) == 0
+    (patch,) = load_calibration(folder / "c.json").patches
+    assert patch.name == "band" and patch.taxels.ids[:3] == ("band.1", "band.10", "band.11")
+
+
+def test_wrong_frame_is_refused_and_its_proposal_works(folder, capsys):  # noqa: F811
+    """Bent round enough not to lie in two places: the frame that the message gives is taken as it stands."""
+    positions, _ = on_tube(60)
+    positions = positions[positions[:, 0] > -0.01]
+    turned = positions @ matrix(30, "x").T + (0.2, 0.1, 0.0)
+    (folder / "cuff.csv").write_text(csv_text(turned))
+    words = ["import", str(folder / "cuff.csv"), "--plan", str(folder / "tube.plan.json"), "-o", str(folder / "c.json")]
+    assert_refused(capsys, 1, "off the mesh on the mean", *words)
+    assert not (folder / "c.json").exists()
+    main(words)
+    message = capsys.readouterr().err
+    start = message.index('{"rotation"')
+    proposal, _ = json.JSONDecoder().raw_decode(message[start:])
+    assert main([*words, "--frame", json.dumps(proposal)]) == 0
+    (patch,) = load_calibration(folder / "c.json").patches
+    off = np.hypot(*patch.taxels.positions_link[:, :2].T) - RADIUS
+    assert np.abs(off).max() < 2e-3
+
+
+def test_import_on_a_plan_is_refused_in_a_line(folder, capsys):  # noqa: F811
+    """A plan that is none, a name that no patch may have."""
+    (folder / "cuff.csv").write_text(csv_text(on_tube()[0]))
+    words = ["import", folder / "cuff.csv", "-o", folder / "c.json", "--plan"]
+    assert_refused(capsys, 1, "is no valid plan", *words, write_plan(folder, "bad", unit="inch"))
+    assert_refused(capsys, 1, "cannot be a skin of", *words, folder / "tube.plan.json", "--name", "a\nb")
+    assert not (folder / "c.json").exists()
+
+
+REPLACING = {  # what would be written over what is read or written besides, code of the call, name of what it is
+    "export": ("export f.json --to csv -o f.json", 2, "f.json"),
+    "export by a link": ("export f.json --to csv -o link.csv", 2, "f.json"),
+    "export by folders": ("export f.json --to csv -o ./sub/../f.json", 2, "f.json"),
+    "import": ("import t.csv -o t.csv", 2, "t.csv"),
+    "import on a plan": ("import t.csv --plan tube.plan.json -o tube.plan.json", 2, "tube.plan.json"),
+    "import over the mesh": ("import t.csv --plan tube.plan.json -o tube.ply", 2, "tube.ply"),
+    "fit": ("fit tube.plan.json -o tube.plan.json", 2, "tube.plan.json"),
+    "fit over the mesh": ("fit tube.plan.json -o tube.ply", 1, "tube.ply"),
+    "fit twice": ("fit tube.plan.json -o new --report new", 2, "new"),
+    "show": ("show f.json --picture f.json", 2, "f.json"),
+    "response": ("response f.json m.csv -o m.csv", 2, "m.csv"),
+    "response twice": ("response f.json m.csv -o new --picture new", 2, "new"),
+    "replay": ("replay f.json r.csv -o r.csv", 2, "r.csv"),
+    "replay twice": ("replay f.json r.csv -o new --picture new", 2, "new"),
+}
+
+
+@pytest.mark.parametrize("case", REPLACING)
+def test_nothing_replaces_what_the_call_needs(folder, monkeypatch, capsys, case):  # noqa: F811
+    """Whatever its name: a calibration is not lost because its name was typed twice."""
+    words, code, name = REPLACING[case]
+    save_calibration(FLAT, folder / "f.json")
+    (folder / "t.csv").write_text(csv_text(on_tube()[0]))
+    (folder / "m.csv").write_text("reading,force\n0,0\n1,1\n2,2\n")
+    (folder / "r.csv").write_text("time,0,1,2,3,4,5,6,7,8\n0,0,0,0,0,0,0,0,0,0\n")
+    (folder / "sub").mkdir()
+    (folder / "link.csv").symlink_to("f.json")
+    monkeypatch.chdir(folder)
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert_refused(capsys, code, f" would replace {name}, which the same call needs", *words.split())
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+def test_responses_go_into_the_calibration_itself(folder, capsys):  # noqa: F811
+    """That is one file that may be read and written: the old one is whole until the new one is."""
+    save_calibration(FLAT, folder / "f.json")
+    (folder / "m.csv").write_text("".join(["reading,force\n", *(f"{k},{2 * k}\n" for k in range(20))]))
+    assert main(["response", str(folder / "f.json"), str(folder / "m.csv"), "-o", str(folder / "f.json")]) == 0
+    assert_allclose(load_calibration(folder / "f.json").response.newtons([3.0]), [6.0])

@@ -1,0 +1,40 @@
+"""The example that lets a foot rock in a simulator, in short; needs the package ``mujoco``."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mujoco", reason="no package mujoco here, in which the foot is simulated")
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "simulated_foot.py"
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    """Six frames on every ground, for both skins."""
+    specification = importlib.util.spec_from_file_location("simulated_foot", EXAMPLE)
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module.runs(6)
+
+
+def test_foot_of_our_own_skin_agrees_with_the_simulator(simulated):
+    """Loads to 2 %, CoP to a tenth of a cell on plain ground; the true region holds every guaranteed polygon."""
+    for run in simulated:
+        inside, areas = run.guaranteed
+        assert inside == areas and run.held == len(run.frames) == 6
+        assert run.load_off.mean() < 0.03
+        cell = 0.01 if run.skin == "sheet 10 mm" else 0.028
+        assert run.off.mean() < (0.25 if run.ground == "pebbles" else 0.1) * cell
+    assert sum(run.guaranteed[1] for run in simulated) >= 20
+
+
+def test_truth_of_the_simulator_is_whole(simulated):
+    """The contacts carry the weight of the foot and what was put on it, shear too, which taxels do not see."""
+    for run in simulated:
+        for frame, truth in zip(run.frames, run.truths):
+            assert 200 < truth.wrench[2] < 650
+            assert abs(truth.cells.sum() / truth.wrench[2] - 1) < 0.05  # an edge may pull a pad back
+            assert len(truth.points) >= 3 and frame.cop is not None
+    assert max(abs(t.wrench[0]) for run in simulated for t in run.truths) > 15

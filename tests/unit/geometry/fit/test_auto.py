@@ -1,0 +1,91 @@
+"""The smallest grid that meets a tolerance."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from sample_scenes import shapes
+from skin_calib_addon.common.errors import InvalidPlan, UnreachableTolerance
+from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface, fit_to_tolerance, weld
+from skin_calib_addon.geometry.fit.auto import net_size
+from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+
+Z = Axis((0.0015, 0.0005, 0.0), (0.0, 0.0, 1.0))
+MARGIN = 0.002
+
+
+@pytest.fixture(scope="module")
+def wrist():
+    mesh = shapes.wrist()
+    return weld(mesh.vertices, mesh.faces)
+
+
+@pytest.mark.parametrize("tolerance", [3e-4, 1e-4, 2e-5])
+def test_mean_error_keeps_within_the_tolerance(wrist, tolerance):
+    """What was asked of the mean holds by the exact distances."""
+    fit = fit_to_tolerance(wrist, tolerance, axis=Z, margin=MARGIN)
+    assert fit.errors.surface_to_mesh.mean <= tolerance
+
+
+def test_largest_error_keeps_within_the_tolerance(wrist):
+    """What was asked of the largest distance holds, where it is not asked of the mean."""
+    fit = fit_to_tolerance(wrist, 2e-4, "max", axis=Z, margin=MARGIN)
+    assert fit.errors.surface_to_mesh.max <= 2e-4
+
+
+def test_smaller_tolerance_takes_more_control_points(wrist):
+    """No more model than is needed: the net grows as the tolerance shrinks, and a room's width takes the least net."""
+    sizes = [net_size(fit_to_tolerance(wrist, t, axis=Z, margin=MARGIN)) for t in (1.0, 3e-4, 1e-4, 2e-5)]
+    assert sizes[0] == 16 and (np.diff(sizes) > 0).all()
+
+
+def test_smallest_net_is_not_beaten_by_a_much_smaller_one(wrist):
+    """Every grid of at most two thirds of the control points misses the tolerance."""
+    fit = fit_to_tolerance(wrist, 1e-4, axis=Z, margin=MARGIN)
+    for n in range(4, 9):
+        lines = int(net_size(fit) * 2 / 3) // n
+        if lines >= 4:
+            other = fit_lines(wrist, TubeGrid(n, lines, Z, MARGIN).line_grid(wrist), (3, 3))
+            assert other.errors.surface_to_mesh.mean > 1e-4, (n, lines)
+
+
+def test_tolerance_below_the_facets_is_refused(wrist):
+    """Facets stand off from any smooth surface; the error says what can be reached, and that is true."""
+    with pytest.raises(UnreachableTolerance, match="can be reached, its facets stand off") as caught:
+        fit_to_tolerance(wrist, 1e-7, axis=Z, margin=MARGIN)
+    reached = caught.value.numbers["reached"]
+    best = fit_surface(wrist, TubeGrid(20, 60, Z, MARGIN)).errors.surface_to_mesh.mean
+    assert_allclose(reached, best, rtol=0.5)
+
+
+@pytest.mark.parametrize("tolerance, measure", [(0.0, "mean"), (-1.0, "mean"), (np.nan, "mean"), (1e-4, "median")])
+def test_nonsense_is_refused(wrist, tolerance, measure):
+    """A tolerance is a positive length, of the mean or the largest distance."""
+    with pytest.raises(InvalidPlan, match="tolerance is a positive length"):
+        fit_to_tolerance(wrist, tolerance, measure, axis=Z, margin=MARGIN)
+
+
+def test_hopeless_tolerance_takes_no_large_fit(wrist, monkeypatch):
+    """A tenth of what facets allow: refused by what a moderate net tells, not by the largest one."""
+    sizes = []
+
+    def counted(mesh, lines, degree):
+        sizes.append(lines.origins.shape[0] * lines.origins.shape[1])
+        return fit_lines(mesh, lines, degree)
+
+    monkeypatch.setattr("skin_calib_addon.geometry.fit.auto.fit_lines", counted)
+    with pytest.raises(UnreachableTolerance, match="can be reached"):
+        fit_to_tolerance(wrist, 2e-7, axis=Z, margin=MARGIN)
+    assert len(sizes) <= 3 and max(sizes) < 3000
+
+
+def test_hole_does_not_count_against_a_tolerance(wrist):
+    """What spans it is left out, as it is of the report: hardly more control points than without it."""
+    centre = wrist.vertices[np.argmax(wrist.vertices @ (1.0, 1.0, 0.0) - 10 * np.abs(wrist.vertices[:, 2] - 0.05))]
+    near = np.linalg.norm(wrist.triangles.mean(axis=1) - centre, axis=1) < 0.012
+    fits = [
+        fit_to_tolerance(mesh, 3e-5, axis=Z, margin=MARGIN)
+        for mesh in (wrist, weld(wrist.vertices, wrist.faces[~near]))
+    ]
+    assert fits[1].missing > 0.01 and fits[1].errors.surface_to_mesh.mean <= 3e-5
+    assert net_size(fits[1]) < 1.5 * net_size(fits[0])

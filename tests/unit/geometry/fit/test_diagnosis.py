@@ -1,0 +1,395 @@
+"""What a fit says of itself: the doubts it names, the places it does not trust, and the fits that are refused."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from sample_scenes.shapes import tube_mesh
+from skin_calib_addon.common.errors import InvalidPlan, PoorFit
+from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry.fit import diagnosis
+from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.surface.distance import MeshDistance
+from tests.shapes import (
+    LENGTH,
+    RADIUS,
+    TURN,
+    Z_AXIS,
+    Motion,
+    box,
+    cone,
+    cylinder,
+    dome,
+    keep,
+    sheet,
+    together,
+    weld,
+    welded,
+    with_hole,
+    wrist,
+)
+
+GRID = TubeGrid(8, 16, Z_AXIS, 0.004, "uniform")
+STATIONS = np.linspace(0.02, 0.08, 6)
+HOLE, WIDE = np.array((RADIUS, 0.0, 0.05)), 0.012
+
+
+@pytest.fixture(scope="module")
+def holed():
+    """A fit of a tube with a round hole."""
+    return fit_surface(with_hole(cylinder(), HOLE, WIDE), TubeGrid(14, 30, Z_AXIS, 0.004, "uniform"))
+
+
+def with_fin(height, at=1.0, around=192, along=52):
+    """A tube whose own wall stands out at an angle, over a fifth of its length."""
+
+    def point(angle, share):
+        stands_out = (np.abs(np.angle(np.exp(1j * (angle - at)))) < 0.1) & (share > 0.4) & (share < 0.6)
+        radius = RADIUS + height * stands_out
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * share))
+
+    return welded(tube_mesh(point, around, along))
+
+
+def with_step(height, at=0.5):
+    """A tube that is wider from a share of its length on."""
+
+    def point(angle, share):
+        radius = RADIUS + height * (share > at)
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * share))
+
+    return welded(tube_mesh(point, 192, 52))
+
+
+def tilted_planes(degrees):
+    """A closed grid with one v-plane that is some degrees from parallel to the u-planes."""
+    low = np.deg2rad(degrees)
+    normals = np.array(((1.0, 0, 0), (0, 1.0, 0), (0, np.sin(low), np.cos(low))))
+    u = Planes(STATIONS[:, None] * (0, 0, 1.0), np.tile((0, 0, 1.0), (len(STATIONS), 1)))
+    return PlanesGrid(u, Planes(np.zeros((3, 3)) + (0, 0, 0.05), normals), True)
+
+
+def hinged_planes(x, tilts):
+    """u-planes that all pass through the line (x, y, 50 mm), and 16 half-planes about z."""
+    normals = np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))[:: 1 if x > 0 else -1]
+    angle = np.arange(8) * np.pi / 8
+    v = np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle))
+    return PlanesGrid(Planes(np.tile((x, 0, 0.05), (len(tilts), 1)), normals), Planes(np.zeros((8, 3)), v), True)
+
+
+def named(message, lines):
+    """The place, the u-plane and the v-line that a message names."""
+    x, y, z, i, name = re.search(
+        r"\((\S+), (\S+), (\S+)\) mm, near u-plane (\d+) and (half-plane at [\d.]+ degrees|v-plane \d+)[:;]", message
+    ).groups()
+    return np.array((x, y, z), float) * 1e-3, int(i), lines.v_names.index(name)
+
+
+def assert_names_go_together(message, lines):
+    """The place lies beside the u-plane that is named and within 12 degrees of the line, half a step of 16 lines."""
+    place, i, j = named(message, lines)
+    station = (lines.planes_u.points - place) @ lines.planes_u.normals[0]
+    assert np.abs(station[i]) <= np.abs(np.diff(station)).max()
+    arm = place - lines.origins[i, j]
+    arm -= arm @ lines.planes_u.normals[i] * lines.planes_u.normals[i]
+    assert arm @ lines.directions[i, j] > np.cos(np.deg2rad(12)) * np.linalg.norm(arm)
+
+
+def assert_one_line_with_advice(message):
+    """One line, one sentence that ends in what to do."""
+    assert "\n" not in message and len(message) < 300
+    assert re.search(
+        r"[;:] .*\b(close the hole|cut away|move|turn|lower|use a patch grid|keep the skin off)\b", message
+    )
+
+
+@pytest.mark.parametrize(
+    ("mesh", "grid"),
+    [
+        (wrist(), TubeGrid(10, 20, margin=0.002)),
+        (wrist(), SectorGrid(8, 12, -1.0, 1.5, Z_AXIS, 0.004)),
+        (dome(), AcrossGrid(8, 8, (0, 0, 1.0))),
+        (cylinder(), GRID),
+    ],
+)
+def test_good_fit_has_no_doubts(mesh, grid):
+    """A tube, a part of one, a face: nothing to look at, every place is trusted, nothing is left aside."""
+    fit = fit_surface(mesh, grid)
+    assert fit.doubts == () and fit.settled and fit.missing == 0
+    assert fit.is_trusted(np.random.default_rng(0).uniform(0, 1, (200, 2))).all()
+    assert_array_equal(fit.dropped_loops, np.zeros(len(fit.residuals), int))
+
+
+@pytest.mark.parametrize("degree", [2, 3, (2, 5)])
+@pytest.mark.parametrize("grid", [TubeGrid(6, 9, Z_AXIS, 0.01), SectorGrid(6, 7, -1.0, 1.5, Z_AXIS, 0.01)])
+def test_condition_is_that_of_the_dense_matrix(grid, degree):
+    """The least squares written out, a row per sample and a column per control point."""
+    fit = fit_surface(wrist(), grid, degree)
+    assert_allclose(fit.condition, np.linalg.cond(np.kron(fit.basis.N, fit.basis.B)), rtol=1e-9)
+
+
+def test_dropped_loops_are_counted_row_by_row():
+    """An inner tube and a bolt outside, each over a part of the length: no, one or two curves in each section."""
+    inner = keep(cylinder(0.02), lambda c: c[:, 2] < 0.051)
+    bolt = box((RADIUS + 0.002, -0.003, 0.043), (RADIUS + 0.007, 0.003, 0.083))
+    fit = fit_surface(together(cylinder(), inner, bolt), GRID)
+    z = fit.samples.origins[:, 0, 2]
+    assert_array_equal(fit.dropped_loops, 1 * (z < inner.vertices[:, 2].max()) + ((z > 0.043) & (z < 0.083)))
+    assert {*fit.dropped_loops.tolist()} == {0, 1, 2}
+    assert fit.doubts == ()
+
+
+def test_parts_that_are_all_followed_are_not_dropped():
+    """A tube with a window on either side: two curves in the sections through them, and the surface follows both."""
+    windows = keep(cylinder(), lambda c: (np.abs(c[:, 1]) > 0.012) | (np.abs(c[:, 2] - 0.05) > 0.015))
+    fit = fit_surface(windows, GRID)
+    assert fit.missing > 0.05
+    assert_array_equal(fit.dropped_loops, np.zeros(len(fit.residuals), int))
+
+
+def test_dropped_loops_of_a_face_are_counted():
+    """Under a dome: a block below it, which the section shows beside the dome's own curve."""
+    under = box((0.03, 0.02, -0.01), (0.06, 0.05, 0.0))
+    fit = fit_surface(together(dome(), under), AcrossGrid(8, 8, (0, 0, 1.0), along=(1.0, 0, 0), margin=0.004))
+    x = fit.samples.origins[:, 0, 0]
+    assert_array_equal(fit.dropped_loops, 1 * ((x > 0.03) & (x < 0.06)))
+    assert 0 < fit.dropped_loops.sum() < len(x)
+
+
+def test_dropped_loops_of_fanned_planes_are_counted():
+    """Planes that are not parallel: the same count of an inner tube, row by row."""
+    tilts = np.deg2rad(np.linspace(-14, 14, 8))
+    inner = keep(cylinder(0.01), lambda c: c[:, 2] < 0.051)
+    fit = fit_surface(together(cylinder(), inner), hinged_planes(-0.15, tilts))
+    z = fit.samples.origins[:, 0, 2]
+    sure = np.abs(z - inner.vertices[:, 2].max()) > 0.005  # a slanting plane may cut its edge
+    assert_array_equal(fit.dropped_loops[sure], 1 * (z < inner.vertices[:, 2].max())[sure])
+
+
+def test_hole_is_a_doubt_with_its_share_and_place(holed):
+    """One line: the share of the samples, and a place over the hole with the planes beside it."""
+    (doubt,) = holed.doubts
+    assert doubt.startswith(f"{holed.missing:.1%} of the sample rays meet no mesh") and 0.01 < holed.missing < 0.05
+    assert np.linalg.norm(named(doubt, holed.lines)[0] - HOLE) < WIDE
+    assert_names_go_together(doubt, holed.lines)
+    assert_one_line_with_advice(doubt)
+
+
+def test_hole_is_not_trusted_and_all_else_is(holed):
+    """Footpoints over the hole are not trusted; those further from it than a sample's distance are."""
+    uv = np.random.default_rng(2).uniform(0, 1, (2000, 2))
+    away = np.linalg.norm(holed.surface.points(uv) - HOLE, axis=1)
+    step = max(0.092 / (len(holed.residuals) - 1), TURN * RADIUS / holed.residuals.shape[1])
+    trusted = holed.is_trusted(uv)
+    assert not trusted[away < WIDE - step].any() and (away < WIDE - step).sum() > 10
+    assert trusted[away > WIDE + 2 * step].all()
+    assert trusted.tolist() == [bool(holed.is_trusted(one)) for one in uv.tolist()]
+
+
+def test_nothing_beside_a_missing_sample_is_trusted(holed):
+    """The middles of all four cells about a ray that met nothing."""
+    missed = np.isnan(holed.residuals)
+    k, l = missed.shape
+    row, column = np.nonzero(missed)
+    for i, j in ((-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)):
+        assert not holed.is_trusted(np.column_stack(((row + i) / (k - 1), ((column + j) / l) % 1))).any()
+    known = [(i, j) for i in range(k - 1) for j in range(l - 1) if not missed[i : i + 2, j : j + 2].any()]
+    assert holed.is_trusted((np.array(known) + 0.5) / (k - 1, l)).all()
+
+
+def test_two_holes_are_one_line_with_the_larger_one_named():
+    """The place is in the larger of two holes, not between them."""
+    small = np.array((-RADIUS, 0.0, 0.03))
+    mesh = with_hole(with_hole(cylinder(), HOLE, WIDE), small, 0.006)
+    fit = fit_surface(mesh, TubeGrid(14, 30, Z_AXIS, 0.004, "uniform"))
+    (doubt,) = fit.doubts
+    assert np.linalg.norm(named(doubt, fit.lines)[0] - HOLE) < WIDE
+
+
+@pytest.mark.parametrize("tilt", [3.1, 8.0, 9.9])
+def test_planes_that_hardly_cross_are_a_doubt(tilt):
+    """The two planes and their angle; from ten degrees on, none."""
+    lines = tilted_planes(tilt).line_grid(cylinder())
+    (doubt,) = lines.doubts
+    assert re.match(rf"u-plane \d+ and v-plane 2 are only {tilt} degrees from parallel: .*; turn one of them$", doubt)
+    assert_one_line_with_advice(doubt)
+    assert tilted_planes(10.1).line_grid(cylinder()).doubts == ()
+
+
+def test_doubts_of_the_planes_come_with_the_fit():
+    """What the lines are in doubt of is said of the surface too."""
+    lines = GRID.line_grid(cylinder())
+    assert fit_surface(cylinder(), lines).doubts == ()
+    doubtful = replace(lines, doubts=("u-plane 1 and v-plane 2 hardly cross; turn one of them",))
+    assert fit_surface(cylinder(), doubtful).doubts == doubtful.doubts
+
+
+def test_planes_two_degrees_from_parallel_are_refused():
+    """No fit, with the two planes named."""
+    with pytest.raises(
+        InvalidPlan, match=r"u-plane \d and v-plane 2 are 2\.0 degrees from parallel; turn one"
+    ) as caught:
+        fit_surface(cylinder(), tilted_planes(2.0))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [(8, 16), (14, 40)])
+@pytest.mark.parametrize("at", [1.0, 4.0])
+def test_fin_of_the_wall_is_refused_with_its_place(size, at):
+    """The wall stands out by 60 mm: no surface follows, and the message tells where, and which planes are beside it."""
+    mesh, grid = with_fin(0.06, at), TubeGrid(*size, Z_AXIS, 0.004, "uniform")
+    with pytest.raises(PoorFit, match=r"^the surface stays \d+\.\d mm off the mesh at .*; cut away what") as caught:
+        fit_surface(mesh, grid)
+    message, lines = str(caught.value), grid.line_grid(mesh)
+    place = named(message, lines)[0]
+    foot = np.array((RADIUS * np.cos(at), RADIUS * np.sin(at), np.clip(place[2], 0.04, 0.06)))
+    # The fin is radial: beside it, how far out does not matter.
+    outward = foot * (1, 1, 0) / RADIUS
+    assert np.linalg.norm(place - foot - max((place - foot) @ outward, 0) * outward) < 0.015
+    assert_names_go_together(message, lines)
+    assert_one_line_with_advice(message)
+    told = float(re.search(r"stays (\S+) mm", message)[1])
+    assert_allclose(caught.value.numbers["distance"] * 1e3, told, atol=0.051)
+    assert caught.value.numbers["distance"] > fit_module.FURTHEST * mesh.size
+
+
+@pytest.mark.parametrize("at", [0.3, 0.45, 0.7])
+def test_step_is_a_doubt_with_its_place(at):
+    """Wider by 30 mm from a station on: the fit stands, with a line that tells where it cannot follow."""
+    fit = fit_surface(with_step(0.03, at), GRID)
+    (doubt,) = fit.doubts
+    assert re.match(r"the surface is \d+\.\d mm off the mesh at .*; cut away what stands out there, move", doubt)
+    assert abs(named(doubt, fit.lines)[0][2] - LENGTH * at) < 0.015
+    assert_names_go_together(doubt, fit.lines)
+    assert_one_line_with_advice(doubt)
+
+
+def test_high_step_is_refused_with_its_place():
+    """Wider by 200 mm from a third on."""
+    mesh, grid = with_step(0.2, 0.3), TubeGrid(9, 16, Z_AXIS, 0.004, "uniform")
+    with pytest.raises(PoorFit, match="u-plane") as caught:
+        fit_surface(mesh, grid)
+    assert abs(named(str(caught.value), grid.line_grid(mesh))[0][2] - 0.03) < 0.015
+
+
+@pytest.mark.parametrize("at", [0.3, 0.5, 0.7])
+def test_placed_planes_follow_a_step(at):
+    """Of 27 mm, by as few planes, little more than half as far off as even ones, and without a doubt."""
+    mesh = with_step(0.027, at)
+    placed, even = (fit_surface(mesh, TubeGrid(8, 16, Z_AXIS, 0.004, spacing)) for spacing in ("auto", "uniform"))
+    assert placed.doubts == () and placed.smallest_area > 0.1
+    assert placed.errors.hausdorff < 0.6 * even.errors.hausdorff
+
+
+def test_distance_of_a_doubt_is_no_longer_than_the_truth():
+    """What a doubt tells is a distance of the surface from the mesh, not one along a slanting ray."""
+    fit = fit_surface(with_step(0.03, 0.3), GRID)
+    told = float(re.search(r"is (\S+) mm off", fit.doubts[0])[1]) * 1e-3
+    assert 0.4 * fit.errors.hausdorff < told < fit.errors.hausdorff < np.nanmax(np.abs(fit.residuals))
+
+
+@pytest.mark.parametrize("inward", [False, True])
+def test_furthest_is_a_distance_and_not_along_the_ray(inward):
+    """On a flat cone, whose facets the rays meet at 27 degrees, wound either way: the distance to its triangles."""
+    mesh = cone(0.045, 0.005, length=0.02)
+    fit = fit_surface(mesh, TubeGrid(5, 5, Z_AXIS, 0.003, "uniform"), 4)
+    mesh = weld(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh
+    fit = fit_surface(mesh, fit.lines, 4)
+    distance, place = diagnosis.furthest(mesh, fit.lines, fit.basis, fit.samples)
+    exact = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
+    assert_allclose(distance, exact, rtol=0.1)
+    assert distance < 0.6 * np.abs(fit.residuals).max() and place.startswith("at (")
+
+
+def test_box_through_the_wall_is_not_followed():
+    """A thin box that stands out, not of one piece with the tube: dropped and counted, and no doubt of the tube."""
+    fin = box((0.03, -0.002, 0.05), (0.08, 0.002, 0.06))
+    fit = fit_surface(together(cylinder(), fin), GRID)
+    radius = np.linalg.norm(fit.surface.points(np.random.default_rng(3).uniform(0, 1, (200, 2)))[:, :2], axis=1)
+    assert np.abs(radius - RADIUS).max() < 1e-3 * RADIUS
+    assert fit.dropped_loops.max() == 1 and fit.doubts == ()
+
+
+@pytest.mark.parametrize("n", [5, 8, 14])
+def test_surface_that_closes_to_a_point_is_a_doubt(n):
+    """A cone up to its tip: the lines come together, and it says so however many planes there are."""
+
+    def point(angle, share):
+        radius = RADIUS * (1 - share) + 1e-6
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * share))
+
+    fit = fit_surface(welded(tube_mesh(point, 96, 40)), TubeGrid(n, 16, Z_AXIS, 1e-4))
+    assert fit.doubts == ("the surface nearly folds or closes to a point; move planes apart, or widen the margin",)
+
+
+@pytest.mark.parametrize("n", [6, 8, 12])
+def test_surface_folded_by_crossing_planes_is_not_within(n):
+    """u-planes that cross inside of the tube turn the surface inside out on one side: in doubt, and never within."""
+    fit = fit_surface(cylinder(), hinged_planes(-0.02, np.deg2rad(np.linspace(-40, 40, n))))
+    uv = np.random.default_rng(4).uniform(0, 1, (500, 2))
+    inward = (fit.surface.normals(uv) * fit.surface.points(uv) * (1, 1, 0)).sum(axis=1) < 0
+    assert 0.2 < inward.mean() < 0.5
+    assert any("folds" in d for d in fit.doubts)
+    assert not fit.is_within(1.0)
+
+
+def test_passes_cut_short_are_a_doubt(monkeypatch):
+    """Where the passes may not go on until nothing moves, the fit is not settled and says so."""
+    monkeypatch.setattr(fit_module, "MOST_PASSES", 1)
+    fit = fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002))
+    assert not fit.settled and fit.passes == 1
+    assert any(d.startswith("the passes did not come to rest") for d in fit.doubts)
+    monkeypatch.undo()
+    assert fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002)).settled
+
+
+def test_bad_condition_is_a_doubt(monkeypatch):
+    """The number, and what to do; no plane of ours comes near the limit, so that it is lowered here."""
+    fit = fit_surface(cylinder(), TubeGrid(6, 12, Z_AXIS, 0.004), 5)
+    assert fit.doubts == () and fit.condition > 100
+    monkeypatch.setattr(diagnosis, "ILL", 100.0)
+    vars(fit).pop("doubts")
+    message = f"the least squares have the condition {fit.condition:.0f}; lower the degree or take a plane away"
+    assert fit.doubts == (message,)
+
+
+@pytest.mark.parametrize("share, within", [(0.99, False), (1.01, True)])
+def test_within_is_the_hausdorff_distance(share, within):
+    """Just below the distance it is not within, just above it is."""
+    fit = fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002))
+    assert fit.is_within(share * fit.errors.hausdorff) is within
+
+
+def test_nothing_with_a_hole_is_within(holed):
+    """What spans a hole is no surface of the mesh, however wide the tolerance."""
+    assert not holed.is_within(1.0)
+
+
+def test_folded_surface_is_not_within():
+    """A surface that folds is none, however near it lies."""
+    fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(5, 5, (0, 0, 1.0)))
+    assert fit.is_within(1e-9)
+    vars(fit)["smallest_area"] = 0.5 * fit_module.FOLDED
+    assert not fit.is_within(1e-9)
+
+
+def test_doubts_go_where_the_mesh_goes():
+    """The place in the message is in the link frame of the mesh as it lies."""
+    motion = Motion(5)
+    mesh = with_step(0.03, 0.3)
+    here, there = (
+        fit_surface(m, TubeGrid(8, 16, axis, 0.004, "uniform"))
+        for m, axis in ((mesh, Z_AXIS), (motion.mesh(mesh), motion.axis(Z_AXIS)))
+    )
+    place = named(there.doubts[0], there.lines)[0]
+    station = (place - motion.points((0, 0, 0))) @ motion.directions((0, 0, 1.0))
+    assert_allclose(station, named(here.doubts[0], here.lines)[0][2], atol=2e-4)
+
+
+def test_planes_that_cannot_be_spared_are_not_left_out():
+    """As many planes as the degree needs: no error without one of them; one more plane, and there are errors."""
+    assert len(fit_surface(cylinder(), TubeGrid(4, 12, Z_AXIS, 0.01)).leave_one_out()) == 0
+    assert len(fit_surface(cylinder(), TubeGrid(5, 12, Z_AXIS, 0.01)).leave_one_out()) == 3

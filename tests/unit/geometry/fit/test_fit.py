@@ -1,0 +1,391 @@
+"""The constrained fit on shapes whose answer is known."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from sample_scenes.shapes import tube_mesh
+from skin_calib_addon.common.errors import EmptySection, UnderdeterminedFit
+from skin_calib_addon.common.surface_errors import DistanceStatistics
+from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.sampling.basis import TensorBasis
+from skin_calib_addon.geometry.sampling.samples import SampleRows
+from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
+from tests.oracles import best_step, cast_on_mesh, distance_to_mesh
+from tests.shapes import (
+    LENGTH,
+    RADIUS,
+    Z_AXIS,
+    Motion,
+    box,
+    cone,
+    cylinder,
+    keep,
+    sheet,
+    together,
+    weld,
+    welded,
+    with_hole,
+    wrist,
+)
+
+AROUND = 96
+# How far the facets of a tube of radius 1 with AROUND sides lie inside of it.
+SAGITTA = 1 - np.cos(np.pi / AROUND)
+UV = np.random.default_rng(0).uniform(0, 1, (400, 2))
+
+
+def planes_grid(stations, tilts=0.0, lines=10, closed=True):
+    """u-planes across z, tilted about y, and full v-planes through z."""
+    stations, tilts = np.broadcast_arrays(np.asarray(stations, float), tilts)
+    u = Planes(stations[:, None] * (0, 0, 1.0), np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts))))
+    angle = np.arange(lines) * np.pi / lines
+    return PlanesGrid(
+        u, Planes(np.zeros((lines, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle))), closed
+    )
+
+
+def assert_lies_on_tube(fit, bottom, top, spline):
+    """The surface lies between the facets of a cone and the cone, and looks as the cone does.
+
+    ``spline`` is what a spline on these lines cannot do, as a share of the radius.
+    """
+    points, normals = fit.surface.points(UV), fit.surface.normals(UV)
+    radius = bottom + (top - bottom) * points[:, 2] / LENGTH
+    share = np.linalg.norm(points[:, :2], axis=1) / radius
+    assert 1 - SAGITTA - spline < share.min() and share.max() < 1 + spline
+    outward = np.column_stack((points[:, :2], np.full(len(points), (bottom - top) / LENGTH) * radius * share))
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    assert np.degrees(np.arccos(np.clip((normals * outward).sum(axis=1), -1, 1))).max() < 1.0
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4, 5, (2, 5), (5, 2)])
+def test_cylinder_is_exact_to_its_facets(degree):
+    """All degrees: the surface lies between the facets and the cylinder they come from, to a hundredth of a percent."""
+    fit = fit_surface(cylinder(), TubeGrid(8, 20), degree)
+    assert_lies_on_tube(fit, RADIUS, RADIUS, 1e-4)
+    assert fit.missing == 0
+    assert fit.errors.surface_to_mesh.max < 1.1 * SAGITTA * RADIUS
+    assert fit.errors.surface_to_mesh.mean < 0.5 * SAGITTA * RADIUS
+
+
+@pytest.mark.parametrize("grid", [TubeGrid(8, 20), TubeGrid(8, 20, Z_AXIS), TubeGrid(5, 20, Z_AXIS, 0.003)])
+@pytest.mark.parametrize("ends", [(0.045, 0.030), (0.030, 0.045)])
+def test_cone_is_exact_to_its_facets(grid, ends):
+    """An axis found or given, running to the thinner end or not; planes even or not."""
+    assert_lies_on_tube(fit_surface(cone(*ends), grid), *ends, 1e-4)
+
+
+def test_facets_are_all_that_keeps_the_surface_from_the_truth():
+    """Twice as many facets leave a quarter of the error."""
+    errors = []
+    for around in (48, 96, 192):
+        points = fit_surface(cylinder(around=around), TubeGrid(6, 40, Z_AXIS)).surface.points(UV)
+        errors.append(np.abs(np.linalg.norm(points[:, :2], axis=1) - RADIUS).mean())
+    assert_allclose(np.divide(errors[:-1], errors[1:]), 4, rtol=0.05)
+
+
+def test_small_nets_are_still_least_squares():
+    """The fewest planes and lines that each degree allows: no sample less than unknowns, and a tube comes out."""
+    for degree in (2, 3, 4, 5):
+        fit = fit_surface(cylinder(), TubeGrid(degree + 1, 12, Z_AXIS), degree)
+        assert fit.residuals.shape[0] > degree + 1
+        assert_lies_on_tube(fit, RADIUS, RADIUS, 2e-3)
+
+
+def test_plane_is_exact():
+    """What a spline contains: a slope under planes across it, to the rounding."""
+    slope = sheet(lambda x, y: 0.02 + 0.3 * x - 0.2 * y)
+    for grid in (AcrossGrid(6, 5, (0, 0, 1.0)), AcrossGrid(6, 5, (0.1, 0.2, 1.0), along=(0, 1, 0), margin=0.02)):
+        points = fit_surface(slope, grid).surface.points(UV)
+        assert_allclose(points[:, 2], 0.02 + 0.3 * points[:, 0] - 0.2 * points[:, 1], rtol=0, atol=1e-13)
+
+
+def test_dome_under_planes_across_is_exact_to_its_facets():
+    """A paraboloid to the size of its facets' sagitta, and it looks the way it is told."""
+
+    def height(x, y):
+        return 0.02 - 2 * ((x - 0.05) ** 2 + (y - 0.04) ** 2)
+
+    for down in (False, True):
+        mesh = sheet(height)
+        mesh = weld(mesh.vertices, mesh.faces[:, ::-1]) if down else mesh
+        fit = fit_surface(mesh, AcrossGrid(10, 10, (0, 0, -1.0 if down else 1.0), margin=0.005))
+        points = fit.surface.points(UV)
+        gap = height(points[:, 0], points[:, 1]) - points[:, 2]
+        facet = 2 * (0.005**2 + 0.005**2) / 4  # the largest sagitta of a facet's long side
+        assert -0.5 * facet < gap.min() and gap.max() < 1.5 * facet
+        assert (fit.surface.normals(UV)[:, 2] * (-1 if down else 1) > 0.9).all()
+        assert fit.surface.closed == (False, False)
+
+
+def test_sector_is_exact_to_its_facets():
+    """Part of the way round, within a whole tube and within a half one."""
+    half = keep(cylinder(), lambda c: c[:, 0] > 0)
+    for mesh, grid in (
+        (cylinder(), SectorGrid(6, 14, -2.0, 2.5, Z_AXIS)),
+        (half, SectorGrid(6, 14, -1.3, 1.3, Z_AXIS)),
+    ):
+        fit = fit_surface(mesh, grid)
+        assert fit.missing == 0 and fit.surface.closed == (False, False)
+        assert_lies_on_tube(fit, RADIUS, RADIUS, 2e-4)
+        angle = np.arctan2(*fit.surface.points(UV)[:, 1::-1].T)
+        assert grid.start < angle.min() and angle.max() < grid.stop
+
+
+@pytest.mark.parametrize("degree", [2, 3, 5])
+def test_fanned_planes_are_as_exact_as_parallel_ones(degree):
+    """u-planes fanned by 20 degrees each way: a cylinder to its facets, a wrist as good as with parallel planes."""
+    tilts = np.deg2rad(np.linspace(-20, 20, 10))
+    fit = fit_surface(cylinder(), planes_grid(np.linspace(0.02, 0.08, 10), tilts), degree)
+    assert_lies_on_tube(fit, RADIUS, RADIUS, 1e-4)
+    stations = np.linspace(0.02, 0.08, 10)
+    fanned, straight = (fit_surface(wrist(), planes_grid(stations, t), degree).errors for t in (tilts, 0.0))
+    assert fanned.surface_to_mesh.mean < 1.5 * straight.surface_to_mesh.mean
+    assert fanned.mesh_to_surface.max < 2 * straight.mesh_to_surface.max
+
+
+def test_control_points_stay_on_their_lines():
+    """The constraint of the paper: each control point lies in its u-plane and in its v-plane."""
+    grid = planes_grid(np.linspace(0.02, 0.08, 8), np.linspace(-0.2, 0.2, 8), lines=6)
+    surface = fit_surface(wrist(), grid).surface
+    for i, row in enumerate(surface.control_net):
+        assert np.abs((row - grid.u.points[i]) @ grid.u.normals[i]).max() < 1e-13
+        assert np.abs(row @ grid.v.normals.T).min(axis=1).max() < 1e-13
+    assert (surface.control_net[:, :3] == surface.control_net[:, -3:]).all()  # the seam, to the bit
+
+
+def test_fit_solves_the_dense_least_squares():
+    """Against an oracle that casts every ray on every face: no offsets along the lines leave a thousandth less misfit.
+
+    The solution of another system would be off by millimetres.
+    """
+    mesh = weld(*decimated())
+    for grid in (TubeGrid(5, 8, Z_AXIS, 0.01), SectorGrid(5, 6, -1.0, 1.5, Z_AXIS, 0.01)):
+        step, before, after = best_step(fit_surface(mesh, grid))
+        assert after > 0.999 * before
+        assert np.abs(step).max() < fit_module.SETTLED * mesh.size
+
+
+def decimated():
+    """A coarse tube with the proportions of the wrist."""
+    coarse = cone(0.037, 0.034, around=14, along=5)
+    bent = coarse.vertices + 0.004 * np.sin(40 * coarse.vertices[:, [2]]) * (1, 0, 0)
+    return bent * (1, 0.8, 1), coarse.faces
+
+
+def test_residuals_are_distances_along_the_sample_rays():
+    """Rays from the origins through sites of the surface, cast on every face; measured before the last small step."""
+    mesh = weld(*decimated())
+    fit = fit_surface(mesh, TubeGrid(5, 8, Z_AXIS, 0.01))
+    k, l = fit.residuals.shape
+    for i, j in ((0, 0), (1, 7), (k - 1, l - 1), (3, 11)):
+        point = fit.surface.points([[i / (k - 1), j / l]])[0]
+        centre = point * (0, 0, 1)
+        length = np.linalg.norm(point - centre)
+        met = cast_on_mesh(centre, (point - centre) / length, mesh.triangles)
+        assert abs(fit.residuals[i, j] - (met - length)) < 1e-4 * mesh.size
+
+
+def test_complete_tube_misses_no_sample():
+    """Planes through rings of vertices and lines through rows of them: not one ray slips through a joint."""
+    for n, lines, margin in ((26, 48, 0.004), (10, 20, 1e-9), (6, 12, 0.02), (11, 24, 0.01)):
+        assert fit_surface(cylinder(), TubeGrid(n, lines, Z_AXIS, margin)).missing == 0
+
+
+@pytest.mark.parametrize("hole", [0.008, 0.015])
+def test_holes_are_spanned_and_counted(hole):
+    """The share of samples that is missing is that of the hole, and the surface goes on over it as if it were not."""
+    mesh = with_hole(cylinder(), (RADIUS, 0, 0.05), hole)
+    fit = fit_surface(mesh, TubeGrid(14, 30, Z_AXIS, 0.004, "uniform"))
+    area = (1 - mesh.face_areas.sum() / cylinder().face_areas.sum()) * LENGTH / (LENGTH - 0.008)
+    assert_allclose(fit.missing, area, rtol=0.25)
+    assert_lies_on_tube(fit, RADIUS, RADIUS, 5e-3)
+    assert fit.errors.hausdorff < 0.04 * hole  # what spans the hole is no error, but for teeth of its rim between sites
+
+
+def test_surface_stays_tame_over_a_hole_with_a_rim():
+    """The wall is flared by 3 mm about a hole of 25: control points that only the rim holds do not swing away."""
+    mesh, centre = cylinder(around=120, along=61), (RADIUS, 0, 0.05)
+    rim = np.linalg.norm(mesh.vertices - centre, axis=1) < 0.028
+    flared = mesh.vertices * np.where(rim[:, None], ((RADIUS + 0.003) / RADIUS,) * 2 + (1,), 1)
+    link = with_hole(weld(flared, mesh.faces), centre, 0.025)
+    fit = fit_module.fit_lines(link, TubeGrid(12, 24, Z_AXIS, 0.004, "uniform").line_grid(link), (3, 3))
+    assert fit.settled and fit.missing > 0.1
+    assert fit.offsets.min() > 0.02 and fit.offsets.max() < 0.06
+
+
+@pytest.mark.parametrize("lines", range(9, 20))
+def test_few_lines_do_not_keep_step_with_facets(lines):
+    """On a tube of 48 sides: as near as its facets let a circle come, whatever share of them the lines are."""
+    mesh = cylinder(around=48)
+    fit = fit_surface(mesh, TubeGrid(5, lines, Z_AXIS, 0.004, "uniform"))
+    left = MeshDistance(mesh)(fit.surface.points(np.random.default_rng(0).uniform(0, 1, (4000, 2))))[0].mean()
+    circle = 4 / (9 * np.sqrt(3)) * RADIUS * (1 - np.cos(np.pi / 48))  # of mean height over the arcs: parabolas
+    assert left < 1.1 * circle
+    assert_allclose(fit.errors.surface_to_mesh.mean, left, rtol=0.15)  # nor do the places where errors are told
+
+
+def test_inner_parts_are_not_fitted():
+    """A box inside the tube, uncut: the outermost crossing counts, to the same surface as without the box."""
+    inner = box((-0.01, -0.01, 0.03), (0.012, 0.011, 0.071))
+    grid = TubeGrid(8, 16, Z_AXIS, 0.004)
+    net, again = (fit_surface(m, grid).surface.control_net for m in (cylinder(), together(cylinder(), inner)))
+    assert_allclose(again, net, rtol=0, atol=1e-9)
+
+
+def test_errors_are_distances_to_the_mesh():
+    """Surface to mesh against brute force, on a mesh small enough for it; Hausdorff is the larger maximum."""
+    mesh = weld(*decimated())
+    fit = fit_surface(mesh, TubeGrid(5, 8, Z_AXIS, 0.01, "uniform"))
+    errors = fit.errors
+    distances = [distance_to_mesh(p, mesh.triangles) for p in fit.surface.points(UV[:80])]
+    assert_allclose(errors.surface_to_mesh.mean, np.mean(distances), rtol=0.2)
+    assert max(distances) < 1.2 * errors.surface_to_mesh.max
+    assert errors.hausdorff == max(errors.surface_to_mesh.max, errors.mesh_to_surface.max)
+    for statistics in (errors.surface_to_mesh, errors.mesh_to_surface):
+        assert 0 < statistics.mean <= statistics.rms <= statistics.max
+
+
+def test_wrist_is_fitted_to_a_hundredth_of_a_millimetre():
+    """The sample at 10 x 10: errors both ways."""
+    errors = fit_surface(wrist(), TubeGrid(10, 20, margin=0.002)).errors
+    assert errors.surface_to_mesh.mean < 1.3e-5 and errors.surface_to_mesh.max < 1.1e-4
+    assert errors.mesh_to_surface.mean < 1.3e-5 and errors.mesh_to_surface.max < 1.1e-4
+
+
+@pytest.mark.parametrize(
+    ("grid", "degree", "message"),
+    [
+        (
+            TubeGrid(3, 12, Z_AXIS),
+            3,
+            "degree 3 needs at least 4 u-planes, the grid has 3; add planes or lower the degree",
+        ),
+        (TubeGrid(1, 12, Z_AXIS), 2, "degree 2 needs at least 3 u-planes, the grid has 1"),
+        (TubeGrid(8, 5, Z_AXIS), 5, "degree 5 needs at least 6 v-lines, the grid has 5"),
+        (SectorGrid(8, 3, 0.0, 1.0, Z_AXIS), 3, "degree 3 needs at least 4 v-lines, the grid has 3"),
+        (planes_grid([0.05], lines=4), 3, "degree 3 needs at least 4 u-planes, the grid has 1"),
+        (planes_grid([0.02, 0.05], lines=4), 3, "degree 3 needs at least 4 u-planes, the grid has 2"),
+        (TubeGrid(8, 12, Z_AXIS), 1, "degree 1 is not available; use 2 to 5"),
+        (TubeGrid(8, 12, Z_AXIS), (3, 6), "degree 6 is not available; use 2 to 5"),
+    ],
+)
+def test_too_few_planes_for_the_degree_are_refused(grid, degree, message):
+    """How many there are and how many it takes; no warning beside the error."""
+    with pytest.raises(UnderdeterminedFit, match=message):
+        fit_surface(cylinder(), grid, degree)
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        (
+            planes_grid([-0.1, 0.02, 0.04, 0.06, 0.08]),
+            r"u-plane 0, through \(0\.0, 0\.0, -100\.0\) mm, misses the mesh",
+        ),
+        (planes_grid([0.01, 0.03, 0.05, 0.07, 0.2]), r"u-plane 4, through \(0\.0, 0\.0, 200\.0\) mm, misses the mesh"),
+        (TubeGrid(6, 12, Z_AXIS, margin=0.0), r"u-plane 5, through \(0\.0, 0\.0, 100\.0\) mm, misses the mesh"),
+        (
+            TubeGrid(6, 12, Axis((1, 0, 0), (0, 0, 1)), margin=0.01),
+            "misses the mesh; move it, or widen the margin|no ray",
+        ),
+    ],
+)
+def test_plane_that_misses_the_mesh_is_named(grid, message):
+    """The plane that misses, not its neighbour, with a point of it."""
+    with pytest.raises(EmptySection, match=message):
+        fit_surface(cylinder(), grid)
+
+
+def test_line_that_misses_the_mesh_is_named():
+    """A half-plane over the open side of a half tube, by its angle."""
+    half = keep(cylinder(), lambda c: c[:, 0] > 0)
+    with pytest.raises(EmptySection, match=r"half-plane at [12]\d\d(\.\d)? degrees, through .* misses the mesh"):
+        fit_surface(half, SectorGrid(6, 8, -3.0, 1.0, Z_AXIS, 0.01))
+
+
+def test_mesh_that_is_mostly_missing_is_refused():
+    """A tube of stripes, of which less than half is there: the share is in the message and on the error."""
+    stripes = keep(
+        cylinder(along=41), lambda c: (c[:, 2] % 0.02 < 0.0075) | (np.abs(np.arctan2(c[:, 1], c[:, 0])) < 0.3)
+    )
+    with pytest.raises(EmptySection, match=r"5\d% of the sample rays meet no mesh") as caught:
+        fit_surface(stripes, TubeGrid(12, 12, Z_AXIS, 0.002))
+    assert 0.5 < caught.value.numbers["missing"] < 0.6
+
+
+def test_mesh_that_is_mostly_missing_at_the_last_is_refused():
+    """Every other face at random: the first rays meet just more than half, those through the fitted surface less."""
+    mesh = wrist()
+    torn = weld(mesh.vertices, mesh.faces[np.random.default_rng(95).random(len(mesh.faces)) > 0.5])
+    grid = TubeGrid(6, 14, Z_AXIS, 0.004, "uniform")
+    lines = grid.line_grid(torn)
+    basis = TensorBasis.of(lines, 3, 3)
+    first = SampleRows.of(torn, lines, basis).cast(basis.blend(torn.size * lines.directions))
+    assert np.isnan(first.residuals).mean() < 0.5
+    with pytest.raises(EmptySection, match="51% of the sample rays meet no mesh"):
+        fit_surface(torn, grid)
+
+
+def test_fit_keeps_what_it_was_made_from():
+    """Mesh and lines stay with the surface, for reports."""
+    mesh, motion = cylinder(), Motion(4)
+    fit = fit_surface(motion.mesh(mesh), TubeGrid(6, 12, motion.axis(Z_AXIS)))
+    assert fit.lines.origins.shape == (6, 12, 3) and fit.mesh.sha256 == motion.mesh(mesh).sha256
+    assert 1 <= fit.passes <= 10
+
+
+@pytest.mark.parametrize(
+    ("mesh", "grid"),
+    [
+        (wrist(), TubeGrid(6, 11, Z_AXIS, 0.004)),
+        (wrist(), SectorGrid(5, 6, -1.0, 1.5, Z_AXIS, 0.004)),
+        (sheet(lambda x, y: 0.02 - 2 * (x - 0.05) ** 2), AcrossGrid(5, 5, (0, 0, 1.0), margin=0.004)),
+        (cylinder(around=12), TubeGrid(4, 9, Z_AXIS, 0.004)),
+    ],
+)
+def test_bounds_are_no_less_than_the_errors(mesh, grid):
+    """At the very points of the report, by the facets that rays meet instead of the nearest ones: hardly more."""
+    fit = fit_surface(mesh, grid)
+    points, bounds, areas = fit.bounds()
+    exact = fit.errors.surface_to_mesh
+    assert (MeshDistance(mesh)(points)[0] <= bounds + 1e-15).all()
+    bounds = DistanceStatistics.of(bounds, areas)
+    for measure in ("mean", "rms", "max"):
+        assert 1 - 1e-12 <= getattr(bounds, measure) / getattr(exact, measure) < 1.02
+
+
+@pytest.mark.parametrize(
+    ("mesh", "hole", "unknown"), [(cylinder(), 0.015, 1), (cylinder(around=96, along=41), 0.0018, 2)]
+)
+def test_holes_have_no_bounds(mesh, hole, unknown):
+    """What lies over a hole is left out, as in the report; where the fit's samples saw none nothing is known."""
+    centre = (0.035, 0, 0.045)
+    fit = fit_surface(with_hole(mesh, centre, hole), TubeGrid(8, 16, Z_AXIS, 0.004))
+    points, bounds, areas = fit.bounds()
+    uv, every = surface_samples(fit.surface)
+    trusted = fit.is_trusted(uv)
+    assert trusted.all() == (fit.missing == 0) and len(points) == len(bounds) == trusted.sum()
+    assert_allclose(points, fit.surface.points(uv[trusted]), rtol=0, atol=1e-15)
+    assert_allclose(areas, every[trusted], rtol=1e-12)
+    over = np.isinf(bounds)
+    assert over.sum() == unknown and (np.linalg.norm(points[over] - centre, axis=1) < 1.1 * hole).all()
+
+
+def test_passes_that_go_to_and_fro_end_early(monkeypatch):
+    """Over a step of 50 mm they come to no rest: fewer than ten leave no more than ten do."""
+
+    def stepped(angle, share):
+        radius = 0.03 + 0.05 * (share > 0.5) * (np.cos(angle) > 0)
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * share))
+
+    mesh = welded(tube_mesh(stepped, 120, 60))
+    lines = TubeGrid(20, 20, Z_AXIS, 0.004, "uniform").line_grid(mesh)
+    early = fit_module.fit_lines(mesh, lines, (3, 3))
+    monkeypatch.setattr(fit_module, "STALLED", np.inf)
+    late = fit_module.fit_lines(mesh, lines, (3, 3))
+    assert early.passes < late.passes == fit_module.MOST_PASSES and not early.settled and not late.settled
+    left = [fit_module.misfit_of(fit.residuals) for fit in (early, late)]
+    assert left[0] <= left[1] * (1 + 1e-6)

@@ -1,0 +1,70 @@
+"""Proofs that a surface keeps within a tolerance."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.geometry.fit.proof import FIRST, proved_error
+
+COUNT = 5000
+
+
+def case(seed, loose=0.3, unknown=0):
+    """Distances, areas, and bounds that stand off them by up to a share; of some nothing is known."""
+    rng = np.random.default_rng(seed)
+    distances, areas = rng.exponential(size=COUNT), rng.uniform(0.5, 2, COUNT)
+    bounds = distances * (1 + loose * rng.uniform(0, 1, COUNT))
+    bounds[rng.permutation(COUNT)[:unknown]] = np.inf
+    return distances, areas, bounds
+
+
+def told(distances, areas, measure):
+    """The mean or the largest."""
+    return np.average(distances, weights=areas) if measure == "mean" else distances.max()
+
+
+@given(
+    seed=st.integers(0, 1000),
+    measure=st.sampled_from(["mean", "max"]),
+    share=st.floats(0.5, 2),
+    unknown=st.sampled_from([0, 3, 400]),
+)
+def test_tolerance_is_claimed_only_where_it_is_kept(seed, measure, share, unknown):
+    """What is told is no less than the truth where it keeps the tolerance; elsewhere it is about the truth."""
+    distances, areas, bounds = case(seed, unknown=unknown)
+    truth = told(distances, areas, measure)
+    error = proved_error(bounds, areas, lambda chosen: distances[chosen], measure, share * truth)
+    if error <= share * truth:
+        assert error >= truth * (1 - 1e-12)
+    else:
+        assert_allclose(error, truth, rtol=0.35)
+    assert not (share < 1 and error <= share * truth)
+
+
+@pytest.mark.parametrize("measure", ["mean", "max"])
+def test_proof_takes_no_more_exact_distances_than_it_needs(measure):
+    """None where the bounds keep the tolerance, a first few where it is far, some of all where they nearly keep it."""
+    distances, areas, bounds = case(1, unknown=10)
+    bounds[np.isinf(bounds)] = 1.0
+    asked = []
+
+    def exact(chosen):
+        asked.append(len(chosen))
+        return distances[chosen]
+
+    most, truth = told(bounds, areas, measure), told(distances, areas, measure)
+    for tolerance, least, largest in (
+        (1.001 * most, 0, 0),
+        (0.5 * truth, 1, 2 * FIRST),
+        (0.3 * truth + 0.7 * most, FIRST, COUNT // 2),
+    ):
+        asked.clear()
+        error = proved_error(bounds, areas, exact, measure, tolerance)
+        assert least <= sum(asked) <= largest and (error <= tolerance) == (tolerance > truth)
+
+
+def test_nothing_is_proved_of_nothing():
+    """A surface that lies over holes alone."""
+    assert proved_error(np.empty(0), np.empty(0), lambda chosen: chosen * 1.0, "mean", 1.0) == np.inf

@@ -1,0 +1,186 @@
+"""The axis of a tube, its cylinder coordinates, and how far complete sections reach."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import EmptySection, InvalidPlan
+from skin_calib_addon.geometry.grid.axis import (
+    ALL_ROUND,
+    Axis,
+    find_axis,
+    frame_of,
+    rays_met,
+    section_circles,
+    stations_between,
+    tube_frame,
+)
+from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from skin_calib_addon.geometry.sampling.sections import cut_sections
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, cone, cylinder, keep, shuffled, wrist
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def z_frame(mesh):
+    """Cylinder coordinates about the z axis."""
+    return tube_frame(mesh, Z_AXIS)
+
+
+@given(seed=seeds)
+def test_axis_of_a_cylinder_is_its_own(seed):
+    """Wherever the cylinder lies, to the rounding."""
+    motion = Motion(seed, 1.5)
+    frame = find_axis(motion.mesh(cylinder(around=24, along=12)))
+    direction = motion.directions((0, 0, 1))
+    assert_allclose(np.abs(frame.e3 @ direction), 1, rtol=1e-12)
+    assert np.linalg.norm(np.cross(frame.e3, direction)) < 1e-9
+    assert np.linalg.norm(np.cross(frame.point - motion.shift, direction)) < 1e-9
+
+
+@given(seed=seeds, flip=st.booleans())
+def test_axis_runs_towards_the_thinner_end(seed, flip):
+    """The direction of a cone does not depend on how it lies or which end it was made from."""
+    motion = Motion(seed)
+    mesh = cone(0.03, 0.045, around=24, along=12) if flip else cone(0.045, 0.03, around=24, along=12)
+    frame = find_axis(motion.mesh(mesh))
+    assert_allclose(frame.e3, motion.directions((0, 0, -1 if flip else 1)), rtol=0, atol=1e-9)
+
+
+def test_axis_does_not_see_the_order_of_faces():
+    """The same line to the bit for the same triangles."""
+    mesh = wrist()
+    frame, again = find_axis(mesh), find_axis(weld(*shuffled(mesh, 2)))
+    assert (frame.point == again.point).all() and (frame.e3 == again.e3).all()
+
+
+def test_axis_joins_the_centres_of_its_own_sections():
+    """Of a bent, tapered, irregular tube: the line through the circles of sections across it is the axis itself."""
+    frame = find_axis(wrist())
+    height = frame.stations(wrist().vertices)
+    middle, reach = (height.min() + height.max()) / 2, np.ptp(height) / 4
+    sections = cut_sections(wrist(), frame.planes(np.linspace(middle - reach, middle + reach, 9)))
+    centres, _ = section_circles(sections, frame)
+    direction = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
+    assert np.linalg.norm(np.cross(direction, frame.e3)) < 1e-6
+    off = centres.mean(axis=0) - frame.point
+    assert np.linalg.norm(off - (off @ frame.e3) * frame.e3) < 1e-7
+
+
+@given(seed=seeds)
+def test_tube_frame_moves_with_the_mesh(seed):
+    """Point, axis and angle zero of an irregular tube go where the mesh goes, found or given."""
+    motion, mesh = Motion(seed, 0.7), wrist()
+    for axis in (None, Axis((0.001, 0.002, 0.0), (0.01, -0.02, 2.0))):
+        here, there = tube_frame(mesh, axis), tube_frame(motion.mesh(mesh), motion.axis(axis))
+        assert_allclose(there.point, motion.points(here.point), rtol=0, atol=1e-12)
+        for name in ("e1", "e2", "e3"):
+            assert_allclose(getattr(there, name), motion.directions(getattr(here, name)), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("axis", [None, Z_AXIS, Axis((0, 0, 5), (0, 0, -3))])
+def test_tube_frame_is_right_handed_with_its_zero_at_the_furthest_vertex(axis):
+    """An orthonormal frame; the vertex furthest from the axis is at angle zero."""
+    mesh = wrist()
+    frame = tube_frame(mesh, axis)
+    basis = np.array((frame.e1, frame.e2, frame.e3))
+    assert_allclose(basis @ basis.T, np.eye(3), rtol=0, atol=1e-14)
+    assert_allclose(np.linalg.det(basis), 1, rtol=1e-14)
+    x, y = frame.across(mesh.vertices - frame.point).T
+    i = np.argmax(np.hypot(x, y))
+    assert x[i] > 0 and abs(y[i]) < 1e-15
+    if axis:
+        assert_allclose(frame.e3, np.sign(axis.direction), atol=1e-15)
+
+
+@given(seed=seeds)
+def test_frame_coordinates_put_the_point_together(seed):
+    """Station, both components across, and the three axes give back every point; rays turn from e1 to e2."""
+    rng = np.random.default_rng(seed)
+    frame = frame_of(rng.normal(size=3), rng.normal(size=3), rng.normal(size=3))
+    points = rng.normal(size=(5, 3))
+    x, y = frame.across(points - frame.point).T
+    rebuilt = frame.point + x[:, None] * frame.e1 + y[:, None] * frame.e2 + frame.stations(points)[:, None] * frame.e3
+    assert_allclose(rebuilt, points, rtol=0, atol=1e-13)
+    assert_allclose(frame.rays(np.array((0, np.pi / 2))), (frame.e1, frame.e2), rtol=0, atol=1e-15)
+    planes = frame.planes(np.array((-1.0, 2.0)))
+    assert_allclose(frame.stations(planes.points), (-1, 2), rtol=1e-13)
+    assert planes.are_parallel() and np.abs(planes.normals[0] - frame.e3).max() < 1e-15
+
+
+def test_frame_towards_its_own_axis_takes_any_side():
+    """A direction along the axis names no side; the frame is still orthonormal."""
+    frame = frame_of(np.zeros(3), np.array((0, 0, 2.0)), np.array((0, 0, 1.0)))
+    basis = np.array((frame.e1, frame.e2, frame.e3))
+    assert_allclose(basis @ basis.T, np.eye(3), rtol=0, atol=1e-15)
+
+
+def test_section_circles_of_a_polygon_have_its_centre():
+    """Circles fitted to the sections of a shifted cylinder: centres exact, radii between those in and around it."""
+    frame = z_frame(cylinder())
+    mesh = weld(cylinder().vertices + (0.004, -0.003, 0), cylinder().faces)
+    sections = cut_sections(mesh, frame.planes(np.array((0.02, 0.5, 0.06))))
+    centres, radii = section_circles(sections, frame)
+    assert_allclose(centres, [(0.004, -0.003, 0.02), (0.004, -0.003, 0.06)], rtol=0, atol=1e-12)
+    assert (radii <= RADIUS).all() and (radii >= RADIUS * np.cos(np.pi / 96) - 1e-15).all()
+
+
+def test_stations_leave_the_margin_free():
+    """With a margin: exactly from end to end less the margin, along an axis of any length and origin."""
+    frame = tube_frame(cylinder(), Axis((0, 0, 0.3), (0, 0, -4)))
+    low, high = stations_between(cylinder(), frame, 0.004, ALL_ROUND)
+    assert_allclose((low, high), (0.2 + 0.004, 0.3 - 0.004), rtol=1e-14)
+
+
+def test_stations_reach_as_far_as_sections_are_complete():
+    """Without a margin: the longest complete run; ragged ends and a slot are left out."""
+    slotted = keep(cylinder(along=41), lambda c: ~((c[:, 2] > 0.070) & (c[:, 2] < 0.080) & (c[:, 0] > 0.02)))
+    ragged = keep(slotted, lambda c: (c[:, 2] > 0.01) | (c[:, 1] > 0))
+    low, high = stations_between(ragged, z_frame(ragged), None, ALL_ROUND)
+    assert_allclose((low, high), (0.01, 0.07), rtol=0, atol=LENGTH / 192)
+    assert low >= 0.01 and high <= 0.07
+
+
+def test_stations_of_a_whole_tube_reach_both_ends():
+    """Nothing more than half a step is given away."""
+    low, high = stations_between(cylinder(), z_frame(cylinder()), None, ALL_ROUND)
+    assert 0 <= low <= LENGTH / 192 and LENGTH - LENGTH / 192 <= high <= LENGTH
+
+
+def test_sections_are_complete_where_every_ray_meets_them():
+    """A slot opens its sections for rays all round, not for rays that pass beside it."""
+    slotted = keep(cylinder(along=41), lambda c: ~((c[:, 2] > 0.05) & (c[:, 0] > 0.02)))
+    frame = frame_of(np.zeros(3), np.array((0, 0, 1.0)), np.array((1.0, 0, 0)))
+    sections = cut_sections(slotted, frame.planes(np.array((0.02, 0.08, 0.3))))
+    assert rays_met(sections, frame, ALL_ROUND).all(axis=1).tolist() == [True, False, False]
+    assert rays_met(sections, frame, np.linspace(2, 4, 30)).all(axis=1).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize("margin", [0.05, 0.06, 10.0])
+def test_margin_that_leaves_nothing_is_refused(margin):
+    """Half of the length or more at each end; the numbers are in the message and on the error."""
+    with pytest.raises(InvalidPlan, match=rf"margin {margin * 1e3:g} mm .* of the 100\.0 mm along the axis") as caught:
+        stations_between(cylinder(), z_frame(cylinder()), margin, ALL_ROUND)
+    assert caught.value.numbers == {"margin": margin}
+
+
+def test_half_tube_has_no_complete_section():
+    """All round there is nothing; the message says what else to use."""
+    half = keep(cylinder(), lambda c: c[:, 0] > 0)
+    with pytest.raises(EmptySection, match=r"no section .* all the way round; the fullest, .* is open at \d+ deg"):
+        stations_between(half, z_frame(half), None, ALL_ROUND)
+
+
+def test_ring_that_is_complete_in_one_place_only_is_refused():
+    """Planes need room between them: a half tube with a thin whole ring."""
+    half = keep(cylinder(along=201), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < 0.0003))
+    with pytest.raises(EmptySection, match=r"round for less than 1\.0 mm of it; the fullest, .* is open at \d+ deg"):
+        stations_between(half, z_frame(half), None, ALL_ROUND)
+
+
+def test_single_triangle_has_no_axis():
+    """What has no sections has no axis; the message says what to do."""
+    with pytest.raises(EmptySection, match="no axis found: sections .* are empty; give the axis in the plan"):
+        find_axis(weld(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), [[0, 1, 2]]))

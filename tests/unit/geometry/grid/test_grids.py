@@ -1,0 +1,292 @@
+"""Where the lines of the control points are, for every way an author can say it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, dome, keep, wrist
+
+seeds = st.integers(0, 2**32 - 1)
+SPAN = (0.02, 0.08)
+
+
+def u_planes(stations, tilts=0.0):
+    """Planes across z, tilted about the y axis."""
+    stations, tilts = np.broadcast_arrays(np.asarray(stations, float), tilts)
+    normals = np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))
+    return Planes(stations[:, None] * (0, 0, 1.0), normals)
+
+
+def v_planes(count, first=0.0):
+    """Full planes through z, at even angles."""
+    angle = first + np.arange(count) * np.pi / count
+    return Planes(np.zeros((count, 3)), np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle)))
+
+
+def author_planes(count=8, lines=8, tilts=0.0):
+    """A closed grid of planes one by one."""
+    return PlanesGrid(u_planes(np.linspace(*SPAN, count), tilts), v_planes(lines), True)
+
+
+def flat_planes(n=5, m=4):
+    """An open grid across the sheet of tests.shapes."""
+    u, v = np.linspace(0.01, 0.09, n), np.linspace(0.01, 0.07, m)
+    return PlanesGrid(
+        Planes(u[:, None] * (1.0, 0, 0), np.tile((1.0, 0, 0), (n, 1))),
+        Planes(v[:, None] * (0, 1.0, 0), np.tile((0, 1.0, 0), (m, 1))),
+        False,
+    )
+
+
+def rolls(surface, count):
+    """The net without its repeated columns, from each of its lines on: a closed net may start anywhere."""
+    return [np.roll(surface.control_net[:, :count], k, axis=1) for k in range(count)]
+
+
+GRIDS = [
+    pytest.param(cylinder(), TubeGrid(6, 9), id="tube"),
+    pytest.param(wrist(), TubeGrid(6, 9, margin=0.01), id="wrist"),
+    pytest.param(wrist(), TubeGrid(6, 9, Z_AXIS), id="tube about an axis"),
+    pytest.param(cylinder(), SectorGrid(6, 9, -1.0, 2.0, Z_AXIS), id="sector"),
+    pytest.param(dome(), AcrossGrid(6, 9, (0.1, 0, 1.0)), id="across"),
+    pytest.param(cylinder(), author_planes(), id="planes"),
+    pytest.param(cone(), author_planes(tilts=np.linspace(-0.3, 0.3, 8)), id="fanned planes"),
+    pytest.param(dome(), flat_planes(), id="open planes"),
+]
+
+
+@pytest.mark.parametrize(("mesh", "grid"), GRIDS)
+def test_lines_lie_in_their_u_planes(mesh, grid):
+    """Every line of a row lies in that row's plane, and its direction is a unit vector."""
+    lines = grid.line_grid(mesh)
+    points, normals = lines.planes_u.points[:, None], lines.planes_u.normals[:, None]
+    assert np.abs(((lines.origins - points) * normals).sum(axis=2)).max() < 1e-13
+    assert np.abs((lines.directions * normals).sum(axis=2)).max() < 1e-13
+    assert_allclose(np.linalg.norm(lines.directions, axis=2), 1, rtol=1e-13)
+    assert lines.origins.shape[:2] == (len(lines.planes_u), len(lines.v_names))
+
+
+@pytest.mark.parametrize(("mesh", "grid"), GRIDS)
+def test_lines_run_so_that_the_surface_looks_outward(mesh, grid):
+    """(next row) x (next line) points along the lines, out of the robot, everywhere in the grid."""
+    lines = grid.line_grid(mesh)
+    reach = lines.origins + 0.3 * mesh.size * lines.directions  # before fanned planes meet
+    after = np.roll(reach, -1, axis=1) if lines.closed else reach[:, 1:]
+    here = reach if lines.closed else reach[:, :-1]
+    outward = np.cross(reach[1:, : here.shape[1]] - here[:-1], (after - here)[:-1])
+    turn = (outward * lines.directions[:-1, : here.shape[1]]).sum(axis=2)
+    assert (turn > 0).all()
+
+
+@pytest.mark.parametrize(("mesh", "grid"), GRIDS)
+def test_lines_start_inside_and_meet_the_mesh(mesh, grid):
+    """The control points of a fit lie beyond the origins: no line goes inward."""
+    fit = fit_surface(mesh, grid)
+    n, m = fit.lines.origins.shape[:2]
+    reach = [((net - fit.lines.origins) * fit.lines.directions).sum(axis=2).min() for net in rolls(fit.surface, m)]
+    assert max(reach) > 0
+    outward = fit.surface.normals(np.random.default_rng(0).uniform(0.01, 0.99, (50, 2)))
+    points = fit.surface.points(np.random.default_rng(0).uniform(0.01, 0.99, (50, 2)))
+    nearest = np.argmin(np.linalg.norm(points[:, None] - mesh.triangles.mean(axis=1), axis=2), axis=1)
+    assert ((outward * mesh.face_normals[nearest]).sum(axis=1) > 0.5).all()
+
+
+@given(n=st.integers(4, 12), lines=st.integers(4, 30), turn=st.integers(0, 2**32 - 1))
+def test_tube_lines_leave_the_axis_square(n, lines, turn):
+    """Origins on the author's axis between the margins, directions at right angles to it, all angles different."""
+    motion = Motion(turn)
+    axis, mesh = motion.axis(Z_AXIS), motion.mesh(cylinder(around=24, along=12))
+    grid = TubeGrid(n, lines, axis, margin=0.005).line_grid(mesh)
+    along = np.array(axis.direction)
+    stations = (grid.origins - axis.point) @ along
+    assert np.linalg.norm(grid.origins - axis.point - stations[..., None] * along, axis=2).max() < 1e-13
+    assert_allclose(stations[[0, -1]], np.tile([[0.005], [LENGTH - 0.005]], lines), rtol=0, atol=1e-13)
+    assert (np.diff(stations, axis=0) > 0).all()
+    assert np.abs(grid.directions @ along).max() < 1e-13
+    cosines = grid.directions[0] @ grid.directions[0].T - 2 * np.eye(lines)
+    assert cosines.max() < np.cos(0.05 * 2 * np.pi / lines)
+    assert grid.closed and len(grid.v_names) == lines
+
+
+@given(start=st.floats(-3, 3), width=st.floats(0.5, 6))
+def test_sector_runs_between_its_angles(start, width):
+    """Angles from the side of the link's x axis; the first line of the grid is the last of the sector, clockwise."""
+    stop = start + width
+    grid = SectorGrid(5, 8, start, stop, Z_AXIS, 0.01).line_grid(cylinder())
+    angle = np.unwrap(np.arctan2(grid.directions[0, :, 1], grid.directions[0, :, 0]))
+    assert (np.diff(angle) < 0).all() and not grid.closed
+    assert_allclose(angle[[0, -1]] - angle[0], (0, -width), rtol=0, atol=1e-12)
+    assert_allclose(np.exp(1j * angle[0]), np.exp(1j * stop), rtol=0, atol=1e-12)
+
+
+def test_sector_of_a_tube_along_x_counts_from_y():
+    """Where the link's x axis is the tube's own, its y axis sets the angle."""
+    motion = cylinder().vertices[:, [2, 0, 1]]
+    lying = type(cylinder())(motion, cylinder().faces)
+    grid = SectorGrid(5, 8, 0.0, 1.0, Axis((0, 0, 0), (1, 0, 0)), 0.01).line_grid(lying)
+    assert_allclose(grid.directions[0, -1], (0, 1, 0), rtol=0, atol=1e-12)
+    nearly = SectorGrid(5, 8, 0.0, 1.0, Axis((0.05, 0, 0), (1, 0.1, 0.2)), 0.03).line_grid(lying)
+    assert nearly.directions[0, -1] @ (0, 1, 0) > 0.99
+
+
+@pytest.mark.parametrize(("start", "stop"), [(1.0, 1.0), (1.0, 0.0), (0.0, 6.2832), (0.0, 7.0)])
+def test_sector_without_angle_is_refused(start, stop):
+    """Nothing, backwards, all round or more."""
+    with pytest.raises(InvalidPlan, match='"from" .* and "to" .* must span more than 0 and less than 2 pi'):
+        SectorGrid(5, 8, start, stop, Z_AXIS).line_grid(cylinder())
+
+
+def test_across_lies_over_the_face_that_looks_along_the_normal():
+    """Lines along the normal, between the margins of the seen face, u along its longer side."""
+    block = box((0, 0, 0), (0.1, 0.25, 0.05))
+    grid = AcrossGrid(6, 4, (0, 0, -2.0), margin=0.01).line_grid(block)
+    assert (grid.directions == (0, 0, -1)).all()
+    assert_allclose(sorted({*np.round(grid.origins[..., 1], 12).flat}), np.linspace(0.01, 0.24, 6), rtol=1e-9)
+    assert_allclose(sorted({*np.round(grid.origins[..., 0], 12).flat}), np.linspace(0.01, 0.09, 4), rtol=1e-9)
+    assert (grid.origins[..., 2] > 0.05).all()  # they start on the other side of the face, and go through the mesh
+    turned = AcrossGrid(6, 4, (0, 0, -2.0), along=(1, 0, 0.3), margin=0.01).line_grid(block)
+    assert_allclose(turned.origins[:, 0, 0], np.linspace(0.01, 0.09, 6), rtol=1e-12)
+
+
+def test_across_takes_a_hundredth_where_no_margin_is_given():
+    """Of the longer side, at all four sides."""
+    grid = AcrossGrid(6, 4, (0, 0, 1.0)).line_grid(box((0, 0, 0), (0.1, 0.25, 0.05)))
+    assert_allclose((grid.origins[..., 0].min(), grid.origins[..., 1].min()), 0.0025, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        (AcrossGrid(6, 4, (0, 0, -1.0)), r'no face of the mesh looks along "normal" \[0, 0, -1\.0\]'),
+        (AcrossGrid(6, 4, (0, 0, 1.0), margin=0.04), "margin 40 mm leaves nothing of the face"),
+        (
+            AcrossGrid(6, 4, (0, 0, 1.0), along=(0, 0.01, 3.0)),
+            r'the axis .* runs along "normal"; it must lie in the face',
+        ),
+    ],
+)
+def test_across_refuses_what_shows_no_face(grid, message):
+    """A normal that no face looks along, a margin that eats the face, an axis that stands upright on it."""
+    with pytest.raises(InvalidPlan, match=message):
+        grid.line_grid(dome())
+
+
+@given(seed=seeds, tilted=st.booleans())
+def test_author_planes_are_kept(seed, tilted):
+    """Each line lies in its u-plane and in a v-plane; each v-plane gives two lines that run apart."""
+    rng = np.random.default_rng(seed)
+    tilts = np.linspace(-0.3, 0.3, 6) if tilted else 0.0
+    grid = PlanesGrid(u_planes(np.linspace(*SPAN, 6), tilts), v_planes(5, rng.uniform(0, 3)), True)
+    lines = grid.line_grid(cylinder())
+    assert lines.closed and lines.origins.shape == (6, 10, 3)
+    on = np.abs(lines.directions @ grid.v.normals.T) < 1e-12
+    assert (on.sum(axis=2) == 1).all() and (on[0].sum(axis=0) == 2).all()
+    assert (on == on[0]).all()
+    names = [f"v-plane {k}" for k in on[0].argmax(axis=1)]
+    assert list(lines.v_names) == names
+    for k in range(5):
+        a, b = np.flatnonzero(on[0, :, k])
+        assert_allclose(lines.directions[:, a], -lines.directions[:, b], rtol=0, atol=1e-12)
+
+
+@given(seed=seeds)
+def test_author_planes_may_be_named_by_any_of_their_points(seed):
+    """Other points in the same planes, normals turned round, v-planes in another order: the same surface."""
+    rng = np.random.default_rng(seed)
+    grid = PlanesGrid(u_planes(np.linspace(*SPAN, 8), np.linspace(-0.2, 0.2, 8)), v_planes(8, 0.1), True)
+
+    def renamed(planes, flip):
+        aside = rng.uniform(-0.2, 0.2, (len(planes), 3))
+        aside -= (aside * planes.normals).sum(axis=1, keepdims=True) * planes.normals
+        return planes.points + aside, planes.normals * np.where(flip, rng.choice((-1, 1), (len(planes), 1)), 1)
+
+    order = rng.permutation(len(grid.v))
+    other = PlanesGrid(
+        Planes(*renamed(grid.u, False)), Planes(*(array[order] for array in renamed(grid.v, True))), True
+    )
+    surface, again = (fit_surface(cone(around=24, along=12), g).surface for g in (grid, other))
+    assert min(np.abs(net - rolls(surface, 16)[0]).max() for net in rolls(again, 16)) < 1e-9
+
+
+def test_author_planes_may_share_a_hinge():
+    """u-planes that all pass through one line outside of the tube, each named by the same point: an elbow."""
+    tilts = np.deg2rad(np.linspace(-20, 20, 8))
+    hinge = np.tile((-0.15, 0, 0.05), (8, 1))
+    u = Planes(hinge, np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))[::-1])
+    fit = fit_surface(cylinder(length=0.2), PlanesGrid(Planes(hinge + (0, 0, 0.05), u.normals), v_planes(10), True))
+    uv = np.random.default_rng(1).uniform(0, 1, (200, 2))
+    points, normals = fit.surface.points(uv), fit.surface.normals(uv)
+    assert ((normals * points)[:, :2].sum(axis=1) > 0.99 * RADIUS).all()
+    assert np.abs(np.linalg.norm(points[:, :2], axis=1) - RADIUS).max() < 1e-4
+
+
+@given(seed=seeds, down=st.booleans())
+def test_open_planes_look_out_of_the_mesh(seed, down):
+    """Rays start behind the mesh and leave it on the side its faces look to, wherever it lies."""
+    motion, mesh, grid = Motion(seed), dome(), flat_planes()
+    if down:
+        mesh = type(mesh)(mesh.vertices, mesh.faces[:, ::-1])
+    planes = [Planes(motion.points(p.points), motion.directions(p.normals)) for p in (grid.u, grid.v)]
+    lines = PlanesGrid(*planes, False).line_grid(motion.mesh(mesh))
+    assert_allclose(lines.directions @ motion.directions((0, 0, -1 if down else 1)), 1, rtol=1e-12)
+    heights = motion.directions(np.eye(3)) @ (lines.origins - motion.shift).reshape(-1, 3).T
+    assert (heights[2] > 0.02).all() if down else (heights[2] < 0).all()
+
+
+def test_planes_that_hardly_cross_are_refused():
+    """Two planes less than three degrees from parallel: which, and how far."""
+    v = Planes(np.zeros((3, 3)), np.array(((1.0, 0, 0), (0, 1.0, 0), (0.03, 0, 1.0))))
+    with pytest.raises(InvalidPlan, match=r"u-plane 0 and v-plane 2 are 1\.7 degrees from parallel"):
+        PlanesGrid(u_planes(np.linspace(*SPAN, 4)), v, True).line_grid(cylinder())
+
+
+def test_closed_planes_need_two_sides():
+    """One v-plane cuts a tube into two halves, which is no grid."""
+    with pytest.raises(InvalidPlan, match="a closed grid needs at least two v-planes"):
+        PlanesGrid(u_planes(np.linspace(*SPAN, 4)), v_planes(1), True).line_grid(cylinder())
+
+
+def test_open_planes_over_a_whole_tube_are_refused():
+    """Its faces look to both sides: which one is meant is not guessed."""
+    grid = flat_planes()
+    with pytest.raises(InvalidPlan, match="the faces look to both sides of the planes; cut the mesh"):
+        grid.line_grid(box((0, 0, 0), (0.1, 0.08, 0.05)))
+
+
+@pytest.mark.parametrize(
+    ("u", "v", "message"),
+    [
+        (u_planes([0.02, 0.04, 0.04, 0.06, 0.08]), v_planes(5), "u-plane 2 .* u-plane 1"),
+        (u_planes([0.02, 0.06, 0.04, 0.07, 0.08]), v_planes(5), "u-plane 2 .* u-plane 1"),
+        (u_planes([0.05] * 5), v_planes(5), "u-plane 1 .* u-plane 0"),
+        (u_planes(np.linspace(*SPAN, 5)), Planes(np.zeros((5, 3)), v_planes(5).normals[[0, 1, 2, 1, 4]]), "v-plane 3"),
+    ],
+)
+def test_closed_planes_that_do_not_follow_each_other_are_refused(u, v, message):
+    """The same plane twice, or out of order: the surface would fold; the message names the two."""
+    with pytest.raises(InvalidPlan, match=message):
+        PlanesGrid(u, v, True).line_grid(cylinder())
+
+
+@pytest.mark.parametrize("order", [[0, 1, 1, 3], [0, 2, 1, 3]])
+@pytest.mark.parametrize("side", ["u", "v"])
+def test_open_planes_that_do_not_follow_each_other_are_refused(side, order):
+    """The same for the planes across a sole, in both directions."""
+    grid = flat_planes(4, 4)
+    planes = {"u": grid.u, "v": grid.v}
+    planes[side] = Planes(planes[side].points[order], planes[side].normals)
+    with pytest.raises(InvalidPlan, match=f"{side}-plane 2 .* {side}-plane 1"):
+        PlanesGrid(**planes, closed=False).line_grid(dome())
+
+
+def test_half_tube_takes_a_sector():
+    """A sector within a half tube needs no complete sections."""
+    half = keep(cylinder(), lambda c: c[:, 0] > 0)
+    fit = fit_surface(half, SectorGrid(6, 9, -1.3, 1.3, Z_AXIS))
+    assert fit.missing == 0
+    radius = np.linalg.norm(fit.surface.points(np.random.default_rng(2).uniform(0, 1, (200, 2)))[:, :2], axis=1)
+    assert RADIUS * np.cos(np.pi / 96) - 5e-6 < radius.min() and radius.max() < RADIUS + 5e-6

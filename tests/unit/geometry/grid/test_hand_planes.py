@@ -1,0 +1,130 @@
+"""Planes one by one: they give the lines of the grid they came from, and the row of them can be changed."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import EmptySection, InvalidPlan
+from skin_calib_addon.geometry import AcrossGrid, CoverSpec, Cut, Planes, PlanesGrid, SectorGrid, TubeGrid, cut_cover
+from skin_calib_addon.geometry.grid.axis import axis_through
+from skin_calib_addon.geometry.grid.hand_planes import between, mirrored, planes_of, spread
+from tests.shapes import Z_AXIS, Motion, cone, cylinder, sheet, wrist
+from tests.unit.geometry.grid.test_grids import u_planes, v_planes
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def lines_as_set(lines):
+    """Where each line of each u-plane goes, sorted, so that two orders of the same lines are equal."""
+    at = lines.directions.reshape(-1, 3)
+    foot = lines.origins.reshape(-1, 3)
+    foot = foot - (foot * at).sum(axis=1)[:, None] * at
+    rows = np.round(np.hstack((at, foot * 100)), 6) + 0.0
+    return rows[np.lexsort(rows.T)]
+
+
+TUBE = TubeGrid(6, 12, Z_AXIS, 0.004, "uniform")
+HALF = cut_cover(cylinder(), CoverSpec(cuts=(Cut((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),)))
+SECTOR = SectorGrid(5, 7, -1.0, 1.2, Z_AXIS, 0.004, "uniform")
+ACROSS = AcrossGrid(5, 6, (0.0, 0.0, 1.0), margin=0.005, spacing="uniform")
+
+
+@pytest.mark.parametrize("grid, mesh", [(TUBE, wrist()), (SECTOR, HALF), (ACROSS, sheet(lambda x, y: 0 * x))])
+def test_planes_give_the_lines_of_their_grid(grid, mesh):
+    """Even grids are planes already, and an author's grid of these planes has the same lines."""
+    lines = grid.line_grid(mesh)
+    by_hand = PlanesGrid(*planes_of(lines), lines.closed).line_grid(mesh)
+    assert_allclose(lines_as_set(by_hand), lines_as_set(lines), atol=1e-5)
+
+
+def test_uneven_lines_become_even_ones_about_the_same_axis():
+    """U-planes stay where they are; half as many full planes go through the axis at even angles."""
+    lines = TubeGrid(6, 12).line_grid(wrist())
+    u, v = planes_of(lines)
+    assert_allclose(u.points, lines.planes_u.points)
+    assert len(v) == 6
+    turn = np.arccos(np.abs((v.normals[1:] * v.normals[:-1]).sum(axis=1)))
+    assert_allclose(turn, np.pi / 6)
+    centres = lines.origins.mean(axis=1)
+    assert np.abs(((centres[:, None] - v.points) * v.normals).sum(axis=2)).max() < 1e-9
+
+
+def test_new_plane_is_half_way_to_the_next_or_as_far_beyond_the_last():
+    """Point and normal."""
+    planes = u_planes([0.02, 0.04, 0.06], [0.0, 0.2, 0.0])
+    point, normal = between(planes, 0)
+    assert_allclose(point, (0, 0, 0.03))
+    assert_allclose(normal, (np.sin(0.1), 0, np.cos(0.1)))
+    assert_allclose(between(planes, 2)[0], (0, 0, 0.07))
+    assert_allclose(between(u_planes([0.02]), 0), ((0, 0, 0.02), (0, 0, 1)))
+    flipped = Planes(planes.points, planes.normals * [[1], [-1], [1]])
+    assert_allclose(between(flipped, 0)[1], normal)
+
+
+def test_planes_are_spaced_evenly():
+    """From the first to the last; of one or two nothing changes."""
+    planes = spread(u_planes([0.02, 0.03, 0.08], [0.0, 0.5, 0.2]), around=False)
+    assert_allclose(planes.points[:, 2], (0.02, 0.05, 0.08))
+    assert_allclose(np.arctan2(planes.normals[:, 0], planes.normals[:, 2]), (0, 0.1, 0.2))
+    pair = u_planes([0.02, 0.08], [0.1, 0.2])
+    assert_allclose(spread(pair, around=False).normals, pair.normals)
+    assert len(spread(u_planes([0.02]), around=False)) == 1
+
+
+@given(seeds, st.integers(2, 9))
+def test_full_planes_are_spaced_evenly_about_the_line_they_share(seed, count):
+    """From the first one on, in the sense in which the second follows it, wherever the line is."""
+    rng, motion = np.random.default_rng(seed), Motion(seed)
+    angles = np.r_[0.0, np.sort(rng.uniform(0.1, 1.4, count - 1))] * rng.choice((-1, 1))
+    normals = np.column_stack((np.cos(angles), np.sin(angles), 0 * angles))
+    points = rng.normal(size=(count, 3))
+    points -= (points * normals).sum(axis=1)[:, None] * normals
+    even = spread(Planes(motion.points(points), motion.directions(normals)), around=True)
+    step = np.sign(angles[1]) * np.pi / count * np.arange(count)
+    expected = motion.directions(np.column_stack((np.cos(step), np.sin(step), 0 * step)))
+    assert_allclose(even.normals, expected, atol=1e-9)
+    on_line = motion.points(np.array((0, 0, points[:, 2].mean())))
+    assert_allclose(even.points, np.tile(on_line, (count, 1)), atol=1e-9)
+
+
+def test_parallel_planes_have_no_line_to_stand_around():
+    """The author is told to turn one."""
+    with pytest.raises(InvalidPlan, match="turn one of them first"):
+        spread(u_planes([0.02, 0.04]), around=True)
+    with pytest.raises(InvalidPlan, match="turn one of them first"):
+        spread(v_planes(1), around=True)
+
+
+def test_mirror_images_go_behind_the_middle_plane():
+    """In reverse order, with mirrored tilt, in place of what was there; the normals go on in the same sense."""
+    planes = mirrored(u_planes([0.02, 0.03, 0.05, 0.09], [0.3, 0.1, 0.0, 0.0]), 2)
+    assert_allclose(planes.points[:, 2], (0.02, 0.03, 0.05, 0.07, 0.08), atol=1e-12)
+    assert_allclose(np.arctan2(planes.normals[:, 0], planes.normals[:, 2]), (0.3, 0.1, 0, -0.1, -0.3), atol=1e-12)
+    with pytest.raises(InvalidPlan, match="nothing lies before"):
+        mirrored(planes, 0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_axis_joins_the_centres_of_two_sections(seed):
+    """Of a cylinder and a cone it is the axis itself, in the direction of the picks, wherever the link lies."""
+    for mesh in (cylinder(), cone()):
+        motion = Motion(seed)
+        low, high = (mesh.vertices[np.argmin(np.abs(mesh.vertices[:, 2] - z))] for z in (0.03, 0.07))
+        moved = motion.mesh(mesh)
+        for first, second, sign in ((low, high, 1), (high, low, -1)):
+            axis = axis_through(moved, *motion.points(np.array((first, second))))
+            # A section of 96 facets is up to 19 um off its circle, which is seen over 40 mm.
+            assert_allclose(axis.direction, sign * motion.directions(np.array((0, 0, 1.0))), atol=1e-4)
+            foot = motion.points(np.array((0, 0, first[2])))
+            assert np.linalg.norm(np.cross(axis.point - foot, axis.direction)) < 1e-5
+
+
+def test_sections_that_tell_no_axis_are_refused():
+    """On each other, or off the mesh."""
+    mesh = cylinder()
+    with pytest.raises(InvalidPlan, match="further apart"):
+        axis_through(mesh, mesh.vertices[0], mesh.vertices[0])
+    with pytest.raises(EmptySection, match="choose another point"):
+        axis_through(mesh, (0, 0, 0.05), (0, 0, 0.5))

@@ -1,0 +1,118 @@
+"""The cover: what planes leave of a mesh, and what of it one sees from outside."""
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, shells
+from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, wrist
+
+INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))  # a servo inside the tube
+BESIDE = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))  # a bracket outside of it
+
+
+def test_cover_without_cuts_is_the_mesh():
+    """One shell, no cut: to the bit, whichever shells are asked for."""
+    mesh = wrist()
+    assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
+    assert same_mesh(cut_cover(mesh, CoverSpec("all")), mesh)
+
+
+def test_cut_keeps_the_side_its_normal_points_to():
+    """Every kept vertex is on that side, the rim lies in the plane, and two opposite cuts share the area."""
+    mesh, point, normal = wrist(), np.array((0.01, 0.0, 0.04)), np.array((0.3, 0.2, 1.0))
+    kept = [cut_cover(mesh, CoverSpec("all", (Cut(tuple(point), tuple(s * normal)),))) for s in (1, -1)]
+    for side, part in zip((1, -1), kept):
+        heights = side * (part.vertices - point) @ normal
+        assert heights.min() > -1e-12
+        assert (np.abs(heights) < 1e-12).sum() > 90  # the rim
+    areas = [part.face_areas.sum() for part in kept]
+    np.testing.assert_allclose(sum(areas), mesh.face_areas.sum(), rtol=1e-12)
+    assert min(areas) > 0.3 * mesh.face_areas.sum()
+
+
+def test_cut_does_not_ask_how_long_its_normal_is():
+    """The same part to the bit for a normal ten times as long."""
+    cuts = [CoverSpec("all", (Cut((0, 0, 0.05), (0, 0, length)),)) for length in (1.0, 10.0)]
+    assert same_mesh(*(cut_cover(wrist(), spec) for spec in cuts))
+
+
+def test_cuts_add_up():
+    """Two cuts leave what lies on the right side of both."""
+    spec = CoverSpec("all", (Cut((0, 0, 0.03), (0, 0, 1)), Cut((0, 0, 0.07), (0, 0, -1))))
+    part = cut_cover(cylinder(), spec)
+    assert np.ptp(part.vertices[:, 2]) == pytest.approx(0.04, abs=1e-15)
+    np.testing.assert_allclose(part.face_areas.sum(), 0.4 * cylinder().face_areas.sum(), rtol=1e-12)
+
+
+def test_cut_through_vertices_leaves_no_slivers():
+    """A plane through a ring of vertices cuts along it: the faces are those of the mesh."""
+    mesh = cylinder(length=0.1, along=6)
+    level = np.unique(mesh.vertices[:, 2])[2]
+    part = cut_cover(mesh, CoverSpec("all", (Cut((0, 0, level), (0, 0, 1)),)))
+    assert same_mesh(part, keep(mesh, lambda centres: centres[:, 2] > level))
+
+
+def test_cover_drops_the_inner_parts():
+    """A box inside the tube goes, and what is left is the tube to the bit; ``all`` keeps both."""
+    mesh = together(cylinder(), INNER)
+    assert same_mesh(cut_cover(mesh, CoverSpec("outer")), cylinder())
+    assert same_mesh(cut_cover(mesh, CoverSpec("all")), mesh)
+
+
+def test_cover_keeps_what_one_sees_from_outside():
+    """A bracket beside the tube is outside of its hull and stays."""
+    mesh = together(cylinder(), BESIDE)
+    assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
+
+
+def test_cover_isolates_shells_after_the_cut():
+    """A bar that reaches out of the tube is inside of it once its end is cut away."""
+    mesh = together(cylinder(), box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.3)))
+    assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
+    spec = CoverSpec("outer", (Cut((0, 0, 0.09), (0, 0, -1)),))
+    assert np.linalg.norm(cut_cover(mesh, spec).vertices[:, :2], axis=1).min() > 0.9 * RADIUS
+
+
+def test_cover_moves_with_the_mesh():
+    """The same faces stay, wherever the link lies and however its vertices are numbered."""
+    mesh, motion = together(cylinder(), INNER, BESIDE), Motion(3, 2.0)
+    moved = cut_cover(motion.mesh(mesh), CoverSpec("outer"))
+    expected = motion.mesh(together(cylinder(), BESIDE))
+    np.testing.assert_allclose(moved.vertices, expected.vertices, rtol=0, atol=1e-12)
+    assert same_mesh(cut_cover(weld(*shuffled(mesh, 5)), CoverSpec("outer")), together(cylinder(), BESIDE))
+
+
+def test_cover_survives_a_shell_without_area():
+    """A lone triangle squeezed to a line, as exporters leave them, hides nothing and breaks nothing."""
+    sliver = weld(np.array([[0, 0, 0.02], [0, 0, 0.03], [0, 0, 0.04]]), [[0, 1, 2]])
+    assert same_mesh(cut_cover(together(cylinder(), sliver), CoverSpec("outer")), cylinder())
+
+
+def test_cover_of_a_flat_mesh_is_the_mesh():
+    """Without a hull nothing is inside of it."""
+    flat = weld(
+        np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.2, 0, 0], [0.3, 0, 0], [0.2, 0.1, 0]]), [[0, 1, 2], [3, 4, 5]]
+    )
+    assert same_mesh(cut_cover(flat, CoverSpec("outer")), flat)
+
+
+def test_shells_are_joined_over_edges_of_two_faces_only():
+    """Two boxes that share an edge are two shells: four faces meet there."""
+    boxes = together(box((0, 0, 0), (1, 1, 1)), box((1, 1, 0), (2, 2, 1)))
+    assert np.bincount(shells(boxes)).tolist() == [12, 12]
+    assert np.bincount(shells(cylinder())).tolist() == [len(cylinder().faces)]
+
+
+def test_cut_that_removes_everything_is_refused():
+    """The message names the cut, and what may be wrong with it."""
+    cuts = (Cut((0, 0, 0.05), (0, 0, 1)), Cut((0, 0, 0.2), (0, 0, 1)))
+    with pytest.raises(InvalidPlan, match="cut 1 removes the whole mesh; .* turn it round"):
+        cut_cover(cylinder(), CoverSpec("outer", cuts))
+
+
+def test_cut_without_direction_is_refused():
+    """A zero normal has no side to keep."""
+    with pytest.raises(InvalidPlan, match="the normal of cut 0 is zero"):
+        cut_cover(cylinder(), CoverSpec("outer", (Cut((0, 0, 0.05), (0, 0, 0)),)))

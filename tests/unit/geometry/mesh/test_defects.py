@@ -1,0 +1,191 @@
+"""Diagnosis of a mesh: shapes whose parts, holes, edges and winding are known."""
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.geometry.mesh.defects import Remark, diagnose, edges_at
+from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, weld
+from tests.real.test_real_links import MESHES
+from tests.shapes import RADIUS, Motion, box, cylinder, dome, keep, sheet, shuffled, together, with_hole, wrist
+
+BLOCK = box((0, 0, 0), (0.1, 0.05, 0.025))
+INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))
+BESIDE = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))
+
+
+def seen(mesh):
+    """The diagnosis of a mesh that is welded already."""
+    return diagnose(mesh.vertices, mesh.faces)
+
+
+def turned(mesh, chosen):
+    """A mesh with some faces turned over."""
+    return weld(mesh.vertices, np.where(chosen[:, None], mesh.faces[:, ::-1], mesh.faces))
+
+
+def remarks(found):
+    """What is said, and whether it matters."""
+    return {remark.what: remark.matters for remark in found.remarks()}
+
+
+def test_closed_box_is_sound():
+    """One part without a hole; nothing matters and there is nothing to do."""
+    found = seen(BLOCK)
+    assert found.remarks() == (
+        Remark("12 faces, 100 x 50 x 25 mm"),
+        Remark("One connected part"),
+        Remark("No hole"),
+    )
+    assert (found.parts, found.inner, found.joined) == (1, 0, 1) and not len(found.edges())
+
+
+def test_ends_of_a_tube_are_two_holes_of_known_length():
+    """Open ends are told and do not matter; their lengths are those of the polygons."""
+    found = seen(cylinder(around=24, along=5))
+    round_it = 24 * 2 * RADIUS * np.sin(np.pi / 24)
+    np.testing.assert_allclose(found.holes(), [round_it, round_it], rtol=1e-12)
+    assert (
+        len(found.edges()) == 48
+        and remarks(found)[f"2 holes: {round_it * 1e3:.4g}, {round_it * 1e3:.4g} mm round"] is False
+    )
+
+
+def test_hole_in_the_skin_matters():
+    """A third rim is none of a tube's ends."""
+    found = seen(with_hole(wrist(), (0.0375, 0.0, 0.05), 0.008))
+    assert len(found.holes()) == 3 and [m for w, m in remarks(found).items() if "holes" in w] == [True]
+
+
+def test_inner_part_is_counted_and_its_holes_are_not():
+    """A servo inside the tube, with its lid off, and a bracket beside it."""
+    open_box = keep(INNER, lambda centres: centres[:, 2] < 0.07 - 1e-9)
+    found = seen(together(cylinder(), open_box, BESIDE))
+    assert (found.parts, found.inner) == (3, 1)
+    assert len(found.holes()) == 2 and found.seen.sum() == len(cylinder().faces) + 12
+    assert "3 connected parts, 1 of them inside others" in remarks(found)
+
+
+def test_holes_that_touch_are_one():
+    """Two missing faces that share a corner are one opening; two that share nothing are two."""
+    mesh = dome()
+    middle = np.linalg.norm(mesh.vertices - (0.05, 0.04, 0.02), axis=1).argmin()
+    around = np.flatnonzero((mesh.faces == middle).any(axis=1))
+    touching = next(f for f in around[1:] if len(np.intersect1d(mesh.faces[f], mesh.faces[around[0]])) == 1)
+    apart = np.linalg.norm(mesh.triangles.mean(axis=1) - (0.02, 0.04, 0.02), axis=1).argmin()
+    for other, holes in ((touching, 1), (apart, 2)):
+        found = diagnose(mesh.vertices, np.delete(mesh.faces, [around[0], other], axis=0))
+        assert len(found.holes()) == holes + 1  # and the rim of the dome
+
+
+def test_edge_of_three_faces_splits_parts():
+    """A fin on a box: its edge joins none of its three faces, and the fin is a part of its own."""
+    fin = weld([[0, 0, 0.025], [0.1, 0, 0.025], [0.05, 0, 0.05]], [[0, 1, 2]])
+    found = seen(together(BLOCK, fin))
+    assert found.mesh.vertices[found.branching[0]].tolist() == [[0, 0, 0.025], [0.1, 0, 0.025]]
+    assert (len(found.branching), found.parts, found.joined) == (1, 2, 1)
+    assert remarks(found)["1 edge with more than two faces"] is True
+
+
+def test_edge_of_four_faces_that_splits_nothing_does_not_matter():
+    """A tube that is pinched till two opposite edges meet is one part all the same."""
+    tube = cylinder(around=24, along=5)
+    x, y, z = tube.vertices.T
+    pinched = (np.abs(y) < 1e-9) & (z > 0.01) & (z < 0.06)
+    assert pinched.sum() == 4
+    found = diagnose(np.where(pinched[:, None], (0, 0, 1) * tube.vertices, tube.vertices), tube.faces)
+    assert (len(found.branching), found.parts, found.joined) == (1, 1, 1)
+    assert remarks(found)["1 edge with more than two faces"] is False
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_turned_faces_are_found(seed):
+    """Whichever they are, as long as they are the lesser part; turned over, all is well."""
+    mesh = wrist()
+    chosen = np.random.default_rng(seed).random(len(mesh.faces)) < 0.2
+    spoilt = turned(mesh, chosen)
+    found = seen(spoilt)
+    assert found.flipped.sum() == chosen.sum() and found.turned == ()
+    assert remarks(found)[f"{chosen.sum()} faces look the other way than the part around"] is True
+    assert not seen(turned(spoilt, found.flipped)).flipped.any()
+
+
+TURNED = {"box": BLOCK, "tube": cylinder(), "wrist": wrist()}
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_part_that_looks_inward_is_found(name):
+    """Closed or open, however it lies in its frame; the right way round nothing is said."""
+    mesh = Motion(3).mesh(TURNED[name])
+    assert seen(mesh).turned == ()
+    inward = seen(turned(mesh, np.ones(len(mesh.faces), bool)))
+    assert inward.turned == (0,) and not inward.flipped.any() and remarks(inward)["1 part looks inward"] is True
+
+
+def test_flat_part_looks_neither_way():
+    """Nothing tells the sides of a plate apart, and little those of one that is slightly bent."""
+    for plate in (sheet(lambda x, y: 0 * x), dome()):
+        assert seen(plate).turned == seen(turned(plate, np.ones(len(plate.faces), bool))).turned == ()
+
+
+def test_inner_part_may_look_either_way():
+    """The wall of a cavity looks inward, and rightly."""
+    cavity = turned(INNER, np.ones(12, bool))
+    found = seen(together(cylinder(), cavity))
+    assert found.turned == () and found.inner == 1 and not found.flipped.any()
+
+
+def test_moebius_strip_has_one_side():
+    """No winding is right; no face is blamed."""
+    n = 40
+    angle = 2 * np.pi * np.arange(n) / n
+    way = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
+    across = np.cos(angle / 2)[:, None] * way + np.sin(angle / 2)[:, None] * (0, 0, 1.0)
+    ends = np.stack((0.05 * way - 0.01 * across, 0.05 * way + 0.01 * across), axis=1).reshape(-1, 3)
+    i = np.arange(n)
+    a, b, c, d = 2 * i, 2 * i + 1, 2 * i + 2, 2 * i + 3
+    c[-1], d[-1] = 1, 0  # half a turn
+    found = diagnose(ends, np.concatenate((np.column_stack((a, b, c)), np.column_stack((b, d, c)))))
+    assert found.one_sided == 1 and not found.flipped.any() and len(found.holes()) == 1
+    assert remarks(found)["1 part with one side only"] is True
+
+
+def test_faces_without_use_are_counted():
+    """Two equal corners, repeated, as thin as a line, back to back."""
+    corners = [*BLOCK.vertices.tolist(), [0.05, 0.0, 0.0], [0, 0, 0]]
+    edge = [BLOCK.vertices.tolist().index(p) for p in ([0, 0, 0], [0.1, 0, 0])]
+    faces = BLOCK.faces.tolist()
+    useless = [[faces[0][1], faces[0][2], faces[0][0]], [8, 9, edge[0]], [*edge, 8], faces[0][::-1]]
+    found = diagnose(corners, [*faces, *useless])
+    assert (found.dropped, found.flat, found.doubled.sum()) == (2, 1, 2)
+    said = remarks(found)
+    assert said["2 faces without area or repeated, left out"] is False and said["2 faces back to back"] is True
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_diagnosis_does_not_see_the_order(seed):
+    """Vertices and faces in any order: the same words."""
+    mesh = together(with_hole(wrist(), (0.0375, 0.0, 0.05), 0.008), INNER)
+    vertices, faces = shuffled(mesh, seed)
+    assert diagnose(vertices, faces).remarks() == seen(mesh).remarks()
+
+
+@pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_real_link_is_looked_at(path):
+    """Sound ones have nothing that matters, every rim is an edge of one face, and every line is one."""
+    found = seen(load_mesh(path))
+    clean = {"talos_tibia_light", "talos_arm_5_forearm_collision", "jvrc1_r_elbow_p", "g1_left_wrist_roll"}
+    if path.stem in clean | {"hrp4c_r_wrist_y_cover_only"}:
+        assert not any(remarks(found).values()) and found.parts == 1
+    holes = {"hrp4c_r_wrist_y_cover_only": 2, "g1_left_ankle_roll_foot": 4, "talos_tibia_light": 0}
+    assert len(found.holes()) == holes.get(path.stem, len(found.holes()))
+    assert all("\n" not in remark.what + remark.advice for remark in found.remarks())
+
+
+def test_edges_are_found_again_where_they_lie():
+    """In either direction, among vertices that lie twice in one place; ends that are near are not the same."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [-0.0, 1, 0], [1, 0, 0], [1, 1e-9, 0]])
+    edges = np.array([[0, 1], [2, 0], [3, 0], [0, 4], [1, 2], [1, 3]])
+    places = np.array([[[1, 0, 0], [0, -0.0, 0]], [[0, 1, 0], [0, 0, 0]]])
+    assert edges_at(places, vertices, edges).tolist() == [True, True, True, False, False, False]
+    assert not edges_at(np.empty((0, 2, 3)), vertices, edges).any()

@@ -1,0 +1,183 @@
+"""Sections: every plane, every face, one at a time against all at once."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from skin_calib_addon.geometry.sampling.planes import Planes, perpendicular
+from skin_calib_addon.geometry.sampling.sections import cut_sections
+from tests.oracles import cut_triangle
+from tests.shapes import LENGTH, RADIUS, Motion, box, cylinder, wrist
+
+seeds = st.integers(0, 2**32 - 1)
+UP = (0.0, 0.0, 1.0)
+
+
+def level(heights, normal=UP):
+    """Parallel planes."""
+    points = np.outer(heights, normal)
+    return Planes(points, np.tile(normal, (len(points), 1)))
+
+
+def tilted_too(planes):
+    """The same planes and one more of another direction, so that no short cut for parallel ones applies."""
+    return Planes(np.vstack((planes.points, (0, 0, 0.04))), np.vstack((planes.normals, (0.6, 0.0, 0.8))))
+
+
+@st.composite
+def grainy_meshes(draw):
+    """Random triangles on a coarse grid of coordinates, so that vertices often share a height."""
+    count = draw(st.integers(3, 12))
+    vertices = draw(st.lists(st.tuples(*3 * [st.integers(0, 4)]), min_size=count, max_size=count, unique=True))
+    corners = st.permutations(range(count)).map(lambda order: order[:3])
+    return weld(np.array(vertices) / 4, draw(st.lists(corners, min_size=1, max_size=20)))
+
+
+def assert_is_the_oracle(sections, mesh, planes):
+    """The same pairs of plane and face, each once, and the same two ends."""
+    found = dict(zip(zip(sections.plane.tolist(), sections.face.tolist()), sections.ends))
+    assert len(found) == len(sections.plane)
+    for i, (point, normal) in enumerate(zip(planes.points, planes.normals)):
+        for j, corners in enumerate(mesh.triangles):
+            expected, got = cut_triangle(corners, point, normal), found.pop((i, j), None)
+            assert (expected is None) == (got is None)
+            if expected is not None:
+                off = min(np.abs(got - expected).max(), np.abs(got - expected[::-1]).max())
+                assert off < 1e-12
+    assert not found
+
+
+@given(mesh=grainy_meshes(), heights=st.lists(st.integers(-1, 9), min_size=1, max_size=5))
+def test_sections_are_those_of_one_face_at_a_time(mesh, heights):
+    """Parallel planes in any order, doubled or missing the mesh, mostly through vertices: both paths, every end."""
+    planes = level(np.array(heights) / 8)
+    assert_is_the_oracle(cut_sections(mesh, planes), mesh, planes)
+    assert_is_the_oracle(cut_sections(mesh, tilted_too(planes)), mesh, tilted_too(planes))
+
+
+@given(mesh=grainy_meshes(), seed=seeds)
+def test_tilted_sections_are_those_of_one_face_at_a_time(mesh, seed):
+    """Planes of random directions."""
+    rng = np.random.default_rng(seed)
+    planes = Planes(rng.uniform(0, 1, (4, 3)), rng.normal(size=(4, 3)))
+    assert_is_the_oracle(cut_sections(mesh, planes), mesh, planes)
+
+
+@given(heights=st.lists(st.floats(0.001, 0.099), min_size=2, max_size=6), seed=seeds)
+def test_sections_do_not_depend_on_the_path(heights, seed):
+    """Parallel planes cut alone and in the company of a tilted one give the same segments."""
+    motion = Motion(seed)
+    mesh = motion.mesh(cylinder(around=24, along=7))
+    direction = motion.directions(UP)
+    planes = Planes(motion.points(np.outer(heights, UP)), np.tile(direction, (len(heights), 1)))
+    clear = np.abs((mesh.vertices - motion.shift) @ direction - np.array(heights)[:, None]).min()
+    assume(clear > 1e-9)  # so that rounding puts no vertex on the other side
+    alone, company = cut_sections(mesh, planes), cut_sections(mesh, tilted_too(planes))
+    with_us = company.plane < len(planes)
+    assert (alone.plane == company.plane[with_us]).all() and (alone.face == company.face[with_us]).all()
+    assert_allclose(alone.ends, company.ends[with_us], rtol=0, atol=1e-12)
+
+
+@given(seed=seeds)
+def test_sections_of_a_closed_mesh_are_closed_to_the_bit(seed):
+    """Every end of a segment is the start of exactly one other: the two faces at an edge agree in each bit."""
+    motion = Motion(seed)
+    mesh = motion.mesh(box((0, 0, 0), (0.1, 0.07, 0.05)))
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(3, 3))
+    planes = Planes(motion.points((0.05, 0.035, 0.025)) + rng.uniform(-0.01, 0.01, (3, 3)), normals)
+    for cut in (planes, Planes(planes.points, np.tile(normals[0], (3, 1)))):
+        sections = cut_sections(mesh, cut)
+        for i in range(3):
+            starts, stops = (sorted(map(bytes, sections.ends[sections.plane == i, k])) for k in (0, 1))
+            assert len(starts) >= 3
+            assert starts == stops
+
+
+@given(k=st.integers(1, 4), nudge=st.sampled_from((0.0, 1e-17, 1e-12, -1e-12)))
+def test_section_through_vertices_is_closed(k, nudge):
+    """A plane exactly through a ring of vertices, or next to it, gives one closed turn about the axis."""
+    mesh = cylinder(around=16, along=6)
+    height = np.unique(mesh.vertices[:, 2])[k] + nudge
+    ends = cut_sections(mesh, level([height])).ends
+    assert sorted(map(bytes, ends[:, 0])) == sorted(map(bytes, ends[:, 1]))
+    angle = np.arctan2(ends[..., 1], ends[..., 0])
+    turn = (np.diff(angle, axis=1)[:, 0] + np.pi) % (2 * np.pi) - np.pi
+    assert_allclose(abs(turn.sum()), 2 * np.pi, rtol=1e-12)
+    assert (turn * np.sign(turn.sum()) > -1e-12).all()
+
+
+def test_vertex_on_the_plane_counts_as_below():
+    """A plane through the top of a box meets nothing, one through its bottom meets all its sides."""
+    block = box((0, 0, 0), (1, 1, 1))
+    sections = cut_sections(block, level([0.0, 1.0]))
+    assert np.bincount(sections.plane, minlength=2).tolist() == [8, 0]
+    assert (sections.ends[..., 2] == 0).all()
+    ends = sections.ends
+    assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum(), 4.0, rtol=1e-15)  # each side once
+
+
+@pytest.mark.parametrize("planes", [level([0.02, 0.05]), tilted_too(level([0.02, 0.05]))])
+def test_segments_have_the_face_normal_on_their_right(planes):
+    """Seen with the plane's normal towards the eye, a walk along a segment has the outside of the face on its right."""
+    for mesh in (cylinder(), box((-0.03, -0.03, 0), (0.03, 0.03, 0.1))):
+        sections = cut_sections(mesh, planes)
+        along = sections.ends[:, 1] - sections.ends[:, 0]
+        right = np.cross(along, planes.normals[sections.plane])
+        long = np.linalg.norm(along, axis=1) > 1e-6
+        assert ((right * mesh.face_normals[sections.face]).sum(axis=1)[long] > 0).all()
+
+
+def test_segments_lie_in_their_plane_and_face():
+    """Every end is on its plane and within the box of its face, on an irregular mesh."""
+    mesh = wrist()
+    planes = tilted_too(level(np.linspace(0.01, 0.09, 7)))
+    sections = cut_sections(mesh, planes)
+    assert sections.planes == 8 and (np.diff(sections.plane) >= 0).all()
+    offsets = ((sections.ends - planes.points[sections.plane][:, None]) * planes.normals[sections.plane][:, None]).sum(
+        2
+    )
+    assert np.abs(offsets).max() < 1e-15
+    corners = mesh.triangles[sections.face]
+    assert (sections.ends >= corners.min(axis=1)[:, None] - 1e-15).all()
+    assert (sections.ends <= corners.max(axis=1)[:, None] + 1e-15).all()
+
+
+def test_section_of_a_cylinder_is_its_polygon():
+    """The perimeter of every section is that of the polygon the cylinder was made of."""
+    sections = cut_sections(cylinder(around=96), level(LENGTH * np.array((0.11, 0.5, 0.93))))
+    lengths = np.linalg.norm(sections.ends[:, 1] - sections.ends[:, 0], axis=1)
+    assert_allclose(np.bincount(sections.plane, lengths), 96 * 2 * RADIUS * np.sin(np.pi / 96), rtol=1e-12)
+
+
+def test_sections_of_nothing_are_empty():
+    """Planes that all miss the mesh give no segments, and are still counted."""
+    for planes in (level([-1.0, 2.0]), tilted_too(level([-1.0, 2.0]))):
+        sections = cut_sections(box((0, 0, 1), (0.1, 0.1, 1.1)), planes)
+        assert sections.ends.shape == (0, 2, 3) and sections.planes == len(planes)
+
+
+@given(vector=st.tuples(*3 * [st.floats(-1e3, 1e3)]).filter(lambda v: np.linalg.norm(v) > 1e-3))
+def test_perpendicular_is_a_unit_vector_at_a_right_angle(vector):
+    """For directions of any length."""
+    across = perpendicular(np.array(vector))
+    assert abs(np.linalg.norm(across) - 1) < 1e-14
+    assert abs(across @ vector) < 1e-13 * np.linalg.norm(vector)
+
+
+def test_planes_are_parallel_only_to_the_bit():
+    """Normals are scaled to one; families are parallel if all are the same."""
+    planes = Planes(np.zeros((2, 3)), np.array(((0, 0, 2.0), (0, 0, 5.0))))
+    assert planes.are_parallel() and (planes.normals == UP).all() and len(planes) == 2
+    assert not Planes(np.zeros((2, 3)), np.array(((0, 0, 1.0), (0, 1e-9, 1.0)))).are_parallel()
+
+
+@given(seed=seeds)
+def test_planes_made_of_planes_are_the_same(seed):
+    """Scaling normals to one a second time changes no bit, so that a plan file repeats a scene exactly."""
+    rng = np.random.default_rng(seed)
+    planes = Planes(rng.normal(size=(20, 3)), rng.normal(size=(20, 3)))
+    assert (Planes(planes.points, planes.normals).normals == planes.normals).all()

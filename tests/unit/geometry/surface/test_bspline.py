@@ -1,0 +1,290 @@
+"""B-splines against their definition, against SciPy, and at their seams and edges."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.interpolate import BSpline
+
+from skin_calib_addon.common.errors import InvalidKnotVector
+from skin_calib_addon.geometry.surface.bspline import (
+    BSplineSurface,
+    basis_functions,
+    check_knots,
+    clamped_knots,
+    greville,
+    local_basis,
+    periodic_knots,
+)
+from tests.oracles import basis_matrix, surface_point
+
+degrees = st.integers(2, 5)
+seeds = st.integers(0, 2**32 - 1)
+
+
+@st.composite
+def knot_vectors(draw):
+    """Degree and clamped knots on [0, 1] with uneven spans and inner knots of any multiplicity up to the degree."""
+    degree = draw(degrees)
+    inner = draw(st.lists(st.integers(1, 19), max_size=5, unique=True))
+    times = [draw(st.integers(1, degree)) for _ in inner]
+    knots = np.sort(np.repeat(np.array(inner) / 20, times)) if inner else np.empty(0)
+    return degree, np.concatenate((np.zeros(degree + 1), knots, np.ones(degree + 1)))
+
+
+def net_of(seed, n, m, repeats=0):
+    """A random control net; the first ``repeats`` columns stand again at its end."""
+    net = np.random.default_rng(seed).normal(size=(n, m, 3))
+    return np.concatenate((net, net[:, :repeats]), axis=1)
+
+
+def open_surface(seed=0, degree=(3, 3), n=7, m=8):
+    """Clamped in both directions."""
+    return BSplineSurface(net_of(seed, n, m), clamped_knots(n, degree[0]), clamped_knots(m, degree[1]), degree)
+
+
+def closed_surface(seed=0, degree=(3, 3), n=7, m=9):
+    """Clamped in u, periodic in v."""
+    knots = clamped_knots(n, degree[0]), periodic_knots(m, degree[1])
+    return BSplineSurface(net_of(seed, n, m, degree[1]), *knots, degree, (False, True))
+
+
+@given(spline=knot_vectors(), seed=seeds)
+def test_basis_is_the_recursion(spline, seed):
+    """Every function at random parameters, at every knot and at both ends."""
+    degree, knots = spline
+    u = np.concatenate((np.random.default_rng(seed).uniform(0, 1, 6), np.unique(knots)))
+    assert_allclose(basis_functions(u, knots, degree), basis_matrix(u, knots, degree), rtol=0, atol=1e-13)
+
+
+@given(spline=knot_vectors(), seed=seeds)
+def test_basis_is_that_of_scipy(spline, seed):
+    """A second opinion, with its derivatives."""
+    degree, knots = spline
+    u = np.random.default_rng(seed).uniform(0, 1, 9)
+    first, values = local_basis(u, knots, degree, degree)
+    for order in range(degree + 1):
+        dense = np.zeros((len(u), len(knots) - degree - 1))
+        np.put_along_axis(dense, first[:, None] + np.arange(degree + 1), values[order], axis=1)
+        expected = BSpline(knots, np.eye(len(knots) - degree - 1), degree)(u, nu=order)
+        assert_allclose(dense, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@given(degree=degrees, n=st.integers(1, 12), seed=seeds)
+def test_periodic_basis_is_one_function_shifted(degree, n, seed):
+    """Each function of a closed direction is its neighbour, one knot further."""
+    n = n + degree
+    knots = periodic_knots(n, degree)
+    u = np.random.default_rng(seed).uniform(0, 1 - 1 / n, 5)
+    here, there = basis_functions(u, knots, degree), basis_functions(u + 1 / n, knots, degree)
+    assert_allclose(there[:, 1:], here[:, :-1], rtol=0, atol=1e-12)
+
+
+@given(degree=degrees, extra=st.integers(0, 8))
+def test_greville_abscissae_make_the_identity(degree, extra):
+    """Control points at the abscissae give a spline that is its own parameter; periodic ones too."""
+    for knots in (clamped_knots(degree + 1 + extra, degree), periodic_knots(degree + 1 + extra, degree)):
+        u = np.linspace(0, 1, 23)
+        assert_allclose(basis_functions(u, knots, degree) @ greville(knots, degree), u, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("make", [open_surface, closed_surface])
+@pytest.mark.parametrize("degree", [(2, 3), (3, 2), (4, 5), (5, 4), (3, 3)])
+def test_surface_is_the_double_sum(make, degree):
+    """Points against the definition, at random parameters, corners and knots."""
+    surface = make(1, degree)
+    uv = np.concatenate((np.random.default_rng(2).uniform(0, 1, (12, 2)), [[0, 0], [1, 0], [0, 0.5], [1, 1 / 3]]))
+    expected = [surface_point(surface, u, v) for u, v in uv]
+    assert_allclose(surface.points(uv), expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("make", [open_surface, closed_surface])
+def test_grids_are_the_points_and_their_tangents(make):
+    """Both ways to evaluate agree, the ends of the domain included."""
+    surface, u, v = make(3), np.linspace(0, 1, 9), np.linspace(0, 1, 11)
+    uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    assert_allclose(surface.grid_points(u, v).reshape(-1, 3), surface.points(uv), rtol=0, atol=1e-14)
+    by_u, by_v = (tangents.reshape(-1, 3) for tangents in surface.grid_tangents(u, v))
+    r = surface.derivatives(uv)
+    assert_allclose(by_u, r[1, 0], rtol=0, atol=1e-12)
+    assert_allclose(by_v, r[0, 1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("make", [open_surface, closed_surface])
+@pytest.mark.parametrize("degree", [(2, 3), (3, 4), (5, 2)])
+def test_derivatives_are_those_of_scipy(make, degree):
+    """All mixed partial derivatives up to the third, on spans of any kind."""
+    surface = make(4, degree)
+    uv = np.random.default_rng(5).uniform(0, 1, (20, 2))
+    r = surface.derivatives(uv, order=3)
+    for a in range(4):
+        for b in range(4):
+            along_u = BSpline(surface.knots_u, surface.control_net, degree[0])(uv[:, 0], nu=a)
+            expected = [BSpline(surface.knots_v, row, degree[1])(v, nu=b) for row, v in zip(along_u, uv[:, 1])]
+            assert_allclose(r[a, b], expected, rtol=0, atol=1e-11 * max(np.abs(expected).max(), 1))
+
+
+@pytest.mark.parametrize("make", [open_surface, closed_surface])
+def test_derivatives_are_slopes(make):
+    """Central differences of each order give the next one; also beyond the open edges and over the seam."""
+    surface, h = make(6), 1e-6
+    uv = np.concatenate((np.random.default_rng(7).uniform(0.01, 0.99, (20, 2)), [[-0.3, 0.4], [1.2, 0.6], [0.5, 0.0]]))
+    if not surface.closed[1]:
+        uv = np.concatenate((uv[:-1], [[0.5, -0.2], [1.3, 1.4]]))
+    r = surface.derivatives(uv, order=2)
+    for step, pairs in (((h, 0), ((0, 0, 1, 0), (0, 1, 1, 1), (1, 0, 2, 0))), ((0, h), ((0, 0, 0, 1), (0, 1, 0, 2)))):
+        up, down = (surface.derivatives(uv + s * np.array(step), order=1) for s in (1, -1))
+        for a, b, c, d in pairs:
+            slope = (up[a, b] - down[a, b]) / (2 * h)
+            assert_allclose(r[c, d], slope, rtol=0, atol=1e-5 * np.abs(slope).max())
+
+
+def test_derivatives_of_one_order_do_not_depend_on_the_highest():
+    """Asking for more changes nothing, inside and beyond the edge."""
+    surface = open_surface(8)
+    uv = np.array([[0.3, 0.4], [0.0, 1.0], [-0.2, 0.4], [0.3, 1.5], [1.1, -0.1]])
+    most = surface.derivatives(uv, order=4)
+    for order in range(4):
+        assert_allclose(surface.derivatives(uv, order), most[: order + 1, : order + 1], rtol=1e-13, atol=1e-13)
+    assert (surface.points(uv) == surface.derivatives(uv, 0)[0, 0]).all()
+
+
+@given(seed=seeds, degree=degrees)
+def test_seam_is_exact(seed, degree):
+    """At the seam of a closed surface the left and right limits of the point and its derivatives agree.
+
+    Point and normal to the rounding, derivatives below the degree to that of their size: the net repeats to the bit.
+    """
+    closed = closed_surface(seed, (3, degree), m=degree + 4)
+    cut = BSplineSurface(closed.control_net, closed.knots_u, closed.knots_v, closed.degree)  # v = 1 is not v = 0 here
+    u = np.linspace(0, 1, 9)
+    right, left = (cut.derivatives(np.column_stack((u, np.full(9, v))), order=degree - 1) for v in (0.0, 1.0))
+    assert_allclose(left[0, 0], right[0, 0], rtol=0, atol=1e-14)
+    for order in range(1, degree):
+        assert_allclose(left[0, order], right[0, order], rtol=0, atol=1e-12 * np.abs(right[0, order]).max())
+    normals = [np.cross(r[1, 0], r[0, 1]) for r in (left, right)]
+    jump = np.linalg.norm(np.cross(*normals), axis=1) / np.linalg.norm(normals[0], axis=1) ** 2
+    assert jump.max() < 1e-11
+
+
+@given(v=st.floats(-3, 3), turns=st.integers(-3, 3))
+def test_closed_parameters_wrap_round(v, turns):
+    """Every v stands for the same place as v and any number of turns, and comes back into [0, 1)."""
+    surface = closed_surface()
+    wrapped = surface.wrap([[0.4, v], [0.4, v + turns]])
+    assert (wrapped[:, 1] >= 0).all() and (wrapped[:, 1] < 1).all()
+    assert_allclose(*surface.points([[0.4, v], [0.4, v + turns]]), rtol=0, atol=1e-12)
+
+
+def test_wrap_leaves_open_parameters_alone():
+    """Only closed directions wrap, and the argument is not written to."""
+    uv = np.array([[1.5, -0.25], [-0.5, 2.0]])
+    assert closed_surface().wrap(uv).tolist() == [[1.5, 0.75], [-0.5, 0.0]]
+    assert open_surface().wrap(uv).tolist() == uv.tolist() == [[1.5, -0.25], [-0.5, 2.0]]
+
+
+@given(seed=seeds, reach=st.floats(0, 2), v=st.floats(0, 1))
+def test_surface_goes_on_straight_beyond_an_open_edge(seed, reach, v):
+    """Beyond u = 0 and u = 1: the tangent there, the same normal along it in a closed surface's v, no curvature."""
+    surface = closed_surface(seed)
+    for edge, sign in ((0.0, -1), (1.0, 1)):
+        at, beyond = [[edge, v]], [[edge + sign * reach, v]]
+        r, s = surface.derivatives(at, order=2), surface.derivatives(beyond, order=2)
+        assert_allclose(s[0, 0], r[0, 0] + sign * reach * r[1, 0], rtol=0, atol=1e-12)
+        assert_allclose(s[1, 0], r[1, 0], rtol=0, atol=1e-12)
+        if beyond != at:
+            assert (s[2, 0] == 0).all()
+
+
+def test_surface_goes_on_as_a_plane_beyond_a_corner():
+    """Beyond two edges at once: bilinear in what lies beyond, and smooth across the edge."""
+    surface = open_surface(9)
+    r = surface.derivatives([[1.0, 0.0]], order=2)
+    far = surface.points([[1.25, -0.5]])
+    expected = r[0, 0] + 0.25 * r[1, 0] - 0.5 * r[0, 1] - 0.125 * r[1, 1]
+    assert_allclose(far, expected, rtol=0, atol=1e-13)
+    near, beyond = surface.points([[1.0 - 1e-9, 0.4], [1.0 + 1e-9, 0.4]])
+    assert np.abs(near - beyond).max() < 1e-6
+
+
+def test_normals_are_unit_and_follow_the_right_hand():
+    """r_u x r_v of length one: of a plane, exactly up."""
+    surface = closed_surface(10)
+    uv = np.random.default_rng(11).uniform(0, 1, (50, 2))
+    normals, r = surface.normals(uv), surface.derivatives(uv)
+    assert_allclose(np.linalg.norm(normals, axis=1), 1, rtol=1e-14)
+    assert ((np.cross(r[1, 0], r[0, 1]) * normals).sum(axis=1) > 0).all()
+    knots = clamped_knots(4, 3)
+    i, j = np.meshgrid(np.arange(4.0), np.arange(4.0), indexing="ij")
+    plane = BSplineSurface(np.stack((i, j, 0 * i), axis=-1), knots, knots, (3, 3))
+    assert_allclose(plane.normals(uv), np.tile((0, 0, 1), (50, 1)), rtol=0, atol=1e-15)
+
+
+def test_surface_cannot_be_changed():
+    """Net and knots are read-only copies."""
+    surface = open_surface()
+    for array in (surface.control_net, surface.knots_u, surface.knots_v):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize(
+    ("knots", "degree", "n", "message"),
+    [
+        ([0, 0, 1, 1], 0, 3, "degree 0 is no B-spline surface"),
+        ([0, 0, 0, 1, 1, 1], 3, 2, "degree 3 needs at least 4 control points, not 2"),
+        ([0, 0, 0, 0.5, 1, 1], 2, 4, "4 control points of degree 2 need 7 knots, not 6"),
+        ([0, 0, 0, 0.7, 0.3, 1, 1, 1], 2, 5, "knot 4 is smaller than knot 3; knots must not decrease"),
+        ([0, 0, 0, 0, 0, 0], 2, 3, "all knots of the domain are equal"),
+    ],
+)
+def test_knots_that_carry_no_spline_are_refused(knots, degree, n, message):
+    """Degree, number of control points, number of knots, order, length: each on its own, and through a surface."""
+    with pytest.raises(InvalidKnotVector, match=message):
+        check_knots(np.array(knots, float), degree, n)
+    with pytest.raises(InvalidKnotVector, match=message):
+        BSplineSurface(np.zeros((4, n, 3)), clamped_knots(4, 3), np.array(knots, float), (3, degree))
+
+
+def test_sound_knots_pass():
+    """What the tests above start from: uniform, repeated and periodic knots raise nothing."""
+    check_knots(np.array([0, 0, 0, 0.3, 0.3, 1, 1, 1]), 2, 5)
+    check_knots(clamped_knots(4, 3), 3, 4)
+    check_knots(periodic_knots(5, 4), 4, 9)
+
+
+@pytest.mark.parametrize("broken", [np.zeros((4, 4, 2)), np.full((4, 4, 3), np.nan), np.zeros((4, 4))])
+def test_surface_refuses_a_net_of_another_shape(broken):
+    """Points of three finite numbers in two directions."""
+    with pytest.raises(ValueError, match="control_net"):
+        BSplineSurface(broken, clamped_knots(4, 3), clamped_knots(4, 3), (3, 3))
+
+
+def tube(radii, length=0.1):
+    """A tube about z, closed in v, whose control points stand at these distances from it, one for each angle."""
+    angle = 2 * np.pi * np.arange(len(radii)) / len(radii)
+    ring = np.column_stack((radii * np.cos(angle), -radii * np.sin(angle), 0 * angle))
+    ring = np.concatenate((ring, ring[:3]))
+    net = ring + np.linspace(0, length, 6)[:, None, None] * np.array((0, 0, 1.0))
+    return BSplineSurface(net, clamped_knots(6, 3), periodic_knots(len(radii), 3), (3, 3), (False, True))
+
+
+def test_turning_is_the_way_over_the_radius():
+    """On a cylinder the normal turns by the length of a way round it over its radius, and by half a turn at most."""
+    surface = tube(np.full(64, 0.03))
+    radius = np.linalg.norm(surface.points([[0.5, 0.2]])[0, :2])
+    for length in (1e-4, 0.01, 0.05):
+        assert_allclose(surface.turning(length), length / radius, rtol=2e-3)
+    assert_allclose(surface.turning(1.0), np.pi, rtol=1e-6)
+
+
+def test_turning_does_not_add_up_what_turns_back():
+    """Ripples of 0.1 mm every 12 mm add little to a way of 20 mm, though they bend a short one half as much again; an
+    edge adds all of its angle, however short the way."""
+    plain, ripples = tube(np.full(64, 0.03)), tube(0.03 + 1.2e-4 * np.cos(np.pi * np.arange(64) / 2))
+    assert ripples.turning(1e-4) > 1.5 * plain.turning(1e-4)
+    assert_allclose(ripples.turning(0.02), plain.turning(0.02), rtol=0.1)
+    angle = 2 * np.pi * np.arange(256) / 256
+    square = tube(0.03 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle))))
+    assert 0.45 * np.pi < square.turning(0.004) < 0.55 * np.pi

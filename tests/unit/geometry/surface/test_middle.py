@@ -1,0 +1,153 @@
+"""The middle of a surface: where its shape has it, whatever planes and lines it was fitted along."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from sample_scenes import shapes
+from skin_calib_addon.geometry import AcrossGrid, BSplineSurface, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry.surface.centre import middle, seam_of, shares_before
+from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.sheet.ties import centring
+from tests.shapes import LENGTH, RADIUS, Motion, cone_surface, plane_surface, welded, wrist, wrist_surface
+
+# A coarse net, one whose planes and lines go where they lower the error, a fine one.
+NETS = ((7, 14, "uniform"), (12, 33, "auto"), (20, 60, "curvature"))
+
+
+@cache
+def bent():
+    """A tube about a quarter of a circle, thicker on one side."""
+
+    def point(angle, height):
+        turn, radius = height * np.pi / 2, 0.03 * (1 + 0.15 * np.cos(angle - 0.7) - 0.1 * height)
+        out = 0.1 + radius * np.cos(angle)
+        return np.column_stack((out * np.cos(turn), radius * np.sin(angle), out * np.sin(turn)))
+
+    return welded(shapes.tube_mesh(point, 90, 61))
+
+
+@cache
+def sole():
+    """The sample of the underside of a foot."""
+    return welded(shapes.sole())
+
+
+def tube(n, lines, spacing):
+    """Planes and lines round a limb."""
+    return TubeGrid(n, lines, margin=0.002, spacing=spacing)
+
+
+def bent_tube(n, lines, spacing):
+    """Planes across a curve."""
+    return TubeGrid(n, lines, spacing=spacing)
+
+
+def sector(n, lines, spacing):
+    """Planes and lines part of the way round."""
+    return SectorGrid(n, lines, -1.0, 2.0, margin=0.002, spacing=spacing)
+
+
+def across(n, lines, spacing):
+    """Planes both ways across a sole."""
+    return AcrossGrid(n, lines, (0.0, 0.0, -1.0), margin=0.02, spacing=spacing)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "grid", "near"),
+    [
+        pytest.param(wrist, tube, 5e-5, id="tube"),
+        pytest.param(bent, bent_tube, 1.5e-4, id="bent"),  # the seven planes leave 0.1 mm and more
+        pytest.param(wrist, sector, 1e-5, id="sector"),
+        pytest.param(sole, across, 1e-5, id="sole"),
+    ],
+)
+def test_middle_stays_where_it_is_when_planes_and_lines_move(mesh, grid, near):
+    """Within a few hundredths of a millimetre, while the middle of the parameters goes about by half a millimetre and
+    up to fifteen."""
+    surfaces = [fit_surface(mesh(), grid(*net)).surface for net in NETS]
+    places, of_parameters = (
+        np.array([surface.points(at(surface))[0] for surface in surfaces]) for at in (middle, lambda _: (0.5, 0.5))
+    )
+    assert np.linalg.norm(places - places[-1], axis=1).max() < near
+    assert np.linalg.norm(of_parameters - of_parameters[-1], axis=1).max() > 3e-4
+
+
+@pytest.mark.parametrize("direction", [(0, 1, 0), (0.3, 1, 0.2)])
+def test_centred_sheet_stays_where_it_is_when_planes_and_lines_move(direction):
+    """All cells on the wrist within 0.1 mm of where they are on a fine net."""
+    lattice = SheetLattice(6, 18, (0.01, 0.01))
+    places = [
+        sheet_taxels(wrap_sheet(fit_surface(wrist(), tube(*net)).surface, lattice, None, direction), "s").positions_link
+        for net in NETS
+    ]
+    for place in places:
+        assert np.linalg.norm(place - places[-1], axis=1).max() < 1e-4
+
+
+def test_middle_of_a_cylinder_is_opposite_its_seam():
+    """Half of the length up, half of the way round from where the ray of the seam leaves."""
+    plain = cone_surface(RADIUS, RADIUS)
+    for angle in (0.0, 1.0, -2.9):
+        ray = np.array((np.cos(angle), np.sin(angle), 0))
+        point = np.array((0.2 * RADIUS, 0.1 * RADIUS, 0.4 * LENGTH))
+        surface = BSplineSurface(
+            plain.control_net, plain.knots_u, plain.knots_v, plain.degree, plain.closed, np.stack((point, ray))
+        )
+        start = surface.points(seam_of(surface))[0]
+        assert_allclose(np.cross(start - point, ray), 0, atol=1e-9)
+        assert (start - point) @ ray > 0
+        assert_allclose(surface.points(middle(surface))[0], start * (-1, -1, 0) + (0, 0, LENGTH / 2), atol=1e-8)
+    assert_allclose(middle(plain), (0.5, 0.5), atol=1e-9)  # without a seam: from v = 0
+
+
+def test_middle_of_a_stretched_net_is_that_of_its_lengths():
+    """A plane whose parameters run slowly at first: half of its sides."""
+    plane = plane_surface()
+    net = plane.control_net.copy()
+    net[..., 0] = 0.1 * (net[..., 0] / 0.1) ** 2
+    stretched = BSplineSurface(net, plane.knots_u, plane.knots_v, plane.degree)
+    assert_allclose(stretched.points(middle(stretched))[0], (0.05, 0.04, 0), atol=1e-7)
+    assert abs(middle(stretched)[0] - 0.5) > 0.05
+
+
+def test_middle_moves_with_the_mesh():
+    """Turned and shifted: the same place on the link."""
+    motion = Motion(3, 1.0)
+    here, there = (fit_surface(mesh, tube(8, 16, "auto")).surface for mesh in (wrist(), motion.mesh(wrist())))
+    moved = motion.points(here.points(middle(here)))
+    assert_allclose(there.points(middle(there)), moved, atol=1e-8)
+
+
+def test_shares_are_those_of_lengths_measured_along_the_line():
+    """On a wrist, along and round it, from the edge and from another start; beyond an edge the line goes on.
+
+    Chords on either side of a place cut their arcs by unlike shares: on a way round, by a hundredth of a millimetre.
+    """
+    surface = wrist_surface()
+    fine = np.linspace(0, 1, 20001)
+    for axis, start in ((0, 0.0), (1, 0.0), (1, 0.3)):
+        for at in (0.1, 0.62):
+            uv = np.full((1, 2), 0.37)
+            uv[0, axis] = start + at
+            line = np.tile(uv, (len(fine), 1))
+            line[:, axis] = start + fine
+            done = np.append(0, np.cumsum(np.linalg.norm(np.diff(surface.points(line), axis=0), axis=1)))
+            share, growth = shares_before(surface, uv, axis, 64, start)
+            assert_allclose(share, np.interp(at, fine, done) / done[-1], rtol=0, atol=5e-5)
+            assert_allclose(growth, np.gradient(done, fine)[int(at * 20000)] / done[-1], rtol=1e-3)
+    beyond = shares_before(surface, np.array([[-0.1, 0.2], [1.1, 0.2]]), 0, 16)[0]
+    assert beyond[0] < -0.05 and beyond[1] > 1.05
+
+
+@pytest.mark.parametrize("direction", [(0, 1, 0), (0.3, 1, 0.2)])
+def test_centred_sheet_leaves_as_much_of_the_surface_at_both_edges(direction):
+    """On the wrist, with planes that crowd: the share of the line through the lowest node that is free below it is that
+    of the line through the highest above it, to a ten-thousandth."""
+    surface = fit_surface(wrist(), tube(7, 14, "auto")).surface
+    uv = wrap_sheet(surface, SheetLattice(5, 18, (0.01, 0.01)), None, direction).uv.reshape(-1, 2)
+    ends, _ = centring(surface, uv, 0)
+    below, above = shares_before(surface, uv[ends], 0, 64)[0]
+    assert_allclose(below, 1 - above, rtol=0, atol=1e-4)

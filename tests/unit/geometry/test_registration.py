@@ -1,0 +1,192 @@
+"""Clouds laid on meshes: what is right stays, what is wrong is found, what cannot be told is told to be so."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from skin_calib_addon.geometry.registration import NEAR, THICKEST, SampledMesh, descend, even_turns, find_frame, spread
+from skin_calib_addon.geometry.surface.distance import MeshDistance, mesh_samples
+from tests.oracles import nearest_on_triangle
+from tests.shapes import Motion, box, cylinder, sheet, together, wrist
+
+
+def on_wrist(seed=0, count=150):
+    """Points on the faces of the wrist sample."""
+    points = mesh_samples(wrist())[0]
+    return points[np.random.default_rng(seed).choice(len(points), count, replace=False)]
+
+
+def assert_consistent(fit, mesh, points):
+    """A proper rotation, and distances that are those of the points before and after the motion."""
+    assert_allclose(fit.rotation @ fit.rotation.T, np.eye(3), rtol=0, atol=1e-12)
+    assert_allclose(np.linalg.det(fit.rotation), 1, rtol=1e-12)
+    moved = points @ fit.rotation.T + fit.translation
+    assert_allclose(fit(points), moved, rtol=0, atol=1e-12)
+    for there, told in ((points, fit.before), (moved, fit.after)):
+        distance = MeshDistance(mesh)(there)[0]
+        assert_allclose((told.mean, told.max), (distance.mean(), distance.max()), rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_cloud_in_another_frame_is_brought_back(seed):
+    """Turned and moved by a metre: the inverse motion is found to a micrometre, and no other place fits."""
+    points, motion = on_wrist(), Motion(seed)
+    fit = find_frame(wrist(), motion.points(points))
+    assert fit.verdict == "moved"
+    assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).max() < 1e-6
+    assert fit.after.mean < 1e-6 < 1e-3 < fit.rival
+    assert_consistent(fit, wrist(), motion.points(points))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_inner_parts_do_not_catch_a_piece(seed):
+    """A small piece of the shell of a link with boxes in it, which stand between its middle and the piece's place."""
+    low, high = wrist().vertices.min(axis=0), wrist().vertices.max(axis=0)
+    places = np.array([(1, 1, 1), (-1, 1, 0), (0, -1, 1), (1, 0, -1), (0, 0, 0)])
+    middles = (low + high) / 2 + 0.2 * places * (high - low)
+    link = together(wrist(), *(box(m - 0.07 * (high - low), m + 0.07 * (high - low)) for m in middles))
+    points = on_wrist(seed, 3000)
+    points = points[np.linalg.norm(points - points[0], axis=1) < 0.25 * wrist().size][:120]
+    motion = Motion(seed)
+    fit = find_frame(link, motion.points(points))
+    assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).max() < 1e-5
+
+
+@pytest.mark.parametrize("height", [0.0, 0.8, -0.8])
+def test_cloud_near_the_mesh_stays(height):
+    """On it, above it or below it by less than `NEAR`: it is right as it is, and nothing is proposed."""
+    points = on_wrist()
+    _, face, _ = MeshDistance(wrist())(points)
+    fit = find_frame(wrist(), points + height * NEAR * wrist().face_normals[face])
+    assert fit.verdict == "right" and fit.before == fit.after
+    assert_allclose(fit.before.mean, abs(height) * NEAR, rtol=0.05, atol=1e-9)
+    assert (fit.rotation == np.eye(3)).all() and not fit.translation.any()
+
+
+def test_cloud_a_little_aside_stays():
+    """Shifted by less than a skin is thick, though a motion would undo it: who knows which of the two is off."""
+    points = on_wrist() + (0.002, 0, 0)
+    fit = find_frame(wrist(), points)
+    assert fit.verdict == "right" and 0.3 * NEAR < fit.before.mean < NEAR and fit.after == fit.before
+
+
+def test_thick_skin_stays():
+    """All round a tube, 6 mm above it: no motion brings it much nearer, so it lies where it should."""
+    points = on_wrist(count=300)
+    _, face, _ = MeshDistance(wrist())(points)
+    raised = points + 0.006 * wrist().face_normals[face]
+    fit = find_frame(wrist(), raised)
+    assert fit.verdict == "right" and NEAR < fit.before.mean < THICKEST
+    assert_consistent(fit, wrist(), raised)
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        pytest.param(cylinder(), id="cylinder"),
+        pytest.param(box((0, 0, 0), (0.1, 0.05, 0.02)), id="box"),
+        pytest.param(sheet(lambda x, y: 0 * x), id="plane"),
+    ],
+)
+def test_symmetric_links_are_ambiguous(mesh):
+    """A turn about the axis, a half turn, a slide in the plane: that the cloud lies on it in several places is said."""
+    points = mesh_samples(mesh)[0]
+    points = Motion(5).points(points[:: max(1, len(points) // 120)])
+    fit = find_frame(mesh, points)
+    assert fit.verdict == "ambiguous"
+    assert fit.after.mean < 1e-4 and fit.rival < 1e-3
+    assert_consistent(fit, mesh, points)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_few_points_are_ambiguous(count):
+    """Three points lie on any mesh."""
+    assert find_frame(wrist(), on_wrist(count=count) + 0.3).verdict == "ambiguous"
+
+
+@pytest.mark.parametrize("size", [0.04, 0.1])
+def test_noise_is_refused(size):
+    """Points anywhere in a box lie on no mesh; the nearest place still leaves them far off, in right numbers."""
+    points = np.random.default_rng(1).uniform(-size / 2, size / 2, (150, 3)) + 0.2
+    fit = find_frame(wrist(), points)
+    assert fit.verdict == "lost" and fit.after.mean > 0.01 * size
+    assert_consistent(fit, wrist(), points)
+
+
+def test_cloud_of_another_link_is_refused():
+    """Taxels of a tube of another radius."""
+    other = cylinder(radius=0.05).vertices[::16]
+    assert find_frame(wrist(), Motion(2).points(other)).verdict == "lost"
+
+
+def test_slack_tells_how_far_a_cloud_may_slide():
+    """Nowhere on a box; round and along a cylinder without end; more where the distances are larger."""
+    block = box((0, 0, 0), (0.1, 0.05, 0.02))
+    points = mesh_samples(block)[0]
+    assert find_frame(block, points).slack < 1e-3
+    tube = cylinder()
+    assert_allclose(find_frame(tube, tube.vertices).slack, 2 * np.hypot(0.05, 0.035), rtol=1e-3)
+    noise = np.random.default_rng(3).normal(size=points.shape)
+    slacks = [find_frame(block, points + sigma * noise).slack for sigma in (2e-4, 4e-4)]
+    assert_allclose(slacks[1] / slacks[0], 2, rtol=0.1)
+
+
+def test_near_faces_are_nearly_the_nearest():
+    """Of points close to the wrist, the best of a few faces is the best of all, but for a hundredth of a spacing."""
+    points = on_wrist(count=60) + np.random.default_rng(4).normal(scale=2e-3, size=(60, 3))
+    feet, faces = SampledMesh(wrist())(points)
+    assert_allclose(np.linalg.norm(feet - points, axis=1), MeshDistance(wrist())(points)[0], rtol=0, atol=2e-5)
+    on_face = [np.linalg.norm(nearest_on_triangle(q, wrist().triangles[f]) - q) for q, f in zip(feet, faces)]
+    assert max(on_face) < 1e-12
+
+
+def test_planes_of_the_grid_lie_near():
+    """The plane that a cell of the grid knows is hardly further than the nearest; beyond the grid there is one too."""
+    samples = SampledMesh(wrist())
+    rng = np.random.default_rng(5)
+    points = samples.middle + rng.uniform(-0.1, 0.1, (200, 3))
+    near, normals = samples.planes(points)
+    least = MeshDistance(wrist())(points)[0]
+    assert (np.linalg.norm(near - points, axis=1) <= least + 2.5 * samples.cell).all()
+    assert_allclose(np.linalg.norm(normals, axis=1), 1, rtol=1e-12)
+    far, _ = samples.planes(points + 1e9)
+    assert np.isfinite(far).all()
+
+
+def test_points_beside_a_mesh_are_not_on_it():
+    """The plane of a face goes on beyond it; a pose in the plane, but aside, is off by how far it is aside."""
+    samples = SampledMesh(sheet(lambda x, y: 0 * x))
+    cloud = np.random.default_rng(8).uniform(-0.02, 0.02, (40, 3)) * (1, 1, 0)
+    places = np.array([(0.05, 0.04, 0), (0.05, 0.04, 0.01), (0.18, 0.04, 0)])  # on it, above it, beside it
+    turns, moved, misfit = descend(samples, cloud, np.stack(3 * [np.eye(3)]), places, 1)
+    assert_allclose(misfit[:2], (0, 0.01), rtol=0, atol=1e-9)
+    assert 0.05 < misfit[2] < 0.09
+    assert_allclose(moved[1], places[0], rtol=0, atol=1e-3)  # one step leads down, and not aside
+    assert_allclose(turns, np.stack(3 * [np.eye(3)]), rtol=0, atol=1e-6)
+
+
+def test_turns_are_spread_evenly():
+    """No rotation is further than 35 degrees from one of them, and no two are nearer than 12."""
+    turns = even_turns(300)
+    assert_allclose(turns @ turns.transpose(0, 2, 1), np.broadcast_to(np.eye(3), turns.shape), rtol=0, atol=1e-12)
+    anywhere = Rotation.random(500, rng=np.random.default_rng(6)).as_matrix()
+
+    def degrees(a, b):
+        cosine = (np.einsum("aij,bij->ab", a, b) - 1) / 2
+        return np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))
+
+    assert degrees(anywhere, turns).min(axis=1).max() < 35
+    assert (degrees(turns, turns) + 180 * np.eye(300)).min() > 12
+
+
+def test_spread_points_are_far_apart():
+    """Of a fine and a coarse heap, the few that are chosen reach everywhere; no point twice."""
+    rng = np.random.default_rng(7)
+    points = np.concatenate((rng.uniform(0, 1, (20, 3)), rng.normal(scale=1e-3, size=(500, 3))))
+    chosen = spread(points, 20)
+    assert len(set(chosen.tolist())) == 20
+    reach = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1).max()
+    apart = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=2) + 9 * np.eye(20)
+    assert reach <= apart.min()
+    assert sorted(spread(points[:5], 20).tolist()) == [0, 1, 2, 3, 4]

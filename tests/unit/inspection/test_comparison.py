@@ -1,0 +1,127 @@
+"""Two sets of taxels side by side: pairs, distances, angles, and a wrong frame that is told."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from skin_calib_addon.calibration.exchange import TaxelSet, write_taxel_set
+from skin_calib_addon.calibration.file import save_calibration
+from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.inspection.comparison import compare, read_others
+from skin_calib_addon.inspection.values import AllTaxels
+from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.plan import load_plan
+from tests.samples import small_calibration
+
+
+@pytest.fixture(scope="module")
+def wrist():
+    """The sample wrist, calibrated."""
+    return calibrate(load_plan(Path(__file__).parents[3] / "sample_scenes" / "wrist.plan.json"))
+
+
+@pytest.fixture(scope="module")
+def taxels(wrist):
+    """Its taxels."""
+    return AllTaxels.of(wrist.calibration.patches)
+
+
+@pytest.fixture
+def same(taxels):
+    """A set with the same taxels, ids and all."""
+    return TaxelSet(taxels.positions, taxels.normals, taxels.ids, taxels.channels, None)
+
+
+def test_same_taxels_are_no_way_apart(taxels, same, wrist):
+    """By id, whatever their order; nothing is told."""
+    order = np.random.default_rng(0).permutation(len(taxels.ids))
+    mixed = TaxelSet(same.positions[order], same.normals[order], tuple(same.labels[i] for i in order), order, None)
+    found = compare(taxels, mixed, wrist.cover)
+    assert found.by == "id" and found.told == ()
+    assert (found.ours == order).all() and (found.theirs == np.arange(120)).all()
+    assert not found.distances.any() and found.angles.max() < 1e-12
+
+
+def test_each_pair_has_its_distance_and_angle(taxels, same, wrist):
+    """Against numbers that were put there; the worst one is named."""
+    turn = Rotation.from_rotvec([0, 0, 0.02])
+    shift = np.zeros((120, 3))
+    shift[:, 2], shift[7, 2] = 1e-4, 4e-4
+    found = compare(
+        taxels, replace(same, positions=same.positions + shift, normals=same.normals @ turn.as_matrix().T), wrist.cover
+    )
+    assert_allclose(found.distances, shift[:, 2], rtol=1e-9)
+    assert_allclose(found.ends[:, 1] - found.ends[:, 0], shift, atol=1e-12)
+    lean = np.linalg.norm(taxels.normals[:, :2], axis=1)
+    assert_allclose(found.angles, 2 * np.arcsin(lean * np.sin(0.01)), rtol=1e-9)
+    assert found.worst == taxels.ids[7] and found.told == ()
+
+
+def test_taxels_without_a_partner_are_told(taxels, same, wrist):
+    """On both sides."""
+    labels = ("other", *same.labels[1:])
+    told = compare(taxels, replace(same, labels=labels), wrist.cover).told
+    assert told == (
+        "1 taxel of ours without one in the file: wrist.0.0",
+        "1 taxel of the file without one of ours: other",
+    )
+
+
+def test_strange_names_are_paired_by_place(taxels, same, wrist):
+    """Each with the nearest of ours; those that share one are counted."""
+    labels = ("wrist.5.5", *(f"t{k}" for k in range(119)))  # one that is known is no proof
+    rng = np.random.default_rng(1)
+    near = same.positions + rng.uniform(-1, 1, (120, 3)) * 1e-3
+    near[5] = near[6]
+    found = compare(taxels, replace(same, positions=near, labels=labels, normals=None), wrist.cover)
+    gaps = np.linalg.norm(near[:, None] - taxels.positions, axis=2)
+    assert found.by == "nearest" and (found.ours == gaps.argmin(axis=1)).all() and found.angles is None
+    assert_allclose(found.distances, gaps.min(axis=1))
+    assert found.told == (
+        "1 taxel of ours without one in the file: wrist.0.5",
+        "1 of the file share the nearest of ours with another",
+    )
+
+
+def test_wrong_frame_is_told_with_the_motion(taxels, same, wrist):
+    """By id from the pairs; by place from the mesh. What only scatters has no frame to blame."""
+    turn, shift = Rotation.from_rotvec([0, 0.5, 0]), np.array((0.1, 0, 0.02))
+    moved = same.moved(turn.as_matrix(), shift)
+    told = compare(taxels, moved, wrist.cover).told
+    assert len(told) == 1 and told[0].startswith("Another frame? a turn by 28.6° and a shift by (")
+    back = (turn.inv().apply(-shift) * 1e3).round(1)
+    assert f"({back[0]:.1f}, {back[1] + 0.0:.1f}, {back[2]:.1f}) mm" in told[0]
+    named = compare(taxels, replace(same, frame="forearm"), wrist.cover, "wrist").told
+    assert named == ("The file is in the frame forearm",)
+    scattered = same.positions + np.random.default_rng(2).normal(0, 2e-3, (120, 3))
+    assert compare(taxels, replace(same, positions=scattered), wrist.cover).told == ()
+    strange = replace(moved, labels=tuple(f"t{k}" for k in range(120)))
+    assert compare(taxels, strange, wrist.cover).told[0].startswith("Another frame: it lies ")
+
+
+def test_normals_that_look_inward_are_counted(taxels, same, wrist):
+    """Of a file whose normals are turned round."""
+    normals = np.where(np.arange(120)[:, None] < 30, -same.normals, same.normals)
+    found = compare(taxels, replace(same, normals=normals), wrist.cover)
+    assert found.told == ("30 normals of the file look the other way",)
+    assert_allclose(found.angles[:30], np.pi)
+
+
+def test_calibrations_and_files_of_others_are_read(taxels, same, wrist, tmp_path):
+    """By what they are; one that holds nothing, or is none, is refused."""
+    save_calibration(wrist.calibration, tmp_path / "wrist.json")
+    (tmp_path / "wrist.csv").write_bytes(write_taxel_set(same))
+    for name in ("wrist.json", "wrist.csv"):
+        read = read_others(tmp_path / name)
+        assert read.labels == taxels.ids
+        assert_allclose(read.positions, taxels.positions, atol=1e-9)
+        assert compare(taxels, read, wrist.cover).distances.max() < 1e-9
+    save_calibration(small_calibration(patches=()), tmp_path / "bare.json")
+    with pytest.raises(CalibrationFormatError, match="without taxels"):
+        read_others(tmp_path / "bare.json")
+    with pytest.raises(CalibrationFormatError):
+        read_others(tmp_path / "none.txt")

@@ -1,0 +1,97 @@
+"""Taxels side by side: found by name and by a ray, with their tilt, their sides and what lies around them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import UnknownTaxel
+from skin_calib_addon.inspection.values import AllTaxels
+from tests.samples import RADIUS, boards, seven_boards, small_calibration
+
+
+@pytest.fixture
+def taxels():
+    """A sheet of 3 x 5 round a cylinder, and two boards on a plane."""
+    return AllTaxels.of(small_calibration(rows=3, columns=5).patches)
+
+
+def test_patches_stand_side_by_side(taxels):
+    """Every row is one taxel, whatever its patch has; what a patch does not have is not known."""
+    assert taxels.ids[14:] == ("s2.4", "h0", "h1") and taxels.corners.shape == (17, 6, 3)
+    assert (taxels.corners[0, 3:] == taxels.corners[0, 3]).all()
+    assert np.isnan(taxels.strain[15:]).all() and not np.isnan(taxels.strain[:15]).any()
+    assert taxels.worst_tilt[16] == 0.02 and taxels.tilt[16] == 0.02
+
+
+def test_stretch_is_the_larger_strain_with_its_sign(taxels):
+    """Shear is none; a board has none."""
+    for row in range(15):
+        along, across, _ = taxels.strain[row]
+        assert taxels.stretch[row] == (along if abs(along) >= abs(across) else across)
+    assert (taxels.stretch[:3] < 0).all() and np.isnan(taxels.stretch[15:]).all()
+
+
+def test_tilt_of_a_sheet_is_its_angle_to_the_next(taxels):
+    """Round a cylinder: the pitch over the radius, to every digit."""
+    assert_allclose(taxels.tilt[:15], 0.01 / RADIUS, rtol=1e-12)
+
+
+def test_taxel_is_found_by_id_and_by_channel(taxels):
+    """Channels count over all patches."""
+    assert taxels.row_of("s1.2") == 7 and taxels.row_of(" h1 ") == 16
+    assert taxels.row_of("16") == 16 and taxels.row_of("0") == 0
+
+
+@pytest.mark.parametrize("word", ["s1.9", "17", "", "²"])
+def test_taxel_that_is_not_there_is_refused(taxels, word):
+    """The message says what there is."""
+    with pytest.raises(UnknownTaxel, match="channels go from 0 to 16, ids from s0.0"):
+        taxels.row_of(word)
+    with pytest.raises(UnknownTaxel, match="add a skin"):
+        AllTaxels.of(()).row_of(word)
+
+
+def test_ray_from_outside_meets_the_cell_it_points_at(taxels):
+    """From any side, near its corner too; one that comes from inside, or ends before, meets none."""
+    for row in range(17):
+        inner = 0.9 * taxels.corners[row] + 0.1 * taxels.positions[row]
+        for point in (taxels.positions[row], *inner):
+            eye = point + 0.01 * taxels.normals[row] + 0.003 * np.ones(3)
+            assert taxels.under(eye, point - eye) == row
+            assert taxels.under(eye, point - eye, 0.9) is None
+            assert taxels.under(point - 0.01 * taxels.normals[row], 0.02 * taxels.normals[row]) is None
+
+
+def test_ray_meets_the_nearest_cell_first():
+    """A tube all round: the near side hides the far one."""
+    columns = 21
+    taxels = AllTaxels.of(small_calibration(rows=1, columns=columns, pitch=2 * np.pi * RADIUS / 21).patches[:1])
+    for row in range(columns):
+        assert taxels.under(taxels.positions[row] * (2, 2, 1), -taxels.positions[row] * (1, 1, 0)) == row
+
+
+def test_cell_above_another_hides_it():
+    """Whichever patch comes first."""
+    low = AllTaxels.of((boards(),))
+    high = replace(low, positions=low.positions + [0, 0, 0.01], corners=low.corners + [0, 0, 0.01])
+    names = ("positions", "normals", "corners", "channels", "index", "areas", "strain", "worst_tilt")
+    for order, top in (((low, high), 2), ((high, low), 0)):
+        both = replace(
+            low,
+            ids=("a", "b", "c", "d"),
+            neighbours=((),) * 4,
+            **{name: np.concatenate([getattr(part, name) for part in order]) for name in names},
+        )
+        assert both.under(low.positions[0] + [0, 0, 0.1], np.array((0, 0, -1.0))) == top
+
+
+def test_outline_of_cells_goes_round_them(taxels):
+    """All of a sheet: its edge. One cell: its sides. Boards: the sides that face no other."""
+    assert len(taxels.outline(np.arange(15))) == 2 * (3 + 5)
+    one = taxels.outline(np.array([7]))
+    assert_allclose(one[:, 0], taxels.corners[7, [0, 1, 2, 5]])
+    flower = AllTaxels.of((seven_boards(),))
+    assert len(flower.outline(np.arange(7))) == 18 and len(flower.outline(np.arange(2))) == 10
+    assert (flower.beside[0] >= 0).all() and sorted(flower.beside[0]) == list(range(1, 7))

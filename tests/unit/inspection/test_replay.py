@@ -1,0 +1,183 @@
+"""Recorded readings through the runtime, from the command line."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration import Response, save_calibration
+from skin_calib_addon.cli import main
+from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.inspection.recording import read_recording
+from skin_calib_addon.runtime import load
+from tests.samples import plane, small_calibration
+from tests.soles import sole_patch
+
+N = 42
+
+
+@pytest.fixture
+def calibration(tmp_path):
+    """A sole's file, whose readings are newtons."""
+    path = tmp_path / "sole.json"
+    sole = small_calibration(
+        link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=Response((0.0, 1.0)), extra={}
+    )
+    save_calibration(sole, path)
+    return path
+
+
+def readings(frames=12):
+    """A press that walks over the sole."""
+    t = np.arange(frames) * 0.004
+    return t, np.array([np.where(np.abs(np.arange(N) - 3 * k - 4) < 4, 5.0 + k, 0.0) for k in range(frames)])
+
+
+def as_csv(path, time, rows):
+    """A recording as a table."""
+    lines = ["time," + ",".join(f"channel_{k}" for k in range(len(rows[0])))]
+    lines += [",".join(map(repr, [float(t), *map(float, row)])) for t, row in zip(time, rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_replay_is_what_the_runtime_gives(calibration, tmp_path, capsys):
+    """A line for each frame, the same from CSV and NPZ, with the numbers of the frame."""
+    time, rows = readings()
+    table, packed = as_csv(tmp_path / "r.csv", time, rows), tmp_path / "r.npz"
+    np.savez(packed, time=time, readings=rows)
+    out, again, picture = tmp_path / "out.jsonl", tmp_path / "again.jsonl", tmp_path / "out.png"
+    assert main(["replay", str(calibration), str(table), "-o", str(out), "--picture", str(picture)]) == 0
+    assert main(["replay", str(calibration), str(packed), "-o", str(again)]) == 0
+    assert out.read_bytes() == again.read_bytes() and picture.read_bytes()[:4] == b"\x89PNG"
+    said = capsys.readouterr()
+    assert "frames           12, 0.044 s" in said.out and said.err == ""
+    skin = load(calibration)
+    for line, t, row in zip(out.read_text().splitlines(), time, rows, strict=True):
+        told, frame = json.loads(line), skin.update(row, t)
+        assert told["time"] == t and told["flags"] == [] and told["touched"] is True
+        assert told["wrench"] == frame.wrench.tolist() and told["cop"] == frame.cop.tolist()
+        assert told["zmp"] == frame.zmp.tolist() and told["reason"] is None
+        assert told["polygon"]["outer"] == frame.polygon.outer.corners.tolist()
+        assert [c["number"] for c in told["contacts"]] == [c.number for c in frame.contacts]
+        assert [c["ids"] for c in told["contacts"]] == [list(c.ids) for c in frame.contacts]
+
+
+def test_lost_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
+    """An empty cell, NaN, a short row: the frame says so, in null and flags, and the summary counts them."""
+    time, rows = readings(4)
+    path = as_csv(tmp_path / "r.csv", time, rows)
+    lines = path.read_text().splitlines()
+    cells = lines[2].split(",")
+    cells[10], cells[11] = "", "nan"
+    lines[2], lines[3] = ",".join(cells), ",".join(lines[3].split(",")[:20])
+    path.write_text("\n".join(lines))
+    out = tmp_path / "out.jsonl"
+    assert main(["replay", str(calibration), str(path), "-o", str(out)]) == 0
+    told = [json.loads(line) for line in out.read_text().splitlines()]
+    assert [t["flags"] for t in told] == [[], ["not_finite"], ["wrong_length"], ["dropped"]]
+    assert told[2]["wrench"] is None and told[2]["touched"] is None and "needs 42" in told[2]["reason"]
+    assert "warning: wrong_length in 1 of 4 frames" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_other_separators_and_comments_are_read(separator, tmp_path):
+    """As in every table here."""
+    time, rows = readings(4)
+    path = as_csv(tmp_path / "r.csv", time, rows)
+    plain = list(read_recording(path))
+    path.write_text("# hand 3\n" + path.read_text().replace(",", separator))
+    for (time, reading), (other_time, other) in zip(plain, list(read_recording(path)), strict=True):
+        assert time == other_time and (reading == other).all()
+
+
+def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
+    """The first frames are the baseline; a higher threshold sees less."""
+    time, rows = readings()
+    rows[:3] = 0.0
+    path = as_csv(tmp_path / "r.csv", time, rows + 2.0)
+    assert main(["replay", str(calibration), str(path), "--tare", "3"]) == 0
+    assert "in 9 frames" in capsys.readouterr().out
+    assert main(["replay", str(calibration), str(path), "--tare", "3", "--on", "15"]) == 0
+    assert "in 2 frames" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty; check that it was written whole"),
+        ("\n", "line 1: a recording's header is time and one name for each channel"),
+        ("t,a\n1,2\n", "line 1: a recording's header is time"),
+        ("time,a\n0,1\n1,x\n", "line 3, column 2: has 'x' where a number belongs"),
+        ('time,a\n0,"1\n', "is no table"),
+    ],
+)
+def test_bad_table_is_refused_with_its_place(text, message, tmp_path):
+    """File, line and column."""
+    path = tmp_path / "r.csv"
+    path.write_text(text)
+    with pytest.raises(CalibrationFormatError, match=message):
+        list(read_recording(path))
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"time": np.zeros(3)}, r"has no array 'readings'; it has \['time'\]"),
+        ({"time": np.zeros(3), "readings": np.zeros(3)}, r"needed are numbers \(t,\) and \(t, channels\)"),
+        ({"time": np.zeros(2), "readings": np.zeros((3, 2))}, "needed are numbers"),
+        ({"time": np.array(["a"]), "readings": np.zeros((1, 2))}, "needed are numbers"),
+        ({"time": np.array([None]), "readings": np.zeros((1, 2))}, "cannot read .* allow_pickle"),
+    ],
+)
+def test_bad_archive_is_refused(arrays, message, tmp_path):
+    """What is missing, or has the wrong shape; nothing in it is run."""
+    path = tmp_path / "r.npz"
+    np.savez(path, **arrays)
+    with pytest.raises(CalibrationFormatError, match=message):
+        list(read_recording(path))
+
+
+def test_file_that_is_no_archive_is_refused(tmp_path):
+    """In its own words, not in those of a library that advises to trust it."""
+    path = tmp_path / "r.npz"
+    path.write_bytes(bytes(range(256)) * 8)
+    with pytest.raises(
+        CalibrationFormatError, match="cannot read .*r.npz': it is no NPZ file; save it with numpy.savez"
+    ):
+        list(read_recording(path))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pipes of this kind")
+@pytest.mark.parametrize("name", ["r.npz", "r.csv"])
+def test_pipe_is_refused_and_not_waited_for(name, tmp_path):
+    """Nobody may ever write into it."""
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(CalibrationFormatError, match=f"{name}': it is not a regular file; name a file"):
+        list(read_recording(tmp_path / name))
+
+
+def test_bad_calls_say_why_and_leave_nothing(calibration, tmp_path, capsys):
+    """Exit 1 for wrong data, 2 for a wrong call, one line, no file."""
+    time, rows = readings()
+    path, out = as_csv(tmp_path / "r.csv", time, rows[:, :5]), tmp_path / "out.jsonl"
+    assert main(["replay", str(calibration), str(path), "-o", str(out)]) == 1
+    assert "does not fit the skin: the reading has 5 channels" in capsys.readouterr().err
+    broken = tmp_path / "broken.npz"
+    broken.write_bytes(b"PK\x03\x04 nothing")
+    assert main(["replay", str(calibration), str(broken), "-o", str(out)]) == 1
+    assert "cannot read" in capsys.readouterr().err
+    assert main(["replay", str(calibration), str(tmp_path / "none.csv"), "-o", str(out)]) == 1
+    assert "check the path" in capsys.readouterr().err
+    empty = tmp_path / "empty.csv"
+    empty.write_text("time,a\n")
+    assert main(["replay", str(calibration), str(empty), "-o", str(out)]) == 1
+    assert "holds no frame" in capsys.readouterr().err
+    assert main(["replay", str(calibration), str(path), "-o", str(tmp_path / "no" / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    for words in (["--on", "0"], ["--on", "x"], ["--off", "3"], ["--tare", "-1"]):
+        with pytest.raises(SystemExit) as caught:
+            main(["replay", str(calibration), str(path), "-o", str(out), *words])
+        assert caught.value.code == 2 and capsys.readouterr().err.count("\n") == 1
+    assert not out.exists()

@@ -1,0 +1,143 @@
+"""Pictures without OpenGL: a PNG is drawn wherever matplotlib is, and missed politely where it is not."""
+
+import builtins
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from skin_calib_addon.common.errors import OutputError, SkinCalibError
+from skin_calib_addon.pictures.calibration import draw_calibration, look_at
+from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.plan import plan_from
+from tests.samples import boards, plane, small_calibration
+from tests.shapes import cylinder, dome
+
+ROOT = Path(__file__).parents[3]
+SHEET = {
+    "name": "s",
+    "kind": "sheet",
+    "rows": 2,
+    "columns": 4,
+    "pitch": [0.01, 0.01],
+    "origin": "center",
+    "direction": [0, 1, 0],
+}
+TUBE = {"kind": "tube", "n": 5, "lines": 10, "axis": {"point": [0, 0, 0], "direction": [0, 0, 1]}, "margin": 0.003}
+FACE = {"kind": "patch", "n": 5, "lines": 5, "normal": [0, 0, 1]}
+
+
+def calibrated(mesh, grid, skins=(SHEET,)):
+    """A calibration made from a mesh at hand, with all that belongs to it."""
+    head = {"format": "skin-plan", "version": 1, "link": "link", "mesh": "m.ply", "unit": "m"}
+    return calibrate(plan_from(head | {"grid": grid, "skins": list(skins)}), mesh)
+
+
+def read_png(path):
+    """Pixels from 0 to 1, shape (height, width, 3)."""
+    assert Path(path).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    return imread(path)[..., :3]
+
+
+def drawn(pixels):
+    """Share of the pixels that are not white, of each panel."""
+    height, width, _ = pixels.shape
+    panels = np.split(pixels, width // height, axis=1)
+    return [float((panel.min(axis=2) < 0.97).mean()) for panel in panels]
+
+
+def test_picture_of_a_fit_has_three_panels(tmp_path):
+    """Cover, error and taxels side by side, each with a shape in it and its own colours."""
+    result = calibrated(cylinder(around=24, along=8), TUBE)
+    draw_calibration(result.calibration, tmp_path / "p.png", result.cover)
+    pixels = read_png(tmp_path / "p.png")
+    assert pixels.shape == (550, 1650, 3)
+    assert min(drawn(pixels)) > 0.15
+    colourful = np.ptp(pixels, axis=2) > 0.3
+    mesh, error, taxels = (part.mean() for part in np.split(colourful, 3, axis=1))
+    assert mesh < 0.01 and error > 0.15 and taxels > 0.005
+
+
+def test_picture_of_a_file_has_the_taxels_only(tmp_path):
+    """Without the mesh there is no error to show."""
+    result = calibrated(dome(), FACE)
+    draw_calibration(result.calibration, tmp_path / "p.png")
+    assert read_png(tmp_path / "p.png").shape == (550, 550, 3)
+
+
+@pytest.mark.parametrize("name", ["p.png", "p.pdf", "p", "p.unknown"])
+def test_picture_is_a_png_whatever_its_name(tmp_path, name):
+    """The command line promises a PNG."""
+    draw_calibration(small_calibration(), tmp_path / name)
+    assert read_png(tmp_path / name).shape == (550, 550, 3)
+
+
+def test_picture_is_the_same_again(tmp_path):
+    """No date, no program in it: the same bytes for the same calibration."""
+    for name in ("a.png", "b.png"):
+        draw_calibration(small_calibration(), tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert b"matplotlib" not in (tmp_path / "a.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "calibration",
+    [small_calibration(patches=()), small_calibration(surfaces=(plane(),), patches=(boards(),))],
+    ids=["no patches", "boards"],
+)
+def test_picture_needs_no_sheet(tmp_path, calibration):
+    """A surface alone, and rigid boards without strain."""
+    draw_calibration(calibration, tmp_path / "p.png")
+    assert drawn(read_png(tmp_path / "p.png"))[0] > 0.05
+
+
+def test_picture_takes_no_window_and_no_opengl(tmp_path):
+    """In a process without a display: no pyplot, no OpenGL, and the user's matplotlib settings are not touched."""
+    code = f"""
+import sys, matplotlib
+from tests.samples import small_calibration
+from skin_calib_addon.pictures.calibration import draw_calibration
+before = matplotlib.rcParams.copy()
+draw_calibration(small_calibration(), {str(tmp_path / "p.png")!r})
+found = {{"matplotlib.pyplot", "OpenGL", "bpy", "gpu"}} & set(sys.modules)
+assert not found, found
+assert dict.__eq__(matplotlib.rcParams, before)
+"""
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert read_png(tmp_path / "p.png").shape == (550, 550, 3)
+
+
+def test_missing_matplotlib_is_one_line(tmp_path, monkeypatch):
+    """What to install; nothing is written."""
+
+    def without(name, *rest, **more):
+        if name.startswith("matplotlib"):
+            raise ImportError(f"No module named {name!r}")
+        return imported(name, *rest, **more)
+
+    imported = builtins.__import__
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(SkinCalibError, match=r"a picture needs matplotlib, .*: pip install 'skin-calib\[picture\]'"):
+        draw_calibration(small_calibration(), tmp_path / "p.png")
+    assert not list(tmp_path.iterdir())
+
+
+def test_picture_into_a_missing_folder_is_refused(tmp_path):
+    """Like every other file."""
+    with pytest.raises(OutputError, match="no folder"):
+        draw_calibration(small_calibration(), tmp_path / "none" / "p.png")
+
+
+@pytest.mark.parametrize("normals", [[(0, 0, 1.0)], [(1.0, 0, 0), (-1.0, 0, 0)], [(0.6, 0, 0.8), (0.8, 0, 0.6)]])
+@pytest.mark.parametrize("along", [(0, 1.0, 0), (0, 0, 1.0), (1.0, 0, 0)])
+def test_camera_is_a_right_handed_frame(normals, along):
+    """Whatever there is to see, along it or across, or to both sides."""
+    axes = look_at(np.array(normals), np.array(along)).axes
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(axes), 1, rtol=1e-12)

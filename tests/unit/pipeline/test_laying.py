@@ -1,0 +1,90 @@
+"""Skins of a plan laid on the surface of its link, one after another."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration.file import load_calibration, save_calibration
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.geometry import CoverSpec, TubeGrid
+from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.pipeline.report import report_document, summary
+from skin_calib_addon.plan import Plan
+from skin_calib_addon.plan.skins import skins_from
+from skin_calib_addon.runtime import load
+from tests.shapes import Z_AXIS, cylinder
+
+RADIUS = 0.05
+SHEET = {
+    "name": "band",
+    "kind": "sheet",
+    "rows": 3,
+    "columns": 33,
+    "pitch": [0.01, 0.01],
+    "origin": [RADIUS, 0, 0.03],
+    "direction": [0, 1, 0],
+}
+BOARDS = {"name": "boards", "kind": "hexagons", "side": 0.01, "gap": 0.0, "cells": "all", "origin": [RADIUS, 0, 0.15]}
+
+
+def made(skins, tmp_path, **changes):
+    """What a plan with these skins gives on a tube of 50 mm, 200 mm long."""
+    plan = Plan(
+        "tube", tmp_path / "tube.stl", "m", CoverSpec(), TubeGrid(6, 24, Z_AXIS, 1e-3), (3, 3), skins_from(skins)
+    )
+    return calibrate(plan, cylinder(RADIUS, 0.2, 96, 30))
+
+
+def test_every_kind_is_laid_saved_and_felt(tmp_path):
+    """A sheet, boards above it, taxels of a file: one calibration, which reads back and is pressed by the runtime."""
+    (tmp_path / "t.csv").write_text("x,y,z\n-0.0505,0,0.02\n-0.05,0.0065,0.02\n-0.05,0,0.0265\n")
+    result = made(
+        [SHEET, BOARDS | {"offset": 0.001}, {"name": "few", "kind": "imported", "file": str(tmp_path / "t.csv")}],
+        tmp_path,
+    )
+    path = tmp_path / "tube.json"
+    save_calibration(result.calibration, path)
+    sheet, boards, few = load_calibration(path).patches
+    assert (sheet.kind, boards.kind, few.kind) == ("sheet", "hexagons", "imported")
+    assert boards.offset == 0.001 and boards.taxels.ports == result.calibration.patches[1].taxels.ports
+    channels = np.concatenate([p.taxels.channels for p in (sheet, boards, few)])
+    assert channels.tolist() == list(range(len(channels)))
+    assert_allclose(few.taxels.quality["gap"], (0.0005, 0.0004, 0), rtol=0, atol=1e-4)
+    skin = load(path)
+    readings = np.zeros(skin.reading_length)
+    row = 99 + 3
+    readings[skin.channels[[row, *[skin.ids.index(i) for i in boards.taxels.neighbours[3]]]]] = 2.0
+    (contact,) = skin.update(readings, 0.0).contacts
+    assert len(contact.ids) == 1 + len(boards.taxels.neighbours[3])
+    assert_allclose(contact.force, 2.0 * len(contact.ids))
+    report = report_document(result)
+    assert [p["kind"] for p in report["patches"]] == ["sheet", "hexagons", "imported"]
+    assert report["patches"][0]["closure"]["of"] == "rows" and report["patches"][1]["tilts"]
+    assert "rows close with gaps of" in summary(result, path)
+    assert report["patches"][2]["distances"]["before"]["surface"]["mean"] > 0
+
+
+def test_skins_that_touch_know_each_other(tmp_path):
+    """A second sheet that goes on where the first one ends: neighbours over the border, from both sides."""
+    above = SHEET | {"name": "above", "origin": [RADIUS, 0, 0.06]}
+    patches = made([SHEET, above], tmp_path).calibration.patches
+    below = dict(zip(patches[0].taxels.ids, patches[0].taxels.neighbours))
+    above = dict(zip(patches[1].taxels.ids, patches[1].taxels.neighbours))
+    for column in range(33):
+        assert f"above.0.{column}" in below[f"band.2.{column}"] and f"band.2.{column}" in above[f"above.0.{column}"]
+    assert not any(other.startswith("above") for k in range(33) for other in below[f"band.1.{k}"])
+
+
+def test_doubts_name_what_does_not_sit(tmp_path):
+    """Rows too long for the tube, and boards too large for its bend."""
+    long = SHEET | {"columns": 36}
+    doubts = made([long, BOARDS | {"side": 0.025, "origin": [RADIUS, 0, 0.12]}], tmp_path).doubts
+    assert any("band overlaps itself by up to 45." in d and "(row " in d for d in doubts)
+    assert any("cells of boards stand off the surface at a corner" in d for d in doubts)
+    assert made([SHEET | {"columns": 31}], tmp_path).doubts == ()
+
+
+def test_channels_that_meet_after_filling_are_refused(tmp_path):
+    """Only the laid boards tell how many channels they take."""
+    with pytest.raises(InvalidPlan, match=r"skins 'boards' and 'band' share channel \d+; move a first_channel"):
+        made([BOARDS | {"first_channel": 0}, SHEET | {"first_channel": 20}], tmp_path)

@@ -1,0 +1,185 @@
+"""``skin-calib touches``: skins move to where touches say that they lie; bad calls and tables leave no file."""
+
+from dataclasses import replace
+from pathlib import Path
+from shutil import copy
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from skin_calib_addon.calibration.file import save_calibration
+from skin_calib_addon.cli import main
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.geometry import CoverSpec, TubeGrid
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.pipeline.place_skins import lay_all
+from skin_calib_addon.pipeline.refine import refine
+from skin_calib_addon.plan import Plan, load_plan, save_plan
+from skin_calib_addon.plan.skins import skins_from
+from skin_calib_addon.validation import Touches
+from tests.shapes import Z_AXIS, cone
+from tests.unit.pictures.test_picture import read_png
+
+ROOT = Path(__file__).parents[3]
+SHEET = {"name": "band", "kind": "sheet", "rows": 4, "columns": 12, "pitch": [0.01, 0.01], "direction": [0, 1, 0]}
+BOARDS = {"name": "boards", "kind": "hexagons", "side": 0.01, "gap": 0.0, "direction": [0, 1, 0]}
+PLACED, HIGH = {"origin": [0.05, 0, 0.03]}, {"origin": [0.05, 0, 0.07]}
+CENTRED = SHEET | {"origin": "center"}
+MARKS = [{"cell": [1, 2], "point": [0.05, 0, 0.05]}, {"cell": [1, 8], "point": [0.0, 0.05, 0.05]}]
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A plan on a cone without skins, and what comes of it."""
+    path = tmp_path_factory.mktemp("cone") / "cone.ply"
+    save_mesh(cone(), path)
+    plan = Plan("cone", path, "m", CoverSpec(), TubeGrid(8, 24, Z_AXIS, 2e-3), (3, 3), ())
+    return plan, calibrate(plan)
+
+
+def laid_so(fitted, skin):
+    """The plan with one skin, and what comes of it."""
+    plan, result = fitted
+    plan = replace(plan, skins=skins_from([skin]))
+    laid = lay_all(plan.skins, result.fit)
+    calibration = replace(result.calibration, patches=tuple(done.patch for done in laid))
+    return plan, replace(result, calibration=calibration, laid=laid)
+
+
+def moved_away(plan, result):
+    """The taxels of the plan's only skin where it lies a few millimetres and a degree from where the plan has it."""
+    skin, taxels = plan.skins[0], result.laid[0].patch.taxels
+    row = int(np.abs(taxels.index).sum(axis=1).argmin())
+    normal, tangent = taxels.normals_link[row], taxels.tangents_link[row]
+    turn = Rotation.from_rotvec(0.02 * normal)
+    shift = 0.002 * tangent + 0.0015 * np.cross(normal, tangent)
+    if getattr(skin, "landmarks", ()):
+        marks = tuple(replace(m, point=tuple(np.array(m.point) + (0.0, 0.0, 0.002))) for m in skin.landmarks)
+        skin = replace(skin, landmarks=marks)
+    else:
+        place, way = (taxels.positions_link[row], tangent) if skin.origin is None else (skin.origin, skin.direction)
+        skin = replace(skin, origin=tuple(place + shift), direction=tuple(turn.apply(np.array(way))))
+    if skin.name == "boards":
+        skin = replace(skin, choice=tuple(map(tuple, taxels.index.tolist())))
+    return lay_all((skin,), result.fit)[0].patch.taxels
+
+
+@pytest.mark.parametrize(
+    "skin",
+    [CENTRED, SHEET | PLACED, SHEET | HIGH | {"hand": "left", "offset": 0.002}, SHEET | {"landmarks": MARKS}]
+    + [BOARDS | {"cells": "fill"}, BOARDS | {"cells": [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}]
+    + [BOARDS | {"cells": [[1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}],
+    ids=["centred", "placed", "left", "landmarks", "fill", "listed", "rootless"],
+)
+def test_skin_moves_to_where_it_was_touched(fitted, skin):
+    """From exact touches of every cell: within a hundredth of a millimetre of where the skin lies."""
+    plan, result = laid_so(fitted, skin)
+    true = moved_away(plan, result)
+    touches = Touches(true.ids, np.arange(len(true.ids)), true.positions_link, np.zeros((len(true.ids), 3)))
+    refined = refine(plan, result, touches)
+    found = refined.calibration.patches[0].taxels
+    before = result.laid[0].patch.taxels
+    assert np.linalg.norm(before.positions_link - true.positions_link, axis=1).mean() > 1e-3
+    assert_allclose(found.positions_link, true.positions_link, rtol=0, atol=2e-5)
+    again = lay_all(refined.plan.skins, result.fit)[0].patch.taxels
+    assert_allclose(again.positions_link, found.positions_link, rtol=0, atol=1e-15)
+
+
+def test_skins_that_were_not_touched_stay(fitted):
+    """To the bit; and what cannot be refined says why."""
+    plan, result = laid_so(fitted, SHEET | PLACED)
+    second = skins_from([BOARDS | {"cells": [[0, 0], [1, 0]], "origin": [-0.05, 0, 0.05], "first_channel": 48}])
+    plan = replace(plan, skins=plan.skins + second)
+    laid = lay_all(plan.skins, result.fit)
+    calibration = replace(result.calibration, patches=tuple(done.patch for done in laid))
+    result = replace(result, laid=laid, calibration=calibration)
+    taxels = laid[0].patch.taxels
+    off = Touches(taxels.ids, np.arange(48), taxels.positions_link + 0.001 * taxels.tangents_link, np.zeros((48, 3)))
+    refined = refine(plan, result, off)
+    assert refined.plan.skins[1] == second[0] and refined.plan.skins[0] != plan.skins[0]
+    few = Touches(taxels.ids[:2], np.arange(2), taxels.positions_link[:2], np.zeros((2, 3)))
+    with pytest.raises(InvalidPlan, match="skin 'band' was touched 2 times, which is too few"):
+        refine(plan, result, few)
+    trimmed = laid_so(fitted, CENTRED | {"rows": 14, "trim": True})
+    part = trimmed[1].laid[0].patch.taxels
+    assert (part.index.sum(axis=1) > 0).all()
+    all_of_it = Touches(part.ids, np.arange(len(part.ids)), part.positions_link, np.zeros((len(part.ids), 3)))
+    with pytest.raises(
+        InvalidPlan, match="'band' has no cell \\(0, 0\\) to be held by where it lies; give it an origin"
+    ):
+        refine(*trimmed, all_of_it)
+    turned = Touches(taxels.ids[::-1], np.arange(48), taxels.positions_link, np.zeros((48, 3)))
+    with pytest.raises(InvalidPlan, match="rows and columns counted from the other end"):
+        refine(plan, result, turned)
+
+
+def test_touches_that_no_place_explains_are_refused():
+    """All of one cell, and far inside the link: the sheet would wander round it."""
+    plan = load_plan(ROOT / "sample_scenes" / "wrist.plan.json")
+    result = calibrate(plan)
+    inside = Touches(result.laid[0].patch.taxels.ids[:1] * 4, np.arange(4), np.zeros((4, 3)), np.zeros((4, 3)))
+    with pytest.raises(InvalidPlan, match="skin 'wrist' comes to no rest where the touches ask it to lie: in step 8"):
+        refine(plan, result, inside)
+
+
+@pytest.fixture
+def folder(fitted, tmp_path):
+    """A plan, its calibration, and touches that lie 2 mm along the rows."""
+    plan, result = laid_so(fitted, SHEET | PLACED)
+    copy(plan.mesh, tmp_path)
+    save_plan(replace(plan, mesh=Path("cone.ply"), extra={"x_note": "kept"}), tmp_path / "cone.plan.json")
+    save_calibration(result.calibration, tmp_path / "cone.json")
+    taxels = result.laid[0].patch.taxels
+    points = taxels.positions_link + 0.002 * taxels.tangents_link
+    rows = [f"{name},{x},{y},{z}" for name, (x, y, z) in zip(taxels.ids, points.tolist())]
+    (tmp_path / "t.csv").write_text("\n".join(["taxel,x,y,z", *rows]) + "\n")
+    (tmp_path / "sub").mkdir()
+    return tmp_path
+
+
+def touches(folder, file, *words, table="t.csv"):
+    return main([str(w) for w in ("touches", folder / file, folder / table, *words)])
+
+
+def test_command_compares_and_refines(folder, capsys):
+    """A calibration is compared; a plan is moved, and the moved one, in another folder, needs no more."""
+    assert touches(folder, "cone.json", "--picture", folder / "t.png") == 0
+    out, err = capsys.readouterr()
+    assert "touches          48, of 48 taxels" in out and err == ""
+    assert "band             shifted 2.0" in out and "no more than chance" not in out
+    assert (read_png(folder / "t.png").min(axis=2) < 0.9).mean() > 0.03
+    moved = folder / "sub" / "moved.plan.json"
+    assert touches(folder, "cone.plan.json", "--refine", "-o", moved) == 0
+    assert "shifted 0.00 +- 0.0" in capsys.readouterr().out
+    assert load_plan(moved).extra == {"x_note": "kept"} and '"mesh": "../cone.ply"' in moved.read_text()
+    assert touches(folder, "sub/moved.plan.json") == 0
+    assert "shifted 0.00 +- 0.0" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("file", "words", "code", "message"),
+    [
+        ("cone.json", ["--refine", "-o", "out.json"], 1, "is no plan; a calibration does not say how its skins"),
+        ("cone.plan.json", ["--refine"], 2, "--refine writes the moved plan to -o OUT"),
+        ("cone.plan.json", ["-o", "out.json"], 2, "--refine writes the moved plan to -o OUT"),
+        ("cone.plan.json", ["--refine", "-o", "none/out.json"], 2, "no folder"),
+        ("cone.plan.json", ["--refine", "-o", "t.csv"], 2, "t.csv would replace"),
+        ("cone.json", ["--picture", "cone.json"], 2, "cone.json would replace"),
+        ("t.csv", [], 1, "t.csv"),
+        ("none.json", [], 1, "none.json"),
+    ],
+)
+def test_command_refuses_in_one_line(folder, capsys, file, words, code, message):
+    """And writes nothing."""
+    words = [str(folder / w) if w.endswith((".json", ".csv")) else w for w in words]
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    try:
+        found = touches(folder, file, *words)
+    except SystemExit as ended:
+        found = ended.code
+    out, err = capsys.readouterr()
+    assert found == code and out == "" and message in err and err.count("\n") == 1
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before

@@ -1,0 +1,121 @@
+"""The skins of a plan: every kind there and back, what does not go together, and the channels they take."""
+
+import copy
+
+import pytest
+
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.plan.skins import (
+    GAP,
+    SIDE,
+    BoardSkin,
+    ImportedSkin,
+    SheetSkin,
+    first_channels,
+    skin_document,
+    skins_from,
+)
+
+SHEET = {
+    "name": "band",
+    "kind": "sheet",
+    "rows": 6,
+    "columns": 22,
+    "pitch": [0.01, 0.012],
+    "origin": [0.0, 0.1, 0.2],
+    "direction": [0.0, 1.0, 0.0],
+    "hand": "left",
+    "trim": True,
+    "offset": 0.001,
+    "first_channel": 7,
+}
+MARKED = {k: v for k, v in SHEET.items() if k != "origin"} | {
+    "name": "marked",
+    "first_channel": 200,
+    "landmarks": [{"cell": [0, 0], "point": [0.0, 0.1, 0.2]}, {"cell": [5, 21], "point": [0.1, 0.0, 0.2]}],
+}
+BOARDS = {
+    "name": "sole",
+    "kind": "hexagons",
+    "side": 0.012,
+    "gap": 0.001,
+    "cells": [[0, 0], [1, 0], [-1, 2]],
+    "origin": "center",
+    "direction": [1.0, 0.0, 0.0],
+    "offset": -0.002,
+    "excluded": [{"point": [0.0, 0.0, 0.1], "radius": 0.004}],
+    "first_channel": 400,
+}
+THIGH = {
+    "name": "thigh",
+    "kind": "imported",
+    "file": "taxels/left_leg_upper.txt",
+    "format": "icub",
+    "frame": {"rotation": [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], "translation": [0.0, 0.1, 0.0]},
+    "snap": True,
+    "only": "skin_*",
+    "first_channel": 500,
+}
+
+
+@pytest.mark.parametrize("document", [SHEET, MARKED, BOARDS, BOARDS | {"cells": "all"}, THIGH])
+def test_skin_comes_back_as_it_was_written(document):
+    """Every member of every kind."""
+    (skin,) = skins_from([copy.deepcopy(document)])
+    assert skin_document(skin) == document
+    assert skins_from([skin_document(skin)]) == (skin,)
+
+
+def test_defaults_of_a_skin_are_the_documented_ones():
+    """The least that says anything of each kind."""
+    sheet, boards, thigh = skins_from(
+        [
+            {k: SHEET[k] for k in ("name", "kind", "rows", "columns", "pitch", "origin", "direction")},
+            {"name": "sole", "kind": "hexagons"},
+            {"name": "thigh", "kind": "imported", "file": "t.csv"},
+        ]
+    )
+    assert isinstance(sheet, SheetSkin) and isinstance(boards, BoardSkin) and isinstance(thigh, ImportedSkin)
+    assert (sheet.lattice.hand, sheet.offset, sheet.landmarks, sheet.trim, sheet.first_channel) == (
+        "right",
+        0,
+        (),
+        False,
+        0,
+    )
+    assert (boards.lattice.side, boards.lattice.gap, boards.choice) == (SIDE, GAP, "fill")
+    assert (boards.origin, boards.direction, boards.offset, boards.excluded) == (None, None, 0, ())
+    assert boards.first_channel == 132  # after the sheet
+    assert (thigh.format, thigh.rotation, thigh.snap, thigh.first_channel) == (None, None, False, None)
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        (MARKED | {"origin": "center"}, 'needs either "origin" or "landmarks", not both and not none'),
+        ({k: v for k, v in SHEET.items() if k != "origin"}, 'needs either "origin" or "landmarks"'),
+        (
+            MARKED | {"landmarks": [{"cell": [6, 0], "point": [0, 0, 0]}]},
+            r"of cell \[6, 0\]; the sheet has 6 x 22 cells",
+        ),
+        (BOARDS | {"cells": [[0, 0], [0, 0]]}, "skin 'sole' names a cell twice"),
+        (BOARDS | {"direction": [0, 0, 0]}, "the direction of skin 'sole' is zero"),
+        (BOARDS | {"gap": -0.03}, "hexagons with sides of 12 mm and gaps of -30 mm have no room"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(document, message):
+    """With the skin, and what to do."""
+    with pytest.raises(InvalidPlan, match=message):
+        skins_from([document])
+
+
+def test_channels_follow_what_is_known_and_wait_for_what_is_not():
+    """After a skin that is not laid yet nobody can tell; once it is, skins that share a channel are named."""
+    skins = skins_from(
+        [BOARDS | {"cells": "fill", "first_channel": 0}, {k: v for k, v in SHEET.items() if k != "first_channel"}]
+    )
+    assert [skin.first_channel for skin in skins] == [0, None]
+    assert first_channels(skins, [42, 132]) == [0, 42]
+    held = skins_from([BOARDS | {"cells": "fill", "first_channel": 0}, SHEET | {"first_channel": 40}])
+    with pytest.raises(InvalidPlan, match="skins 'sole' and 'band' share channel 40; move a first_channel"):
+        first_channels(held, [42, 132])

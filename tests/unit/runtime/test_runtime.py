@@ -1,0 +1,298 @@
+"""Readings to contacts: what a controller gets each cycle."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration import Patch, Response, save_calibration
+from skin_calib_addon.common.errors import CalibrationFormatError, InvalidReading
+from skin_calib_addon.runtime import Skin, load
+from skin_calib_addon.runtime.components import components
+from skin_calib_addon.runtime.geometry import beside_of
+from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from tests.oracles import components as flood_fill
+from tests.samples import boards, cylinder, small_calibration
+from tests.shapes import cone_surface
+
+ROWS, COLUMNS = 4, 22
+RADIUS = COLUMNS * 0.01 / (2 * np.pi)
+ROUND = sheet_taxels(
+    wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(ROWS, COLUMNS, (0.01, 0.01)), None, (0, 1, 0)), "round"
+)
+
+
+def skin_of(*patches, newtons=(0.0, 1.0), **switches):
+    """A skin of these patches whose readings are a polynomial's newtons."""
+    return Skin(small_calibration(patches=patches, surfaces=(cylinder(),), response=Response(newtons)), **switches)
+
+
+def closed_skin(**options):
+    """A sheet that closes round a cylinder."""
+    return skin_of(Patch("round", "sheet", "tube", (ROWS, COLUMNS), (0.01, 0.01), ROUND), **options)
+
+
+def pressed(cells, force=1.0, length=ROWS * COLUMNS):
+    """A reading in which some cells of the closed sheet are pressed."""
+    reading = np.zeros(length)
+    for i, j in cells:
+        reading[i * COLUMNS + j] = force
+    return reading
+
+
+readings = st.lists(st.one_of(st.just(0.0), st.floats(0, 50)), min_size=8, max_size=8)
+small = small_calibration(response=Response((0.0, 1.0)))  # 6 cells of a sheet, 2 boards
+
+
+def test_nothing_pressed_is_no_contact():
+    """A foot in the air is no error: no contacts, no wrench, no flag."""
+    frame = closed_skin().update(np.zeros(88), 1.5)
+    assert frame.contacts == () and (frame.wrench == 0).all() and frame.flags == frozenset() and frame.time == 1.5
+    assert (frame.forces == 0).all()
+
+
+def test_one_pressed_cell_is_a_contact():
+    """Its place, its normal, its force and area; a press pushes the robot against the normal."""
+    frame = closed_skin().update(pressed([(1, 5)], 3.0), 0.0)
+    (contact,) = frame.contacts
+    i = COLUMNS + 5
+    assert contact.ids == ("round.1.5",) and contact.taxels.tolist() == [i] and contact.force == 3.0
+    assert contact.area == ROUND.areas[i]
+    assert_allclose(contact.position, ROUND.positions_link[i], rtol=1e-15)
+    assert_allclose(contact.normal, ROUND.normals_link[i], rtol=1e-14)
+    assert_allclose(contact.wrench[:3], -3.0 * ROUND.normals_link[i], rtol=1e-14)
+    assert_allclose(frame.wrench, contact.wrench, rtol=0)
+
+
+def test_contacts_hang_together_over_the_seam():
+    """The last and the first cell of a row that closes round the link touch each other: one contact, not two."""
+    seam = closed_skin().update(pressed([(2, 0), (2, COLUMNS - 1)]), 0.0)
+    assert [set(c.ids) for c in seam.contacts] == [{"round.2.0", f"round.2.{COLUMNS - 1}"}]
+    apart = closed_skin().update(pressed([(2, 0), (2, COLUMNS - 2)]), 0.0)
+    assert len(apart.contacts) == 2
+    ring = closed_skin().update(pressed([(0, j) for j in range(COLUMNS)]), 0.0)
+    assert len(ring.contacts) == 1 and np.linalg.norm(ring.wrench) < 1e-4  # 22 N cancel as far as the cells are even
+
+
+def test_contacts_that_touch_at_a_corner_only_are_two():
+    """Neighbours share a side."""
+    assert len(closed_skin().update(pressed([(1, 1), (2, 2)]), 0.0).contacts) == 2
+    assert len(closed_skin().update(pressed([(1, 1), (1, 2), (2, 2)]), 0.0).contacts) == 1
+
+
+@given(active=st.lists(st.booleans(), min_size=1, max_size=40), seed=st.integers(0, 2**32 - 1), density=st.floats(0, 3))
+def test_components_are_those_of_a_flood_fill(active, seed, density):
+    """Random graphs: chains, rings, lone taxels; rows ascend, and every active taxel is in one group."""
+    n, rng = len(active), np.random.default_rng(seed)
+    pairs = np.sort(rng.integers(0, n, (int(density * n), 2)), axis=1)
+    beside = [{*pairs[pairs[:, 0] == i, 1].tolist(), *pairs[pairs[:, 1] == i, 0].tolist()} for i in range(n)]
+    rows, place = np.flatnonzero(active), np.full(n + 1, -1)
+    groups = components(rows, beside_of(np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0), n), place)
+    found = [frozenset(rows[groups == k].tolist()) for k in range(groups.max(initial=-1) + 1)]
+    assert set(found) == flood_fill(active, beside) and len(found) == len(set(found))
+    assert [min(group) for group in found] == sorted(min(group) for group in found)
+    assert (place == -1).all()
+
+
+def test_components_of_a_long_chain_are_one():
+    """A thousand taxels in a row, numbered at random."""
+    order = np.random.default_rng(0).permutation(1000)
+    pairs = np.sort(np.column_stack((order[:-1], order[1:])), axis=1)
+    assert not components(np.arange(1000), beside_of(pairs, 1000), np.full(1001, -1)).any()
+
+
+@given(reading=readings)
+def test_wrench_is_the_sum_over_the_taxels(reading):
+    """Force and moment about the link's origin, taxel by taxel; contacts share it out between them."""
+    skin = Skin(small)
+    frame = skin.update(reading, 0.0)
+    expected = np.zeros(6)
+    for p, n, channel in zip(skin.positions, skin.normals, skin.channels):
+        if reading[channel] >= skin.switch_on:
+            push = -reading[channel] * n
+            expected += np.concatenate((push, np.cross(p, push)))
+    assert_allclose(frame.wrench, expected, rtol=1e-12, atol=1e-12)
+    assert_allclose(sum((c.wrench for c in frame.contacts), np.zeros(6)), frame.wrench, rtol=1e-12, atol=1e-12)
+    rows = [i for c in frame.contacts for i in c.taxels.tolist()]
+    assert sorted(rows) == [i for i, c in enumerate(skin.channels) if reading[c] >= skin.switch_on]
+
+
+@given(reading=readings)
+def test_contact_is_the_sum_of_its_taxels(reading):
+    """Force, area, peak pressure; a unit normal; a place over the force-weighted mean, along the normal."""
+    skin = Skin(small)
+    for contact in skin.update(reading, 0.0).contacts:
+        pressed = np.array([reading[c] for c in skin.channels[contact.taxels]])
+        assert (contact.forces == pressed).all()
+        assert_allclose(contact.force, pressed.sum(), rtol=1e-12)
+        assert_allclose(contact.area, skin.areas[contact.taxels].sum(), rtol=1e-12)
+        assert_allclose(contact.peak_pressure, (pressed / skin.areas[contact.taxels]).max(), rtol=1e-12)
+        assert_allclose(np.linalg.norm(contact.normal), 1, rtol=1e-12)
+        mean = np.average(skin.positions[contact.taxels], axis=0, weights=pressed)
+        assert_allclose(np.cross(contact.position - mean, contact.normal), 0, atol=1e-15)
+        assert (contact.position - mean) @ contact.normal >= -1e-15
+
+
+@given(weights=st.lists(st.floats(0.5, 20), min_size=5, max_size=5), first=st.integers(0, COLUMNS - 1))
+def test_contact_on_a_round_link_lies_on_its_surface(weights, first):
+    """The mean of taxels lies below the surface, by .9 mm for five of 22; the contact's place does not."""
+    reading = pressed([])
+    reading[[COLUMNS + (first + k) % COLUMNS for k in range(5)]] = weights
+    (contact,) = closed_skin().update(reading, 0.0).contacts
+    ring = np.hypot(*ROUND.positions_link[:, :2].T)
+    assert_allclose(np.hypot(*contact.position[:2]), ring.mean(), atol=1e-5)
+
+
+def test_contact_all_round_a_link_has_no_normal():
+    """Forces that cancel have no direction in common; the place is the mean of the taxels."""
+    skin = skin_of(boards(), newtons=(0.0, 1.0))
+    taxels = dataclasses.replace(boards().taxels, normals_link=np.array([[0, 0, 1.0], [0, 0, -1.0]]))
+    skin = skin_of(dataclasses.replace(boards(), taxels=taxels))
+    (contact,) = skin.update([2.0, 2.0], 0.0).contacts
+    assert (contact.normal == 0).all()
+    assert_allclose(contact.position, skin.positions.mean(axis=0))
+
+
+def test_contact_tells_its_cells_and_the_message_of_the_paper():
+    """Rows and columns it spans, over the seam too; their mean weighted by force, where the paper counts."""
+    (contact,) = closed_skin().update(pressed([(1, 4), (1, 5), (2, 5)], 2.0), 0.0).contacts
+    assert contact.cells == {0: ((1, 2), (4, 5))}
+    (message,) = contact.messages
+    assert message.patch == 0 and message.force == 6.0
+    assert_allclose((message.row, message.column), (4 / 3, 14 / 3))
+    reading = pressed([(0, COLUMNS - 1)], 3.0) + pressed([(0, 0)], 1.0)
+    (contact,) = closed_skin().update(reading, 0.0).contacts
+    assert contact.cells == {0: ((0, 0), (COLUMNS - 1, 0))}
+    assert_allclose(contact.messages[0].column, COLUMNS - 0.75)
+
+
+@pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i4", "u8", "f2", "f4", "f8", "?"])
+def test_readings_of_any_width_do_not_wrap_round(dtype):
+    """Values at the top of their type give the same newtons as the same numbers in double precision."""
+    skin = closed_skin(newtons=(0.5, 0.2, 1e-4))
+    top = 1 if dtype == "?" else min(60000, np.finfo(dtype).max if dtype[0] == "f" else np.iinfo(dtype).max)
+    reading = np.full(88, top, dtype)
+    top = float(reading[0])
+    expected = 0.5 + 0.2 * top + 1e-4 * top * top
+    assert_allclose(skin.forces(reading), expected, rtol=1e-12)
+    assert_allclose(skin.update(reading, 0).contacts[0].force, 88 * expected, rtol=1e-12)
+
+
+def test_list_is_a_reading_too():
+    """What a test bench types."""
+    assert (Skin(small).forces([0, 1, 2, 3, 4, 5, 6, 7]) == np.arange(8)).all()
+
+
+def test_forces_follow_the_response_and_never_pull():
+    """The polynomial in the reading; a negative force is none."""
+    skin = skin_of(boards(), newtons=(-1.0, 0.5, 0.1))
+    assert skin.forces([0.0, 4.0]).tolist() == [0.0, pytest.approx(-1 + 2 + 1.6)]
+
+
+def test_channels_say_where_a_taxel_stands_in_the_reading():
+    """Not its row: channels may be in any order, with gaps and with more behind them."""
+    patch = boards()
+    taxels = dataclasses.replace(patch.taxels, channels=np.array([9, 2]))
+    skin = skin_of(dataclasses.replace(patch, taxels=taxels))
+    reading = np.zeros(20)
+    reading[9], reading[2] = 3.0, 5.0
+    assert skin.reading_length == 10 and skin.forces(reading).tolist() == [3.0, 5.0]
+
+
+def test_taxel_stays_active_down_to_the_lower_switch():
+    """Hysteresis: on at the upper force, off below the lower one, each taxel for itself."""
+    skin = closed_skin(switch_on=0.2, switch_off=0.1)
+    active = [len(skin.update(pressed([(0, 0)], f), 0).contacts) for f in (0.19, 0.2, 0.15, 0.1, 0.09, 0.15, 0.19, 0.2)]
+    assert active == [0, 1, 1, 1, 0, 0, 0, 1]
+    skin = closed_skin(switch_on=0.2, switch_off=0.1)
+    skin.update(pressed([(0, 0)], 1.0), 0)
+    (contact,) = skin.update(pressed([(0, 0), (0, 5)], 0.15), 0).contacts
+    assert contact.ids == ("round.0.0",)
+
+
+def test_skins_of_one_calibration_share_no_state():
+    """Two skins, two histories."""
+    first, second = closed_skin(), closed_skin()
+    first.update(pressed([(0, 0)], 1.0), 0)
+    assert len(first.update(pressed([(0, 0)], 0.15), 0).contacts) == 1
+    assert len(second.update(pressed([(0, 0)], 0.15), 0).contacts) == 0
+
+
+@pytest.mark.parametrize(
+    ("reading", "message"),
+    [
+        (np.zeros(87), "the reading has 87 channels, the skin of forearm needs 88"),
+        (np.zeros((1, 88)), r"a reading is one row of real numbers, not float64 of shape \(1, 88\)"),
+        (np.zeros(88, complex), "a reading is one row of real numbers, not complex128"),
+        (["a"] * 88, "a reading is one row of real numbers"),
+        (None, "a reading is one row of real numbers"),
+        ([[1, 2], [3]], "a reading is one row of real numbers, not rows of different lengths"),
+    ],
+)
+def test_wrong_reading_is_told_and_changes_nothing(reading, message):
+    """No exception in a running controller: a frame in which nothing is known says why; ``forces`` raises."""
+    skin = closed_skin()
+    skin.update(pressed([(0, 0)], 1.0), 0)
+    frame = skin.update(reading, 1)
+    assert re.match(message, frame.problem) and frame.flags == {"wrong_length" if "87" in message else "wrong_type"}
+    assert frame.touched is None and frame.contacts == () and np.isnan(frame.wrench).all()
+    assert frame.cop is None and frame.reason == frame.problem and frame.polygon.outer.kind == "empty"
+    with pytest.raises(InvalidReading, match=message):
+        skin.forces(reading)
+    assert len(skin.update(pressed([(0, 0)], 0.15), 2).contacts) == 1
+
+
+def test_wrong_time_is_refused_and_changes_nothing():
+    """A time that is no number, with a sound reading: the state stays too."""
+    skin = closed_skin()
+    skin.update(pressed([(0, 0)], 1.0), 0)
+    with pytest.raises(ValueError, match="could not convert"):
+        skin.update(np.zeros(88), "now")
+    assert len(skin.update(pressed([(0, 0)], 0.15), 2).contacts) == 1
+
+
+@pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf])
+def test_reading_that_is_no_number_is_flagged(broken):
+    """Its taxel feels nothing and makes no contact; the others are felt; the flag is gone with the next frame."""
+    skin = closed_skin()
+    reading = pressed([(0, 0), (2, 5)], 2.0)
+    reading[0] = broken
+    assert np.isnan(skin.forces(reading)[0])
+    frame = skin.update(reading, 0)
+    assert frame.flags == {"not_finite"} and [c.ids for c in frame.contacts] == [("round.2.5",)]
+    assert np.isfinite(frame.forces).all() and frame.forces[0] == 0 and np.isfinite(frame.wrench).all()
+    assert skin.update(pressed([(0, 0)]), 1).flags == frozenset()
+
+
+@pytest.mark.parametrize(("on", "off"), [(0.1, 0.2), (0.1, 0.0), (0.1, -1.0), (np.nan, 0.1), (0.1, np.nan)])
+def test_switches_that_cannot_work_are_refused(on, off):
+    """The lower one must be positive, for a contact without force has no place, and not above the upper one."""
+    with pytest.raises(ValueError, match="switch_off .* must be positive and at most switch_on"):
+        closed_skin(switch_on=on, switch_off=off)
+
+
+def test_skin_without_taxels_feels_nothing():
+    """A surface without patches."""
+    skin = skin_of()
+    frame = skin.update([], 0)
+    assert (
+        skin.reading_length == 0 and frame.contacts == () and frame.forces.shape == (0,) and (frame.wrench == 0).all()
+    )
+
+
+def test_load_reads_what_was_saved(tmp_path):
+    """The same taxels from the file as from the calibration; a wrong file is refused with its findings."""
+    path = tmp_path / "c.json"
+    save_calibration(small, path)
+    skin, direct = load(path, switch_on=0.5), Skin(small)
+    assert skin.ids == direct.ids and skin.switch_on == 0.5 and skin.link == "forearm"
+    for name in ("channels", "positions", "normals", "areas", "pairs"):
+        assert (getattr(skin, name) == getattr(direct, name)).all()
+    path.write_text("{}")
+    with pytest.raises(CalibrationFormatError) as caught:
+        load(path)
+    assert caught.value.findings

@@ -1,0 +1,141 @@
+"""Flat regions: what lies inside, and how much room boards have there."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.skin.boards.region import Region
+from skin_calib_addon.skin.lattice import HexLattice
+from tests.oracles import is_inside, room_of
+
+seeds = st.integers(0, 2**32 - 1)
+BOARD = HexLattice(0.0163, 0.0).corners
+SQUARE = 0.1 * np.array(((0, 0), (1, 0), (1, 1), (0, 1.0)))
+
+
+def random_loops(seed):
+    """A star with three to nine points, and up to two loops anywhere near it; they may cross."""
+    rng = np.random.default_rng(seed)
+    angle = np.sort(rng.uniform(0, 2 * np.pi, rng.integers(3, 10)))
+    star = rng.uniform(0.02, 0.1, (len(angle), 1)) * np.column_stack((np.cos(angle), np.sin(angle)))
+    return (star, *(rng.uniform(-0.06, 0.06, (rng.integers(3, 6), 2)) for _ in range(rng.integers(0, 3))))
+
+
+def turned(points, angle):
+    """Points turned about zero."""
+    return points @ np.array(((np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))))
+
+
+@given(seed=seeds)
+def test_region_is_what_an_odd_number_of_loops_encloses(seed):
+    """Outlines, holes, islands and loops that cross themselves, wound either way: counted edge by edge."""
+    loops = random_loops(seed)
+    points = np.random.default_rng(seed).uniform(-0.1, 0.1, (50, 2))
+    region = Region(tuple(loop[:: (-1) ** k] for k, loop in enumerate(loops)))
+    assert region.contains(points).tolist() == [is_inside(point, loops) for point in points]
+
+
+@given(seed=seeds)
+def test_region_does_not_hang_on_how_its_loops_are_written(seed):
+    """Doubled points, points on an edge, another start, there and back again: the same inside, the same rooms."""
+    loops, rng = random_loops(seed), np.random.default_rng(seed)
+    a, b = loops[0][0], loops[0][1]
+    bridge = np.concatenate((loops[0][:1], rng.uniform(-0.1, 0.1, (1, 2)), loops[0][:1]))
+    first = np.concatenate((bridge, [a, a, (a + b) / 2], loops[0][1:]))
+    centres = rng.uniform(-0.1, 0.1, (30, 2))
+    plain, other = Region(loops), Region((*loops[1:], np.roll(first, 3, axis=0), np.zeros((0, 2)), np.ones((1, 2))))
+    assert other.contains(centres).tolist() == plain.contains(centres).tolist()
+    assert_allclose(other.rooms(centres, BOARD), plain.rooms(centres, BOARD), atol=1e-11)
+
+
+def test_triangles_of_a_flat_mesh_are_a_region():
+    """Edges that two triangles share part nothing: what is left is the outline, and a hole."""
+    hole = 0.05 + turned(0.01 * SQUARE / 0.1 - 0.005, 0.3)
+    ring = [
+        np.array(triangle)
+        for k in range(4)
+        for a, b, c, d in [(SQUARE[k - 1], SQUARE[k], hole[k], hole[k - 1])]
+        for triangle in ((a, b, c), (a, c, d))
+    ]
+    assert_allclose(Region(tuple(ring)).edges, Region((SQUARE, hole)).edges, atol=1e-12)
+
+
+@settings(max_examples=25)
+@given(seed=seeds)
+def test_rooms_are_those_between_the_outlines(seed):
+    """Against all corners and points all along the edges; these lie up to half a step from the deepest one."""
+    loops, rng = random_loops(seed), np.random.default_rng(seed)
+    region, outline = Region(loops), turned(BOARD, rng.uniform(0, 1))
+    centres = rng.uniform(-0.08, 0.08, (3, 2))
+    step = np.linalg.norm(np.diff(region.edges, axis=1), axis=2).max() / 30
+    for centre, room in zip(centres, region.rooms(centres, outline)):
+        slow = room_of(centre + outline, loops, 30)
+        assert slow - 0.5 * step - 1e-12 < room < slow + 1e-12
+
+
+@given(seed=seeds)
+def test_rooms_change_by_no_more_than_the_move(seed):
+    """From inside to outside and over holes: no jump."""
+    rng = np.random.default_rng(seed)
+    region, start = Region(random_loops(seed)), rng.uniform(-0.08, 0.08, (1, 2))
+    path = start + np.arange(40)[:, None] * turned(np.array((0.001, 0)), rng.uniform(0, 7))
+    assert np.abs(np.diff(region.rooms(path, BOARD))).max() < 0.001 + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("centre", "room"),
+    [
+        ((0.05, 0.05), 0.05 - 0.0163),  # a corner is nearest to the upper and the lower side
+        ((0.05, 0.0163), 0.0),
+        ((0.05, 0.0163 - 0.002), -0.002),
+        ((0.05, -1.0), -1.0163),
+    ],
+)
+def test_room_of_a_board_in_a_square(centre, room):
+    """Inside the distance of the outlines, outside how far the board sticks out."""
+    assert_allclose(Region((SQUARE,)).rooms(np.array([centre]), BOARD), room, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("thorn", "room"),
+    [
+        ([(0.049, 0), (0.05, 0.04), (0.051, 0)], 0.01 - np.sqrt(0.75) * 0.0163),
+        ([(0, 0.0499), (0.1, 0.0499), (0.1, 0.0501), (0, 0.0501)], 0.0001 - np.sqrt(0.75) * 0.0163),
+    ],
+)
+def test_room_of_a_board_that_something_pokes_into(thorn, room):
+    """A thorn, and a slit that leaves no corner of either in the other: as deep as the region pokes into the board."""
+    region = Region((SQUARE, np.array(thorn)))
+    assert_allclose(region.rooms(np.array([(0.05, 0.05)]), turned(BOARD, np.pi / 6)), room, atol=1e-15)
+
+
+def test_region_knows_its_middle_and_its_reflex_points():
+    """A square with a square hole in one corner: what is left weighs more on the other side."""
+    region = Region((SQUARE, (SQUARE / 5)[::-1] + 0.02))
+    assert_allclose(region.centroid, (0.05 * 100 - 0.03 * 4) / 96 * np.ones(2), rtol=1e-12)
+    assert sorted(map(tuple, region.points[region.is_reflex].round(6))) == [
+        (0.02, 0.02),
+        (0.02, 0.04),
+        (0.04, 0.02),
+        (0.04, 0.04),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("loops", "message"),
+    [
+        ((), "the region is empty"),
+        ((np.zeros((5, 2)),), "the region is empty"),
+        ((SQUARE, SQUARE), "the region is empty"),
+        ((SQUARE[:2],), "the region is empty"),
+        ((SQUARE, np.zeros((4, 3))), r"loop 1 of the region has shape \(4, 3\)"),
+        ((SQUARE + (0, np.nan),), "loop 0 of the region holds a number that is not finite"),
+    ],
+)
+def test_region_of_nothing_is_refused(loops, message):
+    """Empty, or no points of a plane: the message says which loop."""
+    with pytest.raises(InvalidPlan, match=message):
+        Region(loops)

@@ -1,0 +1,117 @@
+"""Sheets that the author pins to points of the mesh."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.sheet.strain import cell_strain
+from tests.shapes import RADIUS, cone_surface, plane_surface, wrist_surface
+
+LATTICE = SheetLattice(5, 8, (0.01, 0.01))
+WIDE = plane_surface(0.2, 0.2)
+
+
+def centres(surface, landmarks, direction=(1, 0, 0), lattice=LATTICE, **options):
+    """Centres of the cells of a sheet held by landmarks, shape (rows, columns, 3), and its strain."""
+    sheet = wrap_sheet(surface, lattice, None, direction, landmarks=landmarks, **options)
+    return sheet_taxels(sheet, "s").positions_link.reshape(lattice.rows, lattice.columns, 3), cell_strain(sheet)
+
+
+def flat(i, j, scale=(1.0, 1.0), turn=0.0, start=(0.05, 0.06)):
+    """Where cell (i, j) lies on the plane, stretched along its rows and across, and turned."""
+    x, y = 0.01 * j * scale[0], 0.01 * i * scale[1]
+    return start[0] + np.cos(turn) * x - np.sin(turn) * y, start[1] + np.sin(turn) * x + np.cos(turn) * y, 0.0
+
+
+def pins(cells, **place):
+    """Landmarks of some cells."""
+    return tuple(Landmark(cell, flat(*cell, **place)) for cell in cells)
+
+
+def test_one_landmark_takes_the_part_of_the_origin():
+    """Any cell of it, not only the first."""
+    found, _ = centres(WIDE, pins([(2, 3)]))
+    expected = np.array([[flat(i, j) for j in range(8)] for i in range(5)])
+    assert_allclose(found, expected, rtol=0, atol=1e-9)
+
+
+@settings(max_examples=15)
+@given(turn=st.floats(-0.5, 0.5), longer=st.floats(0.9, 1.1))
+def test_two_landmarks_turn_the_sheet_and_do_not_stretch_it(turn, longer):
+    """The first is met, and the second as nearly as a sheet that keeps its lengths can."""
+    found, strain = centres(WIDE, pins([(1, 0), (3, 7)], turn=turn, scale=(longer, longer)))
+    first = np.array(flat(1, 0, (longer, longer), turn))
+    rest = np.array([[flat(i - 1, j, turn=turn, start=first[:2]) for j in range(8)] for i in range(5)])
+    assert_allclose(found, rest, rtol=0, atol=1e-7)
+    assert np.abs(strain).max() < 1e-6
+
+
+@settings(max_examples=10)
+@given(turn=st.floats(-0.4, 0.4), scale=st.tuples(st.floats(0.96, 1.06), st.floats(0.96, 1.06)))
+def test_landmarks_that_ask_for_an_even_stretch_get_it(turn, scale):
+    """A dozen cells of a plane sheet pulled apart evenly: all met, and the cells in between stretched as much."""
+    cells = [(i, j) for i in (0, 2, 4) for j in (0, 2, 5, 7)]
+    found, strain = centres(WIDE, pins(cells, turn=turn, scale=scale))
+    for cell in cells:
+        assert_allclose(found[cell], flat(*cell, scale, turn), rtol=0, atol=1e-9)
+    wanted = np.array(scale) - 1
+    assert_allclose(strain[:, :2].mean(axis=0), wanted, rtol=0, atol=0.5 * np.abs(wanted).max() + 1e-9)
+    expected = np.array([[flat(i, j, scale, turn) for j in range(8)] for i in range(5)])
+    assert np.linalg.norm(found - expected, axis=2).max() < 0.02 * np.abs(wanted).max() + 1e-9
+
+
+@pytest.mark.parametrize("surface", [cone_surface(RADIUS, RADIUS), wrist_surface()])
+def test_landmarks_where_the_cells_lie_change_nothing_much(surface):
+    """Three cells pinned to where they are: the sheet stays."""
+    free = sheet_taxels(wrap_sheet(surface, LATTICE, None, (0, 1, 0)), "s").positions_link.reshape(5, 8, 3)
+    held = tuple(Landmark(c, tuple(free[c])) for c in ((0, 0), (2, 7), (4, 1)))
+    found, _ = centres(surface, held, (0, 1, 0))
+    # The free sheet is at rest but for the forces that hold it in the middle.
+    assert np.linalg.norm(found - free, axis=2).max() < 2e-4
+    for landmark in held:
+        assert_allclose(found[landmark.cell], landmark.point, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("surface", [cone_surface(RADIUS, RADIUS), wrist_surface()])
+def test_stretch_to_a_landmark_is_smooth(surface):
+    """One of four landmarks 1 mm off: all are met, the strain is spread and no cell takes it alone."""
+    free = sheet_taxels(wrap_sheet(surface, LATTICE, None, (0, 1, 0)), "s")
+    places = free.positions_link.reshape(5, 8, 3)
+    moved = places[2, 4] + 0.001 * free.tangents_link.reshape(5, 8, 3)[2, 4]
+    corners = ((0, 0), (0, 7), (4, 0))
+    held = (*(Landmark(c, tuple(places[c])) for c in corners), Landmark((2, 4), tuple(moved)))
+    found, strain = centres(surface, held, (0, 1, 0))
+    assert np.linalg.norm(found[2, 4] - moved) < 5e-5  # the point is not quite on the surface
+    added = np.abs(strain - free.quality["strain"]).max(axis=1)
+    assert added.max() < 0.06 and (added > 0.1 * added.max()).mean() > 0.3
+
+
+def test_landmarks_across_a_seam_and_from_a_rough_direction():
+    """Round a cylinder past its seam, from a direction 40 degrees off: met all the same."""
+    surface, turns = cone_surface(RADIUS, RADIUS), np.array((0.0, 0.07, 0.15)) / RADIUS + 2.5
+    cells = ((0, 0), (2, 7), (0, 15))
+    heights = (0.04, 0.06, 0.04)
+    held = tuple(Landmark(c, (RADIUS * np.cos(t), RADIUS * np.sin(t), h)) for c, t, h in zip(cells, turns, heights))
+    lattice = SheetLattice(3, 16, (0.01, 0.01))
+    along = (-np.sin(2.5), np.cos(2.5), 0.8)
+    found, strain = centres(surface, held, along, lattice)
+    for landmark in held:
+        assert_allclose(found[landmark.cell], landmark.point, rtol=0, atol=1e-6)
+    assert np.abs(strain).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        (Landmark((0, 0), (0.05, 0.05, 0)), Landmark((0, 0), (0.06, 0.05, 0))),
+        (Landmark((0, 0), (0.05, 0.05, 0)), Landmark((0, 1), (0.06, 0.05, 0)), Landmark((2, 1), (0.05, 0.05, 0))),
+    ],
+)
+def test_landmarks_of_one_cell_or_one_point_are_refused(held):
+    """Which two."""
+    with pytest.raises(InvalidPlan, match="landmarks 0 and [12] share a cell or a point"):
+        centres(WIDE, held)

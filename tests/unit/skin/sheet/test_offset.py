@@ -1,0 +1,77 @@
+"""Skins with a thickness: parallel surfaces, and sheets that keep their lengths there."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
+from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.sheet.offset import offset_surface
+from tests.shapes import RADIUS, cone_surface, dome, plane_surface, wrist, wrist_surface
+
+UV = np.random.default_rng(0).random((2000, 2))
+
+
+@pytest.mark.parametrize("distance", [-0.002, 0.0005, 0.004])
+@pytest.mark.parametrize("degree", [(3, 3), (2, 4), (5, 2)])
+def test_parallel_surface_lies_at_the_distance(distance, degree):
+    """Along the normals of a wrist, at the same parameters, to a hundredth of the distance; it looks the same way."""
+    surface = fit_surface(wrist(), TubeGrid(12, 40, margin=0.002), degree).surface
+    layer = offset_surface(surface, distance)
+    expected = surface.points(UV) + distance * surface.normals(UV)
+    assert np.linalg.norm(layer.points(UV) - expected, axis=1).max() < 0.02 * abs(distance)
+    assert (layer.normals(UV) * surface.normals(UV)).sum(axis=1).min() > np.cos(np.deg2rad(1))
+    assert layer.closed == surface.closed and layer.degree == surface.degree
+
+
+def test_parallel_of_a_plane_and_of_a_cylinder_is_one():
+    """Exact where a spline can be."""
+    assert_allclose(offset_surface(plane_surface(), 0.003).points(UV)[:, 2], 0.003, rtol=0, atol=1e-15)
+    tube = offset_surface(cone_surface(RADIUS, RADIUS), 0.003).points(UV)
+    assert_allclose(np.linalg.norm(tube[:, :2], axis=1), RADIUS + 0.003, rtol=0, atol=1e-7)
+
+
+def test_no_offset_is_the_surface_itself():
+    """Nothing is fitted again."""
+    assert offset_surface(wrist_surface(), 0.0) is wrist_surface()
+
+
+@pytest.mark.parametrize(("distance", "sign"), [(-0.04, "-40"), (-0.2, "-200")])
+def test_offset_beyond_the_radius_is_refused(distance, sign):
+    """Inside of a tube of 35 mm its parallel turns inside out; the place is named."""
+    with pytest.raises(InvalidPlan, match=rf"a skin {sign} mm above the surface folds near \(.*\) mm"):
+        offset_surface(cone_surface(RADIUS, RADIUS), distance)
+
+
+@pytest.mark.parametrize("offset", [-0.001, 0.0005, 0.002])
+def test_sheet_keeps_its_lengths_at_its_neutral_layer(offset):
+    """Unrolled at the radius of the layer, not of the mesh: half a millimetre moves cells by more than a millimetre."""
+    lattice = SheetLattice(3, 22, (0.01, 0.01))
+    surface = cone_surface(RADIUS, RADIUS)
+    taxels = sheet_taxels(wrap_sheet(surface, lattice, (RADIUS, 0, 0.03), (0, 1, 0), offset=offset), "s")
+    turn = 0.01 * taxels.index[:, 1] / (RADIUS + offset)
+    radius, height = RADIUS + offset, 0.03 + 0.01 * taxels.index[:, 0]
+    expected = np.column_stack((radius * np.cos(turn), radius * np.sin(turn), height))
+    assert_allclose(taxels.positions_link, expected, rtol=0, atol=5e-6)
+    bare = sheet_taxels(wrap_sheet(surface, lattice, (RADIUS, 0, 0.03), (0, 1, 0)), "s")
+    if offset == 0.0005:
+        assert np.linalg.norm(taxels.positions_link - bare.positions_link, axis=1).mean() > 1.2e-3
+
+
+@pytest.mark.parametrize("surface", [wrist_surface(), cone_surface()])
+def test_taxels_stand_exactly_above_their_parameters(surface):
+    """Position = surface point + offset x normal, to the last bits, and the normal is the surface's."""
+    sheet = wrap_sheet(surface, SheetLattice(4, 7, (0.01, 0.01)), None, (0, 1, 0), offset=0.0015)
+    taxels = sheet_taxels(sheet, "s")
+    expected = surface.points(taxels.uv) + 0.0015 * surface.normals(taxels.uv)
+    assert_allclose(taxels.positions_link, expected, rtol=0, atol=1e-12)
+    assert_allclose(taxels.normals_link, surface.normals(taxels.uv), rtol=0, atol=1e-12)
+
+
+def test_dome_too_sharp_for_the_offset_names_the_place():
+    """Below a dome of a quarter of a metre in radius."""
+    surface = fit_surface(dome(), AcrossGrid(6, 6, (0, 0, 1))).surface
+    offset_surface(surface, -0.05)
+    with pytest.raises(InvalidPlan, match="where the surface bends more tightly than that"):
+        offset_surface(surface, -0.26)

@@ -1,0 +1,183 @@
+"""Taxels of wrapped sheets: frames, corners, areas, neighbours."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.sheet.taxels import fan_areas, neighbours
+from tests.shapes import RADIUS, TURN, cone_surface, plane_surface, wrist_surface
+
+SQUARE = (0.01, 0.01)
+
+
+def wrapped(surface, shape=(4, 7), pitch=SQUARE, origin=None, direction=(0, 1, 0), **names):
+    """Taxels of a sheet."""
+    sheet = wrap_sheet(surface, SheetLattice(*shape, pitch), origin, direction)
+    return sheet_taxels(sheet, **({"name": "s"} | names))
+
+
+SHEETS = [
+    pytest.param(wrapped(cone_surface(RADIUS, RADIUS), (6, 22)), id="cylinder"),
+    pytest.param(wrapped(cone_surface(), (3, 9), direction=(0, 1, 1)), id="cone"),
+    pytest.param(wrapped(wrist_surface(), (6, 22)), id="wrist"),
+    pytest.param(wrapped(plane_surface(), (4, 5), origin=(0.03, 0.02, 0), direction=(1, 0.2, 0)), id="plane"),
+]
+
+
+@pytest.mark.parametrize("taxels", SHEETS)
+def test_frames_are_orthonormal(taxels):
+    """Normal and tangent are unit to 1e-12 and at a right angle: with their product, a right-handed frame."""
+    normals, tangents = taxels.normals_link, taxels.tangents_link
+    for vectors in (normals, tangents):
+        assert np.abs(np.linalg.norm(vectors, axis=1) - 1).max() < 1e-12
+    assert np.abs((normals * tangents).sum(axis=1)).max() < 1e-12
+    frames = np.stack((tangents, np.cross(normals, tangents), normals), axis=1)
+    assert_allclose(np.linalg.det(frames), 1, rtol=1e-12)
+
+
+@pytest.mark.parametrize("taxels", SHEETS)
+def test_tangents_run_along_the_rows(taxels):
+    """From each taxel towards the next of its row; the next row lies where normal x tangent points."""
+    columns = taxels.index[:, 1].max() + 1
+    places = taxels.positions_link.reshape(-1, columns, 3)
+    tangents = taxels.tangents_link.reshape(places.shape)
+    across = np.cross(taxels.normals_link, taxels.tangents_link).reshape(places.shape)
+    along, up = np.diff(places, axis=1), np.diff(places, axis=0)
+    assert ((along * tangents[:, :-1]).sum(axis=2) > 0.97 * np.linalg.norm(along, axis=2)).all()
+    assert ((up * across[:-1]).sum(axis=2) > 0.97 * np.linalg.norm(up, axis=2)).all()
+
+
+def test_normals_look_out_of_the_tube():
+    """On a cylinder exactly away from the axis, on the wrist away from its middle line: none is flipped."""
+    cylinder = wrapped(cone_surface(RADIUS, RADIUS), (6, 22))
+    assert_allclose(cylinder.normals_link, cylinder.positions_link * (1, 1, 0) / RADIUS, rtol=0, atol=1e-5)
+    wrist = wrapped(wrist_surface(), (6, 22))
+    assert (
+        (wrist.normals_link * (wrist.positions_link - wrist.positions_link.mean(axis=0)))[:, :2].sum(axis=1) > 0.01
+    ).all()
+
+
+@pytest.mark.parametrize("taxels", SHEETS)
+def test_corners_go_round_counter_clockwise(taxels):
+    """Seen from outside, starting where the sheet does; neighbouring cells share theirs to the bit."""
+    arms = taxels.corners_link - taxels.positions_link[:, None]
+    turn = (np.cross(arms, np.roll(arms, -1, axis=1)) * taxels.normals_link[:, None]).sum(axis=2)
+    assert (turn > 0).all()
+    across = np.cross(taxels.normals_link, taxels.tangents_link)
+    assert ((arms[:, 0] * taxels.tangents_link).sum(axis=1) < 0).all() and ((arms[:, 0] * across).sum(axis=1) < 0).all()
+    rows, columns = taxels.index.max(axis=0) + 1
+    corners = taxels.corners_link.reshape(rows, columns, 4, 3)
+    assert (corners[:, :-1, 1] == corners[:, 1:, 0]).all() and (corners[:, :-1, 2] == corners[:, 1:, 3]).all()
+    assert (corners[:-1, :, 3] == corners[1:, :, 0]).all() and (corners[:-1, :, 2] == corners[1:, :, 1]).all()
+
+
+def test_areas_are_those_of_the_cells():
+    """Exact on a plane, that of four chords on a cylinder; the strain shows in the sum on the wrist."""
+    assert_allclose(wrapped(plane_surface(), (4, 5), (0.012, 0.009)).areas, 0.012 * 0.009, rtol=1e-9)
+    half = 0.005 / RADIUS / 2
+    expected = 0.01**2 * np.sin(half) / half * np.cos(half) ** 0
+    assert_allclose(wrapped(cone_surface(RADIUS, RADIUS), (6, 22)).areas, expected, rtol=1e-3)
+    wrist = wrapped(wrist_surface(), (6, 22))
+    stretch = (1 + wrist.quality["strain"][:, :2]).prod(axis=1)
+    assert_allclose(wrist.areas, 0.01**2 * stretch, rtol=5e-3)
+
+
+def test_fan_areas_of_polygons_are_theirs():
+    """A unit square about its middle, and a hexagon."""
+    square = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]]) / 2
+    assert_allclose(fan_areas(np.zeros((1, 3)), square), 1)
+    angle = np.arange(6) * np.pi / 3
+    hexagon = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))[None]
+    assert_allclose(fan_areas(np.zeros((1, 3)), hexagon), 1.5 * np.sqrt(3))
+
+
+def test_taxels_are_numbered_row_by_row():
+    """Ids name patch, row and column; channels count on from the first; the index is the lattice's."""
+    taxels = wrapped(plane_surface(), (2, 3), name="palm", first_channel=40)
+    assert taxels.ids == ("palm.0.0", "palm.0.1", "palm.0.2", "palm.1.0", "palm.1.1", "palm.1.2")
+    assert taxels.channels.tolist() == list(range(40, 46))
+    assert taxels.index.tolist() == [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]
+
+
+def test_uv_leads_to_the_position():
+    """Within [0, 1) where the surface is closed, also for a sheet that crosses the seam more than once."""
+    surface = cone_surface(RADIUS, RADIUS)
+    taxels = wrapped(surface, (2, 50), origin=(-RADIUS, 0, 0.05))
+    assert ((taxels.uv[:, 1] >= 0) & (taxels.uv[:, 1] < 1)).all()
+    assert_allclose(surface.points(taxels.uv), taxels.positions_link, rtol=0, atol=1e-12)
+    assert_allclose(surface.normals(taxels.uv), taxels.normals_link, rtol=0, atol=1e-12)
+
+
+def lattice_neighbours(rows, columns, closed=False):
+    """Who shares a side, as a set of pairs."""
+    pairs = {((i, j), (i + 1, j)) for i in range(rows - 1) for j in range(columns)}
+    pairs |= {((i, j), (i, j + 1)) for i in range(rows) for j in range(columns - 1)}
+    if closed:
+        pairs |= {((i, columns - 1), (i, 0)) for i in range(rows)}
+    return {frozenset(f"s.{i}.{j}" for i, j in pair) for pair in pairs}
+
+
+def found_neighbours(taxels):
+    """The pairs in the taxels; each must be there from both sides."""
+    directed = {(a, b) for a, others in zip(taxels.ids, taxels.neighbours) for b in others}
+    assert directed == {(b, a) for a, b in directed} and all(a != b for a, b in directed)
+    assert all(list(others) == sorted(set(others), key=taxels.ids.index) for others in taxels.neighbours)
+    return {frozenset(pair) for pair in directed}
+
+
+@settings(max_examples=20)
+@given(
+    rows=st.integers(1, 5),
+    columns=st.integers(1, 6),
+    pitch=st.tuples(st.floats(0.003, 0.012), st.floats(0.003, 0.012)),
+    heading=st.floats(-0.3, 0.3),
+)
+def test_neighbours_share_a_side(rows, columns, pitch, heading):
+    """Exactly those of the lattice, for cells up to four times as long as wide, on a plane and on a cylinder."""
+    direction = (np.cos(heading), np.sin(heading), 0.0)
+    flat = wrapped(plane_surface(0.15, 0.15), (rows, columns), pitch, direction=direction)
+    assert found_neighbours(flat) == lattice_neighbours(rows, columns)
+    bent = wrapped(cone_surface(RADIUS, RADIUS), (rows, columns), pitch, origin=(RADIUS, 0, 0.02))
+    assert found_neighbours(bent) == lattice_neighbours(rows, columns)
+
+
+@pytest.mark.parametrize("gap", [-0.0045, -0.003, 0.0, 0.003, 0.0045])
+def test_neighbours_hold_over_the_seam(gap):
+    """The first and last of a row that closes round the link, that gapes, fits or overlaps by up to half a cell."""
+    radius = (0.22 + gap) / TURN
+    taxels = wrapped(cone_surface(radius, radius), (4, 22))
+    assert found_neighbours(taxels) == lattice_neighbours(4, 22, closed=True)
+
+
+def test_rows_that_end_far_apart_are_no_neighbours():
+    """A gap of a whole cell is no seam."""
+    taxels = wrapped(cone_surface(RADIUS, RADIUS), (4, 20))
+    assert found_neighbours(taxels) == lattice_neighbours(4, 20)
+
+
+def test_cells_on_two_sides_of_something_thin_are_no_neighbours():
+    """Back to back at the same place: they face apart."""
+    positions, normals = np.zeros((2, 3)), np.array(((0, 0, 1.0), (0, 0, -1.0)))
+    corners = np.tile(0.005 * np.array(((1.0, -1, 0), (1, 1.0, 0), (-1.0, 1, 0), (-1, -1.0, 0))), (2, 1, 1))
+    assert neighbours(("a", "b"), positions, normals, corners) == ((), ())
+    assert neighbours(("a", "b"), positions, np.abs(normals), corners) == (("b",), ("a",))
+
+
+def test_neighbours_of_unlike_cells_know_each_other():
+    """A small cell beside a large one: it lies ahead of the large one's side, and is beside it from both views."""
+    sizes, positions = np.array((0.015, 0.004)), np.array(((0, 0, 0), (0.019, 0.005, 0)))
+    normals = np.tile((0, 0, 1.0), (2, 1))
+    square = np.array(((1.0, -1, 0), (1, 1.0, 0), (-1.0, 1, 0), (-1, -1.0, 0)))
+    corners = positions[:, None] + sizes[:, None, None] * square
+    assert neighbours(("large", "small"), positions, normals, corners) == (("small",), ("large",))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1)])
+def test_thin_sheets_have_taxels_too(shape):
+    """One cell, one row, one column."""
+    taxels = wrapped(cone_surface(), shape)
+    assert len(taxels.ids) == shape[0] * shape[1]
+    assert found_neighbours(taxels) == lattice_neighbours(*shape)

@@ -1,0 +1,415 @@
+"""Taxels of a file on a surface: where they lie, which way they look, what is theirs, and what is wrong with them."""
+
+import re
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
+
+from skin_calib_addon.calibration import save_calibration
+from skin_calib_addon.calibration.exchange import TaxelSet
+from skin_calib_addon.calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.common.findings import warning
+from skin_calib_addon.skin.imported import REACH, frame_on, gabriel, imported_taxels, median_pitch, near_pairs, placed
+from skin_calib_addon.skin.sheet.taxels import fan_areas
+from tests.samples import ERRORS
+from tests.shapes import RADIUS, Motion, cone_surface, cylinder, plane_surface, sheet, wrist, wrist_surface
+
+PITCH = 0.006
+
+
+def taxel_set(positions, **fields):
+    """A set of taxels with labels t0, t1, ... and channels 100, 101, ..."""
+    n = len(positions)
+    given = {"normals": None, "labels": tuple(f"t{i}" for i in range(n)), "channels": 100 + np.arange(n), "frame": None}
+    return TaxelSet(positions=positions, **(given | fields))
+
+
+def lattice(rows, columns, kind, pitch=PITCH):
+    """Places in the plane in squares or in triangles, from the origin on, shape (rows * columns, 2)."""
+    i, j = (k.ravel() for k in np.indices((rows, columns)))
+    if kind == "square":
+        return pitch * np.column_stack((j, i))
+    return pitch * np.column_stack((j + 0.5 * (i % 2), np.sqrt(0.75) * i))
+
+
+def flat(places, height=0.0, corner=(0.02, 0.02)):
+    """Places of a lattice over the plane surface."""
+    return np.column_stack((places + corner, np.full(len(places), height)))
+
+
+def rolled(places, radius=RADIUS, height=0.03):
+    """Places of a lattice round the cylinder, arc lengths kept at its own radius."""
+    angle = places[:, 0] / RADIUS
+    return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), height + places[:, 1]))
+
+
+def on_wrist():
+    """Places on the wrist's surface, its ends left free."""
+    uv = np.column_stack([k.ravel() for k in np.meshgrid(np.linspace(0.1, 0.9, 9), np.arange(24) / 24)])
+    return wrist_surface().points(uv)
+
+
+def codes(result):
+    """What was found, and its value."""
+    return {finding.code: finding.value for finding in result.findings}
+
+
+PATCHES = [
+    pytest.param(flat(lattice(6, 7, "square"), 0.0007), plane_surface(), id="plane"),
+    pytest.param(rolled(lattice(8, 36, "triangle")), cone_surface(RADIUS, RADIUS), id="cylinder"),
+    pytest.param(on_wrist(), wrist_surface(), id="wrist"),
+]
+
+
+@pytest.mark.parametrize(("positions", "surface"), PATCHES)
+def test_frames_are_orthonormal_and_corners_run_round_them(positions, surface):
+    """Unit to 1e-12, a right angle, counter-clockwise outlines in the tangent plane, and areas that are theirs."""
+    result = imported_taxels(taxel_set(positions), surface, "skin")
+    taxels = result.taxels
+    normals, tangents = taxels.normals_link, taxels.tangents_link
+    for vectors in (normals, tangents):
+        assert np.abs(np.linalg.norm(vectors, axis=1) - 1).max() < 1e-12
+    assert np.abs((normals * tangents).sum(axis=1)).max() < 1e-12
+    assert_allclose(normals, surface.normals(taxels.uv), rtol=0, atol=1e-12)
+    arms = taxels.corners_link - taxels.positions_link[:, None]
+    assert np.abs((arms * normals[:, None]).sum(axis=2)).max() < 1e-12
+    turns = (np.cross(arms, np.roll(arms, -1, axis=1)) * normals[:, None]).sum(axis=2)
+    assert (turns > 0).all()
+    assert_allclose(arms[:, 0], (arms[:, 0] * tangents).sum(axis=1, keepdims=True) * tangents, rtol=0, atol=1e-12)
+    assert np.linalg.norm(arms, axis=2).max() <= REACH * result.pitch * (1 + 1e-12)
+    assert_allclose(taxels.areas, turns.sum(axis=1) / 2, rtol=1e-12)
+    assert result.findings == ()
+
+
+@pytest.mark.parametrize(("positions", "surface"), PATCHES)
+def test_imported_patch_is_a_calibration(positions, surface, tmp_path):
+    """The file's own checks find nothing: ids, channels, unit vectors, corners, areas, neighbours."""
+    result = imported_taxels(taxel_set(positions), surface, "skin")
+    s = surface
+    model = SurfaceModel("cover", s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, ERRORS)
+    pitch = (result.pitch, result.pitch)
+    patch = Patch("skin", "sheet", "cover", (len(positions), 1), pitch, result.taxels)
+    save_calibration(LinkCalibration("arm", MeshSource("a.stl", "0" * 64, 1, 1), (model,), (patch,)), tmp_path / "c")
+    assert result.taxels.ids[:2] == ("skin.t0", "skin.t1") and result.taxels.channels[0] == 100
+
+
+def test_positions_stay_and_gaps_tell_how_far_off_they_are():
+    """Above the plane by a skin's thickness, below it, on it; the parameters are those of the foot."""
+    heights = np.array([0.005, -0.002, 0.0, 0.001])
+    positions = np.column_stack(([0.02, 0.03, 0.05, 0.06], [0.03, 0.04, 0.05, 0.06], heights))
+    result = imported_taxels(taxel_set(positions), plane_surface(), "skin")
+    assert (result.taxels.positions_link == positions).all()
+    assert_allclose(result.taxels.quality["gap"], heights, rtol=0, atol=1e-12)
+    assert_allclose(result.taxels.uv, positions[:, :2] / (0.1, 0.08), rtol=0, atol=1e-9)
+    assert_allclose(result.taxels.normals_link, np.tile((0, 0, 1.0), (4, 1)), rtol=0, atol=1e-12)
+    snapped = imported_taxels(taxel_set(positions), plane_surface(), "skin", snap=True)
+    assert_allclose(snapped.taxels.positions_link, positions * (1, 1, 0), rtol=0, atol=1e-9)
+    assert_allclose(snapped.taxels.quality["gap"], heights, rtol=0, atol=1e-12)
+    assert_allclose(snapped.taxels.corners_link[..., 2], 0, rtol=0, atol=1e-9)
+
+
+def test_distances_are_told_before_and_after():
+    """To the surface and to the mesh: of the places in the file, and of their feet."""
+    positions = flat(lattice(4, 5, "square"), 0.002)
+    mesh = sheet(lambda x, y: 0 * x - 0.0005)
+    result = imported_taxels(taxel_set(positions), plane_surface(), "skin", mesh)
+    for told, expected in (
+        (result.before.surface, 0.002),
+        (result.before.mesh, 0.0025),
+        (result.after.surface, 0),
+        (result.after.mesh, 0.0005),
+    ):
+        assert_allclose((told.mean, told.rms, told.max), expected, rtol=1e-9, atol=1e-12)
+    assert result.fit.verdict == "right" and result.findings == ()
+    bare = imported_taxels(taxel_set(positions), plane_surface(), "skin")
+    assert bare.before.mesh is bare.after.mesh is bare.fit is None
+
+
+def test_normals_look_out_of_the_cylinder_whatever_the_file_says():
+    """Those of the file are compared: flipped ones are counted, and none is used."""
+    positions = rolled(lattice(4, 30, "triangle"))
+    outward = positions * (1, 1, 0) / RADIUS
+    given = outward.copy()
+    given[[3, 5, 60]] *= -1
+    result = imported_taxels(taxel_set(positions, normals=given), cone_surface(RADIUS, RADIUS), "skin")
+    assert_allclose(result.taxels.normals_link, outward, rtol=0, atol=1e-5)
+    assert codes(result) == {"flipped-normals": 3}
+    right = imported_taxels(taxel_set(positions, normals=outward), cone_surface(RADIUS, RADIUS), "skin")
+    assert right.findings == ()
+
+
+def test_tangents_run_along_the_surface_or_as_the_file_says():
+    """Along u or v; the file's own, turned into the tangent plane; along the surface where the file's stand upright."""
+    positions, surface = rolled(lattice(4, 30, "triangle")), cone_surface(RADIUS, RADIUS)
+    r = surface.derivatives(imported_taxels(taxel_set(positions), surface, "s").taxels.uv)
+    for name, along in (("u", r[1, 0]), ("v", r[0, 1])):
+        found = imported_taxels(taxel_set(positions), surface, "s", tangent=name).taxels.tangents_link
+        assert_allclose((found * along).sum(axis=1), np.linalg.norm(along, axis=1), rtol=1e-9)
+    given = np.tile((0, 0.6, 0.8), (len(positions), 1))
+    given[7] = positions[7] * (1, 1, 0) / RADIUS
+    found = imported_taxels(taxel_set(positions, tangents=given), surface, "s").taxels
+    side = np.cross(found.normals_link, given)
+    expected = np.cross(side, found.normals_link)
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    rest = np.arange(len(positions)) != 7
+    assert_allclose(found.tangents_link[rest], expected[rest], rtol=0, atol=1e-9)
+    assert_allclose(np.abs(found.tangents_link[7] @ (0, 0, 1)), 1, rtol=1e-6)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.3])
+@pytest.mark.parametrize(("kind", "share"), [("square", 0.944), ("triangle", 0.969)])
+def test_inner_cells_are_what_is_nearest(kind, share, turned):
+    """Of a square and a triangular lattice: within the true cell, most of it, or all where corners fall right."""
+    places = lattice(7, 7, kind)
+    tangents = np.tile((np.cos(turned), np.sin(turned), 0), (49, 1))
+    taxels = imported_taxels(taxel_set(flat(places), tangents=tangents), plane_surface(), "skin").taxels
+    inner = [24, 23, 17, 31]
+    exact = PITCH**2 * (1 if kind == "square" else np.sqrt(0.75))
+    assert (taxels.areas[inner] <= exact * (1 + 1e-9)).all() and (taxels.areas[inner] >= share * exact).all()
+    if kind == "square" and not turned:
+        assert_allclose(taxels.areas[inner], exact, rtol=1e-9)
+    corners = taxels.corners_link[inner].reshape(-1, 3)[:, :2] - (0.02, 0.02)
+    owner = np.repeat(inner, taxels.corners_link.shape[1])
+    near = cKDTree(places).query(corners)[0]
+    assert_allclose(np.linalg.norm(corners - places[owner], axis=1), near, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["square", "triangle"])
+def test_border_cells_stay_compact(kind):
+    """At the rim and alone, a cell ends a bit beyond half a pitch: it does not run out to nowhere."""
+    positions = np.vstack((flat(lattice(5, 5, kind)), [[0.09, 0.07, 0]]))
+    result = imported_taxels(taxel_set(positions), plane_surface(), "skin")
+    assert_allclose(result.pitch, PITCH, rtol=1e-9)
+    reach = np.linalg.norm(result.taxels.corners_link - positions[:, None], axis=2)
+    assert_allclose(reach[25], REACH * PITCH, rtol=1e-9)
+    assert_allclose(reach.max(), REACH * PITCH, rtol=1e-9)
+    assert result.taxels.neighbours[25] == ()
+
+
+@pytest.mark.parametrize(("kind", "inner", "corner"), [("square", 4, 2), ("triangle", 6, 2)])
+def test_neighbours_touch_half_way(kind, inner, corner):
+    """Four in a square lattice, none across a corner; six in a triangular one; the same both ways."""
+    taxels = imported_taxels(taxel_set(flat(lattice(5, 5, kind))), plane_surface(), "skin").taxels
+    place = {name: row for row, name in enumerate(taxels.ids)}
+    assert len(taxels.neighbours[12]) == inner and len(taxels.neighbours[0]) == corner
+    for name, beside in zip(taxels.ids, taxels.neighbours):
+        for other in beside:
+            gap = taxels.positions_link[place[name]] - taxels.positions_link[place[other]]
+            assert np.linalg.norm(gap) < 1.01 * PITCH
+            assert name in taxels.neighbours[place[other]]
+
+
+def test_neighbours_reach_over_the_seam_of_a_tube():
+    """A ring of taxels all round: each has two in its ring, one above and one below."""
+    count = 36
+    angle = 2 * np.pi * np.arange(count) / count
+    ring = np.column_stack((RADIUS * np.cos(angle), RADIUS * np.sin(angle), 0 * angle))
+    positions = np.concatenate([ring + (0, 0, 0.04 + PITCH * k) for k in range(3)])
+    taxels = imported_taxels(taxel_set(positions), cone_surface(RADIUS, RADIUS), "s").taxels
+    for i, beside in enumerate(taxels.neighbours[count : 2 * count]):
+        assert set(beside) == {f"s.t{k}" for k in (i, i + 2 * count, count + (i + 1) % count, count + (i - 1) % count)}
+    assert_allclose(taxels.areas[count : 2 * count], PITCH * 2 * RADIUS * np.pi / count, rtol=0.06)
+
+
+def test_two_sides_of_something_thin_are_no_neighbours():
+    """Those that face apart neither pair nor come between: a taxel of the back lies under the middle of two."""
+    positions = 1e-3 * np.array([(0, 0, 0), (6, 0, 0), (3, 0, -0.5), (9, 0, -0.5)])
+    normals = np.array([(0, 0, 1.0), (0, 0, 1), (0, 0, -1), (0, 0, -1)])
+    pairs = near_pairs(positions, normals, 0.01, "s")
+    assert sorted(map(tuple, np.sort(pairs, axis=1))) == [(0, 1), (2, 3)]
+    assert sorted(map(tuple, np.sort(gabriel(positions, normals, pairs), axis=1))) == [(0, 1), (2, 3)]
+    normals[2] *= -1  # now it lies between
+    pairs = near_pairs(positions, normals, 0.01, "s")
+    assert sorted(map(tuple, np.sort(gabriel(positions, normals, pairs), axis=1))) == [(0, 2), (1, 2)]
+
+
+def test_taxel_straight_above_bounds_nothing():
+    """Two layers: a direction that is rounding is none, and the cell below keeps its size."""
+    positions = flat(lattice(5, 5, "square"))
+    stacked = np.vstack((positions, positions[12] + (1e-12, 0, 0.002)))
+    alone = imported_taxels(taxel_set(positions), plane_surface(), "s").taxels
+    below = imported_taxels(taxel_set(stacked), plane_surface(), "s", pitch=PITCH).taxels
+    assert_allclose(below.areas[12], alone.areas[12], rtol=1e-9)
+
+
+def test_neighbours_of_the_file_are_kept():
+    """Ports say who hangs together, near or far; who is named by one only is a neighbour of it too."""
+    positions = flat(lattice(2, 3, "square"))
+    ports = (("t5",), ("t0", "gone"), (), ("t3",), (), ())
+    taxels = imported_taxels(taxel_set(positions, neighbours=ports), plane_surface(), "s").taxels
+    assert taxels.neighbours == (("s.t1", "s.t5"), ("s.t0",), (), (), (), ("s.t0",))
+
+
+def test_taxels_in_one_place_share_a_cell():
+    """Two in the place of one: neighbours of each other, with the outline that one alone would have."""
+    positions = flat(lattice(5, 5, "square"))
+    alone = imported_taxels(taxel_set(positions), plane_surface(), "s").taxels
+    twins = imported_taxels(taxel_set(np.vstack((positions, positions[12]))), plane_surface(), "s").taxels
+    assert_allclose(twins.corners_link[[12, 25]], alone.corners_link[[12, 12]], rtol=0, atol=1e-12)
+    assert set(twins.neighbours[25]) == {*alone.neighbours[12], "s.t12"}
+    assert set(twins.neighbours[12]) == {*alone.neighbours[12], "s.t25"}
+
+
+def test_taxels_off_the_surface_are_named():
+    """Beyond an open edge, and too far above: each is kept, and each is told once with all its like."""
+    positions = flat(lattice(4, 5, "square"))
+    positions[3] = -0.002, 0.04, 0.001
+    positions[[8, 9]] = (0.105, 0.03, 0), (0.109, 0.03, 0)
+    positions[12] = 0, 0.05, 0.002  # over the edge, not beyond it
+    positions[15, 2] = 0.02
+    result = imported_taxels(taxel_set(positions), plane_surface(), "s")
+    assert codes(result) == {"beyond-edge": ["s.t3", "s.t8", "s.t9"], "far": ["s.t15"]}
+    texts = [str(finding) for finding in result.findings]
+    assert "s.t3 is where 3 taxels lie beyond an open edge of the surface: s.t3, s.t8, s.t9" in texts[1]
+    assert "s.t15 is where 1 taxel lies further than 10 mm from the surface" in texts[0]
+    assert len(result.taxels.ids) == 20
+    assert codes(imported_taxels(taxel_set(positions), plane_surface(), "s", farthest=0.03)).keys() == {"beyond-edge"}
+    round_it = rolled(lattice(3, 36, "triangle"))  # a closed surface has no edge at its seam
+    assert imported_taxels(taxel_set(round_it), cone_surface(RADIUS, RADIUS), "s").findings == ()
+
+
+def test_findings_of_the_file_come_first():
+    """What the reader found is not lost."""
+    found = (warning("no-taxel", "line 5", "is a row of zeros"),)
+    positions = flat(lattice(3, 3, "square"), 0.02)
+    result = imported_taxels(taxel_set(positions, findings=found), plane_surface(), "s")
+    assert [finding.code for finding in result.findings] == ["no-taxel", "far"]
+
+
+def wrist_taxels():
+    """Taxels on the wrist that are in another frame, and the motion that brought them there."""
+    motion = Motion(11)
+    return motion.points(on_wrist()), motion
+
+
+def test_wrong_frame_is_an_error_that_proposes_the_right_one():
+    """How far off, what is left, and numbers that, given back, put the taxels on the mesh without a finding."""
+    positions, _ = wrist_taxels()
+    result = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist())
+    (found,) = (f for f in result.findings if f.severity == "error")
+    assert found.code == "wrong-frame" and result.fit.verdict == "moved"
+    assert re.match(r"lies [0-9.]+ mm off the mesh on the mean, and 0\.0 mm in another frame", found.message)
+    again = placed(taxel_set(positions), **found.value)
+    right = imported_taxels(again, wrist_surface(), "skin", wrist())
+    assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
+
+
+def test_proposal_takes_the_place_of_the_frame_that_was_given():
+    """Not that of what is left to do after it: the proposal is to be copied in its stead."""
+    positions, _ = wrist_taxels()
+    wrong = Motion(5)
+    given = wrong.rotation, wrong.shift
+    result = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist(), frame=given)
+    (found,) = (f for f in result.findings if f.severity == "error")
+    proposed = found.value["rotation"], found.value["translation"]
+    right = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist(), frame=proposed)
+    assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
+
+
+def test_frame_is_found_where_one_place_fits():
+    """From the file's own frame or from a wrong one; where it fits already, several places do or none, it is told."""
+    positions, wrong = wrist_taxels()[0], Motion(5)
+    for given in (None, (wrong.rotation, wrong.shift)):
+        there = placed(taxel_set(positions), *frame_on(taxel_set(positions), wrist(), "skin", given))
+        assert np.linalg.norm(there.positions - on_wrist(), axis=1).max() < 2e-4
+    with pytest.raises(InvalidPlan, match="skin lies on the mesh as it is; its frame needs no change"):
+        frame_on(there, wrist(), "skin")
+    on_tube = Motion(3).points(rolled(lattice(8, 36, "triangle")))
+    with pytest.raises(InvalidPlan, match="skin lies .* in several places, so give its frame"):
+        frame_on(taxel_set(on_tube), cylinder(), "skin")
+    scattered = np.random.default_rng(0).uniform(-0.2, 0.2, (80, 3))
+    with pytest.raises(InvalidPlan, match="skin lies .* and no motion brings it nearer"):
+        frame_on(taxel_set(scattered), cylinder(), "skin")
+
+
+@pytest.mark.parametrize(
+    ("positions", "mesh", "surface", "code", "severity", "words"),
+    [
+        (
+            Motion(3).points(rolled(lattice(8, 36, "triangle"))),
+            cylinder(),
+            cone_surface(RADIUS, RADIUS),
+            "wrong-frame",
+            "error",
+            "it would lie on it in several places, so give its frame, as in",
+        ),
+        (
+            np.random.default_rng(0).uniform(-0.2, 0.2, (80, 3)),
+            cylinder(),
+            cone_surface(RADIUS, RADIUS),
+            "off-mesh",
+            "error",
+            "and no motion brings it nearer than",
+        ),
+        (
+            rolled(lattice(8, 36, "triangle"), RADIUS + 0.006),
+            cylinder(),
+            cone_surface(RADIUS, RADIUS),
+            "off-mesh",
+            "warning",
+            "lies 6.0 mm off the mesh on the mean, and no motion brings it much nearer",
+        ),
+    ],
+)
+def test_what_no_motion_settles_is_told(positions, mesh, surface, code, severity, words):
+    """A symmetric link needs the author's word; what fits nowhere is refused; a thick skin is only told of."""
+    found = {f.code: f for f in imported_taxels(taxel_set(positions), surface, "s", mesh).findings}
+    assert found[code].severity == severity and words in found[code].message and found[code].pointer == "s"
+
+
+def test_placed_takes_a_rotation_rounded_by_hand():
+    """Four decimals are enough, and no shear is left of them; what is no rotation is refused."""
+    motion = Motion(1)
+    positions = flat(lattice(3, 3, "square"))
+    here = placed(taxel_set(positions), motion.rotation.round(4), motion.shift)
+    assert_allclose(here.positions, motion.points(positions), rtol=0, atol=1e-5)
+    gaps = [np.linalg.norm(p[:, None] - p, axis=2) for p in (positions, here.positions)]
+    assert_allclose(gaps[1], gaps[0], rtol=0, atol=1e-15)
+    for wrong in (2 * np.eye(3), np.diag((1, 1, -1)), np.zeros((3, 3)), np.eye(3) + 0.01):
+        with pytest.raises(InvalidPlan, match='"rotation" .* is no rotation; rows must be unit, right-handed'):
+            placed(taxel_set(positions), wrong, (0, 0, 0))
+
+
+def test_taxels_without_spacing_need_a_pitch():
+    """One alone, or all in one place, has no spacing; with a pitch its cell is round."""
+    for positions in (flat(np.zeros((1, 2))), flat(np.zeros((3, 2)))):
+        with pytest.raises(InvalidPlan, match="the taxels of s lie in one place, so .* have no size; give a pitch"):
+            imported_taxels(taxel_set(positions), plane_surface(), "s")
+        taxels = imported_taxels(taxel_set(positions), plane_surface(), "s", pitch=0.01).taxels
+        arms = taxels.corners_link - positions[:, None]
+        assert_allclose(np.linalg.norm(arms, axis=2), REACH * 0.01, rtol=1e-9)
+        assert_allclose(taxels.areas, fan_areas(positions, taxels.corners_link), rtol=1e-12)
+
+
+def test_heap_of_taxels_is_refused():
+    """Thousands in one place beside a lattice would be neighbours of each other: refused before that fills memory."""
+    heap = np.tile((0.05, 0.05, 0), (3000, 1)) + np.random.default_rng(0).normal(scale=1e-8, size=(3000, 3))
+    positions = np.vstack((flat(lattice(8, 8, "square")), heap))
+    with pytest.raises(InvalidPlan, match="the taxels of s lie too close together for a pitch of 6 mm"):
+        imported_taxels(taxel_set(positions), plane_surface(), "s")
+
+
+def test_pitch_is_the_median_of_the_spacing():
+    """Of places, not of taxels: those that share one do not count twice, and a lone one does not matter."""
+    positions = np.vstack((flat(lattice(5, 5, "triangle")), [[0.09, 0.07, 0]]))
+    assert_allclose(median_pitch(np.repeat(positions, 2, axis=0), "s"), PITCH, rtol=1e-9)
+
+
+def test_moving_everything_moves_the_taxels():
+    """Surface, mesh and file elsewhere: positions, normals, tangents and corners go along, the rest stays."""
+    motion, s = Motion(21), wrist_surface()
+    moved = type(s)(motion.points(s.control_net), s.knots_u, s.knots_v, s.degree, s.closed)
+    raised = on_wrist() + 0.001 * s.normals(imported_taxels(taxel_set(on_wrist()), s, "s").taxels.uv)
+    here = imported_taxels(taxel_set(raised), s, "s", wrist())
+    there = imported_taxels(taxel_set(motion.points(raised)), moved, "s", motion.mesh(wrist()))
+    a, b = here.taxels, there.taxels
+    assert_allclose(b.positions_link, motion.points(a.positions_link), rtol=0, atol=1e-12)
+    assert_allclose(b.corners_link, motion.points(a.corners_link), rtol=0, atol=1e-8)
+    for name in ("normals_link", "tangents_link"):
+        assert_allclose(getattr(b, name), motion.directions(getattr(a, name)), rtol=0, atol=1e-7)
+    assert_allclose(b.quality["gap"], a.quality["gap"], rtol=0, atol=1e-10)
+    assert_allclose(b.quality["gap"], 0.001, rtol=1e-3)
+    assert b.neighbours == a.neighbours and there.fit.verdict == here.fit.verdict == "right"

@@ -1,0 +1,234 @@
+"""Touches of known places: read, compared with the taxels that felt them, and what they say of where a skin lies."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.validation import Touches, placements, read_touches
+from skin_calib_addon.validation.placement import flat_places
+from tests.samples import RADIUS, boards, seven_boards, sheet, small_calibration
+
+ROWS, COLUMNS, PITCH = 6, 12, 0.01
+SHEET = sheet(ROWS, COLUMNS, PITCH)
+CALIBRATION = small_calibration(patches=(SHEET,))
+
+
+def on_sheet(along, across, height=0.0):
+    """Points over `SHEET` laid flat: its rows run round the cylinder, and the next row lies to their left."""
+    angle = along / RADIUS
+    out = np.stack((np.cos(angle), np.sin(angle), 0 * angle), axis=1)
+    return (RADIUS + height) * out + np.array((0, 0, 1.0)) * (across + PITCH / 2)[:, None]
+
+
+def touched(calibration, rows, points, ways=None, patch=0):
+    """Touches of some taxels of a patch."""
+    ids = calibration.patches[patch].taxels.ids
+    ways = np.zeros((len(rows), 3)) if ways is None else ways
+    return Touches(tuple(ids[row] for row in rows), np.arange(len(rows)) + 2, points, ways)
+
+
+def slid(rows, shift, turn, spread, seed=0, height=0.0):
+    """Points that cells of `SHEET` would feel if it had slid and turned about its middle, thrown about in the cells."""
+    flat, rng = flat_places(SHEET, SHEET.taxels.index[rows]), np.random.default_rng(seed)
+    middle = flat.mean(axis=0)
+    flat = flat + rng.uniform(-0.5, 0.5, flat.shape) * spread
+    c, s = np.cos(turn), np.sin(turn)
+    along, across = ((flat - middle) @ np.array(((c, s), (-s, c))) + middle + shift).T
+    return on_sheet(along, across, height)
+
+
+def test_slide_of_a_sheet_is_found():
+    """From exact places the slide and the turn; the height of the probe is told apart."""
+    rows = np.arange(ROWS * COLUMNS)
+    (found,) = placements(
+        CALIBRATION, touched(CALIBRATION, rows, slid(rows, (0.0012, -0.0008), 0.01, 0.0, height=5e-4))
+    )
+    motion = found.motion
+    assert_allclose(motion.shift, (0.0012, -0.0008), rtol=0, atol=3e-5)  # a tangent plane is not the cylinder
+    assert_allclose(motion.turn, 0.01, rtol=0, atol=2e-4)
+    assert_allclose(found.heights, 5e-4, rtol=0, atol=1e-4)
+    assert motion.is_certain and list(found.doubts()) == []
+    assert found.left.max() < 5e-5 < 9e-4 < found.distances.min()
+
+
+def test_standard_errors_are_honest():
+    """Of two hundred sets of touches anywhere in their cells the errors are as large as they say; few look certain."""
+    off, certain = [], 0
+    for seed in range(200):
+        rows = np.random.default_rng(1000 + seed).integers(0, ROWS * COLUMNS, 40)
+        (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, PITCH, seed)))
+        motion = found.motion
+        off.append((*(motion.shift / motion.shift_error), motion.turn / motion.turn_error))
+        certain += motion.is_certain
+        assert_allclose(found.by_chance, PITCH / np.sqrt(6), rtol=1e-12)
+    assert_allclose(np.std(off, axis=0), 1.0, atol=0.2)
+    assert np.abs(np.mean(off, axis=0)).max() < 0.25
+    assert certain < 0.25 * 200
+
+
+def test_left_handed_sheet_turns_the_same_way():
+    """Where the next row lies to the right of a row the turn keeps its sense."""
+    mirrored = dataclasses.replace(
+        SHEET, taxels=dataclasses.replace(SHEET.taxels, index=SHEET.taxels.index * (-1, 1) + (ROWS - 1, 0))
+    )
+    rows = np.arange(ROWS * COLUMNS)
+    calibration = small_calibration(patches=(mirrored,))
+    (found,) = placements(calibration, touched(calibration, rows, slid(rows, 0.0, 0.02, 0.0)))
+    assert_allclose(found.motion.turn, 0.02, rtol=0, atol=5e-4)
+
+
+def test_boards_slide_on_their_lattice():
+    """Hexagons have places of their own in the flat skin."""
+    patch = seven_boards()
+    calibration = small_calibration(patches=(patch,))
+    arm = patch.taxels.positions_link - patch.taxels.positions_link[0]
+    points = (
+        patch.taxels.positions_link + (0.002, 0.001, 0) + 0.05 * np.stack((-arm[:, 1], arm[:, 0], 0 * arm[:, 0]), 1)
+    )
+    (found,) = placements(calibration, touched(calibration, np.arange(7), points))
+    assert_allclose((*found.motion.shift, found.motion.turn), (0.002, 0.001, 0.05), rtol=0, atol=1e-12)
+
+
+def test_lines_of_action_are_met_in_the_tangent_plane(tmp_path):
+    """A force-torque sensor tells a line; where it passes along the skin it tells nothing, and that is said."""
+    rows = np.arange(0, ROWS * COLUMNS, 5)
+    points = slid(rows, (0.001, 0.0005), 0.0, 0.0)
+    taxels = SHEET.taxels
+    forces = -4 * taxels.normals_link[rows] + 1.5 * taxels.tangents_link[rows]
+    forces[3] = 4 * taxels.tangents_link[rows[3]]
+    table = [("channel", "fx", "fy", "fz", "tx", "ty", "tz")]
+    table += [(row, *force, *np.cross(point, force)) for row, force, point in zip(rows, forces, points)]
+    found = read(tmp_path, table)
+    assert_allclose(np.linalg.norm(found.ways, axis=1), 1, rtol=1e-12)
+    (placement,) = placements(CALIBRATION, found)
+    assert len(placement.rows) == len(rows) - 1 and placement.passing.tolist() == [5]
+    assert np.isnan(placement.off[:, 2]).all() and len(placement.heights) == 0
+    assert_allclose(placement.motion.shift, (0.001, 0.0005), rtol=0, atol=3e-5)
+    assert list(placement.doubts()) == ["touches that press along the skin of sheet tell no place: line 5"]
+
+
+def test_a_wrong_channel_is_named_and_counts_little():
+    """Two taxels changed about: both are named, with the taxel that lies there; the slide is hardly moved."""
+    rows = np.arange(ROWS * COLUMNS)
+    swapped = rows.copy()
+    swapped[[7, 40]] = 40, 7
+    points = slid(rows, (0.001, 0.0), 0.0, PITCH, seed=3)
+    (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
+    (found,) = placements(CALIBRATION, touched(CALIBRATION, swapped, points))
+    assert found.astray.tolist() == [7, 40] and fine.astray.tolist() == []
+    (doubt,) = found.doubts()
+    assert doubt.startswith("touches far from the taxel of sheet that felt them: line 9, s3.4, ")
+    assert "(s0.7 lies there); line 42, s0.7, " in doubt and "(s3.4 lies there)" in doubt
+    assert np.abs(found.motion.shift - fine.motion.shift).max() < 2.5e-4
+
+
+def test_what_is_far_off_counts_little():
+    """Four of fifty touches 40 mm along the rows: the shift is off by less than half a millimetre, not by three."""
+    rows = np.random.default_rng(5).integers(0, ROWS * COLUMNS, 50)
+    points = slid(rows, 0.0, 0.0, PITCH)
+    astray = np.flatnonzero(rows % COLUMNS < COLUMNS - 4)[:4]
+    felt = rows.copy()
+    felt[astray] += 4
+    (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
+    (found,) = placements(CALIBRATION, touched(CALIBRATION, felt, points))
+    assert found.off[:, 0].mean() - fine.off[:, 0].mean() < -2e-3
+    assert abs(found.motion.shift[0] - fine.motion.shift[0]) < 5e-4
+
+
+def by_columns(i, j):
+    return i * 0 + (j * ROWS + i)
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (lambda i, j: (ROWS - 1 - i) * COLUMNS + j, "rows counted from the other end"),
+        (lambda i, j: i * COLUMNS + COLUMNS - 1 - j, "columns counted from the other end"),
+        (lambda i, j: (ROWS - 1 - i) * COLUMNS + COLUMNS - 1 - j, "rows and columns counted from the other end"),
+        (by_columns, "column by column"),
+        (lambda i, j: by_columns(ROWS - 1 - i, j), "column by column, rows counted from the other end"),
+    ],
+)
+def test_another_order_of_the_channels_is_named(number, words):
+    """The most common mistake of all: the electronics count another way than the plan."""
+    i, j = SHEET.taxels.index.T
+    cells = np.random.default_rng(1).integers(0, len(i), 40)
+    points = slid(cells, 0.0, 0.0, PITCH)
+    (found,) = placements(CALIBRATION, touched(CALIBRATION, number(i[cells], j[cells]), points))
+    assert list(found.doubts()) == [f"the touches of sheet fit {words}; is that how its channels run?"]
+
+
+def test_few_touches_tell_no_slide():
+    """Three are too few; many of one cell tell no turn; imported taxels have no flat shape."""
+    (few,) = placements(CALIBRATION, touched(CALIBRATION, [0, 5, 9], slid(np.array([0, 5, 9]), 0.0, 0.0, 0.0)))
+    assert few.motion is None and (few.left == few.distances).all()
+    rows = np.full(6, 14)
+    (one,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, PITCH)))
+    assert one.motion.turn == 0 and one.motion.turn_error == np.inf
+    imported = small_calibration(patches=(dataclasses.replace(SHEET, kind="imported"),))
+    rows = np.arange(20)
+    (found,) = placements(imported, touched(imported, rows, slid(rows, 0.0, 0.0, PITCH)))
+    assert found.motion is None
+
+
+def test_touches_of_another_frame_are_doubted():
+    """Centimetres below the skin nothing touches it; and where every line passes along the skin nothing is told."""
+    rows = np.arange(20)
+    (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0, height=-0.012)))
+    assert list(found.doubts()) == ["the touches of sheet lie 12.0 mm below its taxels: are they in the link frame?"]
+    along = SHEET.taxels.tangents_link[rows]
+    (none,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0), along))
+    assert len(none.rows) == len(none.astray) == 0 and none.motion is None
+    told = "touches that press along the skin of sheet tell no place: line 2; line 3; line 4; and 17 more"
+    assert list(none.doubts()) == [told]
+
+
+def test_touches_go_to_their_patches():
+    """Each patch has its own; one that was not touched is left out."""
+    calibration = small_calibration(patches=(SHEET, boards(first_channel=ROWS * COLUMNS)))
+    points = np.array([[0.03, 0.05, -0.1], [0.03, 0.051, -0.1]])
+    (found,) = placements(calibration, touched(calibration, [0, 0], points, patch=1))
+    assert found.patch.name == "boards" and found.lines.tolist() == [2, 3]
+    assert_allclose(found.off, ((0, 0, 0), (0, 0.001, 0)), rtol=0, atol=1e-15)
+
+
+def read(folder, table, ending="\n"):
+    """A table, written and read."""
+    path = folder / "t.csv"
+    path.write_text(ending.join(",".join(map(str, row)) for row in table) + ending)
+    return read_touches(path, CALIBRATION)
+
+
+def test_tables_are_read_by_their_names(tmp_path):
+    """In any order and case, with other columns and comments, by id or channel."""
+    found = read(tmp_path, [("# robot 3",), ("note", "Z", "x", "Y", "Taxel"), ("a", 0.3, 0.1, 0.2, "s1.2")])
+    assert found.taxels == ("s1.2",) and found.lines.tolist() == [3]
+    assert found.points.tolist() == [[0.1, 0.2, 0.3]] and not found.ways.any()
+    assert read(tmp_path, [("channel", "x", "y", "z"), (14, 0, 0, 0)]).taxels == ("s1.2",)
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ([("taxel", "x", "y")], 'line 1, column 4: the header names no column "z"'),
+        ([("id", "x", "y", "z")], 'line 1, column 5: the header names no column "taxel"'),
+        ([("taxel", "x", "y", "z")], "line 1, column 1: has no touch below it"),
+        ([("taxel", "x", "y", "z"), ("s1.2", 0, 0)], "line 2, column 4: has 3 columns, the header 4"),
+        (
+            [("taxel", "x", "y", "z"), ("s1.22", 0, 0, 0)],
+            'line 2, column 1: names no taxel of the calibration: "s1.22"',
+        ),
+        ([("channel", "x", "y", "z"), (900, 0, 0, 0)], 'line 2, column 1: names no channel of the calibration: "900"'),
+        ([("taxel", "x", "y", "z"), ("s1.2", 0, "nan", 0)], "line 2, column 3: "),
+        ([("taxel", "x", "y", "z"), ("s1.2", 0, 31.5, 0)], "are these millimetres?"),
+        ([("taxel", "fx", "fy", "fz", "tx", "ty")], 'the header names no column "tz"'),
+        ([("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), ("s1.2", 0, 0, 0.01, 0, 0, 0)], "has a force of 0.01 N"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, table, message):
+    with pytest.raises(CalibrationFormatError) as caught:
+        read(tmp_path, table)
+    assert message in str(caught.value) and "t.csv" in str(caught.value)
