@@ -7,7 +7,7 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 READY = $(VENV)/ready
 
-.PHONY: demo test check format bench extension samples clean
+.PHONY: demo test check docs format bench extension samples clean
 
 demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summary in out/
 	$(BIN)/python examples/demo.py
@@ -21,6 +21,9 @@ check: $(READY)  ## lint, types, tests, the built extension
 	$(BIN)/mypy
 	$(BIN)/python scripts/make_extension.py --platform linux-x64
 	$(BIN)/python -m pytest -q
+
+docs: $(VENV)/docs-ready  ## the documentation as a site in out/site; a wrong link, reference or formula fails
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 format: $(READY)
 	$(BIN)/ruff format .
@@ -43,6 +46,10 @@ $(READY): pyproject.toml
 
 $(VENV)/bench-ready: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bench]'
+	touch $@
+
+$(VENV)/docs-ready: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	touch $@
 
 clean:

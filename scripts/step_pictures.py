@@ -1,4 +1,4 @@
-"""Make the pictures of docs/first_steps.md from the screenshots of the window's driver.
+"""Make the pictures of docs/tutorial/blender.md from the screenshots of the window's driver.
 
 ../shared/blender/drive-gui --install . --size 1000x1150 --out gui-out tests/gui/drive_steps.py
 python scripts/step_pictures.py gui-out

@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
     if isinstance(sys.stdout, io.TextIOWrapper):  # a link's name may have letters that a terminal's encoding lacks
         sys.stdout.reconfigure(errors="backslashreplace")
-    options = _parser(scene_plans).parse_args(argv)
+    options = build_parser(scene_plans).parse_args(argv)
     try:
         code = options.run(options)
         sys.stdout.flush()
@@ -65,7 +65,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(WRONG_CALL, f"{self.prog}: {' '.join(message.splitlines())}; see {self.prog} --help\n")
 
 
-def _parser(scene_plans: fit.ScenePlans | None) -> argparse.ArgumentParser:
+def build_parser(scene_plans: fit.ScenePlans | None = None) -> argparse.ArgumentParser:
+    """Build the parser of all commands; the documentation reads it, too."""
     parser = _Parser(prog="skin-calib", description="Spatial calibration of robot tactile skin.")
     parser.add_argument("--version", action="version", version=f"skin-calib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

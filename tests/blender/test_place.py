@@ -101,10 +101,10 @@ def test_link_that_cannot_be_clicked_on_is_refused(bpy, addon, link):
 
 
 def test_manual_shows_what_works(bpy):
-    """The lines in ``docs/blender.md`` lay boards on the sample sole and keep one zone clear."""
+    """The lines in ``docs/reference/window.md`` lay boards on the sample sole and keep one zone clear."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "sole.blend"))
     bpy.ops.skin_calib.skin_remove(index=0)
-    _, example = (ROOT / "docs" / "blender.md").read_text().split("```python\n")
+    _, example = (ROOT / "docs" / "reference" / "window.md").read_text().split("```python\n")
     exec(example.split("```")[0], {"bpy": bpy})
     plan = bpy.context.object.skin_calib
     assert [tuple(np.round(zone.point, 6)) for zone in plan.skins[0].excluded] == [(0.08, 0.015, -0.002)]

@@ -1,6 +1,6 @@
 """Drives the window as a new user would: from an empty scene and a mesh file to an exported calibration.
 
-Its pictures are those of docs/first_steps.md.
+Its pictures are those of docs/tutorial/blender.md.
 """
 
 import json

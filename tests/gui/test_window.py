@@ -60,7 +60,7 @@ def test_window(blender, driver, sample, size, tmp_path):
 
 
 def test_first_steps_look_as_in_the_manual(blender, tmp_path):
-    """From an empty scene to an exported calibration; each picture is near enough to that of docs/first_steps.md."""
+    """From an empty scene to an exported calibration; each picture is close to that of docs/tutorial/blender.md."""
     image = pytest.importorskip("PIL.Image", reason="no Pillow here, which compares pictures; '.[picture]' brings it")
     words = ["--install", ROOT, "--size", "1000x1150", "--out", tmp_path, "--timeout", 900]
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name("drive_steps.py")]

@@ -369,7 +369,7 @@ def test_link_that_would_not_come_back_is_refused(name):
 
 def test_documentation_has_the_table():
     """Each format with its file, its content, its ids, and whether it is read, in the order of the table."""
-    text = (Path(__file__).parents[4] / "docs" / "exports.md").read_text("utf-8")
+    text = (Path(__file__).parents[4] / "docs" / "reference" / "exports.md").read_text("utf-8")
     rows = [
         f"| `{f.name}` | `{f.ending}` | {f.what} | {f.labels} | {'yes' if f.readable else 'no'} |"
         for f in FORMATS.values()
