@@ -6,7 +6,8 @@ import bpy
 from ..skin_calib_addon.blender.scene import plane_lists, scene
 from ..skin_calib_addon.blender.scene.skins import entry
 from ..skin_calib_addon.common.errors import SkinCalibError
-from ..skin_calib_addon.geometry import AutoGrid, PlanesGrid, cut_cover, fit_grid
+from ..skin_calib_addon.geometry import PlanesGrid, cut_cover
+from ..skin_calib_addon.geometry.fit.auto import grid_lines
 from ..skin_calib_addon.geometry.grid.hand_planes import between, mirrored, planes_of, spread
 from .lists import INDEX
 from .on_link import Edit, OnLink
@@ -28,10 +29,7 @@ class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
         link = context.object
         read = scene.read_plan(link, context.scene)
         cover = cut_cover(scene.read_mesh(link, context), read.cover)
-        if isinstance(read.grid, AutoGrid):
-            lines = fit_grid(cover, read.grid, read.degree).lines
-        else:
-            lines = read.grid.line_grid(cover, read.degree)
+        lines = grid_lines(cover, read.grid, read.degree)
         plane_lists.write_grid(link, context.scene, PlanesGrid(*planes_of(lines), lines.closed))
         plan.held = "U"
 

@@ -1,9 +1,9 @@
 """Mesh to cover to sections to fitted surface."""
 
-from .fit.auto import AutoGrid, fit_grid, fit_to_count, fit_to_tolerance
+from .fit.auto import fit_grid, fit_to_count, fit_to_tolerance
 from .fit.surface_fit import SurfaceFit, fit_surface
 from .grid.axis import Axis
-from .grid.grids import AcrossGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
+from .grid.grids import AcrossGrid, AutoGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
 from .mesh.cover import CoverSpec, Cut, cut_cover
 from .mesh.triangle_mesh import TriangleMesh, load_mesh, weld
 from .sampling.planes import Planes

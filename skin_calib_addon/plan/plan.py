@@ -17,9 +17,8 @@ from ..common.errors import CalibrationFormatError, InvalidPlan
 from ..common.findings import Finding, error
 from ..common.schema_check import check, read_schema
 from ..common.strict_json import parse, read
-from ..geometry.fit.auto import AutoGrid
 from ..geometry.grid.axis import Axis
-from ..geometry.grid.grids import AcrossGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
+from ..geometry.grid.grids import Across, Grid, PlanesGrid, Region, Sector, Size, Tolerance, Tube, axis_along
 from ..geometry.mesh.cover import CoverSpec, Cut
 from ..geometry.sampling.planes import Planes
 from .skins import ImportedSkin, Skin, direction_from, skin_document, skins_from
@@ -37,7 +36,7 @@ class Plan:
     mesh: Path
     unit: str
     cover: CoverSpec
-    grid: Grid | AutoGrid
+    grid: Grid | PlanesGrid
     degree: tuple[int, int]
     skins: tuple[Skin, ...]
     response: AnyResponse = Response()
@@ -128,7 +127,7 @@ def plan_from(document: dict[str, Any]) -> Plan:
     )
 
 
-def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
+def _grid(grid: dict[str, Any]) -> Grid | PlanesGrid:
     if grid["kind"] == "planes":
         u, v = (
             Planes(np.array([p["point"] for p in side]), np.array([p["normal"] for p in side]))
@@ -139,34 +138,28 @@ def _grid(grid: dict[str, Any]) -> Grid | AutoGrid:
                 direction_from(plane["normal"], f"the normal of {name}-plane {i} is zero; give its direction")
         return PlanesGrid(u, v, grid["closed"])
     if grid["kind"] == "auto":
-        sector, outward = _region(grid)
-        return AutoGrid(
-            grid["tolerance"], grid.get("measure", "mean"), _axis(grid), grid.get("margin"), sector, outward
-        )
+        return Grid(_region(grid), Tolerance(grid["tolerance"], grid.get("measure", "mean")))
     if ("m" in grid) == ("lines" in grid):
         raise InvalidPlan('the grid needs either "m" (planes) or "lines", not both and not none')
-    line = _axis(grid)
-    n, margin, spacing = grid["n"], grid.get("margin"), grid.get("spacing", "auto")
-    if grid["kind"] == "tube":
-        return TubeGrid(n, grid.get("lines", 2 * grid.get("m", 0)), line, margin, spacing)
-    lines = grid.get("lines", grid.get("m", 0))
-    sector, outward = _region(grid)
-    if outward is not None:
-        return AcrossGrid(n, lines, outward, line.direction if line else None, margin, spacing)
-    if sector is not None:
-        return SectorGrid(n, lines, *sector, line, margin, spacing)
-    raise InvalidPlan(NO_REGION)
+    region = _region(grid)
+    if isinstance(region, Across) and region.axis is not None:  # only its direction counts
+        region = replace(region, axis=axis_along(region.axis.direction))
+    if (grid["kind"] == "patch") == isinstance(region, Tube):
+        raise InvalidPlan(NO_REGION)
+    lines = grid.get("lines", grid.get("m", 0) * (2 if grid["kind"] == "tube" else 1))
+    return Grid(region, Size(grid["n"], lines), grid.get("spacing", "auto"))
 
 
-def _region(grid: dict[str, Any]) -> tuple[tuple[float, float] | None, tuple[float, float, float] | None]:
-    """The sector, or the outward direction of the face, that a grid is for; neither for a whole tube."""
+def _region(grid: dict[str, Any]) -> Region:
+    """The part of the mesh that a grid is for."""
     both = {"from", "to"} & grid.keys()
     if "normal" in grid and both or len(both) == 1:
         raise InvalidPlan(NO_REGION)
+    axis, margin = _axis(grid), grid.get("margin")
     if "normal" in grid:
         message = 'the "normal" of the grid is zero; give the direction the face looks to'
-        return None, direction_from(grid["normal"], message)
-    return ((grid["from"], grid["to"]) if both else None), None
+        return Across(axis, margin, normal=direction_from(grid["normal"], message))
+    return Sector(axis, margin, start=grid["from"], stop=grid["to"]) if both else Tube(axis, margin)
 
 
 def _axis(grid: dict[str, Any]) -> Axis | None:
@@ -200,37 +193,23 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     return document | plan.extra
 
 
-def _grid_document(grid: Grid | AutoGrid) -> dict[str, Any]:
-    if isinstance(grid, AutoGrid):
-        auto = {"kind": "auto", "tolerance": grid.tolerance, "measure": grid.measure, "axis": _line(grid.axis)}
-        if grid.sector is not None:
-            auto |= {"from": grid.sector[0], "to": grid.sector[1]}
-        if grid.normal is not None:
-            auto["normal"] = [*grid.normal]
-        return auto | ({} if grid.margin is None else {"margin": grid.margin})
+def _grid_document(grid: Grid | PlanesGrid) -> dict[str, Any]:
     if isinstance(grid, PlanesGrid):
         sides = {
             name: [{"point": p, "normal": q} for p, q in zip(side.points.tolist(), side.normals.tolist())]
             for name, side in (("u", grid.u), ("v", grid.v))
         }
         return {"kind": "planes", **sides, "closed": grid.closed}
-    document: dict[str, Any] = {
-        "kind": "tube" if isinstance(grid, TubeGrid) else "patch",
-        "n": grid.n,
-        "lines": grid.lines,
-    }
-    document["spacing"] = grid.spacing
-    if isinstance(grid, AcrossGrid):
-        document["normal"] = [*grid.normal]
-        if grid.along:
-            document["axis"] = {"point": [0.0, 0.0, 0.0], "direction": [*grid.along]}
-    else:
-        document["axis"] = _line(grid.axis)
-    if isinstance(grid, SectorGrid):
-        document |= {"from": grid.start, "to": grid.stop}
-    if grid.margin is not None:
-        document["margin"] = grid.margin
-    return document
+    region, axis = grid.region, {"axis": _line(grid.region.axis)}
+    normal = {"normal": [*region.normal]} if isinstance(region, Across) else {}
+    sector = {"from": region.start, "to": region.stop} if isinstance(region, Sector) else {}
+    margin = {} if region.margin is None else {"margin": region.margin}
+    if isinstance(grid.size, Tolerance):
+        size: dict[str, Any] = {"kind": "auto", "tolerance": grid.size.tolerance, "measure": grid.size.measure}
+        return size | axis | sector | normal | margin
+    size = {"kind": "tube" if isinstance(region, Tube) else "patch", "n": grid.size.n, "lines": grid.size.lines}
+    where = normal | (axis if region.axis else {}) if normal else axis | sector
+    return size | {"spacing": grid.spacing} | where | margin
 
 
 def _line(axis: Axis | None) -> Any:

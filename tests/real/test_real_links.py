@@ -94,7 +94,7 @@ def test_paper_wrist_takes_the_sheet():
     (patch,) = result.calibration.patches
     taxels = patch.taxels
     assert patch.shape == (6, 22) and len(taxels.ids) == 132
-    axis = plan.grid.axis
+    axis = plan.grid.region.axis
     outward = taxels.positions_link - axis.point
     along = np.array(axis.direction) / np.linalg.norm(axis.direction)
     outward -= (outward @ along)[:, None] * along
@@ -116,5 +116,5 @@ def test_inner_boxes_of_the_paper_wrist_are_dropped():
     (cut,) = plan.cover.cuts
     raw, cover = (cut_cover(load_mesh(DATA / f"hrp4c_r_wrist_y{name}.stl"), plan.cover) for name in ("", "_cover_only"))
     height = (raw.vertices - cut.point) @ cut.normal
-    assert MeshDistance(cover)(raw.vertices[height > plan.grid.margin])[0].max() < 1e-6
+    assert MeshDistance(cover)(raw.vertices[height > plan.grid.region.margin])[0].max() < 1e-6
     assert raw.face_areas.sum() < 1.05 * cover.face_areas.sum()

@@ -2,17 +2,17 @@
 
 from bisect import insort
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
+from typing import TypedDict, Unpack
 
 import numpy as np
 
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from ..grid.axis import Axis
-from ..grid.charts import Chart, chart_lines
+from ..grid.charts import chart_lines
 from ..grid.error_model import Survey
-from ..grid.grids import AcrossGrid, Grid, SectorGrid, TubeGrid
+from ..grid.grids import AutoGrid, Grid, PlanesGrid, Size, Tolerance, Vector, region_of
 from ..grid.spacing import MOST_MOVES, line_places, plain_lines, plane_places
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
@@ -44,34 +44,13 @@ SNUG = 0.9  # share of an error that is aimed at first, so that no more is left 
 ROUGHLY = 1.3  # times an error that is seen to be far from reached: what is thought of smaller grids may be off
 
 
-@dataclass(frozen=True)
-class AutoGrid:
-    """The smallest grid whose distance from surface to mesh keeps within ``tolerance`` [m], mean or max.
+class Where(TypedDict, total=False):
+    """Where an automatic grid lies, as of ``AutoGrid``."""
 
-    Round a tube; in a sector of it, or over a face that looks along ``normal``, where these are given.
-    """
-
-    tolerance: float
-    measure: str = "mean"  # or "max"
-    axis: Axis | None = None
-    margin: float | None = None
-    sector: tuple[float, float] | None = None  # [rad], as of SectorGrid
-    normal: tuple[float, float, float] | None = None  # as of AcrossGrid
-
-
-def chart_of(
-    mesh: TriangleMesh,
-    axis: Axis | None = None,
-    margin: float | None = None,
-    sector: tuple[float, float] | None = None,
-    normal: tuple[float, float, float] | None = None,
-) -> Chart:
-    """Where an automatic grid lies on a mesh: over a face, in a sector, or else all round; as of ``AutoGrid``."""
-    if normal is not None:
-        return AcrossGrid(0, 0, normal, axis.direction if axis else None, margin).chart(mesh)
-    if sector is not None:
-        return SectorGrid(0, 0, *sector, axis, margin).chart(mesh)
-    return TubeGrid(0, 0, axis, margin).chart(mesh)
+    axis: Axis | None
+    margin: float | None
+    sector: tuple[float, float] | None
+    normal: Vector | None
 
 
 class Family:
@@ -232,10 +211,7 @@ def fit_to_tolerance(
     tolerance: float,
     measure: str = "mean",
     degree: int | tuple[int, int] = 3,
-    axis: Axis | None = None,
-    margin: float | None = None,
-    sector: tuple[float, float] | None = None,
-    normal: tuple[float, float, float] | None = None,
+    **where: Unpack[Where],
 ) -> SurfaceFit:
     """Fit the smallest grid whose distance from surface to mesh keeps within a tolerance.
 
@@ -246,20 +222,27 @@ def fit_to_tolerance(
         [m]
     measure : "mean" or "max"
         Which distance must keep within it.
-    degree, axis, margin
-        As for ``TubeGrid`` and ``fit_surface``.
-    sector, normal
-        As for ``AutoGrid``: where the grid is no tube.
+    degree
+        As for ``fit_surface``.
+    **where
+        ``axis``, ``margin``, ``sector``, ``normal``: the region, as for ``AutoGrid``.
 
     Raises
     ------
     UnreachableTolerance
         If the mesh's own facets are further from any smooth surface; says what can be reached.
     """
+    degrees = (degree, degree) if isinstance(degree, int) else degree
+    return _smallest(mesh, AutoGrid(tolerance, measure, **where), degrees)
+
+
+def _smallest(mesh: TriangleMesh, grid: Grid, degrees: tuple[int, int]) -> SurfaceFit:
+    """Fit the smallest grid over a region that keeps within the tolerance of ``grid``."""
+    assert isinstance(grid.size, Tolerance)
+    tolerance, measure = grid.size.tolerance, grid.size.measure
     if not tolerance > 0 or measure not in MEASURES:
         raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
-    degrees = (degree, degree) if isinstance(degree, int) else degree
-    survey = Survey.of(mesh, chart_of(mesh, axis, margin, sector, normal), MOST_PLANES)
+    survey = Survey.of(mesh, grid.region.chart(mesh), MOST_PLANES)
     search = Search(mesh, ErrorModel(survey, degrees, measure, moves=FEW_MOVES), tolerance, measure)
     search.run()
     if search.best is None:
@@ -276,17 +259,14 @@ def fit_to_count(
     mesh: TriangleMesh,
     control_points: int,
     degree: int | tuple[int, int] = 3,
-    axis: Axis | None = None,
-    margin: float | None = None,
-    sector: tuple[float, float] | None = None,
-    normal: tuple[float, float, float] | None = None,
+    **where: Unpack[Where],
 ) -> SurfaceFit:
     """Fit the grid that leaves the least error with at most so many control points, planes and lines in any proportion.
 
     Parameters
     ----------
     control_points : int
-    degree, axis, margin, sector, normal
+    degree, **where
         As for ``fit_to_tolerance``.
 
     Raises
@@ -302,7 +282,7 @@ def fit_to_count(
             f"{control_points}; allow more, or lower the degree"
         )
     most = min(control_points // fewest_m, MOST_PLANES)
-    survey = Survey.of(mesh, chart_of(mesh, axis, margin, sector, normal), most)
+    survey = Survey.of(mesh, region_of(**where).chart(mesh), most)
     model = ErrorModel(survey, degrees, most=min(control_points // fewest_n, MOST_LINES))
     fits = [fit_lines(mesh, model.lines(size), degrees) for size in model.best_grids(control_points, PROMISING)]
     best = min(fits, key=lambda fit: fit.distances(CHECKED).mean)
@@ -423,10 +403,25 @@ def net_size(fit: SurfaceFit) -> int:
     return fit.offsets.size
 
 
-def fit_grid(mesh: TriangleMesh, grid: Grid | AutoGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
-    """Fit along a grid that the author gave, or the smallest that meets a tolerance; ``chords`` as for fit_surface."""
-    if not isinstance(grid, AutoGrid):
+def fit_grid(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
+    """Fit along a grid that the author gave, or the smallest that meets a tolerance.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    grid : Grid or PlanesGrid
+    degree : (int, int)
+        Of the surface along u and v.
+    chords : bool
+        As for ``fit_surface``.
+    """
+    if isinstance(grid, PlanesGrid) or isinstance(grid.size, Size):
         return fit_surface(mesh, grid, degree, chords)
-    where = (grid.axis, grid.margin, grid.sector, grid.normal)
-    fit = fit_to_tolerance(mesh, grid.tolerance, grid.measure, degree, *where)
+    fit = _smallest(mesh, grid, degree)
     return fit_surface(mesh, fit.lines, degree, chords) if chords else fit
+
+
+def grid_lines(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int]) -> LineGrid:
+    """Return the lines of a grid that the author gave, or of the smallest that meets a tolerance."""
+    is_given = isinstance(grid, PlanesGrid) or isinstance(grid.size, Size)
+    return grid.line_grid(mesh, degree) if is_given else fit_grid(mesh, grid, degree).lines

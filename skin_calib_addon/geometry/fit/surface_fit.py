@@ -8,7 +8,7 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray
 from ...common.errors import EmptySection, PoorFit, millimetres
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
-from ..grid.grids import Grid
+from ..grid.grids import Grid, PlanesGrid
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import SITES_PER_SPAN, TensorBasis
 from ..sampling.lines import LineGrid
@@ -223,7 +223,7 @@ class SurfaceFit:
 
 
 def fit_surface(
-    mesh: TriangleMesh, grid: Grid | LineGrid, degree: int | tuple[int, int] = 3, chords: bool = False
+    mesh: TriangleMesh, grid: Grid | PlanesGrid | LineGrid, degree: int | tuple[int, int] = 3, chords: bool = False
 ) -> SurfaceFit:
     """Fit a B-spline surface whose control points lie on the lines of a plane grid (paper, Algorithm 1).
 
@@ -235,7 +235,7 @@ def fit_surface(
     ----------
     mesh : TriangleMesh
         The cover, [m] in the link frame.
-    grid : TubeGrid, SectorGrid, AcrossGrid or PlanesGrid, or lines that are placed already
+    grid : Grid or PlanesGrid, or LineGrid for lines that are placed already
     degree : int or pair of int
         2 to 5, along u and v.
     chords : bool

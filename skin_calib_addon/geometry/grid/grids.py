@@ -1,6 +1,6 @@
-"""How an author says where the planes are: tubes, sectors, planes across a sole, planes one by one."""
+"""Where an author wants the planes: a region of the mesh, how many planes and lines, and how these are spaced."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,32 +17,41 @@ from .error_model import Survey
 from .spacing import spaced_lines
 from .spine import find_spine, spine_span
 
-# Planes of the two families that meet at less than this cut each other nowhere definite.
+Vector = tuple[float, float, float]
+
+# [rad] Planes of the two families at a smaller angle are refused: their intersection line is ill-defined.
 SMALLEST_ANGLE = np.deg2rad(3.0)
-SMALL_ANGLE = 10.0  # [degrees] at which they do so badly
-# v-planes that pass a common point within this share of the distances involved were meant to share it.
+# [degrees] Planes of the two families at a smaller angle give a warning.
+SMALL_ANGLE = 10.0
+# v-planes whose distance from a common point is below this fraction of the distances involved all contain that point.
 CONCURRENT = 1e-9
-# Lines whose mean direction is shorter than this turn by some 60 degrees or more: they go out from an axis.
+# Lines whose mean unit direction is shorter than this (they turn by 60 degrees or more) start from an axis.
 FAN = 0.95
-# Planes nearer to each other than this share of the mesh's size are the same.
+# Planes whose distance is below this fraction of the mesh size are the same plane.
 SAME = 1e-6
 
 
 @dataclass(frozen=True)
-class TubeGrid:
-    """``n`` planes across an axis and ``lines`` half-planes that start from it, all round (paper eq. 10 and 11).
+class Region:
+    """The part of the mesh that a grid covers."""
 
-    The paper counts ``m`` full planes through the axis; that is ``lines = 2 * m``.
+    axis: Axis | None = None  # None: found from the mesh
+    margin: float | None = None  # [m] left free at the ends; None: derived from the mesh
+
+    def chart(self, mesh: TriangleMesh) -> Chart:
+        """Return the parametrization of this region of ``mesh``."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Tube(Region):
+    """All round an axis: u-planes cross it, lines start from it (paper eq. 10 and 11).
+
+    Without a margin it covers the longest run of complete sections.
     """
 
-    n: int
-    lines: int
-    axis: Axis | None = None  # None: found from the mesh
-    margin: float | None = None  # [m] left free at both ends; None: up to the first complete sections
-    spacing: str = "auto"  # of the planes; "uniform", "arc" or "curvature" for the lines, the u-planes then even
-
     def chart(self, mesh: TriangleMesh) -> TubeChart:
-        """Stations and angles on ``mesh``."""
+        """Return stations and angles on ``mesh``."""
         frame = tube_frame(mesh, self.axis)
         if self.axis is None:
             spine = find_spine(mesh, frame)
@@ -50,27 +59,21 @@ class TubeGrid:
                 return TubeChart(spine, spine_span(mesh, spine, self.margin))
         return TubeChart(frame, stations_between(mesh, frame, self.margin, ALL_ROUND))
 
-    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
-        """The lines of the control points on ``mesh`` for a surface of this degree."""
-        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
-
 
 @dataclass(frozen=True)
-class SectorGrid:
-    """A tube grid that goes only part of the way round, between two half-planes."""
+class Sector(Region):
+    """The part of a tube between two half-planes that start from the axis."""
 
-    n: int
-    lines: int
-    start: float  # [rad] about the axis, from the side of the link's x axis; of its y axis where the tube runs along x
-    stop: float  # [rad], larger than start
-    axis: Axis | None = None
-    margin: float | None = None
-    spacing: str = "auto"
+    # [rad] about the axis, from the side of the link's x axis (of its y axis where the tube runs along x)
+    start: float = field(kw_only=True)
+    stop: float = field(kw_only=True)  # [rad], larger than start
 
     def chart(self, mesh: TriangleMesh) -> TubeChart:
-        """Stations and angles on ``mesh``."""
+        """Return stations and angles on ``mesh``."""
         if not 0 < self.stop - self.start < TURN:
-            raise InvalidPlan(f'"from" {self.start:g} and "to" {self.stop:g} must span more than 0 and less than 2 pi')
+            raise InvalidPlan(
+                f"the sector from {self.start:g} to {self.stop:g} rad must span more than 0 and less than 2 pi"
+            )
         found = (
             find_axis(mesh) if self.axis is None else frame_of(np.array(self.axis.point), np.array(self.axis.direction))
         )
@@ -79,28 +82,23 @@ class SectorGrid:
         span = stations_between(mesh, frame, self.margin, np.linspace(self.start, self.stop, 90))
         return TubeChart(frame, span, (self.start, self.stop))
 
-    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
-        """The lines of the control points on ``mesh`` for a surface of this degree."""
-        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
-
 
 @dataclass(frozen=True)
-class AcrossGrid:
-    """Two families of parallel planes across a sole or a palm; control points move along ``normal``."""
+class Across(Region):
+    """A face such as a sole or a palm: two families of parallel planes; control points move along ``normal``.
 
-    n: int
-    lines: int
-    normal: tuple[float, float, float]  # out of the robot
-    along: tuple[float, float, float] | None = None  # the u-planes lie across it; None: the longer side
-    margin: float | None = None  # [m] left free at all four sides; None: a hundredth of the longer one
-    spacing: str = "auto"
+    The u-planes are perpendicular to the direction of the axis, whose point has no effect; without an axis, to the
+    longer side of the face. Without a margin, a hundredth of that side is left free at all four sides.
+    """
+
+    normal: Vector = field(kw_only=True)  # outward, any length
 
     def chart(self, mesh: TriangleMesh) -> FaceChart:
-        """Lengths over the faces of ``mesh`` that look along ``normal``."""
+        """Return lengths over the faces of ``mesh`` whose normals point along ``normal``."""
         up = unit(self.normal)
         faces = mesh.faces[mesh.face_normals @ up > 0.5]
         if len(faces) == 0:
-            raise InvalidPlan(f'no face of the mesh looks along "normal" {list(self.normal)}; give the outward side')
+            raise InvalidPlan(f"no mesh face has the outward normal {list(self.normal)}; reverse or change it")
         seen = mesh.vertices[np.unique(faces)]
         along = self._along(seen, up)
         side = np.cross(up, along)  # along x side = up: r_u x r_v points outward
@@ -112,22 +110,141 @@ class AcrossGrid:
         span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
         return FaceChart(below, along, side, up, span, breadth)
 
-    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
-        """The lines of the control points on ``mesh`` for a surface of this degree."""
-        return lines_on(self.chart(mesh), mesh, self.n, self.lines, self.spacing, degree)
-
     def _along(self, seen: Array, up: Array) -> Array:
-        if self.along is not None:
-            direction = np.asarray(self.along, float)
+        """Return the unit direction in the face that the u-planes are perpendicular to."""
+        if self.axis is not None:
+            direction = np.asarray(self.axis.direction, float)
             direction = direction - (direction @ up) * up
-            if np.linalg.norm(direction) < np.sin(SMALLEST_ANGLE) * np.linalg.norm(self.along):
-                raise InvalidPlan(f'the axis {list(self.along)} runs along "normal"; it must lie in the face')
+            if np.linalg.norm(direction) < np.sin(SMALLEST_ANGLE) * np.linalg.norm(self.axis.direction):
+                raise InvalidPlan(
+                    f"the axis {list(self.axis.direction)} is parallel to the outward normal; choose one in the face"
+                )
             return unit(direction)
         a = perpendicular(up)
         flat = np.column_stack((seen @ a, seen @ np.cross(up, a)))
         long = np.linalg.eigh(np.cov(flat.T))[1][:, 1]
         direction = unit(long[0] * a + long[1] * np.cross(up, a))
         return direction if direction[np.argmax(np.abs(direction))] > 0 else -direction
+
+
+@dataclass(frozen=True)
+class Size:
+    """A fixed number of planes and lines."""
+
+    n: int  # u-planes
+    lines: int  # lines of control points in each u-plane
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """As few planes and lines as keep the distance from surface to mesh within a length."""
+
+    tolerance: float  # [m]
+    measure: str = "mean"  # or "max"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A region, how many planes and lines it gets, and how they are spaced."""
+
+    region: Region
+    size: Size | Tolerance
+    # Of planes and lines; "uniform", "arc" and "curvature" space the lines, with u-planes at equal steps.
+    spacing: str = "auto"
+
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+        """Return the lines of the control points on ``mesh`` for a surface of this degree.
+
+        Raises
+        ------
+        InvalidPlan
+            If the grid has a tolerance instead of numbers of planes and lines, or its region is not on the mesh.
+        """
+        if isinstance(self.size, Tolerance):
+            raise InvalidPlan("this grid has a tolerance instead of numbers of planes and lines; use fit_grid")
+        return lines_on(self.region.chart(mesh), mesh, self.size.n, self.size.lines, self.spacing, degree)
+
+
+def TubeGrid(n: int, lines: int, axis: Axis | None = None, margin: float | None = None, spacing: str = "auto") -> Grid:
+    """Return a grid all round a tube; the paper's ``m`` full planes through the axis are ``lines = 2 * m``."""
+    return Grid(Tube(axis, margin), Size(n, lines), spacing)
+
+
+def SectorGrid(
+    n: int,
+    lines: int,
+    start: float,
+    stop: float,
+    axis: Axis | None = None,
+    margin: float | None = None,
+    spacing: str = "auto",
+) -> Grid:
+    """Return a grid over the sector of a tube between two angles [rad]."""
+    return Grid(Sector(axis, margin, start=start, stop=stop), Size(n, lines), spacing)
+
+
+def AcrossGrid(
+    n: int,
+    lines: int,
+    normal: Vector,
+    along: Vector | None = None,
+    margin: float | None = None,
+    spacing: str = "auto",
+) -> Grid:
+    """Return a grid across a face; the u-planes are perpendicular to ``along``."""
+    return Grid(Across(axis_along(along), margin, normal=normal), Size(n, lines), spacing)
+
+
+def AutoGrid(
+    tolerance: float,
+    measure: str = "mean",
+    axis: Axis | None = None,
+    margin: float | None = None,
+    sector: tuple[float, float] | None = None,
+    normal: Vector | None = None,
+) -> Grid:
+    """Return the smallest grid within a tolerance: all round a tube, in a sector, or across a face.
+
+    Parameters
+    ----------
+    tolerance : float
+        Largest distance from surface to mesh [m].
+    measure : "mean" or "max"
+        Which distance the tolerance limits.
+    axis : Axis, optional
+        Of the tube; by default found from the mesh.
+    margin : float, optional
+        Left free at the ends [m].
+    sector : (float, float), optional
+        First and last angle about the axis [rad].
+    normal : (float, float, float), optional
+        Outward normal of a face.
+
+    Returns
+    -------
+    Grid
+        Over a face where ``normal`` is given, over a sector where ``sector`` is, else all round the tube.
+    """
+    return Grid(region_of(axis, margin, sector, normal), Tolerance(tolerance, measure))
+
+
+def region_of(
+    axis: Axis | None = None,
+    margin: float | None = None,
+    sector: tuple[float, float] | None = None,
+    normal: Vector | None = None,
+) -> Region:
+    """Return the region that has these members, as of ``AutoGrid``."""
+    if normal is not None:
+        return Across(axis, margin, normal=normal)
+    if sector is not None:
+        return Sector(axis, margin, start=sector[0], stop=sector[1])
+    return Tube(axis, margin)
+
+
+def axis_along(direction: Vector | None) -> Axis | None:
+    """Return an axis through the origin, for regions where only its direction counts; None for None."""
+    return None if direction is None else Axis((0.0, 0.0, 0.0), direction)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +254,16 @@ class PlanesGrid:
     u: Planes
     v: Planes
     closed: bool
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether another grid has the same planes, with normals as they were given."""
+        if not isinstance(other, PlanesGrid) or self.closed != other.closed:
+            return False
+        return all(np.array_equal(a, b) for a, b in zip(self._arrays, other._arrays))
+
+    @property
+    def _arrays(self) -> tuple[Array, ...]:
+        return self.u.points, self.u.directions, self.v.points, self.v.directions
 
     def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
         """The lines of the control points on ``mesh``; they do not depend on the degree."""
@@ -261,9 +388,6 @@ def lines_on(chart: Chart, mesh: TriangleMesh, n: int, lines: int, spacing: str,
         t = chart.breadth[0] + (chart.breadth[1] - chart.breadth[0]) * np.arange(lines) / last
         return chart_lines(chart, np.linspace(*chart.span, n), t)
     return spaced_lines(Survey.of(mesh, chart, n), n, lines, spacing, degree)
-
-
-Grid = TubeGrid | SectorGrid | AcrossGrid | PlanesGrid
 
 
 def numbered(count: int) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Planes, and the frames in which sections are drawn."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,12 +16,14 @@ class Planes:
 
     points: Array  # (n, 3) [m]
     normals: Array  # (n, 3) unit
+    directions: Array = field(init=False, repr=False)  # (n, 3) the normals as given, of any length
 
     def __post_init__(self):
         normals = np.asarray(self.normals, float)
         is_unit = np.abs(np.linalg.norm(normals, axis=-1, keepdims=True) - 1) < UNIT
+        object.__setattr__(self, "directions", normals)
         object.__setattr__(self, "normals", np.where(is_unit, normals, unit(normals)))
-        freeze(self, points=(None, 3), normals=(len(self.points), 3))
+        freeze(self, points=(None, 3), normals=(len(self.points), 3), directions=(len(self.points), 3))
 
     def __len__(self) -> int:
         return len(self.points)

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from skin_calib_addon.calibration.response import Response, ResponseTable
 from skin_calib_addon.common.errors import CalibrationFormatError, InvalidPlan, OutputError
 from skin_calib_addon.common.findings import child
-from skin_calib_addon.geometry import AcrossGrid, PlanesGrid, SectorGrid, TubeGrid
+from skin_calib_addon.geometry import PlanesGrid
+from skin_calib_addon.geometry.grid.grids import Across, Sector, Size, Tube
 from skin_calib_addon.plan import check_plan, check_plan_wholly, load_plan, plan_document, plan_from, save_plan
 
 ROOT = Path(__file__).parents[3]
@@ -192,7 +193,7 @@ def test_whole_plan_is_read():
     plan = plan_from(WHOLE)
     assert (plan.link, plan.mesh, plan.unit, plan.degree) == ("forearm", Path("meshes/forearm.stl"), "mm", (3, 4))
     assert (plan.cover.shell, plan.cover.cuts[0].normal) == ("all", (0.0, 0.6, 0.8))
-    assert (plan.grid.n, plan.grid.lines, plan.grid.axis, plan.grid.margin) == (10, 20, None, 0.002)
+    assert (plan.grid.size, plan.grid.region) == (Size(10, 20), Tube(None, 0.002))
     assert plan.response == Response((0.0, 0.5)) and plan.extra == {"x_note": WHOLE["x_note"]}
     wrist, palm = plan.skins
     assert (wrist.origin, wrist.first_channel, wrist.lattice.rows, wrist.lattice.pitch) == (None, 0, 6, (0.01, 0.01))
@@ -229,18 +230,18 @@ def test_defaults_are_the_documented_ones():
 @pytest.mark.parametrize(
     ("grid", "kind", "lines"),
     [
-        (TUBE, TubeGrid, 20),
-        (TUBE | {"m": 1000}, TubeGrid, 2000),
-        ({"kind": "tube", "n": 10, "lines": 7}, TubeGrid, 7),
-        (SECTOR, SectorGrid, 9),
-        ({"kind": "patch", "n": 6, "m": 9, "from": 0, "to": 1}, SectorGrid, 9),
-        (ACROSS, AcrossGrid, 9),
+        (TUBE, Tube, 20),
+        (TUBE | {"m": 1000}, Tube, 2000),
+        ({"kind": "tube", "n": 10, "lines": 7}, Tube, 7),
+        (SECTOR, Sector, 9),
+        ({"kind": "patch", "n": 6, "m": 9, "from": 0, "to": 1}, Sector, 9),
+        (ACROSS, Across, 9),
     ],
 )
 def test_lines_are_counted_as_documented(grid, kind, lines):
     """m full planes through a tube's axis make 2 m lines; of a patch each plane makes one."""
     made = plan_from(changed("/grid", grid)).grid
-    assert isinstance(made, kind) and made.lines == lines
+    assert isinstance(made.region, kind) and made.size.lines == lines
 
 
 def test_planes_are_kept_in_their_order():

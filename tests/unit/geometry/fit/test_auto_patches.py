@@ -14,9 +14,10 @@ from skin_calib_addon.geometry import (
     fit_surface,
     fit_to_tolerance,
 )
-from skin_calib_addon.geometry.fit.auto import ErrorModel, chart_of, net_size
+from skin_calib_addon.geometry.fit.auto import ErrorModel, net_size
 from skin_calib_addon.geometry.fit.surface_fit import fit_lines
 from skin_calib_addon.geometry.grid.error_model import Survey
+from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
 from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
 from skin_calib_addon.plan import plan_from
 from tests.shapes import Z_AXIS, cone, cylinder, dome, keep, sheet, welded, wrist
@@ -216,7 +217,7 @@ def test_plan_is_carried_out(members, kind, measure, tolerance):
             "skins": [],
         }
     )
-    assert isinstance(plan.grid, AutoGrid)
+    assert isinstance(plan.grid.size, Tolerance)
     mesh = ridge() if kind == "face" else wrist()
     fit = fit_grid(mesh, plan.grid, plan.degree)
     assert getattr(fit.errors.surface_to_mesh, measure) <= 1.05 * tolerance
@@ -242,23 +243,23 @@ def test_chords_go_on_from_the_smallest_grid():
 def test_chart_of_an_automatic_grid_is_that_of_its_kind():
     """A tube, a sector, a face: the same stations and edges as the grids of given size have."""
     tube, sector, face = (
-        chart_of(wrist(), Z_AXIS, 0.004),
-        chart_of(wrist(), Z_AXIS, 0.004, sector=(-1.0, 1.5)),
-        chart_of(dome(), margin=0.004, normal=UP),
+        AutoGrid(1.0, "mean", Z_AXIS, 0.004).region.chart(wrist()),
+        AutoGrid(1.0, "mean", Z_AXIS, 0.004, sector=(-1.0, 1.5)).region.chart(wrist()),
+        AutoGrid(1.0, margin=0.004, normal=UP).region.chart(dome()),
     )
     for chart, grid, mesh in (
         (tube, TubeGrid(4, 4, Z_AXIS, 0.004), wrist()),
         (sector, SectorGrid(4, 4, -1.0, 1.5, Z_AXIS, 0.004), wrist()),
         (face, AcrossGrid(4, 4, UP, None, 0.004), dome()),
     ):
-        other = grid.chart(mesh)
+        other = grid.region.chart(mesh)
         assert type(chart) is type(other) and chart.span == other.span and chart.breadth == other.breadth
 
 
 def test_smallest_grid_of_the_model_keeps_its_error():
     """What is predicted of the grid it names keeps within; of grids of two thirds of its control points none does."""
     mesh = coarse_wrist()
-    model = ErrorModel(Survey.of(mesh, chart_of(mesh, **SECTOR), 60), (3, 3))
+    model = ErrorModel(Survey.of(mesh, region_of(**SECTOR).chart(mesh), 60), (3, 3))
     for error in np.geomspace(2e-3, 2e-5, 12):
         n, lines = model.smallest_grid(error)
         assert model.error((n, lines)) <= error
@@ -282,7 +283,7 @@ TUBE = {"axis": Z_AXIS, "margin": 0.004}
 )
 def test_prediction_is_what_a_fit_keeps(mesh, where, off):
     """Within a tenth all round, and a fifth of patches, by exact distances, down to what the facets leave."""
-    model = ErrorModel(Survey.of(mesh, chart_of(mesh, **where), 60), (3, 3))
+    model = ErrorModel(Survey.of(mesh, region_of(**where).chart(mesh), 60), (3, 3))
     for size in ((4, 5), (4, 8), (6, 5), (5, 11), (8, 12), (8, 17), (10, 20)):
         fit = fit_lines(mesh, model.lines(size), (3, 3))
         np.testing.assert_allclose(model.error(size), fit.errors.surface_to_mesh.mean, rtol=off, err_msg=str(size))

@@ -131,7 +131,7 @@ def test_sector_is_exact_to_its_facets():
         assert fit.missing == 0 and fit.surface.closed == (False, False)
         assert_lies_on_tube(fit, RADIUS, RADIUS, 2e-4)
         angle = np.arctan2(*fit.surface.points(UV)[:, 1::-1].T)
-        assert grid.start < angle.min() and angle.max() < grid.stop
+        assert grid.region.start < angle.min() and angle.max() < grid.region.stop
 
 
 @pytest.mark.parametrize("degree", [2, 3, 5])

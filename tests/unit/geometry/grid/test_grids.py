@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import InvalidPlan
-from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry import AcrossGrid, AutoGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, box, cone, cylinder, dome, keep, wrist
 
 seeds = st.integers(0, 2**32 - 1)
@@ -136,7 +136,7 @@ def test_sector_of_a_tube_along_x_counts_from_y():
 @pytest.mark.parametrize(("start", "stop"), [(1.0, 1.0), (1.0, 0.0), (0.0, 6.2832), (0.0, 7.0)])
 def test_sector_without_angle_is_refused(start, stop):
     """Nothing, backwards, all round or more."""
-    with pytest.raises(InvalidPlan, match='"from" .* and "to" .* must span more than 0 and less than 2 pi'):
+    with pytest.raises(InvalidPlan, match=r"the sector from .* to .* rad must span more than 0 and less than 2 pi"):
         SectorGrid(5, 8, start, stop, Z_AXIS).line_grid(cylinder())
 
 
@@ -161,11 +161,11 @@ def test_across_takes_a_hundredth_where_no_margin_is_given():
 @pytest.mark.parametrize(
     ("grid", "message"),
     [
-        (AcrossGrid(6, 4, (0, 0, -1.0)), r'no face of the mesh looks along "normal" \[0, 0, -1\.0\]'),
+        (AcrossGrid(6, 4, (0, 0, -1.0)), r"no mesh face has the outward normal \[0, 0, -1\.0\]; reverse"),
         (AcrossGrid(6, 4, (0, 0, 1.0), margin=0.04), "margin 40 mm leaves nothing of the face"),
         (
             AcrossGrid(6, 4, (0, 0, 1.0), along=(0, 0.01, 3.0)),
-            r'the axis .* runs along "normal"; it must lie in the face',
+            r"the axis .* is parallel to the outward normal; choose one in the face",
         ),
     ],
 )
@@ -290,3 +290,20 @@ def test_half_tube_takes_a_sector():
     assert fit.missing == 0
     radius = np.linalg.norm(fit.surface.points(np.random.default_rng(2).uniform(0, 1, (200, 2)))[:, :2], axis=1)
     assert RADIUS * np.cos(np.pi / 96) - 5e-6 < radius.min() and radius.max() < RADIUS + 5e-6
+
+
+def test_grid_with_a_tolerance_has_no_lines_of_its_own():
+    """The numbers of planes and lines come from fits; the message names the function that makes them."""
+    with pytest.raises(InvalidPlan, match="has a tolerance instead of numbers of planes and lines; use fit_grid"):
+        AutoGrid(1e-4).line_grid(cylinder())
+
+
+def test_grids_of_planes_are_equal_where_they_were_given_the_same():
+    """Points, normals with their lengths, and whether the grid is closed; normals themselves have length one."""
+    grid = flat_planes()
+    longer = Planes(grid.u.points, 2 * grid.u.normals)
+    assert grid == flat_planes() and grid != "planes"
+    assert (longer.normals == grid.u.normals).all() and (longer.directions == 2 * grid.u.normals).all()
+    assert grid != PlanesGrid(longer, grid.v, False)
+    assert grid != PlanesGrid(grid.u, grid.v, True)
+    assert grid != PlanesGrid(grid.u, Planes(grid.v.points + 0.001, grid.v.normals), False)

@@ -63,14 +63,15 @@ def ridged():
 
 def survey_of(mesh, grid):
     """As the grid itself looks at a mesh."""
-    return Survey.of(mesh, grid.chart(mesh), grid.n)
+    return Survey.of(mesh, grid.region.chart(mesh), grid.size.n)
 
 
 def even_places(grid, survey):
     """Even s and t."""
     chart = survey.chart
-    last = grid.lines if chart.closed else grid.lines - 1
-    return np.linspace(*chart.span, grid.n), chart.breadth[0] + np.ptp(chart.breadth) * np.arange(grid.lines) / last
+    n, lines = grid.size.n, grid.size.lines
+    last = lines if chart.closed else lines - 1
+    return np.linspace(*chart.span, n), chart.breadth[0] + np.ptp(chart.breadth) * np.arange(lines) / last
 
 
 def true_error(mesh, chart, s, t):
@@ -131,7 +132,7 @@ def test_places_leave_less_than_even_ones(mesh, grid):
     """By the survey and by the true distance of fits, and the survey puts the two in the same order."""
     survey = survey_of(mesh, grid)
     chart, (s, t) = survey.chart, even_places(grid, survey)
-    chosen = plane_places(survey, grid.n, "auto", 3), line_places(survey, grid.lines, "auto", 3)
+    chosen = plane_places(survey, grid.size.n, "auto", 3), line_places(survey, grid.size.lines, "auto", 3)
     told = [np.hypot(survey.error_along(a, 3)[0], survey.error_across(b, 3)[0]) for a, b in ((s, t), chosen)]
     true = [true_error(mesh, chart, a, b) for a, b in ((s, t), chosen)]
     assert told[1] < 0.2 * told[0] and true[1] < 0.2 * true[0]

@@ -52,17 +52,17 @@ def test_bent_axis_moves_along():
 @pytest.mark.parametrize("mesh", [cylinder(), wrist(), bent(0.5)], ids=["cylinder", "wrist", "slight bend"])
 def test_straight_axis_serves_where_it_can(mesh):
     """No curve where a line stays near the centres."""
-    chart = TubeGrid(8, 16).chart(mesh)
+    chart = TubeGrid(8, 16).region.chart(mesh)
     assert isinstance(chart, TubeChart) and not isinstance(chart.frame, Spine)
 
 
 def test_margin_is_left_free_at_both_ends():
     """From the ends of the mesh inward; one that leaves nothing is refused."""
     mesh = bent(np.pi / 2)
-    free, inset = (TubeGrid(8, 16, margin=margin).chart(mesh).span for margin in (0.002, 0.022))
+    free, inset = (TubeGrid(8, 16, margin=margin).region.chart(mesh).span for margin in (0.002, 0.022))
     assert_allclose((inset[0] - free[0], free[1] - inset[1]), 0.02, rtol=1e-9)
     with pytest.raises(InvalidPlan, match="margin 100 mm at both ends leaves nothing along the axis"):
-        TubeGrid(8, 16, margin=0.1).chart(mesh)
+        TubeGrid(8, 16, margin=0.1).region.chart(mesh)
 
 
 def test_frames_of_a_curve_turn_as_little_as_may_be():
