@@ -161,7 +161,7 @@ def row(panel: Panel, value: float, link: Link, method: str, variant: str, fit: 
             warnings.simplefilter("ignore")
             made, milliseconds = timed(fit, repeats)
         if method == "ours":
-            missing, area, doubts = made.missing, made.smallest_area, "; ".join(made.doubts)
+            missing, area, doubts = made.missing, made.smallest_area, "; ".join(map(str, made.warnings))
             made = methods.surface_of_ours(made)
         mean, largest = from_truth(link, made)
         if mean > LIMIT:

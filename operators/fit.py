@@ -44,8 +44,8 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
         overlay.redraw()
         mean = result.fit.errors.surface_to_mesh.mean
         self.report({"INFO"}, f"{link.skin_calib.link}: mean error {mean * 1e3:.4f} mm")
-        for doubt in result.doubts:  # after the rest: the window shows what was reported last
-            self.report({"WARNING"}, doubt)
+        for warning in result.warnings:  # last, because the window shows what was reported last
+            self.report({"WARNING"}, str(warning))
         return {"FINISHED"}
 
     def refuse(self, error):

@@ -180,8 +180,8 @@ class SKIN_OT_diagnose(OnMesh, bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         diagnoses.keep(link, found)
-        serious = [remark.what for remark in found.remarks() if remark.matters]
-        self.report({"INFO"}, f"{link.name}: {'; '.join(serious) or 'nothing that a fit suffers from'}")
+        serious = [finding.message for finding in found.findings() if finding.severity != "note"]
+        self.report({"INFO"}, f"{link.name}: {'; '.join(serious) or 'found nothing that affects the fit'}")
         return {"FINISHED"}
 
 

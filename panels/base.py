@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panels have in common: where they are, and when; how a plane placed by hand looks in them."""
 
+import textwrap
+
 from ..skin_calib_addon.blender.live import live
+
+# Characters in a line of the sidebar at its initial width.
+LINE_WIDTH = 34
 
 
 class SkinPanel:
@@ -20,6 +25,22 @@ class SkinPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False  # nothing here is animatable
         self.lay_out(layout, context.object and context.object.skin_calib)
+
+
+def show_text(layout, text, icon):
+    """A message, in lines as wide as the sidebar."""
+    column = layout.column(align=True)
+    for k, line in enumerate(textwrap.wrap(text, LINE_WIDTH)):
+        column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
+
+
+def show_warning(layout, warning):
+    """A warning: its message, and below it the advice."""
+    column = layout.column(align=True)
+    icon = {"note": "DOT" if warning.advice else "CHECKMARK"}.get(warning.severity, "ERROR")
+    show_text(column, warning.message, icon)
+    if warning.advice:
+        show_text(column, warning.advice, "BLANK1")
 
 
 def what_is_wrong(settings, family, index):

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The fit, and what it gave."""
 
-import textwrap
-
 import bpy
 
 from ..skin_calib_addon.blender.live import live
-from ..skin_calib_addon.blender.scene.scene import DOUBT_WIDTH
-from .base import SkinPanel
+from .base import SkinPanel, show_text, show_warning
 
 
 class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
@@ -18,8 +15,8 @@ class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
         row.operator("skin_calib.fit", icon="SURFACE_DATA")
         row.prop(plan, "live", toggle=True, icon="PLAY")
         result, told = plan.result, live.told.get(plan.id_data.name)
-        for line in textwrap.wrap(told.problem, DOUBT_WIDTH) if told else ():
-            layout.label(text=line, icon="ERROR")
+        if told and told.problem:
+            show_text(layout, told.problem, "ERROR")
         if not result.key:
             return
         if told and not told.problem:
@@ -31,10 +28,8 @@ class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
         for name in ("mean", "max", "hausdorff", "control_points", "taxels", "seconds"):
             column.prop(result, name)
         layout.operator("skin_calib.show_worst", icon="ZOOM_SELECTED")
-        for doubt in result.doubts.split("\n\n") if result.doubts else ():
-            column = layout.column(align=True)
-            for k, line in enumerate(doubt.split("\n")):
-                column.label(text=line, icon="BLANK1" if k else "ERROR")
+        for warning in result.warnings:
+            show_warning(layout, warning)
 
 
 CLASSES = (SKIN_PT_fit,)

@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What of the fitted skin is drawn, and how."""
 
-import textwrap
-
 import bpy
 
 from ..skin_calib_addon.blender.inspection import comparing, replay
 from ..skin_calib_addon.blender.scene import results
-from ..skin_calib_addon.blender.scene.scene import DOUBT_WIDTH
-from .base import SkinPanel
+from .base import SkinPanel, show_text, show_warning
 
 
 class SKIN_PT_inspect(SkinPanel, bpy.types.Panel):
@@ -40,7 +37,7 @@ class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
         taxel = plan.inspect.taxel
         layout.operator("skin_calib.taxel", icon="EYEDROPPER")
         layout.prop(taxel, "wanted", icon="VIEWZOOM")
-        say(layout, taxel.problem, "ERROR")
+        show_text(layout, taxel.problem, "ERROR")
         if not taxel.id:
             return
         if taxel.key != plan.result.key:
@@ -54,7 +51,7 @@ class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
                 column.prop(taxel, name)
         if taxel.has_tilt:
             column.prop(taxel, "tilt")
-        say(layout, f"Neighbours: {taxel.neighbours}" if taxel.neighbours else "No neighbours", "NONE")
+        show_text(layout, f"Neighbours: {taxel.neighbours}" if taxel.neighbours else "No neighbours", "NONE")
 
 
 class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
@@ -66,7 +63,7 @@ class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
         if not lay_out_file(layout, found, plan, "compare"):
             return
         for line in found.told.splitlines():
-            say(layout, line, "ERROR")
+            show_text(layout, line, "ERROR")
         column = layout.column(align=True)
         column.enabled = False
         for name in ("pairs", "by", "mean", "max", "worst"):
@@ -84,10 +81,10 @@ class SKIN_PT_inspect_touches(SkinPanel, bpy.types.Panel):
         found = plan.inspect.touches
         if not lay_out_file(layout, found, plan, "touches"):
             return
-        for line in found.doubts.splitlines():
-            say(layout, line, "ERROR")
+        for warning in found.warnings:
+            show_warning(layout, warning)
         for line in found.told.splitlines():
-            say(layout, line, "DOT")
+            show_text(layout, line, "DOT")
         layout.operator("skin_calib.touches_move", icon="SNAP_ON")
 
 
@@ -128,14 +125,7 @@ class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
         column.prop(record, "frame")
         column.prop(record, "speed")
         for line in replay.told.get(record.token, ()):
-            say(layout, line, "NONE")
-
-
-def say(layout, text, icon):
-    """A message, in lines as wide as the sidebar."""
-    column = layout.column(align=True)
-    for k, line in enumerate(textwrap.wrap(text, DOUBT_WIDTH)):
-        column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
+            show_text(layout, line, "NONE")
 
 
 class SKIN_PT_inspect_sizes(SkinPanel, bpy.types.Panel):

@@ -6,7 +6,7 @@ import bpy
 from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.scene.scene import longest_side
 from ..skin_calib_addon.geometry.mesh.units import NAMES, mistaken
-from .base import SkinPanel
+from .base import SkinPanel, show_warning
 
 
 class SKIN_PT_link(SkinPanel, bpy.types.Panel):
@@ -61,12 +61,8 @@ class SKIN_PT_mesh(SkinPanel, bpy.types.Panel):
             return
         if plan.id_data.name in diagnoses.doubted:
             layout.label(text="The mesh has changed: check again", icon="INFO")
-        for remark in found.remarks:
-            column = layout.column(align=True)
-            icon = "ERROR" if remark.matters else "DOT" if remark.advice else "CHECKMARK"
-            for k, line in enumerate((*remark.what.split("\n"), *remark.advice.split("\n"))):
-                if line:
-                    column.label(text=line, icon="BLANK1" if k else icon)
+        for finding in found.findings:
+            show_warning(layout, finding)
         if found.inner:
             row = layout.row(align=True)
             row.use_property_split = False

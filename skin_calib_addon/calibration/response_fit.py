@@ -7,6 +7,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.errors import UnderdeterminedFit
+from ..common.warnings import Warning
 from .response import AnyResponse, Response, ResponseTable
 from .response_checks import is_monotone
 
@@ -38,7 +39,7 @@ class ResponseFit:
     response: AnyResponse
     used: BoolArray  # (n,) False where a measurement says only that the sensor is full, or does not feel
     residuals: Array  # (m,) of those used, force measured less force told [N]
-    doubts: tuple[str, ...]
+    warnings: tuple[Warning, ...]
 
     @property
     def kind(self) -> str:
@@ -80,8 +81,8 @@ def fit_response(readings: Array, forces: Array) -> ResponseFit:
     with np.errstate(all="ignore"):  # readings that are hardly apart: what overflows is found worse than the rest
         response = _best(readings[~full], told[~full], sign)
     residuals = forces[used] - response.newtons(readings[used])
-    doubts = _doubts(response, readings, forces, used, residuals)
-    return ResponseFit(response, used, residuals, tuple(doubts))
+    warnings = tuple(_warnings(response, readings, forces, used, residuals))
+    return ResponseFit(response, used, residuals, warnings)
 
 
 def _alike(readings: Array, forces: Array) -> str:
@@ -225,34 +226,57 @@ def _isotonic(values: Array, weights: Array) -> Array:
     return np.repeat(np.array([block[0] for block in blocks]), [block[2] for block in blocks])
 
 
-def _doubts(response: AnyResponse, readings: Array, forces: Array, used: BoolArray, residuals: Array) -> Iterator[str]:
-    """What a person should know before trusting the fit."""
+def _warnings(
+    response: AnyResponse, readings: Array, forces: Array, used: BoolArray, residuals: Array
+) -> Iterator[Warning]:
+    """What a person should know before using the fit."""
     distinct, span = np.unique(readings), float(np.ptp(forces))
     if len(readings) < FEW or len(distinct) < FEW_READINGS:
-        yield (
-            f"only {len(readings)} measurements at {len(distinct)} readings; take {FEW} or more, spread over all forces"
-        )
-    for end, what in ((response.full, "the sensor is full there"), (response.rest, "smaller forces are not felt")):
+        message = f"There are only {len(readings)} measurements at {len(distinct)} readings."
+        advice = f"Take {FEW} or more, spread over all forces."
+        yield Warning("few-measurements", "warning", message, value=float(len(readings)), advice=advice)
+    for end, code, cause in (
+        (response.full, "saturated", "The sensor is saturated there"),
+        (response.rest, "dead-zone", "The sensor does not react to smaller forces"),
+    ):
         count = int((~used & (readings == end)).sum())
         if count:
-            between = forces[readings == end]
-            yield (
-                f"{count + 1} measurements of {between.min():.3g} to {between.max():.3g} N all read {end:g}: {what}, "
-                f"and it is told as {float(response.newtons(end)):.3g} N"
+            between, force = forces[readings == end], float(response.newtons(end))
+            yield Warning(
+                code,
+                "warning",
+                f"{count + 1} measurements of {between.min():.3g} to {between.max():.3g} N all read {end:g}. "
+                f"{cause}, and the response gives {force:.3g} N.",
+                value=force,
             )
     wide = int(np.argmax(np.diff(distinct)))
     if distinct[wide + 1] - distinct[wide] > GAP * np.ptp(distinct) and len(distinct) >= FEW_READINGS:
-        yield f"no measurement reads between {distinct[wide]:g} and {distinct[wide + 1]:g}; the force there is a guess"
+        yield Warning(
+            "reading-gap",
+            "warning",
+            f"No measurement reads between {distinct[wide]:g} and {distinct[wide + 1]:g}. "
+            "The force there is interpolated.",
+            value=float(distinct[wide + 1] - distinct[wide]),
+            advice="Measure forces in between.",
+        )
     poor = np.sqrt(np.mean(residuals**2)) > POOR * forces[used].std()
     apart, chance = _hysteresis(readings[used], residuals, _loads(forces)[used])
     if abs(apart) > max(HYSTERESIS * span, HYSTERESIS_ERRORS * chance) and not poor:
-        more = "more" if apart > 0 else "less"
-        yield (
-            f"at the same reading the force is {abs(apart):.3g} N {more} while it grows than while it falls "
-            "(hysteresis); the response lies between"
+        more = "larger" if apart > 0 else "smaller"
+        yield Warning(
+            "hysteresis",
+            "warning",
+            f"At the same reading the force is {abs(apart):.3g} N {more} while it increases than while it decreases "
+            "(hysteresis). The response lies between the two.",
+            value=float(apart),
         )
     if poor:
-        yield "the readings hardly tell the force; check that they are of the right taxel, and the columns"
+        yield Warning(
+            "poor-response",
+            "warning",
+            "The readings hardly depend on the force.",
+            advice="Check that they are of the right taxel, and the columns.",
+        )
 
 
 def _loads(forces: Array) -> IntArray:

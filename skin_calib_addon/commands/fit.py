@@ -131,8 +131,8 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
 
 def _tell(outcome: Outcome, which: str) -> None:
     """What became of a link, as soon as it is known; of one alone, all of it."""
-    for doubt in outcome.doubts:
-        complain(f"{which}warning: {doubt}")
+    for warning in outcome.warnings:
+        complain(f"{which}{warning.severity}: {warning}")
     if outcome.state == "failed":
         complain(which + outcome.text)
         sys.stderr.write(outcome.trace)
@@ -154,7 +154,7 @@ def _table(done: list[Outcome]) -> str:
             stale = "; the calibration there is of an earlier fit" if os.path.isfile(outcome.job.calibration) else ""
             what = " ".join(text.splitlines()) + stale
         else:
-            warnings = f"{len(outcome.doubts)} warnings" if outcome.doubts else ""
+            warnings = f"{len(outcome.warnings)} warnings" if outcome.warnings else ""
             numbers = f"{outcome.taxels:6} taxels, mean error {outcome.mean * 1e3:.4f} mm"
             what = ", ".join(word for word in (numbers, warnings, text) if word)
         lines.append(f"{outcome.job.name:{width}}  {outcome.state:10}  {what}")

@@ -11,6 +11,7 @@ from typing import Literal
 from ..calibration.file import load_calibration, save_calibration
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError, SkinCalibError
+from ..common.warnings import Warning
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline import Calibrated, calibrate
 from ..pipeline.report import report_document, summary
@@ -20,7 +21,12 @@ from ..robot.urdf import Robot, compare
 from .common import check_target
 from .side_by_side import carry_out
 
-EDITED = "it was changed after its last fit, and that is lost now: do again what was done to it"
+EDITED = Warning(
+    "edited",
+    "warning",
+    "The calibration was changed after its last fit, and this fit replaces those changes.",
+    advice="Apply them again.",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +55,7 @@ class Outcome:
     job: Job
     state: Literal["fitted", "up to date", "kept", "failed"]
     text: str = ""  # what it came to, or why it failed
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[Warning, ...] = ()
     taxels: int = 0
     mean: float = 0.0  # distance from surface to mesh [m]
     source: Source | None = None
@@ -70,14 +76,14 @@ def fit_one(job: Job) -> Outcome:
         if isinstance(job.plan, Path):
             for output in job.outputs:
                 check_target(output, plan.mesh, *taxel_files(plan))
-        doubts = compare(job.robot, plan) if job.robot else ()
+        warnings = compare(job.robot, plan) if job.robot else ()
         source = source_of(job.plan, plan, job.folder) if job.folder and isinstance(job.plan, Path) else None
         if source and job.before and job.folder:
             if is_current(source, job.before, job.folder, job.outputs):
-                return _left(job, "up to date", job.before, doubts)
+                return _left(job, "up to date", job.before, warnings)
             if _is_edited(job) and is_current(source, job.before, job.folder, []):
-                return _left(job, "kept", job.before, doubts)
-        doubts += (EDITED,) if _is_edited(job) else ()
+                return _left(job, "kept", job.before, warnings)
+        warnings += (EDITED,) if _is_edited(job) else ()
         result = calibrate(plan, job.mesh)
         if job.picture:
             _draw(result, job.picture)
@@ -89,14 +95,14 @@ def fit_one(job: Job) -> Outcome:
     taxels = sum(len(patch.taxels.ids) for patch in result.calibration.patches)
     mean = result.fit.errors.surface_to_mesh.mean
     if source and job.folder:
-        source = with_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, doubts=result.doubts)
+        source = with_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, warnings=result.warnings)
     text = summary(result, job.calibration)
-    return Outcome(job, "fitted", text, doubts + result.doubts, taxels, mean, source)
+    return Outcome(job, "fitted", text, warnings + result.warnings, taxels, mean, source)
 
 
-def _left(job: Job, state: Literal["up to date", "kept"], source: Source, doubts: tuple[str, ...]) -> Outcome:
+def _left(job: Job, state: Literal["up to date", "kept"], source: Source, warnings: tuple[Warning, ...]) -> Outcome:
     text = "changed after its fit; --again would undo that" if state == "kept" else ""
-    return Outcome(job, state, text, doubts + source.doubts, source.taxels, source.mean)
+    return Outcome(job, state, text, warnings + source.warnings, source.taxels, source.mean)
 
 
 def _is_edited(job: Job) -> bool:

@@ -69,8 +69,8 @@ def _on_link(options: argparse.Namespace) -> int:
     check_target(options.output, plan.mesh)
     result = calibrate(plan)
     save_calibration(result.calibration, options.output)
-    for doubt in result.doubts:
-        complain(f"warning: {doubt}")
+    for warning in result.warnings:
+        complain(f"{warning.severity}: {warning}")
     print(summary(result, options.output))
     return DONE
 

@@ -13,6 +13,7 @@ from ..calibration.model import LinkCalibration, Patch
 from ..calibration.response import AnyResponse
 from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import UnderdeterminedFit
+from ..common.warnings import Place, Warning
 from .common import DONE, check_target, complain
 
 
@@ -40,8 +41,8 @@ def run(options: argparse.Namespace) -> int:
 
         draw_responses(measured, fits, options.picture)
     save_calibration(result, options.output)
-    for doubt in _doubts(calibration, measured, fits):
-        complain(f"warning: {doubt}")
+    for warning in _warnings(calibration, measured, fits):
+        complain(f"{warning.severity}: {warning}")
     for one, fit in zip(measured, fits):
         print(_line(one, fit))
     print(f"calibration      {options.output}")
@@ -94,18 +95,25 @@ def _line(measured: Measurements, fit: ResponseFit) -> str:
     )
 
 
-def _doubts(
+def _warnings(
     calibration: LinkCalibration, measured: Sequence[Measurements], fits: Sequence[ResponseFit]
-) -> Iterator[str]:
+) -> Iterator[Warning]:
     for one, fit in zip(measured, fits):
-        for doubt in fit.doubts:
-            yield doubt if one.taxel is None else f"taxel {one.taxel}: {doubt}"
+        for warning in fit.warnings:
+            if one.taxel is None:
+                yield warning
+            else:
+                yield replace(
+                    warning, message=f"Taxel {one.taxel}: {warning.message}", where=Place(taxels=(one.taxel,))
+                )
     named = {one.taxel for one in measured}
     if None in named:
         own = sum(len(patch.taxels.responses) for patch in calibration.patches)
         if own:
-            yield f"{own} taxels had responses of their own, which the one for all replaces"
+            message = f"{own} taxels had responses of their own. The response of all taxels replaces them."
+            yield Warning("response-replaced", "warning", message, value=float(own))
         return
-    left = [name for patch in calibration.patches for name in patch.taxels.ids if name not in named]
+    left = tuple(name for patch in calibration.patches for name in patch.taxels.ids if name not in named)
     if left:
-        yield f"{len(left)} taxels, {left[0]} the first, have no measurement and keep the response they had"
+        message = f"{len(left)} taxels have no measurement and keep their response; the first is {left[0]}."
+        yield Warning("not-measured", "warning", message, Place(taxels=left), float(len(left)))

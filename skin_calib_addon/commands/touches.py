@@ -47,8 +47,8 @@ def run(options: argparse.Namespace) -> int:
     print(f"link             {calibration.link}, {_count(calibration)} taxels")
     print(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
     _tell(found)
-    for doubt in (doubt for placement in found for doubt in placement.doubts()):
-        complain(f"warning: {doubt}")
+    for warning in (warning for placement in found for warning in placement.warnings()):
+        complain(f"{warning.severity}: {warning}")
     if options.refine and plan and result:
         refined = refine(plan, result, touches)
         found = refined.placements

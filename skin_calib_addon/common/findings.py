@@ -24,9 +24,13 @@ class Finding:
     message: str
     value: Any = None
 
+    @property
+    def sentence(self) -> str:
+        """Place and message on one line."""
+        return f"{printable(_shortened(self.pointer, 200) or 'the document')} {printable(self.message)}"
+
     def __str__(self) -> str:
-        where = _shortened(self.pointer, 200) or "the document"
-        return f"{self.severity}: {printable(where)} {printable(self.message)} [{self.code}]"
+        return f"{self.severity}: {self.sentence} [{self.code}]"
 
 
 def error(code: str, pointer: str, message: str, value: Any = None) -> Finding:

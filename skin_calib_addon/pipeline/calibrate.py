@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import __version__
 from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
+from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.cover import cut_cover
@@ -30,10 +31,10 @@ class Calibrated:
     seconds: dict[str, float]  # by stage
 
     @cached_property
-    def doubts(self) -> tuple[str, ...]:
-        """What the author should look at: of the fit, and taxels that lie where the mesh has a hole."""
-        of_skins = (_untrusted(done.patch, self.fit) + done.doubts for done in self.laid)
-        return self.fit.doubts + tuple(doubt for doubts in of_skins for doubt in doubts)
+    def warnings(self) -> tuple[Warning, ...]:
+        """Return what the author should look at: of the fit, and of each skin."""
+        of_skins = ((*_over_holes(placed.patch, self.fit), *placed.warnings) for placed in self.laid)
+        return self.fit.warnings + tuple(warning for warnings in of_skins for warning in warnings)
 
 
 def calibrate(
@@ -81,13 +82,24 @@ def calibrate(
     return Calibrated(calibration, cover, fit, laid, seconds)
 
 
-def _untrusted(patch: Patch, fit: SurfaceFit) -> tuple[str, ...]:
-    """The taxels of a patch that lie where the surface spans a hole, in a line, if there are any."""
+def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
+    """A warning about the taxels of a patch where the surface spans a hole of the mesh, if there are any."""
     over = np.flatnonzero(~fit.is_trusted(patch.taxels.uv))
     if len(over) == 0:
         return ()
-    ids = ", ".join(str(patch.taxels.ids[i]) for i in over[:5]) + (", ..." if len(over) > 5 else "")
-    return (f"{len(over)} taxels of {patch.name} lie over a hole of the mesh, where the surface is a guess: {ids}",)
+    taxels = tuple(patch.taxels.ids[i] for i in over)
+    ids = ", ".join(taxels[:5]) + (", ..." if len(over) > 5 else "")
+    return (
+        Warning(
+            "over-hole",
+            "warning",
+            f"{len(over)} taxels of {patch.name} are over a hole of the mesh, where the surface is extrapolated: "
+            f"{ids}.",
+            Place(point_of(patch.taxels.positions_link[over[0]]), skin=patch.name, taxels=taxels),
+            float(len(over)),
+            "Close the hole, or move the skin.",
+        ),
+    )
 
 
 def surface_model(fit: SurfaceFit) -> SurfaceModel:

@@ -8,6 +8,7 @@ import numpy as np
 from ..calibration.exchange import read_taxels
 from ..calibration.model import Patch
 from ..common.errors import InvalidPlan
+from ..common.warnings import Place, Warning
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
 from ..skin.boards.board_taxels import board_taxels
@@ -17,7 +18,7 @@ from ..skin.sheet.joined import joined
 from ..skin.sheet.strain import Closure, closure
 from ..skin.sheet.taxels import sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
-from ..skin.warnings import sitting_doubts
+from ..skin.warnings import placement_warnings
 
 SURFACE = "cover"
 
@@ -36,11 +37,13 @@ class Laid:
         return None if self.sheet is None else closure(self.sheet)
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """What the author should look at."""
-        found = () if self.imported is None else self.imported.findings
-        of_file = tuple(f"{self.patch.name}: {str(finding).removeprefix('warning: ')}" for finding in found)
-        return sitting_doubts(self.patch, self.closure) + of_file
+    def warnings(self) -> tuple[Warning, ...]:
+        """Return what the author should look at."""
+        name, findings = self.patch.name, () if self.imported is None else self.imported.findings
+        of_file = (
+            Warning(f.code, f.severity, f"{name}: {f.sentence}", Place(names=f.pointer, skin=name)) for f in findings
+        )
+        return (*placement_warnings(self.patch, self.closure), *of_file)
 
 
 def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[Laid, ...] = ()) -> tuple[Laid, ...]:

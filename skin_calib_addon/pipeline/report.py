@@ -12,6 +12,7 @@ from ..common.arrays import Array
 from ..common.errors import millimetres
 from ..common.findings import printable
 from ..common.surface_errors import DistanceStatistics
+from ..common.warnings import to_document
 from ..skin.boards.board_taxels import angles
 from ..skin.imported import Distances
 from .calibrate import Calibrated
@@ -115,7 +116,7 @@ def report_document(result: Calibrated) -> dict[str, Any]:
         "condition": fit.condition,
         "dropped_loops": int(fit.dropped_loops.max()),
         "leave_one_out": fit.leave_one_out().tolist(),
-        "doubts": list(result.doubts),
+        "warnings": to_document(result.warnings),
         "worst": {"uv": fit.worst[0].tolist(), "point": fit.worst[1].tolist(), "distance": fit.worst[2]},
         "smallest_area": fit.smallest_area,
         "errors": errors | {"hausdorff": fit.errors.hausdorff},

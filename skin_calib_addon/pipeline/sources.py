@@ -18,12 +18,13 @@ from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
 from ..common.schema_check import check, read_schema
 from ..common.strict_json import parse, read
+from ..common.warnings import Warning, from_document, to_document
 from ..geometry.mesh.triangle_mesh import METRES, TriangleMesh, read_mesh
 from ..plan import Plan
 from ..plan.skins import ImportedSkin
 
 FILE = "sources.json"
-FORMAT, VERSION = "skin-sources", 1
+FORMAT, VERSION = "skin-sources", 2
 # Another release of a library rounds otherwise, or reads a mesh otherwise.
 PROGRAM = f"skin-calib {__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}, trimesh {trimesh.__version__}"
 
@@ -39,7 +40,7 @@ class Source:
     outputs: dict[str, str]  # of calibration, picture and report, by path
     taxels: int
     mean: float  # distance from surface to mesh [m]
-    doubts: tuple[str, ...]
+    warnings: tuple[Warning, ...]
 
     def finds(self, folder: Path, hashes: dict[str, str]) -> bool:
         """Whether files are there as they were."""
@@ -91,12 +92,24 @@ def load_sources(folder: Path) -> dict[str, Source]:
     if not os.path.lexists(path):
         return {}
     document, findings = parse(read(path))
+    document = _migrated(document)
     findings = tuple(findings) or check(document, _schema())
     if findings:
         message = f"cannot tell what the calibrations of '{folder}' were made from: {FILE} has {findings[0]}; delete it"
         raise CalibrationFormatError(message, findings)
     known = document["calibrations"].items()
-    return {name: Source(**{**member, "doubts": tuple(member["doubts"])}) for name, member in known}
+    return {name: Source(**{**member, "warnings": from_document(member["warnings"])}) for name, member in known}
+
+
+def _migrated(document: Any) -> Any:
+    """A document of version 1, whose warnings were plain strings, as one of version 2; others as they are."""
+    if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("version") != 1:
+        return document
+    calibrations = document.get("calibrations")
+    for member in calibrations.values() if isinstance(calibrations, dict) else ():
+        if isinstance(member, dict) and isinstance(texts := member.pop("doubts", None), list):
+            member["warnings"] = to_document(Warning("earlier-fit", "warning", str(text)) for text in texts)
+    return document | {"version": VERSION}
 
 
 def note_source(folder: Path, name: str, source: Source) -> None:
@@ -105,7 +118,9 @@ def note_source(folder: Path, name: str, source: Source) -> None:
     document = {
         "format": FORMAT,
         "version": VERSION,
-        "calibrations": {key: asdict(sources[key]) for key in sorted(sources)},
+        "calibrations": {
+            key: asdict(sources[key]) | {"warnings": to_document(sources[key].warnings)} for key in sorted(sources)
+        },
     }
     text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
     with suppress(UnicodeEncodeError):  # a file whose name is no text is fitted anew each time

@@ -7,6 +7,7 @@ from ..calibration.exchange.xml_nodes import Node, Refused, children_of_root
 from ..common.errors import CalibrationFormatError, UnknownLink
 from ..common.findings import did_you_mean, show
 from ..common.text import BadNumber, read_text, real
+from ..common.warnings import Warning
 from ..geometry.mesh.triangle_mesh import METRES
 from ..plan import Plan
 
@@ -54,8 +55,8 @@ def read_robot(path: Path) -> Robot:
     return Robot(path.name, links)
 
 
-def compare(robot: Robot, plan: Plan) -> tuple[str, ...]:
-    """Where a plan and the robot contradict each other in what they say of a mesh.
+def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
+    """Return where a plan and the robot contradict each other about a mesh.
 
     Raises
     ------
@@ -69,16 +70,19 @@ def compare(robot: Robot, plan: Plan) -> tuple[str, ...]:
     same = [mesh for mesh in meshes if PurePosixPath(mesh.file).stem == plan.mesh.stem]
     if meshes and not same:
         names = ", ".join(dict.fromkeys(mesh.file for mesh in meshes))
-        return (f"{robot.file} gives {plan.link} the mesh {names}, the plan has {plan.mesh.name}; see that it fits",)
-    doubts = []
+        message = f"{robot.file} gives {plan.link} the mesh {names}, but the plan has {plan.mesh.name}."
+        return (Warning("mesh-name", "warning", message, advice="Check that this mesh is in the frame of the link."),)
+    warnings = []
     if same and all(mesh.moved for mesh in same):
-        what = f"{robot.file} has {plan.mesh.name} at an origin of its own in {plan.link}"
-        doubts.append(f"{what}; a plan needs it in the link's frame: move it there")
+        message = f"{robot.file} gives {plan.mesh.name} an origin of its own in {plan.link}."
+        advice = "A plan needs the mesh in the frame of the link: move it there."
+        warnings.append(Warning("mesh-origin", "warning", message, advice=advice))
     scales = {mesh.scale for mesh in same if mesh.file == plan.mesh.name}
     if scales and (METRES[plan.unit],) * 3 not in scales:
         scale = " ".join(f"{s:g}" for s in min(scales))
-        doubts.append(f'{robot.file} scales {plan.mesh.name} by {scale}, the plan has "unit": "{plan.unit}"')
-    return tuple(doubts)
+        message = f'{robot.file} scales {plan.mesh.name} by {scale}, but the plan has "unit": "{plan.unit}".'
+        warnings.append(Warning("mesh-scale", "warning", message, advice="Set the unit of the mesh in the plan."))
+    return tuple(warnings)
 
 
 def _meshes(link: Node) -> list[LinkMesh]:

@@ -1,55 +1,102 @@
-"""What an author should look at in how a skin sits, each in a line that names the place and what to do."""
+"""Warnings about how a skin sits on its surface."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from ..calibration.model import Patch
-from ..common.arrays import Array
+from ..common.arrays import Array, IntArray
+from ..common.warnings import Place, Warning, point_of
 from .sheet.strain import Closure
 
-# What real skins bear: the stretch of a sheet, the overlap of its ends, and on a board the gap, what it sticks out and
-# how much deeper than in the flat it runs into another.
-STRETCH = 0.05
-OVERLAP = 5e-4  # [m]
-GAP = 3e-3  # [m]
-OVERHANG = 1e-3  # [m]
-COLLISION = 5e-4  # [m]
+# What real skins tolerate. A larger limit hides more warnings of its kind.
+STRAIN_LIMIT = 0.05  # stretch of a sheet
+OVERLAP_LIMIT = 5e-4  # of the two ends of a sheet [m]
+GAP_LIMIT = 3e-3  # between a corner of a board and the surface [m]
+OVERHANG_LIMIT = 1e-3  # of a board over an edge [m]
+COLLISION_LIMIT = 5e-4  # of two boards, beyond their collision in the flat lattice [m]
+
+BOARD_LIMITS = (
+    (
+        "gap",
+        "board-gap",
+        GAP_LIMIT,
+        "have a corner more than {limit:g} mm off the surface",
+        "Leave them out, or use smaller boards: the curvature is too high there.",
+    ),
+    (
+        "overhang",
+        "board-overhang",
+        OVERHANG_LIMIT,
+        "protrude over an edge by more than {limit:g} mm",
+        "Leave them out, or move the origin.",
+    ),
+    (
+        "collision",
+        "board-collision",
+        COLLISION_LIMIT,
+        "collide with another board by more than {limit:g} mm",
+        "Leave one of the two out.",
+    ),
+)
 
 
-def sitting_doubts(patch: Patch, closure: Closure | None = None) -> tuple[str, ...]:
-    """Where a skin is stretched too much, overlaps itself, or has boards that do not sit."""
-    return tuple(_doubts(patch, closure))
+def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator[Warning]:
+    """Yield where a skin is strained too much, overlaps itself, or has boards that do not fit the surface.
 
-
-def _doubts(patch: Patch, closure: Closure | None) -> Iterator[str]:
+    Parameters
+    ----------
+    patch : Patch
+    closure : Closure, optional
+        Of a sheet that goes round the link.
+    """
     quality = patch.taxels.quality
     if "strain" in quality:
         strain = np.abs(quality["strain"][:, :2]).max(axis=1)
-        yield from _worst(
-            patch, strain, STRETCH, 100, "are strained by more than", "%", "where it will wrinkle or lift"
+        which = np.flatnonzero(strain > STRAIN_LIMIT)
+        if len(which):
+            place, worst = _place(patch, which, strain)
+            yield Warning(
+                "strain",
+                "warning",
+                f"{len(which)} cells of {patch.name} are strained by more than {STRAIN_LIMIT:.0%}, the most "
+                f"{place.taxels[0]} by {worst:.1%}. The sheet will wrinkle or lift there.",
+                place,
+                worst,
+                "Move the sheet, or use a smaller one.",
+            )
+    if closure is not None and closure.gaps.min() < -OVERLAP_LIMIT:
+        line, overlap = int(closure.gaps.argmin()), -float(closure.gaps.min())
+        name = f"{closure.of[:-1]} {line}"
+        yield Warning(
+            "overlap",
+            "warning",
+            f"{patch.name} overlaps itself by up to {overlap * 1e3:.1f} mm where its {closure.of} close ({name}).",
+            Place(names=name, skin=patch.name),
+            overlap,
+            "Use fewer cells, or a smaller pitch.",
         )
-    if closure is not None and closure.gaps.min() < -OVERLAP:
-        line = int(closure.gaps.argmin())
-        yield (
-            f"{patch.name} overlaps itself by up to {-closure.gaps.min() * 1e3:.1f} mm where its {closure.of} close "
-            f"({closure.of[:-1]} {line}); take fewer cells, or a smaller pitch"
-        )
-    boards = (
-        ("gap", GAP, "stand off the surface at a corner, or sink in, by more than", "where it bends too much for them"),
-        ("overhang", OVERHANG, "stick out over an edge by more than", "leave them out, or move the origin"),
-        ("collision", COLLISION, "run into another by more than", "leave one of the two out"),
-    )
-    for name, limit, what, then in boards:
-        if name in quality and "pitch_error" in quality:
-            yield from _worst(patch, np.abs(quality[name]), limit, 1e3, what, " mm", then)
+    if "pitch_error" not in quality:
+        return
+    for key, code, limit, statement, advice in BOARD_LIMITS:
+        values = np.abs(quality.get(key, np.zeros(0)))
+        which = np.flatnonzero(values > limit)
+        if len(which):
+            place, worst = _place(patch, which, values)
+            yield Warning(
+                code,
+                "warning",
+                f"{len(which)} boards of {patch.name} {statement.format(limit=limit * 1e3)}, the most "
+                f"{place.taxels[0]} by {worst * 1e3:.1f} mm.",
+                place,
+                worst,
+                advice,
+            )
 
 
-def _worst(patch: Patch, values: Array, limit: float, scale: float, what: str, unit: str, then: str) -> Iterator[str]:
-    beyond = np.flatnonzero(values > limit)
-    if len(beyond):
-        worst = int(values.argmax())
-        yield (
-            f"{len(beyond)} cells of {patch.name} {what} {limit * scale:g}{unit}, the worst {patch.taxels.ids[worst]} "
-            f"by {values[worst] * scale:.1f}{unit}; {then}"
-        )
+def _place(patch: Patch, which: IntArray, values: Array) -> tuple[Place, float]:
+    """The taxels in question, the most affected one first, and its value."""
+    order = which[np.argsort(-values[which], kind="stable")]
+    taxels = tuple(patch.taxels.ids[i] for i in order)
+    point = point_of(patch.taxels.positions_link[order[0]])
+    return Place(point, skin=patch.name, taxels=taxels), float(values[order[0]])

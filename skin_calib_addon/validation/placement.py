@@ -5,13 +5,14 @@ are no error. Their mean over many touches is.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..calibration.model import LinkCalibration, Patch
 from ..common.arrays import Array, IntArray
+from ..common.warnings import Place, Warning
 from .touches import Touches
 
 # Distances of so many times what the size of the cells gives count half; steps until the weights have settled.
@@ -103,22 +104,39 @@ class Placement:
             return self.distances
         return np.linalg.norm(self.off[:, :2] - self.motion.at(self.flat), axis=1)
 
-    def doubts(self) -> Iterator[str]:
-        """What the author should look at, a line each."""
+    def warnings(self) -> Iterator[Warning]:
+        """Yield what the author should look at."""
+        name, place = self.patch.name, Place(skin=self.patch.name)
         order = other_order(self)
         if order:
-            yield f"the touches of {self.patch.name} fit {order}; is that how its channels run?"
+            message = f"The touches of {name} fit another order of its channels: {order}."
+            yield Warning("channel-order", "warning", message, place, advice="Check the order of the channels.")
             return
-        name = self.patch.name
         if len(self.passing):
-            told = [f"line {line}" for line in self.passing.tolist()]
-            yield f"touches that press along the skin of {name} tell no place: {_some(told)}"
+            lines = [f"line {line}" for line in self.passing.tolist()]
+            message = f"Touches of {name} with a force nearly parallel to the skin are left out: {_some(lines)}."
+            yield Warning("grazing-touch", "warning", message, place, float(len(lines)))
         if len(self.astray):
-            told = [self._other_taxel(i) for i in self.astray.tolist()]
-            yield f"touches far from the taxel of {name} that felt them: {_some(told)}"
+            which = [self._other_taxel(i) for i in self.astray.tolist()]
+            taxels = tuple(self.patch.taxels.ids[row] for row in self.rows[self.astray])
+            yield Warning(
+                "wrong-taxel",
+                "warning",
+                f"Some touches of {name} are far from the taxel that felt them: {_some(which)}.",
+                replace(place, taxels=taxels),
+                float(len(which)),
+                "Check the channels of these taxels.",
+            )
         if len(self.heights) and abs(height := float(np.median(self.heights))) > HIGH:
-            side = "over" if height > 0 else "below"
-            yield f"the touches of {name} lie {abs(height) * 1e3:.1f} mm {side} its taxels: are they in the link frame?"
+            side = "above" if height > 0 else "below"
+            yield Warning(
+                "touch-height",
+                "warning",
+                f"The touches of {name} are {abs(height) * 1e3:.1f} mm {side} its taxels.",
+                place,
+                height,
+                "Check that they are given in the link frame.",
+            )
 
     @cached_property
     def astray(self) -> IntArray:
@@ -138,7 +156,7 @@ class Placement:
         told = f"line {self.lines[i]}, {taxels.ids[mine]}, {ways[mine] * 1e3:.1f} mm"
         if np.isnan(self.off[i, 2]):
             return told
-        return f"{told} ({taxels.ids[int(ways.argmin())]} lies there)"
+        return f"{told} ({taxels.ids[int(ways.argmin())]} is there)"
 
 
 def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement]:

@@ -191,13 +191,13 @@ def cells(addon, link):
 
 
 def test_findings_of_the_file_are_told_and_kept(bpy, addon, worn, tmp_path, capfd):
-    """With those of the place, as doubts of the fit."""
+    """With those of the place, as warnings of the fit."""
     path = tmp_path / "taxels.csv"
     path.write_text(path.read_text() + "stray,40,0.02,0.01,0.15\n")
     capfd.readouterr()
     bpy.ops.skin_calib.fit()
-    doubts = " ".join(worn.skin_calib.result.doubts.split())
-    assert "1 taxel lies" in doubts and "worn.stray" in doubts and "worn.stray" in capfd.readouterr().out
+    messages = " ".join(warning.message for warning in worn.skin_calib.result.warnings)
+    assert "1 taxel lies" in messages and "worn.stray" in messages and "worn.stray" in capfd.readouterr().out
 
 
 def test_imported_taxels_have_no_places_to_move(bpy, addon, worn, extension):

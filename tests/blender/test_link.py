@@ -174,8 +174,8 @@ def test_object_that_is_no_link_is_not_doubted(bpy, shown):
 
 
 def said(link):
-    """The lines of the last check, unbroken."""
-    return {remark.what.replace("\n", " "): remark.matters for remark in link.skin_calib.diagnosis.remarks}
+    """The findings of the last check, and whether each is a warning."""
+    return {finding.message: finding.severity == "warning" for finding in link.skin_calib.diagnosis.findings}
 
 
 def test_check_finds_what_is_there_and_offers_the_outer_shell(bpy, shown):
@@ -308,5 +308,5 @@ def test_real_link_comes_in_as_it_is(bpy, addon, path):
     assert addon.scene.read_mesh(link, bpy.context).sha256 == mesh.sha256
     assert not any("long" in line for line in draw(bpy, "link"))
     bpy.ops.skin_calib.diagnose()
-    plain = {remark.what: remark.matters for remark in diagnose(mesh.vertices, mesh.faces).remarks()}
+    plain = {w.message: w.severity == "warning" for w in diagnose(mesh.vertices, mesh.faces).findings()}
     assert said(link) == plain

@@ -269,19 +269,27 @@ def test_cells_are_read_as_people_write_them(bpy, addon, link, text):
     assert skin.cells_wrong
 
 
-def test_doubts_of_a_fit_are_told_and_kept(bpy, addon, plan_file, capfd):
+def test_warnings_of_a_fit_are_reported_and_kept(bpy, addon, plan_file, capfd):
     """Boards that do not sit are warned of at the button, and stay listed with the result until the next fit."""
     narrow = [{"name": "boards", "kind": "hexagons", "cells": [[0, 0], [1, 0]], "origin": [0.04, 0.01, 0.06]}]
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=narrow)))
     capfd.readouterr()
     bpy.ops.skin_calib.fit()
     result = bpy.context.object.skin_calib.result
-    (doubt,) = addon.results.find(result.key).doubts
-    assert "stand off the surface" in doubt and f"Warning: {doubt}" in capfd.readouterr().out
-    assert " ".join(result.doubts.split()) == doubt and max(map(len, result.doubts.splitlines())) < 40
+    (warning,) = addon.results.find(result.key).warnings
+    assert "off the surface" in warning.message and f"Warning: {warning}" in capfd.readouterr().out
+    (kept,) = result.warnings
+    assert (kept.code, kept.severity, kept.message, kept.advice) == (
+        warning.code,
+        "warning",
+        warning.message,
+        warning.advice,
+    )
+    assert kept.skin == "boards" and kept.has_point
+    np.testing.assert_allclose(kept.point, warning.where.point, atol=1e-8)
     bpy.context.object.skin_calib.skins[0].side = 0.008
     bpy.ops.skin_calib.fit()
-    assert bpy.context.object.skin_calib.result.doubts == ""
+    assert bpy.context.object.skin_calib.result.warnings[:] == []
 
 
 def test_overlay_draws_boards_as_it_draws_cells(bpy, addon, plan_file):

@@ -207,10 +207,14 @@ def test_panel_lists_landmarks_and_zones(bpy, link):
         assert shown[start : start + len(head)] == head
 
 
-def test_panel_tells_doubts_line_by_line(bpy, link):
-    """As they were broken when the fit was done."""
-    link.skin_calib.result.key, link.skin_calib.result.doubts = "key", "one\ntwo\n\nthree"
-    assert draw(bpy, "fit")[-3:] == ["one", "two", "three"]
+def test_panel_shows_warnings_line_by_line(bpy, link):
+    """Message and advice, each in lines that the sidebar can show."""
+    result = link.skin_calib.result
+    result.key, warning = "key", result.warnings.add()
+    warning.severity, warning.message = "warning", "The surface is 7.1 mm off the mesh at the first plane."
+    warning.advice = "Move it."
+    expected = ["The surface is 7.1 mm off the mesh", "at the first plane.", "Move it."]
+    assert draw(bpy, "fit")[-3:] == expected
 
 
 def test_add_button_says_which_kind_it_adds(bpy):

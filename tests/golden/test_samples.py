@@ -79,7 +79,7 @@ def test_sample_calibration_is_good(name):
     worst = {"wrist": 1.3e-5, "sole": 5e-5, "edge": 1e-4}[name]
     assert result.fit.errors.surface_to_mesh.mean < worst
     assert result.fit.missing < (0.1 if name == "sole" else 1e-9)  # its outline is rounded, the grid is not
-    assert name == "sole" or not result.doubts
+    assert name == "sole" or not result.warnings
     taxels = result.calibration.patches[0].taxels
     assert np.abs(taxels.quality["strain"]).max() < 0.05
     towards = {"sole": np.tile((0, 0, -1.0), (len(taxels.ids), 1))}.get(name, taxels.positions_link * (1, 1, 0))

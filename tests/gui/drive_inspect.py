@@ -148,7 +148,7 @@ def holds_against_touches(gui):
     yield from gui.press("skin_calib.touches")
     yield from answer(gui, ROOT / "examples" / "wrist_touches.csv")
     found = plan().inspect.touches
-    assert "Shifted 2.87" in found.told and "wrist.5.1" in found.doubts, (found.told, found.doubts)
+    assert "Shifted 2.87" in found.told and "wrist.5.1" in found.warnings[0].message, found.told
     yield from looks(gui)
     yield from gui.shot("touches.png")
     assert changed(gui, before) > 0.002

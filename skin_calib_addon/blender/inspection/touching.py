@@ -12,6 +12,7 @@ from ..overlay import overlay
 from ..overlay.layers import touches_of
 from ..scene.scene import metres_per_unit, read_plan
 from ..scene.skins import move_skin
+from ..scene.warnings import write_warnings
 from .taxels import result_of
 
 
@@ -29,7 +30,7 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     many = len(calibration.patches) > 1
     record.file, record.key = path, key
     record.told = "\n".join(_named(p, line, many) for p in found for line in in_words(p))
-    record.doubts = "\n".join(doubt for p in found for doubt in p.doubts())
+    write_warnings(record.warnings, (warning for p in found for warning in p.warnings()))
     places = np.concatenate([p.places for p in found])
     record.token = "touches " + hashlib.sha256(key.encode() + places.tobytes()).hexdigest()
     overlay.keep(record.token, touches_of(found))

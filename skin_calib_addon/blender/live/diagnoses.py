@@ -5,7 +5,6 @@ A diagnosis keeps the hash of its mesh. When Blender tells that an object may lo
 cleared once things have rested if the mesh turns out to be the same: nothing about that is stored, so undo cannot lie.
 """
 
-from textwrap import fill
 from time import perf_counter
 from typing import Any
 
@@ -16,6 +15,7 @@ from ...common.errors import InvalidMesh, SkinCalibError
 from ...geometry.mesh.defects import Diagnosis, diagnose
 from ..overlay import overlay
 from ..scene import scene
+from ..scene.warnings import write_warnings
 from . import events
 
 REST = 0.3  # [s] without a change, after which a mesh is compared with the one that was looked at
@@ -43,11 +43,7 @@ def keep(link: bpy.types.Object, found: Diagnosis) -> None:
     """Write what was found on the object."""
     record = link.skin_calib.diagnosis
     record.key, record.inner, record.edges = found.mesh.sha256, found.inner, len(found.edges())
-    record.remarks.clear()
-    for remark in found.remarks():
-        line = record.remarks.add()
-        line.what, line.advice = (fill(text, scene.DOUBT_WIDTH) for text in (remark.what, remark.advice))
-        line.matters = remark.matters
+    write_warnings(record.findings, found.findings())
     doubted.discard(link.name)
     _changed.pop(link.name, None)
 

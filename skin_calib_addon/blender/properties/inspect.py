@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
@@ -16,6 +17,7 @@ from bpy.props import (
 from ...common.errors import SkinCalibError
 from ..inspection import replay, taxels
 from .options import FIXED, LENGTH
+from .warning import SKIN_PG_warning
 
 SHARE = FIXED | {"precision": 3}
 ANGLE = FIXED | {"subtype": "ANGLE", "precision": 4}
@@ -88,7 +90,7 @@ class SKIN_PG_touches(bpy.types.PropertyGroup):
     key: StringProperty(description="Which fit was compared", **FIXED)
     token: StringProperty(description="Under which what is drawn of it is kept", **FIXED)
     told: StringProperty(description="What the touches say, a line each", **FIXED)
-    doubts: StringProperty(description="What the author should look at, a line each", **FIXED)
+    warnings: CollectionProperty(type=SKIN_PG_warning, description="What the author should look at", **FIXED)
 
 
 def _share(record):

@@ -18,6 +18,7 @@ from . import diagnosis as link_properties
 from . import grid as grid_properties
 from . import inspect as inspect_properties
 from . import skin as skin_properties
+from . import warning
 from .options import FIXED, LENGTH, PLAN
 
 
@@ -39,8 +40,8 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
     hausdorff: FloatProperty(name="Hausdorff", description="Largest distance, both ways", **LENGTH)
     control_points: IntProperty(name="Control Points", description="Control points of the surface", **FIXED)
     taxels: IntProperty(name="Taxels", description="Taxels of all skins", **FIXED)
-    doubts: StringProperty(
-        name="Doubts", description="What to look at, an empty line after each, broken into lines", **FIXED
+    warnings: CollectionProperty(
+        type=warning.SKIN_PG_warning, name="Warnings", description="What to look at before the result is used", **FIXED
     )
     seconds: FloatProperty(name="Time", description="How long the fit took", unit="TIME_ABSOLUTE", precision=3, **FIXED)
 
@@ -112,6 +113,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
 
 
 CLASSES = (
+    *warning.CLASSES,
     *link_properties.CLASSES,
     *grid_properties.CLASSES,
     *skin_properties.CLASSES,

@@ -8,7 +8,6 @@ in its frame by the object's own location, rotation and scale. How the parent is
 import json
 from dataclasses import replace
 from pathlib import Path
-from textwrap import fill
 from typing import Any
 
 import bpy
@@ -24,13 +23,12 @@ from ...plan import FORMAT, VERSION, Plan, check_plan, plan_from
 from .decimals import exact, in_units, vector
 from .facets import Facets
 from .skins import set_skin, skin_document
+from .warnings import write_warnings
 
 # Blender's numbers are single; these are the largest it holds.
 LARGEST_NUMBER, LARGEST_COUNT = 3e38, 2**31 - 1
 # Columns of a parent's frame that differ in length, or lean, by more than this share are no rotation with a scale.
 UNEVEN = 1e-4
-# Characters of a line in the sidebar as wide as it opens.
-DOUBT_WIDTH = 34
 
 
 def links(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -347,7 +345,7 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
     record.control_points = int(np.prod(result.fit.lines.origins.shape[:2]))
     record.taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
     record.seconds = sum(result.seconds.values())
-    record.doubts = "\n\n".join(fill(doubt, DOUBT_WIDTH) for doubt in result.doubts)
+    write_warnings(record.warnings, result.warnings)
 
 
 def why_no_link(context: bpy.types.Context, named: bool = True) -> str:

@@ -1,9 +1,11 @@
-"""What may be wrong with a fit, and where: what an author should look at before trusting it."""
+"""Warnings about a fit: what may be wrong, and where."""
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from ...common.arrays import IntArray
-from ...common.errors import millimetres
+from ...common.warnings import Place, Warning, point_of
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.curves import curves
@@ -45,11 +47,11 @@ def nearest_names(lines: LineGrid, basis: TensorBasis, site: tuple[int, int]) ->
     return f"u-plane {i} and {lines.v_names[j]}"
 
 
-def furthest(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> tuple[float, str]:
-    """Largest distance of a sample site's surface point from the mesh [m], and where it is.
+def furthest(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> tuple[float, Place]:
+    """Return the largest distance of a sample site's surface point from the mesh [m], and its place.
 
-    To the plane of the facet that its ray met; where that is far, to the nearest facet: a ray that just misses a rim
-    meets what lies behind it.
+    The distance is measured to the plane of the facet that the ray hit. Where that is far, it is measured to the
+    nearest facet, because a ray that just misses a rim hits what lies behind it.
     """
     slope = np.abs((samples.rays * mesh.face_normals[samples.faces]).sum(axis=2))
     distance = np.abs(np.nan_to_num(samples.residuals)) * slope
@@ -58,46 +60,81 @@ def furthest(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: R
         distance[far] = np.minimum(distance[far], MeshDistance(mesh)((samples.origins + samples.arms)[far])[0])
     site = np.unravel_index(np.argmax(distance), distance.shape)
     at = int(site[0]), int(site[1])
-    return float(distance[at]), f"at {millimetres(samples.points[at])}, near {nearest_names(lines, basis, at)}"
+    return float(distance[at]), Place(point_of(samples.points[at]), nearest_names(lines, basis, at))
 
 
-def doubts(
-    mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples, smallest_area: float, settled: bool
-) -> tuple[str, ...]:
-    """One line for everything that an author should look at: what, where, and what to do.
+def fit_warnings(
+    mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples, smallest_area: float, converged: bool
+) -> Iterator[Warning]:
+    """Yield everything that an author should look at before trusting a fit.
 
     Parameters
     ----------
+    mesh : TriangleMesh
+    lines : LineGrid
+    basis : TensorBasis
+    samples : RaySamples
+        Of the last iteration.
     smallest_area : float
-        Least area element of the surface, seen along the rays, over its mean.
-    settled : bool
-        Whether the passes came to rest.
+        Smallest area element of the surface, seen along the rays, divided by its mean.
+    converged : bool
+        Whether the iterations converged.
     """
-    found = list(lines.doubts)
+    yield from lines.warnings
     missed = np.isnan(samples.residuals)
     if missed.any():
         around = missed.mean(axis=1)[:, None] + missed.mean(axis=0)
         site = np.unravel_index(np.argmax(np.where(missed, around, -1.0)), missed.shape)
         at = int(site[0]), int(site[1])
-        place = millimetres(samples.origins[at] + samples.arms[at])
-        found.append(
-            f"{missed.mean():.1%} of the sample rays meet no mesh, most about {place}, near "
-            f"{nearest_names(lines, basis, at)}: the surface there is a guess; close the hole, or keep the skin off it"
+        place = Place(point_of(samples.origins[at] + samples.arms[at]), nearest_names(lines, basis, at))
+        yield Warning(
+            "missing-samples",
+            "warning",
+            f"{missed.mean():.1%} of the sample rays do not hit the mesh, most of them {place.words}. "
+            "The surface there is extrapolated.",
+            place,
+            float(missed.mean()),
+            "Close the hole, or keep the skin away from it.",
         )
-    distance, where = furthest(mesh, lines, basis, samples)
+    distance, place = furthest(mesh, lines, basis, samples)
     if distance > FAR * mesh.size:
-        found.append(
-            f"the surface is {distance * 1e3:.1f} mm off the mesh {where}; cut away what stands out there, move the "
-            "planes away from it, or place more of them"
+        yield Warning(
+            "off-mesh",
+            "warning",
+            f"The surface is {distance * 1e3:.1f} mm off the mesh {place.words}.",
+            place,
+            distance,
+            "Cut away what protrudes there, move the planes away from it, or use more planes.",
         )
     if smallest_area <= 0:
-        found.append("the surface folds over: planes cross each other inside the mesh; move or turn them apart")
-    elif smallest_area < NARROW:
-        found.append("the surface nearly folds or closes to a point; move planes apart, or widen the margin")
-    if not settled:
-        found.append("the passes did not come to rest: the section is no fan about its axis; move the axis, or cut")
-    if condition(basis) > ILL:
-        found.append(
-            f"the least squares have the condition {condition(basis):.0f}; lower the degree or take a plane away"
+        yield Warning(
+            "folded",
+            "warning",
+            "The surface folds over itself because planes cross each other inside the mesh.",
+            value=smallest_area,
+            advice="Move or rotate the planes apart.",
         )
-    return tuple(found)
+    elif smallest_area < NARROW:
+        yield Warning(
+            "nearly-folded",
+            "warning",
+            "The surface nearly folds or closes to a point: "
+            f"its smallest area element is {smallest_area:.1%} of the mean.",
+            value=smallest_area,
+            advice="Move planes apart, or increase the margin.",
+        )
+    if not converged:
+        yield Warning(
+            "not-converged",
+            "warning",
+            "The iterations of the fit did not converge, because the section is not star-shaped about its axis.",
+            advice="Move the axis, or cut.",
+        )
+    if (number := condition(basis)) > ILL:
+        yield Warning(
+            "ill-conditioned",
+            "warning",
+            f"The condition number of the least squares is {number:.0f}.",
+            value=number,
+            advice="Lower the degree, or remove a plane.",
+        )

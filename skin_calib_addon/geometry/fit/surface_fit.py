@@ -8,6 +8,7 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray
 from ...common.errors import EmptySection, PoorFit, millimetres
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
+from ...common.warnings import Warning
 from ..grid.grids import Grid, PlanesGrid
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import SITES_PER_SPAN, TensorBasis
@@ -25,7 +26,7 @@ from ..surface.distance import (
     surface_samples,
 )
 from .chords import chord_gaps
-from .diagnosis import condition, doubts, dropped_loops, furthest
+from .diagnosis import condition, dropped_loops, fit_warnings, furthest
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
 
 MOST_PASSES = 10
@@ -191,10 +192,10 @@ class SurfaceFit:
         return dropped_loops(SampleRows.of(self.mesh, self.lines, self.basis), self.samples)
 
     @cached_property
-    def doubts(self) -> tuple[str, ...]:
-        """What an author should look at before trusting this surface: a line each of what, where, and what to do."""
+    def warnings(self) -> tuple[Warning, ...]:
+        """What an author should look at before trusting this surface."""
         parts = self.lines, self.basis, self.samples
-        return doubts(self.mesh, *parts, self.smallest_area, self.settled)
+        return tuple(fit_warnings(self.mesh, *parts, self.smallest_area, self.settled))
 
     def is_within(self, tolerance: float) -> bool:
         """Whether surface and mesh keep within ``tolerance`` [m] of each other everywhere, with no hole and no fold."""
@@ -266,12 +267,13 @@ def check_fit(fit: SurfaceFit) -> None:
     PoorFit
         Names the planes and the place.
     """
-    distance, where = furthest(fit.mesh, fit.lines, fit.basis, fit.samples)
+    distance, place = furthest(fit.mesh, fit.lines, fit.basis, fit.samples)
     if distance > FURTHEST * fit.mesh.size:
         raise PoorFit(
-            f"the surface stays {distance * 1e3:.1f} mm off the mesh {where}; cut away what stands out there, move the "
-            "planes away from it, place more of them, or use a patch grid",
+            f"The surface is {distance * 1e3:.1f} mm off the mesh {place.words}. Cut away what protrudes there, move "
+            "the planes away from it, use more planes, or fit only a sector or one side of the link.",
             distance=distance,
+            place=place,
         )
 
 

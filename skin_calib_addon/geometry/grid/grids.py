@@ -6,6 +6,7 @@ import numpy as np
 
 from ...common.arrays import Array, unit
 from ...common.errors import InvalidPlan
+from ...common.warnings import Place, Warning
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import frame_of
 from ..sampling.lines import LineGrid
@@ -276,18 +277,11 @@ class PlanesGrid:
                 "one so that they cross"
             )
         angle = np.rad2deg(np.arcsin(min(sine[i, j], 1.0)))
-        doubts = (
-            (
-                f"u-plane {i} and v-plane {j} are only {angle:.1f} degrees from parallel: their line slides far for a "
-                "small turn of either; turn one of them",
-            )
-            if angle < SMALL_ANGLE
-            else ()
-        )
+        warnings = (_nearly_parallel(int(i), int(j), float(angle)),) if angle < SMALL_ANGLE else ()
         points = np.array([self._line_points(i) for i in range(len(self.u))])
         check_order(points.mean(axis=1), "u", mesh.size)
         build = self._closed_lines if self.closed else self._open_lines
-        return replace(build(mesh, points, unit(across)), doubts=doubts)
+        return replace(build(mesh, points, unit(across)), warnings=warnings)
 
     def _line_points(self, i: int) -> Array:
         """Point of each line of u-plane ``i`` nearest to the place where all v-planes come closest, shape (m, 3)."""
@@ -351,6 +345,19 @@ class PlanesGrid:
         if abs(side) < 0.1:
             raise InvalidPlan("the faces look to both sides of the planes; cut the mesh so that one side is left")
         return float(np.sign(side))
+
+
+def _nearly_parallel(i: int, j: int, angle: float) -> Warning:
+    names = f"u-plane {i} and v-plane {j}"
+    return Warning(
+        "planes-nearly-parallel",
+        "warning",
+        f"The angle between {names} is only {angle:.1f} degrees. "
+        "A small rotation of either plane moves their line far.",
+        Place(names=names),
+        float(np.deg2rad(angle)),
+        "Rotate one of them.",
+    )
 
 
 def check_order(places: Array, name: str, size: float) -> None:

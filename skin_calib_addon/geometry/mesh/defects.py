@@ -9,6 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
+from ...common.warnings import Warning
 from .cover import is_seen, shells
 from .triangle_mesh import TriangleMesh, weld
 
@@ -20,17 +21,8 @@ INWARD = 0.2
 ENDS = 2
 # Faces back to back do no harm where they are less than this share of the area.
 FEW = 0.01
-# Holes that are told one by one.
-TOLD = 4
-
-
-@dataclass(frozen=True)
-class Remark:
-    """One line about a mesh: what was found, whether the fit suffers from it, and what to do; empty if nothing."""
-
-    what: str
-    matters: bool = False
-    advice: str = ""
+# Holes that are listed one by one.
+LISTED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,66 +70,70 @@ class Diagnosis:
         """What to look at: rims of holes in what is seen, and edges of more than two faces, shape (k, 2)."""
         return np.concatenate((self.rims[self.seen[self.rim_face]], self.branching))
 
-    def remarks(self) -> tuple[Remark, ...]:
-        """Everything in words, a line for each."""
+    def findings(self) -> tuple[Warning, ...]:
+        """Return everything that was found; a warning affects the fit, a note does not."""
         return (*self._size(), *self._parts(), *self._holes(), *self._edges(), *self._winding(), *self._faces())
 
-    def _size(self) -> Iterator[Remark]:
+    def _size(self) -> Iterator[Warning]:
         sides = " x ".join(f"{side * 1e3:.4g}" for side in np.ptp(self.mesh.vertices, axis=0))
-        yield Remark(f"{count(len(self.mesh.faces), 'face')}, {sides} mm")
+        yield _finding("mesh-size", f"{count(len(self.mesh.faces), 'face')}, {sides} mm")
 
-    def _parts(self) -> Iterator[Remark]:
+    def _parts(self) -> Iterator[Warning]:
         if self.parts == 1:
-            yield Remark("One connected part")
+            yield _finding("parts", "One connected part")
             return
         what = f"{self.parts} connected parts, {self.inner or 'none'} of them inside others"
         outer = self.parts - self.inner > 1
-        keep = "Inner ones count only where all parts are kept." if self.inner else ""
+        keep = "Inner parts count only where all parts are kept." if self.inner else ""
         cut = "Cut away those without skin." if outer else ""
-        yield Remark(what, False, f"{keep} {cut}".strip())
+        yield _finding("parts", what, False, f"{keep} {cut}".strip())
 
-    def _holes(self) -> Iterator[Remark]:
+    def _holes(self) -> Iterator[Warning]:
         lengths = self.holes()
         if not len(lengths):
-            yield Remark("No hole")
+            yield _finding("holes", "No hole")
             return
-        told = ", ".join(f"{length * 1e3:.4g}" for length in lengths[:TOLD]) + (", ..." if len(lengths) > TOLD else "")
-        advice = "Ends may be open; elsewhere the fit has nothing to go by: fill holes, or keep the skin clear of them."
-        yield Remark(f"{count(len(lengths), 'hole')}: {told} mm round", len(lengths) > ENDS, advice)
+        listed = ", ".join(f"{length * 1e3:.4g}" for length in lengths[:LISTED]) + (
+            ", ..." if len(lengths) > LISTED else ""
+        )
+        advice = "Ends may be open. Elsewhere the fit has no data: fill the holes, or keep the skin away from them."
+        what = f"{count(len(lengths), 'hole')}, circumference {listed} mm"
+        yield _finding("holes", what, len(lengths) > ENDS, advice)
 
-    def _edges(self) -> Iterator[Remark]:
+    def _edges(self) -> Iterator[Warning]:
         if not len(self.branching):
             return
         split = self.parts > self.joined
-        advice = "Walls end there, so parts of one surface may be taken for several." if split else ""
-        merge = "Delete the faces that stick out, or what is inside." if split else ""
-        yield Remark(
-            f"{count(len(self.branching), 'edge')} with more than two faces", split, f"{advice} {merge}".strip()
-        )
+        advice = "One surface may be counted as several parts there." if split else ""
+        merge = "Delete the faces that protrude, or those inside." if split else ""
+        what = f"{count(len(self.branching), 'edge')} with more than two faces"
+        yield _finding("branching-edges", what, split, f"{advice} {merge}".strip())
 
-    def _winding(self) -> Iterator[Remark]:
-        advice = "The fit of a tube does not mind, patches and boards do: recalculate normals outside (Shift-N)."
+    def _winding(self) -> Iterator[Warning]:
+        advice = "No effect on tubes. For sectors, faces and boards recalculate the normals outside (Shift-N)."
         flipped = int((self.flipped & self.seen).sum())
         if flipped:
-            look = "looks" if flipped == 1 else "look"
-            yield Remark(f"{count(flipped, 'face')} {look} the other way than the part around", True, advice)
+            yield _finding("flipped-faces", f"{count(flipped, 'face')} with a flipped normal", True, advice)
         if self.turned:
-            look = "looks" if len(self.turned) == 1 else "look"
-            yield Remark(f"{count(len(self.turned), 'part')} {look} inward", True, advice)
+            yield _finding("inward-part", f"{count(len(self.turned), 'part')} with inward normals", True, advice)
         if self.one_sided:
             what = f"{count(self.one_sided, 'part')} with one side only"
-            yield Remark(what, True, "It has no outside, like a Moebius strip: cut it open.")
+            yield _finding("one-sided-part", what, True, "It has no outside, like a Moebius strip: cut it open.")
 
-    def _faces(self) -> Iterator[Remark]:
+    def _faces(self) -> Iterator[Warning]:
         if self.dropped:
-            yield Remark(f"{count(self.dropped, 'face')} without area or repeated, left out")
+            yield _finding("dropped-faces", f"{count(self.dropped, 'face')} without area or repeated, left out")
         if self.flat:
-            yield Remark(f"{count(self.flat, 'face')} as thin as a line")
+            yield _finding("flat-faces", f"{count(self.flat, 'face')} with nearly no height")
         doubled = int(self.doubled.sum())
         if doubled:
             matters = (self.mesh.face_areas * self.doubled).sum() > FEW * self.mesh.face_areas.sum()
             advice = "A wall without thickness has no outside: delete one side." if matters else ""
-            yield Remark(f"{count(doubled, 'face')} back to back", bool(matters), advice)
+            yield _finding("back-to-back", f"{count(doubled, 'face')} back to back", bool(matters), advice)
+
+
+def _finding(code: str, message: str, affects_fit: bool = False, advice: str = "") -> Warning:
+    return Warning(code, "warning" if affects_fit else "note", message, advice=advice)
 
 
 def diagnose(vertices: Any, faces: Any) -> Diagnosis:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from ...common.arrays import Array, freeze
+from ...common.warnings import Warning
 from .planes import Planes
 
 
@@ -19,7 +20,7 @@ class LineGrid:
     directions: Array  # (n, m, 3) unit, out of the robot
     closed: bool  # whether the last line neighbours the first
     v_names: tuple[str, ...]  # what the author calls each v-line, for messages
-    doubts: tuple[str, ...] = ()  # what is questionable about how the planes were placed
+    warnings: tuple[Warning, ...] = ()  # about the placement of the planes
     seam: Array | None = None  # (2, 3) of a closed one a point of the axis [m], and where angle zero is from there
 
     def __post_init__(self):

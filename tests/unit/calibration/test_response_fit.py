@@ -1,4 +1,4 @@
-"""Responses fitted to synthetic sensors whose truth is known, and what is doubtful about the measurements."""
+"""Responses fitted to synthetic sensors whose truth is known, and warnings about the measurements."""
 
 import numpy as np
 import pytest
@@ -35,8 +35,8 @@ def errors(fit, truth, low, high):
     return fit.response.newtons(x) - truth(x)
 
 
-def about(fit, word):
-    return [doubt for doubt in fit.doubts if word in doubt]
+def about(fit, code):
+    return [warning.message for warning in fit.warnings if warning.code == code]
 
 
 @pytest.mark.parametrize(("noise", "rms", "largest"), [(0.0, 0.01, 0.03), (0.5, 0.015, 0.05), (2.0, 0.05, 0.2)])
@@ -51,7 +51,7 @@ def test_forearm_sensor_is_found(noise, rms, largest):
     assert isinstance(fit.response, Response) and fit.response.range == (readings.min(), readings.max())
     off = errors(fit, forearm_truth, readings.min(), readings.max())
     assert np.sqrt(np.mean(off**2)) < rms and np.abs(off).max() < largest
-    assert fit.used.all() and fit.doubts == ()
+    assert fit.used.all() and fit.warnings == ()
     assert_allclose(fit.residuals, forces - fit.response.newtons(readings), rtol=0, atol=0)
 
 
@@ -75,7 +75,7 @@ def test_falling_sensor_is_found():
     off = errors(fit, lambda x: (220 - np.sqrt(220**2 - 16 * (3000 - x))) / 8, readings.min(), readings.max())
     assert np.abs(off).max() < 0.02  # 3 readings are 0.014 N at rest, 0.022 N at 10 N
     assert (fit.response.rest, fit.response.full) == (readings.max(), readings.min())
-    assert fit.doubts == ()
+    assert fit.warnings == ()
 
 
 @pytest.mark.parametrize("falls", [False, True])
@@ -92,8 +92,11 @@ def test_saturated_measurements_are_left_out(falls):
     assert fit.response.full == full
     assert 255 / 12 - 0.3 < fit.response.newtons(full) < 255 / 12 + 0.3
     assert (~fit.used).sum() == (readings == full).sum() - 1 and (forces[~fit.used] > 21).all()
-    (doubt,) = fit.doubts
-    assert f"all read {full:g}: the sensor is full there" in doubt and doubt.startswith(f"{(readings == full).sum()} ")
+    (text,) = about(fit, "saturated")
+    assert len(fit.warnings) == 1
+    assert f"all read {full:g}. The sensor is saturated there" in text and text.startswith(
+        f"{(readings == full).sum()} "
+    )
 
 
 def test_dead_zone_does_not_press():
@@ -104,8 +107,9 @@ def test_dead_zone_does_not_press():
     assert fit.response.newtons(0.0) < 0.1
     off = errors(fit, lambda x: 2 + x / 12, 5, readings.max())
     assert np.abs(off).max() < 0.1
-    (doubt,) = fit.doubts
-    assert "all read 0: smaller forces are not felt" in doubt
+    (text,) = about(fit, "dead-zone")
+    assert len(fit.warnings) == 1
+    assert "all read 0. The sensor does not react to smaller forces" in text
 
 
 def cycles(lag, noise=0.5):
@@ -121,10 +125,10 @@ def test_hysteresis_is_told_and_halved():
     readings, forces = cycles(0.3)
     fit = fit_response(readings, forces)
     assert np.abs(errors(fit, lambda x: x / 18, 0, readings.max())).max() < 0.05
-    (doubt,) = about(fit, "hysteresis")
-    assert "is 0.3" in doubt and "N more while it grows" in doubt
+    (text,) = about(fit, "hysteresis")
+    assert "is 0.3" in text and "N larger while it increases" in text
     backwards = fit_response(*cycles(-0.3))
-    assert "N less while it grows" in about(backwards, "hysteresis")[0]
+    assert "N smaller while it increases" in about(backwards, "hysteresis")[0]
 
 
 def test_hysteresis_is_told_while_the_force_is_held():
@@ -184,28 +188,28 @@ def test_coarse_readings_are_not_taken_for_full():
     """Four bits: every reading stands for forces over 7 %, and the last for no more than the others."""
     forces = presses(20.6)
     fit = fit_response(np.rint(0.75 * forces), forces)
-    assert fit.used.all() and fit.doubts == ()
+    assert fit.used.all() and fit.warnings == ()
 
 
 def test_noise_has_no_hysteresis():
     """Where readings tell nothing, that is what is said: a force that has grown is a larger one."""
-    (doubt,) = fit_response(np.random.default_rng(7).uniform(0, 255, 100), presses(10.0, 100)).doubts
-    assert "hardly tell" in doubt
+    (warning,) = fit_response(np.random.default_rng(7).uniform(0, 255, 100), presses(10.0, 100)).warnings
+    assert warning.code == "poor-response" and "hardly depend" in warning.message
 
 
 @pytest.mark.parametrize(
     ("readings", "forces", "words"),
     [
-        ([0, 10, 20, 30], [0, 1, 2, 3], "only 4 measurements at 4 readings; take 10 or more"),
+        ([0, 10, 20, 30], [0, 1, 2, 3], "only 4 measurements at 4 readings. Take 10 or more"),
         ([0, 10, 20, 30] * 5, [0, 1, 2, 3] * 5, "only 20 measurements at 4 readings"),
-        ([*range(10), *range(40, 60)], [*range(10), *range(40, 60)], "no measurement reads between 9 and 40"),
-        ([7, 3, 9, 1, 5, 8, 2, 6, 4, 0] * 3, [*range(30)], "the readings hardly tell the force"),
+        ([*range(10), *range(40, 60)], [*range(10), *range(40, 60)], "No measurement reads between 9 and 40"),
+        ([7, 3, 9, 1, 5, 8, 2, 6, 4, 0] * 3, [*range(30)], "The readings hardly depend on the force"),
     ],
 )
-def test_doubts_are_told(readings, forces, words):
+def test_warnings_are_given(readings, forces, words):
     """Few points, few readings, a hole, no relation: one warning each, about that."""
-    (doubt,) = fit_response(np.array(readings), np.array(forces)).doubts
-    assert words in doubt
+    (warning,) = fit_response(np.array(readings), np.array(forces)).warnings
+    assert words in str(warning)
 
 
 @pytest.mark.parametrize("readings", [[], [5.0], [5.0, 5.0, 5.0]])

@@ -182,7 +182,10 @@ def test_calibration_that_was_changed_is_kept(robot, capsys):
     assert path.read_bytes() == kept and "leg  kept " in out and "changed after its fit; --again" in out and err == ""
     change_plan(robot, None)
     assert fit(robot) == 0
-    assert "leg: warning: it was changed after its last fit, and that is lost" in capsys.readouterr().err
+    assert (
+        "leg: warning: The calibration was changed after its last fit, and this fit replaces those changes."
+        in capsys.readouterr().err
+    )
     assert path.read_bytes() != kept
 
 
@@ -328,9 +331,15 @@ def test_urdf_stands_for_the_plans_beside_it(robot, capsys):
 
 MOVED = '<origin xyz="0 0 0.1" rpy="0 0 0"/>'
 CONTRADICTIONS = {
-    "mesh": (link("leg", "shin.dae", "shin.stl"), "gives leg the mesh shin.dae, shin.stl, the plan has leg.ply"),
-    "origin": (link("leg", "leg.dae", origin=MOVED), "has leg.ply at an origin of its own in leg; a plan needs it"),
-    "scale": (link("leg", 'leg.ply" scale="0.001 0.001 0.001'), 'scales leg.ply by 0.001 0.001 0.001, the plan has "u'),
+    "mesh": (
+        link("leg", "shin.dae", "shin.stl"),
+        "gives leg the mesh shin.dae, shin.stl, but the plan has leg.ply. Check",
+    ),
+    "origin": (link("leg", "leg.dae", origin=MOVED), "gives leg.ply an origin of its own in leg. A plan needs"),
+    "scale": (
+        link("leg", 'leg.ply" scale="0.001 0.001 0.001'),
+        'scales leg.ply by 0.001 0.001 0.001, but the plan has "u',
+    ),
 }
 
 

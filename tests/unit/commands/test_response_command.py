@@ -72,7 +72,10 @@ def test_each_taxel_gets_its_own(folder, capsys):
     assert respond(folder, table="t.csv") == 0
     out, err = capsys.readouterr()
     assert [line.split()[0] for line in out.splitlines()] == [*names, "calibration"]
-    assert err == "skin-calib: warning: 2 taxels, h0 the first, have no measurement and keep the response they had\n"
+    assert (
+        err
+        == "skin-calib: warning: 2 taxels have no measurement and keep their response; the first is h0. [not-measured]\n"
+    )
     after = load_calibration(folder / "out.json")
     assert [p.taxels.responses.tolist() for p in after.patches] == [[0, 1, 2, 3, 4, 5], []]
     readings = np.array([*(100 * (1 + k / 50) for k in range(6)), 100, 100])
@@ -99,21 +102,21 @@ def test_taxels_without_measurements_keep_what_they_had(folder, capsys):
 
     (folder / "out.json").rename(folder / "c.json")
     assert respond(folder) == 0
-    assert "8 taxels had responses of their own, which the one for all replaces" in capsys.readouterr().err
+    assert "8 taxels had responses of their own. The response of all taxels replaces them." in capsys.readouterr().err
     after = load_calibration(folder / "out.json")
     assert after.responses == () and all(len(p.taxels.responses) == 0 for p in after.patches)
 
 
-def test_doubts_name_their_taxel(folder, capsys):
+def test_warnings_name_their_taxel(folder, capsys):
     """Warnings are lines on stderr; the calibration is written all the same."""
     write(folder / "t.csv", "taxel,reading,force", [(n, r, r / 10) for n in ("s0.0", "h1") for r in (-0.0, 10, 20)])
     assert respond(folder, table="t.csv") == 0
     out, err = capsys.readouterr()
     assert out.count(" on readings 0 to 20, 3 measurements") == 2  # not from minus zero
     lines = err.splitlines()
-    assert [line.split(": only 3")[0] for line in lines[:2]] == [
-        "skin-calib: warning: taxel s0.0",
-        "skin-calib: warning: taxel h1",
+    assert [line.split(": There are only 3")[0] for line in lines[:2]] == [
+        "skin-calib: warning: Taxel s0.0",
+        "skin-calib: warning: Taxel h1",
     ]
     assert len(lines) == 3 and (folder / "out.json").exists()
 

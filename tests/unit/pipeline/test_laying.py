@@ -75,13 +75,17 @@ def test_skins_that_touch_know_each_other(tmp_path):
     assert not any(other.startswith("above") for k in range(33) for other in below[f"band.1.{k}"])
 
 
-def test_doubts_name_what_does_not_sit(tmp_path):
+def test_warnings_name_what_does_not_fit(tmp_path):
     """Rows too long for the tube, and boards too large for its bend."""
     long = SHEET | {"columns": 36}
-    doubts = made([long, BOARDS | {"side": 0.025, "origin": [RADIUS, 0, 0.12]}], tmp_path).doubts
-    assert any("band overlaps itself by up to 45." in d and "(row " in d for d in doubts)
-    assert any("cells of boards stand off the surface at a corner" in d for d in doubts)
-    assert made([SHEET | {"columns": 31}], tmp_path).doubts == ()
+    warnings = made([long, BOARDS | {"side": 0.025, "origin": [RADIUS, 0, 0.12]}], tmp_path).warnings
+    (overlap,) = (w for w in warnings if w.code == "overlap")
+    assert "band overlaps itself by up to 45." in overlap.message and "(row " in overlap.message
+    assert overlap.where.skin == "band" and 0.045 < overlap.value < 0.046
+    (gap,) = (w for w in warnings if w.code == "board-gap")
+    assert "boards of boards have a corner more than 3 mm off the surface" in gap.message
+    assert gap.where.skin == "boards" and gap.where.taxels[0] in gap.message and gap.value > 3e-3
+    assert made([SHEET | {"columns": 31}], tmp_path).warnings == ()
 
 
 def test_channels_that_meet_after_filling_are_refused(tmp_path):

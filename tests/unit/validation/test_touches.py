@@ -50,7 +50,7 @@ def test_slide_of_a_sheet_is_found():
     assert_allclose(motion.shift, (0.0012, -0.0008), rtol=0, atol=3e-5)  # a tangent plane is not the cylinder
     assert_allclose(motion.turn, 0.01, rtol=0, atol=2e-4)
     assert_allclose(found.heights, 5e-4, rtol=0, atol=1e-4)
-    assert motion.is_certain and list(found.doubts()) == []
+    assert motion.is_certain and list(found.warnings()) == []
     assert found.left.max() < 5e-5 < 9e-4 < found.distances.min()
 
 
@@ -107,7 +107,9 @@ def test_lines_of_action_are_met_in_the_tangent_plane(tmp_path):
     assert len(placement.rows) == len(rows) - 1 and placement.passing.tolist() == [5]
     assert np.isnan(placement.off[:, 2]).all() and len(placement.heights) == 0
     assert_allclose(placement.motion.shift, (0.001, 0.0005), rtol=0, atol=3e-5)
-    assert list(placement.doubts()) == ["touches that press along the skin of sheet tell no place: line 5"]
+    (warning,) = placement.warnings()
+    assert warning.code == "grazing-touch"
+    assert warning.message == "Touches of sheet with a force nearly parallel to the skin are left out: line 5."
 
 
 def test_a_wrong_channel_is_named_and_counts_little():
@@ -119,9 +121,11 @@ def test_a_wrong_channel_is_named_and_counts_little():
     (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
     (found,) = placements(CALIBRATION, touched(CALIBRATION, swapped, points))
     assert found.astray.tolist() == [7, 40] and fine.astray.tolist() == []
-    (doubt,) = found.doubts()
-    assert doubt.startswith("touches far from the taxel of sheet that felt them: line 9, s3.4, ")
-    assert "(s0.7 lies there); line 42, s0.7, " in doubt and "(s3.4 lies there)" in doubt
+    (warning,) = found.warnings()
+    text = warning.message
+    assert warning.code == "wrong-taxel" and warning.where.taxels == ("s3.4", "s0.7")
+    assert text.startswith("Some touches of sheet are far from the taxel that felt them: line 9, s3.4, ")
+    assert "(s0.7 is there); line 42, s0.7, " in text and "(s3.4 is there)" in text
     assert np.abs(found.motion.shift - fine.motion.shift).max() < 2.5e-4
 
 
@@ -158,7 +162,9 @@ def test_another_order_of_the_channels_is_named(number, words):
     cells = np.random.default_rng(1).integers(0, len(i), 40)
     points = slid(cells, 0.0, 0.0, PITCH)
     (found,) = placements(CALIBRATION, touched(CALIBRATION, number(i[cells], j[cells]), points))
-    assert list(found.doubts()) == [f"the touches of sheet fit {words}; is that how its channels run?"]
+    (warning,) = found.warnings()
+    assert warning.code == "channel-order"
+    assert warning.message == f"The touches of sheet fit another order of its channels: {words}."
 
 
 def test_few_touches_tell_no_slide():
@@ -174,16 +180,18 @@ def test_few_touches_tell_no_slide():
     assert found.motion is None
 
 
-def test_touches_of_another_frame_are_doubted():
+def test_touches_of_another_frame_are_a_warning():
     """Centimetres below the skin nothing touches it; and where every line passes along the skin nothing is told."""
     rows = np.arange(20)
     (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0, height=-0.012)))
-    assert list(found.doubts()) == ["the touches of sheet lie 12.0 mm below its taxels: are they in the link frame?"]
+    (warning,) = found.warnings()
+    assert warning.message == "The touches of sheet are 12.0 mm below its taxels." and warning.code == "touch-height"
     along = SHEET.taxels.tangents_link[rows]
     (none,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0), along))
     assert len(none.rows) == len(none.astray) == 0 and none.motion is None
-    told = "touches that press along the skin of sheet tell no place: line 2; line 3; line 4; and 17 more"
-    assert list(none.doubts()) == [told]
+    (warning,) = none.warnings()
+    assert warning.code == "grazing-touch" and warning.value == 20
+    assert warning.message.endswith("are left out: line 2; line 3; line 4; and 17 more.")
 
 
 def test_touches_go_to_their_patches():

@@ -1,4 +1,4 @@
-"""What a fit says of itself: the doubts it names, the places it does not trust, and the fits that are refused."""
+"""What a fit reports about itself: its warnings, the places it does not trust, and the fits that are refused."""
 
 import re
 from dataclasses import replace
@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import InvalidPlan, PoorFit
+from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry.fit import diagnosis
 from skin_calib_addon.geometry.fit import surface_fit as fit_module
@@ -99,11 +100,9 @@ def assert_names_go_together(message, lines):
 
 
 def assert_one_line_with_advice(message):
-    """One line, one sentence that ends in what to do."""
+    """One line that says what to do."""
     assert "\n" not in message and len(message) < 300
-    assert re.search(
-        r"[;:] .*\b(close the hole|cut away|move|turn|lower|use a patch grid|keep the skin off)\b", message
-    )
+    assert re.search(r"\. (Close the hole|Cut away|Move|Rotate|Lower)\b", message)
 
 
 @pytest.mark.parametrize(
@@ -115,10 +114,10 @@ def assert_one_line_with_advice(message):
         (cylinder(), GRID),
     ],
 )
-def test_good_fit_has_no_doubts(mesh, grid):
+def test_good_fit_has_no_warnings(mesh, grid):
     """A tube, a part of one, a face: nothing to look at, every place is trusted, nothing is left aside."""
     fit = fit_surface(mesh, grid)
-    assert fit.doubts == () and fit.settled and fit.missing == 0
+    assert fit.warnings == () and fit.settled and fit.missing == 0
     assert fit.is_trusted(np.random.default_rng(0).uniform(0, 1, (200, 2))).all()
     assert_array_equal(fit.dropped_loops, np.zeros(len(fit.residuals), int))
 
@@ -139,7 +138,7 @@ def test_dropped_loops_are_counted_row_by_row():
     z = fit.samples.origins[:, 0, 2]
     assert_array_equal(fit.dropped_loops, 1 * (z < inner.vertices[:, 2].max()) + ((z > 0.043) & (z < 0.083)))
     assert {*fit.dropped_loops.tolist()} == {0, 1, 2}
-    assert fit.doubts == ()
+    assert fit.warnings == ()
 
 
 def test_parts_that_are_all_followed_are_not_dropped():
@@ -169,13 +168,18 @@ def test_dropped_loops_of_fanned_planes_are_counted():
     assert_array_equal(fit.dropped_loops[sure], 1 * (z < inner.vertices[:, 2].max())[sure])
 
 
-def test_hole_is_a_doubt_with_its_share_and_place(holed):
+def test_hole_is_a_warning_with_its_fraction_and_place(holed):
     """One line: the share of the samples, and a place over the hole with the planes beside it."""
-    (doubt,) = holed.doubts
-    assert doubt.startswith(f"{holed.missing:.1%} of the sample rays meet no mesh") and 0.01 < holed.missing < 0.05
-    assert np.linalg.norm(named(doubt, holed.lines)[0] - HOLE) < WIDE
-    assert_names_go_together(doubt, holed.lines)
-    assert_one_line_with_advice(doubt)
+    (warning,) = holed.warnings
+    assert (warning.code, warning.severity, warning.value) == ("missing-samples", "warning", holed.missing)
+    text = str(warning)
+    assert (
+        text.startswith(f"{holed.missing:.1%} of the sample rays do not hit the mesh") and 0.01 < holed.missing < 0.05
+    )
+    assert np.linalg.norm(warning.where.point - HOLE) < WIDE
+    assert np.linalg.norm(named(text, holed.lines)[0] - HOLE) < WIDE
+    assert_names_go_together(text, holed.lines)
+    assert_one_line_with_advice(text)
 
 
 def test_hole_is_not_trusted_and_all_else_is(holed):
@@ -205,26 +209,30 @@ def test_two_holes_are_one_line_with_the_larger_one_named():
     small = np.array((-RADIUS, 0.0, 0.03))
     mesh = with_hole(with_hole(cylinder(), HOLE, WIDE), small, 0.006)
     fit = fit_surface(mesh, TubeGrid(14, 30, Z_AXIS, 0.004, "uniform"))
-    (doubt,) = fit.doubts
-    assert np.linalg.norm(named(doubt, fit.lines)[0] - HOLE) < WIDE
+    (warning,) = fit.warnings
+    assert np.linalg.norm(named(str(warning), fit.lines)[0] - HOLE) < WIDE
 
 
 @pytest.mark.parametrize("tilt", [3.1, 8.0, 9.9])
-def test_planes_that_hardly_cross_are_a_doubt(tilt):
+def test_planes_that_hardly_cross_are_a_warning(tilt):
     """The two planes and their angle; from ten degrees on, none."""
     lines = tilted_planes(tilt).line_grid(cylinder())
-    (doubt,) = lines.doubts
-    assert re.match(rf"u-plane \d+ and v-plane 2 are only {tilt} degrees from parallel: .*; turn one of them$", doubt)
-    assert_one_line_with_advice(doubt)
-    assert tilted_planes(10.1).line_grid(cylinder()).doubts == ()
+    (warning,) = lines.warnings
+    pattern = (
+        rf"The angle between u-plane \d+ and v-plane 2 is only {tilt} degrees\. .* Rotate one of them\. \[planes-n"
+    )
+    assert re.match(pattern, str(warning))
+    assert warning.code == "planes-nearly-parallel" and abs(np.rad2deg(warning.value) - tilt) < 0.01
+    assert_one_line_with_advice(str(warning))
+    assert tilted_planes(10.1).line_grid(cylinder()).warnings == ()
 
 
-def test_doubts_of_the_planes_come_with_the_fit():
-    """What the lines are in doubt of is said of the surface too."""
+def test_warnings_of_the_planes_come_with_the_fit():
+    """A warning about the lines is a warning about the surface too."""
     lines = GRID.line_grid(cylinder())
-    assert fit_surface(cylinder(), lines).doubts == ()
-    doubtful = replace(lines, doubts=("u-plane 1 and v-plane 2 hardly cross; turn one of them",))
-    assert fit_surface(cylinder(), doubtful).doubts == doubtful.doubts
+    assert fit_surface(cylinder(), lines).warnings == ()
+    warned = replace(lines, warnings=(Warning("planes-nearly-parallel", "warning", "They hardly cross."),))
+    assert fit_surface(cylinder(), warned).warnings == warned.warnings
 
 
 def test_planes_two_degrees_from_parallel_are_refused():
@@ -241,7 +249,7 @@ def test_planes_two_degrees_from_parallel_are_refused():
 def test_fin_of_the_wall_is_refused_with_its_place(size, at):
     """The wall stands out by 60 mm: no surface follows, and the message tells where, and which planes are beside it."""
     mesh, grid = with_fin(0.06, at), TubeGrid(*size, Z_AXIS, 0.004, "uniform")
-    with pytest.raises(PoorFit, match=r"^the surface stays \d+\.\d mm off the mesh at .*; cut away what") as caught:
+    with pytest.raises(PoorFit, match=r"^The surface is \d+\.\d mm off the mesh at .*\. Cut away what") as caught:
         fit_surface(mesh, grid)
     message, lines = str(caught.value), grid.line_grid(mesh)
     place = named(message, lines)[0]
@@ -251,20 +259,22 @@ def test_fin_of_the_wall_is_refused_with_its_place(size, at):
     assert np.linalg.norm(place - foot - max((place - foot) @ outward, 0) * outward) < 0.015
     assert_names_go_together(message, lines)
     assert_one_line_with_advice(message)
-    told = float(re.search(r"stays (\S+) mm", message)[1])
+    told = float(re.search(r"is (\S+) mm", message)[1])
     assert_allclose(caught.value.numbers["distance"] * 1e3, told, atol=0.051)
     assert caught.value.numbers["distance"] > fit_module.FURTHEST * mesh.size
 
 
 @pytest.mark.parametrize("at", [0.3, 0.45, 0.7])
-def test_step_is_a_doubt_with_its_place(at):
+def test_step_is_a_warning_with_its_place(at):
     """Wider by 30 mm from a station on: the fit stands, with a line that tells where it cannot follow."""
     fit = fit_surface(with_step(0.03, at), GRID)
-    (doubt,) = fit.doubts
-    assert re.match(r"the surface is \d+\.\d mm off the mesh at .*; cut away what stands out there, move", doubt)
-    assert abs(named(doubt, fit.lines)[0][2] - LENGTH * at) < 0.015
-    assert_names_go_together(doubt, fit.lines)
-    assert_one_line_with_advice(doubt)
+    (warning,) = fit.warnings
+    text = str(warning)
+    assert re.match(r"The surface is \d+\.\d mm off the mesh at .*\. Cut away what protrudes there, move", text)
+    assert abs(named(text, fit.lines)[0][2] - LENGTH * at) < 0.015
+    assert warning.code == "off-mesh" and abs(warning.where.point[2] - LENGTH * at) < 0.015
+    assert_names_go_together(text, fit.lines)
+    assert_one_line_with_advice(text)
 
 
 def test_high_step_is_refused_with_its_place():
@@ -277,18 +287,20 @@ def test_high_step_is_refused_with_its_place():
 
 @pytest.mark.parametrize("at", [0.3, 0.5, 0.7])
 def test_placed_planes_follow_a_step(at):
-    """Of 27 mm, by as few planes, little more than half as far off as even ones, and without a doubt."""
+    """Of 27 mm, by as few planes, little more than half as far off as even ones, and without a warning."""
     mesh = with_step(0.027, at)
     placed, even = (fit_surface(mesh, TubeGrid(8, 16, Z_AXIS, 0.004, spacing)) for spacing in ("auto", "uniform"))
-    assert placed.doubts == () and placed.smallest_area > 0.1
+    assert placed.warnings == () and placed.smallest_area > 0.1
     assert placed.errors.hausdorff < 0.6 * even.errors.hausdorff
 
 
-def test_distance_of_a_doubt_is_no_longer_than_the_truth():
-    """What a doubt tells is a distance of the surface from the mesh, not one along a slanting ray."""
+def test_distance_of_a_warning_is_no_longer_than_the_truth():
+    """A warning states a distance of the surface from the mesh, not one along a slanting ray."""
     fit = fit_surface(with_step(0.03, 0.3), GRID)
-    told = float(re.search(r"is (\S+) mm off", fit.doubts[0])[1]) * 1e-3
-    assert 0.4 * fit.errors.hausdorff < told < fit.errors.hausdorff < np.nanmax(np.abs(fit.residuals))
+    (warning,) = fit.warnings
+    stated = float(re.search(r"is (\S+) mm off", warning.message)[1]) * 1e-3
+    assert abs(stated - warning.value) < 0.06e-3
+    assert 0.4 * fit.errors.hausdorff < stated < fit.errors.hausdorff < np.nanmax(np.abs(fit.residuals))
 
 
 @pytest.mark.parametrize("inward", [False, True])
@@ -301,20 +313,20 @@ def test_furthest_is_a_distance_and_not_along_the_ray(inward):
     distance, place = diagnosis.furthest(mesh, fit.lines, fit.basis, fit.samples)
     exact = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
     assert_allclose(distance, exact, rtol=0.1)
-    assert distance < 0.6 * np.abs(fit.residuals).max() and place.startswith("at (")
+    assert distance < 0.6 * np.abs(fit.residuals).max() and place.words.startswith("at (")
 
 
 def test_box_through_the_wall_is_not_followed():
-    """A thin box that stands out, not of one piece with the tube: dropped and counted, and no doubt of the tube."""
+    """A thin box that stands out, not of one piece with the tube: dropped and counted, without a warning."""
     fin = box((0.03, -0.002, 0.05), (0.08, 0.002, 0.06))
     fit = fit_surface(together(cylinder(), fin), GRID)
     radius = np.linalg.norm(fit.surface.points(np.random.default_rng(3).uniform(0, 1, (200, 2)))[:, :2], axis=1)
     assert np.abs(radius - RADIUS).max() < 1e-3 * RADIUS
-    assert fit.dropped_loops.max() == 1 and fit.doubts == ()
+    assert fit.dropped_loops.max() == 1 and fit.warnings == ()
 
 
 @pytest.mark.parametrize("n", [5, 8, 14])
-def test_surface_that_closes_to_a_point_is_a_doubt(n):
+def test_surface_that_closes_to_a_point_is_a_warning(n):
     """A cone up to its tip: the lines come together, and it says so however many planes there are."""
 
     def point(angle, share):
@@ -322,38 +334,43 @@ def test_surface_that_closes_to_a_point_is_a_doubt(n):
         return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * share))
 
     fit = fit_surface(welded(tube_mesh(point, 96, 40)), TubeGrid(n, 16, Z_AXIS, 1e-4))
-    assert fit.doubts == ("the surface nearly folds or closes to a point; move planes apart, or widen the margin",)
+    (warning,) = fit.warnings
+    assert warning.code == "nearly-folded" and warning.value == fit.smallest_area
+    assert warning.message.startswith("The surface nearly folds or closes to a point")
+    assert warning.advice == "Move planes apart, or increase the margin."
 
 
 @pytest.mark.parametrize("n", [6, 8, 12])
 def test_surface_folded_by_crossing_planes_is_not_within(n):
-    """u-planes that cross inside of the tube turn the surface inside out on one side: in doubt, and never within."""
+    """u-planes that cross inside of the tube turn the surface inside out on one side: a warning, and never within."""
     fit = fit_surface(cylinder(), hinged_planes(-0.02, np.deg2rad(np.linspace(-40, 40, n))))
     uv = np.random.default_rng(4).uniform(0, 1, (500, 2))
     inward = (fit.surface.normals(uv) * fit.surface.points(uv) * (1, 1, 0)).sum(axis=1) < 0
     assert 0.2 < inward.mean() < 0.5
-    assert any("folds" in d for d in fit.doubts)
+    assert any(w.code == "folded" for w in fit.warnings)
     assert not fit.is_within(1.0)
 
 
-def test_passes_cut_short_are_a_doubt(monkeypatch):
+def test_iterations_cut_short_are_a_warning(monkeypatch):
     """Where the passes may not go on until nothing moves, the fit is not settled and says so."""
     monkeypatch.setattr(fit_module, "MOST_PASSES", 1)
     fit = fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002))
     assert not fit.settled and fit.passes == 1
-    assert any(d.startswith("the passes did not come to rest") for d in fit.doubts)
+    assert any(w.code == "not-converged" for w in fit.warnings)
     monkeypatch.undo()
     assert fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002)).settled
 
 
-def test_bad_condition_is_a_doubt(monkeypatch):
+def test_bad_condition_is_a_warning(monkeypatch):
     """The number, and what to do; no plane of ours comes near the limit, so that it is lowered here."""
     fit = fit_surface(cylinder(), TubeGrid(6, 12, Z_AXIS, 0.004), 5)
-    assert fit.doubts == () and fit.condition > 100
+    assert fit.warnings == () and fit.condition > 100
     monkeypatch.setattr(diagnosis, "ILL", 100.0)
-    vars(fit).pop("doubts")
-    message = f"the least squares have the condition {fit.condition:.0f}; lower the degree or take a plane away"
-    assert fit.doubts == (message,)
+    vars(fit).pop("warnings")
+    (warning,) = fit.warnings
+    assert (warning.code, warning.value) == ("ill-conditioned", fit.condition)
+    assert warning.message == f"The condition number of the least squares is {fit.condition:.0f}."
+    assert warning.advice == "Lower the degree, or remove a plane."
 
 
 @pytest.mark.parametrize("share, within", [(0.99, False), (1.01, True)])
@@ -376,7 +393,7 @@ def test_folded_surface_is_not_within():
     assert not fit.is_within(1e-9)
 
 
-def test_doubts_go_where_the_mesh_goes():
+def test_places_move_with_the_mesh():
     """The place in the message is in the link frame of the mesh as it lies."""
     motion = Motion(5)
     mesh = with_step(0.03, 0.3)
@@ -384,9 +401,9 @@ def test_doubts_go_where_the_mesh_goes():
         fit_surface(m, TubeGrid(8, 16, axis, 0.004, "uniform"))
         for m, axis in ((mesh, Z_AXIS), (motion.mesh(mesh), motion.axis(Z_AXIS)))
     )
-    place = named(there.doubts[0], there.lines)[0]
+    place = named(str(there.warnings[0]), there.lines)[0]
     station = (place - motion.points((0, 0, 0))) @ motion.directions((0, 0, 1.0))
-    assert_allclose(station, named(here.doubts[0], here.lines)[0][2], atol=2e-4)
+    assert_allclose(station, named(str(here.warnings[0]), here.lines)[0][2], atol=2e-4)
 
 
 def test_planes_that_cannot_be_spared_are_not_left_out():

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from skin_calib_addon.geometry.mesh.defects import Remark, diagnose, edges_at
+from skin_calib_addon.common.warnings import Warning
+from skin_calib_addon.geometry.mesh.defects import diagnose, edges_at
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, weld
 from tests.real.test_real_links import MESHES
 from tests.shapes import RADIUS, Motion, box, cylinder, dome, keep, sheet, shuffled, together, with_hole, wrist
@@ -23,18 +24,18 @@ def turned(mesh, chosen):
     return weld(mesh.vertices, np.where(chosen[:, None], mesh.faces[:, ::-1], mesh.faces))
 
 
-def remarks(found):
-    """What is said, and whether it matters."""
-    return {remark.what: remark.matters for remark in found.remarks()}
+def findings(found):
+    """Messages, and whether each is a warning."""
+    return {finding.message: finding.severity == "warning" for finding in found.findings()}
 
 
 def test_closed_box_is_sound():
     """One part without a hole; nothing matters and there is nothing to do."""
     found = seen(BLOCK)
-    assert found.remarks() == (
-        Remark("12 faces, 100 x 50 x 25 mm"),
-        Remark("One connected part"),
-        Remark("No hole"),
+    assert found.findings() == (
+        Warning("mesh-size", "note", "12 faces, 100 x 50 x 25 mm"),
+        Warning("parts", "note", "One connected part"),
+        Warning("holes", "note", "No hole"),
     )
     assert (found.parts, found.inner, found.joined) == (1, 0, 1) and not len(found.edges())
 
@@ -46,14 +47,14 @@ def test_ends_of_a_tube_are_two_holes_of_known_length():
     np.testing.assert_allclose(found.holes(), [round_it, round_it], rtol=1e-12)
     assert (
         len(found.edges()) == 48
-        and remarks(found)[f"2 holes: {round_it * 1e3:.4g}, {round_it * 1e3:.4g} mm round"] is False
+        and findings(found)[f"2 holes, circumference {round_it * 1e3:.4g}, {round_it * 1e3:.4g} mm"] is False
     )
 
 
 def test_hole_in_the_skin_matters():
     """A third rim is none of a tube's ends."""
     found = seen(with_hole(wrist(), (0.0375, 0.0, 0.05), 0.008))
-    assert len(found.holes()) == 3 and [m for w, m in remarks(found).items() if "holes" in w] == [True]
+    assert len(found.holes()) == 3 and [m for w, m in findings(found).items() if "holes" in w] == [True]
 
 
 def test_inner_part_is_counted_and_its_holes_are_not():
@@ -62,7 +63,7 @@ def test_inner_part_is_counted_and_its_holes_are_not():
     found = seen(together(cylinder(), open_box, BESIDE))
     assert (found.parts, found.inner) == (3, 1)
     assert len(found.holes()) == 2 and found.seen.sum() == len(cylinder().faces) + 12
-    assert "3 connected parts, 1 of them inside others" in remarks(found)
+    assert "3 connected parts, 1 of them inside others" in findings(found)
 
 
 def test_holes_that_touch_are_one():
@@ -83,7 +84,7 @@ def test_edge_of_three_faces_splits_parts():
     found = seen(together(BLOCK, fin))
     assert found.mesh.vertices[found.branching[0]].tolist() == [[0, 0, 0.025], [0.1, 0, 0.025]]
     assert (len(found.branching), found.parts, found.joined) == (1, 2, 1)
-    assert remarks(found)["1 edge with more than two faces"] is True
+    assert findings(found)["1 edge with more than two faces"] is True
 
 
 def test_edge_of_four_faces_that_splits_nothing_does_not_matter():
@@ -94,7 +95,7 @@ def test_edge_of_four_faces_that_splits_nothing_does_not_matter():
     assert pinched.sum() == 4
     found = diagnose(np.where(pinched[:, None], (0, 0, 1) * tube.vertices, tube.vertices), tube.faces)
     assert (len(found.branching), found.parts, found.joined) == (1, 1, 1)
-    assert remarks(found)["1 edge with more than two faces"] is False
+    assert findings(found)["1 edge with more than two faces"] is False
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -105,7 +106,7 @@ def test_turned_faces_are_found(seed):
     spoilt = turned(mesh, chosen)
     found = seen(spoilt)
     assert found.flipped.sum() == chosen.sum() and found.turned == ()
-    assert remarks(found)[f"{chosen.sum()} faces look the other way than the part around"] is True
+    assert findings(found)[f"{chosen.sum()} faces with a flipped normal"] is True
     assert not seen(turned(spoilt, found.flipped)).flipped.any()
 
 
@@ -118,7 +119,7 @@ def test_part_that_looks_inward_is_found(name):
     mesh = Motion(3).mesh(TURNED[name])
     assert seen(mesh).turned == ()
     inward = seen(turned(mesh, np.ones(len(mesh.faces), bool)))
-    assert inward.turned == (0,) and not inward.flipped.any() and remarks(inward)["1 part looks inward"] is True
+    assert inward.turned == (0,) and not inward.flipped.any() and findings(inward)["1 part with inward normals"] is True
 
 
 def test_flat_part_looks_neither_way():
@@ -146,7 +147,7 @@ def test_moebius_strip_has_one_side():
     c[-1], d[-1] = 1, 0  # half a turn
     found = diagnose(ends, np.concatenate((np.column_stack((a, b, c)), np.column_stack((b, d, c)))))
     assert found.one_sided == 1 and not found.flipped.any() and len(found.holes()) == 1
-    assert remarks(found)["1 part with one side only"] is True
+    assert findings(found)["1 part with one side only"] is True
 
 
 def test_faces_without_use_are_counted():
@@ -157,7 +158,7 @@ def test_faces_without_use_are_counted():
     useless = [[faces[0][1], faces[0][2], faces[0][0]], [8, 9, edge[0]], [*edge, 8], faces[0][::-1]]
     found = diagnose(corners, [*faces, *useless])
     assert (found.dropped, found.flat, found.doubled.sum()) == (2, 1, 2)
-    said = remarks(found)
+    said = findings(found)
     assert said["2 faces without area or repeated, left out"] is False and said["2 faces back to back"] is True
 
 
@@ -166,7 +167,7 @@ def test_diagnosis_does_not_see_the_order(seed):
     """Vertices and faces in any order: the same words."""
     mesh = together(with_hole(wrist(), (0.0375, 0.0, 0.05), 0.008), INNER)
     vertices, faces = shuffled(mesh, seed)
-    assert diagnose(vertices, faces).remarks() == seen(mesh).remarks()
+    assert diagnose(vertices, faces).findings() == seen(mesh).findings()
 
 
 @pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
@@ -176,10 +177,10 @@ def test_real_link_is_looked_at(path):
     found = seen(load_mesh(path))
     clean = {"talos_tibia_light", "talos_arm_5_forearm_collision", "jvrc1_r_elbow_p", "g1_left_wrist_roll"}
     if path.stem in clean | {"hrp4c_r_wrist_y_cover_only"}:
-        assert not any(remarks(found).values()) and found.parts == 1
+        assert not any(findings(found).values()) and found.parts == 1
     holes = {"hrp4c_r_wrist_y_cover_only": 2, "g1_left_ankle_roll_foot": 4, "talos_tibia_light": 0}
     assert len(found.holes()) == holes.get(path.stem, len(found.holes()))
-    assert all("\n" not in remark.what + remark.advice for remark in found.remarks())
+    assert all("\n" not in str(finding) for finding in found.findings())
 
 
 def test_edges_are_found_again_where_they_lie():

@@ -1,0 +1,92 @@
+"""What a person should look at before trusting a result: one record for fits, skins, meshes, responses and touches."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from .arrays import Array
+from .errors import millimetres
+from .findings import printable
+
+Severity = Literal["error", "warning", "note"]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a warning applies; what is unknown stays empty."""
+
+    point: tuple[float, float, float] | None = None  # [m], link frame
+    names: str = ""  # planes, lines or rows near it, as the author knows them
+    skin: str = ""  # name of the skin
+    taxels: tuple[str, ...] = ()  # ids, the most affected one first
+
+    @property
+    def words(self) -> str:
+        """Point and names for a message: "at (0.0, 0.0, 80.0) mm, near u-plane 3"; empty without both."""
+        at = f"at {millimetres(self.point)}" if self.point is not None else ""
+        near = f"near {self.names}" if self.names else ""
+        return ", ".join(part for part in (at, near) if part)
+
+
+NOWHERE = Place()
+
+
+@dataclass(frozen=True)
+class Warning:
+    """One thing to look at: what, where, how much, and what to do.
+
+    Attributes
+    ----------
+    code : str
+        Stable name of the kind, lower case with hyphens; ``docs/troubleshooting.md`` lists all of them.
+    severity : "error", "warning" or "note"
+        An error makes the result unusable; a note is information.
+    message : str
+        Full sentences that include place and figure.
+    where : Place
+    value : float, optional
+        The figure that the message states, in SI units.
+    advice : str
+        What to do, in the imperative; may be empty.
+    """
+
+    code: str
+    severity: Severity
+    message: str
+    where: Place = NOWHERE
+    value: float | None = None
+    advice: str = ""
+
+    def __str__(self) -> str:
+        """Message, advice and code on one line."""
+        return printable(f"{self.message} {self.advice}".strip()) + f" [{self.code}]"
+
+
+def point_of(point: Array) -> tuple[float, float, float]:
+    """A point (3,) [m] as plain numbers for a `Place`."""
+    x, y, z = (float(c) for c in point)
+    return x, y, z
+
+
+def to_document(warnings: Iterable[Warning]) -> list[dict[str, Any]]:
+    """Warnings as JSON values."""
+    documents = []
+    for warning in warnings:
+        where = {name: value for name, value in asdict(warning.where).items() if value}
+        documents.append(asdict(warning) | {"where": where})
+    return documents
+
+
+def from_document(documents: Iterable[dict[str, Any]]) -> tuple[Warning, ...]:
+    """The warnings in what `to_document` gave."""
+    found = []
+    for document in documents:
+        where = document["where"]
+        place = Place(
+            point=tuple(where["point"]) if "point" in where else None,
+            names=where.get("names", ""),
+            skin=where.get("skin", ""),
+            taxels=tuple(where.get("taxels", ())),
+        )
+        found.append(Warning(**{**document, "where": place}))
+    return tuple(found)
