@@ -184,7 +184,7 @@ def test_check_finds_what_is_there_and_offers_the_outer_shell(bpy, shown):
     assert draw(bpy, "mesh") == ["Check Mesh"]
     assert bpy.ops.skin_calib.diagnose() == {"FINISHED"}
     assert said(link)["2 connected parts, 1 of them inside others"] is False
-    assert [matters for what, matters in said(link).items() if what.startswith("3 holes: ")] == [True]
+    assert [matters for what, matters in said(link).items() if what.startswith("3 holes, ")] == [True]
     panel = draw(bpy, "mesh")
     assert {"shell: outer", "shell: all", "Select Holes and Odd Edges"} <= set(panel)
     assert "The mesh has changed: check again" not in panel

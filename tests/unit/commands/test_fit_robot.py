@@ -415,6 +415,22 @@ def test_notes_are_json_for_people(robot):
     assert list(note["inputs"]) == [note["plan"], note["mesh"]] and list(note["outputs"]) == ["arm.calibration.json"]
 
 
+def test_notes_of_the_first_version_keep_their_warnings(robot, capsys):
+    """There they were plain strings; they are repeated where a calibration is up to date."""
+    fit(robot)
+    notes = robot / "out" / "sources.json"
+    document = json.loads(notes.read_text()) | {"version": 1}
+    for member in document["calibrations"].values():
+        del member["warnings"]
+        member["doubts"] = ["it stands off the mesh"]
+    notes.write_text(json.dumps(document))
+    capsys.readouterr()
+    assert fit(robot) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == "3 links: 3 up to date"
+    assert err.splitlines() == [f"skin-calib: {n}: warning: it stands off the mesh [earlier-fit]" for n in NAMES]
+
+
 def test_notes_that_lead_nowhere_do_no_harm(robot, capsys):
     """Whatever paths stand in them: a device that never ends, names that no system takes."""
     fit(robot)

@@ -84,7 +84,7 @@ def hinged_planes(x, tilts):
 def named(message, lines):
     """The place, the u-plane and the v-line that a message names."""
     x, y, z, i, name = re.search(
-        r"\((\S+), (\S+), (\S+)\) mm, near u-plane (\d+) and (half-plane at [\d.]+ degrees|v-plane \d+)[:;]", message
+        r"\((\S+), (\S+), (\S+)\) mm, near u-plane (\d+) and (half-plane at [\d.]+ degrees|v-plane \d+)\.", message
     ).groups()
     return np.array((x, y, z), float) * 1e-3, int(i), lines.v_names.index(name)
 
