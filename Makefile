@@ -15,7 +15,7 @@ demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summa
 test: $(READY)  ## all tests
 	$(BIN)/python -m pytest -q
 
-check: $(READY)  ## lint, types, tests, the built extension
+check: $(READY) docs  ## lint, types, tests, the built extension, the documentation
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

@@ -1,0 +1,124 @@
+"""The documentation names every code, class of error, command and label that the package has."""
+
+import ast
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from skin_calib_addon import cli
+from skin_calib_addon.common import errors
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS, PACKAGE = ROOT / "docs", ROOT / "skin_calib_addon"
+TROUBLES = DOCS / "troubleshooting.md"
+# Codes that are put together from parts.
+PATTERNS = {
+    "duplicate-{name}": {"duplicate-channel", "duplicate-label"},
+    "not-unit-{name}s": {"not-unit-normals", "not-unit-tangents"},
+    "{code}-{name}s": {"placeholder-normals", "placeholder-tangents", "missing-normals", "missing-tangents"},
+}
+
+PARTS = {"placeholder"}  # what stands in a pattern only
+
+
+def code_positions(trees: list[ast.Module]) -> dict[str, int]:
+    """Position of the argument ``code`` in calls of functions and classes that have one."""
+    positions = {}
+    for tree in trees:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                fields = [
+                    f.target.id for f in node.body if isinstance(f, ast.AnnAssign) and isinstance(f.target, ast.Name)
+                ]
+                makers = [f for f in node.body if isinstance(f, ast.FunctionDef) and f.name == "__init__"]
+                names = [a.arg for a in makers[0].args.args[1:]] if makers else fields
+            elif isinstance(node, ast.FunctionDef):
+                names = [a.arg for a in node.args.args]
+            else:
+                continue
+            if "code" in names:
+                positions[node.name] = names.index("code")
+    return positions
+
+
+def codes_in(tree: ast.Module, positions: dict[str, int]) -> Iterator[str]:
+    """Codes of warnings and findings in a module, as literals or as patterns."""
+    constants = {
+        t.id: n.value for n in tree.body if isinstance(n, ast.Assign) for t in n.targets if isinstance(t, ast.Name)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+            arguments = node.args[positions[name] :][:1] if name in positions else []
+            arguments += [k.value for k in node.keywords if k.arg == "code"]
+            for argument in arguments:
+                if isinstance(argument, ast.Constant):
+                    yield argument.value
+                elif isinstance(argument, ast.JoinedStr):
+                    yield ast.unparse(argument)[2:-1]
+        elif isinstance(node, ast.For) and isinstance(node.target, ast.Tuple):
+            names = [t.id for t in node.target.elts if isinstance(t, ast.Name)]
+            rows = constants.get(node.iter.id) if isinstance(node.iter, ast.Name) else node.iter
+            if "code" in names and isinstance(rows, ast.Tuple):
+                yield from (row.elts[names.index("code")].value for row in rows.elts)
+
+
+def all_codes() -> set[str]:
+    """Every code that the package can report."""
+    trees = [ast.parse(path.read_text("utf-8")) for path in PACKAGE.rglob("*.py")]
+    positions = code_positions(trees)
+    found = {code for tree in trees for code in codes_in(tree, positions)} - PARTS
+    return {one for code in found for one in PATTERNS.get(code, {code})}
+
+
+def test_every_code_has_a_cause_and_a_remedy():
+    """A row of a table in the troubleshooting page begins with each code, and its other cells are not empty."""
+    rows = re.findall(r"^\| `([^`]+)` \|(.+)\|(.+)\|$", TROUBLES.read_text("utf-8"), re.MULTILINE)
+    codes = all_codes()
+    assert len(codes) > 60, "the search for codes in the package finds too few"
+    assert codes ^ {code for code, *_ in rows if code.islower()} == set()
+    assert [row for row in rows if not all(cell.strip() for cell in row)] == []
+
+
+def test_every_class_of_error_is_explained():
+    """The table of errors has each class that a user can meet."""
+    classes = {n for n, c in vars(errors).items() if isinstance(c, type) and issubclass(c, errors.SkinCalibError)}
+    rows = set(re.findall(r"^\| `(\w+)` \|", TROUBLES.read_text("utf-8"), re.MULTILINE))
+    assert classes - {"SkinCalibError"} - rows == set()
+
+
+def shell_lines() -> list[str]:
+    """Lines of the shell examples that call skin-calib."""
+    pages = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+    blocks = [block for page in pages for block in re.findall(r"```sh\n(.*?)```", page.read_text("utf-8"), re.DOTALL)]
+    return sorted({line for block in blocks for line in block.splitlines() if line.startswith("skin-calib ")})
+
+
+@pytest.mark.parametrize("line", shell_lines())
+def test_command_in_the_documentation_is_valid(line):
+    """The parser accepts it."""
+    words = shlex.split(line, comments=True)
+    assert cli.build_parser().parse_args(words[1:]).run
+
+
+@pytest.mark.parametrize("page", ["reference/window.md", "tutorial/blender.md", "how-to/planes.md", "how-to/boards.md"])
+def test_bold_labels_are_in_the_window(page):
+    """Words in bold are labels of buttons, properties or panels."""
+    folders = (ROOT / "operators", ROOT / "panels", PACKAGE / "blender")
+    source = "\n".join(path.read_text("utf-8") for folder in folders for path in folder.rglob("*.py"))
+    labels = set(re.findall(r"\*\*([^*]+)\*\*", (DOCS / page).read_text("utf-8")))
+    assert len(labels) > 3
+    assert {label for label in labels if f'"{label}"' not in source} == set()
+
+
+@pytest.mark.parametrize("page", ["reference/python/index.md"])
+def test_python_examples_run(page, monkeypatch):
+    """Each block runs by itself, in the top folder of the repository."""
+    monkeypatch.chdir(ROOT)
+    blocks = re.findall(r"```python\n(.*?)```", (DOCS / page).read_text("utf-8"), re.DOTALL)
+    assert blocks
+    for block in blocks:
+        exec(block, {})
