@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.cli import main as skin_calib
 from skin_calib_addon.pipeline import calibrate
-from skin_calib_addon.pipeline.place_skins import lay_all
+from skin_calib_addon.pipeline.place_skins import place_all
 from skin_calib_addon.plan import load_plan
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -33,8 +33,8 @@ def main() -> None:
     normal, tangent = taxels.normals_link[0], taxels.tangents_link[0]
     origin = taxels.positions_link[0] + SHIFT[0] * tangent + SHIFT[1] * np.cross(normal, tangent)
     direction = Rotation.from_rotvec(TURN * normal).apply(np.array(tangent))
-    (laid,) = lay_all((replace(skin, origin=tuple(origin), direction=tuple(direction)),), result.fit)
-    real, rng = laid.patch.taxels, np.random.default_rng(0)
+    (placed,) = place_all((replace(skin, origin=tuple(origin), direction=tuple(direction)),), result.fit)
+    real, rng = placed.patch.taxels, np.random.default_rng(0)
     rows = rng.integers(0, len(ids), TOUCHES)
     along, across = rng.uniform(-0.5, 0.5, (2, TOUCHES, 1)) * skin.lattice.pitch[0]
     normals, tangents = real.normals_link[rows], real.tangents_link[rows]

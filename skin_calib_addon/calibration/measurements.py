@@ -9,10 +9,10 @@ import numpy as np
 
 from ..common.arrays import Array, freeze
 from ..common.findings import did_you_mean, show
-from ..common.tables import WrongCell, named_rows, naming, number_in, place_of
+from ..common.tables import CellError, find_column, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 
-LEAST, LARGEST = 1e-100, 1e12  # of numbers that are not zero
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-100, 1e12  # of numbers that are not zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +49,20 @@ def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> 
         Names file, line and column of the first thing that is wrong.
     """
     rows: list[tuple[str | None, float, float]] = []
-    with naming(path):
-        table = named_rows(read_text(path))
+    with naming_file(path):
+        table = read_named_rows(read_text(path))
         line, header = next(table, (1, [""]))
-        columns = [place_of(header, name, line) for name in ("reading", "force")]
-        owner = place_of(header, "taxel", line) if "taxel" in header else None
+        columns = [find_column(header, name, line) for name in ("reading", "force")]
+        owner = find_column(header, "taxel", line) if "taxel" in header else None
         for line, row in table:
             taxel = None if owner is None else row[owner]
             if owner is not None and taxel not in taxels:
                 message = f"names no taxel of the calibration: {show(taxel)}{did_you_mean(str(taxel), taxels)}"
-                raise WrongCell(line, owner + 1, message)
+                raise CellError(line, owner + 1, message)
             reading, force = (_number(row, column, line) for column in columns)
             rows.append((taxel, reading, force))
         if not rows:
-            raise WrongCell(line, 1, "has no measurement below it")
+            raise CellError(line, 1, "has no measurement below it")
     order = {taxel: k for k, taxel in enumerate(dict.fromkeys(row[0] for row in rows))}
     parts = groupby(sorted(rows, key=lambda row: order[row[0]]), key=lambda row: row[0])
     return tuple(Measurements(taxel, *np.array([row[1:] for row in part]).T) for taxel, part in parts)
@@ -70,6 +70,6 @@ def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> 
 
 def _number(row: list[str], column: int, line: int) -> float:
     number = number_in(row, column, line)
-    if number != 0 and not LEAST <= abs(number) <= LARGEST:
-        raise WrongCell(line, column + 1, f"has {number:g}, beyond all that sensors read or feel")
+    if number != 0 and not MIN_MAGNITUDE <= abs(number) <= MAX_MAGNITUDE:
+        raise CellError(line, column + 1, f"has {number:g}, beyond all that sensors read or feel")
     return number

@@ -9,6 +9,8 @@ from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import SurfaceErrors
 from .response import AnyResponse, Response
 
+MAX_CHANNEL = 2**31 - 1  # Contract: a channel fits into a signed 32-bit integer
+
 
 @dataclass(frozen=True)
 class MeshSource:

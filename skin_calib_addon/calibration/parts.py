@@ -37,7 +37,7 @@ def parts_of(document: Any, name: str, findings: Iterable[Finding]) -> list[Part
     items = document.get(name) if isinstance(document, dict) else None
     if not isinstance(items, list) or any(finding.pointer == f"/{name}" for finding in findings):
         return [Part(f"/{name}", {}, frozenset())]
-    touched = touched_by(findings)
+    touched = pointers_with_findings(findings)
     parts = []
     for index, item in enumerate(items):
         pointer = child("", name, index)
@@ -59,7 +59,7 @@ def needs(*names: str) -> Callable[[Callable[..., Iterable[Finding]]], Callable[
     return wrap
 
 
-def touched_by(findings: Iterable[Finding]) -> set[str]:
+def pointers_with_findings(findings: Iterable[Finding]) -> set[str]:
     """The pointers to everything in which, or further into which, something was found."""
     return {place for finding in findings for place in _ancestors(finding.pointer)}
 

@@ -9,24 +9,26 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray
 from ..common.findings import Finding, child, error, show
-from .parts import Part, touched_by
+from .parts import Part, pointers_with_findings
 
-TURN = 1e-9  # of the forces on the range: a polynomial may run back by this, for its coefficients are rounded
-NEGLIGIBLE = 1e-14  # of the largest coefficient of a slope on [0, 1]
-PASCAL = np.array([[math.comb(i, k) for k in range(16)] for i in range(16)], float)
+REVERSAL_TOLERANCE = (
+    1e-9  # of the forces on the range: a polynomial may run back by this, for its coefficients are rounded
+)
+COEFFICIENT_TOLERANCE = 1e-14  # of the largest coefficient of a slope on [0, 1]
+BINOMIALS = np.array([[math.comb(i, k) for k in range(16)] for i in range(16)], float)
 
 
 def responses_are_monotone(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Of the responses of a document in which the schema found nothing, those that are none."""
-    touched = touched_by(findings)
+    touched = pointers_with_findings(findings)
     sound = [(pointer, response) for pointer, response in _responses(document) if pointer not in touched]
     with np.errstate(all="ignore"):
-        suspected = _suspected([response for _, response in sound])
-    for row in suspected:
+        rows_to_check = _possibly_wrong([response for _, response in sound])
+    for row in rows_to_check:
         yield from response_findings(sound[row][1], sound[row][0])
 
 
-def responses_are_there(document: Any, patches: Iterable[Part]) -> Iterator[Finding]:
+def responses_exist(document: Any, patches: Iterable[Part]) -> Iterator[Finding]:
     """Every taxel's response is one of the list."""
     listed = document.get("responses", []) if isinstance(document, dict) else None
     if not isinstance(listed, list):
@@ -57,7 +59,7 @@ def _responses(document: Any) -> Iterator[tuple[str, Any]]:
         yield f"/responses/{index}", response
 
 
-def _suspected(responses: list[dict[str, Any]]) -> list[int]:
+def _possibly_wrong(responses: list[dict[str, Any]]) -> list[int]:
     """Rows of all but those that a look at all of one shape at once finds sound; there may be one for each taxel."""
     alike = defaultdict(list)
     for row, response in enumerate(responses):
@@ -65,27 +67,27 @@ def _suspected(responses: list[dict[str, Any]]) -> list[int]:
             alike["table", len(response["readings"]), len(response["forces"])].append(row)
         elif "range" in response:
             alike["polynomial", len(response["coefficients"]), 2].append(row)
-    suspected: list[int] = []
+    rows_to_check: list[int] = []
     for (kind, *_), rows in alike.items():
-        is_fine = _are_fine_tables if kind == "table" else _are_fine_polynomials
-        suspected += np.array(rows)[~is_fine([responses[row] for row in rows])].tolist()
-    return sorted(suspected)
+        is_sound = _surely_monotone_tables if kind == "table" else _surely_monotone_polynomials
+        rows_to_check += np.array(rows)[~is_sound([responses[row] for row in rows])].tolist()
+    return sorted(rows_to_check)
 
 
-def _are_fine_tables(tables: list[dict[str, Any]]) -> BoolArray:
+def _surely_monotone_tables(tables: list[dict[str, Any]]) -> BoolArray:
     """Of tables of one length, whether each surely rises and its forces go one way, shape (n,)."""
     readings, forces = (np.array([table[name] for table in tables], float) for name in ("readings", "forces"))
     if readings.shape != forces.shape:
         return np.zeros(len(tables), bool)
     rise = (np.diff(readings) > 0).all(axis=1) & np.isfinite(readings[:, -1] - readings[:, 0])
-    return rise & _one_way(np.diff(forces))
+    return rise & _same_sign(np.diff(forces))
 
 
-def _are_fine_polynomials(polynomials: list[dict[str, Any]]) -> BoolArray:
+def _surely_monotone_polynomials(polynomials: list[dict[str, Any]]) -> BoolArray:
     """Of polynomials of one degree, whether each surely goes one way on its range, shape (n,)."""
     coefficients, ranges = (np.array([p[name] for p in polynomials], float) for name in ("coefficients", "range"))
     shifted = _shifted(coefficients, *ranges.T)
-    return (ranges[:, 0] < ranges[:, 1]) & np.isfinite(np.abs(shifted).sum(axis=1)) & _one_way(_slope_bounds(shifted))
+    return (ranges[:, 0] < ranges[:, 1]) & np.isfinite(np.abs(shifted).sum(axis=1)) & _same_sign(_slope_bounds(shifted))
 
 
 def _table_findings(table: dict[str, Any], pointer: str) -> Iterator[Finding]:
@@ -101,8 +103,8 @@ def _table_findings(table: dict[str, Any], pointer: str) -> Iterator[Finding]:
     elif readings[-1] - readings[0] == np.inf:
         yield _too_wide(child(pointer, "readings"), table["readings"])
     steps = np.diff(forces)
-    turns = np.sign(steps) * np.sign(forces[-1] - forces[0]) < 0
-    row = _first(turns if forces[-1] != forces[0] else steps != 0)
+    reversed_steps = np.sign(steps) * np.sign(forces[-1] - forces[0]) < 0
+    row = _first(reversed_steps if forces[-1] != forces[0] else steps != 0)
     if row is not None:
         value = table["forces"][row]
         message = f"is {show(value)}, against the way from the first force to the last; forces must not turn round"
@@ -126,7 +128,7 @@ def is_monotone(coefficients: Any, low: float, high: float) -> bool:
         shifted = _shifted(np.array(coefficients, float), float(low), float(high))
         if not np.isfinite(np.abs(shifted).sum()):
             return False
-        return bool(_one_way(_slope_bounds(shifted))) or _never_turns(shifted)
+        return bool(_same_sign(_slope_bounds(shifted))) or _is_monotone_by_roots(shifted)
 
 
 def _shifted(coefficients: Array, low: Any, high: Any) -> Array:
@@ -144,23 +146,23 @@ def _shifted(coefficients: Array, low: Any, high: Any) -> Array:
 def _slope_bounds(shifted: Array) -> Array:
     """Bernstein coefficients (..., m) of slopes on [0, 1], which lie between the least and the largest of them."""
     m = shifted.shape[-1] - 1
-    return np.asarray(shifted[..., 1:] * np.arange(1, m + 1) / PASCAL[max(m - 1, 0), :m] @ PASCAL[:m, :m].T)
+    return np.asarray(shifted[..., 1:] * np.arange(1, m + 1) / BINOMIALS[max(m - 1, 0), :m] @ BINOMIALS[:m, :m].T)
 
 
-def _one_way(steps: Array) -> BoolArray:
+def _same_sign(steps: Array) -> BoolArray:
     """Whether steps (..., m) all rise or all fall."""
     return (steps >= 0).all(axis=-1) | (steps <= 0).all(axis=-1)
 
 
-def _never_turns(shifted: Array) -> bool:
+def _is_monotone_by_roots(shifted: Array) -> bool:
     """Whether a polynomial goes one way on [0, 1], by the places where its slope is zero."""
     slope = shifted[1:] * np.arange(1, len(shifted))
     size = np.abs(slope).max()
-    slope = np.trim_zeros(np.where(np.abs(slope) > NEGLIGIBLE * size, slope / size, 0.0), "b")
+    slope = np.trim_zeros(np.where(np.abs(slope) > COEFFICIENT_TOLERANCE * size, slope / size, 0.0), "b")
     # More places than those where the slope is zero do no harm: of each root the real part is looked at.
     places = np.sort(np.concatenate(((0.0, 1.0), np.clip(np.roots(slope[::-1]).real, 0, 1))))
     values = np.polynomial.polynomial.polyval(places, shifted)
-    steps, most = np.diff(values), TURN * np.ptp(values)
+    steps, most = np.diff(values), REVERSAL_TOLERANCE * np.ptp(values)
     return bool((steps >= -most).all() or (steps <= most).all())
 
 

@@ -9,10 +9,10 @@ from ..common.arrays import Array
 from ..common.findings import Finding, error, show, warning
 from .parts import Part, needs
 
-FARTHEST = 20.0  # [m] no robot link reaches this far from its own frame
-SEAM = 1e-9  # of the net's size
-DOMAIN = 1e-9
-ROUNDING = 1e-9  # of distances that another program summed in another order
+MAX_DISTANCE = 20.0  # [m] no robot link reaches this far from its own frame
+SEAM_TOLERANCE = 1e-9  # of the net's size
+DOMAIN_TOLERANCE = 1e-9
+SUM_TOLERANCE = 1e-9  # of distances that another program summed in another order
 
 
 @needs("control_net")
@@ -39,7 +39,7 @@ def knots_fit(surface: Part, degree: Array, knots: list[list[float]], net: Array
             at = int(drops[0]) + 1
             message = f"is {show(row[at])}, below the knot before it ({show(row[at - 1])}); knots must not decrease"
             yield error("knots-decrease", surface.at("knots", axis, at), message, row[at])
-        elif abs(row[d]) > DOMAIN or abs(row[n] - 1) > DOMAIN:
+        elif abs(row[d]) > DOMAIN_TOLERANCE or abs(row[n] - 1) > DOMAIN_TOLERANCE:
             message = f"must span [0, 1] from knot {d} to knot {n}, not [{show(row[d])}, {show(row[n])}]"
             yield error("knots-domain", where, message, row)
 
@@ -51,7 +51,7 @@ def closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Arra
         along = np.moveaxis(net, axis, 0)
         if closed[axis] and len(along) > d:
             gap = np.abs(along[:d] - along[-d:]).max()
-            if not gap <= SEAM * size:
+            if not gap <= SEAM_TOLERANCE * size:
                 message = f"is closed in {'uv'[axis]}, but its last {d} points are {gap:.3g} m off its first {d}"
                 yield error("open-seam", surface.at("control_net"), message)
 
@@ -59,7 +59,7 @@ def closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Arra
 @needs("control_net")
 def net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
     farthest = np.abs(net).max()
-    if farthest > FARTHEST:
+    if farthest > MAX_DISTANCE:
         message = f"reaches {farthest:.6g} m from the link frame; divide by 1000 if these are millimetres"
         yield error("units", surface.at("control_net"), message)
 
@@ -69,11 +69,11 @@ def errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
     """A mean is at most the root mean square, that at most the maximum, and the largest maximum is the Hausdorff."""
     for name in ("mesh_to_surface", "surface_to_mesh"):
         mean, rms, most = (errors[name][key] for key in ("mean", "rms", "max"))
-        if not mean <= rms * (1 + ROUNDING) <= most * (1 + 2 * ROUNDING):
+        if not mean <= rms * (1 + SUM_TOLERANCE) <= most * (1 + 2 * SUM_TOLERANCE):
             message = f"has mean {show(mean)}, rms {show(rms)}, max {show(most)}, which must not fall in this order"
             yield warning("errors", surface.at("errors", name), message, errors[name])
     largest = max(errors[name]["max"] for name in ("mesh_to_surface", "surface_to_mesh"))
-    if abs(errors["hausdorff"] - largest) > ROUNDING * largest:
+    if abs(errors["hausdorff"] - largest) > SUM_TOLERANCE * largest:
         message = f"is {show(errors['hausdorff'])}, but the larger maximum is {show(largest)}"
         yield warning("errors", surface.at("errors", "hausdorff"), message, errors["hausdorff"])
 

@@ -28,8 +28,8 @@ class TaxelResponses:
         kinds = [responses[i] for i in used]
         self.rest = np.array([r.rest for r in kinds])[index] if kinds else np.empty(0)
         self.full = np.array([np.inf if r.full is None else r.full for r in kinds])[index] if kinds else np.empty(0)
-        for shared in (self.rest, self.full):
-            shared.setflags(write=False)
+        for values in (self.rest, self.full):
+            values.setflags(write=False)
         self._sign = np.where(self.full < self.rest, -1.0, 1.0)
         self._signed_full = self._sign * self.full
         is_table = np.array([isinstance(r, ResponseTable) for r in kinds], bool)
@@ -90,10 +90,10 @@ class _Polynomials:
     def forces(self, readings: Array) -> Array:
         first, second, *others = self._coefficients
         if self._clamps:
-            gone = readings * 0.0  # NaN where a reading is not finite: the ends of a range must not hide it
+            invalid = readings * 0.0  # NaN where a reading is not finite: the ends of a range must not hide it
             readings = np.maximum(readings, self._low)
             np.minimum(readings, self._high, out=readings)
-            readings += gone
+            readings += invalid
         forces = readings * first
         forces += second
         for coefficient in others:
@@ -118,11 +118,11 @@ class _Tables:
         self._forces = np.concatenate([t.forces for t in tables])
 
     def forces(self, readings: Array) -> Array:
-        gone = readings * 0.0
-        share = readings - self._low
-        share /= self._width
-        np.maximum(share, 0.0, out=share)
-        np.minimum(share, 1.0, out=share)
-        share += self._shift
-        share += gone
-        return np.interp(share, self._knots, self._forces)
+        invalid = readings * 0.0
+        fraction = readings - self._low
+        fraction /= self._width
+        np.maximum(fraction, 0.0, out=fraction)
+        np.minimum(fraction, 1.0, out=fraction)
+        fraction += self._shift
+        fraction += invalid
+        return np.interp(fraction, self._knots, self._forces)

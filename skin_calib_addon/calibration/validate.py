@@ -12,7 +12,7 @@ from ..common.schema_check import check, read_schema
 from ..common.schema_types import has_type
 from . import patch_checks, surface_checks
 from .parts import Part, parts_of
-from .response_checks import responses_are_monotone, responses_are_there
+from .response_checks import responses_are_monotone, responses_exist
 
 Findings = tuple[Finding, ...]
 
@@ -90,7 +90,7 @@ def _meaning(document: Any, findings: Findings) -> Findings:
         *first(_unknown_neighbours(patches, near)),
         *first(_one_sided_neighbours(patches, near)),
         *first(responses_are_monotone(document, findings)),
-        *first(responses_are_there(document, patches)),
+        *first(responses_exist(document, patches)),
     )
 
 

@@ -11,11 +11,11 @@ from ..calibration.file import check_bytes
 from ..common.errors import CalibrationFormatError, InvalidMesh, OutputError
 from ..common.findings import Finding, printable, warning
 from ..common.strict_json import parse, read
-from ..pipeline.sources import changed_inputs, is_mesh, mesh_beside
+from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh
 from ..plan import FORMAT, check_plan_wholly
 from .common import DONE, WRONG_DATA, complain
 
-MANY = 10  # findings that one counts by their codes
+MAX_UNCOUNTED = 10  # findings that one counts by their codes
 
 
 def add(commands) -> None:
@@ -51,22 +51,22 @@ def _check_one(path: Path, mesh: Path | None) -> int:
     except CalibrationFormatError as problem:
         complain(str(problem))
         return WRONG_DATA
-    told: list[str] = []
+    notes: list[str] = []
     document, findings = parse(data)
     if isinstance(document, dict) and document.get("format") == FORMAT:
         findings = tuple(findings) or check_plan_wholly(document)
-        findings = findings or tuple(_lost_files(path, document))
+        findings = findings or tuple(_missing_files(path, document))
     else:
         document, findings = check_bytes(data)
         if not any(finding.severity == "error" for finding in findings):
-            told = [f"{_taxels(document)} taxels on {document['link']}"]
-            outdated, of_mesh = _compared(path, document["mesh"], mesh)
-            findings, told = (*findings, *outdated), [*told, of_mesh]
+            notes = [f"{_taxels(document)} taxels on {document['link']}"]
+            outdated, of_mesh = _compare(path, document["mesh"], mesh)
+            findings, notes = (*findings, *outdated), [*notes, of_mesh]
     for finding in findings:
         print(f"{finding}{_taxel(document, finding.pointer)}")
     errors = sum(f.severity == "error" for f in findings)
-    counted = [f"{errors} errors, {len(findings) - errors} warnings", *told]
-    if len(findings) > MANY:
+    counted = [f"{errors} errors, {len(findings) - errors} warnings", *notes]
+    if len(findings) > MAX_UNCOUNTED:
         counted.append(", ".join(f"{n} {code}" for code, n in Counter(f.code for f in findings).most_common()))
     print(printable(f"{path}: {'; '.join(counted)}"))
     return WRONG_DATA if errors else DONE
@@ -76,7 +76,7 @@ def _taxels(document: dict[str, Any]) -> int:
     return sum(len(patch["taxels"]["id"]) for patch in document["patches"])
 
 
-def _lost_files(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
+def _missing_files(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
     """The files that a plan names and that are not there."""
     if not os.path.isfile(path.parent / document["mesh"]):
         yield warning("no-mesh", "/mesh", "names no file; a plan names its mesh relative to its own folder")
@@ -86,21 +86,21 @@ def _lost_files(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
             yield warning("no-taxels", f"/skins/{k}/file", message, skin["file"])
 
 
-def _compared(path: Path, mesh: dict[str, Any], named: Path | None) -> tuple[list[Finding], str]:
+def _compare(path: Path, mesh: dict[str, Any], named: Path | None) -> tuple[list[Finding], str]:
     """Whether plan and mesh are still those that the calibration was made from, and what became of the mesh."""
     try:
         plans = [
             warning("outdated", "", f"was made from {name}, which has changed since; fit it again")
             for name in changed_inputs(path)
         ]
-        place = named or mesh_beside(path, mesh["file"])
+        place = named or find_mesh(path, mesh["file"])
     except CalibrationFormatError as problem:
         return [warning("outdated", "", str(problem))], "mesh not compared"
     if place is None:
         return plans, f"mesh {mesh['file']} not found and not compared: name it with --mesh"
     shown = os.path.normpath(place)
     try:
-        if is_mesh(place, mesh["sha256"]):
+        if is_same_mesh(place, mesh["sha256"]):
             return plans, f"mesh {shown} is the one that was calibrated"
         message = f"is not that of {shown}: the mesh is no longer the one that was calibrated; fit its plan again"
     except InvalidMesh as problem:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..common.errors import InvalidPlan, OutputError, SkinCalibError
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..pipeline.sources import Source, load_sources, note_source
+from ..pipeline.sources import Source, load_sources, save_source
 from ..plan import Plan
 from ..robot.urdf import Robot, read_robot
 from .common import DONE, WRONG_DATA, check_target, complain, count
@@ -80,10 +80,10 @@ def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Robot | None]:
         if path not in robots and not os.path.isdir(path):
             files.append(path)
             continue
-        beside = sorted((path.parent if path in robots else path).glob("*.plan.json"))
-        if not beside and (path not in robots or named == robots):
+        found = sorted((path.parent if path in robots else path).glob("*.plan.json"))
+        if not found and (path not in robots or named == robots):
             raise InvalidPlan(f"no *.plan.json {'beside' if path in robots else 'in'} {path}; name the plans")
-        files += beside
+        files += found
     once = {os.path.realpath(path): path for path in files}
     return list(once.values()), read_robot(robots[0]) if robots else None
 
@@ -115,10 +115,10 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
             done[outcome.job.name] = outcome
             progress.step()
             progress.clear()
-            _tell(outcome, f"{outcome.job.name}: " if len(jobs) > 1 else "")
+            _report(outcome, f"{outcome.job.name}: " if len(jobs) > 1 else "")
             progress.show()
             if outcome.job.folder and outcome.source:
-                note_source(outcome.job.folder, outcome.job.calibration.name, outcome.source)
+                save_source(outcome.job.folder, outcome.job.calibration.name, outcome.source)
     except KeyboardInterrupt:
         progress.clear()
         complain(f"interrupted after {len(done)} of {len(jobs)} links; the same call goes on from here")
@@ -129,7 +129,7 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
     return WRONG_DATA if any(outcome.state == "failed" for outcome in done.values()) else DONE
 
 
-def _tell(outcome: Outcome, which: str) -> None:
+def _report(outcome: Outcome, which: str) -> None:
     """What became of a link, as soon as it is known; of one alone, all of it."""
     for warning in outcome.warnings:
         complain(f"{which}{warning.severity}: {warning}")
@@ -159,5 +159,5 @@ def _table(done: list[Outcome]) -> str:
             what = ", ".join(word for word in (numbers, warnings, text) if word)
         lines.append(f"{outcome.job.name:{width}}  {outcome.state:10}  {what}")
     states = Counter(outcome.state for outcome in done)
-    told = [f"{states[state]} {state}" for state in ("fitted", "up to date", "kept", "failed") if states[state]]
-    return "\n".join((*lines, f"{len(done)} links: {', '.join(told)}"))
+    counts = [f"{states[state]} {state}" for state in ("fitted", "up to date", "kept", "failed") if states[state]]
+    return "\n".join((*lines, f"{len(done)} links: {', '.join(counts)}"))

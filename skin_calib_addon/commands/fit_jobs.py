@@ -15,11 +15,11 @@ from ..common.warnings import Warning
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline import Calibrated, calibrate
 from ..pipeline.report import report_document, summary
-from ..pipeline.sources import Source, is_current, source_of, taxel_files, with_outputs
+from ..pipeline.sources import Source, add_outputs, is_current, source_of, taxel_files
 from ..plan import Plan, load_plan
 from ..robot.urdf import Robot, compare
 from .common import check_target
-from .side_by_side import carry_out
+from .worker_processes import run_tasks
 
 EDITED = Warning(
     "edited",
@@ -66,7 +66,7 @@ def outcomes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
     """What becomes of each job, as soon as it is known."""
     if processes == 1 or len(jobs) == 1:
         return map(_survive if len(jobs) > 1 else fit_one, jobs)
-    return carry_out(_survive, jobs, processes, lambda job, problem: Outcome(job, "failed", str(problem)))
+    return run_tasks(_survive, jobs, processes, lambda job, problem: Outcome(job, "failed", str(problem)))
 
 
 def fit_one(job: Job) -> Outcome:
@@ -95,7 +95,7 @@ def fit_one(job: Job) -> Outcome:
     taxels = sum(len(patch.taxels.ids) for patch in result.calibration.patches)
     mean = result.fit.errors.surface_to_mesh.mean
     if source and job.folder:
-        source = with_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, warnings=result.warnings)
+        source = add_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, warnings=result.warnings)
     text = summary(result, job.calibration)
     return Outcome(job, "fitted", text, warnings + result.warnings, taxels, mean, source)
 
@@ -110,7 +110,7 @@ def _is_edited(job: Job) -> bool:
     if not job.before or not job.folder or not os.path.isfile(job.calibration):
         return False
     name = job.calibration.name
-    if job.before.finds(job.folder, {name: job.before.outputs.get(name, "")}):
+    if job.before.has_files(job.folder, {name: job.before.outputs.get(name, "")}):
         return False
     try:
         load_calibration(job.calibration)

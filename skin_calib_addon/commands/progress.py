@@ -2,7 +2,7 @@
 
 import sys
 
-WIDTH = 30
+BAR_WIDTH = 30
 
 
 class Progress:
@@ -18,8 +18,8 @@ class Progress:
         self.done += 1
 
     def show(self) -> None:
-        full = WIDTH * self.done // self.total
-        self._write(f"[{'#' * full}{'.' * (WIDTH - full)}] {self.done}/{self.total}")
+        full = BAR_WIDTH * self.done // self.total
+        self._write(f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {self.done}/{self.total}")
 
     def clear(self) -> None:
         """Before anything else is written."""

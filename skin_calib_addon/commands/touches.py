@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     found = placements(calibration, touches)
     print(f"link             {calibration.link}, {_count(calibration)} taxels")
     print(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
-    _tell(found)
+    _report(found)
     for warning in (warning for placement in found for warning in placement.warnings()):
         complain(f"{warning.severity}: {warning}")
     if options.refine and plan and result:
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
         found = refined.placements
         save_plan(named_from(refined.plan, options.output.absolute().parent), options.output)
         print(f"plan             {options.output}; once its skins are moved:")
-        _tell(found)
+        _report(found)
     if options.picture:
         from ..pictures.touches import draw_touches  # matplotlib, which not every place has
 
@@ -71,7 +71,7 @@ def _count(calibration: LinkCalibration) -> int:
     return sum(len(patch.taxels.ids) for patch in calibration.patches)
 
 
-def _tell(found: list[Placement]) -> None:
+def _report(found: list[Placement]) -> None:
     """A few lines for each patch."""
     for placement in found:
         for line in in_words(placement):

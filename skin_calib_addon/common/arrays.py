@@ -60,8 +60,8 @@ def cross(a: Array, b: Array) -> Array:
 
 
 # Multiplications below which OpenBLAS leaves a matrix product on the calling thread, halved to be safe.
-QUIET = 2**17
-FEWEST_ROWS = 16  # in a piece: with fewer, each number of the second matrix is fetched for next to nothing
+SINGLE_THREAD_PRODUCTS = 2**17
+MIN_BLOCK_ROWS = 16  # in a piece: with fewer, each number of the second matrix is fetched for next to nothing
 
 
 def product(a: Array, b: Array) -> Array:
@@ -70,16 +70,16 @@ def product(a: Array, b: Array) -> Array:
     Waking the threads costs more than such a product, and a hundred times more where the processors are busy; limiting
     their number would change the user's process.
     """
-    if len(a) * b.size <= QUIET:
+    if len(a) * b.size <= SINGLE_THREAD_PRODUCTS:
         return a @ b
     inner, columns = b.shape
-    if b.size * FEWEST_ROWS > QUIET and inner >= columns:
+    if b.size * MIN_BLOCK_ROWS > SINGLE_THREAD_PRODUCTS and inner >= columns:
         half = inner // 2
         return product(a[:, :half], b[:half]) + product(a[:, half:], b[half:])
-    if b.size * FEWEST_ROWS > QUIET:
+    if b.size * MIN_BLOCK_ROWS > SINGLE_THREAD_PRODUCTS:
         half = columns // 2
         return np.concatenate((product(a, b[:, :half]), product(a, b[:, half:])), axis=1)
-    rows = QUIET // b.size
+    rows = SINGLE_THREAD_PRODUCTS // b.size
     return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Literal
 
-MOST_FINDINGS = 1000  # of one check: more would help nobody, and a hostile file must not fill the memory
+MAX_FINDINGS = 1000  # of one check: more would help nobody, and a hostile file must not fill the memory
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ def child(pointer: str, *keys: Any) -> str:
 
 
 def first(findings: Iterable[Finding]) -> Iterator[Finding]:
-    """At most `MOST_FINDINGS`, and then one that says that there are more."""
+    """At most `MAX_FINDINGS`, and then one that says that there are more."""
     for count, finding in enumerate(findings):
-        if count == MOST_FINDINGS:
-            message = f"has more findings like the {MOST_FINDINGS} before; they are not listed"
+        if count == MAX_FINDINGS:
+            message = f"has more findings like the {MAX_FINDINGS} before; they are not listed"
             yield Finding("more", finding.severity, "", message)
             return
         yield finding

@@ -14,18 +14,18 @@ from .schema_types import (
     LIMITS,
     Schema,
     all_fit,
+    branch_test,
+    constant_members,
     definition,
     fits_length,
     has_type,
     is_same,
     matcher,
-    meaning,
-    tags,
 )
 
 _KEYWORDS = {"$ref", "type", "const", "enum", "oneOf", "required", "properties", "patternProperties", *LIMITS}
 _KEYWORDS |= {"additionalProperties", "items", "prefixItems", "minItems", "maxItems", "pattern", "minLength"}
-_BLOCK = 1024  # array elements checked in bulk, and looked at one by one only where that fails
+BULK_ITEMS = 1024  # array elements checked in bulk, and looked at one by one only where that fails
 
 
 def read_schema(path: Path) -> Schema:
@@ -101,8 +101,8 @@ def _check_array(value: list[Any], schema: Schema, pointer: str, root: Schema) -
     heads = schema.get("prefixItems", [])
     for index, (item, part) in enumerate(zip(value, heads)):
         yield from _check(item, part, child(pointer, index), root)
-    for start in range(len(heads), len(value), _BLOCK) if "items" in schema else ():
-        block = value[start : start + _BLOCK]
+    for start in range(len(heads), len(value), BULK_ITEMS) if "items" in schema else ():
+        block = value[start : start + BULK_ITEMS]
         if not all_fit(block, schema["items"], root):
             for index, item in enumerate(block, start):
                 yield from _check(item, schema["items"], child(pointer, index), root)
@@ -117,14 +117,14 @@ def _check_string(value: str, schema: Schema, pointer: str) -> Iterator[Finding]
 
 def _check_choice(value: Any, branches: list[Schema], pointer: str, root: Schema) -> Iterator[Finding]:
     definitions = [definition(branch, root) for branch in branches]
-    meant = [branch for branch, defined in zip(branches, definitions) if meaning(defined)(value)]
-    told = [tag for defined in definitions for tag in tags(defined).items()]
-    if meant:
-        yield from _check(value, meant[0], pointer, root)
-    elif isinstance(value, dict) and told:
-        name = told[0][0]
+    matching = [branch for branch, defined in zip(branches, definitions) if branch_test(defined)(value)]
+    constants = [tag for defined in definitions for tag in constant_members(defined).items()]
+    if matching:
+        yield from _check(value, matching[0], pointer, root)
+    elif isinstance(value, dict) and constants:
+        name = constants[0][0]
         if name in value:
-            yield _none_of(value[name], [const for _, const in told], child(pointer, name))
+            yield _none_of(value[name], [const for _, const in constants], child(pointer, name))
         else:
             yield error("missing", pointer, f"lacks the member {show(name)}")
     else:

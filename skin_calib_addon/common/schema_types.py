@@ -51,15 +51,15 @@ def definition(schema: Schema, root: Schema) -> Schema:
     return root["$defs"][schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
 
 
-def meaning(branch: Schema) -> Callable[[Any], bool]:
+def branch_test(branch: Schema) -> Callable[[Any], bool]:
     """The test whether a branch of a choice is the one for a value, right or wrong in its details."""
     if "const" in branch:
         return lambda value: is_same(value, branch["const"])
-    wanted, told = branch["type"], tuple(tags(branch).items())
-    return lambda value: has_type(value, wanted) and all(is_same(value.get(name), const) for name, const in told)
+    wanted, constants = branch["type"], tuple(constant_members(branch).items())
+    return lambda value: has_type(value, wanted) and all(is_same(value.get(name), const) for name, const in constants)
 
 
-def tags(branch: Schema) -> dict[str, Any]:
+def constant_members(branch: Schema) -> dict[str, Any]:
     """The constant members by which a branch is told from the others."""
     return {name: part["const"] for name, part in branch.get("properties", {}).items() if "const" in part}
 
@@ -99,10 +99,10 @@ def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
 
 def _choices_fit(values: list[Any], branches: list[Schema], root: Schema) -> bool:
     for branch in branches:
-        meant = list(map(meaning(branch), values))
-        if not all_fit([value for value, is_this in zip(values, meant) if is_this], branch, root):
+        matching = list(map(branch_test(branch), values))
+        if not all_fit([value for value, is_this in zip(values, matching) if is_this], branch, root):
             return False
-        values = [value for value, is_this in zip(values, meant) if not is_this]
+        values = [value for value, is_this in zip(values, matching) if not is_this]
     return not values
 
 

@@ -14,15 +14,15 @@ import numpy as np
 
 from .errors import CalibrationFormatError
 from .findings import Finding, child, error, first, show
-from .plain_text import NotTextError, decoded
+from .plain_text import DecodingError, decoded
 
-MOST_BYTES = 512 * 2**20
-MOST_VALUES = 2**24  # three times what 100 000 taxels need; bounds the memory that building them takes
-MOST_DEPTH = 32
+MAX_JSON_BYTES = 512 * 2**20
+MAX_VALUES = 2**24  # three times what 100 000 taxels need; bounds the memory that building them takes
+MAX_JSON_DEPTH = 32
 
 _SURROGATE_ESCAPE = re.compile(r"\\u[dD][89a-fA-F]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
-_CHUNK = 2**18
+CHUNK_BYTES = 2**18
 _STEP = np.zeros(256, np.int8)
 _STEP[list(b"[{")] = 1
 _STEP[list(b"]}")] = -1
@@ -34,14 +34,14 @@ def read(path: str | os.PathLike[str]) -> bytes:
     Raises
     ------
     CalibrationFormatError
-        If it is missing, unreadable, a folder, a pipe or a device, or beyond `MOST_BYTES`.
+        If it is missing, unreadable, a folder, a pipe or a device, or beyond `MAX_JSON_BYTES`.
     """
     size = size_of(path)
-    if size > MOST_BYTES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {size} bytes exceed {MOST_BYTES}")
+    if size > MAX_JSON_BYTES:
+        raise CalibrationFormatError(f"cannot read '{path}': its {size} bytes exceed {MAX_JSON_BYTES}")
     try:
         with open(path, "rb") as file:
-            return file.read(MOST_BYTES + 1)  # a file may grow, or tell no size, as those in /proc
+            return file.read(MAX_JSON_BYTES + 1)  # a file may grow, or tell no size, as those in /proc
     except OSError as problem:
         raise _unreadable(path, problem) from problem
 
@@ -108,15 +108,15 @@ class _RepeatingObject(dict[str, Any]):
 
 
 def _decoded(data: bytes) -> str:
-    if len(data) > MOST_BYTES:
-        raise _UnreadableError("size", f"has {len(data)} bytes; at most {MOST_BYTES} are read")
+    if len(data) > MAX_JSON_BYTES:
+        raise _UnreadableError("size", f"has {len(data)} bytes; at most {MAX_JSON_BYTES} are read")
     if data.startswith(codecs.BOM_UTF8):
         raise _UnreadableError("byte-order-mark", "begins with a byte order mark; save it as UTF-8 without one")
     if not data:
         raise _UnreadableError("syntax", "is empty; check that it was written whole")
     try:
         return decoded(data)
-    except NotTextError as problem:
+    except DecodingError as problem:
         raise _UnreadableError("encoding", str(problem)) from problem
 
 
@@ -128,8 +128,8 @@ def _measure(data: bytes) -> None:
     unescaped = data.replace(rb"\\", b"__").replace(rb"\"", b"__")  # now every quote opens or closes a string
     depth = deepest = values = 0
     in_text = False
-    for start in range(0, len(unescaped), _CHUNK):
-        chunk = np.frombuffer(unescaped[start : start + _CHUNK], np.uint8)
+    for start in range(0, len(unescaped), CHUNK_BYTES):
+        chunk = np.frombuffer(unescaped[start : start + CHUNK_BYTES], np.uint8)
         inside = np.logical_xor.accumulate(chunk == ord('"')) ^ in_text
         outside = np.where(inside, 0, chunk)
         steps = _STEP[outside]
@@ -137,18 +137,18 @@ def _measure(data: bytes) -> None:
         in_text, depth = bool(inside[-1]), int(depths[-1]) if len(depths) else depth
         deepest = max(deepest, int(depths.max(initial=0)))
         values += int(np.count_nonzero(steps > 0) + np.count_nonzero(outside == ord(",")))
-    if deepest > MOST_DEPTH:
-        raise _UnreadableError("depth", f"nests {deepest} levels; at most {MOST_DEPTH} are read")
-    if values > MOST_VALUES:
-        raise _UnreadableError("size", f"holds {values} values; at most {MOST_VALUES} are read")
+    if deepest > MAX_JSON_DEPTH:
+        raise _UnreadableError("depth", f"nests {deepest} levels; at most {MAX_JSON_DEPTH} are read")
+    if values > MAX_VALUES:
+        raise _UnreadableError("size", f"holds {values} values; at most {MAX_VALUES} are read")
 
 
 def _built(text: str) -> tuple[Any, tuple[Finding, ...]]:
-    strange = bool(_SURROGATE_ESCAPE.search(text))
+    has_findings = bool(_SURROGATE_ESCAPE.search(text))
 
     def refused(code: str, literal: str) -> float:
-        nonlocal strange
-        strange = True
+        nonlocal has_findings
+        has_findings = True
         number = _RefusedNumber("nan" if literal == "NaN" else "-inf" if literal.startswith("-") else "inf")
         number.code, number.text = code, literal[:40]
         return number
@@ -165,10 +165,10 @@ def _built(text: str) -> tuple[Any, tuple[Finding, ...]]:
         return refused("not-finite", literal)
 
     def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        nonlocal strange
+        nonlocal has_findings
         known = dict(pairs)
         if len(known) < len(pairs):
-            strange = True
+            has_findings = True
             known = _RepeatingObject(known)
             known.repeated = [key for key, times in Counter(key for key, _ in pairs).items() if times > 1]
         return known
@@ -181,10 +181,10 @@ def _built(text: str) -> tuple[Any, tuple[Finding, ...]]:
         offset = len(text[: problem.pos].encode())
         place = f"byte {offset}, line {problem.lineno}, column {problem.colno}"
         raise _UnreadableError("syntax", f"is not JSON at {place}: {problem.msg}") from problem
-    return document, tuple(first(_strange_places(document, ""))) if strange else ()
+    return document, tuple(first(_locate_findings(document, ""))) if has_findings else ()
 
 
-def _strange_places(value: Any, pointer: str) -> Iterator[Finding]:
+def _locate_findings(value: Any, pointer: str) -> Iterator[Finding]:
     """Look through the whole document for what the parser noticed without knowing where."""
     if isinstance(value, _RefusedNumber):
         yield error(value.code, pointer, f"is {value.text}; a finite 64-bit number is needed", float(value))
@@ -192,13 +192,13 @@ def _strange_places(value: Any, pointer: str) -> Iterator[Finding]:
         yield from _lone_surrogates(value, pointer)
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            yield from _strange_places(item, child(pointer, index))
+            yield from _locate_findings(item, child(pointer, index))
     elif isinstance(value, dict):
         for key in getattr(value, "repeated", ()):
             yield error("duplicate-key", child(pointer, key), "is given more than once; keep one", value[key])
         for key, member in value.items():
             yield from _lone_surrogates(key, pointer)
-            yield from _strange_places(member, child(pointer, key))
+            yield from _locate_findings(member, child(pointer, key))
 
 
 def _lone_surrogates(text: str, pointer: str) -> Iterator[Finding]:

@@ -16,8 +16,8 @@ class DistanceStatistics:
     @classmethod
     def of(cls, distances: Array, weights: Array) -> "DistanceStatistics":
         """Statistics of distances [m], shape (k,), each standing for the area in ``weights``."""
-        share = weights / weights.sum()  # sums, not products of BLAS, whose last bits depend on its threads
-        mean, square = (share * distances).sum(), (share * distances**2).sum()
+        fraction = weights / weights.sum()  # sums, not products of BLAS, whose last bits depend on its threads
+        mean, square = (fraction * distances).sum(), (fraction * distances**2).sum()
         return cls(float(mean), float(square**0.5), float(distances.max()))
 
 

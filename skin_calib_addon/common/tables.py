@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 from .errors import CalibrationFormatError
 from .findings import did_you_mean, show
-from .text import BadNumber, real
+from .text import NumberError, real
 
 SEPARATORS = ",;\t"
 
 
-class BadTable(ValueError):
+class TableError(ValueError):
     """A text is no table from ``line`` on."""
 
     def __init__(self, line: int, message: str):
@@ -20,12 +20,12 @@ class BadTable(ValueError):
         self.line = line
 
 
-def numbered_rows(text: str) -> Iterator[tuple[int, list[str]]]:
+def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """Rows with the number of their line, comments and empty lines left out; the header tells what separates columns.
 
     Raises
     ------
-    BadTable
+    TableError
         If quotation marks are not closed, or are where they do not belong.
     """
     lines = text.split("\n")
@@ -37,10 +37,10 @@ def numbered_rows(text: str) -> Iterator[tuple[int, list[str]]]:
             if any(cell.strip() for cell in row) and not row[0].startswith("#"):
                 yield last, row
     except csv.Error as problem:  # of the row that begins after the last one, wherever it was noticed
-        raise BadTable(last + 1, f"begins what is no table: {problem}") from problem
+        raise TableError(last + 1, f"begins what is no table: {problem}") from problem
 
 
-class WrongCell(ValueError):
+class CellError(ValueError):
     """What is wrong at a place of a table."""
 
     def __init__(self, line: int, column: int, message: str):
@@ -49,50 +49,50 @@ class WrongCell(ValueError):
 
 
 @contextmanager
-def naming(path: str | os.PathLike[str]) -> Iterator[None]:
+def naming_file(path: str | os.PathLike[str]) -> Iterator[None]:
     """Name the file in which a cell is wrong, or that is no table, as a CalibrationFormatError."""
     try:
         yield
-    except WrongCell as problem:
+    except CellError as problem:
         raise CalibrationFormatError(f"'{path}', line {problem.line}, column {problem.column}: {problem}") from problem
-    except BadTable as problem:
+    except TableError as problem:
         raise CalibrationFormatError(f"'{path}', line {problem.line}: {problem}") from problem
 
 
-def named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
+def read_named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """Line and cells of the header, in lower case, and of each row below it.
 
     Raises
     ------
-    WrongCell
+    CellError
         If a row has not as many cells as the header.
-    BadTable
-        As :func:`numbered_rows` does.
+    TableError
+        As :func:`read_rows` does.
     """
     width = None
-    for line, row in numbered_rows(text):
+    for line, row in read_rows(text):
         cells = [cell.strip() for cell in row]
         if width is None:
             cells, width = [cell.lower() for cell in cells], len(cells)
         elif len(cells) != width:
             column = min(len(cells), width) + 1
-            raise WrongCell(line, column, f"has {len(cells)} columns, the header {width}")
+            raise CellError(line, column, f"has {len(cells)} columns, the header {width}")
         yield line, cells
 
 
-def place_of(header: list[str], name: str, line: int) -> int:
+def find_column(header: list[str], name: str, line: int) -> int:
     """Where a column stands.
 
     Raises
     ------
-    WrongCell
+    CellError
         If there is none of that name, or two.
     """
     if name not in header:
-        raise WrongCell(line, len(header) + 1, f"the header names no column {show(name)}{did_you_mean(name, header)}")
+        raise CellError(line, len(header) + 1, f"the header names no column {show(name)}{did_you_mean(name, header)}")
     place = header.index(name)
     if name in header[place + 1 :]:
-        raise WrongCell(line, header.index(name, place + 1) + 1, f"the header names the column {show(name)} twice")
+        raise CellError(line, header.index(name, place + 1) + 1, f"the header names the column {show(name)} twice")
     return place
 
 
@@ -101,10 +101,10 @@ def number_in(row: list[str], column: int, line: int) -> float:
 
     Raises
     ------
-    WrongCell
+    CellError
         If it is none, or not finite.
     """
     try:
         return real(row[column]) + 0.0  # no minus zero
-    except BadNumber as problem:
-        raise WrongCell(line, column + 1, str(problem)) from problem
+    except NumberError as problem:
+        raise CellError(line, column + 1, str(problem)) from problem

@@ -5,20 +5,20 @@ import os
 import re
 
 from .errors import CalibrationFormatError
-from .plain_text import NotTextError, decoded
+from .plain_text import DecodingError, decoded
 from .strict_json import read
 
-MOST_BYTES = 64 * 2**20
-MOST_LINES = 2**21
-MOST_LINE = 2**20  # characters
-MOST_TAXELS = 100_000
+MAX_TEXT_BYTES = 64 * 2**20
+MAX_LINES = 2**21
+MAX_LINE_LENGTH = 2**20  # characters
+MAX_TAXELS = 100_000
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.ASCII | re.IGNORECASE)
 _WHOLE = re.compile(r"-?\d{1,18}", re.ASCII)
 
 
-class BadNumber(ValueError):
+class NumberError(ValueError):
     """A word is no number that a position can hold; the code and the message are for a finding."""
 
     def __init__(self, code: str, message: str):
@@ -27,9 +27,9 @@ class BadNumber(ValueError):
 
 
 def check_size(data: bytes, path: str | os.PathLike[str]) -> None:
-    """Refuse a file beyond `MOST_BYTES`."""
-    if len(data) > MOST_BYTES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {len(data)} bytes exceed {MOST_BYTES}")
+    """Refuse a file beyond `MAX_TEXT_BYTES`."""
+    if len(data) > MAX_TEXT_BYTES:
+        raise CalibrationFormatError(f"cannot read '{path}': its {len(data)} bytes exceed {MAX_TEXT_BYTES}")
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -51,24 +51,24 @@ def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
     Raises
     ------
     CalibrationFormatError
-        If it is empty, beyond `MOST_LINES` or `MOST_LINE`, or no text in UTF-8.
+        If it is empty, beyond `MAX_LINES` or `MAX_LINE_LENGTH`, or no text in UTF-8.
     """
     if not data:
         raise CalibrationFormatError(f"'{path}' is empty; check that it was written whole")
     try:
         text = decoded(data).removeprefix("\ufeff")
-    except NotTextError as problem:
+    except DecodingError as problem:
         raise CalibrationFormatError(f"'{path}' {problem}") from problem
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = text.count("\n") + 1
-    if lines > MOST_LINES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed {MOST_LINES}")
+    if lines > MAX_LINES:
+        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed {MAX_LINES}")
     start = 0
     for number in range(1, lines + 1):
         stop = text.find("\n", start)
         stop = len(text) if stop < 0 else stop
-        if stop - start > MOST_LINE:
-            message = f"line {number} of '{path}' has {stop - start} characters; at most {MOST_LINE} are read"
+        if stop - start > MAX_LINE_LENGTH:
+            message = f"line {number} of '{path}' has {stop - start} characters; at most {MAX_LINE_LENGTH} are read"
             raise CalibrationFormatError(message)
         start = stop + 1
     return text
@@ -79,7 +79,7 @@ def real(word: str) -> float:
 
     Raises
     ------
-    BadNumber
+    NumberError
         If it stands for none.
     """
     if _NUMBER.fullmatch(word):
@@ -87,8 +87,8 @@ def real(word: str) -> float:
         if math.isfinite(number):
             return number
     elif not _NOT_FINITE.fullmatch(word):
-        raise BadNumber("number", f"has {shown(word)} where a number belongs")
-    raise BadNumber("not-finite", f"has {shown(word)}; a finite number is needed")
+        raise NumberError("number", f"has {shown(word)} where a number belongs")
+    raise NumberError("not-finite", f"has {shown(word)}; a finite number is needed")
 
 
 def whole(word: str) -> int:
@@ -96,11 +96,11 @@ def whole(word: str) -> int:
 
     Raises
     ------
-    BadNumber
+    NumberError
         If it stands for none.
     """
     if not _WHOLE.fullmatch(word):
-        raise BadNumber("number", f"has {shown(word)} where an integer belongs")
+        raise NumberError("number", f"has {shown(word)} where an integer belongs")
     return int(word)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from ..common.arrays import Array
 from ..common.errors import CalibrationFormatError
 from ..common.strict_json import size_of
-from ..common.tables import BadTable, numbered_rows
-from ..common.text import BadNumber, read_text, real
+from ..common.tables import TableError, read_rows
+from ..common.text import NumberError, read_text, real
 from ..runtime.balance.polygon import Polygon
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
@@ -62,7 +62,7 @@ def _packed(path: Path) -> Iterator[tuple[float, Array]]:
 
 
 def _table(path: Path) -> Iterator[tuple[float, Array]]:
-    rows = numbered_rows(read_text(path))
+    rows = read_rows(read_text(path))
     try:
         _, header = next(rows, (1, []))
         header = [name.strip().lower() for name in header]
@@ -73,7 +73,7 @@ def _table(path: Path) -> Iterator[tuple[float, Array]]:
         for line, row in rows:
             cells = [_number(cell, path, line, k + 1) for k, cell in enumerate(row)]
             yield cells[0], np.array(cells[1:])
-    except BadTable as problem:
+    except TableError as problem:
         raise CalibrationFormatError(f"'{path}', line {problem.line}: {problem}") from problem
 
 
@@ -81,7 +81,7 @@ def _number(cell: str, path: Path, line: int, column: int) -> float:
     word = cell.strip()
     try:
         return real(word) if word else np.nan
-    except BadNumber as problem:
+    except NumberError as problem:
         if problem.code == "not-finite":
             return float(word)
         raise CalibrationFormatError(f"'{path}', line {line}, column {column}: {problem}") from problem

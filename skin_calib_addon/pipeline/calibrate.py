@@ -17,7 +17,7 @@ from ..geometry.mesh.cover import cut_cover
 from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
 from ..geometry.surface.bspline import BSplineSurface
 from ..plan import Plan
-from .place_skins import SURFACE, Laid, lay_all
+from .place_skins import SURFACE, PlacedSkin, place_all
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +27,13 @@ class Calibrated:
     calibration: LinkCalibration
     cover: TriangleMesh
     fit: SurfaceFit
-    laid: tuple[Laid, ...]
+    placed: tuple[PlacedSkin, ...]
     seconds: dict[str, float]  # by stage
 
     @cached_property
     def warnings(self) -> tuple[Warning, ...]:
         """Return what the author should look at: of the fit, and of each skin."""
-        of_skins = ((*_over_holes(placed.patch, self.fit), *placed.warnings) for placed in self.laid)
+        of_skins = ((*_over_holes(placed.patch, self.fit), *placed.warnings) for placed in self.placed)
         return self.fit.warnings + tuple(warning for warnings in of_skins for warning in warnings)
 
 
@@ -71,15 +71,15 @@ def calibrate(
     with stage("fit"):
         fit = fit_grid(cover, plan.grid, plan.degree, plan.chords)
     with stage("wrap"):
-        laid = lay_all(plan.skins, fit)
-        patches = tuple(done.patch for done in laid)
+        placed = place_all(plan.skins, fit)
+        patches = tuple(done.patch for done in placed)
     with stage("errors"):
         surface = surface_model(fit)
     source = MeshSource(plan.mesh.name, mesh.sha256, len(mesh.vertices), len(mesh.faces))
     calibration = LinkCalibration(
         plan.link, source, (surface,), patches, plan.response, f"skin-calib {__version__}", plan.extra
     )
-    return Calibrated(calibration, cover, fit, laid, seconds)
+    return Calibrated(calibration, cover, fit, placed, seconds)
 
 
 def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:

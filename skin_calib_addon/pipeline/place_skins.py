@@ -24,7 +24,7 @@ SURFACE = "cover"
 
 
 @dataclass(frozen=True, eq=False)
-class Laid:
+class PlacedSkin:
     """A patch on the surface, and what is told of how it got there."""
 
     patch: Patch
@@ -46,12 +46,12 @@ class Laid:
         return (*placement_warnings(self.patch, self.closure), *of_file)
 
 
-def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[Laid, ...] = ()) -> tuple[Laid, ...]:
+def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, ...] = ()) -> tuple[PlacedSkin, ...]:
     """Lay the skins of a link one after another, and join those that touch.
 
     Parameters
     ----------
-    near : tuple of Laid, optional
+    near : tuple of PlacedSkin, optional
         How the same skins lay on a surface much like this one: sheets then come to rest sooner, and less exactly.
 
     Raises
@@ -59,27 +59,27 @@ def lay_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[Laid, ...] = (
     SkinCalibError
         If one does not fit, two share a channel, or imported taxels are in another frame.
     """
-    laid: list[Laid] = []
+    placed: list[PlacedSkin] = []
     counts: list[int | None] = []
     for k, skin in enumerate(skins):
         first = first_channels(skins[: k + 1], [*counts, None])[k]
         assert first is not None  # the numbers of all skins before are known
-        done = lay(skin, fit, first, near[k] if near else None)
-        laid.append(done)
+        done = place_skin(skin, fit, first, near[k] if near else None)
+        placed.append(done)
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
-    patches = joined(tuple(done.patch for done in laid))
-    return tuple(replace(done, patch=patch) for done, patch in zip(laid, patches))
+    patches = joined(tuple(done.patch for done in placed))
+    return tuple(replace(done, patch=patch) for done, patch in zip(placed, patches))
 
 
 @singledispatch
-def lay(skin: Skin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
+def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
     """Lay one skin on the surface of a fit."""
-    raise TypeError(f"no way to lay a {type(skin).__name__}")
+    raise TypeError(f"cannot place a {type(skin).__name__}")
 
 
-@lay.register
-def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
+@place_skin.register
+def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
     sheet = wrap_sheet(
         fit.surface,
         skin.lattice,
@@ -92,11 +92,11 @@ def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = 
     )
     taxels, shape = sheet_taxels(sheet, skin.name, first_channel), (skin.lattice.rows, skin.lattice.columns)
     patch = Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
-    return Laid(patch, sheet)
+    return PlacedSkin(patch, sheet)
 
 
-@lay.register
-def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
+@place_skin.register
+def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
     boards, overhang = lay_boards(
         fit.surface,
         skin.lattice,
@@ -109,11 +109,13 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = 
     )
     taxels, pitch = board_taxels(boards, skin.name, first_channel, overhang), skin.lattice.pitch
     columns, rows = (int(k) + 1 for k in np.ptp(boards.cells, axis=0))
-    return Laid(Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset))
+    return PlacedSkin(
+        Patch(skin.name, "hexagons", SURFACE, (columns, rows), (pitch, pitch), taxels, offset=skin.offset)
+    )
 
 
-@lay.register
-def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: Laid | None = None) -> Laid:
+@place_skin.register
+def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
     taxel_set = read_taxels(skin.file, skin.format, skin.only)
     found = imported_taxels(taxel_set, fit.surface, skin.name, fit.mesh, frame=skin.frame, snap=skin.snap)
     wrong = next((finding for finding in found.findings if finding.severity == "error"), None)
@@ -121,4 +123,4 @@ def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: Laid | None
         raise InvalidPlan(f"skin {skin.name!r}, {skin.file.name}: {wrong.message}", finding=wrong)
     taxels = replace(found.taxels, channels=found.taxels.channels + first_channel)
     shape = (len(taxels.ids), 1)
-    return Laid(Patch(skin.name, "imported", SURFACE, shape, (found.pitch, found.pitch), taxels), imported=found)
+    return PlacedSkin(Patch(skin.name, "imported", SURFACE, shape, (found.pitch, found.pitch), taxels), imported=found)

@@ -16,10 +16,10 @@ from ..skin.sheet.landmarks import Landmark
 from ..validation.placement import Motion, Placement, flat_places, other_order, placements
 from ..validation.touches import Touches
 from .calibrate import Calibrated
-from .place_skins import lay_all
+from .place_skins import place_all
 
-ROUNDS = 8
-SETTLED = 1e-5  # a slide that moves no cell by more is the last [m]
+MAX_REFINE_STEPS = 8
+REFINE_TOLERANCE = 1e-5  # a slide that moves no cell by more is the last [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Refined:
     """A plan whose skins lie where touches say."""
 
     plan: Plan
-    calibration: LinkCalibration  # with the skins laid so
+    calibration: LinkCalibration  # with the skins placed so
     placements: list[Placement]  # how far the touches are off there
 
 
@@ -51,27 +51,27 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
     OutsideSurface
         If a skin would lie off the surface.
     """
-    laid, found = result.laid, placements(result.calibration, touches)
+    placed, found = result.placed, placements(result.calibration, touches)
     for placement in found:
         order = other_order(placement)
         if order:
             raise InvalidPlan(f"the touches of skin {placement.patch.name!r} fit {order}; put the channels right first")
     skins = plan.skins
-    for _ in range(ROUNDS):
+    for _ in range(MAX_REFINE_STEPS):
         motions = {placement.patch.name: _motion(placement) for placement in found}
         skins = tuple(
             moved(skin, done.patch, motions[skin.name]) if skin.name in motions else skin
-            for skin, done in zip(skins, laid)
+            for skin, done in zip(skins, placed)
         )
-        laid = lay_all(skins, result.fit)
-        calibration = replace(result.calibration, patches=tuple(done.patch for done in laid))
+        placed = place_all(skins, result.fit)
+        calibration = replace(result.calibration, patches=tuple(done.patch for done in placed))
         found = placements(calibration, touches)
-        if all(_largest(placement) < SETTLED for placement in found):
+        if all(_largest(placement) < REFINE_TOLERANCE for placement in found):
             return Refined(replace(plan, skins=skins), calibration, found)
     worst = max(found, key=_largest)
     raise InvalidPlan(
-        f"skin {worst.patch.name!r} comes to no rest where the touches ask it to lie: in step {ROUNDS} it still moves "
-        f"by {_largest(worst) * 1e3:.2f} mm; look at the touches first"
+        f"the refinement of skin {worst.patch.name!r} did not converge in {MAX_REFINE_STEPS} steps: "
+        f"the last step was {_largest(worst) * 1e3:.2f} mm. Check the touches."
     )
 
 

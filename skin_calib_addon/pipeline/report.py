@@ -16,7 +16,7 @@ from ..common.warnings import to_document
 from ..skin.boards.board_taxels import angles
 from ..skin.imported import Distances
 from .calibrate import Calibrated
-from .place_skins import Laid
+from .place_skins import PlacedSkin
 
 # What is told of boards, in metres.
 BOARD_LENGTHS = ("pitch_error", "gap", "collision", "overhang")
@@ -38,24 +38,24 @@ def summary(result: Calibrated, path: Path) -> str:
             f"mesh to surface  {_millimetres(errors.mesh_to_surface)}",
             f"Hausdorff        {errors.hausdorff * 1e3:.4f} mm",
             f"taxels           {taxels} in {len(result.calibration.patches)} patches",
-            *(line for laid in result.laid for line in _how_it_sits(laid)),
+            *(line for placed in result.placed for line in _patch_summary(placed)),
             "time             " + ", ".join(f"{name} {s * 1e3:.1f} ms" for name, s in seconds.items()),
             f"calibration      {path}",
         )
     )
 
 
-def _how_it_sits(laid: Laid) -> Iterator[str]:
+def _patch_summary(placed: PlacedSkin) -> Iterator[str]:
     """A line or two about a patch: the strain of a sheet and how it closes, the worst of the boards."""
-    quality, name = laid.patch.taxels.quality, f"{laid.patch.name[:16]:16} "
+    quality, name = placed.patch.taxels.quality, f"{placed.patch.name[:16]:16} "
     if "strain" in quality:
         strain = np.abs(quality["strain"]).max(axis=0)
         yield f"{name}strain at most {strain[:2].max():.2%}, shear {np.rad2deg(strain[2]):.2f} degrees"
-    if laid.closure is not None:
-        gaps = 1e3 * laid.closure.gaps
-        yield f"{name}{laid.closure.of} close with gaps of {gaps.min():.2f} to {gaps.max():.2f} mm"
-    if laid.imported is not None:
-        before = laid.imported.before
+    if placed.closure is not None:
+        gaps = 1e3 * placed.closure.gaps
+        yield f"{name}{placed.closure.of} close with gaps of {gaps.min():.2f} to {gaps.max():.2f} mm"
+    if placed.imported is not None:
+        before = placed.imported.before
         yield f"{name}to the surface {_millimetres(before.surface)}"
     if "pitch_error" in quality:
         worst = {key: 1e3 * np.abs(quality[key]).max() for key in BOARD_LENGTHS if key in quality}
@@ -68,25 +68,27 @@ def _distances(distances: Distances) -> dict[str, Any]:
     return {name: {"mean": d.mean, "rms": d.rms, "max": d.max} for name, d in of.items() if d is not None}
 
 
-def _patch_document(laid: Laid) -> dict[str, Any]:
+def _patch_document(placed: PlacedSkin) -> dict[str, Any]:
     """How one patch sits, for the report."""
-    taxels = laid.patch.taxels
+    taxels = placed.patch.taxels
     document: dict[str, Any] = {
-        "name": laid.patch.name,
-        "kind": laid.patch.kind,
+        "name": placed.patch.name,
+        "kind": placed.patch.kind,
         "taxels": len(taxels.ids),
         "area": {"min": taxels.areas.min(), "mean": taxels.areas.mean(), "max": taxels.areas.max()},
     }
     for key, values in sorted(taxels.quality.items()):
         document[key] = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-    if laid.imported is not None:
-        document["distances"] = {name: _distances(getattr(laid.imported, name)) for name in ("before", "after")}
-    if laid.closure is not None:
-        closure = laid.closure
+    if placed.imported is not None:
+        document["distances"] = {name: _distances(getattr(placed.imported, name)) for name in ("before", "after")}
+    if placed.closure is not None:
+        closure = placed.closure
         document["closure"] = {"of": closure.of, "gaps": closure.gaps.tolist(), "steps": closure.steps.tolist()}
     if taxels.ports:
         row = {taxel: i for i, taxel in enumerate(taxels.ids)}
-        pairs = [(i, row[b]) for i, beside in enumerate(taxels.neighbours) for b in beside if i < row.get(b, -1)]
+        pairs = [
+            (i, row[b]) for i, neighbours in enumerate(taxels.neighbours) for b in neighbours if i < row.get(b, -1)
+        ]
         tilts = angles(taxels.normals_link, np.array(pairs, int).reshape(-1, 2))
         document["tilts"] = [[taxels.ids[a], taxels.ids[b], t] for (a, b), t in zip(pairs, tilts.tolist())]
     return document
@@ -121,7 +123,7 @@ def report_document(result: Calibrated) -> dict[str, Any]:
         "smallest_area": fit.smallest_area,
         "errors": errors | {"hausdorff": fit.errors.hausdorff},
         "taxels": sum(len(p.taxels.ids) for p in result.calibration.patches),
-        "patches": [_patch_document(laid) for laid in result.laid],
+        "patches": [_patch_document(placed) for placed in result.placed],
         "seconds": result.seconds,
     }
 

@@ -42,9 +42,9 @@ class Source:
     mean: float  # distance from surface to mesh [m]
     warnings: tuple[Warning, ...]
 
-    def finds(self, folder: Path, hashes: dict[str, str]) -> bool:
+    def has_files(self, folder: Path, hashes: dict[str, str]) -> bool:
         """Whether files are there as they were."""
-        return all(hash_of(folder / path) == told for path, told in hashes.items())
+        return all(file_hash(folder / path) == told for path, told in hashes.items())
 
 
 def source_of(path: Path, plan: Plan, folder: Path) -> Source:
@@ -58,8 +58,8 @@ def source_of(path: Path, plan: Plan, folder: Path) -> Source:
         Where the calibration goes.
     """
     files = (path, plan.mesh, *taxel_files(plan))
-    inputs = {seen_from(folder, file): hash_of(file) or "" for file in files}
-    return Source(PROGRAM, seen_from(folder, path), seen_from(folder, plan.mesh), inputs, {}, 0, 0.0, ())
+    inputs = {relative_path(folder, file): file_hash(file) or "" for file in files}
+    return Source(PROGRAM, relative_path(folder, path), relative_path(folder, plan.mesh), inputs, {}, 0, 0.0, ())
 
 
 def taxel_files(plan: Plan) -> tuple[Path, ...]:
@@ -67,17 +67,17 @@ def taxel_files(plan: Plan) -> tuple[Path, ...]:
     return tuple(skin.file for skin in plan.skins if isinstance(skin, ImportedSkin))
 
 
-def with_outputs(source: Source, folder: Path, outputs: list[Path], **numbers: Any) -> Source:
+def add_outputs(source: Source, folder: Path, outputs: list[Path], **numbers: Any) -> Source:
     """The same once files are written."""
-    hashes = {seen_from(folder, path): hash_of(path) or "" for path in outputs}
+    hashes = {relative_path(folder, path): file_hash(path) or "" for path in outputs}
     return replace(source, outputs=hashes, **numbers)
 
 
 def is_current(now: Source, before: Source, folder: Path, outputs: list[Path]) -> bool:
     """Whether the same program made these files from the same plan, mesh and taxel files, and they still stand."""
-    wanted = {seen_from(folder, path) for path in outputs}
+    wanted = {relative_path(folder, path) for path in outputs}
     same = (now.program, now.inputs) == (before.program, before.inputs)
-    return same and wanted <= before.outputs.keys() and before.finds(folder, {p: before.outputs[p] for p in wanted})
+    return same and wanted <= before.outputs.keys() and before.has_files(folder, {p: before.outputs[p] for p in wanted})
 
 
 def load_sources(folder: Path) -> dict[str, Source]:
@@ -112,7 +112,7 @@ def _migrated(document: Any) -> Any:
     return document | {"version": VERSION}
 
 
-def note_source(folder: Path, name: str, source: Source) -> None:
+def save_source(folder: Path, name: str, source: Source) -> None:
     """Note what a calibration was made from; what is noted of others stays."""
     sources = load_sources(folder) | {name: source}
     document = {
@@ -127,7 +127,7 @@ def note_source(folder: Path, name: str, source: Source) -> None:
         write_bytes_safely(folder / FILE, text.encode())
 
 
-def mesh_beside(calibration: Path, file: str) -> Path | None:
+def find_mesh(calibration: Path, file: str) -> Path | None:
     """Where the mesh of a calibration lies: where `sources.json` has it, or beside the calibration; None if nowhere."""
     noted = load_sources(calibration.parent).get(calibration.name)
     places = ([noted.mesh] if noted else []) + [file]
@@ -138,10 +138,10 @@ def changed_inputs(calibration: Path) -> tuple[str, ...]:
     """Of the files that a calibration was made from, those that are others now."""
     noted = load_sources(calibration.parent).get(calibration.name)
     files = {path: told for path, told in noted.inputs.items() if path != noted.mesh} if noted else {}
-    return tuple(path for path, told in files.items() if hash_of(calibration.parent / path) not in (told, None))
+    return tuple(path for path, told in files.items() if file_hash(calibration.parent / path) not in (told, None))
 
 
-def is_mesh(path: Path, sha256: str) -> bool:
+def is_same_mesh(path: Path, sha256: str) -> bool:
     """Whether a mesh file holds the geometry of this hash, whatever the unit of its numbers.
 
     Raises
@@ -153,7 +153,7 @@ def is_mesh(path: Path, sha256: str) -> bool:
     return any(TriangleMesh(raw.vertices * metres, raw.faces).sha256 == sha256 for metres in METRES.values())
 
 
-def hash_of(path: Path) -> str | None:
+def file_hash(path: Path) -> str | None:
     """Of a file's bytes; None where there is no file that can be read: a device or a pipe might never end."""
     if not os.path.isfile(path):
         return None
@@ -164,7 +164,7 @@ def hash_of(path: Path) -> str | None:
         return None
 
 
-def seen_from(folder: Path, path: Path) -> str:
+def relative_path(folder: Path, path: Path) -> str:
     """A path relative to a folder, with slashes; as it is where it is on another drive.
 
     Folders are followed where they are links: what lies above one is not above the folder that it leads to.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..calibration.model import MAX_CHANNEL
 from ..common.errors import InvalidPlan
 from ..skin.boards.layout import Choice
 from ..skin.boards.outline import Zone
@@ -15,7 +16,6 @@ from ..skin.sheet.landmarks import Landmark
 
 # A shorter vector points nowhere.
 SHORTEST = 1e-6
-HIGHEST_CHANNEL = 2**31 - 1
 # The hexagonal boards of the TUM skin: their sides are 16.3 mm long, and trimmed so that they stand 27.75 mm apart.
 SIDE = 0.0163
 GAP = 0.02775 - float(np.sqrt(3)) * SIDE
@@ -119,10 +119,8 @@ def first_channels(skins: tuple[Skin, ...], counts: list[int | None]) -> list[in
         following = None if first is None or count is None else first + count
         if first is None or following is None:
             continue
-        if following - 1 > HIGHEST_CHANNEL:
-            raise InvalidPlan(
-                f"skin {skin.name!r} would end on channel {following - 1}; the highest is {HIGHEST_CHANNEL}"
-            )
+        if following - 1 > MAX_CHANNEL:
+            raise InvalidPlan(f"skin {skin.name!r} would end on channel {following - 1}; the highest is {MAX_CHANNEL}")
         for other, channels in taken:
             if first < channels.stop and channels.start < following:
                 both = max(first, channels.start)

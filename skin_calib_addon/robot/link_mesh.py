@@ -7,7 +7,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from ..calibration.exchange.xml_text import turned
+from ..calibration.exchange.xml_text import rotations
 from ..common.arrays import Array, IntArray
 from ..common.errors import CalibrationFormatError, InvalidMesh, UnknownLink
 from ..common.findings import did_you_mean, show
@@ -59,7 +59,7 @@ def _placed(mesh: LinkMesh, raw: TriangleMesh) -> tuple[Array, IntArray]:
     for name, values in (("scale", mesh.scale), ("xyz", mesh.place), ("rpy", mesh.angles)):
         if len(values) != 3:
             raise CalibrationFormatError(f"{mesh.address} has {len(values)} numbers in its {name}; three are needed")
-    scale, turn = np.array(mesh.scale), turned(np.array([mesh.angles]))[0]
+    scale, turn = np.array(mesh.scale), rotations(np.array([mesh.angles]))[0]
     if not scale.all():
         raise InvalidMesh(f"{mesh.address} is scaled to nothing; correct its scale in the URDF")
     vertices = raw.vertices * scale

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from ..calibration.exchange.xml_nodes import Node, Refused, children_of_root
+from ..calibration.exchange.xml_nodes import Node, XmlError, children_of_root
 from ..common.errors import CalibrationFormatError, UnknownLink
 from ..common.findings import did_you_mean, show
-from ..common.text import BadNumber, read_text, real
+from ..common.text import NumberError, read_text, real
 from ..common.warnings import Warning
 from ..geometry.mesh.triangle_mesh import METRES
 from ..plan import Plan
 
-MOST_NODES = 100_000  # in one link
+MAX_NODES_PER_LINK = 100_000  # in one link
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ def read_robot(path: Path) -> Robot:
     """
     text, links = read_text(path), {}
     try:
-        for node in children_of_root(text, "robot", MOST_NODES):
+        for node in children_of_root(text, "robot", MAX_NODES_PER_LINK):
             if node.tag == "link":
                 links[node.attribute("name")] = tuple(_meshes(node))
-    except Refused as problem:
+    except XmlError as problem:
         raise CalibrationFormatError(f"'{path}' has {problem.finding}", (problem.finding,)) from problem
     if not links:
         raise CalibrationFormatError(f"'{path}' has no link; check that it is the right file")
@@ -105,5 +105,5 @@ def _meshes(link: Node) -> list[LinkMesh]:
 def _numbers(node: Node, name: str, default: str) -> tuple[float, ...]:
     try:
         return tuple(map(real, node.attributes.get(name, default).split()))
-    except BadNumber as problem:
-        raise Refused(problem.code, node.line, f"{problem} ({node.tag} {name})") from problem
+    except NumberError as problem:
+        raise XmlError(problem.code, node.line, f"{problem} ({node.tag} {name})") from problem

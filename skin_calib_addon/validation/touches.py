@@ -9,7 +9,7 @@ import numpy as np
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array, IntArray, freeze, unit
 from ..common.findings import did_you_mean, show
-from ..common.tables import WrongCell, named_rows, naming, number_in, place_of
+from ..common.tables import CellError, find_column, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 
 POINT = ("x", "y", "z")
@@ -63,21 +63,21 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
     names: list[str] = []
     lines: list[int] = []
     places: list[tuple[Array, Array]] = []
-    with naming(path):
-        table = named_rows(read_text(path))
+    with naming_file(path):
+        table = read_named_rows(read_text(path))
         line, header = next(table, (1, [""]))
         who = "channel" if "channel" in header and "taxel" not in header else "taxel"
         known = by_channel if who == "channel" else dict(zip(ids, ids))
-        owner, columns = place_of(header, who, line), _columns(header, line)
+        owner, columns = find_column(header, who, line), _columns(header, line)
         for line, row in table:
             if row[owner] not in known:
                 hint = did_you_mean(row[owner], known) if who == "taxel" else ""
-                raise WrongCell(line, owner + 1, f"names no {who} of the calibration: {show(row[owner])}{hint}")
+                raise CellError(line, owner + 1, f"names no {who} of the calibration: {show(row[owner])}{hint}")
             names.append(known[row[owner]])
             lines.append(line)
             places.append(_place(row, columns, line))
         if not names:
-            raise WrongCell(line, 1, "has no touch below it")
+            raise CellError(line, 1, "has no touch below it")
     points, ways = (np.array(part) for part in zip(*places))
     return Touches(tuple(names), np.array(lines), points, ways)
 
@@ -85,7 +85,7 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
 def _columns(header: Sequence[str], line: int) -> list[int]:
     """Where the three coordinates stand, or the six components of a wrench."""
     wanted = WRENCH if "fx" in header and "x" not in header else POINT
-    return [place_of(list(header), name, line) for name in wanted]
+    return [find_column(list(header), name, line) for name in wanted]
 
 
 def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]:
@@ -97,7 +97,7 @@ def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]
             message = (
                 f"has {numbers[far]:g} m, further than {FURTHEST:g} m from the link's origin; are these millimetres?"
             )
-            raise WrongCell(line, columns[far] + 1, message)
+            raise CellError(line, columns[far] + 1, message)
         return numbers, np.zeros(3)
     force, moment = numbers[:3], numbers[3:]
     strength = float(np.linalg.norm(force))
@@ -105,5 +105,5 @@ def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]
         message = (
             f"has a force of {strength:.3g} N, whose line of action is not told; leave out touches below {WEAKEST:g} N"
         )
-        raise WrongCell(line, columns[0] + 1, message)
+        raise CellError(line, columns[0] + 1, message)
     return np.cross(force / strength, moment / strength), unit(force)  # the paper's (6) to (9) without its 0/0

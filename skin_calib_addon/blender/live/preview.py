@@ -11,8 +11,8 @@ import numpy as np
 
 from ...common.errors import SkinCalibError
 from ...geometry import cut_cover, fit_grid
-from ...pipeline.place_skins import Laid, lay_all
-from ...pipeline.sources import hash_of, taxel_files
+from ...pipeline.place_skins import PlacedSkin, place_all
+from ...pipeline.sources import file_hash, taxel_files
 from ...plan import Plan, plan_document
 from ..overlay.layers import Layers, layers_of
 from ..scene.facets import Facets
@@ -41,10 +41,10 @@ class Kept:
             self.steps[name] = asked, make()
         return self.steps[name][1]
 
-    def laid(self, skins: Any) -> tuple[Laid, ...]:
+    def placed(self, skins: Any) -> tuple[PlacedSkin, ...]:
         """How the same skins lay on the last surface; nothing if they were others."""
-        before, laid = self.steps.get("laid", ((None, None), ()))
-        return laid if before[1] == skins else ()
+        before, placed = self.steps.get("placed", ((None, None), ()))
+        return placed if before[1] == skins else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,16 +76,16 @@ def look(kept: Kept, asked: Asked) -> Look:
     if plan is None:
         return Look(sketch, told=Told(problem=asked.problem) if asked.problem else None)
     doc = plan_document(plan)
-    skins = doc["skins"], [hash_of(path) for path in taxel_files(plan)]
+    skins = doc["skins"], [file_hash(path) for path in taxel_files(plan)]
     grid = doc["grid"], doc["degree"], plan.chords
     try:
         cover = kept.step("cover", (mesh, doc["cover"]), _equal, lambda: cut_cover(mesh, plan.cover))
         fit = kept.step("fit", (cover, *grid), _equal, lambda: fit_grid(cover, plan.grid, plan.degree, plan.chords))
-        near = kept.laid(skins)
-        laid = kept.step("laid", (fit, skins), _equal, lambda: lay_all(plan.skins, fit, near))
+        near = kept.placed(skins)
+        placed = kept.step("placed", (fit, skins), _equal, lambda: place_all(plan.skins, fit, near))
     except SkinCalibError as error:
         return Look(sketch, told=Told(problem=in_window(error)))
-    patches = tuple(done.patch for done in laid)
+    patches = tuple(done.patch for done in placed)
     layers = layers_of(SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches)))
     for _ in layers.shown(asked.shown):  # made here, beside the main thread
         pass

@@ -14,8 +14,9 @@ from bpy.props import (
 )
 
 from ...calibration.exchange import FORMATS, READABLE
+from ...calibration.model import MAX_CHANNEL
 from ...common.errors import InvalidPlan
-from ...plan.skins import HIGHEST_CHANNEL, SIDE
+from ...plan.skins import SIDE
 from ..scene.skins import read_cells
 from .options import FILE, FIXED, PLACE, PLAN, SIZE, WAY, outdate
 
@@ -172,7 +173,7 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
         name="Channels Follow", description="Its channels go on after those of the skin before", **PLAN
     )
     first_channel: IntProperty(
-        name="First Channel", description="Channel of the first taxel", min=0, max=HIGHEST_CHANNEL, **PLAN
+        name="First Channel", description="Channel of the first taxel", min=0, max=MAX_CHANNEL, **PLAN
     )
 
 

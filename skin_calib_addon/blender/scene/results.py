@@ -11,7 +11,7 @@ from threading import Lock
 
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated, calibrate
-from ...pipeline.sources import hash_of, taxel_files
+from ...pipeline.sources import file_hash, taxel_files
 from ...plan import Plan, plan_document
 
 KEPT = 16
@@ -29,7 +29,7 @@ def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda st
     SkinCalibError
         As :func:`calibrate` does.
     """
-    files = [hash_of(path) for path in taxel_files(plan)]
+    files = [file_hash(path) for path in taxel_files(plan)]
     content = json.dumps((plan_document(plan), files), sort_keys=True) + mesh.sha256
     key = hashlib.sha256(content.encode()).hexdigest()
     result = _results.get(key) or calibrate(plan, mesh, begin)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...calibration.model import TaxelArray
 from ...common.errors import InvalidPlan, SkinCalibError
-from ...pipeline.sources import seen_from
+from ...pipeline.sources import relative_path
 from ...plan.skins import GAP, SIDE, BoardSkin, SheetSkin
 from .decimals import exact, in_units, vector
 
@@ -119,7 +119,7 @@ def relate_files(documents: list[dict[str, Any]], folder: Path) -> None:
     """Name the files of imported skins as a plan in a folder does."""
     for document in documents:
         if document["kind"] == "imported":
-            document["file"] = seen_from(folder, Path(document["file"]))
+            document["file"] = relative_path(folder, Path(document["file"]))
 
 
 def kept_path(path: str) -> str:

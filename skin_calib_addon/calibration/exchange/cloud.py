@@ -5,18 +5,18 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...common.findings import error, show
-from ...common.plain_text import NotTextError, decoded
-from ...common.text import MOST_TAXELS, BadNumber, real, shown
-from ..model import LinkCalibration
+from ...common.plain_text import DecodingError, decoded
+from ...common.text import MAX_TAXELS, NumberError, real, shown
+from ..model import MAX_CHANNEL, LinkCalibration
 from .link_taxels import refuse_labels, taxels_of
 from .table import NORMAL, POSITION
-from .taxel_set import HIGHEST_CHANNEL, Draft, line
+from .taxel_set import Draft, line
 
 CHANNEL = "channel"
 MARK, LINK = "taxel ", "link "  # begin comments: channel and id of a taxel, name of the link
 
 
-class BadCloud(ValueError):
+class CloudError(ValueError):
     """A file cannot be used; ``finding`` says why."""
 
     def __init__(self, code: str, place: str, message: str):
@@ -24,7 +24,7 @@ class BadCloud(ValueError):
         self.finding = error(code, place, message)
 
 
-def take_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
+def parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
     """The label of each channel that comments tell; the link goes into the draft."""
     labels = {}
     for comment in comments:
@@ -37,7 +37,7 @@ def take_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
     return labels
 
 
-def take_lines(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[str, list[float]]:
+def parse_text(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[str, list[float]]:
     """The columns of rows of text, each with its number in the file."""
     places = {name: names.index(name) for name in _wanted(names)}
     columns: dict[str, list[float]] = {name: [] for name in places}
@@ -45,26 +45,26 @@ def take_lines(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[st
         words = content.split(None, len(names))
         if len(words) != len(names):
             have = f"more than {len(names)}" if len(words) > len(names) else str(len(words))
-            raise BadCloud("row", line(number), f"has {have} numbers; the header names {len(names)}")
+            raise CloudError("row", line(number), f"has {have} numbers; the header names {len(names)}")
         try:
             for name, place in places.items():
                 columns[name].append(real(words[place]))
-        except BadNumber as problem:
-            raise BadCloud(problem.code, line(number), str(problem)) from problem
+        except NumberError as problem:
+            raise CloudError(problem.code, line(number), str(problem)) from problem
     return columns
 
 
-def take_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count: int) -> dict[str, list[float]]:
+def parse_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count: int) -> dict[str, list[float]]:
     """The columns of ``count`` points in bytes; ``types`` are NumPy's, in the order of the names."""
     kind = np.dtype([(f"{i}", type_) for i, type_ in enumerate(types)])
     if len(data) < kind.itemsize * count:
-        raise BadCloud("size", "", f"holds {len(data) // kind.itemsize} of its {count} points; it is cut off")
+        raise CloudError("size", "", f"holds {len(data) // kind.itemsize} of its {count} points; it is cut off")
     table = np.frombuffer(data, kind, count)
     columns = {name: table[str(names.index(name))].astype(float) for name in _wanted(names)}
     for column in columns.values():
         lost = np.flatnonzero(~np.isfinite(column))
         if len(lost):
-            raise BadCloud(
+            raise CloudError(
                 "not-finite", point(int(lost[0])), "has a coordinate that is no finite number; remove the point"
             )
     return {name: column.tolist() for name, column in columns.items()}
@@ -80,12 +80,12 @@ def _wanted(names: Sequence[str]) -> list[str]:
     found = [next((name for name in alike if name in names), None) for alike in (*POSITION, *NORMAL)]
     for name, alike in zip(found[:3], POSITION):
         if name is None:
-            raise BadCloud("missing-column", "", f"names no {show(alike[0])} among {show(' '.join(names))}")
+            raise CloudError("missing-column", "", f"names no {show(alike[0])} among {show(' '.join(names))}")
     normal = found[3:] if None not in found[3:] else []
     return [name for name in (*found[:3], *normal, CHANNEL if CHANNEL in names else None) if name is not None]
 
 
-def fill(draft: Draft, columns: dict[str, list[float]], labels: dict[int, str]) -> None:
+def fill_draft(draft: Draft, columns: dict[str, list[float]], labels: dict[int, str]) -> None:
     """Put the columns into the draft; without a channel a point's place is it, and without a label its channel."""
     values = list(columns.values())
     count = len(values[0])
@@ -93,9 +93,9 @@ def fill(draft: Draft, columns: dict[str, list[float]], labels: dict[int, str]) 
     draft.normals = list(zip(*values[3:6])) if len(values) >= 6 else None
     numbers = columns.get(CHANNEL, range(count))
     for place, number in enumerate(numbers):
-        if number != int(number) or not 0 <= number <= HIGHEST_CHANNEL:
-            raise BadCloud(
-                "channel", draft.at(draft.lines[place]), f"has the channel {number!r}; use 0 to {HIGHEST_CHANNEL}"
+        if number != int(number) or not 0 <= number <= MAX_CHANNEL:
+            raise CloudError(
+                "channel", draft.at(draft.lines[place]), f"has the channel {number!r}; use 0 to {MAX_CHANNEL}"
             )
     draft.channels = [int(number) for number in numbers]
     draft.labels = [labels.get(channel, str(channel)) for channel in draft.channels]
@@ -120,12 +120,12 @@ def rows_of(text: str, first: int, count: int) -> list[tuple[int, str]]:
 
     Raises
     ------
-    BadCloud
+    CloudError
         If there are less than ``count``.
     """
     rows = [(number, content) for number, content in enumerate(text.split("\n"), first) if content.strip()]
     if len(rows) < count:
-        raise BadCloud("size", "", f"holds {len(rows)} of its {count} points; it is cut off")
+        raise CloudError("size", "", f"holds {len(rows)} of its {count} points; it is cut off")
     return rows[:count]
 
 
@@ -133,12 +133,12 @@ def lines_of(data: bytes) -> str:
     """Text with one kind of line ends."""
     try:
         return decoded(data).replace("\r\n", "\n").replace("\r", "\n")
-    except NotTextError as problem:
-        raise BadCloud("encoding", "", f"has text that {problem}") from problem
+    except DecodingError as problem:
+        raise CloudError("encoding", "", f"has text that {problem}") from problem
 
 
 def count_of(word: str, number: int) -> int:
     """How many points a header promises."""
-    if not word.isdecimal() or len(word) > 9 or int(word) > MOST_TAXELS:
-        raise BadCloud("size", line(number), f"promises {shown(word)} points; at most {MOST_TAXELS} are read")
+    if not word.isdecimal() or len(word) > 9 or int(word) > MAX_TAXELS:
+        raise CloudError("size", line(number), f"promises {shown(word)} points; at most {MAX_TAXELS} are read")
     return int(word)

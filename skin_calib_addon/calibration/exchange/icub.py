@@ -7,14 +7,14 @@ import numpy as np
 
 from ...common.errors import CalibrationFormatError
 from ...common.findings import Finding, error, first, show, warning
-from ...common.text import MOST_TAXELS, BadNumber, real, shown, whole
+from ...common.text import MAX_TAXELS, NumberError, real, shown, whole
 from ..model import LinkCalibration
 from .link_taxels import taxels_of
 from .taxel_set import Draft, line
 
 BLOCK = "[calibration]"
 TABLE = "taxel2Repr"
-UNUSED, THERMAL = -1, -2  # in the table
+UNUSED, THERMAL_PAD = -1, -2  # in the table
 Lines = list[tuple[int, str]]  # numbered
 _WORD = re.compile(r"""[^\s#()\[\]{}"'\\]+""")  # what YARP takes for one word
 
@@ -34,7 +34,7 @@ def read_icub(text: str) -> Draft:
     draft.findings += first(_take(draft, rows))
     for number, content in header:
         if not draft.broken and content.startswith(TABLE):
-            draft.findings += _hold_against(draft, number, content)
+            draft.findings += _compare_table(draft, number, content)
     return draft
 
 
@@ -54,8 +54,8 @@ def _sections(text: str) -> tuple[Lines, Lines]:
 
 def _take(draft: Draft, rows: Lines) -> Iterator[Finding]:
     """Put the rows into the draft; what is wrong with one."""
-    if len(rows) > MOST_TAXELS:
-        yield error("size", line(rows[MOST_TAXELS][0]), f"is one row too many; at most {MOST_TAXELS} are read")
+    if len(rows) > MAX_TAXELS:
+        yield error("size", line(rows[MAX_TAXELS][0]), f"is one row too many; at most {MAX_TAXELS} are read")
         return
     assert draft.normals is not None
     for index, (number, content) in enumerate(rows):
@@ -66,7 +66,7 @@ def _take(draft: Draft, rows: Lines) -> Iterator[Finding]:
             continue
         try:
             numbers = tuple(real(word) for word in words)
-        except BadNumber as problem:
+        except NumberError as problem:
             yield error(problem.code, line(number), str(problem), content)
             continue
         draft.lines.append(number)
@@ -76,15 +76,15 @@ def _take(draft: Draft, rows: Lines) -> Iterator[Finding]:
         draft.normals.append(numbers[3:])
 
 
-def _hold_against(draft: Draft, number: int, content: str) -> Iterator[Finding]:
+def _compare_table(draft: Draft, number: int, content: str) -> Iterator[Finding]:
     """What the table says otherwise than the rows."""
-    words = content.removeprefix(TABLE).replace("(", " ").replace(")", " ").split(None, MOST_TAXELS)
-    if len(words) > MOST_TAXELS:
-        yield error("size", line(number), f"has more than {MOST_TAXELS} entries in {TABLE}")
+    words = content.removeprefix(TABLE).replace("(", " ").replace(")", " ").split(None, MAX_TAXELS)
+    if len(words) > MAX_TAXELS:
+        yield error("size", line(number), f"has more than {MAX_TAXELS} entries in {TABLE}")
         return
     try:
         table = np.array([whole(word) for word in words], np.int64)
-    except BadNumber as problem:
+    except NumberError as problem:
         yield error(problem.code, line(number), f"{problem} in {TABLE}", shown(content))
         return
     rows = len(draft.positions)
@@ -95,7 +95,7 @@ def _hold_against(draft: Draft, number: int, content: str) -> Iterator[Finding]:
         message += f"; {bare} taxels have none, and are taken as well" if bare else ""
         yield warning("table-length", line(number), message, [len(table), rows])
     table, taxel = table[:rows], taxel[: len(table)]
-    for code, mark, what in (("thermal-pad", THERMAL, "thermal pads"), ("unused", UNUSED, "unused")):
+    for code, mark, what in (("thermal-pad", THERMAL_PAD, "thermal pads"), ("unused", UNUSED, "unused")):
         marked = table == mark
         if marked.any():
             count, kept = int(np.count_nonzero(marked)), np.flatnonzero(marked & taxel)
@@ -127,10 +127,10 @@ def write_icub(calibration: LinkCalibration) -> bytes:
             "brackets or '#'; rename the link"
         )
     count = int(taxels.channels[-1]) + 1
-    if count >= MOST_TAXELS:
+    if count >= MAX_TAXELS:
         raise CalibrationFormatError(
             f"channel {count - 1} needs {count} rows in a positions file, which has one for each channel; at most "
-            f"{MOST_TAXELS - 1} are written; count channels from a lower one"
+            f"{MAX_TAXELS - 1} are written. Use lower channels."
         )
     rows = np.zeros((count + 1, 6))
     rows[taxels.channels] = np.column_stack((taxels.positions, taxels.normals))

@@ -9,9 +9,9 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray, freeze
 from ...common.errors import CalibrationFormatError
 from ...common.findings import did_you_mean, show
-from ...common.text import MOST_TAXELS
+from ...common.text import MAX_TAXELS
 from ..model import LinkCalibration, TaxelArray
-from .taxel_set import LONGEST_LABEL
+from .taxel_set import MAX_LABEL_LENGTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +61,9 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
     """
     parts = [patch.taxels for patch in calibration.patches]
     count = sum(len(part.ids) for part in parts)
-    if not 0 < count <= MOST_TAXELS:
+    if not 0 < count <= MAX_TAXELS:
         raise CalibrationFormatError(
-            f"link {show(calibration.link)} has {count} taxels; 1 to {MOST_TAXELS} can be written"
+            f"link {show(calibration.link)} has {count} taxels; 1 to {MAX_TAXELS} can be written"
         )
     channels = np.concatenate([part.channels for part in parts])
     order = np.argsort(channels, kind="stable")
@@ -75,7 +75,7 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
     square = np.concatenate([np.full(len(part.ids), part.corners_link.shape[1] == 4) for part in parts])
     names = [patch.name for patch in calibration.patches for _ in patch.taxels.ids]
     ids = [taxel for part in parts for taxel in part.ids]
-    beside = [row for part in parts for row in part.neighbours]
+    neighbours = [row for part in parts for row in part.neighbours]
     ports = [row for part in parts for row in part.ports or ((),) * len(part.ids)]
     return LinkTaxels(
         link=calibration.link,
@@ -88,7 +88,7 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
         areas=np.concatenate([part.areas for part in parts])[order],
         sizes=sizes[order],
         square=square[order],
-        neighbours=tuple(beside[i] for i in order),
+        neighbours=tuple(neighbours[i] for i in order),
         ports=tuple(ports[i] for i in order),
     )
 
@@ -136,8 +136,8 @@ def refuse_labels(labels: Iterable[str], what: str) -> None:
         If one is too long, is not printable, or begins or ends with a space.
     """
     for label in labels:
-        if not label or len(label) > LONGEST_LABEL or not label.isprintable() or label != label.strip():
-            allowed = f"1 to {LONGEST_LABEL} printable characters without spaces at the ends"
+        if not label or len(label) > MAX_LABEL_LENGTH or not label.isprintable() or label != label.strip():
+            allowed = f"1 to {MAX_LABEL_LENGTH} printable characters without spaces at the ends"
             raise CalibrationFormatError(f"{what} {show(label)} cannot be written: use {allowed}; rename it")
 
 

@@ -9,11 +9,11 @@ from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, refuse_repeats, taxels_of
 from .xml_text import HEAD, numbers, quoted
 
-LEAST = 4  # vertices of a mesh
-DEEP = 0.002  # thickness of the cells that are touched [m]
-REACH = 0.5  # half height of a site, as a share of its cell's smaller side: contacts lie a little inside
+MIN_VERTICES = 4  # vertices of a mesh
+CELL_THICKNESS = 0.002  # thickness of the cells that are touched [m]
+SITE_HALF_HEIGHT = 0.5  # half height of a site, as a share of its cell's smaller side: contacts lie a little inside
 # A mesh whose triangles span less than this share of the square of its size has no area that a sensor could use.
-AREA = 1e-6
+MIN_AREA_FRACTION = 1e-6
 
 
 def write_mjcf(calibration: LinkCalibration) -> bytes:
@@ -63,7 +63,7 @@ def _mesh(taxels: LinkTaxels, patch: str) -> str:
     positions, axes = taxels.positions[rows], taxels.axes[rows]
     faces = triangles(taxels, rows)
     size = float(np.linalg.norm(np.ptp(positions, axis=0)))
-    if len(rows) < LEAST or _area(positions[faces]) < AREA * size**2:
+    if len(rows) < MIN_VERTICES or _area(positions[faces]) < MIN_AREA_FRACTION * size**2:
         return ""
     frames = np.stack((axes[:, :, 2], axes[:, :, 0], axes[:, :, 1]), axis=1)  # of a vertex: normal, tangent, across
     return (
@@ -80,7 +80,7 @@ def _area(corners: Array) -> float:
 
 def _cells(taxels: LinkTaxels) -> Iterator[str]:
     """A thin box or disc under each taxel, flush with it."""
-    depth = np.minimum(DEEP, taxels.sizes.min(axis=1))
+    depth = np.minimum(CELL_THICKNESS, taxels.sizes.min(axis=1))
     centres = taxels.positions - depth[:, None] / 2 * taxels.normals
     for row, shape in enumerate(_shapes(taxels, depth / 2)):
         yield f'<geom {shape} pos="{numbers(centres[row])}" {_turn(taxels, row)}/>'
@@ -88,7 +88,7 @@ def _cells(taxels: LinkTaxels) -> Iterator[str]:
 
 def _sites(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
     """The volume in which a contact belongs to a taxel: its cell, and as far out and in."""
-    for row, shape in enumerate(_shapes(taxels, REACH * taxels.sizes.min(axis=1))):
+    for row, shape in enumerate(_shapes(taxels, SITE_HALF_HEIGHT * taxels.sizes.min(axis=1))):
         yield f'<site name={ids[row]} {shape} pos="{numbers(taxels.positions[row])}" {_turn(taxels, row)}/>'
 
 
@@ -113,19 +113,19 @@ def triangles(taxels: LinkTaxels, rows: IntArray) -> IntArray:
     two with the taxel across where they share one. Taxels without such neighbours are chained as they come.
     """
     place = {taxels.ids[row]: k for k, row in enumerate(rows.tolist())}
-    beside = [{place[other] for other in taxels.neighbours[row] if other in place} for row in rows.tolist()]
+    near = [{place[other] for other in taxels.neighbours[row] if other in place} for row in rows.tolist()]
     found: dict[frozenset[int], tuple[int, int, int]] = {}
     for k, row in enumerate(rows.tolist()):
-        around = sorted(beside[k])
+        around = sorted(near[k])
         arms = (taxels.positions[rows[around]] - taxels.positions[row]) @ taxels.axes[row]
         angles = np.arctan2(arms[:, 1], arms[:, 0])
         ring = np.argsort(angles, kind="stable").tolist()
         for i, j in zip(ring, ring[1:] + ring[:1]):
             a, b = around[i], around[j]
-            across = min(beside[a] & beside[b] - {k} - beside[k], default=-1)
+            across = min(near[a] & near[b] - {k} - near[k], default=-1)
             if not 0 < (angles[j] - angles[i]) % (2 * np.pi) < np.pi:
                 continue  # nothing lies between them: an edge of the patch
-            if b in beside[a]:
+            if b in near[a]:
                 found.setdefault(frozenset((k, a, b)), (k, a, b))
             elif k < min(across, a, b):
                 found[frozenset((k, a, across))] = (k, a, across)

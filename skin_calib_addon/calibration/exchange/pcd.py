@@ -4,13 +4,24 @@ from dataclasses import dataclass, field
 
 from ...common.findings import show, warning
 from ..model import LinkCalibration
-from .cloud import BadCloud, cloud_of, count_of, fill, lines_of, point, rows_of, take_bytes, take_comments, take_lines
+from .cloud import (
+    CloudError,
+    cloud_of,
+    count_of,
+    fill_draft,
+    lines_of,
+    parse_bytes,
+    parse_comments,
+    parse_text,
+    point,
+    rows_of,
+)
 from .taxel_set import Draft, line
 
-MARKS = (b"# .PCD", b"VERSION", b"FIELDS")  # one of these begins a file
+FIRST_LINES = (b"# .PCD", b"VERSION", b"FIELDS")  # one of these begins a file
 TYPES = {"I": "i", "U": "u", "F": "f"}
 SIZES = {"I": "1248", "U": "1248", "F": "48"}
-HERE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]  # the viewpoint of points in their own frame
+IDENTITY_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]  # the viewpoint of points in their own frame
 
 
 @dataclass
@@ -25,7 +36,7 @@ class Header:
     def entry(self, name: str) -> list[str]:
         """The words of an entry."""
         if not self.words.get(name):
-            raise BadCloud("syntax", "", f"has a header without {name}; export it anew")
+            raise CloudError("syntax", "", f"has a header without {name}; export it anew")
         return self.words[name]
 
 
@@ -39,18 +50,18 @@ def read_pcd(data: bytes) -> Draft:
         if form == "ascii":
             rows = rows_of(lines_of(data[stop:]), header.lines + 1, count)
             draft.lines = [number for number, _ in rows]
-            columns = take_lines(names, rows)
+            columns = parse_text(names, rows)
         elif form == "binary":
             draft.lines, draft.at = list(range(count)), point
-            columns = take_bytes(names, types, data[stop:], count)
+            columns = parse_bytes(names, types, data[stop:], count)
         else:
             message = f"holds {show(form)} data; save it as ascii or binary (pcl_convert_pcd_ascii_binary)"
-            raise BadCloud("syntax", line(header.numbers["DATA"]), message)
-        fill(draft, columns, take_comments(draft, header.comments))
-        if _numbers(header.words.get("VIEWPOINT", [])) not in ([], HERE):
+            raise CloudError("syntax", line(header.numbers["DATA"]), message)
+        fill_draft(draft, columns, parse_comments(draft, header.comments))
+        if _numbers(header.words.get("VIEWPOINT", [])) not in ([], IDENTITY_VIEWPOINT):
             message = "has a viewpoint, which is not applied: positions are taken as they stand"
             draft.findings.append(warning("unused-transform", line(header.numbers["VIEWPOINT"]), message))
-    except BadCloud as problem:
+    except CloudError as problem:
         draft.findings.append(problem.finding)
     return draft
 
@@ -69,7 +80,7 @@ def _header(data: bytes) -> tuple[Header, int]:
         header.words[name], header.numbers[name] = words, header.lines
         if name == "DATA":
             return header, start
-    raise BadCloud("syntax", "", "has no line DATA; it is cut off, or no PCD file")
+    raise CloudError("syntax", "", "has no line DATA; it is cut off, or no PCD file")
 
 
 def _columns(header: Header) -> tuple[list[str], list[str]]:
@@ -79,13 +90,13 @@ def _columns(header: Header) -> tuple[list[str], list[str]]:
     names, types = [], []
     entries = (fields, header.entry("SIZE"), header.entry("TYPE"), counts)
     if len({len(entry) for entry in entries}) > 1:
-        raise BadCloud(
+        raise CloudError(
             "syntax", line(header.numbers["FIELDS"]), "names other fields than SIZE, TYPE and COUNT describe"
         )
     for name, size, kind, count in zip(*entries):
         if size not in SIZES.get(kind, ()) or not count.isdecimal() or not 1 <= int(count[:9]) <= 1000:
             message = f"has the field {show(name)} of type {show(kind)}, size {show(size)}, count {show(count)}"
-            raise BadCloud("syntax", line(header.numbers["FIELDS"]), f"{message}, which PCD does not have")
+            raise CloudError("syntax", line(header.numbers["FIELDS"]), f"{message}, which PCD does not have")
         names += [name, *(f"{name} {i}" for i in range(1, int(count)))]
         types += int(count) * [f"<{TYPES[kind]}{size}"]
     return names, types

@@ -5,7 +5,18 @@ from dataclasses import dataclass, field
 from ...common.findings import show, warning
 from ...common.text import shown
 from ..model import LinkCalibration
-from .cloud import BadCloud, cloud_of, count_of, fill, lines_of, point, rows_of, take_bytes, take_comments, take_lines
+from .cloud import (
+    CloudError,
+    cloud_of,
+    count_of,
+    fill_draft,
+    lines_of,
+    parse_bytes,
+    parse_comments,
+    parse_text,
+    point,
+    rows_of,
+)
 from .taxel_set import Draft, line
 
 MAGIC = b"ply"
@@ -41,24 +52,24 @@ def read_ply(data: bytes) -> Draft:
     try:
         stop = data.find(b"\n", max(data.find(b"\n" + END), 0) + 1) + 1 or len(data)
         if not data.startswith(MAGIC):
-            raise BadCloud("syntax", "", "does not begin with ply; check that it is the right file")
+            raise CloudError("syntax", "", "does not begin with ply; check that it is the right file")
         head = lines_of(data[:stop]).split("\n")
         header = _header(head)
         if header.order is None or header.count is None or not header.names:
-            raise BadCloud("syntax", "", "has a header that names no format or no vertices; export it anew")
+            raise CloudError("syntax", "", "has a header that names no format or no vertices; export it anew")
         if header.order:
             types = [header.order + kind for kind in header.types]
             draft.lines, draft.at = list(range(header.count)), point
-            columns = take_bytes(header.names, types, data[stop:], header.count)
+            columns = parse_bytes(header.names, types, data[stop:], header.count)
         else:
             rows = rows_of(lines_of(data[stop:]), len(head), header.count)
             draft.lines = [number for number, _ in rows]
-            columns = take_lines(header.names, rows)
-        fill(draft, columns, take_comments(draft, header.comments))
+            columns = parse_text(header.names, rows)
+        fill_draft(draft, columns, parse_comments(draft, header.comments))
         if header.faces is not None:
             message = f"promises {shown(header.faces[1])} faces: if this is a mesh, its vertices are taken for taxels"
             draft.findings.append(warning("faces", line(header.faces[0]), message))
-    except BadCloud as problem:
+    except CloudError as problem:
         draft.findings.append(problem.finding)
     return draft
 
@@ -78,19 +89,19 @@ def _header(lines: list[str]) -> Header:
                 elif element == "face" and header.count is not None:
                     header.faces = (number, amount) if amount != "0" else None
                 elif header.count is None:
-                    raise BadCloud(
+                    raise CloudError(
                         "syntax", line(number), f"names {show(element)} before the vertices; put these first"
                     )
             case ["property", "list", *_] if element == "vertex":
-                raise BadCloud("syntax", line(number), "gives vertices a list; export them with plain numbers")
+                raise CloudError("syntax", line(number), "gives vertices a list; export them with plain numbers")
             case ["property", kind, name] if element == "vertex":
                 if kind not in KINDS:
-                    raise BadCloud("syntax", line(number), f"has the type {show(kind)}, which PLY does not have")
+                    raise CloudError("syntax", line(number), f"has the type {show(kind)}, which PLY does not have")
                 header.names.append(name.lower())
                 header.types.append(KINDS[kind])
             case ["end_header"]:
                 return header
-    raise BadCloud("syntax", "", "has a header without end; it is cut off")
+    raise CloudError("syntax", "", "has a header without end; it is cut off")
 
 
 def write_ply(calibration: LinkCalibration) -> bytes:

@@ -9,7 +9,7 @@ from ...common.findings import did_you_mean, in_short
 from ...common.strict_json import read
 from ...common.text import check_size, text_of
 from .icub import BLOCK, read_icub
-from .pcd import MARKS, read_pcd
+from .pcd import FIRST_LINES, read_pcd
 from .ply import MAGIC, read_ply
 from .table import has_header, read_table
 from .taxel_set import Draft, TaxelSet, finished
@@ -29,7 +29,7 @@ READABLE = (*READERS, *CLOUDS)
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
-_HEAD = 2**16  # characters among which the root element is looked for
+ROOT_SEARCH_LENGTH = 2**16  # characters among which the root element is looked for
 
 
 def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: str | None = None) -> TaxelSet:
@@ -82,13 +82,13 @@ def cloud_format_of(data: bytes) -> str | None:
     """The format of a cloud that bytes are, or None."""
     if data.split(b"\n", 1)[0].strip() == MAGIC:
         return "ply"
-    return "pcd" if data.startswith(MARKS) else None
+    return "pcd" if data.startswith(FIRST_LINES) else None
 
 
 def format_of(text: str) -> str | None:
     """The format that a text is in, or None."""
     if text.lstrip().startswith("<"):
-        root = _ELEMENT.search(_COMMENT.sub("", text[:_HEAD]))
+        root = _ELEMENT.search(_COMMENT.sub("", text[:ROOT_SEARCH_LENGTH]))
         return "urdf" if root and root[1] == ROOT else "tum"
     if any(content.strip() == BLOCK for content in text.split("\n")):
         return "icub"

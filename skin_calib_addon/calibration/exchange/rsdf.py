@@ -8,8 +8,8 @@ from ...common.findings import show
 from ..model import LinkCalibration, Patch
 from .xml_text import HEAD, numbers, quoted, rpy
 
-BENT = 0.02  # how far corners may stand off the plane, as a share of the patch's size
-SHORTEST = 1e-6  # of a mean direction: below, the taxels look all ways
+FLATNESS_TOLERANCE = 0.02  # how far corners may stand off the plane, as a share of the patch's size
+MIN_MEAN_LENGTH = 1e-6  # of a mean direction: below, the taxels look all ways
 
 
 def write_rsdf(calibration: LinkCalibration) -> bytes:
@@ -46,7 +46,11 @@ def _plane(patch: Patch) -> tuple[Array, Array, Array]:
     origin, corners = taxels.positions_link.mean(axis=0), taxels.corners_link.reshape(-1, 3)
     off = np.abs((corners - origin) @ z).max()
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    if np.linalg.norm(inwards) < SHORTEST or np.linalg.norm(x) < SHORTEST or off > BENT * size:
+    if (
+        np.linalg.norm(inwards) < MIN_MEAN_LENGTH
+        or np.linalg.norm(x) < MIN_MEAN_LENGTH
+        or off > FLATNESS_TOLERANCE * size
+    ):
         raise CalibrationFormatError(
             f"patch {show(patch.name)} is bent: its cells stand up to {off * 1e3:.1f} mm off their plane, and rsdf "
             "holds planar surfaces; name the flat patches (--patch)"

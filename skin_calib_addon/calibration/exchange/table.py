@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...common.findings import Finding, did_you_mean, error, first, show, warning
-from ...common.tables import BadTable, numbered_rows
-from ...common.text import MOST_TAXELS, BadNumber, real, whole
+from ...common.tables import TableError, read_rows
+from ...common.text import MAX_TAXELS, NumberError, real, whole
 from ..model import LinkCalibration
 from .link_taxels import refuse_labels, taxels_of
 from .taxel_set import Draft, TaxelSet, line
@@ -21,7 +21,7 @@ TANGENT = tuple((f"t{c}", f"tangent_{c}") for c in "xyz")
 CHANNEL = ("channel", "row", "index")
 LABEL = ("id", "label")
 FRAME = ("frame", "link", "parent")
-BESIDE = ("neighbours",)  # channels of the neighbours, with spaces between
+NEIGHBOURS = ("neighbours",)  # channels of the neighbours, with spaces between
 GENTACT = ("Index", "X", "Y", "Z", "NormX", "NormY", "NormZ", "Radius", "Parent", "Object Name in Blender")
 PLACE = ("x", "y", "z", "nx", "ny", "nz", "tx", "ty", "tz")
 
@@ -36,7 +36,7 @@ class Columns:
     channel: int | None
     label: int | None
     frame: int | None
-    beside: int | None
+    neighbours: int | None
 
 
 def read_table(text: str) -> Draft:
@@ -45,7 +45,7 @@ def read_table(text: str) -> Draft:
     Without a channel, a row's index counts; without a label, its channel is its name.
     """
     draft = Draft()
-    rows = numbered_rows(text)
+    rows = read_rows(text)
     try:
         number, header = next(rows, (1, [""]))
         columns = _columns(draft, number, [name.strip().lower() for name in header])
@@ -53,7 +53,7 @@ def read_table(text: str) -> Draft:
             draft.normals = None if columns.normal is None else []
             draft.tangents = None if columns.tangent is None else []
             draft.findings += first(_take(draft, columns, rows, len(header)))
-    except BadTable as problem:
+    except TableError as problem:
         draft.findings.append(error("syntax", line(problem.line), str(problem)))
     if not draft.lines and not draft.broken:
         draft.findings.append(error("no-taxels", "", "has no row below its header; check that it is the right file"))
@@ -63,8 +63,8 @@ def read_table(text: str) -> Draft:
 def has_header(text: str) -> bool:
     """Whether a text begins with a header that names x, y and z."""
     try:
-        _, header = next(numbered_rows(text), (1, [""]))
-    except BadTable:
+        _, header = next(read_rows(text), (1, [""]))
+    except TableError:
         return False
     return {"x", "y", "z"} <= {name.strip().lower() for name in header}
 
@@ -90,16 +90,16 @@ def _columns(draft: Draft, number: int, header: list[str]) -> Columns | None:
     position, normal, tangent = vector(POSITION, True), vector(NORMAL, False), vector(TANGENT, False)
     if draft.broken or position is None:
         return None
-    return Columns(position, normal, tangent, place(CHANNEL), place(LABEL), place(FRAME), place(BESIDE))
+    return Columns(position, normal, tangent, place(CHANNEL), place(LABEL), place(FRAME), place(NEIGHBOURS))
 
 
 def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]], width: int) -> Iterator[Finding]:
     """Put the rows into the draft; what is wrong with one."""
     frames: dict[str, int] = {}
-    beside: list[list[int]] = []
+    neighbours: list[list[int]] = []
     for index, (number, row) in enumerate(rows):
-        if index == MOST_TAXELS:
-            yield error("size", line(number), f"is one row too many; at most {MOST_TAXELS} are read")
+        if index == MAX_TAXELS:
+            yield error("size", line(number), f"is one row too many; at most {MAX_TAXELS} are read")
             return
         if len(row) != width:
             yield error("row", line(number), f"has {len(row)} columns, the header {width}")
@@ -110,11 +110,11 @@ def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]],
                 for places in (columns.position, columns.normal, columns.tangent)
             ]
             channel = index if columns.channel is None else whole(row[columns.channel].strip())
-            others = [] if columns.beside is None else [whole(word) for word in row[columns.beside].split()]
-        except BadNumber as problem:
+            others = [] if columns.neighbours is None else [whole(word) for word in row[columns.neighbours].split()]
+        except NumberError as problem:
             yield error(problem.code, line(number), str(problem))
             continue
-        beside.append(others)
+        neighbours.append(others)
         draft.lines.append(number)
         draft.channels.append(channel)
         draft.labels.append(str(channel) if columns.label is None else row[columns.label].strip())
@@ -124,19 +124,21 @@ def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]],
         if columns.frame is not None:
             frames.setdefault(row[columns.frame].strip(), number)
     draft.frame = next(iter(frames)) or None if len(frames) == 1 else None
-    if columns.beside is not None:
-        yield from _name_neighbours(draft, beside)
+    if columns.neighbours is not None:
+        yield from _name_neighbours(draft, neighbours)
     if len(frames) > 1:
         number = sorted(frames.values())[1]
         message = f"is in another frame than the rows before; the {len(frames)} frames named are read as if it were one"
         yield warning("frames", line(number), message, len(frames))
 
 
-def _name_neighbours(draft: Draft, beside: list[list[int]]) -> Iterator[Finding]:
+def _name_neighbours(draft: Draft, neighbours: list[list[int]]) -> Iterator[Finding]:
     """Put the labels of the neighbours into the draft; what is wrong with their channels."""
     label = dict(zip(draft.channels, draft.labels))
-    draft.neighbours = [tuple(label[other] for other in others if other in label) for others in beside]
-    lost = [(number, other) for number, others in zip(draft.lines, beside) for other in others if other not in label]
+    draft.neighbours = [tuple(label[other] for other in others if other in label) for others in neighbours]
+    lost = [
+        (number, other) for number, others in zip(draft.lines, neighbours) for other in others if other not in label
+    ]
     if lost:
         message = f"names neighbours that are not all in this file; {len(lost)} are not, channel {lost[0][1]} the first"
         yield warning("unknown-neighbour", line(lost[0][0]), message, len(lost))
@@ -155,8 +157,8 @@ def write_table(calibration: LinkCalibration) -> bytes:
     refuse_labels((taxels.link,), "the link name")
     channel = dict(zip(taxels.ids, taxels.channels.tolist()))
     vectors = np.column_stack((taxels.positions, taxels.normals, taxels.tangents)).tolist()
-    beside = (" ".join(str(channel[i]) for i in others if i in channel) for others in taxels.neighbours)
-    columns = (taxels.patches, taxels.areas.tolist(), beside)
+    neighbours = (" ".join(str(channel[i]) for i in others if i in channel) for others in taxels.neighbours)
+    columns = (taxels.patches, taxels.areas.tolist(), neighbours)
     rows = (
         (number, name, *numbers, taxels.link, *rest)
         for number, name, numbers, *rest in zip(taxels.channels.tolist(), taxels.ids, vectors, *columns)

@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 
 from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
 from ...common.findings import Finding, error, first, show, warning
+from ..model import MAX_CHANNEL
 
 # No robot link reaches this far from its own frame [m]; a larger number is in millimetres.
-FARTHEST = 5.0
-HIGHEST_CHANNEL = 2**31 - 1
-LONGEST_LABEL = 200
+MAX_TAXEL_DISTANCE = 5.0
+MAX_LABEL_LENGTH = 200
 # Two taxels nearer than this have one place [m]: files give six decimals.
-ONE_PLACE = 1e-6
+SAME_POSITION = 1e-6
 # The length of a normal may be off by this: files give three decimals and more.
-UNIT = 2e-3
-LONGEST = 1e6  # beyond scaling: no direction was meant
+NORMAL_LENGTH_TOLERANCE = 2e-3
+MAX_VECTOR_COMPONENT = 1e6  # beyond scaling: no direction was meant
 # What programs write for a normal that they do not have.
-FILLER = (1.0, 0.0, 0.0)
-# Taxels with one normal lie in a plane across it, up to this share of their extent, or the normal is a filler.
-FLAT = 0.1
+PLACEHOLDER = (1.0, 0.0, 0.0)
+# Taxels with one normal lie in a plane across it, up to this share of their extent, or the normal is a placeholder.
+FLAT_FRACTION = 0.1
 
 Places = NDArray[np.str_]  # where each taxel stands in its file, in words
 
@@ -78,7 +78,7 @@ class Draft:
     normals: list[tuple[float, ...]] | None = None
     tangents: list[tuple[float, ...]] | None = None
     neighbours: list[tuple[str, ...]] | None = None
-    bearers: list[str] = field(default_factory=list)  # the link of each, where a file has those of many
+    links: list[str] = field(default_factory=list)  # the link of each, where a file has those of many
     frame: str | None = None
     findings: list[Finding] = field(default_factory=list)
     at: Callable[[int], str] = line  # what a number in ``lines`` is called in a finding
@@ -90,7 +90,7 @@ class Draft:
 
     def keep(self, rows: Sequence[int]) -> None:
         """Drop all taxels but these."""
-        for name in ("lines", "labels", "channels", "positions", "normals", "tangents", "neighbours", "bearers"):
+        for name in ("lines", "labels", "channels", "positions", "normals", "tangents", "neighbours", "links"):
             column = getattr(self, name)
             if column:
                 setattr(self, name, [column[i] for i in rows])
@@ -104,7 +104,7 @@ def finished(draft: Draft, only: str | None = None) -> tuple[TaxelSet | None, tu
     if not draft.broken:
         _choose(draft, only)
     if not draft.broken:
-        draft.findings += first(_misnamed(draft))
+        draft.findings += first(_unusable_names(draft))
     if draft.broken:
         return None, tuple(draft.findings)
     places, positions = np.array([draft.at(number) for number in draft.lines]), _vectors(draft.positions)
@@ -113,14 +113,14 @@ def finished(draft: Draft, only: str | None = None) -> tuple[TaxelSet | None, tu
     draft.findings += _left_out(places, there)
     chosen = np.flatnonzero(there)
     places, positions = places[chosen], positions[chosen]
-    draft.findings += _misplaced(places, positions)
+    draft.findings += _distant_positions(places, positions)
     for vectors in (normals, tangents):
-        draft.findings += () if vectors is None else _absurd(places, vectors[chosen])
+        draft.findings += () if vectors is None else _overlong_vectors(places, vectors[chosen])
     if draft.broken:
         return None, tuple(draft.findings)
-    draft.findings += _shared_places(places, positions)
+    draft.findings += _repeated_positions(places, positions)
     if normals is not None:
-        normals = _directions(draft, places, normals[chosen], "normal", _fillers(positions, normals[chosen]))
+        normals = _directions(draft, places, normals[chosen], "normal", _placeholders(positions, normals[chosen]))
     if tangents is not None:
         tangents = _directions(draft, places, tangents[chosen], "tangent", np.zeros(len(chosen), bool))
     taxels = TaxelSet(
@@ -145,9 +145,9 @@ def _choose(draft: Draft, only: str | None) -> None:
             draft.findings.append(error("no-taxels", "", message, only))
             return
         draft.keep(rows)
-    links = list(dict.fromkeys(draft.bearers))
+    links = list(dict.fromkeys(draft.links))
     if len(links) > 1:
-        i = draft.bearers.index(links[1])
+        i = draft.links.index(links[1])
         message = f"hangs {show(draft.labels[i])} on {show(links[1])}, those before on {show(links[0])}; pick the "
         message += 'taxels of one link by their labels (--only, or "only" in a plan)'
         draft.findings.append(error("links", draft.at(draft.lines[i]), message, links))
@@ -166,16 +166,16 @@ def _left_out(places: Places, there: BoolArray) -> Iterator[Finding]:
         yield warning("no-taxel", str(places[~there][0]), message, count)
 
 
-def _misnamed(draft: Draft) -> Iterator[Finding]:
+def _unusable_names(draft: Draft) -> Iterator[Finding]:
     """Labels and channels that are unusable or not unique."""
     places = [draft.at(number) for number in draft.lines]
     for label, place in zip(draft.labels, places):
-        if not label or len(label) > LONGEST_LABEL or not label.isprintable():
-            message = f"has the label {show(label)}; use 1 to {LONGEST_LABEL} printable characters"
+        if not label or len(label) > MAX_LABEL_LENGTH or not label.isprintable():
+            message = f"has the label {show(label)}; use 1 to {MAX_LABEL_LENGTH} printable characters"
             yield error("label", place, message, label)
     for channel, place in zip(draft.channels, places):
-        if not 0 <= channel <= HIGHEST_CHANNEL:
-            yield error("channel", place, f"has the channel {channel}; use 0 to {HIGHEST_CHANNEL}", channel)
+        if not 0 <= channel <= MAX_CHANNEL:
+            yield error("channel", place, f"has the channel {channel}; use 0 to {MAX_CHANNEL}", channel)
     # Where there are no labels, a channel is one: it would be told twice.
     yield from list(_repeats(draft.channels, places, "channel")) or _repeats(draft.labels, places, "label")
 
@@ -190,28 +190,28 @@ def _repeats(values: Sequence[str | int], places: list[str], name: str) -> Itera
             seen[value] = place
 
 
-def _misplaced(places: Places, positions: Array) -> Iterator[Finding]:
+def _distant_positions(places: Places, positions: Array) -> Iterator[Finding]:
     """No taxel at all, or one too far away."""
     if len(places) == 0:
         yield error("no-taxels", "", "holds nothing but rows of zeros; check that it is the right file")
         return
-    reach = np.abs(positions).max(axis=1)
-    row = int(reach.argmax())
-    if reach[row] > FARTHEST:
-        message = f"lies {reach[row]:.6g} m from the frame; divide by 1000 if these are millimetres"
+    distance = np.abs(positions).max(axis=1)
+    row = int(distance.argmax())
+    if distance[row] > MAX_TAXEL_DISTANCE:
+        message = f"lies {distance[row]:.6g} m from the frame; divide by 1000 if these are millimetres"
         yield error("units", str(places[row]), message, positions[row].tolist())
 
 
-def _absurd(places: Places, vectors: Array) -> Iterator[Finding]:
+def _overlong_vectors(places: Places, vectors: Array) -> Iterator[Finding]:
     """A direction too long to be one."""
-    reach = np.abs(vectors).max(axis=1, initial=0)
-    if (reach > LONGEST).any():
-        row = int(reach.argmax())
-        yield error("direction", str(places[row]), f"holds {reach[row]:.6g} in a direction", vectors[row].tolist())
+    distance = np.abs(vectors).max(axis=1, initial=0)
+    if (distance > MAX_VECTOR_COMPONENT).any():
+        row = int(distance.argmax())
+        yield error("direction", str(places[row]), f"holds {distance[row]:.6g} in a direction", vectors[row].tolist())
 
 
-def _shared_places(places: Places, positions: Array) -> Iterator[Finding]:
-    _, first, inverse = np.unique(np.round(positions / ONE_PLACE), axis=0, return_index=True, return_inverse=True)
+def _repeated_positions(places: Places, positions: Array) -> Iterator[Finding]:
+    _, first, inverse = np.unique(np.round(positions / SAME_POSITION), axis=0, return_index=True, return_inverse=True)
     twin = first[inverse.reshape(-1)]
     again = np.flatnonzero(twin != np.arange(len(positions)))
     if len(again):
@@ -219,31 +219,31 @@ def _shared_places(places: Places, positions: Array) -> Iterator[Finding]:
         yield warning("duplicate-position", str(places[again[0]]), message, len(again))
 
 
-def _directions(draft: Draft, places: Places, vectors: Array, name: str, filler: BoolArray) -> Array | None:
+def _directions(draft: Draft, places: Places, vectors: Array, name: str, placeholder: BoolArray) -> Array | None:
     """Unit vectors, or None where not all can be relied on; what is strange about them goes into the draft."""
     length = np.linalg.norm(vectors, axis=1)
-    for code, what, chosen in (("placeholder", "a placeholder", filler), ("missing", "zeros", length == 0)):
+    for code, what, chosen in (("placeholder", "a placeholder", placeholder), ("missing", "zeros", length == 0)):
         if chosen.any():
             row, count = int(np.argmax(chosen)), int(np.count_nonzero(chosen))
             message = f"is {_first_of(count, 'taxel')} with {what} for a {name}; no {name} of the file is used"
             draft.findings.append(warning(f"{code}-{name}s", str(places[row]), message, count))
             return None
-    off = np.flatnonzero(np.abs(length - 1) > UNIT)
+    off = np.flatnonzero(np.abs(length - 1) > NORMAL_LENGTH_TOLERANCE)
     if len(off):
         message = f"is {_first_of(len(off), 'taxel')} whose {name} is not unit but {length[off[0]]:.4g} long: scaled"
         draft.findings.append(warning(f"not-unit-{name}s", str(places[off[0]]), message, len(off)))
     return unit(vectors)
 
 
-def _fillers(positions: Array, normals: Array) -> BoolArray:
+def _placeholders(positions: Array, normals: Array) -> BoolArray:
     """Which normals are placeholders: one direction for taxels that do not lie in a plane across it."""
     same = (normals == normals[0]).all(axis=1)
-    chosen = same if same.all() else (normals == FILLER).all(axis=1)
+    chosen = same if same.all() else (normals == PLACEHOLDER).all(axis=1)
     if not chosen.any():
         return chosen
     extent = float(np.linalg.norm(np.ptp(positions[chosen], axis=0)))
     depth = float(np.ptp(positions[chosen] @ unit(normals[chosen][0])))
-    return chosen & (depth > max(FLAT * extent, ONE_PLACE))
+    return chosen & (depth > max(FLAT_FRACTION * extent, SAME_POSITION))
 
 
 def _first_of(count: int, what: str) -> str:

@@ -8,17 +8,17 @@ import numpy as np
 from ...common.arrays import Array
 from ...common.errors import CalibrationFormatError
 from ...common.findings import Finding, error, warning
-from ...common.text import MOST_TAXELS, BadNumber, real
+from ...common.text import MAX_TAXELS, NumberError, real
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, taxels_of
 from .taxel_set import Draft, line
-from .xml_nodes import Node, Refused, children_of_root
+from .xml_nodes import Node, XmlError, children_of_root
 from .xml_text import HEAD, quoted
 
 ROOT = "SkinConfig"
-BASE, BEYOND = "tf_rootCell_base", "tf_base_dh"
-NOBODY = (0, 16383)  # ids at a port without a neighbour
-ROTATION = 1e-4  # how far a matrix may be off a rotation: files give six decimals and more
+ROOT_TO_BASE, BASE_TO_DH = "tf_rootCell_base", "tf_base_dh"
+NO_NEIGHBOUR = (0, 16383)  # ids at a port without a neighbour
+ROTATION_TOLERANCE = 1e-4  # how far a matrix may be off a rotation: files give six decimals and more
 Pose = tuple[Array, Array]  # translation (3,) [m] and rotation (3, 3)
 
 
@@ -51,31 +51,31 @@ def read_tum(text: str) -> Draft:
     try:
         for node in children_of_root(text, ROOT):
             draft.findings += _take(patches, node)
-    except Refused as problem:
+    except XmlError as problem:
         draft.findings.append(problem.finding)
     if not patches.cells and not draft.broken:
         draft.findings.append(error("no-taxels", "", "has no cell; check that it is the right file"))
     if not draft.broken:
         _place(draft, patches)
-        draft.findings += _strangers(patches)
+        draft.findings += _missing_references(patches)
     return draft
 
 
 def _take(patches: Patches, node: Node) -> Iterator[Finding]:
     """Put a child of the root into the patches."""
     if node.tag == "cell":
-        if len(patches.cells) == MOST_TAXELS:
-            raise Refused("size", node.line, f"opens one cell too many; at most {MOST_TAXELS} are read")
+        if len(patches.cells) == MAX_TAXELS:
+            raise XmlError("size", node.line, f"opens one cell too many; at most {MAX_TAXELS} are read")
         ports = tuple(port.whole("id") for port in node.child("neighbors").children)
         cell = Cell(node.line, node.whole("id"), node.attributes.get("patch", ""), _pose(node), ports)
         patches.cells.append(cell)
     elif node.tag == "patchExtrinsics":
         patch = node.attribute("patchId")
         patches.frames[patch] = node.attributes.get("baseFrame", "")
-        patches.bases[patch] = _pose(node.child(BASE))
-        shift, turn = _pose(node.child(BEYOND))
+        patches.bases[patch] = _pose(node.child(ROOT_TO_BASE))
+        shift, turn = _pose(node.child(BASE_TO_DH))
         if shift.any() or (turn != np.eye(3)).any():
-            message = f"opens patch {patch}, whose {BEYOND} is not applied: its cells are given in the base frame"
+            message = f"opens patch {patch}, whose {BASE_TO_DH} is not applied: its cells are given in the base frame"
             yield warning("unused-transform", line(node.line), message)
 
 
@@ -99,12 +99,12 @@ def _place(draft: Draft, patches: Patches) -> None:
         draft.neighbours.append(tuple(str(i) for i in dict.fromkeys(cell.ports) if i in known and i != cell.id))
 
 
-def _strangers(patches: Patches) -> Iterator[Finding]:
+def _missing_references(patches: Patches) -> Iterator[Finding]:
     """Neighbours that the file does not hold, and patches whose place it does not tell."""
     known = {cell.id for cell in patches.cells}
-    beyond = [cell for cell in patches.cells if set(cell.ports) - known - set(NOBODY)]
+    beyond = [cell for cell in patches.cells if set(cell.ports) - known - set(NO_NEIGHBOUR)]
     if beyond:
-        ids = sorted({i for cell in beyond for i in cell.ports} - known - set(NOBODY))
+        ids = sorted({i for cell in beyond for i in cell.ports} - known - set(NO_NEIGHBOUR))
         message = f"opens a cell whose neighbours are not all in this file; {len(ids)} are not, cell {ids[0]} the first"
         yield warning("unknown-neighbour", line(beyond[0].line), message, len(ids))
     lost = [cell for cell in patches.cells if cell.patch not in patches.bases]
@@ -122,9 +122,9 @@ def _pose(node: Node) -> Pose:
     """Position and rotation that a node holds."""
     shift, turn = _matrix(node, "pos", 1)[:, 0], _matrix(node, "rot", 3)
     with np.errstate(all="ignore"):  # absurd numbers overflow, and are no rotation
-        proper = np.abs(turn @ turn.T - np.eye(3)).max() <= ROTATION and np.linalg.det(turn) > 0
+        proper = np.abs(turn @ turn.T - np.eye(3)).max() <= ROTATION_TOLERANCE and np.linalg.det(turn) > 0
     if not proper:
-        raise Refused("rotation", node.child("rot").line, "opens a rot that is no rotation; export it again")
+        raise XmlError("rotation", node.child("rot").line, "opens a rot that is no rotation; export it again")
     return shift, turn
 
 
@@ -135,14 +135,14 @@ def _matrix(node: Node, name: str, columns: int) -> Array:
     for element in holder.children:
         i, j = element.whole("row"), element.whole("col")
         if not (0 <= i < 3 and 0 <= j < columns):
-            raise Refused("size", element.line, f"holds element ({i}, {j}) of a {name}, which is 3 x {columns}")
+            raise XmlError("size", element.line, f"holds element ({i}, {j}) of a {name}, which is 3 x {columns}")
         try:
             found[i, j] = real(element.text.strip())
-        except BadNumber as problem:
-            raise Refused(problem.code, element.line, str(problem)) from problem
+        except NumberError as problem:
+            raise XmlError(problem.code, element.line, str(problem)) from problem
     if np.isnan(found).any():
         i, j = (int(k) for k in np.argwhere(np.isnan(found))[0])
-        raise Refused("missing", holder.line, f"opens a matrix without element ({i}, {j})")
+        raise XmlError("missing", holder.line, f"opens a matrix without element ({i}, {j})")
     return found
 
 
@@ -158,10 +158,10 @@ def write_tum(calibration: LinkCalibration) -> bytes:
         If channels run too high for the ids of cells.
     """
     taxels = taxels_of(calibration)
-    if taxels.channels[-1] + 1 >= NOBODY[1]:
+    if taxels.channels[-1] + 1 >= NO_NEIGHBOUR[1]:
         raise CalibrationFormatError(
-            f"channel {taxels.channels[-1]} cannot be written: cells have ids up to {NOBODY[1] - 1}; count channels "
-            "from a lower one"
+            f"channel {taxels.channels[-1]} cannot be written: ids of cells end at {NO_NEIGHBOUR[1] - 1}. "
+            "Use lower channels."
         )
     ids = (taxels.channels + 1).tolist()
     at, turn = taxels.positions[0], taxels.axes[0]
@@ -171,8 +171,8 @@ def write_tum(calibration: LinkCalibration) -> bytes:
         'numberOfPatchExtrinsics="1">',
         '<patchDriverSettings patchId="1" prefix="/"/>',
         f'<patchExtrinsics patchId="1" baseFrame={quoted(taxels.link)} dhFrame="" jointId="0">',
-        f"<{BASE}>{_pose_text(at, turn)}</{BASE}>",
-        f"<{BEYOND}>{_pose_text(np.zeros(3), np.eye(3))}</{BEYOND}>",
+        f"<{ROOT_TO_BASE}>{_pose_text(at, turn)}</{ROOT_TO_BASE}>",
+        f"<{BASE_TO_DH}>{_pose_text(np.zeros(3), np.eye(3))}</{BASE_TO_DH}>",
         "</patchExtrinsics>",
     ]
     for cell, beside, shift, rotation in zip(ids, _sides(taxels), shifts, turns):

@@ -7,17 +7,17 @@ import numpy as np
 
 from ...common.arrays import Array
 from ...common.findings import error, show
-from ...common.text import MOST_TAXELS, BadNumber, real
+from ...common.text import MAX_TAXELS, NumberError, real
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, refuse_labels, refuse_repeats, taxels_of
 from .taxel_set import Draft
-from .xml_nodes import Node, Refused, children_of_root
-from .xml_text import HEAD, numbers, quoted, rpy, turned
+from .xml_nodes import Node, XmlError, children_of_root
+from .xml_text import HEAD, numbers, quoted, rotations, rpy
 
 ROOT = "robot"
-MOST_NODES = 5 * MOST_TAXELS  # in one sensor: a taxel with a mesh has three
-BODY = ("visual", "collision", "inertial")  # a link with one of these is more than a frame
-THIN = 0.001  # thickness of a cell that is drawn [m]
+MAX_NODES_PER_SENSOR = 5 * MAX_TAXELS  # in one sensor: a taxel with a mesh has three
+BODY_ELEMENTS = ("visual", "collision", "inertial")  # a link with one of these is more than a frame
+CELL_THICKNESS = 0.001  # thickness of a cell that is drawn [m]
 UPDATE_RATE = 100  # of a sensor [Hz]: its element needs one
 
 Pose = tuple[Array, Array]  # translation (3,) [m] and rotation (3, 3)
@@ -51,11 +51,11 @@ def read_urdf(text: str) -> Draft:
     """
     draft, robot = Draft(normals=[], tangents=[]), Robot()
     try:
-        for node in children_of_root(text, ROOT, MOST_NODES):
+        for node in children_of_root(text, ROOT, MAX_NODES_PER_SENSOR):
             _take(robot, node)
         for taxel in (_of_sensors if robot.sensors else _of_frames)(robot):
             _put(draft, *taxel)
-    except Refused as problem:
+    except XmlError as problem:
         draft.findings.append(problem.finding)
     if not draft.labels and not draft.broken:
         message = "has no tactile sensor and no frame fixed to a link; check that it is the right file"
@@ -68,12 +68,12 @@ def _take(robot: Robot, node: Node) -> None:
     if node.tag == "link":
         name = node.attribute("name")
         if name in robot.links:
-            raise Refused("duplicate-label", node.line, f"repeats the link {show(name)}; each needs its own name")
-        robot.links[name] = any(part.tag in BODY for part in node.children)
+            raise XmlError("duplicate-label", node.line, f"repeats the link {show(name)}; each needs its own name")
+        robot.links[name] = any(part.tag in BODY_ELEMENTS for part in node.children)
     elif node.tag == "joint":
         child = node.child("child").attribute("link")
         if child in robot.joints:
-            raise Refused("syntax", node.line, f"holds the link {show(child)} a second time; a link has one joint")
+            raise XmlError("syntax", node.line, f"holds the link {show(child)} a second time; a link has one joint")
         fixed = node.attribute("type") == "fixed"
         origin = next((part for part in node.children if part.tag == "origin"), None)
         pose = NOWHERE if origin is None or not fixed else _pose(origin)
@@ -92,10 +92,10 @@ def _of_sensors(robot: Robot) -> Iterator[Taxel]:
         for node in sensor.child("tactile").children:
             if node.tag == "array":
                 message = "opens an array, whose taxels are not read; list them one by one as taxel elements"
-                raise Refused("array", node.line, message)
+                raise XmlError("array", node.line, message)
             if node.tag == "taxel":
                 channel = node.whole("idx")
-                yield node.line, f"{name}.{channel}", channel, parent, _beyond(base, _pose(node))
+                yield node.line, f"{name}.{channel}", channel, parent, _compose(base, _pose(node))
 
 
 def _of_frames(robot: Robot) -> Iterator[Taxel]:
@@ -103,7 +103,7 @@ def _of_frames(robot: Robot) -> Iterator[Taxel]:
     for name, joint in robot.joints.items():
         if name not in robot.links or joint.parent not in robot.links:
             unknown = name if name not in robot.links else joint.parent
-            raise Refused("missing", joint.line, f"names the link {show(unknown)}, which the file does not have")
+            raise XmlError("missing", joint.line, f"names the link {show(unknown)}, which the file does not have")
         if joint.fixed and name not in bearing and not robot.links[name]:
             yield joint.line, name, None, *_base(robot, name)
 
@@ -117,50 +117,50 @@ def _base(robot: Robot, name: str) -> tuple[str, Pose]:
         if above is None or not above.fixed:
             break
         if joint.parent in passed:
-            raise Refused(
+            raise XmlError(
                 "syntax", above.line, f"holds the link {show(joint.parent)} by itself, round a loop of joints"
             )
         passed.add(joint.parent)
         if above.parent not in robot.links:
             message = f"names the link {show(above.parent)}, which the file does not have"
-            raise Refused("missing", above.line, message)
-        joint, pose = above, _beyond(above.pose, pose)
+            raise XmlError("missing", above.line, message)
+        joint, pose = above, _compose(above.pose, pose)
     return joint.parent, pose
 
 
 def _put(draft: Draft, number: int, label: str, channel: int | None, link: str, pose: Pose) -> None:
     assert draft.normals is not None and draft.tangents is not None
-    if len(draft.labels) == MOST_TAXELS:
-        raise Refused("size", number, f"opens one taxel too many; at most {MOST_TAXELS} are read")
+    if len(draft.labels) == MAX_TAXELS:
+        raise XmlError("size", number, f"opens one taxel too many; at most {MAX_TAXELS} are read")
     draft.lines.append(number)
     draft.labels.append(label)
     if channel is not None:
         draft.channels.append(channel)
-    draft.bearers.append(link)
+    draft.links.append(link)
     draft.positions.append(tuple(pose[0].tolist()))
     draft.normals.append(tuple(pose[1][:, 2].tolist()))
     draft.tangents.append(tuple(pose[1][:, 0].tolist()))
 
 
-def _beyond(a: Pose, b: Pose) -> Pose:
+def _compose(a: Pose, b: Pose) -> Pose:
     """The pose b, given in the frame a, in the frame that a is given in."""
     with np.errstate(all="ignore"):  # absurd numbers are found where all taxels are looked at
         return a[1] @ b[0] + a[0], a[1] @ b[1]
 
 
 def _pose(node: Node) -> Pose:
-    return _three(node, "xyz"), turned(_three(node, "rpy")[None])[0]
+    return _three(node, "xyz"), rotations(_three(node, "rpy")[None])[0]
 
 
 def _three(node: Node, name: str) -> Array:
     """The three numbers of an attribute; zeros where there is none."""
     words = node.attributes.get(name, "0 0 0").split(None, 3)
     if len(words) != 3:
-        raise Refused("number", node.line, f"has {len(words)} numbers in {name}; three are needed")
+        raise XmlError("number", node.line, f"has {len(words)} numbers in {name}; three are needed")
     try:
         return np.array([real(word) for word in words])
-    except BadNumber as problem:
-        raise Refused(problem.code, node.line, f"{problem} ({name})") from problem
+    except NumberError as problem:
+        raise XmlError(problem.code, node.line, f"{problem} ({name})") from problem
 
 
 def write_frames(calibration: LinkCalibration) -> bytes:
@@ -231,8 +231,8 @@ def _sensing(taxels: LinkTaxels, patch: str) -> Iterator[str]:
     rows = taxels.of(patch)
     for i, angles in zip(rows.tolist(), rpy(taxels.axes[rows])):
         if taxels.square[i]:
-            shape = f'<box size="{numbers(taxels.sizes[i])} {THIN!r}"/>'
+            shape = f'<box size="{numbers(taxels.sizes[i])} {CELL_THICKNESS!r}"/>'
         else:
-            shape = f'<cylinder radius="{float(np.sqrt(taxels.areas[i] / np.pi))!r}" length="{THIN!r}"/>'
+            shape = f'<cylinder radius="{float(np.sqrt(taxels.areas[i] / np.pi))!r}" length="{CELL_THICKNESS!r}"/>'
         place = f'xyz="{numbers(taxels.positions[i])}" rpy="{numbers(angles)}"'
         yield f'<taxel idx="{taxels.channels[i]}" {place}><geometry>{shape}</geometry></taxel>'

@@ -5,16 +5,16 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from ...common.findings import error, show
-from ...common.text import BadNumber, whole
+from ...common.text import NumberError, whole
 from .taxel_set import line
 
-MOST_DEPTH = 16
-MOST_NODES = 1000  # in one child of the root, if not told: a cell has about 25
-LONGEST_WORD = 64  # characters of text that are kept of a node: it holds a number
-PIECE = 2**16  # characters that are parsed at once
+MAX_XML_DEPTH = 16
+MAX_NODES = 1000  # in one child of the root, if not told: a cell has about 25
+MAX_TEXT_LENGTH = 64  # characters of text that are kept of a node: it holds a number
+CHUNK_LENGTH = 2**16  # characters that are parsed at once
 
 
-class Refused(Exception):
+class XmlError(Exception):
     """The document cannot be used; ``finding`` says why, and in which line."""
 
     def __init__(self, code: str, number: int, message: str):
@@ -33,32 +33,32 @@ class Node:
     text: str = ""
 
     def child(self, tag: str) -> "Node":
-        """The first child of that name; Refused if there is none."""
+        """The first child of that name; XmlError if there is none."""
         for node in self.children:
             if node.tag == tag:
                 return node
-        raise Refused("missing", self.line, f"opens a {self.tag} without {tag}")
+        raise XmlError("missing", self.line, f"opens a {self.tag} without {tag}")
 
     def attribute(self, name: str) -> str:
-        """What an attribute holds; Refused if it is missing."""
+        """What an attribute holds; XmlError if it is missing."""
         if name not in self.attributes:
-            raise Refused("missing", self.line, f"opens a {self.tag} without the attribute {name}")
+            raise XmlError("missing", self.line, f"opens a {self.tag} without the attribute {name}")
         return self.attributes[name]
 
     def whole(self, name: str) -> int:
-        """The integer that an attribute holds; Refused if it holds none."""
+        """The integer that an attribute holds; XmlError if it holds none."""
         try:
             return whole(self.attribute(name).strip())
-        except BadNumber as problem:
-            raise Refused(problem.code, self.line, f"{problem} ({self.tag} {name})") from problem
+        except NumberError as problem:
+            raise XmlError(problem.code, self.line, f"{problem} ({self.tag} {name})") from problem
 
 
-def children_of_root(text: str, root: str, most_nodes: int = MOST_NODES) -> Iterator[Node]:
+def children_of_root(text: str, root: str, most_nodes: int = MAX_NODES) -> Iterator[Node]:
     """Each child of the root element, as soon as it is read; one may hold ``most_nodes`` elements.
 
     Raises
     ------
-    Refused
+    XmlError
         If the text is not well-formed, has another root, declares an entity, or exceeds a limit.
     """
     path: list[Node] = []
@@ -71,11 +71,11 @@ def children_of_root(text: str, root: str, most_nodes: int = MOST_NODES) -> Iter
         node = Node(tag, attributes, parser.CurrentLineNumber)
         nodes = nodes + 1 if len(path) > 1 else 0
         if not path and tag != root:
-            raise Refused("syntax", node.line, f"opens {show(tag)}; a {root} is needed")
-        if len(path) == MOST_DEPTH:
-            raise Refused("depth", node.line, f"nests more than {MOST_DEPTH} levels")
+            raise XmlError("syntax", node.line, f"opens {show(tag)}; a {root} is needed")
+        if len(path) == MAX_XML_DEPTH:
+            raise XmlError("depth", node.line, f"nests more than {MAX_XML_DEPTH} levels")
         if nodes > most_nodes:
-            raise Refused(
+            raise XmlError(
                 "size", node.line, f"opens element {nodes} in one {path[1].tag}; at most {most_nodes} are read"
             )
         if len(path) > 1:
@@ -88,20 +88,20 @@ def children_of_root(text: str, root: str, most_nodes: int = MOST_NODES) -> Iter
             done.append(node)
 
     def data(piece: str) -> None:
-        if len(path[-1].text) < LONGEST_WORD:
-            path[-1].text = (path[-1].text.lstrip() + piece)[:LONGEST_WORD]
+        if len(path[-1].text) < MAX_TEXT_LENGTH:
+            path[-1].text = (path[-1].text.lstrip() + piece)[:MAX_TEXT_LENGTH]
 
     def entity(*_: object) -> None:
-        raise Refused("entity", parser.CurrentLineNumber, "declares an entity; write the document without")
+        raise XmlError("entity", parser.CurrentLineNumber, "declares an entity; write the document without")
 
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, data
     parser.EntityDeclHandler = entity
     try:
-        for at in range(0, len(text), PIECE):
-            parser.Parse(text[at : at + PIECE], False)
+        for at in range(0, len(text), CHUNK_LENGTH):
+            parser.Parse(text[at : at + CHUNK_LENGTH], False)
             yield from done
             done.clear()
         parser.Parse("", True)
     except expat.ExpatError as problem:
         message = f"is not XML at column {problem.offset + 1}: {expat.ErrorString(problem.code)}"
-        raise Refused("syntax", problem.lineno, message) from problem
+        raise XmlError("syntax", problem.lineno, message) from problem

@@ -47,7 +47,7 @@ def rpy(axes: Array) -> Array:
     return np.column_stack((roll, pitch, yaw))
 
 
-def turned(angles: Array) -> Array:
+def rotations(angles: Array) -> Array:
     """The rotations of such angles (n, 3) [rad], shape (n, 3, 3)."""
     (a, b, c), (A, B, C) = np.cos(angles).T, np.sin(angles).T
     rows = (

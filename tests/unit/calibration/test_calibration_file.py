@@ -235,7 +235,7 @@ def test_load_refuses_what_is_no_file(tmp_path):
 @pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs a file that tells no size")
 def test_file_larger_than_it_tells_is_not_read_on(monkeypatch):
     """One that grows while it is read must not fill the memory."""
-    monkeypatch.setattr(strict_json, "MOST_BYTES", 10)
+    monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
     assert len(strict_json.read("/proc/self/status")) == 11
     with pytest.raises(CalibrationFormatError, match="has 11 bytes; at most 10 are read"):
         load_calibration("/proc/self/status")

@@ -18,7 +18,7 @@ from skin_calib_addon.common import findings, strict_json
 from skin_calib_addon.common.encoding import checksum
 from skin_calib_addon.common.findings import Finding
 from skin_calib_addon.common.schema_check import check, read_schema
-from skin_calib_addon.common.strict_json import MOST_DEPTH, parse
+from skin_calib_addon.common.strict_json import MAX_JSON_DEPTH, parse
 from tests.samples import small_calibration
 
 TABLE = {"kind": "table", "readings": [0.0, 10.0, 20.0], "forces": [5.0, 1.0, 0.0]}
@@ -347,7 +347,7 @@ BYTES = [  # bytes, code, pointer, words of the message
     (b"[9223372036854775808]", "number-range", "/0", "is 9223372036854775808"),
     (b'["a", "\\ud800"]', "surrogate", "/1", "half a character"),
     (b'{"\\uDFff": 1}', "surrogate", "", "half a character"),
-    (b"[" * (MOST_DEPTH + 1) + b"]" * (MOST_DEPTH + 1), "depth", "", "nests 33 levels; at most 32"),
+    (b"[" * (MAX_JSON_DEPTH + 1) + b"]" * (MAX_JSON_DEPTH + 1), "depth", "", "nests 33 levels; at most 32"),
     (b"[" * 1_000_000, "depth", "", "nests 1000000 levels"),
     (b'{"a":' * 1_000_000, "depth", "", "nests 1000000 levels"),
 ]
@@ -384,7 +384,7 @@ def test_parse_finds_several():
             '{"x": {"x": {"X": [{}, []]}}}',
         ),
         *('"' + "[{" * 99 + '"', r'"\ud83d\ude00 \\ \" [[[["', r'["\\", "\\\"[", "]"]'),
-        "[" * MOST_DEPTH + "]" * MOST_DEPTH,
+        "[" * MAX_JSON_DEPTH + "]" * MAX_JSON_DEPTH,
     ],
 )
 def test_parse_builds_what_json_does(text):
@@ -395,18 +395,18 @@ def test_parse_builds_what_json_does(text):
 
 def test_parse_refuses_sizes_before_building(monkeypatch):
     """Too many bytes or values are refused from the bytes alone, strings not counted."""
-    monkeypatch.setattr(strict_json, "MOST_VALUES", 100)
+    monkeypatch.setattr(strict_json, "MAX_VALUES", 100)
     assert parse(b"[" + b"1," * 99 + b"1]")[1] == ()
     assert parse(b'["' + b"," * 1000 + b'"]')[1] == ()
     assert parse(b"[" + b"1," * 100 + b"1]")[1][0].code == "size"
     assert parse(b"[" + b"{}," * 50 + b"{}]")[1][0].code == "size"
-    monkeypatch.setattr(strict_json, "MOST_BYTES", 10)
+    monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
     assert "has 11 bytes; at most 10" in parse(b'"123456789"')[1][0].message
 
 
 def test_read_refuses_size_before_reading(tmp_path, monkeypatch):
     """A file beyond the limit is not loaded."""
-    monkeypatch.setattr(strict_json, "MOST_BYTES", 10)
+    monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
     path = tmp_path / "c.json"
     path.write_bytes(b"1" * 11)
     with pytest.raises(calibration.file.CalibrationFormatError, match="its 11 bytes exceed 10"):
@@ -415,9 +415,9 @@ def test_read_refuses_size_before_reading(tmp_path, monkeypatch):
 
 def test_measure_is_blind_to_chunks(monkeypatch):
     """Where the bytes are divided makes no difference to depth and count."""
-    monkeypatch.setattr(strict_json, "MOST_DEPTH", 2)
+    monkeypatch.setattr(strict_json, "MAX_JSON_DEPTH", 2)
     for size in range(1, 12):
-        monkeypatch.setattr(strict_json, "_CHUNK", size)
+        monkeypatch.setattr(strict_json, "CHUNK_BYTES", size)
         assert parse(rb'[["[[\"[[", "\\"], [{}]]')[1][0].message.startswith("nests 3 levels")
         assert parse(rb'[["[[\"[[", "\\"], [0]]')[1] == ()
 

@@ -397,12 +397,12 @@ def test_mesh_is_known_whatever_its_file(robot):
     rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
     rows += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces[::-1].tolist()]
     (robot / "arm.obj").write_text("\n".join(rows))
-    assert sources.is_mesh(robot / "arm.obj", mesh.sha256)
-    assert not sources.is_mesh(robot / "plans" / "leg.ply", mesh.sha256)
+    assert sources.is_same_mesh(robot / "arm.obj", mesh.sha256)
+    assert not sources.is_same_mesh(robot / "plans" / "leg.ply", mesh.sha256)
     # the last bit of a number in millimetres is that of the product, as where the plan says millimetres
     rows = [f"v {' '.join(repr(1e3 * x) for x in row)}" for row in mesh.vertices.tolist()] + rows[len(mesh.vertices) :]
     (robot / "mm.obj").write_text("\n".join(rows))
-    assert sources.is_mesh(robot / "mm.obj", load_mesh(robot / "mm.obj", "mm").sha256)
+    assert sources.is_same_mesh(robot / "mm.obj", load_mesh(robot / "mm.obj", "mm").sha256)
 
 
 def test_notes_are_json_for_people(robot):

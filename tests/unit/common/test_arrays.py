@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.common.arrays import QUIET, cross, product
+from skin_calib_addon.common.arrays import SINGLE_THREAD_PRODUCTS, cross, product
 
 
 @pytest.mark.parametrize("shape", [(3,), (7, 3), (4, 2, 3)])
@@ -34,5 +34,5 @@ def test_product_is_that_of_numpy_in_pieces_that_wake_no_threads(shape):
     a, b = random.normal(size=(rows, inner)), random.normal(size=(inner, columns))
     counts.clear()
     result = product(a.view(Counted), b)
-    assert max(counts) <= QUIET and sum(counts) == rows * inner * columns
+    assert max(counts) <= SINGLE_THREAD_PRODUCTS and sum(counts) == rows * inner * columns
     assert_allclose(result, a @ b, rtol=0, atol=1e-11)

@@ -193,12 +193,12 @@ def test_tum_declared_encoding_is_not_believed(read):
 def test_tum_reader_has_limits(read, monkeypatch):
     """Depth, elements of one cell, cells: refused before they fill the memory."""
     deep = "<SkinConfig>" + "<a>" * 40
-    many = "<SkinConfig><cell>" + "<a/>" * (xml_nodes.MOST_NODES + 5)
+    many = "<SkinConfig><cell>" + "<a/>" * (xml_nodes.MAX_NODES + 5)
     for content, code in ((deep, "depth"), (many, "size")):
         with pytest.raises(CalibrationFormatError) as refused:
             read(content)
         assert refused.value.findings[0].code == code
-    monkeypatch.setattr(tum, "MOST_TAXELS", 2)
+    monkeypatch.setattr(tum, "MAX_TAXELS", 2)
     with pytest.raises(CalibrationFormatError, match="one cell too many; at most 2"):
         read(tum_text(CELLS))
 
@@ -304,7 +304,7 @@ def test_table_reader_refuses_by_the_line(read, change, code, place, words):
     ],
 )
 def test_labels_channels_and_directions_must_be_usable(read, header, row, code, words):
-    """Refused, once, with what to do."""
+    """XmlError, once, with what to do."""
     with pytest.raises(CalibrationFormatError) as refused:
         read(f"{header}\n{row}")
     (found,) = (f for f in refused.value.findings if f.severity == "error")
@@ -616,7 +616,7 @@ def test_format_is_told_by_the_content(read, tmp_path):
         (b"solid\0\0\0", "is binary at byte 5; check that it is the right file"),
         (b"", "is empty; check that it was written whole"),
         (b'{"format": "skin-calibration"}', "is JSON, no taxel file: export .* fit"),
-        (b"x,y,z\n1,2,3\n" + b" " * (text.MOST_LINE + 1), "line 3 of .* has 1048577 characters; at most 1048576"),
+        (b"x,y,z\n1,2,3\n" + b" " * (text.MAX_LINE_LENGTH + 1), "line 3 of .* has 1048577 characters; at most 1048576"),
     ],
 )
 def test_text_that_is_none_is_refused(read, content, words):
@@ -629,18 +629,18 @@ def test_sizes_are_limited(read, monkeypatch):
     """Bytes before decoding, rows before they are taken; as many as are allowed are read."""
     rows = np.column_stack((ROUND, OUTWARD))
     for module, content in ((icub, icub_text(rows)), (table, csv_text(ROUND))):
-        monkeypatch.setattr(module, "MOST_TAXELS", 12)
+        monkeypatch.setattr(module, "MAX_TAXELS", 12)
         assert len(read(content).labels) == 12
-        monkeypatch.setattr(module, "MOST_TAXELS", 11)
+        monkeypatch.setattr(module, "MAX_TAXELS", 11)
         with pytest.raises(CalibrationFormatError, match="is one row too many; at most 11 are read"):
             read(content)
     with pytest.raises(CalibrationFormatError, match="has more than 12 entries in taxel2Repr"):
-        monkeypatch.setattr(icub, "MOST_TAXELS", 12)
+        monkeypatch.setattr(icub, "MAX_TAXELS", 12)
         read(icub_text(rows, "3 " * 13))
-    monkeypatch.setattr(text, "MOST_LINES", 12)
+    monkeypatch.setattr(text, "MAX_LINES", 12)
     with pytest.raises(CalibrationFormatError, match="its 14 lines exceed 12"):
         read(csv_text(ROUND))
-    monkeypatch.setattr(text, "MOST_BYTES", 100)
+    monkeypatch.setattr(text, "MAX_TEXT_BYTES", 100)
     with pytest.raises(CalibrationFormatError, match="bytes exceed 100"):
         read(csv_text(ROUND))
 

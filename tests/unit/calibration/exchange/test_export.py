@@ -17,7 +17,7 @@ from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.calibration.exchange.mjcf import triangles
 from skin_calib_addon.calibration.exchange.rsdf import hull
 from skin_calib_addon.calibration.exchange.table import write_taxel_set
-from skin_calib_addon.calibration.exchange.xml_text import rpy, turned
+from skin_calib_addon.calibration.exchange.xml_text import rotations, rpy
 from skin_calib_addon.common.errors import CalibrationFormatError
 from tests.samples import boards, seven_boards, sheet, small_calibration
 from tests.shapes import Motion
@@ -67,7 +67,7 @@ def test_channels_too_high_are_refused(name, highest):
         if fits:
             assert written(name, patches=(patch,))
         else:
-            with pytest.raises(CalibrationFormatError, match=f"channel {channel} .*count channels from a lower one"):
+            with pytest.raises(CalibrationFormatError, match=f"channel {channel} .*lower channels"):
                 written(name, patches=(patch,))
 
 
@@ -222,14 +222,14 @@ def test_angles_of_urdf_give_the_rotation(pitch):
     (a, b, c), (A, B, C) = np.cos(angles[0]), np.sin(angles[0])
     about_z, about_y = np.array([[c, -C, 0], [C, c, 0], [0, 0, 1]]), np.array([[b, 0, B], [0, 1, 0], [-B, 0, b]])
     about_x = np.array([[1, 0, 0], [0, a, -A], [0, A, a]])
-    assert_allclose(turned(angles)[0], about_z @ about_y @ about_x, rtol=0, atol=1e-15)
-    assert_allclose(turned(rpy(turned(angles))), turned(angles), rtol=0, atol=1e-15)
+    assert_allclose(rotations(angles)[0], about_z @ about_y @ about_x, rtol=0, atol=1e-15)
+    assert_allclose(rotations(rpy(rotations(angles))), rotations(angles), rtol=0, atol=1e-15)
 
 
 def test_angles_of_urdf_outlive_rounding():
     """A pitch of a right angle as products of matrices leave it: the entries that tell roll and yaw are noise."""
     axes = np.array([[[3e-17, 0.6, 0.8], [-1e-17, 0.8, -0.6], [-1.0, 1e-17, -2e-17]]])
-    assert_allclose(turned(rpy(axes)), axes, rtol=0, atol=1e-15)
+    assert_allclose(rotations(rpy(axes)), axes, rtol=0, atol=1e-15)
 
 
 def test_urdf_fixes_frames_to_patches_and_patches_to_the_link():
@@ -261,7 +261,7 @@ def test_sensors_are_what_the_parser_of_tactile_toolbox_wants():
     assert [int(t.get("idx")) for t in found] == taxels.channels.tolist()
     assert_allclose([[float(x) for x in t.get("xyz").split()] for t in found], taxels.positions, rtol=0, atol=0)
     angles = np.array([[float(x) for x in t.get("rpy").split()] for t in found])
-    assert_allclose(turned(angles), taxels.axes, rtol=0, atol=1e-15)
+    assert_allclose(rotations(angles), taxels.axes, rtol=0, atol=1e-15)
     boxes = [t.find("geometry/box").get("size").split() for t in found[:6]]
     assert_allclose([[float(x) for x in box[:2]] for box in boxes], 0.01, rtol=1e-9)
     discs = [float(t.find("geometry/cylinder").get("radius")) for t in found[6:]]
@@ -285,7 +285,7 @@ def test_planar_surface_is_the_sole_from_above():
     (surface,) = ElementTree.fromstring(content).findall("planar_surface")
     assert (surface.get("name"), surface.get("link")) == ("flower", "forearm")
     angles = np.array([float(x) for x in surface.find("origin").get("rpy").split()])
-    assert_allclose(turned(angles[None])[0], np.eye(3), rtol=0, atol=1e-15)
+    assert_allclose(rotations(angles[None])[0], np.eye(3), rtol=0, atol=1e-15)
     origin = np.array([float(x) for x in surface.find("origin").get("xyz").split()])
     outline = np.array([[float(x) for x in p.get("xy").split()] for p in surface.findall("points/point")])
     assert len(outline) == 12 and surface.find("material") is not None

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from skin_calib_addon.commands import side_by_side
-from skin_calib_addon.commands.side_by_side import carry_out
+from skin_calib_addon.commands import worker_processes
+from skin_calib_addon.commands.worker_processes import run_tasks
 from skin_calib_addon.common.atomic_file import write_bytes_safely
 
 ROOT = Path(__file__).parents[3]
@@ -63,7 +63,7 @@ def is_there(pid):
 
 def test_every_task_is_done_in_a_process_that_others_do_not_share():
     """As many as are asked for, none of them this one; one that is free takes the next."""
-    done = dict(carry_out(work, range(6), 2, lost))
+    done = dict(run_tasks(work, range(6), 2, lost))
     assert set(done) == set(range(6))
     assert len(set(done.values())) <= 2 and os.getpid() not in done.values()
     assert not any(map(is_there, done.values()))
@@ -74,7 +74,7 @@ def test_every_task_is_done_in_a_process_that_others_do_not_share():
 @pytest.mark.parametrize("count", [1, 3])
 def test_process_that_dies_spoils_its_own_task(death, count):
     """The others are done, by those that are left or by a new one; how it died is told."""
-    done = dict(carry_out(work, [0, death, 1, death, 2], count, lost))
+    done = dict(run_tasks(work, [0, death, 1, death, 2], count, lost))
     assert set(done) == {0, 1, 2, death}
     assert DEATHS[death][0] in done[death] and all(isinstance(done[k], int) for k in (0, 1, 2))
 
@@ -83,11 +83,11 @@ def test_process_that_dies_spoils_its_own_task(death, count):
 @pytest.mark.parametrize("function", [work, deaf_and_slow])
 def test_processes_end_with_the_iteration(monkeypatch, function):
     """Whoever leaves it does not wait for what is being done, not even by a process that hears nothing."""
-    monkeypatch.setattr(side_by_side, "PATIENCE", 0.5)
+    monkeypatch.setattr(worker_processes, "END_TIMEOUT", 0.5)
     begun = []
-    begin = side_by_side._begin
-    monkeypatch.setattr(side_by_side, "_begin", lambda: begun.append(begin()) or begun[-1])
-    found = carry_out(function, ["", "slow", "slow", "slow"], 2, lost)
+    begin = worker_processes._begin
+    monkeypatch.setattr(worker_processes, "_begin", lambda: begun.append(begin()) or begun[-1])
+    found = run_tasks(function, ["", "slow", "slow", "slow"], 2, lost)
     next(found)
     found.close()
     assert len(begun) == 2 and all(process.returncode is not None for process in begun)
@@ -96,13 +96,13 @@ def test_processes_end_with_the_iteration(monkeypatch, function):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no groups of this kind")
 def test_terminal_interrupts_only_the_one_that_waits():
     """Ctrl+C is sent to a whole group; the others are in groups of their own."""
-    assert os.getpgrp() not in set(carry_out(group, [1, 2], 2, lost))
+    assert os.getpgrp() not in set(run_tasks(group, [1, 2], 2, lost))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
 def test_process_that_is_ended_clears_away_what_it_was_writing(tmp_path):
     """No half file stays, under whatever name."""
-    found = carry_out(write, ["", tmp_path / "whole"], 2, lost)
+    found = run_tasks(write, ["", tmp_path / "whole"], 2, lost)
     next(found)
     while not os.listdir(tmp_path):
         time.sleep(0.01)
@@ -116,8 +116,8 @@ def test_script_that_asks_is_not_run_again(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
         "import its_module\n"
-        "from skin_calib_addon.commands.side_by_side import carry_out\n"
-        "print('run', sorted(carry_out(its_module.double, [1, 2, 3], 2, print)))\n"
+        "from skin_calib_addon.commands.worker_processes import run_tasks\n"
+        "print('run', sorted(run_tasks(its_module.double, [1, 2, 3], 2, print)))\n"
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, cwd="/")

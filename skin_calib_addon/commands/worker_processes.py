@@ -18,14 +18,14 @@ from typing import Any
 
 # Modules are looked for where the program that asks looks for them.
 PROGRAM = f"import sys; sys.path[:] = sys.argv[1:]; from {__name__} import serve; serve()"
-PATIENCE = 5.0  # [s] for the end of a process that was asked to end; what computes hears it late
+END_TIMEOUT = 5.0  # [s] for the end of a process that was asked to end; what computes hears it late
 
 
 class ProcessDied(Exception):
     """A process ended before its work was done; the message says how."""
 
 
-def carry_out(
+def run_tasks(
     work: Callable[[Any], Any], tasks: Sequence[Any], count: int, lost: Callable[[Any, ProcessDied], Any]
 ) -> Iterator[Any]:
     """What comes of each task, as soon as it is known.
@@ -62,7 +62,7 @@ def carry_out(
         pool.shutdown(wait=False, cancel_futures=True)
         for worker in workers:
             worker.ask_to_end()
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + END_TIMEOUT
         for worker in workers:
             worker.end(deadline)
         pool.shutdown()

@@ -1,4 +1,4 @@
-"""Skins of a plan laid on the surface of its link, one after another."""
+"""Skins of a plan placed on the surface of its link, one after another."""
 
 import numpy as np
 import pytest
@@ -89,6 +89,6 @@ def test_warnings_name_what_does_not_fit(tmp_path):
 
 
 def test_channels_that_meet_after_filling_are_refused(tmp_path):
-    """Only the laid boards tell how many channels they take."""
+    """Only the placed boards tell how many channels they take."""
     with pytest.raises(InvalidPlan, match=r"skins 'boards' and 'band' share channel \d+; move a first_channel"):
         made([BOARDS | {"first_channel": 0}, SHEET | {"first_channel": 20}], tmp_path)

@@ -15,7 +15,7 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import CoverSpec, TubeGrid
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from skin_calib_addon.pipeline import calibrate
-from skin_calib_addon.pipeline.place_skins import lay_all
+from skin_calib_addon.pipeline.place_skins import place_all
 from skin_calib_addon.pipeline.refine import refine
 from skin_calib_addon.plan import Plan, load_plan, save_plan
 from skin_calib_addon.plan.skins import skins_from
@@ -44,14 +44,14 @@ def laid_so(fitted, skin):
     """The plan with one skin, and what comes of it."""
     plan, result = fitted
     plan = replace(plan, skins=skins_from([skin]))
-    laid = lay_all(plan.skins, result.fit)
-    calibration = replace(result.calibration, patches=tuple(done.patch for done in laid))
-    return plan, replace(result, calibration=calibration, laid=laid)
+    placed = place_all(plan.skins, result.fit)
+    calibration = replace(result.calibration, patches=tuple(done.patch for done in placed))
+    return plan, replace(result, calibration=calibration, placed=placed)
 
 
 def moved_away(plan, result):
     """The taxels of the plan's only skin where it lies a few millimetres and a degree from where the plan has it."""
-    skin, taxels = plan.skins[0], result.laid[0].patch.taxels
+    skin, taxels = plan.skins[0], result.placed[0].patch.taxels
     row = int(np.abs(taxels.index).sum(axis=1).argmin())
     normal, tangent = taxels.normals_link[row], taxels.tangents_link[row]
     turn = Rotation.from_rotvec(0.02 * normal)
@@ -64,7 +64,7 @@ def moved_away(plan, result):
         skin = replace(skin, origin=tuple(place + shift), direction=tuple(turn.apply(np.array(way))))
     if skin.name == "boards":
         skin = replace(skin, choice=tuple(map(tuple, taxels.index.tolist())))
-    return lay_all((skin,), result.fit)[0].patch.taxels
+    return place_all((skin,), result.fit)[0].patch.taxels
 
 
 @pytest.mark.parametrize(
@@ -81,10 +81,10 @@ def test_skin_moves_to_where_it_was_touched(fitted, skin):
     touches = Touches(true.ids, np.arange(len(true.ids)), true.positions_link, np.zeros((len(true.ids), 3)))
     refined = refine(plan, result, touches)
     found = refined.calibration.patches[0].taxels
-    before = result.laid[0].patch.taxels
+    before = result.placed[0].patch.taxels
     assert np.linalg.norm(before.positions_link - true.positions_link, axis=1).mean() > 1e-3
     assert_allclose(found.positions_link, true.positions_link, rtol=0, atol=2e-5)
-    again = lay_all(refined.plan.skins, result.fit)[0].patch.taxels
+    again = place_all(refined.plan.skins, result.fit)[0].patch.taxels
     assert_allclose(again.positions_link, found.positions_link, rtol=0, atol=1e-15)
 
 
@@ -93,10 +93,10 @@ def test_skins_that_were_not_touched_stay(fitted):
     plan, result = laid_so(fitted, SHEET | PLACED)
     second = skins_from([BOARDS | {"cells": [[0, 0], [1, 0]], "origin": [-0.05, 0, 0.05], "first_channel": 48}])
     plan = replace(plan, skins=plan.skins + second)
-    laid = lay_all(plan.skins, result.fit)
-    calibration = replace(result.calibration, patches=tuple(done.patch for done in laid))
-    result = replace(result, laid=laid, calibration=calibration)
-    taxels = laid[0].patch.taxels
+    placed = place_all(plan.skins, result.fit)
+    calibration = replace(result.calibration, patches=tuple(done.patch for done in placed))
+    result = replace(result, placed=placed, calibration=calibration)
+    taxels = placed[0].patch.taxels
     off = Touches(taxels.ids, np.arange(48), taxels.positions_link + 0.001 * taxels.tangents_link, np.zeros((48, 3)))
     refined = refine(plan, result, off)
     assert refined.plan.skins[1] == second[0] and refined.plan.skins[0] != plan.skins[0]
@@ -104,7 +104,7 @@ def test_skins_that_were_not_touched_stay(fitted):
     with pytest.raises(InvalidPlan, match="skin 'band' was touched 2 times, which is too few"):
         refine(plan, result, few)
     trimmed = laid_so(fitted, CENTRED | {"rows": 14, "trim": True})
-    part = trimmed[1].laid[0].patch.taxels
+    part = trimmed[1].placed[0].patch.taxels
     assert (part.index.sum(axis=1) > 0).all()
     all_of_it = Touches(part.ids, np.arange(len(part.ids)), part.positions_link, np.zeros((len(part.ids), 3)))
     with pytest.raises(
@@ -120,8 +120,8 @@ def test_touches_that_no_place_explains_are_refused():
     """All of one cell, and far inside the link: the sheet would wander round it."""
     plan = load_plan(ROOT / "sample_scenes" / "wrist.plan.json")
     result = calibrate(plan)
-    inside = Touches(result.laid[0].patch.taxels.ids[:1] * 4, np.arange(4), np.zeros((4, 3)), np.zeros((4, 3)))
-    with pytest.raises(InvalidPlan, match="skin 'wrist' comes to no rest where the touches ask it to lie: in step 8"):
+    inside = Touches(result.placed[0].patch.taxels.ids[:1] * 4, np.arange(4), np.zeros((4, 3)), np.zeros((4, 3)))
+    with pytest.raises(InvalidPlan, match="refinement of skin 'wrist' did not converge in 8 steps: the last step was"):
         refine(plan, result, inside)
 
 
@@ -132,7 +132,7 @@ def folder(fitted, tmp_path):
     copy(plan.mesh, tmp_path)
     save_plan(replace(plan, mesh=Path("cone.ply"), extra={"x_note": "kept"}), tmp_path / "cone.plan.json")
     save_calibration(result.calibration, tmp_path / "cone.json")
-    taxels = result.laid[0].patch.taxels
+    taxels = result.placed[0].patch.taxels
     points = taxels.positions_link + 0.002 * taxels.tangents_link
     rows = [f"{name},{x},{y},{z}" for name, (x, y, z) in zip(taxels.ids, points.tolist())]
     (tmp_path / "t.csv").write_text("\n".join(["taxel,x,y,z", *rows]) + "\n")
