@@ -8,7 +8,7 @@ from ..skin_calib_addon.blender.scene import scene, skins
 from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.skin import HexLattice
-from ..skin_calib_addon.skin.boards.touched import board_at
+from ..skin_calib_addon.skin.boards.board_taxels import board_at
 from .lists import OnSkin
 from .on_link import Edit
 from .picking import POINT, Picking

@@ -10,7 +10,7 @@ from ..common.strict_json import parse, read
 from ..pipeline import calibrate
 from ..pipeline.refine import refine
 from ..plan import FORMAT, load_plan, named_from, save_plan
-from ..validation import Placement, in_words, placements, read_touches
+from ..validation import Placement, placements, read_touches, summarize
 from .common import DONE, check_target, complain
 
 
@@ -74,5 +74,5 @@ def _count(calibration: LinkCalibration) -> int:
 def _report(found: list[Placement]) -> None:
     """A few lines for each patch."""
     for placement in found:
-        for line in in_words(placement):
+        for line in summarize(placement):
             print(f"{placement.patch.name[:16]:16} {line}")

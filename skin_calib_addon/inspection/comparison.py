@@ -16,12 +16,12 @@ from ..common.arrays import Array, IntArray
 from ..common.errors import CalibrationFormatError
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import GAIN, NEAR, find_frame
-from .values import AllTaxels
+from .all_taxels import AllTaxels
 
 # From this mean distance on [m] it is asked whether one motion would take most of it away.
-OFF = 5e-4
-LEAST_TURN = 0.05  # that is told [degrees]
-MOST_NAMES = 3
+MIN_MOTION_DISTANCE = 5e-4
+MIN_ROTATION = 0.05  # that is told [degrees]
+MAX_IDS_NAMED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Comparison:
     ends: Array  # (m, 2, 3) from ours to theirs [m]
     angles: Array | None  # (m,) between the normals [rad]; None where the file has none
     worst: str  # of ours, the id of the one that is furthest off
-    told: tuple[str, ...]  # what else a person should know, the frame first
+    notes: tuple[str, ...]  # what else a person should know, the frame first
 
     @property
     def distances(self) -> Array:
@@ -84,14 +84,14 @@ def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str =
     ends = np.stack((taxels.positions[ours], others.positions[theirs]), axis=1)
     angles = None if others.normals is None else _angles(taxels.normals[ours], others.normals[theirs])
     worst = taxels.ids[ours[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).argmax()]]
-    told = (
+    notes = (
         *([f"The file is in the frame {others.frame}"] if link and others.frame not in (None, link) else ()),
         *(_of_pairs(ends) if is_named else _of_mesh(mesh, others.positions)),
         *_unpaired(by, taxels.ids, others.labels, ours, theirs),
         *_inward(angles),
         *(str(finding) for finding in others.findings),
     )
-    return Comparison(by, ours, theirs, ends, angles, worst, told)
+    return Comparison(by, ours, theirs, ends, angles, worst, notes)
 
 
 def _angles(a: Array, b: Array) -> Array:
@@ -103,7 +103,7 @@ def _of_pairs(ends: Array) -> Iterator[str]:
     """Whether one motion lays the taxels of the file on their own (Kabsch, 1976)."""
     ours, theirs = ends.transpose(1, 0, 2)
     before = float(np.linalg.norm(theirs - ours, axis=1).mean())
-    if before < OFF or len(ends) < 3:
+    if before < MIN_MOTION_DISTANCE or len(ends) < 3:
         return
     middle, target = theirs.mean(axis=0), ours.mean(axis=0)
     u, _, v = np.linalg.svd((ours - target).T @ (theirs - middle))
@@ -135,7 +135,7 @@ def _motion(turn: Array, shift: Array) -> str:
     """A motion in words."""
     angle = np.rad2deg(np.linalg.norm(Rotation.from_matrix(turn).as_rotvec()))
     by = ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in shift.tolist())  # no minus zero
-    turned = f"a turn by {angle:.1f}° and " if angle >= LEAST_TURN else ""
+    turned = f"a turn by {angle:.1f}° and " if angle >= MIN_ROTATION else ""
     return f"{turned}a shift by ({by}) mm"
 
 
@@ -149,13 +149,13 @@ def _unpaired(
     """Taxels that have no partner; by the nearest, also those that share one."""
     alone = [ids[row] for row in np.setdiff1d(np.arange(len(ids)), ours)]
     others = [labels[row] for row in np.setdiff1d(np.arange(len(labels)), theirs)]
-    shared = len(ours) - len(np.unique(ours))
+    repeated = len(ours) - len(np.unique(ours))
     if alone:
         yield f"{_count(alone)} of ours without one in the file: {_named(alone)}"
     if others:
         yield f"{_count(others)} of the file without one of ours: {_named(others)}"
-    if by == "nearest" and shared:
-        yield f"{shared} of the file share the nearest of ours with another"
+    if by == "nearest" and repeated:
+        yield f"{repeated} of the file share the nearest of ours with another"
 
 
 def _count(names: list[str]) -> str:
@@ -163,7 +163,7 @@ def _count(names: list[str]) -> str:
 
 
 def _named(names: list[str]) -> str:
-    return ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
+    return ", ".join(names[:MAX_IDS_NAMED]) + (", ..." if len(names) > MAX_IDS_NAMED else "")
 
 
 def _inward(angles: Array | None) -> Iterator[str]:

@@ -16,7 +16,7 @@ from ..runtime.balance.polygon import Polygon
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
 
-MOST_NUMBERS = 2**28  # of an NPZ file
+MAX_NUMBERS = 2**28  # of an NPZ file
 
 
 def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
@@ -48,7 +48,7 @@ def _packed(path: Path) -> Iterator[tuple[float, Array]]:
             if missing:
                 raise CalibrationFormatError(f"'{path}' has no array '{missing[0]}'; it has {sorted(file.files)}")
             for name in ("time", "readings"):
-                if (size := file.zip.getinfo(f"{name}.npy").file_size) > 8 * MOST_NUMBERS:
+                if (size := file.zip.getinfo(f"{name}.npy").file_size) > 8 * MAX_NUMBERS:
                     raise CalibrationFormatError(
                         f"array '{name}' of '{path}' has {size} bytes, too many to read at once"
                     )

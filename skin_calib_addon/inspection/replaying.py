@@ -9,13 +9,13 @@ from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
 from ..common.errors import CalibrationFormatError, InvalidReading
 from ..runtime import Frame, Skin
+from .all_taxels import AllTaxels
 from .recording import read_recording
-from .values import AllTaxels
 
 # Forces that are kept at most: a quarter of a gigabyte.
-MOST = 2**25
+MAX_FORCES = 2**25
 # Between frames of a recording whose times tell nothing [s].
-STEP = 0.01
+DEFAULT_PERIOD = 0.01
 
 
 class Replay:
@@ -58,8 +58,8 @@ class Replay:
 
     def _take(self, reading: Array, name: str) -> None:
         """Check a reading, and keep it."""
-        if (len(self._readings) + 1) * len(self.taxels.ids) > MOST:
-            most = MOST // len(self.taxels.ids)
+        if (len(self._readings) + 1) * len(self.taxels.ids) > MAX_FORCES:
+            most = MAX_FORCES // len(self.taxels.ids)
             raise CalibrationFormatError(f"'{name}' has more than {most} frames, too many to keep: cut it into parts")
         try:
             forces = self._skin.forces(reading)
@@ -84,7 +84,7 @@ class Replay:
     @property
     def duration(self) -> float:
         """From the first frame to the end of the last [s]."""
-        return float(self.seconds[-1] + (self.seconds[-1] / (len(self) - 1) if len(self) > 1 else STEP))
+        return float(self.seconds[-1] + (self.seconds[-1] / (len(self) - 1) if len(self) > 1 else DEFAULT_PERIOD))
 
     def at(self, seconds: float) -> int:
         """The frame that is felt so long after the first."""
@@ -102,4 +102,4 @@ def _since_start(times: Array) -> Array:
     known = np.isfinite(times)
     since = np.where(known, times, 0.0) - times[known][:1].sum()
     seconds: Array = np.maximum.accumulate(np.where(known, since, 0.0).clip(0))
-    return seconds if seconds[-1] > 0 else STEP * np.arange(len(times), dtype=float)
+    return seconds if seconds[-1] > 0 else DEFAULT_PERIOD * np.arange(len(times), dtype=float)

@@ -16,7 +16,7 @@ from ..geometry.sampling.planes import perpendicular
 from ..geometry.surface.distance import MeshDistance
 from ..pipeline.calibrate import surface_of
 
-QUADS = (60, 120)  # how finely a surface is drawn, along u and v
+QUAD_COUNTS = (60, 120)  # how finely a surface is drawn, along u and v
 LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # from the viewer's right and above
 NORMAL_LENGTH = 0.006  # [m]
 PLAIN = np.array((0.78, 0.80, 0.83))
@@ -67,11 +67,11 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     if not calibration.surfaces:
         raise SkinCalibError(f"the calibration of '{calibration.link}' has no surface to draw; fit its plan")
     figure = blank(1, 1)  # says what is missing before anything is computed
-    grids = [surface_of(s).grid_points(*(np.linspace(0, 1, k + 1) for k in QUADS)) for s in calibration.surfaces]
+    grids = [surface_of(s).grid_points(*(np.linspace(0, 1, k + 1) for k in QUAD_COUNTS)) for s in calibration.surfaces]
     grid, all_quads = grids[0], np.concatenate([_quads(grid) for grid in grids])
     quads, all_normals = _quads(grid), _quad_normals(all_quads)
     normals = all_normals[: len(quads)]
-    camera = look_at(_seen(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
+    camera = look_at(_visible_normals(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
     panels: list[_Panel] = [_TaxelPanel(calibration, all_quads, all_normals)]
     panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, quads, normals, mesh)] if mesh else []
     figure.set_size_inches(5 * len(panels), 5)
@@ -123,12 +123,12 @@ def save_png(figure: Any, path: str | Path) -> None:
     write_bytes_safely(path, data.getvalue())
 
 
-def _seen(calibration: LinkCalibration, normals: Array) -> Array:
+def _visible_normals(calibration: LinkCalibration, normals: Array) -> Array:
     """Normals of the side to look at: of an open surface its taxels, of a tube the side opposite its seam."""
     taxels = [p.taxels.normals_link for p in calibration.patches]
     if taxels and not calibration.surfaces[0].closed[1]:
         return np.concatenate(taxels)
-    return normals[np.abs(np.arange(len(normals)) % QUADS[1] / QUADS[1] - 0.5) < 0.2]
+    return normals[np.abs(np.arange(len(normals)) % QUAD_COUNTS[1] / QUAD_COUNTS[1] - 0.5) < 0.2]
 
 
 class _Panel:
@@ -163,7 +163,7 @@ class _ErrorPanel(_Panel):
     def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array, mesh: TriangleMesh):
         errors = calibration.surfaces[0].errors.surface_to_mesh
         self.title = f"surface: mean {errors.mean * 1e3:.3f} mm, max {errors.max * 1e3:.3f} mm"
-        u, v = ((np.arange(k) + 0.5) / k for k in QUADS)
+        u, v = ((np.arange(k) + 0.5) / k for k in QUAD_COUNTS)
         middles = surface_of(calibration.surfaces[0]).grid_points(u, v)  # on the surface; a quad is a chord of it
         distance = MeshDistance(mesh)(middles.reshape(-1, 3))[0]
         scale = self.scale("turbo", 1e3 * min(errors.max, 5 * errors.rms))
@@ -222,9 +222,9 @@ def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
     axis.set_aspect("equal")
     axis.set_axis_off()
     shown = np.concatenate([camera.project(layer[0])[..., :2].reshape(-1, 2) for layer in layers]) * 1e3
-    middle, reach = (shown.min(axis=0) + shown.max(axis=0)) / 2, 0.52 * np.ptp(shown, axis=0).max()
-    axis.set_xlim(middle[0] - reach, middle[0] + reach)
-    axis.set_ylim(middle[1] - reach, middle[1] + reach)
+    middle, half_width = (shown.min(axis=0) + shown.max(axis=0)) / 2, 0.52 * np.ptp(shown, axis=0).max()
+    axis.set_xlim(middle[0] - half_width, middle[0] + half_width)
+    axis.set_ylim(middle[1] - half_width, middle[1] + half_width)
 
 
 def _draw_normals(axis: Any, camera: Camera, positions: Array, normals: Array) -> None:

@@ -12,7 +12,7 @@ from ..runtime.skin import Skin
 from .calibration import blank, save_png
 
 COLOURS = {"outer": "#9aa7b8", "nominal": "#1552c0", "guaranteed": "#1a9a3a"}
-POLYGONS = 6  # frames whose polygons are drawn
+MAX_POLYGONS = 6  # frames whose polygons are drawn
 
 
 def draw_replay(skin: Skin, frames: Sequence[Frame], path: str | Path) -> None:
@@ -32,15 +32,15 @@ def draw_replay(skin: Skin, frames: Sequence[Frame], path: str | Path) -> None:
     place, course = figure.subplots(1, 2, width_ratios=(1.35, 1))
     peak = np.array([frame.forces for frame in frames]).max(axis=0)
     cells = _cells(skin)
-    _fill(figure, place, cells, peak)
+    _draw_cells(figure, place, cells, peak)
     if skin.ground is None:
-        _ways(place, skin, frames)
+        _draw_paths(place, skin, frames)
         place.set(title="largest force on each taxel, and the contacts' ways", xlabel="column", ylabel="row")
     else:
-        _stand(place, frames)
+        _draw_support(place, frames)
         place.set(title="largest force, CoP and supporting polygons", xlabel="x on the ground [mm]", ylabel="y [mm]")
     place.set_aspect("equal")
-    _course(course, frames)
+    _draw_forces(course, frames)
     figure.tight_layout()
     save_png(figure, path)
 
@@ -61,7 +61,7 @@ def _index(skin: Skin) -> Array:
     return index
 
 
-def _fill(figure: Any, axes: Any, cells: Array, forces: Array) -> None:
+def _draw_cells(figure: Any, axes: Any, cells: Array, forces: Array) -> None:
     from matplotlib.collections import PolyCollection
 
     drawn = PolyCollection(list(cells), array=forces, cmap="YlOrRd", edgecolors="0.75", linewidths=0.4)
@@ -71,30 +71,30 @@ def _fill(figure: Any, axes: Any, cells: Array, forces: Array) -> None:
     figure.colorbar(drawn, ax=axes, shrink=0.75, label="force [N]")
 
 
-def _ways(axes: Any, skin: Skin, frames: Sequence[Frame]) -> None:
+def _draw_paths(axes: Any, skin: Skin, frames: Sequence[Frame]) -> None:
     """Where each contact went, in rows and columns."""
     index = _index(skin)
-    ways: dict[int, list[Array]] = {}
+    paths: dict[int, list[Array]] = {}
     for frame in frames:
         for contact in frame.contacts:
             strongest = contact.taxels[contact.forces.argmax()]
             near = np.abs(index[contact.taxels] - index[strongest]).max(axis=1) < 8  # not over the seam
-            ways.setdefault(contact.number, []).append(
+            paths.setdefault(contact.number, []).append(
                 contact.forces[near] @ index[contact.taxels[near]] / contact.forces[near].sum()
             )
-    for k, way in enumerate(ways.values()):
-        row, column = np.array(way).T
+    for k, path_ in enumerate(paths.values()):
+        row, column = np.array(path_).T
         axes.plot(column, row, "-", color=f"C{k % 10}", linewidth=1.2)
         axes.plot(column[-1], row[-1], "o", color=f"C{k % 10}", markersize=4)
 
 
-def _stand(axes: Any, frames: Sequence[Frame]) -> None:
+def _draw_support(axes: Any, frames: Sequence[Frame]) -> None:
     """The CoP's way, and polygons of some frames between the first and the last that stands."""
     standing = [frame for frame in frames if frame.cop is not None]
     if not standing:
         return
     x, y = 1e3 * np.array([frame.cop for frame in standing]).T
-    for k, frame in enumerate(standing[:: max(1, len(standing) // POLYGONS)]):
+    for k, frame in enumerate(standing[:: max(1, len(standing) // MAX_POLYGONS)]):
         for name, colour in COLOURS.items():
             corners = 1e3 * getattr(frame.polygon, name).corners
             if len(corners):
@@ -105,7 +105,7 @@ def _stand(axes: Any, frames: Sequence[Frame]) -> None:
     axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=4, frameon=False)
 
 
-def _course(axes: Any, frames: Sequence[Frame]) -> None:
+def _draw_forces(axes: Any, frames: Sequence[Frame]) -> None:
     """Force of each contact over time, and when there were doubts."""
     courses: dict[int, list[tuple[float, float]]] = {}
     for frame in frames:
@@ -114,11 +114,9 @@ def _course(axes: Any, frames: Sequence[Frame]) -> None:
     for k, (number, course) in enumerate(courses.items()):
         label = f"contact {number}" if len(courses) <= 10 else None
         axes.plot(*np.array(course).T, ".-", color=f"C{k % 10}", markersize=2, linewidth=1.0, label=label)
-    doubtful = [frame.time for frame in frames if frame.flags]
-    axes.plot(
-        doubtful, np.zeros(len(doubtful)), "|", color="#d62728", markersize=9, label="flagged" if doubtful else None
-    )
+    flagged = [frame.time for frame in frames if frame.flags]
+    axes.plot(flagged, np.zeros(len(flagged)), "|", color="#d62728", markersize=9, label="flagged" if flagged else None)
     axes.set(title="force of each contact", xlabel="time [s]", ylabel="force [N]")
     axes.grid(alpha=0.3)
-    if len(courses) <= 10 and (courses or doubtful):
+    if len(courses) <= 10 and (courses or flagged):
         axes.legend(fontsize=8)

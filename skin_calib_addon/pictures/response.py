@@ -9,8 +9,8 @@ from ..calibration.measurements import Measurements
 from ..calibration.response_fit import ResponseFit
 from .calibration import blank, save_png
 
-PLACES = 400  # at which a curve is drawn
-NAMED = 10  # as many curves have colours and names of their own
+CURVE_POINTS = 400  # at which a curve is drawn
+MAX_CURVES_NAMED = 10  # as many curves have colours and names of their own
 
 
 def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit], path: str | Path) -> None:
@@ -26,9 +26,9 @@ def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit]
     figure = blank(11, 4.6)
     curves, errors = figure.subplots(1, 2)
     for k, (one, fit) in enumerate(zip(measured, fits)):
-        colour = f"C{k % NAMED}" if len(fits) <= NAMED else "C0"
-        alpha = 1.0 if len(fits) <= NAMED else 0.3
-        x = np.linspace(one.readings.min(), one.readings.max(), PLACES)
+        colour = f"C{k % MAX_CURVES_NAMED}" if len(fits) <= MAX_CURVES_NAMED else "C0"
+        alpha = 1.0 if len(fits) <= MAX_CURVES_NAMED else 0.3
+        x = np.linspace(one.readings.min(), one.readings.max(), CURVE_POINTS)
         label = fit.kind if one.taxel is None else f"{one.taxel}: {fit.kind}"
         curves.plot(one.readings[fit.used], one.forces[fit.used], ".", color=colour, alpha=0.5 * alpha, markersize=4)
         curves.plot(one.readings[~fit.used], one.forces[~fit.used], "x", color="#d62728", alpha=alpha, markersize=4)
@@ -39,7 +39,7 @@ def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit]
         axis.set_xlabel("reading")
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
-    if len(fits) <= NAMED:
+    if len(fits) <= MAX_CURVES_NAMED:
         curves.legend(fontsize=8)
     residuals = np.concatenate([fit.residuals for fit in fits])
     curves.set_title(f"{sum(len(one.forces) for one in measured)} measurements")

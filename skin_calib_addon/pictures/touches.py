@@ -11,7 +11,7 @@ from ..common.errors import SkinCalibError
 from ..validation.placement import Placement, flat_places
 from .calibration import blank, save_png
 
-WIDTH, HEIGHT = 12.0, 4.8  # of a patch [inches]
+FIGURE_WIDTH, PATCH_HEIGHT = 12.0, 4.8  # of a patch [inches]
 
 
 def draw_touches(found: Sequence[Placement], path: str | Path) -> None:
@@ -27,7 +27,7 @@ def draw_touches(found: Sequence[Placement], path: str | Path) -> None:
     shown = [placement for placement in found if placement.patch.kind != "imported" and len(placement.rows)]
     if not shown:
         raise SkinCalibError("the touches are on no sheet and no boards, whose flat shape could be drawn")
-    figure = blank(WIDTH, HEIGHT * len(shown))
+    figure = blank(FIGURE_WIDTH, PATCH_HEIGHT * len(shown))
     axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
     for (map_axis, cell_axis), placement in zip(axes, shown):
         _draw_map(map_axis, placement)
@@ -41,16 +41,16 @@ def _draw_map(axis: Any, placement: Placement) -> None:
     from matplotlib.collections import PolyCollection
 
     patch = placement.patch
-    places = flat_places(patch, patch.taxels.index) * 1e3
-    outlines = places[:, None] + _outlines(placement) * 1e3
-    touched = np.zeros(len(places), bool)
+    points = flat_places(patch, patch.taxels.index) * 1e3
+    outlines = points[:, None] + _outlines(placement) * 1e3
+    touched = np.zeros(len(points), bool)
     touched[placement.rows] = True
     colours = np.where(touched[:, None], (0.80, 0.87, 0.95), (0.94, 0.94, 0.95))
     axis.add_collection(PolyCollection(list(outlines), facecolors=colours, edgecolors="0.7", linewidths=0.5))
     starts, off = placement.flat * 1e3, placement.off[:, :2] * 1e3
-    astray = np.zeros(len(starts), bool)
-    astray[placement.astray] = True
-    for rows, colour, label in ((~astray, "#1f77b4", "touch"), (astray, "#d62728", "far from its taxel")):
+    outliers = np.zeros(len(starts), bool)
+    outliers[placement.outliers] = True
+    for rows, colour, label in ((~outliers, "#1f77b4", "touch"), (outliers, "#d62728", "far from its taxel")):
         if rows.any():
             (x, y), (u, v) = starts[rows].T, off[rows].T
             axis.plot([x, x + u], [y, y + v], color=colour, linewidth=1.0, alpha=0.7)
@@ -60,7 +60,7 @@ def _draw_map(axis: Any, placement: Placement) -> None:
     axis.set_ylabel("across [mm]")
     axis.set_aspect("equal")
     axis.autoscale_view()
-    _explain(axis)
+    _add_legend(axis)
 
 
 def _draw_cell(axis: Any, placement: Placement) -> None:
@@ -80,18 +80,18 @@ def _draw_cell(axis: Any, placement: Placement) -> None:
         turn = f", turned {np.rad2deg(motion.turn):.2f}°" if np.isfinite(motion.turn_error) else ""
         x, y = np.round(centre, 2) + 0.0  # no minus zero
         axis.set_title(f"shifted {x:.2f}, {y:.2f} mm{turn}", loc="left")
-    reach = 1.1 * max(np.abs(closed).max(), np.quantile(np.abs(off), 0.95))
-    axis.set_xlim(-reach, reach)
-    axis.set_ylim(-reach, reach)
+    half_width = 1.1 * max(np.abs(closed).max(), np.quantile(np.abs(off), 0.95))
+    axis.set_xlim(-half_width, half_width)
+    axis.set_ylim(-half_width, half_width)
     axis.axhline(0, color="0.8", linewidth=0.6, zorder=0)
     axis.axvline(0, color="0.8", linewidth=0.6, zorder=0)
     axis.set_aspect("equal")
     axis.set_xlabel("along the row [mm]")
     axis.set_ylabel("across [mm]")
-    _explain(axis)
+    _add_legend(axis)
 
 
-def _explain(axis: Any) -> None:
+def _add_legend(axis: Any) -> None:
     """What the colours are, below the drawing."""
     axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False)
 

@@ -14,7 +14,7 @@ from ..plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channel
 from ..skin.boards.board_taxels import board_taxels
 from ..skin.boards.layout import lay_boards
 from ..skin.imported import ImportedTaxels, imported_taxels
-from ..skin.sheet.joined import joined
+from ..skin.neighbours import with_neighbours_across
 from ..skin.sheet.strain import Closure, closure
 from ..skin.sheet.taxels import sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
@@ -68,7 +68,7 @@ def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, 
         placed.append(done)
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
-    patches = joined(tuple(done.patch for done in placed))
+    patches = with_neighbours_across(tuple(done.patch for done in placed))
     return tuple(replace(done, patch=patch) for done, patch in zip(placed, patches))
 
 

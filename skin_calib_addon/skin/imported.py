@@ -22,21 +22,21 @@ from ..geometry.surface.distance import MeshDistance, footpoints
 from .sheet.taxels import fan_areas
 
 # A rotation that an author gives may be off by the rounding of this many decimals.
-ROUNDED = 1e-3
+ROTATION_TOLERANCE = 1e-3
 # A taxel further from the surface than this is none of its skin [m].
-FARTHEST = 0.01
+MAX_SURFACE_DISTANCE = 0.01
 # A footpoint at an open edge from which the taxel does not stand upright by more than this is not its own [m].
-ASIDE = 1e-6
+LATERAL_TOLERANCE = 1e-6
 # Corners of an outline, and how far they may lie from the taxel, in pitches: as those of a square do.
-SIDES, REACH = 16, 0.5**0.5
-MOST_NEAR = 200  # taxels about each on the mean; more share one place
+OUTLINE_SIDES, MAX_CELL_RADIUS = 16, 0.5**0.5
+MAX_MEAN_NEIGHBOURS = 200  # taxels about each on the mean; more share one place
 # Taxels nearer than this share of the pitch have one place; cells that touch within this share of it are ties.
-TOGETHER, TIE = 1e-3, 0.01
+SAME_POINT_TOLERANCE, GABRIEL_TOLERANCE = 1e-3, 0.01
 # A tangent of the file within about a degree of the normal tells nothing.
-UPRIGHT = 0.02
-PLACES = 6  # decimals of a place [m]
-THIRDS = 12  # taxels about the middle of two that may lie between them
-MOST_NAMES = 5
+MIN_TANGENT_SINE = 0.02
+POSITION_DECIMALS = 6  # decimals of a place [m]
+MAX_THIRD_TAXELS = 12  # taxels about the middle of two that may lie between them
+MAX_TAXELS_NAMED = 5
 
 Frame = tuple[ArrayLike, ArrayLike]  # a rotation and a translation [m] into the link frame
 
@@ -70,7 +70,7 @@ def imported_taxels(
     frame: Frame | None = None,
     snap: bool = False,
     tangent: Literal["u", "v"] = "u",
-    farthest: float = FARTHEST,
+    farthest: float = MAX_SURFACE_DISTANCE,
     pitch: float | None = None,
 ) -> ImportedTaxels:
     """Give each taxel of a file its footpoint on a surface, and from there its outward normal and its frame.
@@ -112,9 +112,9 @@ def imported_taxels(
     positions = feet if snap else given
     tangents = _tangents(taxel_set, surface, uv, normals, tangent)
     pitch = median_pitch(positions, name) if pitch is None else pitch
-    pairs = near_pairs(positions, normals, 2 * REACH * pitch, name)
-    corners = outlines(positions, normals, tangents, pairs, REACH * pitch)
-    beside = gabriel(positions, normals, pairs) if taxel_set.neighbours is None else _at_ports(taxel_set)
+    pairs = near_pairs(positions, normals, 2 * MAX_CELL_RADIUS * pitch, name)
+    corners = outlines(positions, normals, tangents, pairs, MAX_CELL_RADIUS * pitch)
+    adjacent = gabriel(positions, normals, pairs) if taxel_set.neighbours is None else _at_ports(taxel_set)
     taxels = TaxelArray(
         ids=ids,
         channels=taxel_set.channels,
@@ -125,17 +125,17 @@ def imported_taxels(
         tangents_link=tangents,
         corners_link=corners,
         areas=fan_areas(positions, corners),
-        neighbours=_symmetric(ids, beside),
+        neighbours=_symmetric(ids, adjacent),
         quality={"gap": gap},
     )
     exact = None if mesh is None else MeshDistance(mesh)
     fit = None if mesh is None else find_frame(mesh, given)
     at_edge = ((uv <= 0) | (uv >= 1)).any(axis=1)
-    aside = np.linalg.norm(given - feet - gap[:, None] * normals, axis=1)
+    lateral = np.linalg.norm(given - feet - gap[:, None] * normals, axis=1)
     found = (
         *_frame_findings(name, fit, frame),
         *_named("far", ids, distance > farthest, f"further than {farthest * 1e3:g} mm from the surface"),
-        *_named("beyond-edge", ids, at_edge & (aside > ASIDE), "beyond an open edge of the surface"),
+        *_named("beyond-edge", ids, at_edge & (lateral > LATERAL_TOLERANCE), "beyond an open edge of the surface"),
         *_flipped(name, taxel_set, normals),
     )
     before = _distances(distance, given, exact)
@@ -156,7 +156,7 @@ def placed(taxel_set: TaxelSet, rotation: ArrayLike, translation: ArrayLike) -> 
 def _proper(rotation: ArrayLike) -> Array:
     matrix = np.asarray(rotation, float)
     u, _, v = np.linalg.svd(matrix)
-    if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROUNDED:
+    if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROTATION_TOLERANCE:
         raise InvalidPlan(f'"rotation" {np.round(matrix, 4).tolist()} is no rotation; rows must be unit, right-handed')
     return u @ v
 
@@ -181,8 +181,8 @@ def frame_on(taxel_set: TaxelSet, mesh: TriangleMesh, name: str, frame: Frame | 
     fit = find_frame(mesh, given.positions)
     if fit.verdict == "moved":
         return _after(fit, frame)
-    told = [finding.message for finding in _frame_findings(name, fit, frame)]
-    raise InvalidPlan(f"{name} {told[0] if told else 'lies on the mesh as it is; its frame needs no change'}")
+    messages = [finding.message for finding in _frame_findings(name, fit, frame)]
+    raise InvalidPlan(f"{name} {messages[0] if messages else 'lies on the mesh as it is; its frame needs no change'}")
 
 
 def _after(fit: RigidFit, frame: Frame | None) -> tuple[Array, Array]:
@@ -201,14 +201,14 @@ def median_pitch(positions: Array, name: str) -> float:
     InvalidPlan
         If all lie in one place.
     """
-    places = positions[np.unique(np.round(positions, PLACES), axis=0, return_index=True)[1]]
-    if len(places) < 2:
+    points = positions[np.unique(np.round(positions, POSITION_DECIMALS), axis=0, return_index=True)[1]]
+    if len(points) < 2:
         raise InvalidPlan(f"the taxels of {name} lie in one place, so that their cells have no size; give a pitch")
-    return float(np.median(np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]))
+    return float(np.median(np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]))
 
 
-def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray, reach: float) -> Array:
-    """What is nearer to a taxel than to any other in its tangent plane, as far as ``reach`` [m].
+def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray, max_radius: float) -> Array:
+    """What is nearer to a taxel than to any other in its tangent plane, as far as ``max_radius`` [m].
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray,
     array, shape (n, SIDES, 3)
         Corners from the tangent on, counter-clockwise seen from outside [m].
     """
-    angles = 2 * np.pi * np.arange(SIDES) / SIDES
+    angles = 2 * np.pi * np.arange(OUTLINE_SIDES) / OUTLINE_SIDES
     rays = np.column_stack((np.cos(angles), np.sin(angles)))
     across = np.cross(normals, tangents)
     a, b = np.concatenate((pairs, pairs[:, ::-1])).T
@@ -228,11 +228,11 @@ def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray,
     flat = np.column_stack(((gap * tangents[a]).sum(axis=1), (gap * across[a]).sum(axis=1)))
     length = np.linalg.norm(gap, axis=1)  # not that of its shadow: a neighbour round a bend is as far as it is
     # One in the same place, or straight above, bounds nothing.
-    apart = np.linalg.norm(flat, axis=1) > np.maximum(TOGETHER * reach, TOGETHER * length)
+    apart = np.linalg.norm(flat, axis=1) > np.maximum(SAME_POINT_TOLERANCE * max_radius, SAME_POINT_TOLERANCE * length)
     a, flat, length = a[apart], unit(flat[apart]), length[apart]
     cosine = flat @ rays.T
     bound = np.where(cosine > 0, length[:, None] / 2 / np.where(cosine > 0, cosine, 1.0), np.inf)
-    radius = np.full((len(positions), SIDES), reach)
+    radius = np.full((len(positions), OUTLINE_SIDES), max_radius)
     np.minimum.at(radius, a, bound)
     arms = rays[:, :1] * tangents[:, None] + rays[:, 1:] * across[:, None]
     return positions[:, None] + radius[..., None] * arms
@@ -244,39 +244,45 @@ def gabriel(positions: Array, normals: Array, pairs: IntArray) -> IntArray:
     Of four in a square, those across a corner are none: the others lie on the ball.
     """
     a, b = pairs.T
-    middle, reach = (positions[a] + positions[b]) / 2, np.linalg.norm(positions[a] - positions[b], axis=1) / 2
-    count = min(len(positions), THIRDS)
-    away, third = cKDTree(positions).query(middle, k=np.arange(1, count + 1))
+    middle, radius = (positions[a] + positions[b]) / 2, np.linalg.norm(positions[a] - positions[b], axis=1) / 2
+    count = min(len(positions), MAX_THIRD_TAXELS)
+    distances, third = cKDTree(positions).query(middle, k=np.arange(1, count + 1))
     facing = (normals[third] * (normals[a] + normals[b])[:, None]).sum(axis=2) > 0
     ends = np.minimum(*(np.linalg.norm(positions[third] - positions[end][:, None], axis=2) for end in (a, b)))
-    between = facing & (ends > TOGETHER * reach[:, None]) & (away < (1 + TIE) * reach[:, None])
+    between = (
+        facing
+        & (ends > SAME_POINT_TOLERANCE * radius[:, None])
+        & (distances < (1 + GABRIEL_TOLERANCE) * radius[:, None])
+    )
     return pairs[~between.any(axis=1)]
 
 
 def near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntArray:
     """Pairs of taxels at most ``far`` apart [m] that do not face apart, as on two sides of something thin."""
     tree = cKDTree(positions)
-    if tree.count_neighbors(tree, far) > MOST_NEAR * len(positions):
-        raise InvalidPlan(f"the taxels of {name} lie too close together for a pitch of {far / 2 / REACH * 1e3:.3g} mm")
+    if tree.count_neighbors(tree, far) > MAX_MEAN_NEIGHBOURS * len(positions):
+        raise InvalidPlan(
+            f"the taxels of {name} lie too close together for a pitch of {far / 2 / MAX_CELL_RADIUS * 1e3:.3g} mm"
+        )
     pairs = tree.query_pairs(far, output_type="ndarray").astype(np.int64)
     return pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 0]
 
 
 def _at_ports(taxel_set: TaxelSet) -> IntArray:
     """The pairs of neighbours that a file names."""
-    place = {label: row for row, label in enumerate(taxel_set.labels)}
+    row_of = {label: row for row, label in enumerate(taxel_set.labels)}
     named = enumerate(taxel_set.neighbours or ())
-    pairs = [(row, place[label]) for row, labels in named for label in labels if place.get(label, row) != row]
+    pairs = [(row, row_of[label]) for row, labels in named for label in labels if row_of.get(label, row) != row]
     return np.array(pairs, np.int64).reshape(-1, 2)
 
 
 def _symmetric(ids: tuple[str, ...], pairs: IntArray) -> tuple[tuple[str, ...], ...]:
     """Ids of the neighbours of each taxel; who has one is one."""
-    beside: list[set[int]] = [set() for _ in ids]
+    adjacent: list[set[int]] = [set() for _ in ids]
     for a, b in pairs.tolist():
-        beside[a].add(b)
-        beside[b].add(a)
-    return tuple(tuple(ids[j] for j in sorted(row)) for row in beside)
+        adjacent[a].add(b)
+        adjacent[b].add(a)
+    return tuple(tuple(ids[j] for j in sorted(row)) for row in adjacent)
 
 
 def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: Array, along: str) -> Array:
@@ -284,7 +290,7 @@ def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: 
     r = surface.derivatives(uv)
     wanted = r[1, 0] if along == "u" else r[0, 1]
     if taxel_set.tangents is not None:
-        upright = np.linalg.norm(np.cross(taxel_set.tangents, normals), axis=1) < UPRIGHT
+        upright = np.linalg.norm(np.cross(taxel_set.tangents, normals), axis=1) < MIN_TANGENT_SINE
         wanted = np.where(upright[:, None], wanted, taxel_set.tangents)
     wanted = unit(wanted)
     return unit(wanted - (wanted * normals).sum(axis=1, keepdims=True) * normals)
@@ -300,7 +306,7 @@ def _named(code: str, ids: tuple[str, ...], chosen: BoolArray, where: str) -> It
     """One warning that names the first of the chosen taxels; its value names all."""
     names = [ids[i] for i in np.flatnonzero(chosen)]
     if names:
-        shown = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
+        shown = ", ".join(names[:MAX_TAXELS_NAMED]) + (", ..." if len(names) > MAX_TAXELS_NAMED else "")
         lie = "taxel lies" if len(names) == 1 else "taxels lie"
         yield warning(code, names[0], f"is where {len(names)} {lie} {where}: {shown}", names)
 
@@ -333,7 +339,7 @@ def _frame_findings(name: str, fit: RigidFit | None, given: Frame | None) -> Ite
         message = (
             f"lies {off} off the mesh on the mean, and no motion brings it nearer than {left}; check link and unit"
         )
-        yield (error if fit.before.mean > FARTHEST else warning)("off-mesh", name, message, fit.before.mean)
+        yield (error if fit.before.mean > MAX_SURFACE_DISTANCE else warning)("off-mesh", name, message, fit.before.mean)
     else:
         message = f"lies {off} off the mesh on the mean, and no motion brings it much nearer: is the skin so thick?"
         yield warning("off-mesh", name, message, fit.before.mean)

@@ -9,6 +9,9 @@ import numpy as np
 from ..common.arrays import Array, IntArray
 from ..common.errors import InvalidPlan
 
+# Relative differences of lengths below this are rounding: of a cell, a pitch or a step.
+ROUNDING = 1e-6
+
 Hand = Literal["right", "left"]
 Offsets = tuple[tuple[int, int], ...]
 
@@ -102,12 +105,12 @@ class HexLattice:
         q, r = np.asarray(cells).reshape(-1, 2).T
         return np.column_stack((self.pitch * (q + r / 2), self.row_step * r))
 
-    def cell_at(self, place: Array) -> tuple[int, int]:
+    def cell_at(self, point: Array) -> tuple[int, int]:
         """Axial coordinates of the cell that a flat place (2,) [m] is nearest to."""
-        r = place[1] / self.row_step
-        q = place[0] / self.pitch - r / 2
+        r = point[1] / self.row_step
+        q = point[0] / self.pitch - r / 2
         near = np.floor((q, r)).astype(int) + [(0, 0), (1, 0), (0, 1), (1, 1)]
-        nearest = near[np.argmin(((self.centres(near) - place) ** 2).sum(axis=1))]
+        nearest = near[np.argmin(((self.centres(near) - point) ** 2).sum(axis=1))]
         return int(nearest[0]), int(nearest[1])
 
     @property

@@ -1,7 +1,7 @@
 """Calibrations held against what was measured on the robot."""
 
 from .placement import Motion, Placement, placements
+from .summary import summarize
 from .touches import Touches, read_touches
-from .words import in_words
 
-__all__ = ["Motion", "Placement", "Touches", "in_words", "placements", "read_touches"]
+__all__ = ["Motion", "Placement", "Touches", "placements", "read_touches", "summarize"]

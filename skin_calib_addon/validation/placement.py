@@ -16,15 +16,15 @@ from ..common.warnings import Place, Warning
 from .touches import Touches
 
 # Distances of so many times what the size of the cells gives count half; steps until the weights have settled.
-FAR, STEPS = 2.0, 30
-FEWEST = 4  # touches of a patch that tell how it lies
-STEEP = 0.17  # sine of the least angle between a line of action and the skin that it meets
-CERTAIN = 2.0  # standard errors beyond which a slide is more than chance
+ROBUST_SCALE, REWEIGHTING_STEPS = 2.0, 30
+MIN_TOUCHES = 4  # touches of a patch that tell how it lies
+MIN_INCIDENCE_SINE = 0.17  # sine of the least angle between a line of action and the skin that it meets
+MIN_SIGNIFICANCE = 2.0  # standard errors beyond which a slide is more than chance
 # A touch that is off by so many times what is usual, and by more than so many cells, has another taxel's name.
-ASTRAY, CELLS = 3.0, 1.5
-GAIN = 0.5  # another order of the channels that leaves less than this share of the distances is the right one
-NAMED = 3  # touches, at most, that a doubt names
-HIGH = 0.01  # over or below the taxels of a skin nothing touches it [m]
+OUTLIER_FACTOR, OUTLIER_CELLS = 3.0, 1.5
+ORDER_GAIN = 0.5  # another order of the channels that leaves less than this share of the distances is the right one
+MAX_TOUCHES_NAMED = 3  # touches, at most, that a doubt names
+HEIGHT_LIMIT = 0.01  # over or below the taxels of a skin nothing touches it [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,8 @@ class Motion:
     def is_certain(self) -> bool:
         """Whether it is more than chance."""
         return (
-            bool((np.abs(self.shift) > CERTAIN * self.shift_error).any()) or abs(self.turn) > CERTAIN * self.turn_error
+            bool((np.abs(self.shift) > MIN_SIGNIFICANCE * self.shift_error).any())
+            or abs(self.turn) > MIN_SIGNIFICANCE * self.turn_error
         )
 
     def at(self, flat: Array) -> Array:
@@ -72,7 +73,7 @@ class Placement:
         return self.off[~np.isnan(self.off[:, 2]), 2]
 
     @property
-    def by_chance(self) -> float:
+    def expected_rms(self) -> float:
         """Root of the mean square of distances that the size of the cells alone gives [m]."""
         return float(np.sqrt(self.patch.taxels.areas.mean() / 6))  # of squares; of hexagons 2 % less
 
@@ -87,18 +88,18 @@ class Placement:
 
         Distances along the skin are explained by ``shift + turn x arm``; what is far off counts little.
         """
-        if self.patch.kind == "imported" or len(self.rows) < FEWEST:
+        if self.patch.kind == "imported" or len(self.rows) < MIN_TOUCHES:
             return None
         middle = self.flat.mean(axis=0)
         x, y = (self.flat - middle).T
-        turns = bool(np.hypot(x, y).max() > self.by_chance)  # else all touched one cell
-        ways = np.stack((np.column_stack((x * 0 + 1, x * 0, -y)), np.column_stack((x * 0, x * 0 + 1, x))), axis=1)
-        found, errors = _robust(ways[..., : 3 if turns else 2], self.off[:, :2], FAR * self.by_chance)
+        turns = bool(np.hypot(x, y).max() > self.expected_rms)  # else all touched one cell
+        directions = np.stack((np.column_stack((x * 0 + 1, x * 0, -y)), np.column_stack((x * 0, x * 0 + 1, x))), axis=1)
+        found, errors = _robust(directions[..., : 3 if turns else 2], self.off[:, :2], ROBUST_SCALE * self.expected_rms)
         turn, turn_error = (float(found[2]), float(errors[2])) if turns else (0.0, np.inf)
         return Motion(middle, found[:2], turn, errors[:2], turn_error)
 
     @cached_property
-    def left(self) -> Array:
+    def residuals(self) -> Array:
         """Distances (m,) once the skin has slid so [m]."""
         if self.motion is None:
             return self.distances
@@ -114,20 +115,20 @@ class Placement:
             return
         if len(self.passing):
             lines = [f"line {line}" for line in self.passing.tolist()]
-            message = f"Touches of {name} with a force nearly parallel to the skin are left out: {_some(lines)}."
+            message = f"Touches of {name} with a force nearly parallel to the skin are left out: {_listed(lines)}."
             yield Warning("grazing-touch", "warning", message, place, float(len(lines)))
-        if len(self.astray):
-            which = [self._other_taxel(i) for i in self.astray.tolist()]
-            taxels = tuple(self.patch.taxels.ids[row] for row in self.rows[self.astray])
+        if len(self.outliers):
+            which = [self._other_taxel(i) for i in self.outliers.tolist()]
+            taxels = tuple(self.patch.taxels.ids[row] for row in self.rows[self.outliers])
             yield Warning(
                 "wrong-taxel",
                 "warning",
-                f"Some touches of {name} are far from the taxel that felt them: {_some(which)}.",
+                f"Some touches of {name} are far from the taxel that felt them: {_listed(which)}.",
                 replace(place, taxels=taxels),
                 float(len(which)),
                 "Check the channels of these taxels.",
             )
-        if len(self.heights) and abs(height := float(np.median(self.heights))) > HIGH:
+        if len(self.heights) and abs(height := float(np.median(self.heights))) > HEIGHT_LIMIT:
             side = "above" if height > 0 else "below"
             yield Warning(
                 "touch-height",
@@ -139,24 +140,24 @@ class Placement:
             )
 
     @cached_property
-    def astray(self) -> IntArray:
+    def outliers(self) -> IntArray:
         """Touches (k,) that no slide of the skin explains: most likely a wrong channel."""
         if len(self.rows) == 0:
             return self.rows
         height = np.nan_to_num(self.off[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0))
-        far = np.hypot(self.left, height)
-        usual = max(self.by_chance, float(np.median(far)))
-        return np.flatnonzero((far > ASTRAY * usual) & (far > CELLS * max(self.patch.pitch)))
+        far = np.hypot(self.residuals, height)
+        usual = max(self.expected_rms, float(np.median(far)))
+        return np.flatnonzero((far > OUTLIER_FACTOR * usual) & (far > OUTLIER_CELLS * max(self.patch.pitch)))
 
     def _other_taxel(self, i: int) -> str:
         """A touch that is astray, and which taxel lies where it was."""
         taxels = self.patch.taxels
-        ways = np.linalg.norm(taxels.positions_link - self.places[i], axis=1)
+        directions = np.linalg.norm(taxels.positions_link - self.places[i], axis=1)
         mine = int(self.rows[i])
-        told = f"line {self.lines[i]}, {taxels.ids[mine]}, {ways[mine] * 1e3:.1f} mm"
+        text = f"line {self.lines[i]}, {taxels.ids[mine]}, {directions[mine] * 1e3:.1f} mm"
         if np.isnan(self.off[i, 2]):
-            return told
-        return f"{told} ({taxels.ids[int(ways.argmin())]} is there)"
+            return text
+        return f"{text} ({taxels.ids[int(directions.argmin())]} is there)"
 
 
 def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement]:
@@ -167,37 +168,37 @@ def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement
         mine = [i for i, name in enumerate(touches.taxels) if name in row_of]
         if mine:
             rows = np.array([row_of[touches.taxels[i]] for i in mine])
-            found.append(_placement(patch, touches.lines[mine], rows, touches.points[mine], touches.ways[mine]))
+            found.append(_placement(patch, touches.lines[mine], rows, touches.points[mine], touches.directions[mine]))
     return found
 
 
-def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, ways: Array) -> Placement:
+def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, directions: Array) -> Placement:
     """Places (m, 3), and lines where there are ways (m, 3), beside taxels: a line is met in the tangent plane."""
     centres, normals, tangents = (
         part[rows] for part in (patch.taxels.positions_link, patch.taxels.normals_link, patch.taxels.tangents_link)
     )
-    is_line, slope = ways.any(axis=1), (ways * normals).sum(axis=1)
-    told = ~is_line | (np.abs(slope) >= STEEP)
+    is_line, slope = directions.any(axis=1), (directions * normals).sum(axis=1)
+    known = ~is_line | (np.abs(slope) >= MIN_INCIDENCE_SINE)
     height = ((points - centres) * normals).sum(axis=1)
-    places = points - (height / np.where(is_line & told, slope, np.inf))[:, None] * ways
+    places = points - (height / np.where(is_line & known, slope, np.inf))[:, None] * directions
     axes = np.stack((tangents, np.cross(normals, tangents), normals), axis=1)
     off = (axes @ (places - centres)[:, :, None])[:, :, 0]
     off[is_line, 2] = np.nan
-    return Placement(patch, lines[told], rows[told], places[told], off[told], lines[~told])
+    return Placement(patch, lines[known], rows[known], places[known], off[known], lines[~known])
 
 
-def _robust(ways: Array, off: Array, far: float) -> tuple[Array, Array]:
+def _robust(directions: Array, off: Array, far: float) -> tuple[Array, Array]:
     """The parameters (k,) of ``off (m, 2) = ways (m, 2, k) @ parameters`` and their standard errors.
 
     Least squares in which a pair that is left off by ``far`` counts half (Cauchy's weights), from the medians on.
     """
-    found = np.zeros(ways.shape[2])
+    found = np.zeros(directions.shape[2])
     found[:2] = np.median(off, axis=0)
-    for _ in range(STEPS):
-        squares = ((off - ways @ found) ** 2).sum(axis=1)
+    for _ in range(REWEIGHTING_STEPS):
+        squares = ((off - directions @ found) ** 2).sum(axis=1)
         weights = 1 / (1 + squares / far**2)
-        normal = np.einsum("mik,m,mil->kl", ways, weights, ways)
-        found = np.linalg.solve(normal, np.einsum("mik,m,mi->k", ways, weights, off))
+        normal = np.einsum("mik,m,mil->kl", directions, weights, directions)
+        found = np.linalg.solve(normal, np.einsum("mik,m,mi->k", directions, weights, off))
     spread = (weights * squares).sum() / max(2 * len(off) - len(found), 1)
     return found, np.sqrt(spread * np.diag(np.linalg.inv(normal)))
 
@@ -221,9 +222,9 @@ def _hand(patch: Patch) -> float:
     if not pairs:
         return 1.0
     here, there = np.array(pairs).T
-    left = np.cross(taxels.normals_link[here], taxels.tangents_link[here])
-    way = taxels.positions_link[there] - taxels.positions_link[here]
-    return 1.0 if (left * way).sum() > 0 else -1.0
+    residuals = np.cross(taxels.normals_link[here], taxels.tangents_link[here])
+    rows_apart = taxels.positions_link[there] - taxels.positions_link[here]
+    return 1.0 if (residuals * rows_apart).sum() > 0 else -1.0
 
 
 def other_order(placement: Placement) -> str | None:
@@ -234,13 +235,13 @@ def other_order(placement: Placement) -> str | None:
     if patch.kind != "sheet" or len(taxels.ids) != rows * columns:
         return None
     known = ~np.isnan(placement.off[:, 2])
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_TOUCHES:
         return None
     places, touched = placement.places[known], placement.rows[known]
     i, j = taxels.index[touched].T
     number = i * columns + j
     by_rows, by_columns = (i, j), (number % rows, number // rows)
-    best, words = GAIN * _mean(taxels.positions_link[touched] - places), None
+    best, description = ORDER_GAIN * _mean(taxels.positions_link[touched] - places), None
     row_at = np.empty((rows, columns), np.int64)
     row_at[tuple(taxels.index.T)] = np.arange(len(taxels.ids))
     for name, (a, b) in (("", by_rows), ("column by column", by_columns)):
@@ -251,12 +252,14 @@ def other_order(placement: Placement) -> str | None:
                 if mean < best and mean < max(patch.pitch):
                     flips = [n for n, is_so in (("rows", flip_rows), ("columns", flip_columns)) if is_so]
                     ends = f"{' and '.join(flips)} counted from the other end" if flips else ""
-                    best, words = mean, ", ".join(part for part in (name, ends) if part)
-    return words
+                    best, description = mean, ", ".join(part for part in (name, ends) if part)
+    return description
 
 
-def _some(told: list[str]) -> str:
-    return "; ".join(told[:NAMED]) + (f"; and {len(told) - NAMED} more" if len(told) > NAMED else "")
+def _listed(items: list[str]) -> str:
+    return "; ".join(items[:MAX_TOUCHES_NAMED]) + (
+        f"; and {len(items) - MAX_TOUCHES_NAMED} more" if len(items) > MAX_TOUCHES_NAMED else ""
+    )
 
 
 def _mean(ends: Array) -> float:

@@ -14,8 +14,8 @@ from ..common.text import read_text
 
 POINT = ("x", "y", "z")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
-FURTHEST = 10.0  # of a point from the link's origin [m]: what is further is in millimetres
-WEAKEST = 0.1  # force whose line of action a sensor still tells [N]
+MAX_COORDINATE = 10.0  # of a point from the link's origin [m]: what is further is in millimetres
+MIN_FORCE = 0.1  # force whose line of action a sensor still tells [N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,11 @@ class Touches:
     taxels: tuple[str, ...]  # ids of those that felt most
     lines: IntArray  # (n,) of the file
     points: Array  # (n, 3) where the probe's tip was, or a point of the line [m]
-    ways: Array  # (n, 3) along the line, unit; zero for a point
+    directions: Array  # (n, 3) along the line, unit; zero for a point
 
     def __post_init__(self):
         n = len(self.taxels)
-        freeze(self, lines=(n,), points=(n, 3), ways=(n, 3))
+        freeze(self, lines=(n,), points=(n, 3), directions=(n, 3))
 
 
 def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> Touches:
@@ -62,7 +62,7 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
     }
     names: list[str] = []
     lines: list[int] = []
-    places: list[tuple[Array, Array]] = []
+    points_and_directions: list[tuple[Array, Array]] = []
     with naming_file(path):
         table = read_named_rows(read_text(path))
         line, header = next(table, (1, [""]))
@@ -75,11 +75,11 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
                 raise CellError(line, owner + 1, f"names no {who} of the calibration: {show(row[owner])}{hint}")
             names.append(known[row[owner]])
             lines.append(line)
-            places.append(_place(row, columns, line))
+            points_and_directions.append(_place(row, columns, line))
         if not names:
             raise CellError(line, 1, "has no touch below it")
-    points, ways = (np.array(part) for part in zip(*places))
-    return Touches(tuple(names), np.array(lines), points, ways)
+    points, directions = (np.array(part) for part in zip(*points_and_directions))
+    return Touches(tuple(names), np.array(lines), points, directions)
 
 
 def _columns(header: Sequence[str], line: int) -> list[int]:
@@ -93,17 +93,19 @@ def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]
     numbers = np.array([number_in(row, column, line) for column in columns])
     if len(columns) == len(POINT):
         far = int(np.abs(numbers).argmax())
-        if abs(numbers[far]) > FURTHEST:
+        if abs(numbers[far]) > MAX_COORDINATE:
             message = (
-                f"has {numbers[far]:g} m, further than {FURTHEST:g} m from the link's origin; are these millimetres?"
+                f"has {numbers[far]:g} m, more than {MAX_COORDINATE:g} m from the link's origin. Coordinates are in "
+                "metres; divide millimetres by 1000"
             )
             raise CellError(line, columns[far] + 1, message)
         return numbers, np.zeros(3)
     force, moment = numbers[:3], numbers[3:]
     strength = float(np.linalg.norm(force))
-    if not WEAKEST <= strength < np.inf:
+    if not MIN_FORCE <= strength < np.inf:
         message = (
-            f"has a force of {strength:.3g} N, whose line of action is not told; leave out touches below {WEAKEST:g} N"
+            f"has a force of {strength:.3g} N, too small for a reliable line of action. Remove touches below "
+            f"{MIN_FORCE:g} N"
         )
         raise CellError(line, columns[0] + 1, message)
     return np.cross(force / strength, moment / strength), unit(force)  # the paper's (6) to (9) without its 0/0

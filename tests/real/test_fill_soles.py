@@ -32,6 +32,6 @@ def test_real_sole_is_filled(name, count):
     region = sole(path)
     placement = fill(region, BOARDS)
     outline = placement.corners[0] - placement.centres[0]
-    assert len(placement.cells) == count and region.rooms(placement.centres, outline).min() > 0
+    assert len(placement.cells) == count and region.clearances(placement.centres, outline).min() > 0
     most = most_boards(region.edges, BOARDS, all_offsets(BOARDS, 1e-3), np.deg2rad(np.arange(60)))
     assert count - 2 <= most <= count

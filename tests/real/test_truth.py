@@ -134,7 +134,7 @@ def test_touches_on_a_forearm_say_where_its_sheet_lies():
         tuple(patch.taxels.ids[r] for r in rows), np.arange(240), data["point"][small], np.zeros((240, 3))
     )
     (found,) = placements(small_calibration(patches=(patch,), surfaces=(plane(),)), touches)
-    assert len(found.astray) == 0 and np.sqrt(np.mean(found.distances**2)) < 1.05 * found.by_chance
+    assert len(found.outliers) == 0 and np.sqrt(np.mean(found.distances**2)) < 1.05 * found.expected_rms
     assert np.linalg.norm(found.motion.shift) < 0.5e-3 and abs(found.motion.turn) < np.deg2rad(0.5)
     moved = replace(patch, taxels=replace(patch.taxels, positions_link=positions + 0.003 * np.array((0, 0, 1.0))))
     (off,) = placements(small_calibration(patches=(moved,), surfaces=(plane(),)), touches)

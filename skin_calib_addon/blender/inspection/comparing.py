@@ -45,7 +45,7 @@ def _write(record: bpy.types.PropertyGroup, found: Comparison, metre: float) -> 
     record.has_angles = found.angles is not None
     if found.angles is not None:
         record.mean_angle, record.max_angle = found.angles.mean(), found.angles.max()
-    record.told = "\n".join(found.told[:MOST_TOLD])
+    record.told = "\n".join(found.notes[:MOST_TOLD])
 
 
 def name_of(path: str) -> str:

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ...common.errors import SkinCalibError
-from ...inspection.values import AllTaxels
+from ...inspection.all_taxels import AllTaxels
 from ...pipeline import Calibrated
 from ..overlay import overlay
 from ..overlay.layers import mark_of

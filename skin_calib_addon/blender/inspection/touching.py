@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ...pipeline.refine import refine
-from ...validation import Placement, in_words, placements, read_touches
+from ...validation import Placement, placements, read_touches, summarize
 from ..overlay import overlay
 from ..overlay.layers import touches_of
 from ..scene.scene import metres_per_unit, read_plan
@@ -29,7 +29,7 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     found = placements(calibration, read_touches(path, calibration))
     many = len(calibration.patches) > 1
     record.file, record.key = path, key
-    record.told = "\n".join(_named(p, line, many) for p in found for line in in_words(p))
+    record.told = "\n".join(_named(p, line, many) for p in found for line in summarize(p))
     write_warnings(record.warnings, (warning for p in found for warning in p.warnings()))
     places = np.concatenate([p.places for p in found])
     record.token = "touches " + hashlib.sha256(key.encode() + places.tobytes()).hexdigest()

@@ -10,8 +10,8 @@ import numpy as np
 from ...calibration.model import Patch
 from ...geometry.sampling.planes import Planes, perpendicular
 from ...geometry.sampling.sections import cut_sections
+from ...inspection.all_taxels import AllTaxels
 from ...inspection.comparison import Comparison
-from ...inspection.values import AllTaxels
 from ...runtime import Frame
 from ...validation import Placement
 from .scales import Legend, most_of
@@ -228,7 +228,7 @@ def touches_of(found: Sequence[Placement]) -> tuple[Layer, ...]:
     layers = []
     for placement in found:
         ends = np.stack((placement.patch.taxels.positions_link[placement.rows], placement.places), axis=1)
-        astray = np.isin(np.arange(len(ends)), placement.astray)
+        astray = np.isin(np.arange(len(ends)), placement.outliers)
         for is_astray, colour in colours.items():
             if (astray == is_astray).any():
                 layers.append(Layer("TOUCHED", _single(ends[astray == is_astray]), colour=colour, width=3.0))

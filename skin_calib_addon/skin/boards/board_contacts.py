@@ -34,11 +34,11 @@ def corner_contacts(region: Region, centres: Array, corners: Array, within: floa
     edges, outline = region.edges[edge], centres[board, None] + corners
     along = unit(edges[:, 1] - edges[:, 0])
     inward: Array = np.where(along_edges(centres[board], edges)[2] < 0, -1.0, 1.0)[:, None]
-    apart, share, height = along_edges(outline, edges[:, None])
+    apart, fraction, height = along_edges(outline, edges[:, None])
     # Past a reflex end the line of an edge bounds nothing. Past a convex one it does, but further off may be anything.
-    past = np.where(region.is_reflex[region.ends[edge]], 0.0, step)
+    margin = np.where(region.is_reflex[region.ends[edge]], 0.0, step)
     length = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)[:, None]
-    is_bound = (share * length >= -past[:, :1]) & ((share - 1) * length <= past[:, 1:])
+    is_bound = (fraction * length >= -margin[:, :1]) & ((fraction - 1) * length <= margin[:, 1:])
     pair, corner = np.nonzero(is_bound & (apart <= within))
     normals = inward * np.column_stack((-along[:, 1], along[:, 0]))
     depths = inward * height
@@ -55,9 +55,9 @@ def point_contacts(points: Array, centres: Array, corners: Array, within: float)
     outward = outward[(arms @ outward.T).argmax(axis=1)]
     along = np.column_stack((-outward[:, 1], outward[:, 0]))
     out, aside = (arms * outward).sum(axis=1) - np.sqrt(0.75) * side, (arms * along).sum(axis=1)
-    past = (aside - np.clip(aside, -side / 2, side / 2)) * (out > 0)
-    away = out[:, None] * outward + past[:, None] * along
-    gaps = np.where(past == 0, out, np.linalg.norm(away, axis=1))
-    normals = -np.where((past == 0)[:, None], outward, unit(away))
+    margin = (aside - np.clip(aside, -side / 2, side / 2)) * (out > 0)
+    away = out[:, None] * outward + margin[:, None] * along
+    gaps = np.where(margin == 0, out, np.linalg.norm(away, axis=1))
+    normals = -np.where((margin == 0)[:, None], outward, unit(away))
     is_near = gaps <= within
     return points[point[is_near]], normals[is_near], gaps[is_near]

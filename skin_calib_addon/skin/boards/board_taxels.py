@@ -4,14 +4,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...calibration.model import TaxelArray
-from ...common.arrays import Array, IntArray, unit
+from ...common.arrays import Array, IntArray, cross, unit
 from ...geometry.surface.distance import footpoints
+from ..lattice import ROUNDING, HexLattice
+from ..neighbours import neighbours
 from ..sheet.net import board_net
-from ..sheet.taxels import neighbours
-from .boards import WrappedBoards
-
-# Share of the pitch that is no collision but rounding.
-ROUNDING = 1e-6
+from .wrap import WrappedBoards
 
 
 def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overhang: Array | None = None) -> TaxelArray:
@@ -36,11 +34,11 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
     corners = positions[:, None] + lattice.corners @ axes
     sides = (corners + np.roll(corners, -1, axis=1)) / 2
     ids = tuple(f"{name}.{q}.{r}" for q, r in boards.cells.tolist())
-    beside = neighbours(ids, positions, normals, corners)
+    adjacent = neighbours(ids, positions, normals, corners)
     number = {taxel: i for i, taxel in enumerate(ids)}
-    pairs = np.array([(i, number[other]) for i, others in enumerate(beside) for other in others], int).reshape(-1, 2)
-    kept = board_net(lattice, boards.cells).pairs
-    kept = np.concatenate((kept, kept[:, ::-1]))
+    pairs = np.array([(i, number[other]) for i, others in enumerate(adjacent) for other in others], int).reshape(-1, 2)
+    linked = board_net(lattice, boards.cells).pairs
+    linked = np.concatenate((linked, linked[:, ::-1]))
     return TaxelArray(
         ids=ids,
         channels=first_channel + np.arange(len(ids)),
@@ -51,12 +49,12 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
         tangents_link=tangents,
         corners_link=corners,
         areas=np.full(len(ids), lattice.area),
-        neighbours=beside,
+        neighbours=adjacent,
         ports=_ports(ids, positions, sides, pairs),
         quality={
             "gap": corner_gaps(boards, corners - boards.offset * normals[:, None]),
-            "tilt": largest(angles(normals, pairs), pairs, len(ids)),
-            "pitch_error": largest(np.abs(_distances(positions, kept) - lattice.pitch), kept, len(ids)),
+            "tilt": largest_per_board(angles(normals, pairs), pairs, len(ids)),
+            "pitch_error": largest_per_board(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
             "collision": collisions(boards, positions, corners, normals),
         }
         | ({} if overhang is None else {"overhang": overhang}),
@@ -82,7 +80,7 @@ def angles(normals: Array, pairs: IntArray) -> Array:
     return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0, 1))
 
 
-def largest(values: Array, pairs: IntArray, count: int) -> Array:
+def largest_per_board(values: Array, pairs: IntArray, count: int) -> Array:
     """The largest of the values of the pairs that begin at each board, zero where none does, shape (count,)."""
     result = np.zeros(count)
     np.maximum.at(result, pairs[:, 0], values)
@@ -114,13 +112,30 @@ def collisions(boards: WrappedBoards, positions: Array, corners: Array, normals:
     pairs = cKDTree(positions).query_pairs(2 * lattice.side, output_type="ndarray")
     pairs = np.concatenate((pairs, pairs[:, ::-1]))
     a, b = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 0].T
-    ways = unit((corners + np.roll(corners, -1, axis=1)) / 2 - positions[:, None])  # out of each side
+    side_normals = unit((corners + np.roll(corners, -1, axis=1)) / 2 - positions[:, None])  # out of each side
     for height in {boards.offset, -boards.offset}:
         faces = corners + height * normals[:, None]
         middles = positions + height * normals
         apart = np.full(len(a), -np.inf)
         for one, other in ((a, b), (b, a)):  # beyond any side of the one: apart
-            reach = np.einsum("pkc,psc->psk", faces[other] - middles[one][:, None], ways[one])
-            apart = np.maximum(apart, (reach.min(axis=2) - apothem).max(axis=1))
+            heights = np.einsum("pkc,psc->psk", faces[other] - middles[one][:, None], side_normals[one])
+            apart = np.maximum(apart, (heights.min(axis=2) - apothem).max(axis=1))
         np.maximum.at(depth, a, -apart - flat_overlap)
     return np.where(depth > ROUNDING * lattice.pitch, depth, 0.0)
+
+
+def board_at(taxels: TaxelArray, lattice: HexLattice, point: Array) -> tuple[int, int]:
+    """Axial coordinates of the board at a point: counted from the nearest board, over whose plane the lattice goes on.
+
+    Parameters
+    ----------
+    taxels : TaxelArray
+        Of the boards that are there; ``index`` holds their axial coordinates.
+    point : array, shape (3,)
+        On the link, or near it [m].
+    """
+    arms = point - taxels.positions_link
+    i = int(np.argmin((arms**2).sum(axis=1)))
+    tangent, normal = taxels.tangents_link[i], taxels.normals_link[i]
+    q, r = lattice.cell_at(np.array((arms[i] @ tangent, arms[i] @ cross(normal, tangent))))
+    return int(taxels.index[i, 0]) + q, int(taxels.index[i, 1]) + r

@@ -9,24 +9,24 @@ from numpy.typing import ArrayLike
 from ...common.arrays import Array, IntArray, freeze
 from ...common.errors import InvalidPlan
 from ..lattice import HexLattice
-from .pack import Pose, Settling
-from .pack_candidates import SIXTH, Survey, axes, cells_within, survey
+from .candidate_poses import LATTICE_PERIOD, CandidatePoses, axes, candidate_poses, cells_within
+from .pose_refinement import Pose, PoseRefinement
 from .region import Region
 
 # Room below zero at which two outlines still touch and do not cross [m]: a nanometre is far less than boards are cut
 # to, and far more than rounding makes of boards that fill a region to its edges.
-TOUCH = 1e-9
+TOUCH_TOLERANCE = 1e-9
 # The longest move while boards settle, in steps of the survey, and in pitches while they share their play, which is
 # less than a pitch or one more would fit.
-MOVE, PLAY = 0.5, 1 / 8
+MAX_MOVE_STEPS, MAX_PLAY_MOVE = 0.5, 1 / 8
 # Rooms [m] and turns [rad] that differ by less are the same to an author.
-SAME = 1e-6
+EQUAL_TOLERANCE = 1e-6
 # Cells in a circle over the region, beyond which its lengths are hardly metres, and a search would take minutes.
-MOST_CELLS = 5000
+MAX_CELLS = 5000
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
+class LatticePlacement:
     """A lattice in the plane of a region, and those of its cells that lie wholly inside."""
 
     lattice: HexLattice
@@ -40,7 +40,7 @@ class Placement:
     @property
     def centres(self) -> Array:
         """Centres of the boards, shape (n, 2) [m]."""
-        return Pose(self.offset, self.angle).place(self.lattice.centres(self.cells))
+        return Pose(self.offset, self.angle).to_plane(self.lattice.centres(self.cells))
 
     @property
     def corners(self) -> Array:
@@ -48,7 +48,9 @@ class Placement:
         return self.centres[:, None] + Pose(self.offset, self.angle).turn(self.lattice.corners)
 
 
-def fill(region: Region, lattice: HexLattice, offset: ArrayLike | None = None, angle: float | None = None) -> Placement:
+def fill(
+    region: Region, lattice: HexLattice, offset: ArrayLike | None = None, angle: float | None = None
+) -> LatticePlacement:
     """Place the most boards of a lattice that lie wholly inside a region; they may touch its border.
 
     Of placements with as many boards, the one where the tightest board has the most room is taken, then the one with
@@ -80,18 +82,18 @@ def fill(region: Region, lattice: HexLattice, offset: ArrayLike | None = None, a
     if not len(cells):
         raise nothing_fits(region, lattice)
     if offset is None:
-        away = np.linalg.norm(pose.place(lattice.centres(cells)) - region.centroid, axis=1)
-        root = cells[(away < away.min() + SAME).argmax()]  # the first of those that are as near
-        pose, cells = Pose(pose.place(lattice.centres(root[None]))[0], pose.angle), cells - root
-    return Placement(lattice, pose.offset, pose.angle, cells)
+        distances = np.linalg.norm(pose.to_plane(lattice.centres(cells)) - region.centroid, axis=1)
+        root = cells[(distances < distances.min() + EQUAL_TOLERANCE).argmax()]  # the first of those that are as near
+        pose, cells = Pose(pose.to_plane(lattice.centres(root[None]))[0], pose.angle), cells - root
+    return LatticePlacement(lattice, pose.offset, pose.angle, cells)
 
 
 def check_size(region: Region, lattice: HexLattice, middle: Array) -> None:
     """Raise InvalidPlan if the region and the boards cannot both be in metres, or the offset lies far off."""
-    reach = region.reach(middle)
-    if np.pi * reach**2 > MOST_CELLS * abs(np.linalg.det(axes(lattice))):
+    radius = region.radius_about(middle)
+    if np.pi * radius**2 > MAX_CELLS * abs(np.linalg.det(axes(lattice))):
         raise InvalidPlan(
-            f"the region reaches {reach:.3g} m from the middle of the lattice, too far for boards with a pitch of "
+            f"the region reaches {radius:.3g} m from the middle of the lattice, too far for boards with a pitch of "
             f"{lattice.pitch * 1e3:g} mm; give the region in metres, and an offset in it"
         )
 
@@ -109,28 +111,28 @@ def cells_inside(region: Region, lattice: HexLattice, pose: Pose) -> IntArray:
     """Axial coordinates of the boards that lie wholly inside, by r, then q, shape (n, 2)."""
     middle, apothem = region.box.mean(axis=0), np.sqrt(0.75) * lattice.side
     root = np.rint(np.linalg.solve(pose.turn(axes(lattice)).T, middle - pose.offset)).astype(np.int64)
-    cells = root + cells_within(lattice, region.reach(middle) + lattice.pitch)
-    centres = pose.place(lattice.centres(cells))
-    low, high = region.box + (apothem - TOUCH) * np.array(((1,), (-1,)))
+    cells = root + cells_within(lattice, region.radius_about(middle) + lattice.pitch)
+    centres = pose.to_plane(lattice.centres(cells))
+    low, high = region.box + (apothem - TOUCH_TOLERANCE) * np.array(((1,), (-1,)))
     may_fit = ((centres >= low) & (centres <= high)).all(axis=1)
-    return cells[may_fit][region.rooms(centres[may_fit], pose.turn(lattice.corners)) >= -TOUCH]
+    return cells[may_fit][region.clearances(centres[may_fit], pose.turn(lattice.corners)) >= -TOUCH_TOLERANCE]
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
     """From the best poses of a survey on, for the one in which most boards fit."""
 
-    view: Survey
-    settling: Settling
+    candidates: CandidatePoses
+    refinement: PoseRefinement
     centres: Array  # (n, 2) of the boards to choose from, on the lattice [m]
 
     @classmethod
     def of(cls, region: Region, lattice: HexLattice, offset: Array | None, angle: float | None) -> "Search":
         """A search that keeps what is given: an offset (2,) [m], an angle [rad]."""
-        view = survey(region, lattice, offset, angle)
+        candidates = candidate_poses(region, lattice, offset, angle)
         is_free = (offset is None, offset is None, angle is None)
-        settling = Settling(region, lattice, MOVE * view.step, is_free)
-        return cls(view, settling, lattice.centres(cells_within(lattice, view.reach)))
+        refinement = PoseRefinement(region, lattice, MAX_MOVE_STEPS * candidates.step, is_free)
+        return cls(candidates, refinement, lattice.centres(cells_within(lattice, candidates.radius)))
 
     def best(self) -> Pose:
         """The pose in which most boards fit, and have the most room.
@@ -140,41 +142,43 @@ class Search:
         InvalidPlan
             If not one fits.
         """
-        count = max(self.view.count, 1)
+        count = max(self.candidates.count, 1)
         while count and not self.fits(count):
             count -= 1
         if not count:
-            raise nothing_fits(self.settling.region, self.settling.lattice)
+            raise nothing_fits(self.refinement.region, self.refinement.lattice)
         while self.fits(count + 1):
             count += 1
-        found = list(self.placed(count))
-        most = max(room for _, room in found)
-        pose = min((pose for pose, room in found if room > most - SAME), key=turn_and_offset)
-        in_play = replace(self.settling, step=PLAY * self.settling.lattice.pitch)
-        evened, room = in_play.settle(pose, self.centres, count, even=True)
-        return evened if room > max(most - SAME, -TOUCH) else pose
+        found = list(self.refined_poses(count))
+        largest = max(clearance for _, clearance in found)
+        pose = min((pose for pose, clearance in found if clearance > largest - EQUAL_TOLERANCE), key=preference)
+        play_refinement = replace(self.refinement, step=MAX_PLAY_MOVE * self.refinement.lattice.pitch)
+        centred, clearance = play_refinement.refine(pose, self.centres, count, balance=True)
+        return centred if clearance > max(largest - EQUAL_TOLERANCE, -TOUCH_TOLERANCE) else pose
 
     def fits(self, count: int) -> bool:
         """Whether so many boards fit."""
-        return any(True for _ in self.placed(count))
+        return any(True for _ in self.refined_poses(count))
 
-    def placed(self, count: int) -> Iterator[tuple[Pose, float]]:
+    def refined_poses(self, count: int) -> Iterator[tuple[Pose, float]]:
         """Poses in which so many boards fit, and the room of the tightest [m]: as much as in those before, or more."""
-        floor = -TOUCH
-        for start, room in self.view.starts(count):
-            if room < floor - self.view.slack:
+        floor = -TOUCH_TOLERANCE
+        for start, clearance in self.candidates.starts(count):
+            if clearance < floor - self.candidates.slack:
                 return
-            pose, room = self.settling.settle(start, self.centres, count, floor)
-            if room >= max(-TOUCH, floor - SAME):
-                floor = max(floor, room)
-                yield straight(pose) if self.settling.is_free[2] else pose, room
+            pose, clearance = self.refinement.refine(start, self.centres, count, floor)
+            if clearance >= max(-TOUCH_TOLERANCE, floor - EQUAL_TOLERANCE):
+                floor = max(floor, clearance)
+                yield with_least_rotation(pose) if self.refinement.is_free[2] else pose, clearance
 
 
-def straight(pose: Pose) -> Pose:
+def with_least_rotation(pose: Pose) -> Pose:
     """The same lattice, turned by as little as can be: more than -30 degrees, and not more than 30."""
-    return Pose(pose.offset, float(pose.angle - SIXTH * np.ceil(pose.angle / SIXTH - 0.5 - SAME)))
+    return Pose(
+        pose.offset, float(pose.angle - LATTICE_PERIOD * np.ceil(pose.angle / LATTICE_PERIOD - 0.5 - EQUAL_TOLERANCE))
+    )
 
 
-def turn_and_offset(pose: Pose) -> tuple[float, ...]:
+def preference(pose: Pose) -> tuple[float, ...]:
     """What decides between poses that are as good as each other."""
     return tuple(np.round((abs(pose.angle), *pose.offset), 6).tolist())

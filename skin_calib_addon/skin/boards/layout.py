@@ -18,20 +18,18 @@ from ..lattice import HexLattice
 from ..sheet.net import board_net
 from ..sheet.offset import offset_surface
 from ..sheet.wrap import on_surface, root_of, size_of
-from .boards import WrappedBoards, at_rest, unrolled
-from .fill import Placement, fill
+from .fill import EQUAL_TOLERANCE, LatticePlacement, fill
 from .outline import FlatMap, Zone, disc, flat_loops, outline
 from .region import Region
+from .wrap import WrappedBoards, relax_boards, unroll_boards
 
 Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
 # The map that lays a surface flat has no more nodes than this to its size.
-NODES = 30
+MAX_MAP_NODES = 30
 # Nodes of the map that geodesics have brought this much of a pitch too near or too far are led astray.
-AMISS = 0.3
+MAX_MAP_PITCH_ERROR = 0.3
 # How far boards on a bent surface may stick out because their lattice strains, and still count as inside [m].
-LIP = 5e-4
-# Distances that differ by less are the same [m].
-SLIGHT = 1e-6
+FILL_OVERHANG_LIMIT = 5e-4
 
 
 def lay_boards(
@@ -75,20 +73,24 @@ def lay_boards(
     layer, start = offset_surface(surface, offset), root_of(surface, origin)
     if direction is None:
         direction = layer.derivatives(start[None])[0, 1, 0]
-    to_flat = _map_of(layer, lattice, fit, start, direction)
+    to_flat = _flat_map(layer, lattice, fit, start, direction)
     loops = flat_loops(to_flat, outline(surface, fit, float(start[1])))
     centres = np.array([zone.point for zone in excluded]).reshape(-1, 3)
-    places = to_flat(centres, footpoints(surface, centres)[0])
-    region = Region(tuple(loops), tuple(disc(place, zone.radius) for place, zone in zip(places, excluded)))
+    flat_points = to_flat(centres, footpoints(surface, centres)[0])
+    region = Region(
+        tuple(loops), tuple(disc(flat_point, zone.radius) for flat_point, zone in zip(flat_points, excluded))
+    )
     if choice == "fill":
-        placement = rooted(fill(region, lattice))
+        placement = with_root_at_origin(fill(region, lattice))
     elif choice == "all":
         placement = fill(region, lattice, np.zeros(2), 0.0)
     else:
-        placement = Placement(lattice, np.zeros(2), 0.0, np.array(choice))
+        placement = LatticePlacement(lattice, np.zeros(2), 0.0, np.array(choice))
     guess = to_flat.at(placement.centres, placement.angle)
-    boards = WrappedBoards(surface, offset, lattice, placement.cells, *at_rest(layer, lattice, placement.cells, *guess))
-    out = overhangs(region, placement, to_flat(layer.points(boards.uv), boards.uv))
+    boards = WrappedBoards(
+        surface, offset, lattice, placement.cells, *relax_boards(layer, lattice, placement.cells, *guess)
+    )
+    overhang = overhangs(region, placement, to_flat(layer.points(boards.uv), boards.uv))
     inside = on_surface(layer, boards.uv)
     if not isinstance(choice, str):
         if not inside.all():
@@ -96,49 +98,49 @@ def lay_boards(
                 f"board {placement.cells[~inside][0].tolist()} lies beyond the edge of the surface, the first of "
                 f"{np.count_nonzero(~inside)}; leave it out, or move the origin"
             )
-        return boards, out
+        return boards, overhang
     # On a surface bent both ways boards keep their pitch and leave their flat places: what sticks out goes.
-    inside &= out <= LIP
+    inside &= overhang <= FILL_OVERHANG_LIMIT
     if not inside.any():
         raise InvalidPlan("no board fits on this surface, which is bent too much for them; take smaller ones")
     kept = replace(boards, cells=boards.cells[inside], uv=boards.uv[inside], tangents=boards.tangents[inside])
-    return kept, out[inside]
+    return kept, overhang[inside]
 
 
-def rooted(placement: Placement) -> Placement:
+def with_root_at_origin(placement: LatticePlacement) -> LatticePlacement:
     """The same boards, counted from the cell next to the flat origin."""
-    away = np.linalg.norm(placement.centres, axis=1)
-    root = placement.cells[np.flatnonzero(away < away.min() + SLIGHT)[0]]
+    distances = np.linalg.norm(placement.centres, axis=1)
+    root = placement.cells[np.flatnonzero(distances < distances.min() + EQUAL_TOLERANCE)[0]]
     centre = placement.centres[(placement.cells == root).all(axis=1)][0]
     return replace(placement, offset=centre, cells=placement.cells - root)
 
 
-def overhangs(region: Region, placement: Placement, centres: Array) -> Array:
+def overhangs(region: Region, placement: LatticePlacement, centres: Array) -> Array:
     """How far each board, its centre laid flat, sticks out of the region, shape (n,) [m]."""
     turn = np.array(
         ((np.cos(placement.angle), np.sin(placement.angle)), (-np.sin(placement.angle), np.cos(placement.angle)))
     )
-    out = -region.rooms(centres, placement.lattice.corners @ turn)
-    return np.where(out > SLIGHT, out, 0.0)
+    overhang = -region.clearances(centres, placement.lattice.corners @ turn)
+    return np.where(overhang > EQUAL_TOLERANCE, overhang, 0.0)
 
 
-def _map_of(
+def _flat_map(
     layer: BSplineSurface, lattice: HexLattice, fit: SurfaceFit | None, start: Array, direction: ArrayLike
 ) -> FlatMap:
     """A flat map of all of a surface that the mesh covers, by boards as large as these where they are not too many."""
     size = size_of(layer)
-    if lattice.pitch < size / NODES:
-        lattice = HexLattice(size / NODES / np.sqrt(3), 0.0)
+    if lattice.pitch < size / MAX_MAP_NODES:
+        lattice = HexLattice(size / MAX_MAP_NODES / np.sqrt(3), 0.0)
     grid = layer.grid_points(np.linspace(0, 1, 33), np.linspace(0, 1, 33))
     length, breadth = (float(np.linalg.norm(np.diff(grid, axis=k), axis=2).sum(axis=k).max()) for k in (0, 1))
-    reach = float(np.hypot(length, breadth / 2 if layer.closed[1] else breadth))
+    radius = float(np.hypot(length, breadth / 2 if layer.closed[1] else breadth))
     if fit is not None:  # a surface may go far astray where it has no mesh
-        reach = min(reach, (2.0 if layer.closed[1] else 1.0) * fit.mesh.size)
-    count = int(np.ceil(reach / lattice.row_step)) + 1
+        radius = min(radius, (2.0 if layer.closed[1] else 1.0) * fit.mesh.size)
+    count = int(np.ceil(radius / lattice.row_step)) + 1
     r, q = np.indices((2 * count + 1, 2 * count + 1)).reshape(2, -1) - count
     cells = np.column_stack((q, r))
-    cells = cells[(lattice.centres(cells) ** 2).sum(axis=1) <= reach**2]
-    uv, _ = unrolled(layer, lattice, cells, start, direction)
+    cells = cells[(lattice.centres(cells) ** 2).sum(axis=1) <= radius**2]
+    uv, _ = unroll_boards(layer, lattice, cells, start, direction)
     kept = on_surface(layer, uv) & (~np.array(layer.closed) | (np.abs(uv - start) <= 0.5)).all(axis=1)
     if fit is not None:
         kept &= fit.is_trusted(layer.wrap(np.where(kept[:, None], uv, start)))
@@ -146,9 +148,11 @@ def _map_of(
     cells, points = cells[kept], layer.points(uv[kept])
     # Of these, what hangs together with the root: geodesics that have left the mesh may come back anywhere.
     pairs = board_net(lattice, cells).pairs
-    pairs = pairs[np.abs(np.linalg.norm(np.diff(points[pairs], axis=1)[:, 0], axis=1) / lattice.pitch - 1) < AMISS]
+    pairs = pairs[
+        np.abs(np.linalg.norm(np.diff(points[pairs], axis=1)[:, 0], axis=1) / lattice.pitch - 1) < MAX_MAP_PITCH_ERROR
+    ]
     links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
     group = connected_components(links, directed=False)[1]
     cells = cells[group == group[(cells == 0).all(axis=1)]]
-    guess = unrolled(layer, lattice, cells, start, direction)
-    return FlatMap(layer, lattice.centres(cells), *at_rest(layer, lattice, cells, *guess))
+    guess = unroll_boards(layer, lattice, cells, start, direction)
+    return FlatMap(layer, lattice.centres(cells), *relax_boards(layer, lattice, cells, *guess))

@@ -17,15 +17,15 @@ from ...geometry.surface.distance import footpoints
 
 # The outline is followed in steps of this share of the size of the mesh; a face between the rays is met where the ray
 # next to it ends within such a step.
-STEP = 0.01
+OUTLINE_STEP = 0.01
 # Cosine of the angle that a face of the surface may have with it, and rays in each direction that look for faces.
-FACING, RAYS = 0.5, 200
+MIN_FACING_COSINE, MIN_RAYS = 0.5, 200
 # Points along each side of the border of a surface.
-BORDER = 100
+BORDER_POINTS = 100
 # Nodes whose maps are blended to lay a point flat.
-NODES = 4
+BLENDED_NODES = 4
 # Steps in which the parameters of a flat place are found; the slope is that of the node next to it.
-INVERSE_STEPS = 6
+INVERSE_ITERATIONS = 6
 
 
 @dataclass(frozen=True)
@@ -66,18 +66,20 @@ class FlatMap:
         Exact on a plane; elsewhere blended from the nodes next to each point, as far from each as the arc is long that
         the slope of the chord implies.
         """
-        count = np.arange(1, min(NODES, len(self.flat)) + 1)
+        count = np.arange(1, min(BLENDED_NODES, len(self.flat)) + 1)
         if any(self.surface.closed):  # what is near through a seam is far in the flat
             near = cKDTree(self.uv * self._lengths).query(uv * self._lengths, k=count)[1]
         else:
             near = cKDTree(self.points).query(points, k=count)[1]
-        way = points[:, None] - self.points[near]
-        chord = np.linalg.norm(way, axis=2)
-        slope = np.arcsin(np.clip((unit(way) * self.normals[near]).sum(axis=2), -1, 1))
-        level = unit(np.einsum("pnc,pnac->pna", way, self.axes[near])) * (chord * (1 + slope**2 / 6))[..., None]
+        vector = points[:, None] - self.points[near]
+        chord = np.linalg.norm(vector, axis=2)
+        slope = np.arcsin(np.clip((unit(vector) * self.normals[near]).sum(axis=2), -1, 1))
+        flat_vector = (
+            unit(np.einsum("pnc,pnac->pna", vector, self.axes[near])) * (chord * (1 + slope**2 / 6))[..., None]
+        )
         weights = 1 / (chord**2 + (1e-9 * chord.max(initial=1e-6)) ** 2)
         weights /= weights.sum(axis=1, keepdims=True)
-        return np.einsum("pn,pna->pa", weights, self.flat[near] + level)
+        return np.einsum("pn,pna->pa", weights, self.flat[near] + flat_vector)
 
     @cached_property
     def _lengths(self) -> Array:
@@ -85,14 +87,14 @@ class FlatMap:
         r = self.surface.derivatives(self.uv)
         return np.array((np.linalg.norm(r[1, 0], axis=1).mean(), np.linalg.norm(r[0, 1], axis=1).mean()))
 
-    def at(self, places: Array, angle: float) -> tuple[Array, Array]:
+    def at(self, flat_points: Array, angle: float) -> tuple[Array, Array]:
         """The parameters that lie at flat places (k, 2), and unit tangents there at an angle to the flat x axis."""
-        node = cKDTree(self.flat).query(places)[1]
+        node = cKDTree(self.flat).query(flat_points)[1]
         uv = self.uv[node].copy()
-        for _ in range(INVERSE_STEPS):
+        for _ in range(INVERSE_ITERATIONS):
             r = self.surface.derivatives(uv)
             slope = np.einsum("dkc,kac->kad", np.stack((r[1, 0], r[0, 1])), self.axes[node])
-            uv += np.linalg.solve(slope, (places - self(r[0, 0], uv))[..., None])[..., 0]
+            uv += np.linalg.solve(slope, (flat_points - self(r[0, 0], uv))[..., None])[..., 0]
         ahead = np.einsum("a,kac->kc", (np.cos(angle), np.sin(angle)), self.axes[node])
         normals = self.surface.normals(uv)
         return uv, unit(ahead - (ahead * normals).sum(axis=1, keepdims=True) * normals)
@@ -118,9 +120,9 @@ def outline(surface: BSplineSurface, fit: SurfaceFit | None, middle: float) -> l
     """
     if fit is None:
         return [_border(surface, middle)]
-    mesh, step = fit.mesh, STEP * fit.mesh.size
-    edges = _rim(mesh, _outermost(surface, fit, step))
-    lines = _followed(surface, mesh, edges, step, middle)
+    mesh, step = fit.mesh, OUTLINE_STEP * fit.mesh.size
+    edges = _rim(mesh, _outer_faces(surface, fit, step))
+    lines = _sampled_edges(surface, mesh, edges, step, middle)
     if not surface.closed[1]:
         return lines
     # The ends of a tube are those of the surface; only what lies wholly between them is a hole.
@@ -129,8 +131,8 @@ def outline(surface: BSplineSurface, fit: SurfaceFit | None, middle: float) -> l
     ]
     links = coo_array((np.ones(len(edges)), edges.T), shape=(len(mesh.vertices), len(mesh.vertices)))
     loop = connected_components(links, directed=False)[1][edges[:, 0]] if len(edges) else np.zeros(0, int)
-    spoilt = set(loop[~np.array(inside, bool)].tolist())
-    return [_border(surface, middle), *(p for p, k in zip(lines, loop.tolist()) if k not in spoilt)]
+    open_loops = set(loop[~np.array(inside, bool)].tolist())
+    return [_border(surface, middle), *(p for p, k in zip(lines, loop.tolist()) if k not in open_loops)]
 
 
 def _border(surface: BSplineSurface, middle: float) -> Polyline:
@@ -138,18 +140,18 @@ def _border(surface: BSplineSurface, middle: float) -> Polyline:
     box = np.array(((0.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)))
     if surface.closed[1]:
         box[:, 1] += middle - 0.5
-    share = np.arange(BORDER)[:, None] / BORDER
-    uv = np.concatenate((*(a + share * (b - a) for a, b in zip(box, box[1:])), box[:1]))
+    fraction = np.arange(BORDER_POINTS)[:, None] / BORDER_POINTS
+    uv = np.concatenate((*(a + fraction * (b - a) for a, b in zip(box, box[1:])), box[:1]))
     return Polyline(surface.points(uv), uv)
 
 
-def _outermost(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolArray:
+def _outer_faces(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolArray:
     """Which faces the rays of the fit meet, or would if they were not too small, and look the surface's way."""
     mesh, spans = fit.mesh, min(size - degree for size, degree in zip(fit.offsets.shape, surface.degree))
-    samples = fit.resampled(-(-RAYS // spans))[1]
+    samples = fit.resampled(-(-MIN_RAYS // spans))[1]
     met = samples.residuals
-    known = ~np.isnan(met)
-    faces = samples.faces[known]
+    is_known = ~np.isnan(met)
+    faces = samples.faces[is_known]
     # A face between the rays counts where the ray next to its middle ends at its height, not before it.
     small = np.setdiff1d(np.arange(len(mesh.faces)), faces)
     centres = mesh.triangles[small].mean(axis=1)
@@ -158,14 +160,14 @@ def _outermost(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolArr
     (k, l), closed = met.shape, surface.closed[1]
     row = np.clip(np.rint(uv[:, 0] * (k - 1)), 0, k - 1).astype(int)
     column = np.rint(uv[:, 1] * (l if closed else l - 1)).astype(int) % l
-    beside = np.abs(height - met[row, column]) < step
+    at_surface = np.abs(height - met[row, column]) < step
     for axis in (0, 1):
         if not surface.closed[axis]:
-            beside &= (uv[:, axis] > 0) & (uv[:, axis] < 1)
+            at_surface &= (uv[:, axis] > 0) & (uv[:, axis] < 1)
     sites = np.stack(np.meshgrid(np.linspace(0, 1, k), np.linspace(0, 1, l, endpoint=not closed), indexing="ij"), -1)
     chosen = np.zeros(len(mesh.faces), bool)
-    for face, place in ((faces, sites[known]), (small[beside], uv[beside])):
-        chosen[face[(surface.normals(place) * mesh.face_normals[face]).sum(axis=1) > FACING]] = True
+    for face, sites_uv in ((faces, sites[is_known]), (small[at_surface], uv[at_surface])):
+        chosen[face[(surface.normals(sites_uv) * mesh.face_normals[face]).sum(axis=1) > MIN_FACING_COSINE]] = True
     return chosen
 
 
@@ -177,7 +179,7 @@ def _rim(mesh: TriangleMesh, chosen: BoolArray) -> IntArray:
     return found[times % 2 == 1]
 
 
-def _followed(
+def _sampled_edges(
     surface: BSplineSurface, mesh: TriangleMesh, edges: IntArray, step: float, middle: float
 ) -> list[Polyline]:
     """Edges of a mesh, in steps, with the parameters of the surface next to them."""
@@ -200,8 +202,8 @@ def flat_loops(to_flat: FlatMap, lines: Sequence[Polyline]) -> list[Array]:
     Each becomes a fan to one point, and the sides that two fans share cancel.
     """
     both = np.concatenate([np.column_stack((line.points, line.uv)) for line in lines])
-    known, back = np.unique(both, axis=0, return_inverse=True)
-    flat = to_flat(known[:, :3], known[:, 3:])[back.ravel()]
+    is_known, back = np.unique(both, axis=0, return_inverse=True)
+    flat = to_flat(is_known[:, :3], is_known[:, 3:])[back.ravel()]
     return [
         np.concatenate((flat[:1], part)) for part in np.split(flat, np.cumsum([len(line.uv) for line in lines])[:-1])
     ]

@@ -11,11 +11,11 @@ from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidPlan
 
 # Pairs of points and edges that are held against each other at a time, to keep the memory small.
-CHUNK = 2**20
+MAX_PAIRS = 2**20
 # Digits of a point that count: what is closer than a picometre is the same.
-SAME_POINT = 12
+POINT_DECIMALS = 12
 # Places of a zone's edge where its sides are looked at.
-LOOKS = 3
+ZONE_EDGE_SAMPLES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,19 +39,21 @@ class Region:
     @cached_property
     def edges(self) -> Array:
         """Ends of the edges that part inside from outside, shape (e, 2, 2) [m]."""
-        outline, *zones = self._drawn
+        outline, *zones = self._loop_edges
         if not zones:
             return outline
         # What of a zone lies outside, or in another one, parts nothing.
         edges = np.concatenate(zones)
         along = edges[:, 1] - edges[:, 0]
         aside = 1e-6 * np.ptp(edges.reshape(-1, 2), axis=0).max() * unit(np.column_stack((-along[:, 1], along[:, 0])))
-        places = edges[:, 0] + np.linspace(0, 1, LOOKS + 2)[1:-1, None, None] * along
-        left, right = (self.contains((places + side * aside).reshape(-1, 2)).reshape(LOOKS, -1) for side in (1, -1))
+        samples = edges[:, 0] + np.linspace(0, 1, ZONE_EDGE_SAMPLES + 2)[1:-1, None, None] * along
+        left, right = (
+            self.contains((samples + side * aside).reshape(-1, 2)).reshape(ZONE_EDGE_SAMPLES, -1) for side in (1, -1)
+        )
         return np.concatenate((outline, edges[(left != right).any(axis=0)]))
 
     @cached_property
-    def _drawn(self) -> list[Array]:
+    def _loop_edges(self) -> list[Array]:
         """Edges of all loops, and then of each zone."""
         return [edges_of(self.loops), *(edges_of((zone,)) for zone in self.excluded)]
 
@@ -70,7 +72,7 @@ class Region:
         """Least and largest coordinates, shape (2, 2) [m]."""
         return np.stack((self.points.min(axis=0), self.points.max(axis=0)))
 
-    def reach(self, point: Array) -> float:
+    def radius_about(self, point: Array) -> float:
         """Distance from a point (2,) to the furthest of the region [m]."""
         return float(np.linalg.norm(self.points - point, axis=1).max())
 
@@ -80,7 +82,9 @@ class Region:
         middle = self.box.mean(axis=0)
         start, stop = self.edges[:, 0] - middle, self.edges[:, 1] - middle
         along = unit(stop - start)
-        left = self.contains(self.edges.mean(axis=1) + self.beside * np.column_stack((-along[:, 1], along[:, 0])))
+        left = self.contains(
+            self.edges.mean(axis=1) + self.probe_distance * np.column_stack((-along[:, 1], along[:, 0]))
+        )
         twice = np.where(left, 1, -1) * (start[:, 0] * stop[:, 1] - start[:, 1] * stop[:, 0])
         return middle + twice @ (start + stop) / (3 * twice.sum()) if twice.sum() > 0 else middle
 
@@ -91,17 +95,17 @@ class Region:
         towards = np.zeros_like(self.points)
         np.add.at(towards, self.ends[:, 0], along)
         np.add.at(towards, self.ends[:, 1], -along)
-        return ~self.contains(self.points + self.beside * unit(towards))
+        return ~self.contains(self.points + self.probe_distance * unit(towards))
 
     @property
-    def beside(self) -> float:
+    def probe_distance(self) -> float:
         """A small distance from an edge or a point, to ask what is there [m]."""
         return 1e-6 * float(np.ptp(self.box, axis=0).max())
 
     def contains(self, points: Array) -> BoolArray:
         """Which points of shape (n, 2) lie inside, shape (n,)."""
         points = np.asarray(points, float)
-        outline, *zones = self._drawn
+        outline, *zones = self._loop_edges
         inside = encloses(outline, points)
         for zone in zones:
             inside &= ~encloses(zone, points)
@@ -111,7 +115,7 @@ class Region:
         """Distance of each of the points (n, 2) to each edge, shape (n, e) [m]."""
         return along_edges(np.asarray(points, float)[:, None], self.edges)[0]
 
-    def rooms(self, centres: Array, corners: Array) -> Array:
+    def clearances(self, centres: Array, corners: Array) -> Array:
         """Signed room of regular hexagons with ``corners`` (6, 2) about each of the ``centres`` (n, 2), shape (n,) [m].
 
         Inside, it is the least distance between the outlines of the board and of the region. Elsewhere it is minus the
@@ -121,20 +125,22 @@ class Region:
         centres = np.asarray(centres, float)
         if not len(centres):
             return np.empty(0)
-        reach = np.linalg.norm(corners[0])
-        apothem = np.sqrt(0.75) * reach
-        apart = self.distances(centres)
-        nearest = apart.min(axis=1)
+        circumradius = np.linalg.norm(corners[0])
+        apothem = np.sqrt(0.75) * circumradius
+        distances = self.distances(centres)
+        nearest = distances.min(axis=1)
         # The nearest edge bounds the room; what is further from the centre than this cannot be nearer to the outline.
         is_clear = self.contains(centres) & (nearest >= apothem)
-        board, edge = np.nonzero(apart <= (nearest + np.where(is_clear, reach - apothem, 2 * reach))[:, None])
+        board, edge = np.nonzero(
+            distances <= (nearest + np.where(is_clear, circumradius - apothem, 2 * circumradius))[:, None]
+        )
         first = np.searchsorted(board, np.arange(len(centres)))
         outline = centres[:, None] + corners
-        apart = along_edges(outline[board], self.edges[edge, None])[0]
-        apart = np.minimum.reduceat(apart, first, axis=0)
+        distances = along_edges(outline[board], self.edges[edge, None])[0]
+        distances = np.minimum.reduceat(distances, first, axis=0)
         inside = self.contains(outline.reshape(-1, 2)).reshape(-1, 6)
-        poke = hexagon_distances(deepest(self.edges[edge] - centres[board, None], corners), corners).min(axis=1)
-        return np.minimum(np.where(inside, apart, -apart).min(axis=1), np.minimum.reduceat(poke, first))
+        penetration = hexagon_distances(deepest(self.edges[edge] - centres[board, None], corners), corners).min(axis=1)
+        return np.minimum(np.where(inside, distances, -distances).min(axis=1), np.minimum.reduceat(penetration, first))
 
 
 def checked_loops(loops: Iterable[ArrayLike]) -> tuple[Array, ...]:
@@ -151,7 +157,7 @@ def checked_loops(loops: Iterable[ArrayLike]) -> tuple[Array, ...]:
 
 def edges_of(loops: Sequence[Array]) -> Array:
     """Edges of loops, without those that are there twice, shape (e, 2, 2) [m]."""
-    rounded = [np.round(loop, SAME_POINT) + 0.0 for loop in loops if len(loop)]  # no minus zero
+    rounded = [np.round(loop, POINT_DECIMALS) + 0.0 for loop in loops if len(loop)]  # no minus zero
     pairs = np.concatenate([np.stack((a, np.roll(a, -1, axis=0)), axis=1) for a in rounded] or [np.empty((0, 2, 2))])
     pairs = pairs[(pairs[:, 0] != pairs[:, 1]).any(axis=1)]
     (ax, ay), (bx, by) = pairs[:, 0].T, pairs[:, 1].T
@@ -166,11 +172,11 @@ def encloses(edges: Array, points: Array) -> BoolArray:
     (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
     rises = by > ay
     inside = np.empty(len(points), bool)
-    for part in parts(len(points), len(ax)):
-        x, y = points[part, :1], points[part, 1:]
+    for chunk in chunks(len(points), len(ax)):
+        x, y = points[chunk, :1], points[chunk, 1:]
         is_left = (bx - ax) * (y - ay) > (by - ay) * (x - ax)
         crosses = ((ay > y) != (by > y)) & (is_left == rises)
-        inside[part] = np.count_nonzero(crosses, axis=1) % 2 == 1
+        inside[chunk] = np.count_nonzero(crosses, axis=1) % 2 == 1
     return inside
 
 
@@ -182,9 +188,9 @@ def along_edges(points: Array, edges: Array) -> tuple[Array, Array, Array]:
     x, y = points[..., 0] - edges[..., 0, 0], points[..., 1] - edges[..., 0, 1]
     dx, dy = edges[..., 1, 0] - edges[..., 0, 0], edges[..., 1, 1] - edges[..., 0, 1]
     square = dx * dx + dy * dy
-    share = (x * dx + y * dy) / square
-    on = np.clip(share, 0, 1)
-    return np.hypot(x - on * dx, y - on * dy), share, (dx * y - dy * x) / np.sqrt(square)
+    fraction = (x * dx + y * dy) / square
+    on = np.clip(fraction, 0, 1)
+    return np.hypot(x - on * dx, y - on * dy), fraction, (dx * y - dy * x) / np.sqrt(square)
 
 
 def deepest(edges: Array, corners: Array) -> Array:
@@ -195,8 +201,8 @@ def deepest(edges: Array, corners: Array) -> Array:
     start, along = edges[:, :1], edges[:, 1:] - edges[:, :1]
     across = np.column_stack((-corners[:3, 1], corners[:3, 0]))
     rise, run = -start @ across.T, along @ across.T
-    share = np.clip(np.divide(rise, run, out=np.zeros_like(rise), where=run != 0), 0, 1)
-    return np.concatenate((edges, start + share[:, 0, :, None] * along), axis=1)
+    fraction = np.clip(np.divide(rise, run, out=np.zeros_like(rise), where=run != 0), 0, 1)
+    return np.concatenate((edges, start + fraction[:, 0, :, None] * along), axis=1)
 
 
 def hexagon_distances(points: Array, corners: Array) -> Array:
@@ -209,7 +215,7 @@ def hexagon_distances(points: Array, corners: Array) -> Array:
     return np.where(beyond < 0, beyond, np.hypot(beyond, np.maximum(aside, 0)))
 
 
-def parts(rows: int, columns: int) -> Iterator[slice]:
+def chunks(rows: int, columns: int) -> Iterator[slice]:
     """Slices of rows, each of so many that few pairs with the columns are held at a time."""
-    step = max(1, CHUNK // max(columns, 1))
+    step = max(1, MAX_PAIRS // max(columns, 1))
     return (slice(start, start + step) for start in range(0, rows, step))

@@ -6,12 +6,11 @@ from scipy.interpolate import RectBivariateSpline
 from ...common.arrays import Array, BoolArray, cross, unit
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.distance import footpoints
+from ..lattice import ROUNDING
 
 # Parts into which a step along a geodesic is divided until its speed keeps within this of one, and the surface turns by
 # no more than this in each [rad].
-PARTS, UNIT_SPEED, TURN = (1, 2, 4, 16), 0.03, 0.6
-# Share of a step that may be rounding.
-ROUNDING = 1e-6
+SUBSTEPS, SPEED_TOLERANCE, MAX_SUBSTEP_TURN = (1, 2, 4, 16), 0.03, 0.6
 
 
 def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: float) -> Array:
@@ -35,7 +34,7 @@ def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: 
         Parameters, which go on over a seam.
     """
     (left, below), (right, above) = (
-        np.maximum(np.ceil(reach / step - ROUNDING), 1).astype(int) for reach in (-flat.min(axis=0), flat.max(axis=0))
+        np.maximum(np.ceil(extent / step - ROUNDING), 1).astype(int) for extent in (-flat.min(axis=0), flat.max(axis=0))
     )
     row, tangents = trace_both(surface, uv[None], along[None], step, left, left + right + 1)
     row, tangents = row[:, 0], tangents[:, 0]
@@ -58,8 +57,8 @@ def trace_both(
         Unit, in the direction of growing index.
     """
     k = len(uv)
-    reach = max(before, count - 1 - before)
-    path, heading = trace(surface, np.concatenate((uv, uv)), np.concatenate((tangents, -tangents)), step, reach)
+    extent = max(before, count - 1 - before)
+    path, heading = trace(surface, np.concatenate((uv, uv)), np.concatenate((tangents, -tangents)), step, extent)
     back, forth = slice(before, 0, -1), slice(0, count - before)
     return (
         np.concatenate((path[back, k:], path[forth, :k])),
@@ -110,27 +109,27 @@ def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tu
     """
     first, up = r, unit(cross(r[1, 0], r[0, 1]))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for parts in PARTS:
+        for parts in SUBSTEPS:
             state, r, h = start, first, step[:, None] / parts
             for _ in range(parts):
-                k1 = _slope(r, state)
-                k2 = _slope_at(surface, state + h / 2 * k1)
-                k3 = _slope_at(surface, state + h / 2 * k2)
-                k4 = _slope_at(surface, state + h * k3)
+                k1 = _rate(r, state)
+                k2 = _rate_at(surface, state + h / 2 * k1)
+                k3 = _rate_at(surface, state + h / 2 * k2)
+                k4 = _rate_at(surface, state + h * k3)
                 state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
                 r = surface.derivatives(state[:, 0], order=2)
             velocity = r[1, 0] * state[:, 1, :1] + r[0, 1] * state[:, 1, 1:]
             speed = np.sqrt((velocity**2).sum(axis=1, keepdims=True))
             turned = np.arccos(np.clip((unit(cross(r[1, 0], r[0, 1])) * up).sum(axis=1), -1, 1))
-            kept = (np.abs(speed[:, 0] - 1) < UNIT_SPEED) & (turned < TURN * parts)
-            if kept.all():
+            accurate = (np.abs(speed[:, 0] - 1) < SPEED_TOLERANCE) & (turned < MAX_SUBSTEP_TURN * parts)
+            if accurate.all():
                 state[:, 1] /= speed
                 return state, r, velocity / speed
         tangents = unit(velocity)  # of those that are lost anything
-    return _stepped_over(surface, start, first, step, state, tangents, ~kept)
+    return _step_straight(surface, start, first, step, state, tangents, ~accurate)
 
 
-def _stepped_over(
+def _step_straight(
     surface: BSplineSurface, start: Array, first: Array, step: Array, state: Array, tangents: Array, lost: BoolArray
 ) -> tuple[Array, Array, Array]:
     """The end of a step where what is ``lost`` goes straight ahead."""
@@ -146,11 +145,11 @@ def _stepped_over(
     return state, r, tangents
 
 
-def _slope_at(surface: BSplineSurface, state: Array) -> Array:
-    return _slope(surface.derivatives(state[:, 0], order=2), state)
+def _rate_at(surface: BSplineSurface, state: Array) -> Array:
+    return _rate(surface.derivatives(state[:, 0], order=2), state)
 
 
-def _slope(r: Array, state: Array) -> Array:
+def _rate(r: Array, state: Array) -> Array:
     """Rate of parameters and of their speed on a geodesic: its acceleration has no part in the surface."""
     du, dv = state[:, 1, :1], state[:, 1, 1:]
     bend = r[2, 0] * du**2 + 2 * r[1, 1] * du * dv + r[0, 2] * dv**2

@@ -16,25 +16,25 @@ class Net:
 
     flat: Array  # (n, 2) places from the pinned node [m]
     pairs: IntArray  # (e, 2)
-    shares: Array  # (n,) of the forces that hold it, one in all
+    load_fractions: Array  # (n,) of the forces that hold it, one in all
     straight: bool = False  # whether distances are measured through space (boards) or along the surface (a sheet)
 
     @cached_property
-    def arms(self) -> Array:
+    def pair_vectors(self) -> Array:
         """From one node of each pair to the other, shape (e, 2) [m]."""
         return self.flat[self.pairs[:, 1]] - self.flat[self.pairs[:, 0]]
 
     @cached_property
     def lengths(self) -> Array:
         """Distances that the pairs hold, shape (e,) [m]."""
-        return np.linalg.norm(self.arms, axis=1)
+        return np.linalg.norm(self.pair_vectors, axis=1)
 
     @cached_property
-    def arms_at_nodes(self) -> tuple[csr_array, csr_array]:
+    def incident_vectors(self) -> tuple[csr_array, csr_array]:
         """The x and the y of the arms, each at the two nodes that it joins, shapes (n, e) [m]."""
-        place = self.pairs.ravel(), np.repeat(np.arange(len(self.pairs)), 2)
+        order = self.pairs.ravel(), np.repeat(np.arange(len(self.pairs)), 2)
         size = len(self.flat), len(self.pairs)
-        x, y = (csr_array((np.repeat(part, 2), place), size) for part in self.arms.T)
+        x, y = (csr_array((np.repeat(part, 2), order), size) for part in self.pair_vectors.T)
         return x, y
 
     @property
@@ -48,17 +48,17 @@ class Net:
         return int(np.argmin((self.flat**2).sum(axis=1)))
 
     @cached_property
-    def beside_pin(self) -> IntArray:
+    def adjacent_to_pin(self) -> IntArray:
         """Nodes that hold their distance from the pinned one."""
         there = self.pairs[(self.pairs == self.pin).any(axis=1)]
         return there[there != self.pin]
 
     @cached_property
-    def place(self) -> IntArray:
+    def order(self) -> IntArray:
         """Order in which pairs have their nodes close to each other: along the shorter side first, shape (n,)."""
         orders = [np.lexsort(keys) for keys in (self.flat.T, self.flat.T[::-1])]
-        places = [np.argsort(order) for order in orders]
-        return min(places, key=lambda place: np.abs(np.diff(place[self.pairs], axis=1)).max())
+        positions = [np.argsort(order) for order in orders]
+        return min(positions, key=lambda order: np.abs(np.diff(order[self.pairs], axis=1)).max())
 
 
 @lru_cache(maxsize=32)
@@ -83,8 +83,12 @@ def grid_net(shape: tuple[int, int], step: tuple[float, float], pinned: tuple[in
         (node[:-1, 1:], node[1:, :-1]),
     )
     pairs = np.concatenate([np.column_stack((start.ravel(), stop.ravel())) for start, stop in families])
-    shares = np.outer(_trapezoid(a), _trapezoid(b)).ravel()
-    return Net(np.column_stack(((j - pinned[1]) * step[1], (i - pinned[0]) * step[0])), pairs, shares / shares.sum())
+    load_fractions = np.outer(_trapezoid(a), _trapezoid(b)).ravel()
+    return Net(
+        np.column_stack(((j - pinned[1]) * step[1], (i - pinned[0]) * step[0])),
+        pairs,
+        load_fractions / load_fractions.sum(),
+    )
 
 
 def _trapezoid(n: int) -> Array:
@@ -106,7 +110,7 @@ def board_net(lattice: HexLattice, cells: IntArray) -> Net:
     pairs = [
         (i, number[q + a, r + b]) for (q, r), i in number.items() for a, b in PORTS[:3] if (q + a, r + b) in number
     ]
-    joined = np.array(pairs, np.int64).reshape(-1, 2)
+    linked = np.array(pairs, np.int64).reshape(-1, 2)
     # The first is held by itself and those beside it: what hangs on one pair alone bears no force across it.
-    holding = np.isin(np.arange(len(cells)), np.append(joined[(joined == 0).any(axis=1)], 0))
-    return Net(lattice.centres(cells - cells[0]), joined, holding / holding.sum(), straight=True)
+    bearing = np.isin(np.arange(len(cells)), np.append(linked[(linked == 0).any(axis=1)], 0))
+    return Net(lattice.centres(cells - cells[0]), linked, bearing / bearing.sum(), straight=True)

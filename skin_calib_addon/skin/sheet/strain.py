@@ -10,7 +10,7 @@ from .relax import pair_lengths
 from .wrap import WrappedSheet
 
 # Share of a turn from which on a sheet goes round the link.
-HALF = 0.5
+MIN_TURN = 0.5
 
 
 def cell_strain(sheet: WrappedSheet) -> Array:
@@ -48,9 +48,9 @@ def closure(sheet: WrappedSheet) -> Closure | None:
     """
     for axis, of in ((1, "rows"), (0, "columns")):
         lines = sheet.uv[1::2] if axis else sheet.uv[:, 1::2].transpose(1, 0, 2)
-        gone = lines[:, -1, 1] - lines[:, 0, 1]
-        if sheet.layer.closed[1] and np.abs(gone).mean() >= HALF:
-            turn = np.array((0.0, np.copysign(1.0, gone.mean())))
+        turns = lines[:, -1, 1] - lines[:, 0, 1]
+        if sheet.layer.closed[1] and np.abs(turns).mean() >= MIN_TURN:
+            turn = np.array((0.0, np.copysign(1.0, turns.mean())))
             found = np.array([_meeting(sheet.layer, line, turn) for line in lines])
             hand = np.sign(sheet.lattice.step[0]) * (1 if axis else -1)
             return Closure(of, found[:, 0], hand * found[:, 1])
@@ -62,15 +62,15 @@ def _meeting(layer: BSplineSurface, line: Array, turn: Array) -> tuple[float, fl
     again = line[0] + turn
     r = layer.derivatives(np.concatenate((line, again[None])))
     points, normals = r[0, 0], unit(cross(r[1, 0], r[0, 1]))
-    ways = pair_lengths(points, normals, np.column_stack((np.arange(len(line) - 1), np.arange(1, len(line)))))[0]
-    done = np.append(0.0, np.cumsum(ways))
+    segments = pair_lengths(points, normals, np.column_stack((np.arange(len(line) - 1), np.arange(1, len(line)))))[0]
+    travelled = np.append(0.0, np.cumsum(segments))
     # The node next to where it comes round, and the way from there.
     lengths = np.linalg.norm(r[(1, 0), (0, 1), -1], axis=1)
     nearest = int(np.argmin(np.linalg.norm((line - again) * lengths, axis=1)))
-    beside = nearest + (1 if nearest == 0 else -1)
+    adjacent = nearest + (1 if nearest == 0 else -1)
     up = normals[nearest]
-    ahead = (points[nearest] - points[beside]) * (1 if beside < nearest else -1)
-    ahead, way = (unit(arm - (arm @ up) * up) for arm in (ahead, points[-1] - points[nearest]))
-    if way.any():
-        way = way * pair_lengths(points, normals, np.array([[nearest, len(line)]]))[0][0]
-    return float(done[nearest] + way @ ahead - done[-1]), float(way @ cross(up, ahead))
+    ahead = (points[nearest] - points[adjacent]) * (1 if adjacent < nearest else -1)
+    ahead, rest = (unit(arm - (arm @ up) * up) for arm in (ahead, points[-1] - points[nearest]))
+    if rest.any():
+        rest = rest * pair_lengths(points, normals, np.array([[nearest, len(line)]]))[0][0]
+    return float(travelled[nearest] + rest @ ahead - travelled[-1]), float(rest @ cross(up, ahead))

@@ -13,33 +13,33 @@ from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.centre import middle
 from ...geometry.surface.distance import footpoints
 from ..lattice import SheetLattice
+from .constraints import Constraints, centring, pin_constraints, row_axis
 from .geodesic import unroll
-from .landmarks import Goal, Landmark
+from .landmarks import Landmark, LandmarkTargets
 from .net import Net, grid_net
 from .offset import offset_surface
-from .relax import SETTLED, Ties, relax
-from .ties import centring, pinned, row_axis
+from .relax import STEP_TOLERANCE, relax
 
 # A first guess that lies beyond an edge by this share of the surface will not come back.
-FAR = 0.5
+MAX_GUESS_OVERSHOOT = 0.5
 # Of a sheet that is trimmed, weight of the strains beyond the edges of the surface.
-BEYOND = 1e-3
+OUTSIDE_WEIGHT = 1e-3
 # Rounds in which a sheet comes to rest, and by how much of its pitch its pinned node may still move in the last.
-ROUNDS, MOVED = 4, 0.01
+CENTRING_ITERATIONS, CENTRING_TOLERANCE = 4, 0.01
 # Moves that end the rest of every second node: a share of the pitch.
-ROUGH = 0.01
+COARSE_STEP_TOLERANCE = 0.01
 # Where nodes between those at rest are this much of their distance too near or too far, the surface turns between them.
-ASTRAY = 0.5
+MAX_CHORD_ERROR = 0.5
 # A surface is like another on which no node of the sheet is further away than so many pitches.
-ALIKE = 2
+MAX_START_DISTANCE = 2
 # Share of the surface by which a point on its edge may be beyond.
-ROUNDING = 1e-9
+PARAMETER_ROUNDING = 1e-9
 # Geodesics of a first guess have points no nearer than this share of the surface's size: they turn slowly.
-STEP = 0.1
+GUESS_STEP = 0.1
 # Where they turn by more than this from one to the next [rad], the parameters between them are not told by cubics.
-BEND = 1.0
+MAX_GUESS_TURN = 1.0
 # By this factor more, on a way that should be short enough, it turns at an edge.
-EDGE = 1.2
+EDGE_FACTOR = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +107,13 @@ def wrap_sheet(
     start = root_of(surface, origin)
     along, step = row_axis(layer, start, direction), guess_step(layer, max(lattice.pitch))
 
-    def by_direction(net: Net, uv: Array) -> Ties:
-        return pinned(layer, net, uv, row_axis(layer, uv[net.pin], direction), centre=origin is None)
+    def pin_by_direction(net: Net, uv: Array) -> Constraints:
+        return pin_constraints(layer, net, uv, row_axis(layer, uv[net.pin], direction), centre=origin is None)
 
-    hold = by_direction
+    constrain = pin_by_direction
     if len(landmarks) > 1:
-        goal = Goal.of(surface, layer, lattice, landmarks)
-        along, hold = goal.heading(along, step), goal.ties
+        targets = LandmarkTargets.of(surface, layer, lattice, landmarks)
+        along, constrain = targets.heading(along, step), targets.constraints
     net = grid_net(lattice.node_shape, lattice.step, pin)
 
     def guess(step: float) -> Array:
@@ -122,18 +122,18 @@ def wrap_sheet(
             uv = uv + centring_shift(layer, uv)
         uv = uv.reshape(*lattice.node_shape, 2)
         if not trim:
-            check_inside(layer, lattice, uv, FAR)
+            check_inside(layer, lattice, uv, MAX_GUESS_OVERSHOOT)
         return uv
 
-    last = None if near is None else moved(near, layer, net, start, origin is None)
-    uv = settle(layer, lattice, guess, step, pin, hold, origin is None, trim, last)
+    start_nodes = None if near is None else moved_sheet(near, layer, net, start, origin is None)
+    uv = relax_sheet(layer, lattice, guess, step, pin, constrain, origin is None, trim, start_nodes)
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         check_inside(layer, lattice, uv)
     return WrappedSheet(surface, offset, layer, lattice, uv, inside)
 
 
-def moved(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array, centre: bool) -> Array | None:
+def moved_sheet(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array, centre: bool) -> Array | None:
     """The nodes of a sheet moved to where it starts on another layer, shape (n, 2); None where they are far away then.
 
     Parameters
@@ -148,19 +148,19 @@ def moved(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array, ce
     if centre:
         uv = uv + centring_shift(layer, uv)
     far = np.linalg.norm(layer.points(uv) - sheet.layer.points(before), axis=1).max()
-    return uv if far < ALIKE * net.pitch else None
+    return uv if far < MAX_START_DISTANCE * net.pitch else None
 
 
-def settle(
+def relax_sheet(
     layer: BSplineSurface,
     lattice: SheetLattice,
     guess: Callable[[float], Array],
     step: float,
     pin: tuple[int, int],
-    hold: Callable[[Net, Array], Ties],
+    constrain: Callable[[Net, Array], Constraints],
     centre: bool,
     trim: bool,
-    last: Array | None,
+    start_nodes: Array | None,
 ) -> Array:
     """Bring the nodes to rest: every second of them, the pinned one among them, and then all, shape (a, b, 2).
 
@@ -174,40 +174,46 @@ def settle(
         The nodes on a surface much like this one, where they are known.
     """
 
-    def rest(net: Net, uv: Array, rounds: int = ROUNDS, settled: float = SETTLED) -> Array:
+    def relaxed(
+        net: Net, uv: Array, rounds: int = CENTRING_ITERATIONS, step_tolerance: float = STEP_TOLERANCE
+    ) -> Array:
         weights = None
         if trim:
-            weights = np.where(on_surface(layer, uv)[net.pairs].any(axis=1), 1.0, BEYOND)
+            weights = np.where(on_surface(layer, uv)[net.pairs].any(axis=1), 1.0, OUTSIDE_WEIGHT)
         for _ in range(rounds):
-            before, uv = uv[net.pin], relax(layer, net, uv, hold(net, uv), weights, settled)
+            before, uv = uv[net.pin], relax(layer, net, uv, constrain(net, uv), weights, step_tolerance)
             if not centre or rounds == 1:
                 break
             # Where a centred sheet has moved, its direction is another, and so may be its outermost nodes.
-            places = layer.points([before, uv[net.pin], uv[net.pin] + centring_shift(layer, uv)])
-            if np.linalg.norm(np.diff(places, axis=0), axis=1).max() < MOVED * net.pitch:
+            points = layer.points([before, uv[net.pin], uv[net.pin] + centring_shift(layer, uv)])
+            if np.linalg.norm(np.diff(points, axis=0), axis=1).max() < CENTRING_TOLERANCE * net.pitch:
                 break
         return uv
 
     net = grid_net(lattice.node_shape, lattice.step, pin)
-    if last is not None:
-        uv = rest(net, last, settled=ROUGH)
-        if not strays(layer, net, uv):
+    if start_nodes is not None:
+        uv = relaxed(net, start_nodes, step_tolerance=COARSE_STEP_TOLERANCE)
+        if not may_be_folded(layer, net, uv):
             return uv.reshape(*lattice.node_shape, 2)
     uv = guess(step)
     first = (pin[0] % 2, pin[1] % 2)
-    sparse = uv[first[0] :: 2, first[1] :: 2]
-    if min(sparse.shape[:2]) > 1 and layer.turning(min(lattice.pitch)) < BEND:
-        thin = grid_net(sparse.shape[:2], (2 * lattice.step[0], 2 * lattice.step[1]), (pin[0] // 2, pin[1] // 2))
-        uv = between(rest(thin, sparse.reshape(-1, 2), 1, ROUGH).reshape(sparse.shape), first, lattice.node_shape)
-        if strays(layer, net, uv.reshape(-1, 2)):
+    coarse = uv[first[0] :: 2, first[1] :: 2]
+    if min(coarse.shape[:2]) > 1 and layer.turning(min(lattice.pitch)) < MAX_GUESS_TURN:
+        coarse_net = grid_net(coarse.shape[:2], (2 * lattice.step[0], 2 * lattice.step[1]), (pin[0] // 2, pin[1] // 2))
+        uv = interpolated(
+            relaxed(coarse_net, coarse.reshape(-1, 2), 1, COARSE_STEP_TOLERANCE).reshape(coarse.shape),
+            first,
+            lattice.node_shape,
+        )
+        if may_be_folded(layer, net, uv.reshape(-1, 2)):
             uv = guess(min(lattice.pitch) / 2)
-    return rest(net, uv.reshape(-1, 2)).reshape(uv.shape)
+    return relaxed(net, uv.reshape(-1, 2)).reshape(uv.shape)
 
 
-def strays(layer: BSplineSurface, net: Net, uv: Array) -> bool:
+def may_be_folded(layer: BSplineSurface, net: Net, uv: Array) -> bool:
     """Whether nodes lie so much too near or too far from those beside them that the net may be folded."""
     chords = np.linalg.norm(np.diff(layer.points(uv)[net.pairs], axis=1)[:, 0], axis=1)
-    return bool(np.abs(chords / net.lengths - 1).max() > ASTRAY)
+    return bool(np.abs(chords / net.lengths - 1).max() > MAX_CHORD_ERROR)
 
 
 def centring_shift(layer: BSplineSurface, uv: Array) -> Array:
@@ -222,7 +228,7 @@ def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
     return footpoints(surface, np.asarray(origin, float)[None])[0][0]
 
 
-def between(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
+def interpolated(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
     """All nodes of a grid from every second of them, which begin at ``first``, by cubics along both sides."""
     for axis in (0, 1):
         n = uv.shape[axis]
@@ -234,10 +240,10 @@ def between(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
 
 def guess_step(surface: BSplineSurface, pitch: float) -> float:
     """How far apart points on the geodesics of a first guess may be for those between them to lie near [m]."""
-    step = max(2 * pitch, STEP * size_of(surface))
-    step *= BEND / max(surface.turning(step), BEND)
+    step = max(2 * pitch, GUESS_STEP * size_of(surface))
+    step *= MAX_GUESS_TURN / max(surface.turning(step), MAX_GUESS_TURN)
     # Over an edge the surface turns as much on a shorter way: there nodes go without any between.
-    return pitch / 2 if surface.turning(step) > EDGE * BEND else max(step, pitch / 2)
+    return pitch / 2 if surface.turning(step) > EDGE_FACTOR * MAX_GUESS_TURN else max(step, pitch / 2)
 
 
 def size_of(surface: BSplineSurface) -> float:
@@ -247,7 +253,7 @@ def size_of(surface: BSplineSurface) -> float:
 
 def on_surface(surface: BSplineSurface, uv: Array) -> BoolArray:
     """Whether parameters (..., 2) lie within the edges of the surface."""
-    return (surface.closed | (np.abs(uv - 0.5) <= 0.5 + ROUNDING)).all(axis=-1)
+    return (surface.closed | (np.abs(uv - 0.5) <= 0.5 + PARAMETER_ROUNDING)).all(axis=-1)
 
 
 def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
@@ -269,21 +275,21 @@ def check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array, slac
     """
     centres = uv[1::2, 1::2].reshape(-1, 2)
     beyond = np.where(surface.closed, 0.0, np.abs(centres - 0.5) - 0.5).max(axis=1)
-    if beyond.max() <= slack + ROUNDING:
+    if beyond.max() <= slack + PARAMETER_ROUNDING:
         return
-    off = np.flatnonzero(beyond > ROUNDING)
-    row, column = lattice.index[off[0]].tolist()
-    gap, edge = off_edge(surface, centres[off[0]])
+    outside = np.flatnonzero(beyond > PARAMETER_ROUNDING)
+    row, column = lattice.index[outside[0]].tolist()
+    gap, edge = beyond_edge(surface, centres[outside[0]])
     raise OutsideSurface(
         f"cell ({row}, {column}) lies {gap * 1e3:.1f} mm beyond the edge {edge} of the surface, the first of "
-        f"{len(off)}; move the origin, turn the direction, or widen the grid",
+        f"{len(outside)}; move the origin, turn the direction, or widen the grid",
         row=row,
         column=column,
         distance=gap,
     )
 
 
-def off_edge(surface: BSplineSurface, uv: Array) -> tuple[float, str]:
+def beyond_edge(surface: BSplineSurface, uv: Array) -> tuple[float, str]:
     """How far parameters (2,) lie beyond the edge of the surface that they are furthest beyond [m], and its name."""
     axis = int(np.argmax(np.where(surface.closed, 0.0, np.abs(uv - 0.5))))
     inner = uv.copy()

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from skin_calib_addon.calibration.exchange import TaxelSet, write_taxel_set
 from skin_calib_addon.calibration.file import save_calibration
 from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.inspection.all_taxels import AllTaxels
 from skin_calib_addon.inspection.comparison import compare, read_others
-from skin_calib_addon.inspection.values import AllTaxels
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
 from tests.samples import small_calibration
@@ -41,7 +41,7 @@ def test_same_taxels_are_no_way_apart(taxels, same, wrist):
     order = np.random.default_rng(0).permutation(len(taxels.ids))
     mixed = TaxelSet(same.positions[order], same.normals[order], tuple(same.labels[i] for i in order), order, None)
     found = compare(taxels, mixed, wrist.cover)
-    assert found.by == "id" and found.told == ()
+    assert found.by == "id" and found.notes == ()
     assert (found.ours == order).all() and (found.theirs == np.arange(120)).all()
     assert not found.distances.any() and found.angles.max() < 1e-12
 
@@ -58,14 +58,14 @@ def test_each_pair_has_its_distance_and_angle(taxels, same, wrist):
     assert_allclose(found.ends[:, 1] - found.ends[:, 0], shift, atol=1e-12)
     lean = np.linalg.norm(taxels.normals[:, :2], axis=1)
     assert_allclose(found.angles, 2 * np.arcsin(lean * np.sin(0.01)), rtol=1e-9)
-    assert found.worst == taxels.ids[7] and found.told == ()
+    assert found.worst == taxels.ids[7] and found.notes == ()
 
 
 def test_taxels_without_a_partner_are_told(taxels, same, wrist):
     """On both sides."""
     labels = ("other", *same.labels[1:])
-    told = compare(taxels, replace(same, labels=labels), wrist.cover).told
-    assert told == (
+    notes = compare(taxels, replace(same, labels=labels), wrist.cover).notes
+    assert notes == (
         "1 taxel of ours without one in the file: wrist.0.0",
         "1 taxel of the file without one of ours: other",
     )
@@ -81,7 +81,7 @@ def test_strange_names_are_paired_by_place(taxels, same, wrist):
     gaps = np.linalg.norm(near[:, None] - taxels.positions, axis=2)
     assert found.by == "nearest" and (found.ours == gaps.argmin(axis=1)).all() and found.angles is None
     assert_allclose(found.distances, gaps.min(axis=1))
-    assert found.told == (
+    assert found.notes == (
         "1 taxel of ours without one in the file: wrist.0.5",
         "1 of the file share the nearest of ours with another",
     )
@@ -91,23 +91,23 @@ def test_wrong_frame_is_told_with_the_motion(taxels, same, wrist):
     """By id from the pairs; by place from the mesh. What only scatters has no frame to blame."""
     turn, shift = Rotation.from_rotvec([0, 0.5, 0]), np.array((0.1, 0, 0.02))
     moved = same.moved(turn.as_matrix(), shift)
-    told = compare(taxels, moved, wrist.cover).told
-    assert len(told) == 1 and told[0].startswith("Another frame? a turn by 28.6° and a shift by (")
+    notes = compare(taxels, moved, wrist.cover).notes
+    assert len(notes) == 1 and notes[0].startswith("Another frame? a turn by 28.6° and a shift by (")
     back = (turn.inv().apply(-shift) * 1e3).round(1)
-    assert f"({back[0]:.1f}, {back[1] + 0.0:.1f}, {back[2]:.1f}) mm" in told[0]
-    named = compare(taxels, replace(same, frame="forearm"), wrist.cover, "wrist").told
+    assert f"({back[0]:.1f}, {back[1] + 0.0:.1f}, {back[2]:.1f}) mm" in notes[0]
+    named = compare(taxels, replace(same, frame="forearm"), wrist.cover, "wrist").notes
     assert named == ("The file is in the frame forearm",)
     scattered = same.positions + np.random.default_rng(2).normal(0, 2e-3, (120, 3))
-    assert compare(taxels, replace(same, positions=scattered), wrist.cover).told == ()
-    strange = replace(moved, labels=tuple(f"t{k}" for k in range(120)))
-    assert compare(taxels, strange, wrist.cover).told[0].startswith("Another frame: it lies ")
+    assert compare(taxels, replace(same, positions=scattered), wrist.cover).notes == ()
+    renamed = replace(moved, labels=tuple(f"t{k}" for k in range(120)))
+    assert compare(taxels, renamed, wrist.cover).notes[0].startswith("Another frame: it lies ")
 
 
 def test_normals_that_look_inward_are_counted(taxels, same, wrist):
     """Of a file whose normals are turned round."""
     normals = np.where(np.arange(120)[:, None] < 30, -same.normals, same.normals)
     found = compare(taxels, replace(same, normals=normals), wrist.cover)
-    assert found.told == ("30 normals of the file look the other way",)
+    assert found.notes == ("30 normals of the file look the other way",)
     assert_allclose(found.angles[:30], np.pi)
 
 

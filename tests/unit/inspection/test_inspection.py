@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import UnknownTaxel
-from skin_calib_addon.inspection.values import AllTaxels
+from skin_calib_addon.inspection.all_taxels import AllTaxels
 from tests.samples import RADIUS, boards, seven_boards, small_calibration
 
 
@@ -94,4 +94,4 @@ def test_outline_of_cells_goes_round_them(taxels):
     assert_allclose(one[:, 0], taxels.corners[7, [0, 1, 2, 5]])
     flower = AllTaxels.of((seven_boards(),))
     assert len(flower.outline(np.arange(7))) == 18 and len(flower.outline(np.arange(2))) == 10
-    assert (flower.beside[0] >= 0).all() and sorted(flower.beside[0]) == list(range(1, 7))
+    assert (flower.adjacent[0] >= 0).all() and sorted(flower.adjacent[0]) == list(range(1, 7))

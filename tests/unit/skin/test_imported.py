@@ -12,7 +12,15 @@ from skin_calib_addon.calibration.exchange import TaxelSet
 from skin_calib_addon.calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.common.findings import warning
-from skin_calib_addon.skin.imported import REACH, frame_on, gabriel, imported_taxels, median_pitch, near_pairs, placed
+from skin_calib_addon.skin.imported import (
+    MAX_CELL_RADIUS,
+    frame_on,
+    gabriel,
+    imported_taxels,
+    median_pitch,
+    near_pairs,
+    placed,
+)
 from skin_calib_addon.skin.sheet.taxels import fan_areas
 from tests.samples import ERRORS
 from tests.shapes import RADIUS, Motion, cone_surface, cylinder, plane_surface, sheet, wrist, wrist_surface
@@ -79,7 +87,7 @@ def test_frames_are_orthonormal_and_corners_run_round_them(positions, surface):
     turns = (np.cross(arms, np.roll(arms, -1, axis=1)) * normals[:, None]).sum(axis=2)
     assert (turns > 0).all()
     assert_allclose(arms[:, 0], (arms[:, 0] * tangents).sum(axis=1, keepdims=True) * tangents, rtol=0, atol=1e-12)
-    assert np.linalg.norm(arms, axis=2).max() <= REACH * result.pitch * (1 + 1e-12)
+    assert np.linalg.norm(arms, axis=2).max() <= MAX_CELL_RADIUS * result.pitch * (1 + 1e-12)
     assert_allclose(taxels.areas, turns.sum(axis=1) / 2, rtol=1e-12)
     assert result.findings == ()
 
@@ -116,13 +124,13 @@ def test_distances_are_told_before_and_after():
     positions = flat(lattice(4, 5, "square"), 0.002)
     mesh = sheet(lambda x, y: 0 * x - 0.0005)
     result = imported_taxels(taxel_set(positions), plane_surface(), "skin", mesh)
-    for told, expected in (
+    for named, expected in (
         (result.before.surface, 0.002),
         (result.before.mesh, 0.0025),
         (result.after.surface, 0),
         (result.after.mesh, 0.0005),
     ):
-        assert_allclose((told.mean, told.rms, told.max), expected, rtol=1e-9, atol=1e-12)
+        assert_allclose((named.mean, named.rms, named.max), expected, rtol=1e-9, atol=1e-12)
     assert result.fit.verdict == "right" and result.findings == ()
     bare = imported_taxels(taxel_set(positions), plane_surface(), "skin")
     assert bare.before.mesh is bare.after.mesh is bare.fit is None
@@ -184,8 +192,8 @@ def test_border_cells_stay_compact(kind):
     result = imported_taxels(taxel_set(positions), plane_surface(), "skin")
     assert_allclose(result.pitch, PITCH, rtol=1e-9)
     reach = np.linalg.norm(result.taxels.corners_link - positions[:, None], axis=2)
-    assert_allclose(reach[25], REACH * PITCH, rtol=1e-9)
-    assert_allclose(reach.max(), REACH * PITCH, rtol=1e-9)
+    assert_allclose(reach[25], MAX_CELL_RADIUS * PITCH, rtol=1e-9)
+    assert_allclose(reach.max(), MAX_CELL_RADIUS * PITCH, rtol=1e-9)
     assert result.taxels.neighbours[25] == ()
 
 
@@ -195,8 +203,8 @@ def test_neighbours_touch_half_way(kind, inner, corner):
     taxels = imported_taxels(taxel_set(flat(lattice(5, 5, kind))), plane_surface(), "skin").taxels
     place = {name: row for row, name in enumerate(taxels.ids)}
     assert len(taxels.neighbours[12]) == inner and len(taxels.neighbours[0]) == corner
-    for name, beside in zip(taxels.ids, taxels.neighbours):
-        for other in beside:
+    for name, adjacent in zip(taxels.ids, taxels.neighbours):
+        for other in adjacent:
             gap = taxels.positions_link[place[name]] - taxels.positions_link[place[other]]
             assert np.linalg.norm(gap) < 1.01 * PITCH
             assert name in taxels.neighbours[place[other]]
@@ -209,8 +217,10 @@ def test_neighbours_reach_over_the_seam_of_a_tube():
     ring = np.column_stack((RADIUS * np.cos(angle), RADIUS * np.sin(angle), 0 * angle))
     positions = np.concatenate([ring + (0, 0, 0.04 + PITCH * k) for k in range(3)])
     taxels = imported_taxels(taxel_set(positions), cone_surface(RADIUS, RADIUS), "s").taxels
-    for i, beside in enumerate(taxels.neighbours[count : 2 * count]):
-        assert set(beside) == {f"s.t{k}" for k in (i, i + 2 * count, count + (i + 1) % count, count + (i - 1) % count)}
+    for i, adjacent in enumerate(taxels.neighbours[count : 2 * count]):
+        assert set(adjacent) == {
+            f"s.t{k}" for k in (i, i + 2 * count, count + (i + 1) % count, count + (i - 1) % count)
+        }
     assert_allclose(taxels.areas[count : 2 * count], PITCH * 2 * RADIUS * np.pi / count, rtol=0.06)
 
 
@@ -380,7 +390,7 @@ def test_taxels_without_spacing_need_a_pitch():
             imported_taxels(taxel_set(positions), plane_surface(), "s")
         taxels = imported_taxels(taxel_set(positions), plane_surface(), "s", pitch=0.01).taxels
         arms = taxels.corners_link - positions[:, None]
-        assert_allclose(np.linalg.norm(arms, axis=2), REACH * 0.01, rtol=1e-9)
+        assert_allclose(np.linalg.norm(arms, axis=2), MAX_CELL_RADIUS * 0.01, rtol=1e-9)
         assert_allclose(taxels.areas, fan_areas(positions, taxels.corners_link), rtol=1e-12)
 
 

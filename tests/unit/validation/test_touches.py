@@ -23,11 +23,11 @@ def on_sheet(along, across, height=0.0):
     return (RADIUS + height) * out + np.array((0, 0, 1.0)) * (across + PITCH / 2)[:, None]
 
 
-def touched(calibration, rows, points, ways=None, patch=0):
+def touched(calibration, rows, points, directions=None, patch=0):
     """Touches of some taxels of a patch."""
     ids = calibration.patches[patch].taxels.ids
-    ways = np.zeros((len(rows), 3)) if ways is None else ways
-    return Touches(tuple(ids[row] for row in rows), np.arange(len(rows)) + 2, points, ways)
+    directions = np.zeros((len(rows), 3)) if directions is None else directions
+    return Touches(tuple(ids[row] for row in rows), np.arange(len(rows)) + 2, points, directions)
 
 
 def slid(rows, shift, turn, spread, seed=0, height=0.0):
@@ -51,7 +51,7 @@ def test_slide_of_a_sheet_is_found():
     assert_allclose(motion.turn, 0.01, rtol=0, atol=2e-4)
     assert_allclose(found.heights, 5e-4, rtol=0, atol=1e-4)
     assert motion.is_certain and list(found.warnings()) == []
-    assert found.left.max() < 5e-5 < 9e-4 < found.distances.min()
+    assert found.residuals.max() < 5e-5 < 9e-4 < found.distances.min()
 
 
 def test_standard_errors_are_honest():
@@ -63,7 +63,7 @@ def test_standard_errors_are_honest():
         motion = found.motion
         off.append((*(motion.shift / motion.shift_error), motion.turn / motion.turn_error))
         certain += motion.is_certain
-        assert_allclose(found.by_chance, PITCH / np.sqrt(6), rtol=1e-12)
+        assert_allclose(found.expected_rms, PITCH / np.sqrt(6), rtol=1e-12)
     assert_allclose(np.std(off, axis=0), 1.0, atol=0.2)
     assert np.abs(np.mean(off, axis=0)).max() < 0.25
     assert certain < 0.25 * 200
@@ -102,7 +102,7 @@ def test_lines_of_action_are_met_in_the_tangent_plane(tmp_path):
     table = [("channel", "fx", "fy", "fz", "tx", "ty", "tz")]
     table += [(row, *force, *np.cross(point, force)) for row, force, point in zip(rows, forces, points)]
     found = read(tmp_path, table)
-    assert_allclose(np.linalg.norm(found.ways, axis=1), 1, rtol=1e-12)
+    assert_allclose(np.linalg.norm(found.directions, axis=1), 1, rtol=1e-12)
     (placement,) = placements(CALIBRATION, found)
     assert len(placement.rows) == len(rows) - 1 and placement.passing.tolist() == [5]
     assert np.isnan(placement.off[:, 2]).all() and len(placement.heights) == 0
@@ -120,7 +120,7 @@ def test_a_wrong_channel_is_named_and_counts_little():
     points = slid(rows, (0.001, 0.0), 0.0, PITCH, seed=3)
     (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
     (found,) = placements(CALIBRATION, touched(CALIBRATION, swapped, points))
-    assert found.astray.tolist() == [7, 40] and fine.astray.tolist() == []
+    assert found.outliers.tolist() == [7, 40] and fine.outliers.tolist() == []
     (warning,) = found.warnings()
     text = warning.message
     assert warning.code == "wrong-taxel" and warning.where.taxels == ("s3.4", "s0.7")
@@ -133,9 +133,9 @@ def test_what_is_far_off_counts_little():
     """Four of fifty touches 40 mm along the rows: the shift is off by less than half a millimetre, not by three."""
     rows = np.random.default_rng(5).integers(0, ROWS * COLUMNS, 50)
     points = slid(rows, 0.0, 0.0, PITCH)
-    astray = np.flatnonzero(rows % COLUMNS < COLUMNS - 4)[:4]
+    outliers = np.flatnonzero(rows % COLUMNS < COLUMNS - 4)[:4]
     felt = rows.copy()
-    felt[astray] += 4
+    felt[outliers] += 4
     (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
     (found,) = placements(CALIBRATION, touched(CALIBRATION, felt, points))
     assert found.off[:, 0].mean() - fine.off[:, 0].mean() < -2e-3
@@ -170,7 +170,7 @@ def test_another_order_of_the_channels_is_named(number, words):
 def test_few_touches_tell_no_slide():
     """Three are too few; many of one cell tell no turn; imported taxels have no flat shape."""
     (few,) = placements(CALIBRATION, touched(CALIBRATION, [0, 5, 9], slid(np.array([0, 5, 9]), 0.0, 0.0, 0.0)))
-    assert few.motion is None and (few.left == few.distances).all()
+    assert few.motion is None and (few.residuals == few.distances).all()
     rows = np.full(6, 14)
     (one,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, PITCH)))
     assert one.motion.turn == 0 and one.motion.turn_error == np.inf
@@ -188,7 +188,7 @@ def test_touches_of_another_frame_are_a_warning():
     assert warning.message == "The touches of sheet are 12.0 mm below its taxels." and warning.code == "touch-height"
     along = SHEET.taxels.tangents_link[rows]
     (none,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0), along))
-    assert len(none.rows) == len(none.astray) == 0 and none.motion is None
+    assert len(none.rows) == len(none.outliers) == 0 and none.motion is None
     (warning,) = none.warnings()
     assert warning.code == "grazing-touch" and warning.value == 20
     assert warning.message.endswith("are left out: line 2; line 3; line 4; and 17 more.")
@@ -214,7 +214,7 @@ def test_tables_are_read_by_their_names(tmp_path):
     """In any order and case, with other columns and comments, by id or channel."""
     found = read(tmp_path, [("# robot 3",), ("note", "Z", "x", "Y", "Taxel"), ("a", 0.3, 0.1, 0.2, "s1.2")])
     assert found.taxels == ("s1.2",) and found.lines.tolist() == [3]
-    assert found.points.tolist() == [[0.1, 0.2, 0.3]] and not found.ways.any()
+    assert found.points.tolist() == [[0.1, 0.2, 0.3]] and not found.directions.any()
     assert read(tmp_path, [("channel", "x", "y", "z"), (14, 0, 0, 0)]).taxels == ("s1.2",)
 
 
@@ -231,7 +231,7 @@ def test_tables_are_read_by_their_names(tmp_path):
         ),
         ([("channel", "x", "y", "z"), (900, 0, 0, 0)], 'line 2, column 1: names no channel of the calibration: "900"'),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, "nan", 0)], "line 2, column 3: "),
-        ([("taxel", "x", "y", "z"), ("s1.2", 0, 31.5, 0)], "are these millimetres?"),
+        ([("taxel", "x", "y", "z"), ("s1.2", 0, 31.5, 0)], "divide millimetres by 1000"),
         ([("taxel", "fx", "fy", "fz", "tx", "ty")], 'the header names no column "tz"'),
         ([("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), ("s1.2", 0, 0, 0.01, 0, 0, 0)], "has a force of 0.01 N"),
     ],

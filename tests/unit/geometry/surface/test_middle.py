@@ -10,7 +10,7 @@ from sample_scenes import shapes
 from skin_calib_addon.geometry import AcrossGrid, BSplineSurface, SectorGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry.surface.centre import middle, seam_of, shares_before
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
-from skin_calib_addon.skin.sheet.ties import centring
+from skin_calib_addon.skin.sheet.constraints import centring
 from tests.shapes import LENGTH, RADIUS, Motion, cone_surface, plane_surface, welded, wrist, wrist_surface
 
 # A coarse net, one whose planes and lines go where they lower the error, a fine one.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import InvalidPlan
-from skin_calib_addon.skin.boards.fill import TOUCH, fill
+from skin_calib_addon.skin.boards.fill import TOUCH_TOLERANCE, fill
 from skin_calib_addon.skin.boards.region import Region
 from skin_calib_addon.skin.lattice import HexLattice
 from tests.oracles import all_offsets, boards_inside, edges_of, is_inside, most_boards, points_on
@@ -62,7 +62,7 @@ def filled(name, lattice):
 def sees_inside(outline, loops):
     """Whether points all along the outline, pulled in by a nanometre, lie inside, and no loop enters it."""
     middle = outline.mean(axis=0)
-    inner = middle + (1 - TOUCH / SIDE) * (points_on(outline, 12) - middle)
+    inner = middle + (1 - TOUCH_TOLERANCE / SIDE) * (points_on(outline, 12) - middle)
     entered = [np.linalg.norm(points_on(loop, 200) - middle, axis=1).min() < 0.8 * SIDE for loop in loops]
     return all(is_inside(point, loops) for point in inner) and not any(entered)
 
@@ -110,7 +110,9 @@ def test_boards_that_fill_a_rectangle_to_its_edges_are_found(width, height, rows
     region = Region((turned(rectangle(*size), 0.2),))
     placement = fill(region, lattice)
     assert len(placement.cells) == sum(rows)
-    assert_allclose(region.rooms(placement.centres, placement.corners[0] - placement.centres[0]).min(), 0, atol=TOUCH)
+    assert_allclose(
+        region.clearances(placement.centres, placement.corners[0] - placement.centres[0]).min(), 0, atol=TOUCH_TOLERANCE
+    )
     counts = [np.unique(turned(placement.centres, k)[:, 1].round(7), return_counts=True)[1] for k in (-0.2, 0.2)]
     assert rows in [c.tolist() for c in counts] or rows[::-1] in [c.tolist() for c in counts]
     if sum(rows) > 3:
@@ -146,7 +148,7 @@ def count_and_room(loops, lattice=SMALL):
         placement = fill(region, lattice)
     except InvalidPlan:
         return 0, 0.0
-    return len(placement.cells), region.rooms(placement.centres, placement.corners[0] - placement.centres[0]).min()
+    return len(placement.cells), region.clearances(placement.centres, placement.corners[0] - placement.centres[0]).min()
 
 
 def test_boards_of_a_lopsided_region_move_with_it():

@@ -48,7 +48,7 @@ def test_region_does_not_hang_on_how_its_loops_are_written(seed):
     centres = rng.uniform(-0.1, 0.1, (30, 2))
     plain, other = Region(loops), Region((*loops[1:], np.roll(first, 3, axis=0), np.zeros((0, 2)), np.ones((1, 2))))
     assert other.contains(centres).tolist() == plain.contains(centres).tolist()
-    assert_allclose(other.rooms(centres, BOARD), plain.rooms(centres, BOARD), atol=1e-11)
+    assert_allclose(other.clearances(centres, BOARD), plain.clearances(centres, BOARD), atol=1e-11)
 
 
 def test_triangles_of_a_flat_mesh_are_a_region():
@@ -71,7 +71,7 @@ def test_rooms_are_those_between_the_outlines(seed):
     region, outline = Region(loops), turned(BOARD, rng.uniform(0, 1))
     centres = rng.uniform(-0.08, 0.08, (3, 2))
     step = np.linalg.norm(np.diff(region.edges, axis=1), axis=2).max() / 30
-    for centre, room in zip(centres, region.rooms(centres, outline)):
+    for centre, room in zip(centres, region.clearances(centres, outline)):
         slow = room_of(centre + outline, loops, 30)
         assert slow - 0.5 * step - 1e-12 < room < slow + 1e-12
 
@@ -82,7 +82,7 @@ def test_rooms_change_by_no_more_than_the_move(seed):
     rng = np.random.default_rng(seed)
     region, start = Region(random_loops(seed)), rng.uniform(-0.08, 0.08, (1, 2))
     path = start + np.arange(40)[:, None] * turned(np.array((0.001, 0)), rng.uniform(0, 7))
-    assert np.abs(np.diff(region.rooms(path, BOARD))).max() < 0.001 + 1e-12
+    assert np.abs(np.diff(region.clearances(path, BOARD))).max() < 0.001 + 1e-12
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_rooms_change_by_no_more_than_the_move(seed):
 )
 def test_room_of_a_board_in_a_square(centre, room):
     """Inside the distance of the outlines, outside how far the board sticks out."""
-    assert_allclose(Region((SQUARE,)).rooms(np.array([centre]), BOARD), room, atol=1e-15)
+    assert_allclose(Region((SQUARE,)).clearances(np.array([centre]), BOARD), room, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_room_of_a_board_in_a_square(centre, room):
 def test_room_of_a_board_that_something_pokes_into(thorn, room):
     """A thorn, and a slit that leaves no corner of either in the other: as deep as the region pokes into the board."""
     region = Region((SQUARE, np.array(thorn)))
-    assert_allclose(region.rooms(np.array([(0.05, 0.05)]), turned(BOARD, np.pi / 6)), room, atol=1e-15)
+    assert_allclose(region.clearances(np.array([(0.05, 0.05)]), turned(BOARD, np.pi / 6)), room, atol=1e-15)
 
 
 def test_region_knows_its_middle_and_its_reflex_points():

@@ -12,11 +12,11 @@ from sample_scenes import shapes
 from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface, SkinCalibError
 from skin_calib_addon.geometry import BSplineSurface, TubeGrid, fit_surface
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.sheet.constraints import pin_constraints, row_axis
 from skin_calib_addon.skin.sheet.net import grid_net
 from skin_calib_addon.skin.sheet.relax import relax
 from skin_calib_addon.skin.sheet.strain import cell_strain, closure
-from skin_calib_addon.skin.sheet.ties import pinned, row_axis
-from skin_calib_addon.skin.sheet.wrap import WrappedSheet, guess_step, strays
+from skin_calib_addon.skin.sheet.wrap import WrappedSheet, guess_step, may_be_folded
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, welded, wrist, wrist_surface
 
 SQUARE = (0.01, 0.01)
@@ -312,12 +312,12 @@ def test_sheet_is_the_same_from_any_first_guess():
     sheet = wrap_sheet(surface, lattice, (0.036, -0.004, 0.02), (0, 1, 0))
     net = grid_net(lattice.node_shape, lattice.step, (1, 1))
     uv = sheet.uv.reshape(-1, 2)
-    ties = pinned(surface, net, uv, row_axis(surface, uv[net.pin], (0, 1, 0)))
+    constraints = pin_constraints(surface, net, uv, row_axis(surface, uv[net.pin], (0, 1, 0)))
     rng = np.random.default_rng(0)
     for size in (1e-4, 1e-3):
         thrown = uv + rng.uniform(-1, 1, uv.shape) * size * (1 / 0.1, 1 / 0.22)
         thrown[net.pin] = uv[net.pin]
-        again = relax(surface, net, thrown, ties)
+        again = relax(surface, net, thrown, constraints)
         assert np.linalg.norm(surface.points(again) - surface.points(uv), axis=1).max() < 5e-5
 
 
@@ -339,7 +339,7 @@ def test_net_with_a_node_out_of_place_strays(moved, astray):
     net = grid_net(lattice.node_shape, lattice.step, (0, 0))
     places = 0.01 + net.flat
     places[0, 0] += moved * lattice.step[1]
-    assert strays(plane, net, places / (0.1, 0.08)) == astray
+    assert may_be_folded(plane, net, places / (0.1, 0.08)) == astray
 
 
 @pytest.mark.parametrize("ends", [(0.035, 0.035), (0.042, 0.030), (0.058, 0.026)])

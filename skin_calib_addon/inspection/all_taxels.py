@@ -13,10 +13,10 @@ from ..common.errors import UnknownTaxel
 from ..common.findings import did_you_mean
 
 # Middles of two sides nearer than this share of the shorter side are one side.
-BESIDE = 0.3
+SHARED_SIDE_TOLERANCE = 0.3
 # A ray slips through between two triangles no wider apart than this share of them, which is rounding.
-EDGE = 1e-9
-LONGEST = 12  # digits of a channel
+BARYCENTRIC_ROUNDING = 1e-9
+MAX_CHANNEL_DIGITS = 12  # digits of a channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class AllTaxels:
     areas: Array  # (n,) [m^2]
     neighbours: tuple[tuple[str, ...], ...]
     strain: Array  # (n, 3) along the row, across the rows, shear [rad]; NaN where a patch has none
-    worst_tilt: Array  # (n,) as the patch knows it [rad]; NaN where it does not
+    stored_tilt: Array  # (n,) as the patch knows it [rad]; NaN where it does not
 
     @classmethod
     def of(cls, patches: Sequence[Patch]) -> "AllTaxels":
@@ -58,7 +58,7 @@ class AllTaxels:
             areas=joined("areas"),
             neighbours=sum((t.neighbours for t in taxels), ()),
             strain=quality("strain", 3),
-            worst_tilt=quality("tilt"),
+            stored_tilt=quality("tilt"),
         )
 
     @cached_property
@@ -76,7 +76,7 @@ class AllTaxels:
         angle = 2 * np.arcsin(np.clip(gap / 2, 0, 1))
         found = np.full(len(self.ids), -1.0)
         np.maximum.at(found, a, angle)
-        return np.where(np.isnan(self.worst_tilt), np.where(found < 0, np.nan, found), self.worst_tilt)
+        return np.where(np.isnan(self.stored_tilt), np.where(found < 0, np.nan, found), self.stored_tilt)
 
     @property
     def stretch(self) -> Array:
@@ -95,7 +95,7 @@ class AllTaxels:
         word = word.strip()
         if word in self.rows:
             return self.rows[word]
-        is_channel = word.isascii() and word.isdigit() and len(word) < LONGEST
+        is_channel = word.isascii() and word.isdigit() and len(word) < MAX_CHANNEL_DIGITS
         here = np.flatnonzero(self.channels == int(word if is_channel else -1))
         if len(here):
             return int(here[0])
@@ -104,7 +104,7 @@ class AllTaxels:
         channels = f"channels go from {self.channels.min()} to {self.channels.max()}"
         raise UnknownTaxel(f"no taxel {word!r} here; {channels}, ids from {self.ids[0]}{did_you_mean(word, self.ids)}")
 
-    def under(self, start: Array, way: Array, farthest: float = np.inf) -> int | None:
+    def under(self, start: Array, direction: Array, farthest: float = np.inf) -> int | None:
         """The taxel whose cell a ray meets first from outside, None where it meets none.
 
         Parameters
@@ -116,20 +116,27 @@ class AllTaxels:
         """
         a = self.positions[:, None]
         u, v = self.corners - a, np.roll(self.corners, -1, axis=1) - a
-        p = cross(np.broadcast_to(way, v.shape), v)
+        p = cross(np.broadcast_to(direction, v.shape), v)
         volume = (u * p).sum(axis=2)
         facing = volume > 0  # corners turn counter-clockwise as seen from outside
         scale = np.where(facing, volume, 1.0)
         t = np.broadcast_to(start - a, u.shape)
         q = cross(t, u)
-        b, c, far = (t * p).sum(axis=2) / scale, (q @ way) / scale, (v * q).sum(axis=2) / scale
-        met = facing & (b >= -EDGE) & (c >= -EDGE) & (b + c <= 1 + EDGE) & (far >= 0) & (far <= farthest)
+        b, c, far = (t * p).sum(axis=2) / scale, (q @ direction) / scale, (v * q).sum(axis=2) / scale
+        met = (
+            facing
+            & (b >= -BARYCENTRIC_ROUNDING)
+            & (c >= -BARYCENTRIC_ROUNDING)
+            & (b + c <= 1 + BARYCENTRIC_ROUNDING)
+            & (far >= 0)
+            & (far <= farthest)
+        )
         if not met.any():
             return None
         return int(np.unravel_index(np.where(met, far, np.inf).argmin(), met.shape)[0])
 
     @cached_property
-    def beside(self) -> IntArray:
+    def adjacent(self) -> IntArray:
         """The taxel on the other side of each side of each cell (n, k); -1 where there is none."""
         n, k = self.corners.shape[:2]
         ends = np.roll(self.corners, -1, axis=1)
@@ -138,12 +145,15 @@ class AllTaxels:
         found = np.full(n * k, -1)
         if len(sides) < 2:
             return found.reshape(n, k)
-        away, place = map(np.asarray, cKDTree(middle[sides]).query(middle[sides], k=2))
-        itself = place[:, 0] == np.arange(len(sides))
-        other, away = np.where(itself, place[:, 1], place[:, 0]), np.where(itself, away[:, 1], away[:, 0])
-        near = away < BESIDE * np.minimum(length[sides], length[sides[other]])
-        near &= sides // k != sides[other] // k
-        found[sides[near]] = sides[other[near]] // k
+        distances, nearest = map(np.asarray, cKDTree(middle[sides]).query(middle[sides], k=2))
+        itself = nearest[:, 0] == np.arange(len(sides))
+        other, distances = (
+            np.where(itself, nearest[:, 1], nearest[:, 0]),
+            np.where(itself, distances[:, 1], distances[:, 0]),
+        )
+        is_shared = distances < SHARED_SIDE_TOLERANCE * np.minimum(length[sides], length[sides[other]])
+        is_shared &= sides // k != sides[other] // k
+        found[sides[is_shared]] = sides[other[is_shared]] // k
         return found.reshape(n, k)
 
     def outline(self, rows: IntArray) -> Array:
@@ -151,7 +161,7 @@ class AllTaxels:
         chosen = np.zeros(len(self.ids) + 1, bool)  # -1 is the last
         chosen[rows] = True
         ends = np.stack((self.corners[rows], np.roll(self.corners[rows], -1, axis=1)), axis=2)
-        open_ = ~chosen[self.beside[rows]] & (ends[:, :, 0] != ends[:, :, 1]).any(axis=2)
+        open_ = ~chosen[self.adjacent[rows]] & (ends[:, :, 0] != ends[:, :, 1]).any(axis=2)
         return ends[open_]
 
     @property

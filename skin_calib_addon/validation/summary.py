@@ -8,27 +8,27 @@ from ..common.arrays import Array
 from .placement import Motion, Placement
 
 
-def in_words(placement: Placement) -> Iterator[str]:
+def summarize(placement: Placement) -> Iterator[str]:
     """A few lines: how far off, how high, which slide explains it, and what that leaves."""
     if len(placement.rows) == 0:
         return
     off = placement.distances * 1e3
     yield (
         f"{len(off)} touches, off along the skin: mean {off.mean():.2f}, rms {_rms(off):.2f}, max {off.max():.2f} mm; "
-        f"rms {placement.by_chance * 1e3:.2f} mm from the size of the cells alone"
+        f"rms {placement.expected_rms * 1e3:.2f} mm from the size of the cells alone"
     )
     if len(placement.heights):
         heights = placement.heights * 1e3
         yield f"{heights.mean():.2f} mm over the taxels on the mean, {np.std(heights):.2f} mm about it"
     if placement.motion is None:
         return
-    yield _slide(placement.motion)
-    left = np.delete(placement.left, placement.astray)
-    without = f", without {len(placement.astray)} far from their taxels" if len(placement.astray) else ""
-    yield f"rms {_rms(left) * 1e3:.2f} mm once that is made up for{without}"
+    yield _motion(placement.motion)
+    residuals = np.delete(placement.residuals, placement.outliers)
+    without = f", without {len(placement.outliers)} far from their taxels" if len(placement.outliers) else ""
+    yield f"rms {_rms(residuals) * 1e3:.2f} mm once that is made up for{without}"
 
 
-def _slide(motion: Motion) -> str:
+def _motion(motion: Motion) -> str:
     (x, y), (dx, dy) = np.round(motion.shift * 1e3, 2) + 0.0, motion.shift_error * 1e3  # no minus zero
     turned = ""
     if np.isfinite(motion.turn_error):

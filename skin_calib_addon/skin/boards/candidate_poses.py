@@ -9,44 +9,44 @@ from scipy.spatial import cKDTree
 
 from ...common.arrays import Array, IntArray
 from ..lattice import PORTS, HexLattice
-from .pack import Pose
+from .pose_refinement import Pose
 from .region import Region
 
 # Boards that a survey looks at, about: offsets x angles x cells. It takes the same time for every region.
-BUDGET = 2e6
+MAX_EVALUATIONS = 2e6
 # A step is between these shares of the pitch: a shorter one finds nothing new, a longer one overlooks too much.
-SHORTEST, LONGEST = 1 / 40, 1 / 6
+MIN_STEP, MAX_STEP = 1 / 40, 1 / 6
 # From any pose it is this many steps to the nearest one of a survey at most: 0.58 for the shift, 0.5 for the turn.
-SLACK = 1.1
+SLACK_STEPS = 1.1
 # So many of the best poses are looked at in halves of a step, so many times over.
-KEPT, HALVINGS = 300, 2
+MAX_CANDIDATES, HALVINGS = 300, 2
 # So many of them are handed out, each more than so many of the last steps from those before.
-STARTS, APART = 20, 4
+MAX_STARTS, START_SEPARATION = 20, 4
 # Places are rounded to this part of a step; centres, shifts and corners together lose as much as this many parts.
-PARTS, ROUNDING = 4, 1.5
+GRID_PARTS, ROUNDING_PARTS = 4, 1.5
 # Of the way from a board's centre to its corners: where discs stand that, with one about the centre, nearly fill it.
-SHARES = (1.0, 0.5, 0.75)
+DISC_POSITIONS = (1.0, 0.5, 0.75)
 # Turned by this about the centre of a cell, a lattice lies on itself.
-SIXTH = np.pi / 3
+LATTICE_PERIOD = np.pi / 3
 
 
 @dataclass(frozen=True, eq=False)
-class Survey:
+class CandidatePoses:
     """Poses of a lattice at steps of angle and offset, and the rooms of the boards there."""
 
     lattice: HexLattice
     depths: "Depths"
     middle: Array  # (2,) about which the lattice is turned [m]
-    reach: float  # from there to the furthest point of the region [m]
+    radius: float  # from there to the furthest point of the region [m]
     step: float  # [m]
     angles: Array  # (a,) [rad]
     shifts: Array  # (s, 2) from the middle, on the lattice [m]
-    rooms: NDArray[np.float32]  # (a, s, n) largest first [m]; -inf for what lacks more than the slack
+    clearances: NDArray[np.float32]  # (a, s, n) largest first [m]; -inf for what lacks more than the slack
 
     @property
     def count(self) -> int:
         """The most boards that fit at one of the poses, but for rounding."""
-        return int(np.count_nonzero(self.rooms >= 0, axis=-1).max())
+        return int(np.count_nonzero(self.clearances >= 0, axis=-1).max())
 
     @property
     def slack(self) -> float:
@@ -55,87 +55,87 @@ class Survey:
 
     def starts(self, count: int) -> Iterator[tuple[Pose, float]]:
         """Poses where ``count`` boards have the most room, and about how much the tightest of them has [m]."""
-        angles, shifts, room = self.finest(count)
-        for _ in range(STARTS):
-            if not len(room):
+        angles, shifts, clearance = self.finest(count)
+        for _ in range(MAX_STARTS):
+            if not len(clearance):
                 return
             turned = Pose(self.middle, float(angles[0]))
-            yield Pose(turned.place(shifts[0]), turned.angle), float(room[0])
-            away = np.column_stack((shifts - shifts[0], self.reach * (angles - angles[0])))
-            is_apart = np.abs(away).max(axis=1) > APART * self.step / 2**HALVINGS
-            angles, shifts, room = angles[is_apart], shifts[is_apart], room[is_apart]
+            yield Pose(turned.to_plane(shifts[0]), turned.angle), float(clearance[0])
+            distances = np.column_stack((shifts - shifts[0], self.radius * (angles - angles[0])))
+            is_apart = np.abs(distances).max(axis=1) > START_SEPARATION * self.step / 2**HALVINGS
+            angles, shifts, clearance = angles[is_apart], shifts[is_apart], clearance[is_apart]
 
     def finest(self, count: int) -> tuple[Array, Array, Array]:
         """Angles (k,), shifts (k, 2) and rooms (k,) of the best poses for so many boards, in parts of a step."""
-        if count > self.rooms.shape[-1]:
+        if count > self.clearances.shape[-1]:
             return np.empty(0), np.empty((0, 2)), np.empty(0)
-        room, step = np.asarray(self.rooms[..., count - 1], float).ravel(), self.step
-        best = best_of(room, slack_of(step, step))
+        clearance, step = np.asarray(self.clearances[..., count - 1], float).ravel(), self.step
+        best = best_of(clearance, slack_of(step, step))
         turn, shift = np.divmod(best, len(self.shifts))
         angles, shifts = self.angles[turn], self.shifts[shift]
         for _ in range(HALVINGS):
             step /= 2
             angles, shifts = self.halved(angles, shifts, step)
             slack = slack_of(step, self.step)
-            room = self.room(angles, shifts, count, slack)
-            best = best_of(room, slack)
+            clearance = self.clearance(angles, shifts, count, slack)
+            best = best_of(clearance, slack)
             angles, shifts = angles[best], shifts[best]
-        return angles, shifts, room[best]
+        return angles, shifts, clearance[best]
 
     def halved(self, angles: Array, shifts: Array, step: float) -> tuple[Array, Array]:
         """Poses half a step to both sides of those given, in all that is free."""
         free = np.array((len(self.shifts) > 1, len(self.shifts) > 1, len(self.angles) > 1))
         signs = np.unique((np.indices((2, 2, 2)).reshape(3, -1).T - 0.5) * free, axis=0)
         along_rows = signs[:, :2] @ axes(self.lattice) / self.lattice.pitch
-        turned = angles[:, None] + step / self.reach * signs[:, 2]
+        turned = angles[:, None] + step / self.radius * signs[:, 2]
         return turned.ravel(), (shifts[:, None] + step * along_rows).reshape(-1, 2)
 
-    def room(self, angles: Array, shifts: Array, count: int, slack: float) -> Array:
+    def clearance(self, angles: Array, shifts: Array, count: int, slack: float) -> Array:
         """Room of the tightest of ``count`` boards at poses (k,), (k, 2), shape (k,) [m]; -inf if less than -slack."""
-        centres = self.lattice.centres(cells_within(self.lattice, self.reach))
-        room = np.full(len(angles), -np.inf)
+        centres = self.lattice.centres(cells_within(self.lattice, self.radius))
+        clearance = np.full(len(angles), -np.inf)
         for angle in np.unique(angles):
             here = np.flatnonzero(angles == angle)
-            rooms = board_rooms(
+            clearances = board_clearances(
                 self.depths, self.lattice, Pose(self.middle, float(angle)), shifts[here], centres, slack
             )
-            if rooms.shape[1] >= count:
-                room[here] = np.partition(rooms, -count, axis=1)[:, -count]
-        return room
+            if clearances.shape[1] >= count:
+                clearance[here] = np.partition(clearances, -count, axis=1)[:, -count]
+        return clearance
 
 
-def survey(region: Region, lattice: HexLattice, offset: Array | None, angle: float | None) -> Survey:
+def candidate_poses(region: Region, lattice: HexLattice, offset: Array | None, angle: float | None) -> CandidatePoses:
     """Look at a region in steps that suit it. A given offset (2,) [m] or angle [rad] is kept."""
     middle = region.box.mean(axis=0) if offset is None else offset
-    reach = region.reach(middle)
-    step = suitable_step(region, lattice, reach, offset is None, angle is None)
-    turns = int(np.ceil(SIXTH * reach / step))
-    angles = SIXTH * np.arange(turns) / turns if angle is None else np.array((angle,))
+    radius = region.radius_about(middle)
+    step = suitable_step(region, lattice, radius, offset is None, angle is None)
+    turns = int(np.ceil(LATTICE_PERIOD * radius / step))
+    angles = LATTICE_PERIOD * np.arange(turns) / turns if angle is None else np.array((angle,))
     shifts = lattice_shifts(lattice, int(np.ceil(lattice.pitch / step)) if offset is None else 1)
-    centres = lattice.centres(cells_within(lattice, reach))
+    centres = lattice.centres(cells_within(lattice, radius))
     margin = lattice.side + 2 * np.linalg.norm(shifts, axis=1).max() + 2 * step
     depths = depth_grid(region, float(margin), step)
     slack = slack_of(step, step)
-    found = [board_rooms(depths, lattice, Pose(middle, float(a)), shifts, centres, slack) for a in angles]
-    rooms = np.full((len(angles), len(shifts), max(1, *(r.shape[1] for r in found))), -np.inf, np.float32)
-    for table, part in zip(rooms, found):
+    found = [board_clearances(depths, lattice, Pose(middle, float(a)), shifts, centres, slack) for a in angles]
+    clearances = np.full((len(angles), len(shifts), max(1, *(r.shape[1] for r in found))), -np.inf, np.float32)
+    for table, part in zip(clearances, found):
         table[:, : part.shape[1]] = part
-    rooms.sort(axis=2)
-    return Survey(lattice, depths, middle, reach, step, angles, shifts, rooms[..., ::-1])
+    clearances.sort(axis=2)
+    return CandidatePoses(lattice, depths, middle, radius, step, angles, shifts, clearances[..., ::-1])
 
 
-def suitable_step(region: Region, lattice: HexLattice, reach: float, shifts: bool, turns: bool) -> float:
+def suitable_step(region: Region, lattice: HexLattice, radius: float, shifts: bool, turns: bool) -> float:
     """The step [m] that spends the budget where the lattice is free to shift and to turn, within its bounds."""
     cell = np.sqrt(0.75) * lattice.pitch**2
     boards = np.prod(np.ptp(region.box, axis=0)) / cell
-    work = boards * (cell if shifts else 1.0) * (SIXTH * reach if turns else 1.0)
-    step = (work / BUDGET) ** (1 / (2 * shifts + turns))
-    return float(np.clip(step, SHORTEST * lattice.pitch, LONGEST * lattice.pitch))
+    work = boards * (cell if shifts else 1.0) * (LATTICE_PERIOD * radius if turns else 1.0)
+    step = (work / MAX_EVALUATIONS) ** (1 / (2 * shifts + turns))
+    return float(np.clip(step, MIN_STEP * lattice.pitch, MAX_STEP * lattice.pitch))
 
 
 def slack_of(step: float, first: float) -> float:
     """Room that boards may lack at a pose of a survey, when they fit at one that is less than a step away [m]."""
-    return SLACK * step + ROUNDING * first / PARTS
+    return SLACK_STEPS * step + ROUNDING_PARTS * first / GRID_PARTS
 
 
 def axes(lattice: HexLattice) -> Array:
@@ -145,8 +145,8 @@ def axes(lattice: HexLattice) -> Array:
 
 def lattice_shifts(lattice: HexLattice, parts: int) -> Array:
     """All shifts by ``parts`` of the pitch that differ on the lattice, each as short as can be, (parts**2, 2) [m]."""
-    share = np.stack(np.meshgrid(np.arange(parts), np.arange(parts)), axis=-1).reshape(-1, 1, 2) / parts
-    same = (share - np.rint(share) + np.array(((0, 0), *PORTS))) @ axes(lattice)
+    fraction = np.stack(np.meshgrid(np.arange(parts), np.arange(parts)), axis=-1).reshape(-1, 1, 2) / parts
+    same = (fraction - np.rint(fraction) + np.array(((0, 0), *PORTS))) @ axes(lattice)
     return same[np.arange(len(same)), np.linalg.norm(same, axis=2).argmin(axis=1)]
 
 
@@ -158,10 +158,10 @@ def cells_within(lattice: HexLattice, radius: float) -> IntArray:
     return cells[np.linalg.norm(lattice.centres(cells), axis=1) <= radius]
 
 
-def best_of(room: Array, slack: float) -> IntArray:
+def best_of(clearance: Array, slack: float) -> IntArray:
     """Rows of the poses (k,) with the most room, best first, without those that lack more than the slack."""
-    rows = np.flatnonzero(room >= -slack)
-    return rows[np.argsort(-room[rows], kind="stable")[:KEPT]]
+    rows = np.flatnonzero(clearance >= -slack)
+    return rows[np.argsort(-clearance[rows], kind="stable")[:MAX_CANDIDATES]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,10 +189,10 @@ def depth_grid(region: Region, margin: float, step: float) -> Depths:
     low = region.box[0] - margin
     columns, rows = (np.ceil((region.box[1] + margin - low) / step) + 1).astype(int)
     nodes = low + step * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-    away = cKDTree(border_points(region, step / 2)).query(nodes)[0]
-    depths = np.where(region.contains(nodes), away, -away).astype(np.float32).reshape(rows, columns)
+    distances = cKDTree(border_points(region, step / 2)).query(nodes)[0]
+    depths = np.where(region.contains(nodes), distances, -distances).astype(np.float32).reshape(rows, columns)
     depths = finer(finer(depths).T).T
-    return Depths(depths.ravel(), depths.shape[1], low, step / PARTS)
+    return Depths(depths.ravel(), depths.shape[1], low, step / GRID_PARTS)
 
 
 def border_points(region: Region, step: float) -> Array:
@@ -200,17 +200,17 @@ def border_points(region: Region, step: float) -> Array:
     start, along = region.edges[:, 0], region.edges[:, 1] - region.edges[:, 0]
     counts = np.ceil(np.linalg.norm(along, axis=1) / step).astype(int)
     edge = np.repeat(np.arange(len(along)), counts)
-    share = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5) / counts[edge]
-    return np.concatenate((region.points, start[edge] + share[:, None] * along[edge]))
+    fraction = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5) / counts[edge]
+    return np.concatenate((region.points, start[edge] + fraction[:, None] * along[edge]))
 
 
 def finer(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     """Rows with others between them, as many as parts of a step ask for."""
-    between = [rows[:-1] + np.float32(i / PARTS) * (rows[1:] - rows[:-1]) for i in range(PARTS)]
+    between = [rows[:-1] + np.float32(i / GRID_PARTS) * (rows[1:] - rows[:-1]) for i in range(GRID_PARTS)]
     return np.concatenate((np.stack(between, axis=1).reshape(-1, rows.shape[1]), rows[-1:]))
 
 
-def board_rooms(
+def board_clearances(
     depths: Depths, lattice: HexLattice, pose: Pose, shifts: Array, centres: Array, slack: float
 ) -> NDArray[np.float32]:
     """Rooms of the boards with ``centres`` (n, 2) under all ``shifts`` (s, 2), shape (s, m) [m].
@@ -219,17 +219,17 @@ def board_rooms(
     its sides from inside, and has as much room as the least of them.
     """
     corners, apothem = pose.turn(lattice.corners), np.sqrt(0.75) * lattice.side
-    places = pose.place(centres) - depths.low
-    places = places[((places >= 0) & (places <= depths.size)).all(axis=1)]
+    points = pose.to_plane(centres) - depths.low
+    points = points[((points >= 0) & (points <= depths.size)).all(axis=1)]
     far = np.linalg.norm(shifts, axis=1).max()
-    places = places[depths.values[depths.index(places)] >= apothem - slack - far]
-    nodes = (depths.index(pose.turn(shifts))[:, None] + depths.index(places)).ravel()
-    rooms, left = depths.values[nodes] - np.float32(apothem), np.arange(len(nodes))
-    for share in SHARES:
-        may_fit = rooms >= -slack
-        left, nodes, rooms = left[may_fit], nodes[may_fit], rooms[may_fit]
-        for way in depths.index(share * corners):
-            np.minimum(rooms, depths.values[nodes + way] - np.float32((1 - share) * apothem), out=rooms)
-    table = np.full(len(shifts) * len(places), -np.inf, np.float32)
-    table[left] = np.where(rooms >= -slack, rooms, -np.inf)
-    return table.reshape(len(shifts), len(places))
+    points = points[depths.values[depths.index(points)] >= apothem - slack - far]
+    nodes = (depths.index(pose.turn(shifts))[:, None] + depths.index(points)).ravel()
+    clearances, left = depths.values[nodes] - np.float32(apothem), np.arange(len(nodes))
+    for fraction in DISC_POSITIONS:
+        may_fit = clearances >= -slack
+        left, nodes, clearances = left[may_fit], nodes[may_fit], clearances[may_fit]
+        for offset in depths.index(fraction * corners):
+            np.minimum(clearances, depths.values[nodes + offset] - np.float32((1 - fraction) * apothem), out=clearances)
+    table = np.full(len(shifts) * len(points), -np.inf, np.float32)
+    table[left] = np.where(clearances >= -slack, clearances, -np.inf)
+    return table.reshape(len(shifts), len(points))

@@ -10,17 +10,17 @@ from ..lattice import HexLattice
 from .board_contacts import contacts
 from .region import Region
 
-MOST_MOVES = 12
+MAX_MOVES = 12
 # What may bound the room after a move is no further off than this many steps: both sides of a gap go less than 2.5.
-HORIZON = 5
+HORIZON_STEPS = 5
 # By this share of a step the room after a move may differ from what its linear programme says: boards turn on circles.
-BEND = 0.05
+LINEARIZATION_TOLERANCE = 0.05
 # Lengths below this are nothing to a board that settles [m].
-SETTLED = 1e-11
+MOVE_TOLERANCE = 1e-11
 # A price above this says that a row bounds the room.
-PRICE = 1e-6
+MIN_MULTIPLIER = 1e-6
 # Slopes that differ by less than this are the same.
-PARALLEL = 1e-6
+PARALLEL_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +35,13 @@ class Pose:
         c, s = np.cos(self.angle), np.sin(self.angle)
         return vectors @ np.array(((c, s), (-s, c)))
 
-    def place(self, points: Array) -> Array:
+    def to_plane(self, points: Array) -> Array:
         """Points (..., 2) of the lattice, where they lie in the plane [m]."""
         return self.offset + self.turn(points)
 
 
 @dataclass(frozen=True, eq=False)
-class Settling:
+class PoseRefinement:
     """Boards in a region that look for room."""
 
     region: Region
@@ -49,12 +49,12 @@ class Settling:
     step: float  # the longest move along x, along y, and of the region's furthest point in a turn [m]
     is_free: tuple[bool, bool, bool]  # along x, along y, to turn
 
-    def rooms(self, pose: Pose, centres: Array) -> Array:
+    def clearances(self, pose: Pose, centres: Array) -> Array:
         """Room of boards with ``centres`` (n, 2) on the lattice, shape (n,) [m]."""
-        return self.region.rooms(pose.place(centres), pose.turn(self.lattice.corners))
+        return self.region.clearances(pose.to_plane(centres), pose.turn(self.lattice.corners))
 
-    def settle(
-        self, pose: Pose, centres: Array, count: int, floor: float = -np.inf, even: bool = False
+    def refine(
+        self, pose: Pose, centres: Array, count: int, floor: float = -np.inf, balance: bool = False
     ) -> tuple[Pose, float]:
         """Turn and shift the lattice until the ``count`` roomiest boards have as much room as they find near here.
 
@@ -73,28 +73,33 @@ class Settling:
         room : float
             The least room of the boards there [m].
         """
-        rooms, step = self.rooms(pose, centres), self.step
-        room = np.partition(rooms, -count)[-count]
-        centres = centres[rooms >= room - 2 * HORIZON * step]
-        rooms = rooms[rooms >= room - 2 * HORIZON * step]
-        for _ in range(MOST_MOVES):
-            chosen = np.argsort(-rooms, kind="stable")[:count]
-            bound = chosen[rooms[chosen] <= room + HORIZON * step]
-            moved, way, gain = self.move(pose, centres[bound], room, step, even)
-            if way < (1 - BEND) * step and room + gain < floor - BEND * step:
+        clearances, step = self.clearances(pose, centres), self.step
+        clearance = np.partition(clearances, -count)[-count]
+        centres = centres[clearances >= clearance - 2 * HORIZON_STEPS * step]
+        clearances = clearances[clearances >= clearance - 2 * HORIZON_STEPS * step]
+        for _ in range(MAX_MOVES):
+            chosen = np.argsort(-clearances, kind="stable")[:count]
+            bound = chosen[clearances[chosen] <= clearance + HORIZON_STEPS * step]
+            moved, length, gain = self.best_move(pose, centres[bound], clearance, step, balance)
+            if (
+                length < (1 - LINEARIZATION_TOLERANCE) * step
+                and clearance + gain < floor - LINEARIZATION_TOLERANCE * step
+            ):
                 break
-            if (way if even else gain) < SETTLED:
+            if (length if balance else gain) < MOVE_TOLERANCE:
                 break
-            new = self.rooms(moved, centres)
-            reached = np.partition(new, -count)[-count]
-            if reached > room - (BEND * step if even else 0):
-                pose, rooms, room = moved, new, reached
-                step = min(step, 2 * way)  # a short move has been told to a share of the step only
+            new_clearances = self.clearances(moved, centres)
+            new_clearance = np.partition(new_clearances, -count)[-count]
+            if new_clearance > clearance - (LINEARIZATION_TOLERANCE * step if balance else 0):
+                pose, clearances, clearance = moved, new_clearances, new_clearance
+                step = min(step, 2 * length)  # a short move has been told to a share of the step only
             else:
                 step /= 4
-        return pose, float(room)
+        return pose, float(clearance)
 
-    def move(self, pose: Pose, centres: Array, room: float, step: float, even: bool) -> tuple[Pose, float, float]:
+    def best_move(
+        self, pose: Pose, centres: Array, clearance: float, step: float, balance: bool
+    ) -> tuple[Pose, float, float]:
         """The move within a step that gives these boards the most room, if outlines moved straight on.
 
         Returns
@@ -103,37 +108,40 @@ class Settling:
         way, gain : float
             How far this leads, and by how much the least room grows [m].
         """
-        within = max(room, 0) + HORIZON * step
+        within = max(clearance, 0) + HORIZON_STEPS * step
         points, normals, gaps = contacts(
-            self.region, pose.place(centres), pose.turn(self.lattice.corners), within, step
+            self.region, pose.to_plane(centres), pose.turn(self.lattice.corners), within, step
         )
         x, y = (points - pose.offset).T
-        reach = self.region.reach(pose.offset)
-        slopes = np.column_stack((normals, (normals[:, 1] * x - normals[:, 0] * y) / reach))
-        way, gain = widest(slopes, (gaps - room) / step, self.is_free, even)
-        moved = Pose(pose.offset + step * way[:2], float(pose.angle + step * way[2] / reach))
-        return moved, step * np.abs(way).max(), step * gain
+        radius = self.region.radius_about(pose.offset)
+        slopes = np.column_stack((normals, (normals[:, 1] * x - normals[:, 0] * y) / radius))
+        length, gain = largest_gap_move(slopes, (gaps - clearance) / step, self.is_free, balance)
+        moved = Pose(pose.offset + step * length[:2], float(pose.angle + step * length[2] / radius))
+        return moved, step * np.abs(length).max(), step * gain
 
 
-def widest(slopes: Array, gaps: Array, is_free: tuple[bool, ...], even: bool) -> tuple[Array, float]:
+def largest_gap_move(slopes: Array, gaps: Array, is_free: tuple[bool, ...], balance: bool) -> tuple[Array, float]:
     """The ``way`` within [-1, 1] that makes the least of ``gaps + slopes @ way`` the largest, and that least gap.
 
     With ``even``, the gaps that this leaves no play keep their sizes, then the least of the others is made the largest,
     and so on.
     """
-    held, sizes, way = np.zeros(len(gaps), bool), np.zeros(len(gaps)), np.zeros(3)
-    bounds = [(-free, free) for free in map(int, is_free)] + [(None, HORIZON)]
-    while not held.all():
-        table: Array = np.column_stack((-slopes, (~held).astype(float)))
+    is_fixed, sizes, length = np.zeros(len(gaps), bool), np.zeros(len(gaps)), np.zeros(3)
+    bounds = [(-free, free) for free in map(int, is_free)] + [(None, HORIZON_STEPS)]
+    while not is_fixed.all():
+        table: Array = np.column_stack((-slopes, (~is_fixed).astype(float)))
         found = linprog(np.array((0, 0, 0, -1.0)), A_ub=table, b_ub=gaps - sizes, bounds=bounds, method="highs-ds")
         if found.status != 0 or found.x is None:  # rounding has closed what was held: the last round is good enough
             break
-        way = found.x[:3]
-        tight = ~held & (found.ineqlin.marginals < -PRICE)
-        if not even or not tight.any():
+        length = found.x[:3]
+        tight = ~is_fixed & (found.ineqlin.marginals < -MIN_MULTIPLIER)
+        if not balance or not tight.any():
             break
         # Where gaps bound each other nothing moves along their slopes; those with slopes in the same span stay as well.
-        span = slopes[held | tight]
-        held = np.linalg.norm(slopes - slopes @ np.linalg.pinv(span, rcond=PARALLEL) @ span, axis=1) < PARALLEL
-        sizes = np.where(held, gaps + slopes @ way, 0.0)
-    return way, float((gaps + slopes @ way).min(initial=HORIZON))
+        span = slopes[is_fixed | tight]
+        is_fixed = (
+            np.linalg.norm(slopes - slopes @ np.linalg.pinv(span, rcond=PARALLEL_TOLERANCE) @ span, axis=1)
+            < PARALLEL_TOLERANCE
+        )
+        sizes = np.where(is_fixed, gaps + slopes @ length, 0.0)
+    return length, float((gaps + slopes @ length).min(initial=HORIZON_STEPS))

@@ -12,12 +12,12 @@ from ...common.arrays import Array, IntArray, unit
 from ...common.errors import OutsideSurface
 from ...geometry.surface.bspline import BSplineSurface
 from ..lattice import HexLattice
+from ..sheet.constraints import flat_axes, pin_constraints, row_axis
 from ..sheet.geodesic import unroll
 from ..sheet.net import board_net
 from ..sheet.offset import offset_surface
 from ..sheet.relax import relax
-from ..sheet.ties import flat_axes, pinned, row_axis
-from ..sheet.wrap import check_size, guess_step, off_edge, on_surface, root_of
+from ..sheet.wrap import beyond_edge, check_size, guess_step, on_surface, root_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,22 +65,22 @@ def wrap_boards(
         Names the first board whose centre lies off the surface.
     """
     check_size(surface, (lattice.pitch, lattice.pitch))
-    layer, places = offset_surface(surface, offset), np.array(cells, np.int64).reshape(-1, 2)
-    guess = unrolled(layer, lattice, places, root_of(surface, origin), direction)
-    uv, tangents = at_rest(layer, lattice, places, *guess)
-    for cell, place in zip(places.tolist(), uv):
-        if not on_surface(layer, place):
-            gap, edge = off_edge(layer, place)
+    layer, indices = offset_surface(surface, offset), np.array(cells, np.int64).reshape(-1, 2)
+    guess = unroll_boards(layer, lattice, indices, root_of(surface, origin), direction)
+    uv, tangents = relax_boards(layer, lattice, indices, *guess)
+    for cell, point in zip(indices.tolist(), uv):
+        if not on_surface(layer, point):
+            gap, edge = beyond_edge(layer, point)
             raise OutsideSurface(
                 f"board {cell} lies {gap * 1e3:.1f} mm beyond the edge {edge} of the surface; leave it out, or move "
                 "the origin",
                 cell=cell,
                 distance=gap,
             )
-    return WrappedBoards(surface, offset, lattice, places, uv, tangents)
+    return WrappedBoards(surface, offset, lattice, indices, uv, tangents)
 
 
-def at_rest(
+def relax_boards(
     layer: BSplineSurface, lattice: HexLattice, cells: IntArray, uv: Array, tangents: Array
 ) -> tuple[Array, Array]:
     """Boards from a first guess of their parameters (n, 2) and row directions (n, 3) to rest: the same.
@@ -95,13 +95,13 @@ def at_rest(
         members = members[np.argsort((flat[members] ** 2).sum(axis=1), kind="stable")]
         if len(members) > 1:
             part = board_net(lattice, cells[members])
-            held = pinned(layer, part, uv[members], tangents[members[0]])
-            uv[members] = relax(layer, part, uv[members], held)
+            constraints = pin_constraints(layer, part, uv[members], tangents[members[0]])
+            uv[members] = relax(layer, part, uv[members], constraints)
             tangents[members] = flat_axes(layer, part, uv[members])[0]
     return uv, tangents
 
 
-def unrolled(
+def unroll_boards(
     layer: BSplineSurface, lattice: HexLattice, cells: IntArray, start: Array, direction: ArrayLike
 ) -> tuple[Array, Array]:
     """Where geodesics lead to cells, and how the rows run there: parameters (n, 2), unit vectors (n, 3)."""
@@ -110,7 +110,7 @@ def unrolled(
     uv = unroll(layer, np.concatenate((flat, flat - half, flat + half)), start, along, guess_step(layer, lattice.pitch))
     uv, before, after = np.split(uv, 3)
     # Over a pitch: what lies between two geodesics is placed well, but leads aside where the surface wavers.
-    ways, normals = layer.points(after) - layer.points(before), layer.normals(uv)
-    tangents = unit(ways - (ways * normals).sum(axis=1, keepdims=True) * normals)
+    vectors, normals = layer.points(after) - layer.points(before), layer.normals(uv)
+    tangents = unit(vectors - (vectors * normals).sum(axis=1, keepdims=True) * normals)
     tangents[~flat.any(axis=1)] = along
     return uv, tangents
