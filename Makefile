@@ -23,7 +23,7 @@ check: $(READY) docs  ## lint, types, tests, the built extension, the documentat
 	$(BIN)/python -m pytest -q
 
 docs: $(VENV)/docs-ready  ## the documentation as a site in out/site; a wrong link, reference or formula fails
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 format: $(READY)
 	$(BIN)/ruff format .
