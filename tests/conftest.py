@@ -2,9 +2,12 @@
 
 from hypothesis import settings
 
-settings.register_profile("same", deadline=None, max_examples=40, derandomize=True)
+from tests.examples import FULL
+
+settings.register_profile("quick", deadline=None, max_examples=12, derandomize=True)
+settings.register_profile("full", deadline=None, max_examples=FULL, derandomize=True)
 settings.register_profile("explore", deadline=None, max_examples=1000)
-settings.load_profile("same")
+settings.load_profile("quick")
 
 
 def pytest_configure(config):

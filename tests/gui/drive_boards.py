@@ -1,6 +1,7 @@
 """Drives the window from the sample sole with its sheet to boards on it that keep clear of a zone placed by a click."""
 
 import bpy
+from buttons import find, press
 from mathutils import Vector
 from sample import hover_view, link, plan, red, undo
 
@@ -21,10 +22,10 @@ def fills_with_boards(gui):
     yield from hover_view(gui)
     yield from gui.redraw()
     empty = red(gui)
-    yield from gui.press("skin_calib.skin_remove")
-    yield from gui.press("skin_calib.skin_add(kind='hexagons'")
+    yield from press(gui, "skin_calib.skin_remove")
+    yield from press(gui, "skin_calib.skin_add(kind='hexagons'")
     assert [s.kind for s in plan().skins] == ["hexagons"]
-    fit = yield from gui.find("skin_calib.fit")
+    fit = yield from find(gui, "skin_calib.fit")
     yield from fits(gui, fit)
     yield from hover_view(gui)
     yield from gui.shot("boards.png")
@@ -52,8 +53,8 @@ def fits(gui, fit):
 def keeps_boards_off_a_screw(gui, fit):
     """A zone is put under the mouse by a click; Esc and a click beside the link leave it where it is."""
     before = plan().result.taxels
-    yield from gui.press("skin_calib.zone_add")
-    x, y = yield from gui.find("skin_calib.zone_remove")
+    yield from press(gui, "skin_calib.zone_add")
+    x, y = yield from find(gui, "skin_calib.zone_remove")
     button = x - PLACE * bpy.context.preferences.system.ui_scale, y
     toe = seen(TOE)
     for leave in (escape, click_beside):
@@ -107,7 +108,7 @@ def shows_the_regions_of_an_automatic_grid(gui):
     """The grid that finds itself is told where to lie: the menu has the whole tube, a sector and a face."""
     plan().grid.kind = "auto"
     yield from gui.redraw()
-    yield from gui.press("skin_calib.grid.region")
+    yield from press(gui, "skin_calib.grid.region")
     yield from gui.shot("regions.png")
     yield from gui.key("ESC")
     yield from gui.redraw()

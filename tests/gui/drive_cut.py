@@ -1,6 +1,7 @@
 """Drives what is covered: cuts by click, in a list, flipped; faces that are cut away in Edit Mode and brought back."""
 
 import bpy
+from buttons import find, press
 from mathutils import Vector
 from sample import hover_view, link, plan, run, undo
 
@@ -23,7 +24,7 @@ def drive(gui):
 
 def place(gui):
     """Press the narrow button at the end of Add Cut."""
-    _, y = yield from gui.find("skin_calib.cut_add")
+    _, y = yield from find(gui, "skin_calib.cut_add")
     yield from gui.click(gui.region("UI").x + gui.region("UI").width - 45, y)
     yield from gui.redraw()
 
@@ -53,7 +54,7 @@ def cuts_by_click(gui):
 
 def keeps_the_other_side(gui):
     """The arrows in the row of a cut turn it round; undo turns it back."""
-    x, y = yield from gui.find("skin_calib.cut_remove(index=0")
+    x, y = yield from find(gui, "skin_calib.cut_remove(index=0")
     yield from gui.click(x - FLIP, y)
     yield from gui.redraw()
     assert plan().cover.cuts[0].normal[2] == 1
@@ -66,14 +67,14 @@ def keeps_the_other_side(gui):
 
 def lists_five(gui):
     """Five cuts stay readable; the numbers are those of the row that was clicked."""
-    yield from gui.press("skin_calib.cut_add")
+    yield from press(gui, "skin_calib.cut_add")
     for k in range(1, 4):
         bpy.context.scene.cursor.location = (0, 0, 0.005 + 0.005 * k)
         with gui.context():
             bpy.ops.skin_calib.cut_add()
     assert len(plan().cover.cuts) == 5 and plan().cover.cut_index == 4
     plan().cover.cuts[2].normal = (0.3, 0, 1)
-    x, y = yield from gui.find("skin_calib.cut_remove(index=1")
+    x, y = yield from find(gui, "skin_calib.cut_remove(index=1")
     yield from gui.click(x - 4 * FLIP, y)
     yield from gui.redraw()
     assert plan().cover.cut_index == 1, plan().cover.cut_index
@@ -83,7 +84,7 @@ def lists_five(gui):
     while len(plan().cover.cuts) > 1:
         with gui.context():
             bpy.ops.skin_calib.cut_remove(index=0)
-    yield from gui.press("skin_calib.cut_remove")
+    yield from press(gui, "skin_calib.cut_remove")
     assert not plan().cover.cuts
     yield from undo(gui)
     assert plan().cover.cuts
@@ -105,7 +106,7 @@ def cuts_a_selection_away(gui):
     chosen = link().data.total_face_sel
     assert chosen > 20, chosen
     yield from gui.shot("chosen.png")
-    yield from gui.press("skin_calib.cut_away")
+    yield from press(gui, "skin_calib.cut_away")
     yield from gui.wait(lambda: bpy.context.mode == "OBJECT", 10, "Object Mode")
     yield 1.0
     yield from hover_view(gui)
@@ -122,7 +123,7 @@ def cuts_a_selection_away(gui):
     key = plan().result.key
     yield from hover_view(gui)
     yield from gui.shot("fitted.png")
-    yield from gui.press("skin_calib.bring_back")
+    yield from press(gui, "skin_calib.bring_back")
     yield from gui.redraw()
     assert faces() == len(link().data.polygons) and plan().result.outdated
     yield from undo(gui)

@@ -1,6 +1,7 @@
 """Drives the window through edits of the plan: refused ones, lists, typed numbers, a moved frame."""
 
 import bpy
+from buttons import find, press
 from sample import hover_view, link, plan, red, run, undo
 
 
@@ -36,7 +37,7 @@ def says_what_is_wrong(gui):
     """A plan that cannot be fitted is refused with a message; the last result stays."""
     key = plan().result.key
     plan().grid.n = 2
-    yield from gui.press("skin_calib.fit")
+    yield from press(gui, "skin_calib.fit")
     yield from gui.redraw()
     yield from gui.shot("refused.png")
     assert plan().result.key == key and plan().result.outdated
@@ -46,14 +47,14 @@ def says_what_is_wrong(gui):
 
 def edits_lists(gui):
     """Sheets and cuts come and go, each in one undo step."""
-    yield from gui.press("skin_calib.skin_add(kind='sheet'")
+    yield from press(gui, "skin_calib.skin_add(kind='sheet'")
     assert [s.name for s in plan().skins] == ["wrist", "skin"] and plan().skins[1].auto_channel
-    yield from gui.press("skin_calib.cut_add")
+    yield from press(gui, "skin_calib.cut_add")
     assert len(plan().cover.cuts) == 1
     yield from gui.shot("lists.png")
-    yield from gui.press("skin_calib.cut_remove")
+    yield from press(gui, "skin_calib.cut_remove")
     assert len(plan().cover.cuts) == 0
-    yield from gui.press("skin_calib.skin_remove(index=1")
+    yield from press(gui, "skin_calib.skin_remove(index=1")
     assert [s.name for s in plan().skins] == ["wrist"]
     yield from undo(gui)
     assert len(plan().skins) == 2
@@ -66,7 +67,7 @@ def edits_lists(gui):
 
 def types_a_number(gui):
     """A number typed into the sidebar outdates the result; a second fit brings it up to date."""
-    yield from gui.find("skin_calib.grid.n")
+    yield from find(gui, "skin_calib.grid.n")
     yield from gui.key("RET")
     yield from gui.key("A", "ctrl")
     yield from gui.type("12")

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import bpy
+from buttons import press
 from mathutils import Vector
 from sample import hover_view, link, plan, red, undo
 
@@ -36,7 +37,7 @@ def opens_ready_to_fit(gui):
 def fits_and_undoes(gui):
     """The overlay comes with the fit, goes with Ctrl-Z, and comes back with Ctrl-Shift-Z."""
     empty = red(gui)
-    yield from gui.press("skin_calib.fit")
+    yield from press(gui, "skin_calib.fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     yield from hover_view(gui)
     yield from gui.shot("fitted.png")
@@ -67,7 +68,7 @@ def exports(gui):
     """The file from the window is that of the command line with the same libraries, to the byte."""
     path = gui.out / "wrist.calibration.json"
     path.unlink(missing_ok=True)
-    yield from gui.press("skin_calib.export_calibration")
+    yield from press(gui, "skin_calib.export_calibration")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
     yield from gui.shot("export.png")
     params = gui.area("FILE_BROWSER").spaces.active.params
@@ -85,7 +86,7 @@ def exports_taxels(gui):
     """The browser proposes the link's name with the ending of the format; what is chosen there is what is written."""
     path = gui.out / "wrist.xml"
     path.unlink(missing_ok=True)
-    yield from gui.press("skin_calib.export_taxels")
+    yield from press(gui, "skin_calib.export_taxels")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
     browser = gui.area("FILE_BROWSER").spaces.active
     assert browser.params.filename == "sample_wrist.csv", browser.params.filename

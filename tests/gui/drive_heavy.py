@@ -1,6 +1,7 @@
 """Drives a fit of a mesh of a million facets: the window goes on, Esc stops it, and without Esc it ends."""
 
 import bpy
+from buttons import press
 from sample import link, plan
 
 
@@ -8,12 +9,12 @@ def drive(gui):
     yield from gui.tab("Skin")
     link().modifiers.new("finer", "SUBSURF").levels = 3
     yield from gui.redraw(2)
-    yield from gui.press("skin_calib.fit")
+    yield from press(gui, "skin_calib.fit")
     yield from gui.wait(running, 30, "a fit beside the window")
     yield from gui.key("ESC")
     yield from gui.wait(lambda: not running(), 10, "the fit to stop")
     assert not plan().result.key
-    yield from gui.press("skin_calib.fit")
+    yield from press(gui, "skin_calib.fit")
     yield from gui.wait(running, 30, "a fit beside the window")
     with gui.context():
         bpy.ops.view3d.view_orbit(type="ORBITLEFT")  # the window still answers

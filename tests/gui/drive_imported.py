@@ -4,6 +4,7 @@ import sys
 
 import bpy
 import numpy as np
+from buttons import press
 from mathutils import Vector
 from sample import follow, hover_view, plan, red, run, undo
 
@@ -42,7 +43,7 @@ def chooses_the_file(gui, path):
     """The sheet goes, the button opens the file browser, the file becomes a skin of its name."""
     yield from run(gui, "skin_remove", index=0)
     yield from gui.redraw(2)
-    yield from gui.press("skin_calib.skin_import")
+    yield from press(gui, "skin_calib.skin_import")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
     assert gui.area("FILE_BROWSER").spaces.active.active_operator.format == "auto"
     yield from gui.shot("browser.png", area="FILE_BROWSER")
@@ -68,7 +69,7 @@ def is_told_of_the_frame(gui):
 
 def finds_the_frame(gui):
     """One click, and they lie where the sheet lay; their number is in the result."""
-    yield from gui.press("skin_calib.frame_find")
+    yield from press(gui, "skin_calib.frame_find")
     yield from gui.wait(lambda: not plan().result.outdated and plan().result.taxels == 120, 60, "the result")
     (skin,) = plan().skins
     assert skin.framed and np.abs(np.reshape(skin.rotation, (3, 3)) - TURN).max() < 0.1
@@ -81,7 +82,7 @@ def finds_the_frame(gui):
 
 def follows_the_file(gui):
     """A pattern that is typed leaves out taxels, and Live follows."""
-    yield from gui.press("skins[0].only")
+    yield from press(gui, "skins[0].only")
     yield from gui.key("A", "ctrl")
     yield from gui.type("t1*")
     yield from gui.key("RET")

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import bpy
+from buttons import find, press
 from sample import hover_view, link, plan, run, undo
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,7 +45,7 @@ def looks(gui):
 
 def chooses_from_the_menu(gui):
     """A heat map by the mouse, which Ctrl-Z takes back."""
-    yield from gui.press("skin_calib.inspect.heat")
+    yield from press(gui, "skin_calib.inspect.heat")
     yield 0.5
     yield from gui.key("T")  # Tilt
     yield from gui.redraw(2)
@@ -96,7 +97,7 @@ def place_of(name):
 
 def reads_taxels(gui):
     """Two clicks, a miss, Esc: the last one stays, in one step that Ctrl-Z takes back."""
-    yield from gui.press("skin_calib.taxel")
+    yield from press(gui, "skin_calib.taxel")
     for name in ("wrist.2.7", "wrist.4.6"):
         yield from gui.click(*gui.at(place_of(name)))
         assert plan().inspect.taxel.id == name, plan().inspect.taxel.id
@@ -129,7 +130,7 @@ def compares(gui):
     moved = [[*cells[:x], str(float(cells[x]) + 0.004), *cells[x + 1 :]] for cells in (row.split(",") for row in rows)]
     path.write_text("\n".join([header, *(",".join(cells) for cells in moved)]) + "\n")
     before = yield from looks(gui)
-    yield from gui.press("skin_calib.compare")
+    yield from press(gui, "skin_calib.compare")
     yield from answer(gui, path)
     found = plan().inspect.comparison
     assert found.pairs == 120 and abs(found.mean - 0.004) < 1e-6 and "Another frame?" in found.told, found.told
@@ -145,14 +146,14 @@ def compares(gui):
 def holds_against_touches(gui):
     """The example's touches: a shift is told, two wires stand out; the sheet moves there, Ctrl-Z brings it back."""
     before = yield from looks(gui)
-    yield from gui.press("skin_calib.touches")
+    yield from press(gui, "skin_calib.touches")
     yield from answer(gui, ROOT / "examples" / "wrist_touches.csv")
     found = plan().inspect.touches
     assert "Shifted 2.87" in found.told and "wrist.5.1" in found.warnings[0].message, found.told
     yield from looks(gui)
     yield from gui.shot("touches.png")
     assert changed(gui, before) > 0.002
-    yield from gui.press("skin_calib.touches_move")
+    yield from press(gui, "skin_calib.touches_move")
     assert not plan().skins[0].centred and plan().result.outdated
     yield from undo(gui)
     assert plan().skins[0].centred and not plan().result.outdated
@@ -162,20 +163,20 @@ def holds_against_touches(gui):
 def replays(gui):
     """The example's recording: opened, its slider dragged, played, stopped by Ctrl-Z."""
     before = yield from looks(gui)
-    yield from gui.press("skin_calib.replay_open")
+    yield from press(gui, "skin_calib.replay_open")
     yield from answer(gui, ROOT / "examples" / "wrist_recording.csv")
     assert plan().inspect.heat == "FORCE" and plan().inspect.replay.file
     yield from looks(gui)
     yield from gui.shot("opened_recording.png")
     assert changed(gui, before) > 0.05
-    x, y = yield from gui.find("skin_calib.inspect.replay.share")
+    x, y = yield from find(gui, "skin_calib.inspect.replay.share")
     yield from gui.drag((x - 30, y), (x + 10, y), mods=())
     assert plan().inspect.replay.frame > 5, plan().inspect.replay.frame
     yield from looks(gui)
     yield from gui.shot("dragged_recording.png")
     plan().inspect.replay.speed = 0.1
     frame = plan().inspect.replay.frame
-    yield from gui.press("skin_calib.replay_play")
+    yield from press(gui, "skin_calib.replay_play")
     yield from gui.wait(lambda: plan().inspect.replay.frame > frame + 3, 30, "the next frames")
     assert ours("replay").is_playing(link())
     yield from gui.shot("playing.png")

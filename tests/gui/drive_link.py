@@ -5,6 +5,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import trimesh
+from buttons import find, press
 from sample import hover_view, undo
 
 ROBOT = """<robot name="bot">{}</robot>"""
@@ -43,7 +44,7 @@ def active():
 
 def imports_the_mesh(gui, path):
     """File > Import and the panel have it; the side bar of the file browser asks for the unit."""
-    yield from gui.press("skin_calib.import_mesh")
+    yield from press(gui, "skin_calib.import_mesh")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
     assert gui.area("FILE_BROWSER").spaces.active.active_operator.unit == "auto"
     yield from gui.shot("import_mesh.png", area="FILE_BROWSER")
@@ -58,7 +59,7 @@ def imports_the_mesh(gui, path):
 
 def checks_it(gui):
     """Parts, holes and edges are told, and stay told until the mesh changes."""
-    yield from gui.press("skin_calib.diagnose")
+    yield from press(gui, "skin_calib.diagnose")
     yield from gui.wait(lambda: active().skin_calib.diagnosis.key, 20, "the check")
     yield from hover_view(gui)
     yield from gui.redraw()
@@ -73,7 +74,7 @@ def checks_it(gui):
 
 def keeps_all_parts(gui):
     """One click keeps the servo too, another, or undo, the outer shell only."""
-    _, y = yield from gui.find("skin_calib.cover.shell")
+    _, y = yield from find(gui, "skin_calib.cover.shell")
     side = gui.region("UI")
     shells = []
     for share in (0.7, 0.3, 0.7):
@@ -87,7 +88,7 @@ def keeps_all_parts(gui):
 
 def shows_its_holes(gui):
     """The rims are selected in Edit Mode; Ctrl-Z leads back to Object Mode, and the check holds."""
-    yield from gui.press("skin_calib.show_defects")
+    yield from press(gui, "skin_calib.show_defects")
     yield from gui.wait(lambda: bpy.context.mode == "EDIT_MESH", 10, "Edit Mode")
     yield from gui.redraw(3)
     yield from gui.shot("holes.png")
@@ -107,7 +108,7 @@ def notices_a_wrong_unit(gui):
     yield 1.0
     yield from gui.redraw(3)
     yield from gui.shot("wrong_unit.png")
-    yield from gui.press("skin_calib.scale_to_unit")
+    yield from press(gui, "skin_calib.scale_to_unit")
     yield from gui.redraw(3)
     assert 0.09 < max(active().dimensions) < 0.11
     yield 1.0
@@ -122,7 +123,7 @@ def notices_a_wrong_unit(gui):
 def imports_a_link_of_a_robot(gui, path):
     """The file, then the link from a list that is searched by typing; undo takes it out again."""
     path.write_text(ROBOT.format("".join(LINK.format(name) for name in ("l_forearm", "l_upper_leg", "r_upper_leg"))))
-    yield from gui.press("skin_calib.import_urdf")
+    yield from press(gui, "skin_calib.import_urdf")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
     yield from gui.shot("import_urdf.png", area="FILE_BROWSER")
     yield from gui.choose_file(path)

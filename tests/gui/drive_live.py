@@ -1,6 +1,7 @@
 """Drives a plan by the mouse while the link follows: surface and skin change under a drag, and after undo."""
 
 import bpy
+from buttons import find, press
 from sample import ours, plan, run, undo
 
 
@@ -18,7 +19,7 @@ def drive(gui):
     yield from gui.tab("Skin")
     yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
-    yield from gui.press("skin_calib.live")
+    yield from press(gui, "skin_calib.live")
     yield from gui.wait(lambda: plan().live and not plan().result.outdated, 30, "the first result")
     yield from follows_a_drag(gui)
     yield from follows_undo(gui)
@@ -28,7 +29,7 @@ def follows_a_drag(gui):
     """The button of the mouse is still down when the new surface is there."""
     was, before = plan().grid.n, plan().result.key
     ours("live").REST = 60.0  # a software renderer rests between two moves
-    x, y = yield from gui.find("skin_calib.grid.n")
+    x, y = yield from find(gui, "skin_calib.grid.n")
     yield from gui.drag((x, y), (x + 60, y), mods=(), release=False)
     yield from gui.wait(lambda: bpy.context.object.name in overlay().previews, 20, "a preview under the drag")
     assert plan().grid.n != was and plan().result.key == before and plan().result.outdated

@@ -1,6 +1,7 @@
 """Drives boards on the sample sole by clicks: one goes, one comes, the lattice slides; Ctrl-Z takes all of it back."""
 
 import bpy
+from buttons import press
 from mathutils import Vector
 from sample import follow, hover_view, link, ours, plan, run, undo
 
@@ -41,7 +42,7 @@ def paints(gui):
     before = boards()
     count = len(before.ids)
     inner = int(abs(before.positions_link[:, :2] - before.positions_link[:, :2].mean(axis=0)).sum(axis=1).argmin())
-    yield from gui.press("skin_calib.boards_paint")
+    yield from press(gui, "skin_calib.boards_paint")
     yield from gui.wait(lambda: plan().live, 10, "the brush")
     yield from gui.click(*at(gui, before.positions_link[inner]))
     yield from laid(gui, count - 1)

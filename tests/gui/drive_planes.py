@@ -3,6 +3,7 @@
 from math import pi, radians, sin
 
 import bpy
+from buttons import press
 from mathutils import Vector
 from sample import follow, link, ours, plan, undo
 
@@ -18,7 +19,7 @@ def handle(family, i):
 
 def drive(gui):
     yield from gui.tab("Skin")
-    yield from gui.press("skin_calib.planes_place")
+    yield from press(gui, "skin_calib.planes_place")
     yield from gui.wait(lambda: link().name in ours("live").sketches, 20, "the sketch")
     yield from gui.redraw(3)
     yield from moves_a_plane(gui)
@@ -92,16 +93,16 @@ def tells_of_a_plane_out_of_order(gui):
 
 def adds_and_removes(gui):
     """Buttons beside the list; each is a step of undo."""
-    yield from gui.press("skin_calib.plane_add")
+    yield from press(gui, "skin_calib.plane_add")
     assert len(plan().grid.u) == 11
-    yield from gui.press("skin_calib.planes_spread")
+    yield from press(gui, "skin_calib.planes_spread")
     steps = [b.point[2] - a.point[2] for a, b in zip(plan().grid.u, list(plan().grid.u)[1:])]
     assert max(steps) - min(steps) < 1e-3 * max(steps), steps
     yield from gui.shot("spread.png")
     yield from undo(gui)
     yield from undo(gui)
     assert len(plan().grid.u) == 10
-    yield from gui.press("skin_calib.plane_remove")
+    yield from press(gui, "skin_calib.plane_remove")
     assert len(plan().grid.u) == 9
     yield from undo(gui)
     assert len(plan().grid.u) == 10

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import bpy
+from buttons import find, press
 from mathutils import Vector
 from sample import ours
 
@@ -34,7 +35,7 @@ def plan():
 
 def imports(gui):
     """A mesh file becomes a link that is called like the file."""
-    yield from gui.press("skin_calib.import_mesh")
+    yield from press(gui, "skin_calib.import_mesh")
     yield from gui.choose_file(ROOT / "sample_scenes" / "wrist.ply")
     yield from gui.wait(lambda: bpy.context.object, 20, "the link")
     with gui.context():
@@ -43,24 +44,24 @@ def imports(gui):
     view.view_distance *= 1.25
     view.view_location += view.view_rotation @ Vector((0.12 * view.view_distance, 0, 0))  # clear of the side bar
     assert plan().link == "wrist"
-    yield from gui.press("skin_calib.diagnose")
+    yield from press(gui, "skin_calib.diagnose")
     yield from gui.shot("1_link.png", area="VIEW_3D")
 
 
 def fits(gui):
     """One button, with the values that are there."""
-    yield from gui.press("skin_calib.fit")
+    yield from press(gui, "skin_calib.fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     assert plan().result.mean < 5e-5
-    yield from gui.press("skin_calib.live")
+    yield from press(gui, "skin_calib.live")
     yield from gui.shot("2_fit.png", area="VIEW_3D")
 
 
 def adds_a_sheet(gui):
     """It is laid in the middle; its columns are typed."""
-    yield from gui.press("skin_calib.skin_add(kind='sheet'")
+    yield from press(gui, "skin_calib.skin_add(kind='sheet'")
     for name, value in (("columns", "12"), ("rows", "5")):
-        yield from gui.find(f"skin_calib.skins[0].{name}")
+        yield from find(gui, f"skin_calib.skins[0].{name}")
         yield from gui.key("RET")
         yield from gui.key("A", "ctrl")
         yield from gui.type(value)
@@ -89,7 +90,7 @@ def exports(gui):
     """What a controller loads."""
     path = gui.out / "wrist.calibration.json"
     path.unlink(missing_ok=True)
-    yield from gui.press("skin_calib.export_calibration")
+    yield from press(gui, "skin_calib.export_calibration")
     yield from gui.choose_file(path)
     yield from gui.wait(path.exists, 30, "the exported file")
     yield from gui.shot("6_exported.png", area="VIEW_3D")

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from skin_calib_addon.calibration import (
@@ -26,6 +26,7 @@ from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.common.findings import child
 from skin_calib_addon.common.schema_check import check
 from skin_calib_addon.common.strict_json import parse
+from tests.examples import examples
 from tests.samples import boards, sheet, small_calibration
 
 OWN = (Response((0.0, 0.5), (0.0, 250.0)), ResponseTable((0.0, 100.0, 250.0), (16.0, 1.0, 0.0)))
@@ -195,7 +196,7 @@ def mutated_often(changes):
 
 
 @given(changes=mutations)
-@settings(max_examples=200)
+@examples(200)
 def test_no_structure_escapes(changes):
     """Several changes at once: findings or a calibration, never a traceback."""
     document = mutated_often(changes)
@@ -220,7 +221,7 @@ def chosen(error):
 
 
 @given(changes=mutations)
-@settings(max_examples=200)
+@examples(200)
 def test_schema_check_agrees_with_the_reference(changes):
     """Our interpreter and the jsonschema package call the same documents right, and find faults in the same members."""
     jsonschema = pytest.importorskip("jsonschema")
@@ -272,7 +273,7 @@ members = st.sampled_from([*"abcdefgh", "x_1", "n", "n2", "z"])
 
 
 @given(document=st.dictionaries(members, scalars | lists | objects, max_size=8))
-@settings(max_examples=1000)
+@examples(1000)
 def test_every_keyword_agrees_with_the_reference(document):
     """Each keyword means what JSON Schema says: right and wrong fall on the same members."""
     jsonschema = pytest.importorskip("jsonschema")
@@ -295,7 +296,7 @@ def test_bulk_check_agrees_with_the_reference(numbers, repeats):
 
 
 @given(document=st.lists(scalars | objects, max_size=3), repeats=st.integers(0, 3))
-@settings(max_examples=1000)
+@examples(1000)
 def test_bulk_check_of_choices_agrees_with_the_reference(document, repeats):
     """Arrays of objects that are told apart by a constant, or of strings and nulls, are judged as each alone is."""
     jsonschema = pytest.importorskip("jsonschema")
@@ -334,7 +335,7 @@ edits = st.lists(
 
 
 @given(changes=edits)
-@settings(max_examples=200)
+@examples(200)
 def test_no_bytes_escape(changes, tmp_path_factory):
     """Bytes replaced, removed and put in anywhere: the file loads, or is refused with findings, in one line."""
     data = TEXT
@@ -352,7 +353,7 @@ def test_no_bytes_escape(changes, tmp_path_factory):
 
 
 @given(data=st.binary(max_size=200))
-@settings(max_examples=300)
+@examples(300)
 def test_no_noise_escapes(data):
     """Bytes that never were a calibration are refused with findings."""
     document, findings = check_bytes(data)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -10,6 +10,7 @@ from skin_calib_addon.calibration.exchange import READABLE, read_taxels
 from skin_calib_addon.calibration.exchange.reading import CLOUDS, READERS, cloud_format_of, format_of
 from skin_calib_addon.calibration.exchange.taxel_set import finished
 from skin_calib_addon.common.errors import CalibrationFormatError
+from tests.examples import examples
 from tests.exchange_samples import (
     CELLS,
     SENSOR,
@@ -69,7 +70,7 @@ def assert_sound(taxels):
     assert all(finding.severity == "warning" for finding in taxels.findings)
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(content=spoilt(), name=st.sampled_from((None, *READABLE)))
 def test_spoilt_files_are_read_or_refused(content, name):
     """Sound taxels, or at least one error with a place in words; no other exception."""
@@ -86,7 +87,7 @@ def test_spoilt_files_are_read_or_refused(content, name):
     assert all("\n" not in str(finding) and len(str(finding)) < 1000 for finding in findings)
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(data=st.binary(max_size=300) | spoilt().map(lambda s: s.encode("utf-8", "surrogatepass")))
 def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
     """From the file on."""
@@ -109,7 +110,7 @@ BINARY = (
 )
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(
     data=st.sampled_from(BINARY),
     cuts=st.lists(st.tuples(st.integers(0, 400), st.integers(0, 8), st.binary(max_size=8))),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -20,6 +20,7 @@ from skin_calib_addon.geometry import (
 from skin_calib_addon.geometry.fit import surface_fit as fit_module
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, periodic_knots
 from skin_calib_addon.geometry.surface.distance import MeshDistance
+from tests.examples import examples
 from tests.shapes import LENGTH, TURN, Motion, dome, keep, sheet, shuffled, with_hole, wrist
 
 seeds = st.integers(0, 2**32 - 1)
@@ -67,7 +68,7 @@ def assert_moves_along(mesh, make, motion):
 
 
 @pytest.mark.parametrize("case", GRIDS)
-@settings(max_examples=6)
+@examples(6)
 @given(seed=seeds)
 def test_moving_the_mesh_moves_the_surface(case, seed):
     """Turned and shifted by up to a metre: control points, points and normals."""
@@ -75,7 +76,7 @@ def test_moving_the_mesh_moves_the_surface(case, seed):
 
 
 @pytest.mark.parametrize("case", GRIDS)
-@settings(max_examples=6)
+@examples(6)
 @given(scale=st.floats(0.05, 20))
 def test_scaling_the_mesh_scales_the_surface(case, scale):
     """From a finger to a torso."""
@@ -84,7 +85,7 @@ def test_scaling_the_mesh_scales_the_surface(case, scale):
     assert_moves_along(*GRIDS[case], motion)
 
 
-@settings(max_examples=5)
+@examples(5)
 @given(seed=seeds, scale=st.floats(0.3, 3))
 def test_moving_a_face_moves_its_surface(seed, scale):
     """Planes across a dome, with the author's normal and direction moved along."""
@@ -96,7 +97,7 @@ def test_moving_a_face_moves_its_surface(seed, scale):
     assert_moves_along(dome(), make, Motion(seed, scale))
 
 
-@settings(max_examples=5)
+@examples(5)
 @given(shift=st.tuples(*3 * [st.floats(-2, 2)]), scale=st.floats(0.3, 3))
 def test_shifting_a_sector_shifts_its_surface(shift, scale):
     """Its angles are told from the link's x axis, which does not turn with the mesh; all else moves along."""
@@ -106,7 +107,7 @@ def test_shifting_a_sector_shifts_its_surface(shift, scale):
 
 
 @pytest.mark.parametrize("case", GRIDS)
-@settings(max_examples=3)
+@examples(3)
 @given(seed=seeds)
 def test_order_of_vertices_and_faces_does_not_matter(case, seed):
     """The same triangles listed otherwise: the same control points to the bit."""
@@ -115,7 +116,7 @@ def test_order_of_vertices_and_faces_does_not_matter(case, seed):
     assert nets[0].tobytes() == nets[1].tobytes()
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(slope=st.tuples(*3 * [st.floats(-0.3, 0.3)]), degree=st.integers(2, 5), n=st.integers(6, 9), m=st.integers(6, 9))
 def test_slopes_are_found_exactly(slope, degree, n, m):
     """Planes of any slope are in the space of every grid across them, of every degree: error zero to the rounding."""
@@ -158,7 +159,7 @@ def even_planes(surface, m=10):
     )
 
 
-@settings(max_examples=4)
+@examples(4)
 @given(seed=seeds)
 def test_what_the_space_contains_is_found(seed):
     """A surface of the very space: the fit differs by what the facets do, about a quarter for facets half the size."""
@@ -187,7 +188,7 @@ def test_fit_is_never_worse_than_its_own_start(case, monkeypatch):
     assert (np.diff(misfit) <= 0).all() and misfit[-1] < misfit[0]
 
 
-@settings(max_examples=8)
+@examples(8)
 @given(seed=seeds)
 def test_ragged_meshes_are_fitted_nearly_as_well(seed):
     """Tubes with a tenth of their faces gone at random: gaps are counted, and the surface lies on what is gone too."""

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
+from tests.examples import examples
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, dome, keep, same_mesh, sheet, together, wrist
 
 seeds = st.integers(0, 2**32 - 1)
@@ -51,7 +52,7 @@ def slivered(mesh, rng, share, width):
 
 
 @pytest.mark.parametrize("case", CASES)
-@settings(max_examples=3)
+@examples(3)
 @given(seed=seeds)
 def test_triangle_soup_is_the_mesh(case, seed):
     """Every face with three vertices of its own, in any order, as STL has them: the same net, to the bit."""
@@ -63,7 +64,7 @@ def test_triangle_soup_is_the_mesh(case, seed):
 
 
 @pytest.mark.parametrize("case", CASES)
-@settings(max_examples=3)
+@examples(3)
 @given(seed=seeds)
 def test_repeated_and_degenerate_faces_are_nothing(case, seed):
     """Faces listed twice, started at another corner, faces with two equal corners, loose vertices: to the bit."""
@@ -79,7 +80,7 @@ def test_repeated_and_degenerate_faces_are_nothing(case, seed):
 
 
 @pytest.mark.parametrize("case", ["tube", "even tube", "sector"])
-@settings(max_examples=4)
+@examples(4)
 @given(seed=seeds)
 def test_winding_does_not_matter_to_tubes(case, seed):
     """Half of the faces wound the wrong way round: to a billionth of the size, for cuts run the other way along."""
@@ -111,7 +112,7 @@ def test_both_sides_of_every_face_are_one_surface(case):
 
 
 @pytest.mark.parametrize("case", CASES)
-@settings(max_examples=4)
+@examples(4)
 @given(seed=seeds, width=st.sampled_from([1e-6, 1e-9, 1e-12]))
 def test_slivers_do_not_matter(case, seed, width):
     """A tenth of the faces split beside a corner, to slivers down to a picometre: the shape is the same to a
@@ -122,7 +123,7 @@ def test_slivers_do_not_matter(case, seed, width):
     assert_allclose(fit.surface.control_net, NETS[case], rtol=0, atol=width + 1e-9 * mesh.size)
 
 
-@settings(max_examples=6)
+@examples(6)
 @given(seed=seeds, gap=st.sampled_from([1e-15, 1e-12, 1e-9, 1e-7]))
 def test_hairline_cracks_do_not_matter(seed, gap):
     """Soup whose corners are rounded apart, so that no two faces share a vertex: the surface is the clean one's, as
@@ -141,7 +142,7 @@ def surface_of(case):
     return fit_surface(mesh, grid).surface
 
 
-@settings(max_examples=8)
+@examples(8)
 @given(rings=st.integers(8, 20), lines=st.sampled_from([8, 12, 16, 24, 48]), n=st.integers(4, 12))
 def test_planes_through_vertices_miss_nothing(rings, lines, n):
     """u-planes through rings of vertices, v-planes along edges, and sections along them: no ray slips, and the net is
@@ -260,7 +261,7 @@ def test_walls_along_the_lines_are_fitted_or_refused(margin, spacing):
         assert fit.surface.points(UV)[:, 2].min() > 0.0 and fit.surface.points(UV)[:, 2].max() < 0.06
 
 
-@settings(max_examples=6)
+@examples(6)
 @given(height=st.floats(0.005, 0.1), margin=st.floats(1e-4, 0.02))
 def test_walls_outside_of_the_margin_do_not_matter(height, margin):
     """The top of a block, whose walls stand just outside of the planes: flat to the rounding, however high it is."""
@@ -271,7 +272,7 @@ def test_walls_outside_of_the_margin_do_not_matter(height, margin):
 
 
 @pytest.mark.parametrize("case", CASES)
-@settings(max_examples=6)
+@examples(6)
 @given(seed=seeds, share=st.floats(0.02, 0.97))
 def test_torn_meshes_are_fitted_or_refused(case, seed, share):
     """Any share of the faces gone at random: a finite surface, or one line."""
@@ -291,7 +292,7 @@ def test_torn_meshes_are_fitted_or_refused(case, seed, share):
 
 
 @pytest.mark.parametrize("case", ["even tube", "sector", "face"])
-@settings(max_examples=3)
+@examples(3)
 @given(seed=seeds, noise=st.floats(1e-5, 0.05))
 def test_noise_of_any_size_is_fitted_or_refused(case, seed, noise):
     """Vertices moved by a hundredth of a millimetre to more than the tube's own radius: a surface, or one line."""
@@ -303,7 +304,7 @@ def test_noise_of_any_size_is_fitted_or_refused(case, seed, noise):
         assert np.isfinite(fit.condition) and all("\n" not in str(w) for w in fit.warnings)
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(seed=seeds, count=st.integers(1, 30))
 def test_few_random_triangles_are_fitted_or_refused(seed, count):
     """A handful of faces anywhere: every kind of grid gives a surface or one line."""

@@ -1,12 +1,13 @@
 """What holds for any cloud that lies on a mesh: its place is found, wherever both are and however they are listed."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry.registration import find_frame
 from skin_calib_addon.geometry.surface.distance import MeshDistance, mesh_samples
+from tests.examples import examples
 from tests.shapes import Motion, weld, wrist
 
 seeds = st.integers(0, 2**32 - 1)
@@ -21,7 +22,7 @@ def piece(seed, share, noise=0.0):
     return POINTS[chosen] + noise * rng.normal(size=(len(chosen), 1)) * wrist().face_normals[FACES[chosen]]
 
 
-@settings(max_examples=6)
+@examples(6)
 @given(seed=seeds, share=st.floats(0.4, 1))
 def test_any_motion_of_a_large_piece_is_undone(seed, share):
     """A piece of the link, or the whole: brought back to a hundredth of a millimetre from any frame."""
@@ -31,7 +32,7 @@ def test_any_motion_of_a_large_piece_is_undone(seed, share):
     assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).max() < 1e-5
 
 
-@settings(max_examples=4)
+@examples(4)
 @given(seed=seeds, noise=st.floats(0, 5e-4))
 def test_noise_moves_the_place_by_no_more_than_the_slack(seed, noise):
     """Taxels off the mesh: they lie no further off than where they came from, and as far from there as was told."""
@@ -42,7 +43,7 @@ def test_noise_moves_the_place_by_no_more_than_the_slack(seed, noise):
     assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).mean() <= fit.slack
 
 
-@settings(max_examples=3)
+@examples(3)
 @given(seed=seeds)
 def test_moving_the_mesh_moves_the_cloud(seed):
     """The mesh elsewhere, the cloud where it was: it goes to the same place on the mesh."""
@@ -53,7 +54,7 @@ def test_moving_the_mesh_moves_the_cloud(seed):
     assert_allclose(there.slack, here.slack, rtol=1e-2)
 
 
-@settings(max_examples=2)
+@examples(2)
 @given(seed=seeds)
 def test_order_and_repetition_do_not_matter(seed):
     """The taxels in another order, the mesh listed another way: the same place. Asked again: the same bits."""

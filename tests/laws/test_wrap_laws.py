@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry import BSplineSurface, TubeGrid, fit_surface
 from skin_calib_addon.skin import HexLattice, SheetLattice, sheet_taxels, wrap, wrap_sheet
+from tests.examples import examples
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, cone_surface, cylinder, weld, wrist, wrist_surface
 
 seeds = st.integers(0, 2**32 - 1)
@@ -25,7 +26,7 @@ def scaled(lattice, scale):
     return SheetLattice(lattice.rows, lattice.columns, (lattice.pitch[0] * scale, lattice.pitch[1] * scale))
 
 
-@settings(max_examples=5)
+@examples(5)
 @given(seed=seeds, scale=st.floats(0.3, 3), centred=st.booleans())
 def test_moving_the_mesh_moves_the_taxels(seed, scale, centred):
     """From mesh to taxels: positions, normals, tangents and corners go along, neighbours and strain stay."""
@@ -78,7 +79,7 @@ def test_sheet_does_not_see_the_parametrisation():
         assert_allclose(*places, rtol=0, atol=1e-8)
 
 
-@settings(max_examples=8)
+@examples(8)
 @given(angle=st.floats(-3, 3), height=st.floats(0.03, 0.06))
 def test_turned_sheet_is_the_same_sheet(angle, height):
     """Rows the other way, from the opposite corner: each cell lies where its opposite lay, with the same strain."""
@@ -138,7 +139,7 @@ def test_taxels_are_the_same_again(weld_again):
         assert a.tobytes() == b.tobytes()
 
 
-@settings(max_examples=4)
+@examples(4)
 @given(seed=seeds, scale=st.floats(0.3, 3))
 def test_moving_the_surface_moves_the_boards(seed, scale):
     """The same boards, in the moved place, as well as before."""

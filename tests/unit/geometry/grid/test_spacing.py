@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -17,6 +17,7 @@ from skin_calib_addon.geometry.grid.spacing import evened, kept_apart, line_plac
 from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.frames import frame_of
 from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
+from tests.examples import examples
 from tests.shapes import (
     LENGTH,
     RADIUS,
@@ -89,7 +90,7 @@ def flat_heights(profiles, outlines):
     return Survey(chart, t, outlines, np.ones_like(outlines), s, profiles, np.ones_like(profiles))
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(slope=st.tuples(*3 * [st.floats(-0.5, 0.5)]), degree=st.integers(2, 5), seed=seeds)
 def test_survey_error_of_a_slope_is_none(slope, degree, seed):
     """Any places of planes across a slope leave nothing but rounding, along and across."""
@@ -454,7 +455,7 @@ def test_lines_that_were_placed_are_kept_to_the_bit():
     assert fit.surface.control_net.tobytes() == again.surface.control_net.tobytes()
 
 
-@settings(max_examples=5)
+@examples(5)
 @given(seed=seeds)
 def test_places_move_with_the_mesh(seed):
     """The same places on a mesh that is turned, shifted and scaled."""

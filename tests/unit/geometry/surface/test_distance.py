@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -17,6 +17,7 @@ from skin_calib_addon.geometry.surface.distance import (
     surface_errors,
     surface_samples,
 )
+from tests.examples import examples
 from tests.oracles import distance_to_mesh, nearest_on_triangle
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, keep, plane_surface, sheet, wrist_surface
 
@@ -126,7 +127,7 @@ def test_mesh_samples_leave_no_large_gap():
     assert np.linalg.norm(spots[:, None] - points, axis=2).min(axis=1).max() < 0.02 * mesh.size
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(height=st.floats(-0.01, 0.01), turned=st.booleans())
 def test_errors_of_a_parallel_plane_are_its_height(height, turned):
     """Both ways, mean, rms, max and Hausdorff alike; wound the wrong way it lies no further off."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import linprog
@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull
 
 from skin_calib_addon.runtime.balance.cone import margin, rectangle_cone, wrench_cone, wrench_rays
 from skin_calib_addon.runtime.balance.polygon import Polygon, convex_hull
+from tests.examples import examples
 from tests.unit.runtime.balance.test_inscribed import round_polygons
 from tests.unit.runtime.balance.test_polygon import polygons, size_of
 
@@ -86,7 +87,7 @@ def test_formulas_count_of_feasible_corner_forces():
     assert (wrenches @ rectangle_cone(LOW, HIGH, 0.6).T).max() <= 1e-14 * wrenches.max()
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(round_polygons, frictions, seeds)
 def test_cone_is_what_corner_forces_can_do(polygon, mu, seed):
     """Of wrenches inside, outside and about the border, rows and linear program say the same."""
@@ -104,7 +105,7 @@ def test_cone_is_what_corner_forces_can_do(polygon, mu, seed):
     assert not is_feasible(rays, -inner) and margin(rows, -inner) < 0
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(round_polygons, frictions)
 def test_cone_has_no_row_too_many_and_none_too_few(polygon, mu):
     """As many as Qhull finds facets of the rays in five dimensions, and the same ones."""

@@ -4,7 +4,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
@@ -18,6 +18,7 @@ from skin_calib_addon.runtime.balance.inscribed import (
 )
 from skin_calib_addon.runtime.balance.polygon import Polygon, convex_hull, of_grid
 from tests import oracles
+from tests.examples import examples
 from tests.unit.runtime.balance.test_polygon import THIN as SLIVER
 from tests.unit.runtime.balance.test_polygon import polygons, size_of
 
@@ -185,7 +186,7 @@ def golden(value, low, high):
     return value((low + high) / 2)
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(round_polygons)
 def test_largest_box_is_the_largest(polygon):
     """One search in another, over both ends along x, finds the same area; its sides go along the axes."""

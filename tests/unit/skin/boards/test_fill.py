@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -12,6 +12,7 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.skin.boards.fill import TOUCH_TOLERANCE, fill
 from skin_calib_addon.skin.boards.region import Region
 from skin_calib_addon.skin.lattice import HexLattice
+from tests.examples import examples
 from tests.oracles import all_offsets, boards_inside, edges_of, is_inside, most_boards, points_on
 from tests.unit.skin.boards.test_region import random_loops, turned
 
@@ -131,7 +132,7 @@ def test_of_poses_as_good_the_least_turned_is_taken():
     assert_allclose(fill(Region((turned(ring(0.025, count=12), 0.1),)), TIGHT).angle, 0.1, atol=1e-6)
 
 
-@settings(max_examples=4)
+@examples(4)
 @given(seed=seeds, angle=st.floats(-4, 4), x=st.floats(-1, 1), y=st.floats(-1, 1))
 def test_boards_go_where_the_region_goes(seed, angle, x, y):
     """Turned and moved: the same number, and as much room."""
@@ -162,7 +163,7 @@ def test_boards_of_a_lopsided_region_move_with_it():
         assert len(there.cells) == len(here.cells) and apart.max() < 2e-6
 
 
-@settings(max_examples=3)
+@examples(3)
 @given(seed=seeds, growth=st.floats(1, 1.2))
 def test_larger_region_never_holds_fewer(seed, growth):
     """A star that grows from its middle keeps every board; and so does one whose holes are closed."""
@@ -172,7 +173,7 @@ def test_larger_region_never_holds_fewer(seed, growth):
     assert counts == sorted(counts)
 
 
-@settings(max_examples=4)
+@examples(4)
 @given(seed=seeds, angle=st.floats(-2, 2))
 def test_given_angle_is_kept_and_brute_force_finds_no_more(seed, angle):
     """Only the offset is searched."""
@@ -183,7 +184,7 @@ def test_given_angle_is_kept_and_brute_force_finds_no_more(seed, angle):
         assert placement.angle == angle and len(placement.cells) >= most
 
 
-@settings(max_examples=4)
+@examples(4)
 @given(seed=seeds)
 def test_given_offset_is_kept_and_brute_force_finds_no_more(seed):
     """Only the angle is searched; cell (0, 0) lies at the offset, whether it has a board or not."""

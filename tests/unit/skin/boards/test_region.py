@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.skin.boards.region import Region
 from skin_calib_addon.skin.lattice import HexLattice
+from tests.examples import examples
 from tests.oracles import is_inside, room_of
 
 seeds = st.integers(0, 2**32 - 1)
@@ -63,7 +64,7 @@ def test_triangles_of_a_flat_mesh_are_a_region():
     assert_allclose(Region(tuple(ring)).edges, Region((SQUARE, hole)).edges, atol=1e-12)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(seed=seeds)
 def test_rooms_are_those_between_the_outlines(seed):
     """Against all corners and points all along the edges; these lie up to half a step from the deepest one."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -11,6 +11,7 @@ from skin_calib_addon.geometry import TubeGrid, fit_surface
 from skin_calib_addon.plan.skins import GAP, SIDE
 from skin_calib_addon.skin import HexLattice, board_taxels, wrap_boards
 from skin_calib_addon.skin.lattice import PORTS
+from tests.examples import examples
 from tests.shapes import Z_AXIS, cone_surface, cylinder, plane_surface, wrist_surface
 
 TUM = HexLattice(SIDE, GAP)
@@ -36,7 +37,7 @@ def test_default_boards_are_those_of_the_tum_skin():
     assert_allclose(TUM.area, 691e-6, atol=1e-6)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(heading=st.floats(-np.pi, np.pi), gap=st.floats(-0.001, 0.003))
 def test_plane_is_the_identity(heading, gap):
     """Boards lie where the flat lattice has them, corners and all, without tilt, gap or collision."""

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.sheet.strain import cell_strain
+from tests.examples import examples
 from tests.shapes import RADIUS, cone_surface, plane_surface, wrist_surface
 
 LATTICE = SheetLattice(5, 8, (0.01, 0.01))
@@ -39,7 +40,7 @@ def test_one_landmark_takes_the_part_of_the_origin():
     assert_allclose(found, expected, rtol=0, atol=1e-9)
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(turn=st.floats(-0.5, 0.5), longer=st.floats(0.9, 1.1))
 def test_two_landmarks_turn_the_sheet_and_do_not_stretch_it(turn, longer):
     """The first is met, and the second as nearly as a sheet that keeps its lengths can."""
@@ -50,7 +51,7 @@ def test_two_landmarks_turn_the_sheet_and_do_not_stretch_it(turn, longer):
     assert np.abs(strain).max() < 1e-6
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(turn=st.floats(-0.4, 0.4), scale=st.tuples(st.floats(0.96, 1.06), st.floats(0.96, 1.06)))
 def test_landmarks_that_ask_for_an_even_stretch_get_it(turn, scale):
     """A dozen cells of a plane sheet pulled apart evenly: all met, and the cells in between stretched as much."""

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.neighbours import neighbours
 from skin_calib_addon.skin.sheet.taxels import fan_areas
+from tests.examples import examples
 from tests.shapes import RADIUS, TURN, cone_surface, plane_surface, wrist_surface
 
 SQUARE = (0.01, 0.01)
@@ -129,7 +130,7 @@ def found_neighbours(taxels):
     return {frozenset(pair) for pair in directed}
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(
     rows=st.integers(1, 5),
     columns=st.integers(1, 6),

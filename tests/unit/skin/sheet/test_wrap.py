@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -17,6 +17,7 @@ from skin_calib_addon.skin.sheet.net import grid_net
 from skin_calib_addon.skin.sheet.relax import relax
 from skin_calib_addon.skin.sheet.strain import cell_strain, closure
 from skin_calib_addon.skin.sheet.wrap import WrappedSheet, guess_step, may_be_folded
+from tests.examples import examples
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, welded, wrist, wrist_surface
 
 SQUARE = (0.01, 0.01)
@@ -53,7 +54,7 @@ def test_plane_is_the_identity(heading, pitch, shape, tilt):
     assert np.abs(cell_strain(sheet)).max() < 1e-9
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(heading=st.floats(-np.pi, np.pi), angle=st.floats(-3, 3), pitch=st.tuples(*2 * [st.floats(0.004, 0.012)]))
 def test_cylinder_is_unrolled(heading, angle, pitch):
     """Arc lengths round the cylinder and heights along it are the flat places, for rows in any direction."""
@@ -68,7 +69,7 @@ def test_cylinder_is_unrolled(heading, angle, pitch):
     assert np.abs(cell_strain(sheet)).max() < 1e-5
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(heading=st.floats(-np.pi, np.pi), angle=st.floats(-3, 3), ends=st.sampled_from(((0.045, 0.030), (0.03, 0.038))))
 def test_cone_is_unrolled(heading, angle, ends):
     """A cone unrolls to a sector about its tip: distances from the tip and angles there are the flat ones."""

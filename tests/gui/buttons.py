@@ -1,0 +1,118 @@
+"""Find and press buttons of the sidebar: many places are looked at in one turn of Blender's event loop.
+
+Hovering one place per turn draws the sidebar each time, and a long sidebar takes hundreds of places. Mouse moves that
+are queued together are handled together: behind each a key is queued that notes what is under the mouse.
+"""
+
+import bpy
+
+ROW, COLUMNS = 13, 3  # a button is 20 pixels high, and a row has up to three of them, at a scale of one
+FINE = 4  # pixels between the places at which the ends of a button are looked for
+HIGH = 40  # pixels above and below a place on a button, among which its ends are
+
+_seen = []
+
+
+class Seen(bpy.types.Operator):
+    """Note the button under the mouse."""
+
+    bl_idname = "wm.skin_calib_seen"
+    bl_label = "Note the button under the mouse"
+
+    def invoke(self, context, event):
+        _seen.append(_under_mouse(context.window_manager))
+        return {"FINISHED"}
+
+
+def _under_mouse(manager):
+    """The operator's call or the property's path that the button under the mouse has; None where there is none."""
+    asks = ((bpy.ops.ui.copy_python_command_button, {}), (bpy.ops.ui.copy_data_path_button, {"full_path": True}))
+    for ask, options in asks:
+        manager.clipboard = ""
+        if ask.poll() and "FINISHED" in ask(**options) and manager.clipboard:
+            return manager.clipboard
+    return None
+
+
+def press(gui, name):
+    """Find a button and click it."""
+    x, y = yield from find(gui, name)
+    yield from gui.click(x, y)
+    yield from gui.redraw()
+
+
+def find(gui, name):
+    """Move to the middle of a button of the sidebar, named as for ``gui.find``; scroll where it must be."""
+    here, known, place = gui.region("UI"), set(), None
+    for key in (None, "HOME", *["PAGE_DOWN"] * 20):
+        if key:
+            yield from gui.move(here.x + here.width / 2, here.y + here.height / 2)
+            yield from gui.key(key)
+            yield from gui.redraw()
+            before, place = place, tuple(here.view2d.region_to_view(0, 0))
+            if before == place:
+                break
+        scale = bpy.context.preferences.system.ui_scale
+        rows = range(here.y + here.height - round(ROW * scale), here.y, -round(ROW * scale))
+        columns = [here.x + here.width * (k + 0.5) / COLUMNS for k in (1, 0, 2)]  # the middle first
+        for x in columns:
+            places = [(x, y) for y in rows]
+            seen = yield from _look(gui, places)
+            known |= {one for one in seen if one}
+            hits = [(one, at) for one, at in zip(seen, places) if one and _is_named(one, name)]
+            if hits:
+                return (yield from _middle(gui, here, *hits[0]))
+    raise LookupError(f"no button {name!r} in the sidebar; there are {sorted(known)}")
+
+
+def _is_named(button, name):
+    """Whether this is an operator's call that starts with the name, or a data path that ends with it."""
+    call = "bpy.ops." + (name if "(" in name else name + "(")
+    return button.startswith(call) or button == name or button.endswith("." + name)
+
+
+def _middle(gui, here, button, place):
+    """Move to the middle of the button that has this place: at its ends a number field has arrows."""
+    x, y = place
+    xs = [here.x + k for k in range(0, here.width, FINE)]
+    x = yield from _between(gui, button, [(one, y) for one in xs], 0)
+    ys = [y + k for k in range(-HIGH, HIGH + 1, FINE)]
+    y = yield from _between(gui, button, [(x, one) for one in ys], 1)
+    yield from gui.move(x, y)
+    return x, y
+
+
+def _between(gui, button, places, coordinate):
+    """The middle of those places that the button has, in one coordinate."""
+    first = yield from _first(gui, button, places)
+    last = yield from _first(gui, button, places[::-1])
+    return round((first[coordinate] + last[coordinate]) / 2)
+
+
+def _first(gui, button, places):
+    """The first of the places that a button has."""
+    seen = yield from _look(gui, places)
+    return places[seen.index(button)]
+
+
+def _look(gui, places):
+    """The button that was last under the mouse, when it has moved on to each place, one after the other.
+
+    A button that the mouse leaves needs one move, the next one another. Over no button the last one is named again.
+    """
+    _ready()
+    yield from gui.move(*places[0])  # and draw: that forgets the last one
+    _seen.clear()
+    for x, y in places:
+        for kind, value in (*[("MOUSEMOVE", "NOTHING")] * 2, ("F24", "PRESS"), ("F24", "RELEASE")):
+            gui.window.event_simulate(type=kind, value=value, x=round(x), y=round(y))
+    yield from gui.wait(lambda: len(_seen) == len(places), 30, "the buttons under the mouse")
+    return _seen[:]
+
+
+def _ready():
+    """Bind the key that notes what is under the mouse."""
+    if not Seen.is_registered:
+        bpy.utils.register_class(Seen)
+        keymap = bpy.context.window_manager.keyconfigs.addon.keymaps.new("Window")
+        keymap.keymap_items.new(Seen.bl_idname, "F24", "PRESS")
