@@ -6,21 +6,29 @@ PYTHON ?= $(shell for p in python3.13 python3.11 python3; do \
 VENV ?= .venv
 BIN = $(VENV)/bin
 READY = $(VENV)/ready
+# One process for each processor, or PYTEST_XDIST_AUTO_NUM_WORKERS of them, each with one thread for linear algebra.
+PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
-.PHONY: demo test check docs format bench extension samples clean
+.PHONY: demo test check check-second docs format bench extension samples clean
 
 demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summary in out/
 	$(BIN)/python examples/demo.py
 
-test: $(READY)  ## all tests
-	$(BIN)/python -m pytest -q
+test: $(READY)  ## the quick tests: they cover every module
+	$(PYTEST) -m "not slow and not window"
 
-check: $(READY) docs  ## lint, types, tests, the built extension, the documentation
+check: $(READY) docs  ## lint, types, the extension, the documentation, all tests, those in a Blender window too
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python scripts/make_extension.py --platform linux-x64
-	$(BIN)/python -m pytest -q
+	$(PYTEST) --hypothesis-profile=full
+
+check-second: $(READY)  ## for a second Python: types, the extension, the quick tests, all tests in its Blender
+	$(BIN)/mypy
+	$(BIN)/python scripts/make_extension.py --platform linux-x64
+	$(PYTEST) tests/blender
+	$(PYTEST) -m "not slow and not window" --ignore=tests/blender
 
 docs: $(VENV)/docs-ready  ## the documentation as a site in out/site; a wrong link, reference or formula fails
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict

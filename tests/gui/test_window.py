@@ -15,6 +15,8 @@ from numpy.testing import assert_allclose
 
 from tests.blender.test_extension_zip import PLATFORMS, zip_of_these_sources
 
+pytestmark = pytest.mark.window
+
 ROOT = Path(__file__).resolve().parents[2]
 TOOLS = ROOT.parent / "shared" / "blender"
 SAMPLES = ROOT / "sample_scenes"
