@@ -9,7 +9,7 @@ READY = $(VENV)/ready
 # One process for each processor, or PYTEST_XDIST_AUTO_NUM_WORKERS of them, each with one thread for linear algebra.
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
-.PHONY: demo test check check-second docs format bench extension samples clean
+.PHONY: demo test check check-second docs format bench wheel extension samples clean
 
 demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summary in out/
 	$(BIN)/python examples/demo.py
@@ -39,6 +39,10 @@ format: $(READY)
 
 bench: $(VENV)/bench-ready  ## the paper's method and the peers beside ours: tables, CSV files, charts
 	$(BIN)/python benchmarks/run.py
+
+wheel: $(READY)  ## the Python package in dist/; without what an earlier build left
+	rm -rf build
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
 
 extension: $(READY)  ## one zip per platform in dist/
 	$(BIN)/python scripts/make_extension.py
