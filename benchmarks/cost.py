@@ -73,7 +73,7 @@ def series(name: str, cases: Iterator[tuple[Link, int, int]], repeats: int) -> I
                 tired.add(method)
             counts = (None, None, None)
             if isinstance(made, SurfaceFit):
-                counts = faces_cut(made), made.residuals.size, made.passes
+                counts = faces_cut(made), made.residuals.size, made.iterations
             yield Row(name, method, count, n * lines, milliseconds, *counts)
 
 

@@ -12,7 +12,7 @@ from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink
 from ..skin_calib_addon.common.findings import show
 from ..skin_calib_addon.geometry.mesh.defects import count, edges_at
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
-from ..skin_calib_addon.geometry.mesh.units import NAMES, UNITS, likely_unit, mistaken
+from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, UNITS, likely_mistake, likely_unit
 from ..skin_calib_addon.robot.link_mesh import USES, load_link, meshes_of
 from ..skin_calib_addon.robot.urdf import read_robot
 from .files import FromFile
@@ -39,8 +39,10 @@ class Import(FromFile):
         link.skin_calib.link, link.skin_calib.mesh_file = name, file
         scene.activate(context, link)
         side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
-        told = f"{name}: {count(len(mesh.faces), 'face')} in {NAMES[unit]}, {side * 1e3:.4g} mm long"
-        self.report({"WARNING"} if mistaken(side) else {"INFO"}, told + "; is that right?" * bool(mistaken(side)))
+        told = f"{name}: {count(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
+        self.report(
+            {"WARNING"} if likely_mistake(side) else {"INFO"}, told + "; is that right?" * bool(likely_mistake(side))
+        )
         return {"FINISHED"}
 
 
@@ -56,7 +58,7 @@ class SKIN_OT_import_mesh(Import, bpy.types.Operator):
         description="Unit of the numbers in the file",
         items=[
             ("auto", "Automatic", "Metres or millimetres: the one in which the mesh has the size of a robot link"),
-            *((unit, name.capitalize(), f"The file has {name}") for unit, name in NAMES.items()),
+            *((unit, name.capitalize(), f"The file has {name}") for unit, name in UNIT_NAMES.items()),
         ],
     )
 

@@ -8,7 +8,7 @@ from ..skin_calib_addon.blender.scene.skins import entry
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.geometry import PlanesGrid, cut_cover
 from ..skin_calib_addon.geometry.fit.auto import grid_lines
-from ..skin_calib_addon.geometry.grid.hand_planes import between, mirrored, planes_of, spread
+from ..skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread
 from .lists import INDEX
 from .on_link import Edit, OnLink
 

@@ -5,7 +5,7 @@ import bpy
 
 from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.scene.scene import longest_side
-from ..skin_calib_addon.geometry.mesh.units import NAMES, mistaken
+from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
 from .base import SkinPanel, show_warning
 
 
@@ -37,17 +37,17 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
     def lay_out_unit(self, context):
         """A link of a size that none has, and what to do about it."""
         side = longest_side(context.object, context.scene)
-        wrong = mistaken(side) if context.object.skin_calib.link and side else None
+        wrong = likely_mistake(side) if context.object.skin_calib.link and side else None
         if wrong is None:
             return
         unit, _ = wrong
         box = self.layout.box()
-        question = f"{NAMES[unit]}?" if unit else "check its scale"
+        question = f"{UNIT_NAMES[unit]}?" if unit else "check its scale"
         column = box.column(align=True)
         column.label(text=f"This mesh is {side:.3g} m long:", icon="ERROR")
         column.label(text=question, icon="BLANK1")
         if unit:
-            box.operator("skin_calib.scale_to_unit", text=f"Scale to {NAMES[unit].capitalize()}").unit = unit
+            box.operator("skin_calib.scale_to_unit", text=f"Scale to {UNIT_NAMES[unit].capitalize()}").unit = unit
 
 
 class SKIN_PT_mesh(SkinPanel, bpy.types.Panel):

@@ -16,38 +16,41 @@ from .mesh.triangle_mesh import TriangleMesh
 from .surface.distance import MeshDistance, closest_on_triangles, split_faces
 
 # A cloud this near on the mean lies where it should: taxels stand off a mesh by the thickness of a cover [m].
-NEAR = 3e-3
+ON_MESH_DISTANCE = 3e-3
 # One that no motion brings to less than this share of its mean distance does too, up to the thickest of skins [m].
-GAIN, THICKEST = 0.5, 1e-2
+MAX_REMAINING_RATIO, MAX_SKIN_THICKNESS = 0.5, 1e-2
 # Shares of the cloud's size: a cloud further off than the first does not lie on the mesh; poses that move its points
 # further apart than the second lie in two places.
-LAID, APART = 0.01, 0.1
+MAX_MEAN_FRACTION, DISTINCT_FRACTION = 0.01, 0.1
 # Another pose whose mean distance exceeds the best one's by no more than this factor fits as well as it does; nor do
 # distances below this share of the cloud's size tell two poses apart.
-ALIKE, FINEST = 1.5, 5e-4
-SMALLEST = 1e-6  # size of a cloud that has none [m]
+RIVAL_RATIO, RESOLUTION_FRACTION = 1.5, 5e-4
+MIN_CLOUD_SIZE = 1e-6  # size of a cloud that has none [m]
 
 # Where the search starts: turned every way, with its middle in the middle of the mesh and at places spread over it.
-TURNS, PLACES = 300, 12
+START_ROTATIONS, START_POSITIONS = 300, 12
 # Steps of the search, and the share of the starts that takes them.
-ROUNDS = ((10, 1.0), (10, 0.3), (10, 0.1))
-FEWEST = 30
-FEW, SOME = 60, 150  # points of the cloud that the search looks at, and those that its best poses are told apart by
-TRIM = 0.9  # share of the points that counts in a step: those nearest to the mesh
-DAMPING = 1e-2  # how much a point's way costs, against its distance to the mesh
+DESCENT_ROUNDS = ((10, 1.0), (10, 0.3), (10, 0.1))
+MIN_STARTS = 30
+DESCENT_POINTS, RANKING_POINTS = (
+    60,
+    150,
+)  # points of the cloud that the search looks at, and those that its best poses are told apart by
+TRIMMED_FRACTION = 0.9  # share of the points that counts in a step: those nearest to the mesh
+MOTION_COST = 1e-2  # how much a point's way costs, against its distance to the mesh
 # How many different poses are refined on some points, those of how many places among them that are refined on all, and
 # how many in all; poses that move the points apart by less than this share of the cloud's size are one.
-CANDIDATES, RIVALS, FINALISTS, LIKE = 16, 2, 8, 0.03
-CANDIDATE_STEPS, FINAL_STEPS = 15, 60
+CANDIDATES, RIVALS, FINALISTS, EQUAL_FRACTION = 16, 2, 8, 0.03
+CANDIDATE_ITERATIONS, FINAL_ITERATIONS = 15, 60
 # Distances below this share of the cloud's size count by their squares, longer ones by themselves: means of distances
 # alone have a dip wherever a few points happen to lie on faces.
-ROUND = 2.5e-3
-SETTLED = 1e-7  # a step that moves no point by more than this share of the cloud's size is the last
+SOFT_WIDTH_FRACTION = 2.5e-3
+POSE_TOLERANCE = 1e-7  # a step that moves no point by more than this share of the cloud's size is the last
 
-SPACING = 0.015  # of the points spread over the mesh, as a share of its size
-CELLS = 48  # along each side of the grid that knows the nearest of them
-BEYOND = 0.62  # half a side of the grid, as a share of the mesh's size
-CLOSEST = 4  # faces whose exact distance is asked for
+SAMPLE_SPACING = 0.015  # of the points spread over the mesh, as a share of its size
+GRID_CELLS = 48  # along each side of the grid that knows the nearest of them
+GRID_HALF_SIDE = 0.62  # half a side of the grid, as a share of the mesh's size
+CANDIDATE_FACES = 4  # faces whose exact distance is asked for
 
 
 Verdict = Literal["right", "moved", "ambiguous", "lost"]
@@ -97,18 +100,20 @@ def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
     points = np.asarray(points, float)
     exact, cloud = MeshDistance(mesh), Cloud.of(points)
     before = _statistics(exact, points)
-    if before.mean <= NEAR:
+    if before.mean <= ON_MESH_DISTANCE:
         return _right(before, _slack(mesh, exact, points))
     best, others = _search(SampledMesh(mesh), cloud)
     moved = cloud.at(best)
     after, slack = _statistics(exact, moved), _slack(mesh, exact, moved)
     rival = min((_statistics(exact, cloud.at(pose)).mean for pose in others), default=np.inf)
-    if after.mean > GAIN * before.mean and before.mean <= THICKEST:
+    if after.mean > MAX_REMAINING_RATIO * before.mean and before.mean <= MAX_SKIN_THICKNESS:
         return _right(before, slack, rival)
-    unsure = rival <= ALIKE * after.mean + FINEST * cloud.size or slack > APART * cloud.size
-    lost = after.mean > min(LAID * cloud.size, GAIN * before.mean)
+    unsure = (
+        rival <= RIVAL_RATIO * after.mean + RESOLUTION_FRACTION * cloud.size or slack > DISTINCT_FRACTION * cloud.size
+    )
+    lost = after.mean > min(MAX_MEAN_FRACTION * cloud.size, MAX_REMAINING_RATIO * before.mean)
     verdict: Verdict = "lost" if lost else "ambiguous" if unsure else "moved"
-    return RigidFit(best.turn, best.place - best.turn @ cloud.middle, before, after, verdict, slack, rival)
+    return RigidFit(best.rotation, best.position - best.rotation @ cloud.centre, before, after, verdict, slack, rival)
 
 
 def _right(before: DistanceStatistics, slack: float, rival: float = np.inf) -> RigidFit:
@@ -119,8 +124,8 @@ def _right(before: DistanceStatistics, slack: float, rival: float = np.inf) -> R
 class Pose:
     """How a cloud lies: turned about its middle, which then lies at ``place``."""
 
-    turn: Array  # (3, 3) proper
-    place: Array  # (3,) [m]
+    rotation: Array  # (3, 3) proper
+    position: Array  # (3,) [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,19 +133,19 @@ class Cloud:
     """Points about their middle."""
 
     points: Array  # (n, 3) [m]
-    middle: Array  # (3,) [m]
+    centre: Array  # (3,) [m]
     size: float  # diameter of the ball about the middle that holds them [m]; never zero
 
     @classmethod
     def of(cls, points: Array) -> "Cloud":
         """The cloud of points (n, 3) as they are given."""
-        middle = points.mean(axis=0)
-        arms = points - middle
-        return cls(arms, middle, max(2 * float(np.linalg.norm(arms, axis=1).max()), SMALLEST))
+        centre = points.mean(axis=0)
+        arms = points - centre
+        return cls(arms, centre, max(2 * float(np.linalg.norm(arms, axis=1).max()), MIN_CLOUD_SIZE))
 
     def at(self, pose: Pose) -> Array:
         """The points in a pose, shape (n, 3) [m]."""
-        return self.points @ pose.turn.T + pose.place
+        return self.points @ pose.rotation.T + pose.position
 
 
 class SampledMesh:
@@ -148,21 +153,21 @@ class SampledMesh:
 
     def __init__(self, mesh: TriangleMesh):
         self.mesh = mesh
-        self.points, self.face, _ = split_faces(mesh, SPACING * mesh.size)
+        self.points, self.face, _ = split_faces(mesh, SAMPLE_SPACING * mesh.size)
         self.tree = cKDTree(self.points)
-        self.middle = mesh.vertices.mean(axis=0)
-        self.low = self.middle - BEYOND * mesh.size
-        self.cell = 2 * BEYOND * mesh.size / CELLS
-        owner = np.full(CELLS**3, -1)
+        self.centre = mesh.vertices.mean(axis=0)
+        self.low = self.centre - GRID_HALF_SIDE * mesh.size
+        self.cell = 2 * GRID_HALF_SIDE * mesh.size / GRID_CELLS
+        owner = np.full(GRID_CELLS**3, -1)
         owner[self._cells(self.points)] = np.arange(len(self.points))
         i, j, k = distance_transform_edt(
-            (owner < 0).reshape(CELLS, CELLS, CELLS), return_distances=False, return_indices=True
+            (owner < 0).reshape(GRID_CELLS, GRID_CELLS, GRID_CELLS), return_distances=False, return_indices=True
         )
-        self.nearest = owner[((i * CELLS + j) * CELLS + k).ravel()]
+        self.nearest = owner[((i * GRID_CELLS + j) * GRID_CELLS + k).ravel()]
 
     def _cells(self, points: Array) -> IntArray:
-        i, j, k = np.moveaxis(np.clip((points - self.low) / self.cell, 0, CELLS - 1).astype(np.int64), -1, 0)
-        return (i * CELLS + j) * CELLS + k
+        i, j, k = np.moveaxis(np.clip((points - self.low) / self.cell, 0, GRID_CELLS - 1).astype(np.int64), -1, 0)
+        return (i * GRID_CELLS + j) * GRID_CELLS + k
 
     def planes(self, points: Array) -> tuple[Array, Array]:
         """A point of the mesh near each point, and the normal of its face, shapes (..., 3)."""
@@ -171,7 +176,7 @@ class SampledMesh:
 
     def __call__(self, points: Array) -> tuple[Array, IntArray]:
         """The nearest point of the mesh to each point (k, 3), shape (k, 3), and its face: the best of a few."""
-        few = min(CLOSEST, len(self.points))
+        few = min(CANDIDATE_FACES, len(self.points))
         faces = self.face[self.tree.query(points, k=np.arange(1, few + 1))[1]]
         feet = closest_on_triangles(np.repeat(points, few, axis=0), self.mesh.triangles[faces.ravel()])
         feet = feet.reshape(len(points), few, 3)
@@ -182,28 +187,33 @@ class SampledMesh:
 
 def _search(samples: SampledMesh, cloud: Cloud) -> tuple[Pose, list[Pose]]:
     """The pose that lies nearest to the mesh, and the best ones of those that lie elsewhere."""
-    few = cloud.points[spread(cloud.points, FEW)]
-    places = np.vstack((samples.middle, samples.points[spread(samples.points, PLACES)]))
-    turns, places = np.repeat(even_turns(TURNS), len(places), axis=0), np.tile(places, (TURNS, 1))
-    starts, misfit = len(turns), np.zeros(len(turns))
-    for steps, share in ROUNDS:
-        kept = np.argsort(misfit, kind="stable")[: max(FEWEST, int(share * starts))]
-        turns, places, misfit = descend(samples, few, turns[kept], places[kept], steps)
-    found = [Pose(turns[i], places[i]) for i in np.argsort(misfit, kind="stable")]
-    some = cloud.points[spread(cloud.points, SOME)]
-    found = _different(found, some, LIKE * cloud.size, CANDIDATES)
-    found = _ranked(_refine(samples, some, pose, CANDIDATE_STEPS, cloud.size) for pose in found)
-    rivals = _different(found, some, APART * cloud.size, RIVALS)
+    few = cloud.points[farthest_points(cloud.points, DESCENT_POINTS)]
+    positions = np.vstack((samples.centre, samples.points[farthest_points(samples.points, START_POSITIONS)]))
+    rotations, positions = (
+        np.repeat(even_rotations(START_ROTATIONS), len(positions), axis=0),
+        np.tile(positions, (START_ROTATIONS, 1)),
+    )
+    starts, misfit = len(rotations), np.zeros(len(rotations))
+    for steps, fraction in DESCENT_ROUNDS:
+        kept = np.argsort(misfit, kind="stable")[: max(MIN_STARTS, int(fraction * starts))]
+        rotations, positions, misfit = descend(samples, few, rotations[kept], positions[kept], steps)
+    found = [Pose(rotations[i], positions[i]) for i in np.argsort(misfit, kind="stable")]
+    some = cloud.points[farthest_points(cloud.points, RANKING_POINTS)]
+    found = _different(found, some, EQUAL_FRACTION * cloud.size, CANDIDATES)
+    found = _ranked(_refine(samples, some, pose, CANDIDATE_ITERATIONS, cloud.size) for pose in found)
+    rivals = _different(found, some, DISTINCT_FRACTION * cloud.size, RIVALS)
     finalists = rivals + [pose for pose in found if pose not in rivals][: FINALISTS - len(rivals)]
-    found = _ranked(_refine(samples, cloud.points, pose, FINAL_STEPS, cloud.size) for pose in finalists)
-    return found[0], [pose for pose in found if _between(some, pose, found[0]) > APART * cloud.size]
+    found = _ranked(_refine(samples, cloud.points, pose, FINAL_ITERATIONS, cloud.size) for pose in finalists)
+    return found[0], [pose for pose in found if _between(some, pose, found[0]) > DISTINCT_FRACTION * cloud.size]
 
 
 def _ranked(refined: Iterable[tuple[float, Pose]]) -> list[Pose]:
     return [pose for _, pose in sorted(refined, key=lambda pair: pair[0])]
 
 
-def descend(samples: SampledMesh, points: Array, turns: Array, places: Array, steps: int) -> tuple[Array, Array, Array]:
+def descend(
+    samples: SampledMesh, points: Array, rotations: Array, positions: Array, steps: int
+) -> tuple[Array, Array, Array]:
     """Many poses of a few points down to the planes of the faces near them, all at once.
 
     Returns
@@ -213,68 +223,70 @@ def descend(samples: SampledMesh, points: Array, turns: Array, places: Array, st
     misfit : array, shape (b,)
         Mean distance of the points that count, before the last step [m].
     """
-    keep = max(int(np.ceil(TRIM * len(points))), 1)
-    ways = _displacements(points)
-    cost = DAMPING * np.einsum("kci,kcj->ij", ways, ways) + _tiny(points) * np.eye(6)
-    misfit = np.zeros(len(turns))
+    keep = max(int(np.ceil(TRIMMED_FRACTION * len(points))), 1)
+    displacements = _displacements(points)
+    cost = MOTION_COST * np.einsum("kci,kcj->ij", displacements, displacements) + _tiny(points) * np.eye(6)
+    misfit = np.zeros(len(rotations))
     for _ in range(steps):
-        there = np.matmul(points, turns.transpose(0, 2, 1)) + places[:, None]
+        there = np.matmul(points, rotations.transpose(0, 2, 1)) + positions[:, None]
         near, normals = samples.planes(there)
-        gap, normals = np.matmul(near - there, turns), np.matmul(normals, turns)  # as the cloud sees them
+        gap, normals = np.matmul(near - there, rotations), np.matmul(normals, rotations)  # as the cloud sees them
         height = (gap * normals).sum(axis=2)
-        aside = np.sqrt(np.maximum((gap * gap).sum(axis=2) - height**2, 0))
+        tangential = np.sqrt(np.maximum((gap * gap).sum(axis=2) - height**2, 0))
         # A plane goes on beyond its face: further aside than the samples lie apart, a point is beside the mesh.
-        distance = np.hypot(height, np.maximum(aside - 1.5 * samples.cell, 0))
+        distance = np.hypot(height, np.maximum(tangential - 1.5 * samples.cell, 0))
         counts = distance <= np.partition(distance, keep - 1, axis=1)[:, keep - 1, None]
         misfit = (distance * counts).sum(axis=1) / counts.sum(axis=1)
         slopes = np.concatenate((np.cross(points, normals), normals), axis=2) * counts[..., None]
         matrix = np.matmul(slopes.transpose(0, 2, 1), slopes) + cost
         step = np.linalg.solve(matrix, np.matmul(slopes.transpose(0, 2, 1), height[..., None]))[..., 0]
-        places = places + np.matmul(turns, step[:, 3:, None])[..., 0]
-        turns = np.matmul(turns, Rotation.from_rotvec(step[:, :3]).as_matrix())
-    return turns, places, misfit
+        positions = positions + np.matmul(rotations, step[:, 3:, None])[..., 0]
+        rotations = np.matmul(rotations, Rotation.from_rotvec(step[:, :3]).as_matrix())
+    return rotations, positions, misfit
 
 
 def _refine(samples: SampledMesh, points: Array, pose: Pose, steps: int, size: float) -> tuple[float, Pose]:
     """Gauss-Newton steps on weighted squares; the best pose on the way, and how far off the points are there [m]."""
-    ways = _displacements(points)
-    cost = 1e-6 * np.einsum("kci,kcj->ij", ways, ways) / len(points) + _tiny(points) * np.eye(6)
+    displacements = _displacements(points)
+    cost = 1e-6 * np.einsum("kci,kcj->ij", displacements, displacements) / len(points) + _tiny(points) * np.eye(6)
     least, best = np.inf, pose
     for _ in range(steps):
-        there = points @ pose.turn.T + pose.place
+        there = points @ pose.rotation.T + pose.position
         feet, faces = samples(there)
-        gap = (feet - there) @ pose.turn
+        gap = (feet - there) @ pose.rotation
         distance = np.linalg.norm(gap, axis=1)
-        soft = np.hypot(distance, ROUND * size)
-        misfit = float(soft.mean()) - ROUND * size
+        soft = np.hypot(distance, SOFT_WIDTH_FRACTION * size)
+        misfit = float(soft.mean()) - SOFT_WIDTH_FRACTION * size
         if misfit < least:
             least, best = misfit, pose
         heading = np.where(
             (distance > 1e-9 * size)[:, None],
             gap / np.maximum(distance, 1e-300)[:, None],
-            samples.mesh.face_normals[faces] @ pose.turn,
+            samples.mesh.face_normals[faces] @ pose.rotation,
         )
         weight = 1 / soft
         weight /= weight.sum()
         slopes = np.column_stack((np.cross(points, heading), heading))
         matrix = (weight[:, None] * slopes).T @ slopes + cost
         step = np.linalg.solve(matrix, slopes.T @ (weight * distance))
-        pose = Pose(pose.turn @ Rotation.from_rotvec(step[:3]).as_matrix(), pose.place + pose.turn @ step[3:])
-        if np.linalg.norm(ways @ step, axis=1).max() < SETTLED * size:
+        pose = Pose(
+            pose.rotation @ Rotation.from_rotvec(step[:3]).as_matrix(), pose.position + pose.rotation @ step[3:]
+        )
+        if np.linalg.norm(displacements @ step, axis=1).max() < POSE_TOLERANCE * size:
             break
-    u, _, v = np.linalg.svd(best.turn)  # the products of many steps are a rotation but for their rounding
-    return least, Pose(u @ v, best.place)
+    u, _, v = np.linalg.svd(best.rotation)  # the products of many steps are a rotation but for their rounding
+    return least, Pose(u @ v, best.position)
 
 
 def _displacements(points: Array) -> Array:
     """How points about the middle move with small turns (three columns) and shifts (three more), shape (k, 3, 6)."""
     x, y, z = points.T
-    ways = np.zeros((len(points), 3, 6))
-    ways[:, 0, 1], ways[:, 0, 2] = z, -y
-    ways[:, 1, 0], ways[:, 1, 2] = -z, x
-    ways[:, 2, 0], ways[:, 2, 1] = y, -x
-    ways[:, :, 3:] = np.eye(3)
-    return ways
+    displacements = np.zeros((len(points), 3, 6))
+    displacements[:, 0, 1], displacements[:, 0, 2] = z, -y
+    displacements[:, 1, 0], displacements[:, 1, 2] = -z, x
+    displacements[:, 2, 0], displacements[:, 2, 1] = y, -x
+    displacements[:, :, 3:] = np.eye(3)
+    return displacements
 
 
 def _tiny(points: Array) -> float:
@@ -292,10 +304,10 @@ def _slack(mesh: TriangleMesh, exact: MeshDistance, points: Array) -> float:
     cloud = Cloud.of(points)
     normals = mesh.face_normals[face]
     slopes = np.column_stack((np.cross(cloud.points, normals), normals))
-    ways = _displacements(cloud.points)
-    lengths = np.einsum("kci,kcj->ij", ways, ways) + _tiny(cloud.points) * np.eye(6)
+    displacements = _displacements(cloud.points)
+    lengths = np.einsum("kci,kcj->ij", displacements, displacements) + _tiny(cloud.points) * np.eye(6)
     change = max(float(eigh(slopes.T @ slopes, lengths, eigvals_only=True)[0]), 1e-12)
-    noise = max(float(np.sqrt((distance**2).mean())), FINEST * cloud.size)
+    noise = max(float(np.sqrt((distance**2).mean())), RESOLUTION_FRACTION * cloud.size)
     return min(noise / change**0.5, cloud.size)
 
 
@@ -305,7 +317,7 @@ def _statistics(exact: MeshDistance, points: Array) -> DistanceStatistics:
 
 def _between(points: Array, a: Pose, b: Pose) -> float:
     """Mean distance between points in two poses [m]."""
-    return float(np.linalg.norm(points @ (a.turn - b.turn).T + a.place - b.place, axis=1).mean())
+    return float(np.linalg.norm(points @ (a.rotation - b.rotation).T + a.position - b.position, axis=1).mean())
 
 
 def _different(poses: list[Pose], points: Array, far: float, most: int) -> list[Pose]:
@@ -319,7 +331,7 @@ def _different(poses: list[Pose], points: Array, far: float, most: int) -> list[
     return chosen
 
 
-def spread(points: Array, count: int) -> IntArray:
+def farthest_points(points: Array, count: int) -> IntArray:
     """Indices of at most ``count`` points that lie far from each other, the outermost first."""
     distance = ((points - points.mean(axis=0)) ** 2).sum(axis=1)
     chosen = [int(distance.argmax())]
@@ -330,7 +342,7 @@ def spread(points: Array, count: int) -> IntArray:
     return np.array(chosen)
 
 
-def even_turns(count: int) -> Array:
+def even_rotations(count: int) -> Array:
     """Rotations spread evenly over all (super-Fibonacci spirals, Alexa 2022), shape (count, 3, 3)."""
     i = np.arange(count) + 0.5
     inner, outer = np.sqrt(i / count), np.sqrt(1 - i / count)

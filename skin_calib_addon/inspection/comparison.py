@@ -15,7 +15,7 @@ from ..calibration.file import load_calibration
 from ..common.arrays import Array, IntArray
 from ..common.errors import CalibrationFormatError
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..geometry.registration import GAIN, NEAR, find_frame
+from ..geometry.registration import MAX_REMAINING_RATIO, ON_MESH_DISTANCE, find_frame
 from .all_taxels import AllTaxels
 
 # From this mean distance on [m] it is asked whether one motion would take most of it away.
@@ -109,7 +109,7 @@ def _of_pairs(ends: Array) -> Iterator[str]:
     u, _, v = np.linalg.svd((ours - target).T @ (theirs - middle))
     turn = u @ np.diag((1.0, 1.0, np.sign(np.linalg.det(u @ v)))) @ v
     after = float(np.linalg.norm((theirs - middle) @ turn.T + target - ours, axis=1).mean())
-    if after <= GAIN * before:
+    if after <= MAX_REMAINING_RATIO * before:
         motion = _motion(turn, target - turn @ middle)
         yield f"Another frame? {motion} would bring it from {_mm(before)} to {_mm(after)}"
 
@@ -117,7 +117,7 @@ def _of_pairs(ends: Array) -> Iterator[str]:
 def _of_mesh(mesh: TriangleMesh, positions: Array) -> Iterator[str]:
     """Whether the taxels of the file lie on the mesh, and what would bring them there."""
     fit = find_frame(mesh, positions)
-    if fit.before.mean <= NEAR:
+    if fit.before.mean <= ON_MESH_DISTANCE:
         return
     off = f"{_mm(fit.before.mean)} off the mesh on the mean"
     if fit.verdict == "right":

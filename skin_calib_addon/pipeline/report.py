@@ -32,7 +32,7 @@ def summary(result: Calibrated, path: Path) -> str:
         (
             f"link             {result.calibration.link}",
             f"mesh             {mesh.file}: {mesh.faces} faces; cover {len(result.cover.faces)} faces",
-            f"surface          {n} x {m} control points, degree {fit.surface.degree}, {fit.passes} passes, "
+            f"surface          {n} x {m} control points, degree {fit.surface.degree}, {fit.iterations} iterations, "
             f"{fit.missing:.1%} of the samples missing",
             f"surface to mesh  {_millimetres(errors.surface_to_mesh)}",
             f"mesh to surface  {_millimetres(errors.mesh_to_surface)}",
@@ -111,9 +111,9 @@ def report_document(result: Calibrated) -> dict[str, Any]:
     return {
         "link": result.calibration.link,
         "control_points": int(np.prod(fit.lines.origins.shape[:2])),
-        "passes": fit.passes,
+        "iterations": fit.iterations,
         "missing": fit.missing,
-        "settled": fit.settled,
+        "converged": fit.converged,
         "noise": fit.noise,
         "condition": fit.condition,
         "dropped_loops": int(fit.dropped_loops.max()),

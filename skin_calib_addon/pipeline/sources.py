@@ -19,7 +19,7 @@ from ..common.errors import CalibrationFormatError
 from ..common.schema_check import check, read_schema
 from ..common.strict_json import parse, read
 from ..common.warnings import Warning, from_document, to_document
-from ..geometry.mesh.triangle_mesh import METRES, TriangleMesh, read_mesh
+from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT, TriangleMesh, read_mesh
 from ..plan import Plan
 from ..plan.skins import ImportedSkin
 
@@ -150,7 +150,7 @@ def is_same_mesh(path: Path, sha256: str) -> bool:
         If it cannot be read.
     """
     raw = read_mesh(path)
-    return any(TriangleMesh(raw.vertices * metres, raw.faces).sha256 == sha256 for metres in METRES.values())
+    return any(TriangleMesh(raw.vertices * metres, raw.faces).sha256 == sha256 for metres in METRES_PER_UNIT.values())
 
 
 def file_hash(path: Path) -> str | None:

@@ -8,7 +8,7 @@ from ..common.errors import CalibrationFormatError, UnknownLink
 from ..common.findings import did_you_mean, show
 from ..common.text import NumberError, read_text, real
 from ..common.warnings import Warning
-from ..geometry.mesh.triangle_mesh import METRES
+from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT
 from ..plan import Plan
 
 MAX_NODES_PER_LINK = 100_000  # in one link
@@ -78,7 +78,7 @@ def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
         advice = "A plan needs the mesh in the frame of the link: move it there."
         warnings.append(Warning("mesh-origin", "warning", message, advice=advice))
     scales = {mesh.scale for mesh in same if mesh.file == plan.mesh.name}
-    if scales and (METRES[plan.unit],) * 3 not in scales:
+    if scales and (METRES_PER_UNIT[plan.unit],) * 3 not in scales:
         scale = " ".join(f"{s:g}" for s in min(scales))
         message = f'{robot.file} scales {plan.mesh.name} by {scale}, but the plan has "unit": "{plan.unit}".'
         warnings.append(Warning("mesh-scale", "warning", message, advice="Set the unit of the mesh in the plan."))

@@ -16,7 +16,7 @@ from ..common.errors import InvalidPlan
 from ..common.findings import Finding, error, warning
 from ..common.surface_errors import DistanceStatistics
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..geometry.registration import NEAR, RigidFit, find_frame
+from ..geometry.registration import ON_MESH_DISTANCE, RigidFit, find_frame
 from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.distance import MeshDistance, footpoints
 from .sheet.taxels import fan_areas
@@ -322,7 +322,7 @@ def _flipped(name: str, taxel_set: TaxelSet, normals: Array) -> Iterator[Finding
 
 def _frame_findings(name: str, fit: RigidFit | None, given: Frame | None) -> Iterator[Finding]:
     """Whether the taxels are in the link frame, and what would bring them there in place of the frame given."""
-    if fit is None or fit.before.mean <= NEAR:
+    if fit is None or fit.before.mean <= ON_MESH_DISTANCE:
         return
     off, left = f"{fit.before.mean * 1e3:.1f} mm", f"{fit.after.mean * 1e3:.1f} mm"
     rotation, translation = (np.round(part, 9).tolist() for part in _after(fit, given))

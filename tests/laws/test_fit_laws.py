@@ -181,8 +181,8 @@ def test_fit_is_never_worse_than_its_own_start(case, monkeypatch):
     """With more passes the residuals do not grow: the last pass leaves no more than the first."""
     mesh, make = GRIDS[case]
     misfit = []
-    for passes in (1, 2, 3, 10):
-        monkeypatch.setattr(fit_module, "MOST_PASSES", passes)
+    for iterations in (1, 2, 3, 10):
+        monkeypatch.setattr(fit_module, "MAX_FIT_ITERATIONS", iterations)
         residuals = fit_surface(mesh, make(Motion.none())).residuals
         misfit.append(np.sqrt(np.nanmean(residuals**2)))
     assert (np.diff(misfit) <= 0).all() and misfit[-1] < misfit[0]

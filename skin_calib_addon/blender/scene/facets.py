@@ -7,7 +7,7 @@ import numpy as np
 
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidMesh
-from ...geometry.mesh.triangle_mesh import LARGEST, SMALLEST, TriangleMesh, weld
+from ...geometry.mesh.triangle_mesh import MAX_MESH_SIZE, MIN_MESH_SIZE, TriangleMesh, weld
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Facets:
             As :meth:`welded`; or if its size says that the unit is wrong.
         """
         mesh = self.welded()
-        if not SMALLEST <= mesh.size <= LARGEST:
+        if not MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
             raise InvalidMesh(
                 f"{self.name} is {mesh.size:.4g} m across in this scene; set the object's scale, or the scene's unit "
                 "scale, to the link's real size",

@@ -10,38 +10,46 @@ import numpy as np
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from ..grid.axis import Axis
-from ..grid.charts import chart_lines
-from ..grid.error_model import Survey
+from ..grid.error_model import ErrorModel
 from ..grid.grids import AutoGrid, Grid, PlanesGrid, Size, Tolerance, Vector, region_of
-from ..grid.spacing import MOST_MOVES, line_places, plain_lines, plane_places
+from ..grid.parametrizations import parametrized_lines
+from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
 from ..surface.distance import MeshDistance
-from .proof import proved_error
+from .proof import confirmed_error
 from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface
 
-MOST_PLANES, MOST_LINES = 60, 160
-MOST_FITS, MOST_ROUNDS = 6, 12
-PROMISING = 3  # proportions of planes and lines that are tried, of those that are predicted
-UNLIKE = 1.12  # times the planes of another: predictions tell no smaller differences
-CHECKED = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
-GOOD = 0.9  # a fit that uses this much of its tolerance is small enough
-EASY = 3.0  # times the least predicted error, which a net of moderate size keeps
-NEAR = 1.05  # times the least predicted error: what is nearer takes all there is
-CLOSE = 1.1  # times the control points of a net: with less of a difference, no other is tried
-HOPE = 1.05  # a prediction may be off by this factor
-STUCK, ASTRAY = 0.97, 1.5  # a net for less error that leaves more than the one, and less than the other, gains nothing
-LOOSE = 1.5  # times its prediction: an error that is proved this far above, as over steps, may be far less
-MOST_STALLS, LEAP = 2, 0.7  # after one such net the next is predicted to leave this share of what it was
-AIM = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
+MAX_PLANES, MAX_LINES = 60, 160
+MAX_FITS, MAX_SEARCH_ROUNDS = 6, 12
+MAX_PROPORTIONS = 3  # proportions of planes and lines that are tried, of those that are predicted
+MIN_PROPORTION_RATIO = 1.12  # times the planes of another: predictions tell no smaller differences
+CHECK_SITES_PER_SPAN = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
+USED_TOLERANCE_RATIO = 0.9  # a fit that uses this much of its tolerance is small enough
+MODERATE_ERROR_RATIO = 3.0  # times the least predicted error, which a net of moderate size keeps
+LEAST_ERROR_RATIO = 1.05  # times the least predicted error: what is nearer takes all there is
+MIN_SIZE_RATIO = 1.1  # times the control points of a net: with less of a difference, no other is tried
+PREDICTION_MARGIN = 1.05  # a prediction may be off by this factor
+MIN_FAILED_RATIO, MAX_FAILED_RATIO = (
+    0.97,
+    1.5,
+)  # a net for less error that leaves more than the one, and less than the other, gains nothing
+LOOSE_BOUND_RATIO = 1.5  # times its prediction: an error that is proved this far above, as over steps, may be far less
+MAX_FAILED_NETS, FAILED_STEP_RATIO = (
+    2,
+    0.7,
+)  # after one such net the next is predicted to leave this share of what it was
+TARGET_RATIO = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
 MEASURES = ("mean", "max")
-FEW_MOVES = 2  # of planes and lines in nets that are tried: more take as long as they save in control points
-LADDER = 1.4  # from one number of planes or lines to the next whose error is looked at
-MOVED = 0.6  # share of the error that is left by places where it is least, as a first guess
-TINY = 1e-300  # [m]
-SLIGHT = 0.7  # share of an error below which that of one direction adds little to that of the other
-SNUG = 0.9  # share of an error that is aimed at first, so that no more is left where that was a guess
-ROUGHLY = 1.3  # times an error that is seen to be far from reached: what is thought of smaller grids may be off
+TRIAL_MOVES = 2  # of planes and lines in nets that are tried: more take as long as they save in control points
+COUNT_RATIO = 1.4  # from one number of planes or lines to the next whose error is looked at
+INITIAL_GAIN = 0.6  # share of the error that is left by places where it is least, as a first guess
+MIN_DISTANCE = 1e-300  # [m]
+MINOR_ERROR_RATIO = 0.7  # share of an error below which that of one direction adds little to that of the other
+FIRST_AIM_RATIO = 0.9  # share of an error that is aimed at first, so that no more is left where that was a guess
+CAUTIOUS_AIM_RATIO = (
+    1.3  # times an error that is seen to be far from reached: what is thought of smaller grids may be off
+)
 
 
 class Where(TypedDict, total=False):
@@ -53,52 +61,50 @@ class Where(TypedDict, total=False):
     normal: Vector | None
 
 
-class Family:
+class ErrorCurve:
     """Planes, or lines: how far any number of them leaves the mesh.
 
     Errors of plain places are seen at a few numbers, those of the best places at fewer; between them, errors and what
     the best places gain follow power laws.
     """
 
-    def __init__(
-        self, plain: Callable[[int], float], best: Callable[[int], tuple[float, Array]], fewest: int, most: int
-    ):
-        self.counts: IntArray = np.arange(fewest, most + 1)
-        self.plain, self.best = cache(plain), cache(best)
-        steps = int(np.log(most / fewest) / np.log(LADDER)) + 1
-        self.ladder = np.unique(np.rint(np.geomspace(fewest, most, steps + 1)).astype(np.int64))
-        self.placed: list[int] = []  # numbers whose best places are known, ascending
+    def __init__(self, even: Callable[[int], float], best: Callable[[int], tuple[float, Array]], first: int, most: int):
+        self.counts: IntArray = np.arange(first, most + 1)
+        self.even, self.best = cache(even), cache(best)
+        steps = int(np.log(most / first) / np.log(COUNT_RATIO)) + 1
+        self.sampled_counts = np.unique(np.rint(np.geomspace(first, most, steps + 1)).astype(np.int64))
+        self.solved: list[int] = []  # numbers whose best places are known, ascending
 
-    def places(self, count: int) -> Array:
+    def positions(self, count: int) -> Array:
         """Where so many leave the least error."""
-        if count not in self.placed:
-            insort(self.placed, count)
+        if count not in self.solved:
+            insort(self.solved, count)
         return self.best(count)[1]
 
     def error(self, count: int) -> float:
         """Error of so many at the best places [m]."""
-        self.places(count)
+        self.positions(count)
         return self.best(count)[0]
 
     def errors(self, enough: float = 0.0) -> Array:
         """Error of each number at the best places as far as is known [m], but for those below what is ``enough``."""
         seen = []
-        for count in self.ladder:
-            seen.append(self.plain(int(count)))
+        for count in self.sampled_counts:
+            seen.append(self.even(int(count)))
             if seen[-1] < enough:
                 break
-        plain = power_law(self.counts, self.ladder[: len(seen)], seen)
-        gains = {int(self.counts[0]): MOVED}
-        gains |= {count: self.best(count)[0] / plain[count - self.counts[0]] for count in self.placed}
-        return plain * power_law(self.counts, np.array(list(gains)), list(gains.values()))
+        even = power_law(self.counts, self.sampled_counts[: len(seen)], seen)
+        gains = {int(self.counts[0]): INITIAL_GAIN}
+        gains |= {count: self.best(count)[0] / even[count - self.counts[0]] for count in self.solved}
+        return even * power_law(self.counts, np.array(list(gains)), list(gains.values()))
 
 
 def power_law(wanted: IntArray, counts: IntArray, values: Sequence[float]) -> Array:
     """Values at some ascending counts, with power laws between them and nothing new beyond, at wanted ones."""
-    return np.exp(np.interp(np.log(wanted), np.log(counts), np.log(np.maximum(values, TINY))))
+    return np.exp(np.interp(np.log(wanted), np.log(counts), np.log(np.maximum(values, MIN_DISTANCE))))
 
 
-class ErrorModel:
+class SizePredictor:
     """Predicted error of every grid on a survey, mean or largest: errors along and across add in squares.
 
     Least-squares fits are projections, and those along u and along v commute: what the one leaves is at a right angle
@@ -107,31 +113,33 @@ class ErrorModel:
 
     def __init__(
         self,
-        survey: Survey,
+        error_model: ErrorModel,
         degree: tuple[int, int],
         measure: str = "mean",
-        most: int = MOST_LINES,
-        moves: int = MOST_MOVES,
+        most: int = MAX_LINES,
+        moves: int = MAX_MOVES,
     ):
-        self.survey, self.degree = survey, degree
-        judged = survey.halves[1]  # by what places were not chosen by
+        self.error_model, self.degree = error_model, degree
+        validation = error_model.halves[1]  # by what places were not chosen by
 
         def planes(n: int) -> tuple[float, Array]:
-            s = plane_places(survey, n, "auto", degree[0], moves)
-            return float(judged.misfits_along(s, degree[0], measure)), s
+            s = plane_positions(error_model, n, "auto", degree[0], moves)
+            return float(validation.misfits_along(s, degree[0], measure)), s
 
         def lines(m: int) -> tuple[float, Array]:
-            t = line_places(survey, m, "auto", degree[1], moves)
-            return float(judged.misfits_across(t, degree[1], measure)), t
+            t = line_positions(error_model, m, "auto", degree[1], moves)
+            return float(validation.misfits_across(t, degree[1], measure)), t
 
         def even_planes(n: int) -> float:
-            return float(judged.misfits_along(np.linspace(*survey.chart.span, n), degree[0], measure))
+            return float(
+                validation.misfits_along(np.linspace(*error_model.parametrization.span, n), degree[0], measure)
+            )
 
         def plainest_lines(m: int) -> float:
-            return float(judged.misfits_across(plain_lines(survey, m, degree[1]), degree[1], measure).min())
+            return float(validation.misfits_across(density_lines(error_model, m, degree[1]), degree[1], measure).min())
 
-        self.along = Family(even_planes, planes, degree[0] + 1, MOST_PLANES)
-        self.across = Family(plainest_lines, lines, degree[1] + 1, most)
+        self.along = ErrorCurve(even_planes, planes, degree[0] + 1, MAX_PLANES)
+        self.across = ErrorCurve(plainest_lines, lines, degree[1] + 1, most)
 
     @property
     def smallest(self) -> tuple[int, int]:
@@ -149,9 +157,11 @@ class ErrorModel:
 
     def lines(self, size: tuple[int, int]) -> LineGrid:
         """The lines of a grid, where they leave the least."""
-        return chart_lines(self.survey.chart, self.along.places(size[0]), self.across.places(size[1]))
+        return parametrized_lines(
+            self.error_model.parametrization, self.along.positions(size[0]), self.across.positions(size[1])
+        )
 
-    def smallest_grid(self, error: float, above: float = 0.0, below: float = np.inf) -> tuple[int, int] | None:
+    def smallest_size(self, error: float, above: float = 0.0, below: float = np.inf) -> tuple[int, int] | None:
         """Planes and lines of the smallest net with at most this error [m]; None if there is none.
 
         Places are looked for where the answer seems to lie, until they are known there.
@@ -163,12 +173,14 @@ class ErrorModel:
         """
         along, across = self.along, self.across
         nets = along.counts[:, None] * across.counts
-        asked = (nets > above) & (nets < below)
+        allowed = (nets > above) & (nets < below)
         good: tuple[int, int] | None = None  # the last grid with known places that keeps the error
-        aim = SNUG * error
-        for _ in range(MOST_ROUNDS):
-            errors = np.hypot(along.errors(SLIGHT * error)[:, None], across.errors(SLIGHT * error))
-            fits = asked & (errors <= aim)
+        aim = FIRST_AIM_RATIO * error
+        for _ in range(MAX_SEARCH_ROUNDS):
+            errors = np.hypot(
+                along.errors(MINOR_ERROR_RATIO * error)[:, None], across.errors(MINOR_ERROR_RATIO * error)
+            )
+            fits = allowed & (errors <= aim)
             if not fits.any():
                 if aim == error:
                     break
@@ -177,29 +189,31 @@ class ErrorModel:
             # Of nets of one size that of the least error: that is below one, and nets are whole numbers.
             i, j = divmod(int(np.argmin(np.where(fits, nets + errors / (2 * error), np.inf))), nets.shape[1])
             size = int(along.counts[i]), int(across.counts[j])
-            if good and CLOSE * nets[i, j] > good[0] * good[1]:
+            if good and MIN_SIZE_RATIO * nets[i, j] > good[0] * good[1]:
                 break
-            known = size[0] in along.placed and size[1] in across.placed
+            known = size[0] in along.solved and size[1] in across.solved
             if self.error(size) <= error:
                 good = size
             if known:
                 break
-            aim = ROUGHLY * error if self.error(size) < error / 2 else error
+            aim = CAUTIOUS_AIM_RATIO * error if self.error(size) < error / 2 else error
         return good
 
-    def best_grids(self, control_points: int, count: int) -> list[tuple[int, int]]:
+    def best_sizes(self, control_points: int, count: int) -> list[tuple[int, int]]:
         """The grids of the least error with at most so many control points, best first, each of its own proportion."""
         along, across = self.along, self.across
         widest = np.minimum(control_points // along.counts, across.counts[-1])
         fits = widest >= across.counts[0]
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_SEARCH_ROUNDS):
             errors = np.hypot(along.errors()[fits], across.errors()[widest[fits] - across.counts[0]])
             sizes: list[tuple[int, int]] = []
             for i in np.argsort(errors, kind="stable"):
                 n, m = int(along.counts[fits][i]), int(widest[fits][i])
-                if len(sizes) < count and all(max(n, other) > UNLIKE * min(n, other) for other, _ in sizes):
+                if len(sizes) < count and all(
+                    max(n, other) > MIN_PROPORTION_RATIO * min(n, other) for other, _ in sizes
+                ):
                     sizes.append((n, m))
-            if all(n in along.placed and m in across.placed for n, m in sizes):
+            if all(n in along.solved and m in across.solved for n, m in sizes):
                 break
             for size in sizes:
                 self.error(size)
@@ -242,11 +256,11 @@ def _smallest(mesh: TriangleMesh, grid: Grid, degrees: tuple[int, int]) -> Surfa
     tolerance, measure = grid.size.tolerance, grid.size.measure
     if not tolerance > 0 or measure not in MEASURES:
         raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
-    survey = Survey.of(mesh, grid.region.chart(mesh), MOST_PLANES)
-    search = Search(mesh, ErrorModel(survey, degrees, measure, moves=FEW_MOVES), tolerance, measure)
+    error_model = ErrorModel.of(mesh, grid.region.parametrization(mesh), MAX_PLANES)
+    search = Search(mesh, SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES), tolerance, measure)
     search.run()
     if search.best is None:
-        least = min(search.reachable, *(error for error, _ in search.tried.values()))
+        least = min(search.achievable, *(error for error, _ in search.tried.values()))
         raise UnreachableTolerance(
             f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: about {least * 1e3:.2g} "
             "mm can be reached, its facets stand off from any smooth surface; ask for more, or refine the mesh",
@@ -281,11 +295,14 @@ def fit_to_count(
             f"degree {degrees[0]} x {degrees[1]} needs at least {fewest_n * fewest_m} control points, not "
             f"{control_points}; allow more, or lower the degree"
         )
-    most = min(control_points // fewest_m, MOST_PLANES)
-    survey = Survey.of(mesh, region_of(**where).chart(mesh), most)
-    model = ErrorModel(survey, degrees, most=min(control_points // fewest_n, MOST_LINES))
-    fits = [fit_lines(mesh, model.lines(size), degrees) for size in model.best_grids(control_points, PROMISING)]
-    best = min(fits, key=lambda fit: fit.distances(CHECKED).mean)
+    most = min(control_points // fewest_m, MAX_PLANES)
+    error_model = ErrorModel.of(mesh, region_of(**where).parametrization(mesh), most)
+    predictor = SizePredictor(error_model, degrees, most=min(control_points // fewest_n, MAX_LINES))
+    fits = [
+        fit_lines(mesh, predictor.lines(size), degrees)
+        for size in predictor.best_sizes(control_points, MAX_PROPORTIONS)
+    ]
+    best = min(fits, key=lambda fit: fit.distances(CHECK_SITES_PER_SPAN).mean)
     check_fit(best)
     return best
 
@@ -293,11 +310,11 @@ def fit_to_count(
 class Search:
     """Fits that look for the smallest net within a tolerance; ``best`` is the smallest that was found."""
 
-    def __init__(self, mesh: TriangleMesh, model: ErrorModel, tolerance: float, measure: str):
-        self.mesh, self.model, self.tolerance, self.measure = mesh, model, tolerance, measure
+    def __init__(self, mesh: TriangleMesh, predictor: SizePredictor, tolerance: float, measure: str):
+        self.mesh, self.predictor, self.tolerance, self.measure = mesh, predictor, tolerance, measure
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
-        self.stalls = 0  # nets for less error that gained nothing
-        self.reachable = np.inf  # the least error [m], where it is not hoped to keep the tolerance
+        self.failed_nets = 0  # nets for less error that gained nothing
+        self.achievable = np.inf  # the least error [m], where it is not hoped to keep the tolerance
         self.distance = cache(MeshDistance)  # made when it is needed
 
     @property
@@ -312,26 +329,30 @@ class Search:
         A net that gains nothing may have had more planes where lines were wanted: the next one is for much less error,
         and only if that gains nothing either the tolerance is given up.
         """
-        while len(self.tried) < MOST_FITS:
-            below = net_size(self.best) / CLOSE if self.best else np.inf
-            size = self.model.smallest_grid(self.target, CLOSE * self.most_missed, below)
+        while len(self.tried) < MAX_FITS:
+            below = net_size(self.best) / MIN_SIZE_RATIO if self.best else np.inf
+            size = self.predictor.smallest_size(self.target, MIN_SIZE_RATIO * self.largest_failed, below)
             if size is None and not self.tried:
-                size = self.model.smallest_grid(EASY * self.model.least)
-            elif self.best is None and self.tried and not (size and self.hopes(self.model.error(size))):
-                size = self.model.smallest_grid(max(self.needed, NEAR * self.model.least))
-                size = size or self.model.smallest_grid(NEAR * self.model.least)  # that is known better now
-                if not self.hopes(self.model.error(size) if size else self.model.least):
+                size = self.predictor.smallest_size(MODERATE_ERROR_RATIO * self.predictor.least)
+            elif self.best is None and self.tried and not (size and self.may_meet(self.predictor.error(size))):
+                size = self.predictor.smallest_size(
+                    max(self.needed_prediction, LEAST_ERROR_RATIO * self.predictor.least)
+                )
+                size = size or self.predictor.smallest_size(
+                    LEAST_ERROR_RATIO * self.predictor.least
+                )  # that is known better now
+                if not self.may_meet(self.predictor.error(size) if size else self.predictor.least):
                     break
             if size is None or size in self.tried:
                 break
             least = min((error for error, _ in self.tried.values()), default=np.inf)
             error = self.error(size)
-            self.stalls += self.best is None and STUCK * least < error < ASTRAY * least
-            if self.stalls == MOST_STALLS or GOOD * self.tolerance < error <= self.tolerance:
+            self.failed_nets += self.best is None and MIN_FAILED_RATIO * least < error < MAX_FAILED_RATIO * least
+            if self.failed_nets == MAX_FAILED_NETS or USED_TOLERANCE_RATIO * self.tolerance < error <= self.tolerance:
                 break
 
     @property
-    def most_missed(self) -> int:
+    def largest_failed(self) -> int:
         """Control points of the largest net that missed the tolerance and is smaller than the best; 0 if none is."""
         most = net_size(self.best) if self.best else 0
         missed = [n * m for (n, m), (error, _) in self.tried.items() if error > self.tolerance and n * m < most]
@@ -340,25 +361,25 @@ class Search:
     @property
     def target(self) -> float:
         """The predicted error of grids to try: as predictions have been off so far, and below all that missed [m]."""
-        missed = [self.model.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
-        target = AIM * self.tolerance / self.share
-        less = LEAP if self.stalls else GOOD
+        missed = [self.predictor.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
+        target = TARGET_RATIO * self.tolerance / self.prediction_ratio
+        less = FAILED_STEP_RATIO if self.failed_nets else USED_TOLERANCE_RATIO
         return min(target, less * min(missed)) if missed and self.best is None else target
 
     @property
-    def share(self) -> float:
+    def prediction_ratio(self) -> float:
         """Error of the fit that comes nearest to the tolerance over what was predicted; 1 before the first."""
         if not self.tried:
             return 1.0
         size = min(self.tried, key=lambda size: abs(np.log(self.tried[size][0] / self.tolerance)))
-        return self.tried[size][0] / self.model.error(size)
+        return self.tried[size][0] / self.predictor.error(size)
 
-    def hopes(self, predicted: float) -> bool:
+    def may_meet(self, predicted: float) -> bool:
         """Whether a fit of this predicted error may keep the tolerance; if not, its error is what can be reached."""
         expected = self.expected(predicted)
-        hope = expected <= HOPE * self.tolerance
-        self.reachable = np.inf if hope else expected
-        return hope
+        may_meet = expected <= PREDICTION_MARGIN * self.tolerance
+        self.achievable = np.inf if may_meet else expected
+        return may_meet
 
     def expected(self, predicted: float) -> float:
         """Error to expect where less is predicted than of any fit so far [m]."""
@@ -366,10 +387,10 @@ class Search:
         return float(least * (predicted / best) ** power)
 
     @property
-    def needed(self) -> float:
+    def needed_prediction(self) -> float:
         """The predicted error at which the tolerance is to be expected [m]."""
         least, best, power = self.trend
-        return float(best * (AIM * self.tolerance / least) ** (1 / power)) if power else 0.0
+        return float(best * (TARGET_RATIO * self.tolerance / least) ** (1 / power)) if power else 0.0
 
     @property
     def trend(self) -> tuple[float, float, float]:
@@ -377,23 +398,23 @@ class Search:
 
         Over steps and edges errors fall more slowly than predictions, and less and less.
         """
-        told = sorted((error, self.model.error(size)) for size, (error, _) in self.tried.items())[:2]
-        (least, best), (other, worse) = told[0], told[-1]
+        fits = sorted((error, self.predictor.error(size)) for size, (error, _) in self.tried.items())[:2]
+        (least, best), (other, worse) = fits[0], fits[-1]
         power = np.log(other / least) / np.log(worse / best) if worse > best else 1.0
         return least, best, float(min(power, 1.0))
 
     def error(self, size: tuple[int, int]) -> float:
         """Error of the fit of this size [m]: within the tolerance only where that is proved."""
         if size not in self.tried:
-            fit = fit_lines(self.mesh, self.model.lines(size), self.model.degree)
+            fit = fit_lines(self.mesh, self.predictor.lines(size), self.predictor.degree)
             points, bounds, areas = fit.bounds()
 
             def exact(chosen: IntArray) -> Array:
                 return self.distance(self.mesh)(points[chosen])[0]
 
-            error = proved_error(bounds, areas, exact, self.measure, self.tolerance)
-            if LOOSE * self.model.error(size) < error <= self.tolerance:
-                error = min(error, proved_error(bounds, areas, exact, self.measure, 0.0))  # about what it is
+            error = confirmed_error(bounds, areas, exact, self.measure, self.tolerance)
+            if LOOSE_BOUND_RATIO * self.predictor.error(size) < error <= self.tolerance:
+                error = min(error, confirmed_error(bounds, areas, exact, self.measure, 0.0))  # about what it is
             self.tried[size] = error, fit
         return self.tried[size][0]
 

@@ -8,7 +8,7 @@ from ..sampling.samples import RaySamples
 from ..surface.bspline import BSplineSurface
 
 # Two facets that meet at more than this were meant to: no smooth surface lies over them. A 12-gon has 30 degrees.
-SHARPEST_CHORDS = np.deg2rad(40.0)
+MAX_CHORD_ANGLE = np.deg2rad(40.0)
 
 
 def chord_gaps(mesh: TriangleMesh, surface: BSplineSurface, samples: RaySamples) -> Array:
@@ -26,9 +26,9 @@ def chord_gaps(mesh: TriangleMesh, surface: BSplineSurface, samples: RaySamples)
     k, l = samples.residuals.shape
     v = np.arange(l) / l if surface.closed[1] else np.linspace(0, 1, l)
     uv = np.column_stack((np.repeat(np.linspace(0, 1, k), l), np.tile(v, k)))
-    met = np.flatnonzero(~np.isnan(samples.residuals))
-    uv, face, residuals = uv[met], samples.faces.ravel()[met], samples.residuals.ravel()[met]
-    points, rays = (x.reshape(-1, 3)[met] for x in (samples.points, samples.rays))
+    hit = np.flatnonzero(~np.isnan(samples.residuals))
+    uv, face, residuals = uv[hit], samples.faces.ravel()[hit], samples.residuals.ravel()[hit]
+    points, rays = (x.reshape(-1, 3)[hit] for x in (samples.points, samples.rays))
     corners, first, corner = np.unique(mesh.faces[face], return_index=True, return_inverse=True)
     heights, normals = heights_over(surface, mesh.vertices[corners], uv[first // 3])
     corner = corner.reshape(-1, 3)
@@ -36,11 +36,11 @@ def chord_gaps(mesh: TriangleMesh, surface: BSplineSurface, samples: RaySamples)
     normal = unit(np.cross(r[1, 0], r[0, 1]))
     slopes = (normals[corner] * normal[:, None]).sum(axis=2)
     weights = barycentric(mesh.triangles[face], points)
-    moves = (weights * heights[corner] * slopes).sum(axis=1) / (rays * normal).sum(axis=1)
-    most = largest_gaps(mesh)[face]
-    lift = np.clip(moves - residuals, -most, most)
+    gaps_to_surface = (weights * heights[corner] * slopes).sum(axis=1) / (rays * normal).sum(axis=1)
+    limits = largest_sagittas(mesh)[face]
+    lift = np.clip(gaps_to_surface - residuals, -limits, limits)
     gaps = np.zeros(k * l)
-    gaps[met] = np.where(np.isfinite(lift), lift, 0.0)
+    gaps[hit] = np.where(np.isfinite(lift), lift, 0.0)
     return gaps.reshape(k, l)
 
 
@@ -62,9 +62,9 @@ def heights_over(surface: BSplineSurface, points: Array, uv: Array) -> tuple[Arr
         if not surface.closed[axis]:
             uv[:, axis] = np.clip(uv[:, axis], 0, 1)
     r = surface.derivatives(uv, order=2)
-    a, b, ways = r[1, 0], r[0, 1], points - r[0, 0]
+    a, b, displacements = r[1, 0], r[0, 1], points - r[0, 0]
     normals = unit(np.cross(a, b))
-    x, y = in_basis(a, b, ways)
+    x, y = in_basis(a, b, displacements)
     L, M, N = ((bend * normals).sum(axis=1) for bend in (r[2, 0], r[1, 1], r[0, 2]))
     turn_a, turn_b = (
         L * x + M * y,
@@ -73,12 +73,12 @@ def heights_over(surface: BSplineSurface, points: Array, uv: Array) -> tuple[Arr
     second = turn_a * x + turn_b * y
     third = (np.stack(solve_metric(a, b, turn_a, turn_b)) * (turn_a, turn_b)).sum(axis=0)
     rise = second / (1 + np.sqrt(np.maximum(1 - third, 0)))
-    return (ways * normals).sum(axis=1) - rise, normals
+    return (displacements * normals).sum(axis=1) - rise, normals
 
 
-def in_basis(a: Array, b: Array, ways: Array) -> tuple[Array, Array]:
+def in_basis(a: Array, b: Array, displacements: Array) -> tuple[Array, Array]:
     """Components of ways (k, 3) along tangents a and b (k, 3), shapes (k,)."""
-    return solve_metric(a, b, (ways * a).sum(axis=1), (ways * b).sum(axis=1))
+    return solve_metric(a, b, (displacements * a).sum(axis=1), (displacements * b).sum(axis=1))
 
 
 def solve_metric(a: Array, b: Array, by_a: Array, by_b: Array) -> tuple[Array, Array]:
@@ -93,11 +93,11 @@ def barycentric(triangles: Array, points: Array) -> Array:
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normal = np.cross(b - a, c - a)
     square = np.maximum((normal**2).sum(axis=1), 1e-300)
-    shares = [(np.cross(q - p, points - p) * normal).sum(axis=1) / square for p, q in ((b, c), (c, a), (a, b))]
-    return np.column_stack(shares)
+    coordinates = [(np.cross(q - p, points - p) * normal).sum(axis=1) / square for p, q in ((b, c), (c, a), (a, b))]
+    return np.column_stack(coordinates)
 
 
-def largest_gaps(mesh: TriangleMesh) -> Array:
+def largest_sagittas(mesh: TriangleMesh) -> Array:
     """How far a smooth surface through its corners can stand off each face, shape (f,) [m].
 
     An arc over a chord of length h whose neighbours turn by t has a sagitta of h t / 8; a face has three such chords,
@@ -111,4 +111,4 @@ def largest_gaps(mesh: TriangleMesh) -> Array:
     np.maximum.at(steepest, second, turn)
     corners = mesh.triangles
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    return np.where(steepest < SHARPEST_CHORDS, longest * steepest / 4, 0.0)
+    return np.where(steepest < MAX_CHORD_ANGLE, longest * steepest / 4, 0.0)

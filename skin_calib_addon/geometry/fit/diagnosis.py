@@ -14,11 +14,11 @@ from ..sampling.samples import RaySamples, SampleRows
 from ..surface.distance import MeshDistance
 
 # A surface whose area element falls below this share of its mean nearly folds, or closes to a point.
-NARROW = 0.02
+NEARLY_FOLDED_AREA = 0.02
 # A sample further off than this share of the mesh's size is a step, an opening or a part that the grid cannot follow.
-FAR = 0.02
+OFF_MESH_FRACTION = 0.02
 # Least squares worse conditioned than this have planes that say nearly the same.
-ILL = 1e4
+MAX_CONDITION = 1e4
 
 
 def condition(basis: TensorBasis) -> float:
@@ -30,14 +30,14 @@ def dropped_loops(rows: SampleRows, samples: RaySamples) -> IntArray:
     """How many curves of each row's section the surface does not follow, shape (k,): inner walls, bolts, boxes."""
     sections, faces = rows.sections, len(rows.mesh.faces)
     ends = rows.flat_ends()
-    met = np.zeros((sections.planes, faces), bool)
-    np.put_along_axis(met, samples.faces, ~np.isnan(samples.residuals), axis=1)
+    hit = np.zeros((sections.planes, faces), bool)
+    np.put_along_axis(hit, samples.faces, ~np.isnan(samples.residuals), axis=1)
     bounds = np.searchsorted(sections.plane, np.arange(sections.planes + 1))
     dropped = np.zeros(sections.planes, np.int64)
     for i, (first, last) in enumerate(zip(bounds, bounds[1:])):
         if last > first:
             curve = curves(ends[first:last])
-            dropped[i] = len(np.unique(curve)) - len(np.unique(curve[met[i, sections.face[first:last]]]))
+            dropped[i] = len(np.unique(curve)) - len(np.unique(curve[hit[i, sections.face[first:last]]]))
     return dropped
 
 
@@ -47,7 +47,9 @@ def nearest_names(lines: LineGrid, basis: TensorBasis, site: tuple[int, int]) ->
     return f"u-plane {i} and {lines.v_names[j]}"
 
 
-def furthest(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> tuple[float, Place]:
+def maximum_deviation(
+    mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples
+) -> tuple[float, Place]:
     """Return the largest distance of a sample site's surface point from the mesh [m], and its place.
 
     The distance is measured to the plane of the facet that the ray hit. Where that is far, it is measured to the
@@ -55,7 +57,7 @@ def furthest(mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: R
     """
     slope = np.abs((samples.rays * mesh.face_normals[samples.faces]).sum(axis=2))
     distance = np.abs(np.nan_to_num(samples.residuals)) * slope
-    far = distance > FAR * mesh.size
+    far = distance > OFF_MESH_FRACTION * mesh.size
     if far.any():
         distance[far] = np.minimum(distance[far], MeshDistance(mesh)((samples.origins + samples.arms)[far])[0])
     site = np.unravel_index(np.argmax(distance), distance.shape)
@@ -96,8 +98,8 @@ def fit_warnings(
             float(missed.mean()),
             "Close the hole, or keep the skin away from it.",
         )
-    distance, place = furthest(mesh, lines, basis, samples)
-    if distance > FAR * mesh.size:
+    distance, place = maximum_deviation(mesh, lines, basis, samples)
+    if distance > OFF_MESH_FRACTION * mesh.size:
         yield Warning(
             "off-mesh",
             "warning",
@@ -114,7 +116,7 @@ def fit_warnings(
             value=smallest_area,
             advice="Move or rotate the planes apart.",
         )
-    elif smallest_area < NARROW:
+    elif smallest_area < NEARLY_FOLDED_AREA:
         yield Warning(
             "nearly-folded",
             "warning",
@@ -130,7 +132,7 @@ def fit_warnings(
             "The iterations of the fit did not converge, because the section is not star-shaped about its axis.",
             advice="Move the axis, or cut.",
         )
-    if (number := condition(basis)) > ILL:
+    if (number := condition(basis)) > MAX_CONDITION:
         yield Warning(
             "ill-conditioned",
             "warning",

@@ -6,11 +6,14 @@ import numpy as np
 
 from ...common.arrays import Array, IntArray
 
-TINY = 1e-300  # [m]
-FIRST, GROWTH = 256, 2  # distances that are made exact in a first round, and by what that grows from round to round
+MIN_DISTANCE = 1e-300  # [m]
+FIRST_BATCH, BATCH_GROWTH = (
+    256,
+    2,
+)  # distances that are made exact in a first round, and by what that grows from round to round
 
 
-def proved_error(
+def confirmed_error(
     bounds: Array, areas: Array, exact: Callable[[IntArray], Array], measure: str, tolerance: float
 ) -> float:
     """A mean or largest distance: proved not to be exceeded if within the tolerance, else about what it is [m].
@@ -30,26 +33,26 @@ def proved_error(
     """
     if len(bounds) == 0:
         return np.inf
-    shares = areas / areas.sum()
+    weights = areas / areas.sum()
 
-    def told(distances: Array) -> float:
-        return float((shares * distances).sum() if measure == "mean" else distances.max())
+    def statistic(distances: Array) -> float:
+        return float((weights * distances).sum() if measure == "mean" else distances.max())
 
     bounds, order = bounds.copy(), np.argsort(-bounds, kind="stable")
     first = np.isinf(bounds[order])
-    first[:: max(len(bounds) // FIRST, 1)] = True  # large and small ones, which tell how much others may shrink
+    first[:: max(len(bounds) // FIRST_BATCH, 1)] = True  # large and small ones, which tell how much others may shrink
     order, batch, done = np.concatenate((order[first], order[~first])), int(first.sum()), 0
-    error, shrunk = told(bounds), 1.0
+    error, shrunk = statistic(bounds), 1.0
     while error > tolerance and done < len(order):
         chosen = order[done : done + batch]
         before = bounds[chosen]
         bounds[chosen] = exact(chosen)
         if done == 0:
             finite = np.isfinite(before)
-            shrunk = bounds[chosen][finite].sum() / max(before[finite].sum(), TINY)
-        done, batch, error = done + len(chosen), GROWTH * batch, told(bounds)
+            shrunk = bounds[chosen][finite].sum() / max(before[finite].sum(), MIN_DISTANCE)
+        done, batch, error = done + len(chosen), BATCH_GROWTH * batch, statistic(bounds)
         likely = bounds.copy()
         likely[order[done:]] *= shrunk
-        if told(likely) > tolerance:
-            return told(likely)
+        if statistic(likely) > tolerance:
+            return statistic(likely)
     return error

@@ -8,17 +8,17 @@ from ..sampling.basis import TensorBasis
 from ..sampling.samples import RaySamples
 
 # Residuals below this share of the mesh's size are facets of a good model: nothing is gained over them.
-FINEST = 3e-4
+MIN_NOISE_FRACTION = 3e-4
 # A mesh with fewer vertices than this for each control point has none to spare: its facets are the shape.
-FEWEST_VERTICES = 3
+MIN_VERTICES_PER_CONTROL_POINT = 3
 # Half of the samples of a normal error lie within 0.67 of its standard deviation; where edges, steps or openings make
 # the residuals, a few large ones rule and most are far smaller, and over facets that are chords most are alike.
-NORMAL = 0.55, 0.75
+MEDIAN_RATIO_RANGE = 0.55, 0.75
 # The errors of a scan are each vertex's own; what a coarse net leaves of a shape goes along from sample to sample.
-ALONG = 0.4
+MAX_CORRELATION = 0.4
 # Stiffness must lower the expected error of prediction by this factor, or least squares stay as they are.
-GAIN = 0.98
-MOST_SITES = 9  # per span
+MAX_SCORE_RATIO = 0.98
+MAX_SITES_PER_SPAN = 9  # per span
 STIFFNESSES = np.logspace(-5, 4, 37)
 
 
@@ -35,12 +35,15 @@ def looks_noisy(mesh: TriangleMesh, samples: RaySamples, gaps: Array | float, un
     residuals = samples.residuals + gaps
     size = np.abs(residuals[~np.isnan(residuals)])
     rms = np.sqrt((size**2).mean())
-    if rms <= FINEST * mesh.size or not NORMAL[0] < np.median(size) / rms < NORMAL[1]:
+    if (
+        rms <= MIN_NOISE_FRACTION * mesh.size
+        or not MEDIAN_RATIO_RANGE[0] < np.median(size) / rms < MEDIAN_RATIO_RANGE[1]
+    ):
         return False
-    beside = residuals[1:] * residuals[:-1], residuals[:, 1:] * residuals[:, :-1]
-    if min(np.nansum(x) / max((~np.isnan(x)).sum(), 1) for x in beside) > ALONG * rms**2:
+    neighbors = residuals[1:] * residuals[:-1], residuals[:, 1:] * residuals[:, :-1]
+    if min(np.nansum(x) / max((~np.isnan(x)).sum(), 1) for x in neighbors) > MAX_CORRELATION * rms**2:
         return False
-    return vertices_met(mesh, samples) >= FEWEST_VERTICES * unknowns
+    return hit_vertices(mesh, samples) >= MIN_VERTICES_PER_CONTROL_POINT * unknowns
 
 
 def sites_for_noise(mesh: TriangleMesh, basis: TensorBasis, samples: RaySamples) -> int:
@@ -49,14 +52,14 @@ def sites_for_noise(mesh: TriangleMesh, basis: TensorBasis, samples: RaySamples)
     Fewer leave vertices out of the mean that takes the noise away.
     """
     spans = basis.spans * (~np.isnan(samples.residuals)).mean()  # where there is mesh
-    return min(int(np.ceil(np.sqrt(vertices_met(mesh, samples) / spans))), MOST_SITES)
+    return min(int(np.ceil(np.sqrt(hit_vertices(mesh, samples) / spans))), MAX_SITES_PER_SPAN)
 
 
-def vertices_met(mesh: TriangleMesh, samples: RaySamples) -> int:
+def hit_vertices(mesh: TriangleMesh, samples: RaySamples) -> int:
     """How many vertices the faces have that rays met."""
-    met = np.zeros(len(mesh.vertices), bool)
-    met[mesh.faces[samples.faces[~np.isnan(samples.residuals)]]] = True
-    return int(met.sum())
+    hit = np.zeros(len(mesh.vertices), bool)
+    hit[mesh.faces[samples.faces[~np.isnan(samples.residuals)]]] = True
+    return int(hit.sum())
 
 
 def best_stiffness(
@@ -85,13 +88,13 @@ def best_stiffness(
     """
     known = ~np.isnan(samples.residuals)
     square = float(((samples.residuals + gaps)[known] ** 2).sum())
-    independent = min(int(known.sum()), vertices_met(mesh, samples) / 2)
+    independent = min(int(known.sum()), hit_vertices(mesh, samples) / 2)
     amplitude, bend = basis.modes(offsets)
     damping = 1 / (1 + STIFFNESSES[:, None, None] * bend)  # of each mode, for each stiffness
     squares = square + (amplitude**2 * (1 - damping) ** 2).sum(axis=(1, 2))
     free = 1 - np.append(offsets.size, damping.sum(axis=(1, 2))) / independent
     scores = np.append(square, squares) / free**2
     best = int(np.argmin(scores))
-    if scores[best] > GAIN * scores[0]:
+    if scores[best] > MAX_SCORE_RATIO * scores[0]:
         return 0.0, 0.0
     return float(STIFFNESSES[best - 1]), float(np.sqrt(scores[best] * free[best] / known.sum()))

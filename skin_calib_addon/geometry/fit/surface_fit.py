@@ -21,31 +21,31 @@ from ..surface.distance import (
     MeshDistance,
     closest_on_triangles,
     footpoints,
-    lies_at,
+    is_sampled,
     surface_errors,
     surface_samples,
 )
 from .chords import chord_gaps
-from .diagnosis import condition, dropped_loops, fit_warnings, furthest
+from .diagnosis import condition, dropped_loops, fit_warnings, maximum_deviation
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
 
-MOST_PASSES = 10
+MAX_FIT_ITERATIONS = 10
 # The pass that moves no control point by more than this share of the mesh's size is the last: the next moves a tenth.
-SETTLED = 3e-4
+FIT_TOLERANCE = 3e-4
 # Passes end where the misfit has grown by this factor over the least: the section is no fan about its centre.
-WORSE = 1.2
+DIVERGENCE_RATIO = 1.2
 # Passes end, too, where one moves as far as the one before the last: rays go to and fro over a step.
-STALLED = 0.97
-CHORD_ROUNDS = 3
-CHORD_SITES = 6  # per span: how far facets are off their chords changes within each
-STIFF_PASSES = 2
+OSCILLATION_RATIO = 0.97
+CHORD_ITERATIONS = 3
+CHORD_SITES_PER_SPAN = 6  # per span: how far facets are off their chords changes within each
+STIFF_ITERATIONS = 2
 # With more samples missing than this, the surface would be made up rather than fitted.
-LARGEST_GAP = 0.5
+MAX_MISSING_FRACTION = 0.5
 # A surface whose area element falls below this share of its mean is folded, or closes to a point.
-FOLDED = 1e-3
+FOLDED_AREA = 1e-3
 # A surface that stays further off than this share of the mesh's size is no fit.
-FURTHEST = 0.05
-DENSE = 5  # places per control point, in each direction, at which the area element is looked at
+MAX_DEVIATION_FRACTION = 0.05
+AREA_SITES_PER_CONTROL_POINT = 5  # places per control point, in each direction, at which the area element is looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +58,8 @@ class SurfaceFit:
     offsets: Array  # (n, m) of the control points along their lines [m]
     surface: BSplineSurface
     samples: RaySamples
-    passes: int
-    settled: bool  # whether the passes came to rest
+    iterations: int
+    converged: bool  # whether the passes came to rest
     noise: float  # standard deviation of the scan about the surface where that was smoothed [m]; else 0
 
     @property
@@ -86,7 +86,7 @@ class SurfaceFit:
     def worst(self) -> tuple[Array, Array, float]:
         """Where the surface is furthest from the mesh: parameters (2,), point (3,) [m], distance [m]."""
         uv, _ = surface_samples(self.surface)
-        uv = uv[lies_at(self.surface, uv, ~np.isnan(self.residuals))]
+        uv = uv[is_sampled(self.surface, uv, ~np.isnan(self.residuals))]
         points = self.surface.points(uv)
         distance = MeshDistance(self.mesh)(points)[0]
         i = int(np.argmax(distance))
@@ -98,7 +98,7 @@ class SurfaceFit:
 
         Negative where ``r_u x r_v`` turns against the rays: the surface has folded over.
         """
-        k, l = (DENSE * size for size in self.offsets.shape)
+        k, l = (AREA_SITES_PER_CONTROL_POINT * size for size in self.offsets.shape)
         v = np.arange(l) / l if self.lines.closed else np.linspace(0, 1, l)
         uv = np.column_stack((np.repeat(np.linspace(0, 1, k), l), np.tile(v, k)))
         r = self.surface.derivatives(uv)
@@ -148,7 +148,7 @@ class SurfaceFit:
             From the origins of the rays to the surface [m].
         samples : RaySamples
         """
-        return self._met(TensorBasis.of(self.lines, *self.surface.degree, per_span))
+        return self._cast(TensorBasis.of(self.lines, *self.surface.degree, per_span))
 
     def bounds(self) -> tuple[Array, Array, Array]:
         """What the distances from surface to mesh in ``errors`` do not exceed: those to the facets that rays meet.
@@ -165,7 +165,7 @@ class SurfaceFit:
             That each stands for [m^2].
         """
         uv, areas = surface_samples(self.surface)
-        arms, samples = self._met(TensorBasis.of(self.lines, *self.surface.degree, SAMPLES_PER_SPAN, between=True))
+        arms, samples = self._cast(TensorBasis.of(self.lines, *self.surface.degree, SAMPLES_PER_SPAN, between=True))
         trusted = np.flatnonzero(self.is_trusted(uv))
         points = (samples.origins + arms).reshape(-1, 3)[trusted]
         foot = closest_on_triangles(points, self.mesh.triangles[samples.faces.ravel()[trusted]])
@@ -173,13 +173,13 @@ class SurfaceFit:
         bounds[np.isnan(samples.residuals.ravel()[trusted])] = np.inf
         return points, bounds, areas[trusted]
 
-    def _met(self, basis: TensorBasis) -> tuple[Array, RaySamples]:
+    def _cast(self, basis: TensorBasis) -> tuple[Array, RaySamples]:
         arms = basis.blend(self.offsets[..., None] * self.lines.directions)
         return arms, SampleRows.of(self.mesh, self.lines, basis).cast(arms)
 
     def is_trusted(self, uv: Array) -> BoolArray:
         """Whether the mesh was met all around each of some parameters (m, 2); elsewhere the surface spans a hole."""
-        return lies_at(self.surface, np.asarray(uv, float).reshape(-1, 2), ~np.isnan(self.residuals))
+        return is_sampled(self.surface, np.asarray(uv, float).reshape(-1, 2), ~np.isnan(self.residuals))
 
     @cached_property
     def condition(self) -> float:
@@ -195,11 +195,11 @@ class SurfaceFit:
     def warnings(self) -> tuple[Warning, ...]:
         """What an author should look at before trusting this surface."""
         parts = self.lines, self.basis, self.samples
-        return tuple(fit_warnings(self.mesh, *parts, self.smallest_area, self.settled))
+        return tuple(fit_warnings(self.mesh, *parts, self.smallest_area, self.converged))
 
     def is_within(self, tolerance: float) -> bool:
         """Whether surface and mesh keep within ``tolerance`` [m] of each other everywhere, with no hole and no fold."""
-        return self.missing == 0 and self.smallest_area > FOLDED and self.errors.hausdorff <= tolerance
+        return self.missing == 0 and self.smallest_area > FOLDED_AREA and self.errors.hausdorff <= tolerance
 
     def leave_one_out(self) -> Array:
         """Error that each inner u-plane would find if the surface had been fitted without it, shape (n - 2,) [m].
@@ -267,8 +267,8 @@ def check_fit(fit: SurfaceFit) -> None:
     PoorFit
         Names the planes and the place.
     """
-    distance, place = furthest(fit.mesh, fit.lines, fit.basis, fit.samples)
-    if distance > FURTHEST * fit.mesh.size:
+    distance, place = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples)
+    if distance > MAX_DEVIATION_FRACTION * fit.mesh.size:
         raise PoorFit(
             f"The surface is {distance * 1e3:.1f} mm off the mesh {place.words}. Cut away what protrudes there, move "
             "the planes away from it, use more planes, or fit only a sector or one side of the link.",
@@ -279,41 +279,41 @@ def check_fit(fit: SurfaceFit) -> None:
 
 def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
     """``fit_surface`` along lines that are placed, however far off the surface stays."""
-    basis = TensorBasis.of(lines, *degree, CHORD_SITES if chords else SITES_PER_SPAN)
+    basis = TensorBasis.of(lines, *degree, CHORD_SITES_PER_SPAN if chords else SITES_PER_SPAN)
     rows = SampleRows.of(mesh, lines, basis)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
     check_coverage(lines, basis, samples.residuals)
-    offsets, samples, passes, settled = settle(lines, basis, rows, offsets, samples)
-    if settled and looks_noisy(mesh, samples, 0.0, offsets.size):
+    offsets, samples, iterations, converged = iterate(lines, basis, rows, offsets, samples)
+    if converged and looks_noisy(mesh, samples, 0.0, offsets.size):
         finer = TensorBasis.of(lines, *degree, sites_for_noise(mesh, basis, samples))
         if len(finer.N) * len(finer.M) > samples.residuals.size:
             basis = finer
             rows = SampleRows.of(mesh, lines, basis)
             samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
-            offsets, samples, more, settled = settle(lines, basis, rows, offsets, samples)
-            passes += more
+            offsets, samples, more, converged = iterate(lines, basis, rows, offsets, samples)
+            iterations += more
     gaps = np.zeros(samples.residuals.shape)  # how far out of the facets the surface is to lie
-    for _ in range(CHORD_ROUNDS if chords else 0):
+    for _ in range(CHORD_ITERATIONS if chords else 0):
         lift = chord_gaps(mesh, surface_at(lines, basis, offsets), samples)
-        lifted, lifted_samples, more, settled = settle(lines, basis, rows, offsets, samples, lift)
-        passes += more
-        if misfit_of(lifted_samples.residuals + lift) > misfit_of(samples.residuals + gaps):
+        lifted, lifted_samples, more, converged = iterate(lines, basis, rows, offsets, samples, lift)
+        iterations += more
+        if rms_residual(lifted_samples.residuals + lift) > rms_residual(samples.residuals + gaps):
             break  # a smooth surface through the corners would fit better than one through the facets, not worse
         offsets, samples, gaps = lifted, lifted_samples, lift
     stiffness = noise = 0.0
     if looks_noisy(mesh, samples, gaps, offsets.size):
         stiffness, noise = best_stiffness(mesh, basis, samples, gaps, offsets)
-    for _ in range(STIFF_PASSES if stiffness else 0):
+    for _ in range(STIFF_ITERATIONS if stiffness else 0):
         offsets = offsets + basis.solve(samples.residuals + gaps, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
-        passes += 1
+        iterations += 1
     check_coverage(lines, basis, samples.residuals)  # the rays have moved with the surface
     surface = surface_at(lines, basis, offsets)
-    return SurfaceFit(mesh, lines, basis, offsets, surface, samples, passes, settled, noise)
+    return SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, converged, noise)
 
 
-def settle(
+def iterate(
     lines: LineGrid,
     basis: TensorBasis,
     rows: SampleRows,
@@ -340,25 +340,25 @@ def settle(
     settled : bool
         Whether no control point moved in the last.
     """
-    best, least = (offsets, samples), misfit_of(samples.residuals + gaps)
-    settled, moves = False, []
-    for passes in range(1, MOST_PASSES + 1):  # noqa: B007
+    best, least = (offsets, samples), rms_residual(samples.residuals + gaps)
+    converged, moves = False, []
+    for iterations in range(1, MAX_FIT_ITERATIONS + 1):  # noqa: B007
         step = basis.solve(samples.residuals + gaps, offsets)
         offsets = offsets + step
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
-        misfit = misfit_of(samples.residuals + gaps)
-        if misfit > WORSE * least:
+        misfit = rms_residual(samples.residuals + gaps)
+        if misfit > DIVERGENCE_RATIO * least:
             break
         if misfit < least:
             best, least = (offsets, samples), misfit
         moves.append(float(np.abs(step).max()))
-        settled = moves[-1] < SETTLED * rows.mesh.size
-        if settled or (passes > 2 and moves[-1] > STALLED * moves[-3]):
+        converged = moves[-1] < FIT_TOLERANCE * rows.mesh.size
+        if converged or (iterations > 2 and moves[-1] > OSCILLATION_RATIO * moves[-3]):
             break
-    return *best, passes, settled
+    return *best, iterations, converged
 
 
-def misfit_of(residuals: Array) -> float:
+def rms_residual(residuals: Array) -> float:
     """Root mean square of the residuals that are known [m]."""
     return float(np.sqrt(np.nanmean(residuals**2)))
 
@@ -390,7 +390,7 @@ def check_coverage(lines: LineGrid, basis: TensorBasis, residuals: Array) -> Non
             raise EmptySection(
                 f"{name}, through {millimetres(place)}, misses the mesh; move it, or widen the margin", plane=i
             )
-    if missed.mean() > LARGEST_GAP:
+    if missed.mean() > MAX_MISSING_FRACTION:
         raise EmptySection(
             f"{missed.mean():.0%} of the sample rays meet no mesh; move the axis or the planes, or use a patch grid",
             missing=float(missed.mean()),

@@ -13,11 +13,11 @@ from ..sampling.rays import TURN, RayCaster
 from ..sampling.sections import Sections, cut_sections
 
 # What is thinner than this share of its width, with as much of its area on each side, has two sides and is no tube.
-THIN, SIDE = 0.15, 0.25
+SHEET_THICKNESS_RATIO, SHEET_SIDE_FRACTION = 0.15, 0.25
 # Sections across an axis that joins their own centres: each round turns it by a fraction of the one before.
-ROUNDS = 8
+AXIS_ITERATIONS = 8
 # Sections nearer to each other than this share of the mesh's size tell no direction.
-APART = 0.02
+MIN_SECTION_DISTANCE = 0.02
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,10 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
     axes = np.linalg.eigh(spread)[1]
     thickness, width = np.sort(np.ptp(mesh.vertices @ axes, axis=0))[:2]
     facing = normals @ axes[:, 2]
-    if thickness < THIN * width and min(areas[facing > 0].sum(), areas[facing < 0].sum()) > SIDE * areas.sum():
+    if (
+        thickness < SHEET_THICKNESS_RATIO * width
+        and min(areas[facing > 0].sum(), areas[facing < 0].sum()) > SHEET_SIDE_FRACTION * areas.sum()
+    ):
         x, y, z = np.round(axes[:, 2], 2) + 0.0
         raise InvalidPlan(
             f"the mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, with two sides: "
@@ -99,8 +102,8 @@ def axis_through(mesh: TriangleMesh, first: Array, second: Array) -> Axis:
     points = np.array((first, second), float)
     direction = find_axis(mesh).e3
     direction = direction * np.sign((points[1] - points[0]) @ direction)
-    for _ in range(ROUNDS):
-        if (points[1] - points[0]) @ direction < APART * mesh.size:
+    for _ in range(AXIS_ITERATIONS):
+        if (points[1] - points[0]) @ direction < MIN_SECTION_DISTANCE * mesh.size:
             raise InvalidPlan("the two sections lie on each other; choose points that are further apart along the link")
         frame = frame_of(points[0], direction)
         centres, _ = section_circles(cut_sections(mesh, Planes(points, np.tile(direction, (2, 1)))), frame)
@@ -154,17 +157,17 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
             )
         return low + margin, high - margin
     stations = low + (high - low) * (np.arange(192) + 0.5) / 192
-    met = rays_met(cut_sections(mesh, frame.planes(stations)), frame, angles)
-    first, last = longest_run(met.all(axis=1))
+    hit = rays_hit(cut_sections(mesh, frame.planes(stations)), frame, angles)
+    first, last = longest_run(hit.all(axis=1))
     if first == last:
         raise EmptySection(
-            f"no section across the axis goes all the way round; {_opening(met, stations, angles, frame)}; close it, "
+            f"no section across the axis goes all the way round; {_opening(hit, stations, angles, frame)}; close it, "
             "use a patch grid, or give the axis"
         )
     if last - first < 2:
         raise EmptySection(
             f"sections across the axis go all the way round for less than {(high - low) * 1e3 / 96:.1f} mm of it; "
-            f"{_opening(met, stations, angles, frame)}; close it, use a patch grid, or give the axis"
+            f"{_opening(hit, stations, angles, frame)}; close it, use a patch grid, or give the axis"
         )
     return float(stations[first]), float(stations[last - 1])
 
@@ -178,15 +181,15 @@ def longest_run(chosen: BoolArray) -> tuple[int, int]:
     return int(first), int(last)
 
 
-def _opening(met: BoolArray, stations: Array, angles: Array, frame: TubeFrame) -> str:
+def _opening(hit: BoolArray, stations: Array, angles: Array, frame: TubeFrame) -> str:
     """Where the fullest section that is open is so, in words."""
-    i = int(np.argmax(np.where(met.all(axis=1), -1, met.sum(axis=1))))
-    j = int(np.argmin(met.sum(axis=0) + len(met) * met[i]))
+    i = int(np.argmax(np.where(hit.all(axis=1), -1, hit.sum(axis=1))))
+    j = int(np.argmin(hit.sum(axis=0) + len(hit) * hit[i]))
     place = millimetres(frame.point + stations[i] * frame.e3)
     return f"the fullest, through {place}, is open at {np.rad2deg(angles[j]) % 360:.0f} degrees"
 
 
-def rays_met(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:
+def rays_hit(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:
     """Which rays at ``angles`` from the axis meet the section, shape (sections.planes, len(angles))."""
     shape = (sections.planes, len(angles))
     directions = np.broadcast_to(np.column_stack((np.cos(angles), np.sin(angles))), (*shape, 2))
@@ -195,4 +198,4 @@ def rays_met(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:
     return ~np.isnan(caster.cast(np.zeros((*shape, 2)), directions)[0])
 
 
-ALL_ROUND = np.arange(90) * TURN / 90
+FULL_TURN_ANGLES = np.arange(90) * TURN / 90

@@ -8,7 +8,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from .axis import find_axis
 
 # A direction this near to an axis of the link frame is meant to be that axis.
-NEAR = np.cos(np.radians(5.0))
+SNAP_COSINE = np.cos(np.radians(5.0))
 
 
 def cut_normal(mesh: TriangleMesh, point: Array, direction: Array | None = None) -> Array:
@@ -26,7 +26,7 @@ def cut_normal(mesh: TriangleMesh, point: Array, direction: Array | None = None)
         direction = long_direction(mesh)
     direction = unit(direction)
     axis = int(np.argmax(np.abs(direction)))
-    if abs(direction[axis]) > NEAR:
+    if abs(direction[axis]) > SNAP_COSINE:
         direction = np.eye(3)[axis]
     heights = along(mesh.triangles.mean(axis=1) - point, direction)
     towards = (mesh.face_areas * np.sign(heights)).sum()

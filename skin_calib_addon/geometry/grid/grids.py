@@ -12,24 +12,24 @@ from ..sampling.frames import frame_of
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes, perpendicular
 from ..sampling.rays import TURN
-from .axis import ALL_ROUND, Axis, find_axis, stations_between, tube_frame
-from .charts import Chart, FaceChart, TubeChart, chart_lines
-from .error_model import Survey
+from .axis import FULL_TURN_ANGLES, Axis, find_axis, stations_between, tube_frame
+from .curved_axis import curved_axis_span, find_curved_axis
+from .error_model import ErrorModel
+from .parametrizations import FaceParametrization, Parametrization, TubeParametrization, parametrized_lines
 from .spacing import spaced_lines
-from .spine import find_spine, spine_span
 
 Vector = tuple[float, float, float]
 
 # [rad] Planes of the two families at a smaller angle are refused: their intersection line is ill-defined.
-SMALLEST_ANGLE = np.deg2rad(3.0)
+MIN_PLANE_ANGLE = np.deg2rad(3.0)
 # [degrees] Planes of the two families at a smaller angle give a warning.
-SMALL_ANGLE = 10.0
+WARN_PLANE_ANGLE = 10.0
 # v-planes whose distance from a common point is below this fraction of the distances involved all contain that point.
-CONCURRENT = 1e-9
+CONCURRENCE_TOLERANCE = 1e-9
 # Lines whose mean unit direction is shorter than this (they turn by 60 degrees or more) start from an axis.
-FAN = 0.95
+MIN_MEAN_DIRECTION = 0.95
 # Planes whose distance is below this fraction of the mesh size are the same plane.
-SAME = 1e-6
+SAME_PLANE_FRACTION = 1e-6
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Region:
     axis: Axis | None = None  # None: found from the mesh
     margin: float | None = None  # [m] left free at the ends; None: derived from the mesh
 
-    def chart(self, mesh: TriangleMesh) -> Chart:
+    def parametrization(self, mesh: TriangleMesh) -> Parametrization:
         """Return the parametrization of this region of ``mesh``."""
         raise NotImplementedError
 
@@ -51,14 +51,14 @@ class Tube(Region):
     Without a margin it covers the longest run of complete sections.
     """
 
-    def chart(self, mesh: TriangleMesh) -> TubeChart:
+    def parametrization(self, mesh: TriangleMesh) -> TubeParametrization:
         """Return stations and angles on ``mesh``."""
         frame = tube_frame(mesh, self.axis)
         if self.axis is None:
-            spine = find_spine(mesh, frame)
-            if spine is not None:
-                return TubeChart(spine, spine_span(mesh, spine, self.margin))
-        return TubeChart(frame, stations_between(mesh, frame, self.margin, ALL_ROUND))
+            curved_axis = find_curved_axis(mesh, frame)
+            if curved_axis is not None:
+                return TubeParametrization(curved_axis, curved_axis_span(mesh, curved_axis, self.margin))
+        return TubeParametrization(frame, stations_between(mesh, frame, self.margin, FULL_TURN_ANGLES))
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Sector(Region):
     start: float = field(kw_only=True)
     stop: float = field(kw_only=True)  # [rad], larger than start
 
-    def chart(self, mesh: TriangleMesh) -> TubeChart:
+    def parametrization(self, mesh: TriangleMesh) -> TubeParametrization:
         """Return stations and angles on ``mesh``."""
         if not 0 < self.stop - self.start < TURN:
             raise InvalidPlan(
@@ -81,7 +81,7 @@ class Sector(Region):
         x_axis, y_axis = np.eye(3)[:2]
         frame = frame_of(found.point, found.e3, y_axis if abs(found.e3 @ x_axis) > 0.9 else x_axis)
         span = stations_between(mesh, frame, self.margin, np.linspace(self.start, self.stop, 90))
-        return TubeChart(frame, span, (self.start, self.stop))
+        return TubeParametrization(frame, span, (self.start, self.stop))
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Across(Region):
 
     normal: Vector = field(kw_only=True)  # outward, any length
 
-    def chart(self, mesh: TriangleMesh) -> FaceChart:
+    def parametrization(self, mesh: TriangleMesh) -> FaceParametrization:
         """Return lengths over the faces of ``mesh`` whose normals point along ``normal``."""
         up = unit(self.normal)
         faces = mesh.faces[mesh.face_normals @ up > 0.5]
@@ -109,14 +109,14 @@ class Across(Region):
             raise InvalidPlan(f"margin {margin * 1e3:g} mm leaves nothing of the face; make it smaller")
         below = ((mesh.vertices @ up).min() - 0.1 * mesh.size) * up  # rays start inside and go outward
         span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
-        return FaceChart(below, along, side, up, span, breadth)
+        return FaceParametrization(below, along, side, up, span, breadth)
 
     def _along(self, seen: Array, up: Array) -> Array:
         """Return the unit direction in the face that the u-planes are perpendicular to."""
         if self.axis is not None:
             direction = np.asarray(self.axis.direction, float)
             direction = direction - (direction @ up) * up
-            if np.linalg.norm(direction) < np.sin(SMALLEST_ANGLE) * np.linalg.norm(self.axis.direction):
+            if np.linalg.norm(direction) < np.sin(MIN_PLANE_ANGLE) * np.linalg.norm(self.axis.direction):
                 raise InvalidPlan(
                     f"the axis {list(self.axis.direction)} is parallel to the outward normal; choose one in the face"
                 )
@@ -163,7 +163,7 @@ class Grid:
         """
         if isinstance(self.size, Tolerance):
             raise InvalidPlan("this grid has a tolerance instead of numbers of planes and lines; use fit_grid")
-        return lines_on(self.region.chart(mesh), mesh, self.size.n, self.size.lines, self.spacing, degree)
+        return lines_on(self.region.parametrization(mesh), mesh, self.size.n, self.size.lines, self.spacing, degree)
 
 
 def TubeGrid(n: int, lines: int, axis: Axis | None = None, margin: float | None = None, spacing: str = "auto") -> Grid:
@@ -271,13 +271,13 @@ class PlanesGrid:
         across = np.cross(self.u.normals[:, None], self.v.normals)
         sine = np.linalg.norm(across, axis=2)
         i, j = np.unravel_index(np.argmin(sine), sine.shape)
-        if sine[i, j] < np.sin(SMALLEST_ANGLE):
+        if sine[i, j] < np.sin(MIN_PLANE_ANGLE):
             raise InvalidPlan(
                 f"u-plane {i} and v-plane {j} are {np.rad2deg(np.arcsin(sine[i, j])):.1f} degrees from parallel; turn "
                 "one so that they cross"
             )
         angle = np.rad2deg(np.arcsin(min(sine[i, j], 1.0)))
-        warnings = (_nearly_parallel(int(i), int(j), float(angle)),) if angle < SMALL_ANGLE else ()
+        warnings = (_nearly_parallel(int(i), int(j), float(angle)),) if angle < WARN_PLANE_ANGLE else ()
         points = np.array([self._line_points(i) for i in range(len(self.u))])
         check_order(points.mean(axis=1), "u", mesh.size)
         build = self._closed_lines if self.closed else self._open_lines
@@ -290,7 +290,7 @@ class PlanesGrid:
         centre = np.linalg.lstsq(system, level, rcond=None)[0]
         if (
             np.abs(((self.v.points - centre) * self.v.normals).sum(axis=1)).max()
-            < CONCURRENT * np.abs(self.u.points).max()
+            < CONCURRENCE_TOLERANCE * np.abs(self.u.points).max()
         ):
             return np.tile(centre, (len(self.v), 1))  # all lines of this u-plane leave one point, to the bit
         points = []
@@ -310,10 +310,12 @@ class PlanesGrid:
         directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
         xy = frame.across(directions[0])
         clockwise = -np.arctan2(xy[:, 1], xy[:, 0])  # from the first v-plane, whose own angle is a rounded zero
-        order = np.argsort((clockwise + SAME) % TURN, kind="stable")
+        order = np.argsort((clockwise + SAME_PLANE_FRACTION) % TURN, kind="stable")
         points, directions, plane = points[:, order], directions[:, order], order % len(self.v)
-        reach = points[0] + mesh.size * directions[0]
-        same = np.flatnonzero(np.linalg.norm(reach - np.roll(reach, -1, axis=0), axis=1) < SAME * mesh.size)
+        ends = points[0] + mesh.size * directions[0]
+        same = np.flatnonzero(
+            np.linalg.norm(ends - np.roll(ends, -1, axis=0), axis=1) < SAME_PLANE_FRACTION * mesh.size
+        )
         if len(same):
             first, second = sorted((plane[same[0]], plane[(same[0] + 1) % len(plane)]))
             raise InvalidPlan(f"v-plane {second} is the same as v-plane {first}; take one away")
@@ -324,15 +326,15 @@ class PlanesGrid:
         directions = across * np.cumprod(np.concatenate((np.ones((len(points), 1)), turned), axis=1), axis=1)[..., None]
         directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
         middle, mean = mesh.vertices.mean(axis=0), directions.mean(axis=(0, 1))
-        if np.linalg.norm(mean) < FAN:  # they leave an axis inside the link
+        if np.linalg.norm(mean) < MIN_MEAN_DIRECTION:  # they leave an axis inside the link
             directions = directions * np.sign((middle - points.mean(axis=(0, 1))) @ mean)
         else:
             directions = directions * self._side(mesh, unit(mean))
             points = points + (((middle - points) * directions).sum(axis=2) - mesh.size)[..., None] * directions
-        reach = points + mesh.size * directions
-        check_order(reach.mean(axis=0), "v", mesh.size)
+        ends = points + mesh.size * directions
+        check_order(ends.mean(axis=0), "v", mesh.size)
         names = numbered(len(self.v))
-        turn = np.cross(reach[-1, 0] - reach[0, 0], reach[0, -1] - reach[0, 0]) @ directions[0].mean(axis=0)
+        turn = np.cross(ends[-1, 0] - ends[0, 0], ends[0, -1] - ends[0, 0]) @ directions[0].mean(axis=0)
         if turn < 0:
             points, directions, names = points[:, ::-1], directions[:, ::-1], names[::-1]
         return LineGrid(self.u, points, directions, False, names)
@@ -360,7 +362,7 @@ def _nearly_parallel(i: int, j: int, angle: float) -> Warning:
     )
 
 
-def check_order(places: Array, name: str, size: float) -> None:
+def check_order(points: Array, name: str, size: float) -> None:
     """Refuse planes that do not follow each other: the surface would fold back.
 
     Parameters
@@ -377,9 +379,9 @@ def check_order(places: Array, name: str, size: float) -> None:
     InvalidPlan
         Names the first plane that lies on the one before it, or on the side it came from.
     """
-    steps = np.diff(places, axis=0)
+    steps = np.diff(points, axis=0)
     back = np.append(False, (steps[1:] * steps[:-1]).sum(axis=1) < 0) if len(steps) else np.zeros(0, bool)
-    wrong = np.flatnonzero(back | (np.linalg.norm(steps, axis=1) < SAME * size))
+    wrong = np.flatnonzero(back | (np.linalg.norm(steps, axis=1) < SAME_PLANE_FRACTION * size))
     if len(wrong):
         i = int(wrong[0])
         raise InvalidPlan(
@@ -388,13 +390,18 @@ def check_order(places: Array, name: str, size: float) -> None:
         )
 
 
-def lines_on(chart: Chart, mesh: TriangleMesh, n: int, lines: int, spacing: str, degree: tuple[int, int]) -> LineGrid:
+def lines_on(
+    parametrization: Parametrization, mesh: TriangleMesh, n: int, lines: int, spacing: str, degree: tuple[int, int]
+) -> LineGrid:
     """The lines of ``n`` planes and ``lines`` lines in each over a chart; even ones need no look at the mesh."""
     if spacing == "uniform":
-        last = lines if chart.closed else lines - 1
-        t = chart.breadth[0] + (chart.breadth[1] - chart.breadth[0]) * np.arange(lines) / last
-        return chart_lines(chart, np.linspace(*chart.span, n), t)
-    return spaced_lines(Survey.of(mesh, chart, n), n, lines, spacing, degree)
+        last = lines if parametrization.closed else lines - 1
+        t = (
+            parametrization.breadth[0]
+            + (parametrization.breadth[1] - parametrization.breadth[0]) * np.arange(lines) / last
+        )
+        return parametrized_lines(parametrization, np.linspace(*parametrization.span, n), t)
+    return spaced_lines(ErrorModel.of(mesh, parametrization, n), n, lines, spacing, degree)
 
 
 def numbered(count: int) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from ...common.errors import InvalidMesh, InvalidPlan
 from .triangle_mesh import TriangleMesh, weld
 
 # A shell with more of its area than this inside the hull of the shells kept so far is an inner part.
-HIDDEN = 0.5
+INNER_AREA_FRACTION = 0.5
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,12 @@ def is_seen(mesh: TriangleMesh) -> BoolArray:
         faces = np.flatnonzero(shell == i)
         if hull is None:
             hull = hull_planes(mesh.triangles[kept].reshape(-1, 3))
-        if share_inside(hull, mesh, faces) < HIDDEN:
+        if fraction_inside(hull, mesh, faces) < INNER_AREA_FRACTION:
             kept[faces], hull = True, None
     return kept
 
 
-def share_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
+def fraction_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
     """Share of the area of some faces that lies inside a hull; 1 for faces without area."""
     centres, areas = mesh.triangles[faces].mean(axis=1), mesh.face_areas[faces]
     inside = (centres @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1) & (len(hull) > 0)

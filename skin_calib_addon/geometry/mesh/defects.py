@@ -14,15 +14,15 @@ from .cover import is_seen, shells
 from .triangle_mesh import TriangleMesh, weld
 
 # A face that is lower than this share of the mesh's size has no side to look to.
-FLAT = 1e-7
+FLAT_FACE_RATIO = 1e-7
 # A part whose faces look, in the mean, by more than this towards its middle is inside out; a flat one does neither.
-INWARD = 0.2
+INWARD_COSINE = 0.2
 # The two ends of a tube; each hole beyond them is one in the skin.
-ENDS = 2
+TUBE_ENDS = 2
 # Faces back to back do no harm where they are less than this share of the area.
-FEW = 0.01
+MAX_DOUBLED_FRACTION = 0.01
 # Holes that are listed one by one.
-LISTED = 4
+MAX_LISTED_HOLES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +93,12 @@ class Diagnosis:
         if not len(lengths):
             yield _finding("holes", "No hole")
             return
-        listed = ", ".join(f"{length * 1e3:.4g}" for length in lengths[:LISTED]) + (
-            ", ..." if len(lengths) > LISTED else ""
+        listed = ", ".join(f"{length * 1e3:.4g}" for length in lengths[:MAX_LISTED_HOLES]) + (
+            ", ..." if len(lengths) > MAX_LISTED_HOLES else ""
         )
         advice = "Ends may be open. Elsewhere the fit has no data: fill the holes, or keep the skin away from them."
         what = f"{count(len(lengths), 'hole')}, circumference {listed} mm"
-        yield _finding("holes", what, len(lengths) > ENDS, advice)
+        yield _finding("holes", what, len(lengths) > TUBE_ENDS, advice)
 
     def _edges(self) -> Iterator[Warning]:
         if not len(self.branching):
@@ -127,7 +127,7 @@ class Diagnosis:
             yield _finding("flat-faces", f"{count(self.flat, 'face')} with nearly no height")
         doubled = int(self.doubled.sum())
         if doubled:
-            matters = (self.mesh.face_areas * self.doubled).sum() > FEW * self.mesh.face_areas.sum()
+            matters = (self.mesh.face_areas * self.doubled).sum() > MAX_DOUBLED_FRACTION * self.mesh.face_areas.sum()
             advice = "A wall without thickness has no outside: delete one side." if matters else ""
             yield _finding("back-to-back", f"{count(doubled, 'face')} back to back", bool(matters), advice)
 
@@ -179,14 +179,14 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
     )
 
 
-def edges_at(places: Array, vertices: Array, edges: IntArray) -> BoolArray:
+def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
     """Which edges (e, 2) between vertices (v, 3) have both ends where an edge of ``places`` (k, 2, 3) has, shape (e,).
 
     Places are the same to the bit, or another.
     """
-    points = np.concatenate((np.asarray(places).reshape(-1, 3), vertices)) + 0.0  # no minus zero
-    place = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
-    wanted, given = place[: 2 * len(places)].reshape(-1, 2), place[2 * len(places) :][edges]
+    points = np.concatenate((np.asarray(segments).reshape(-1, 3), vertices)) + 0.0  # no minus zero
+    vertex = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
+    wanted, given = vertex[: 2 * len(segments)].reshape(-1, 2), vertex[2 * len(segments) :][edges]
     first, second = (pair.min(axis=1) * len(points) + pair.max(axis=1) for pair in (wanted, given))
     return np.isin(second, first)
 
@@ -199,7 +199,7 @@ def count(number: int, thing: str) -> str:
 def _is_flat(mesh: TriangleMesh) -> BoolArray:
     corners = mesh.triangles
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    return 2 * mesh.face_areas <= FLAT * mesh.size * longest
+    return 2 * mesh.face_areas <= FLAT_FACE_RATIO * mesh.size * longest
 
 
 def _doubled(faces: IntArray) -> BoolArray:
@@ -253,10 +253,10 @@ def _turned(mesh: TriangleMesh, part: IntArray, seen: BoolArray, flipped: BoolAr
     """Parts that are seen and whose faces, the flipped ones turned back, look towards their middle."""
     areas, centres = mesh.face_areas, mesh.triangles.mean(axis=1)
     area = np.maximum(np.bincount(part, areas), np.finfo(float).tiny)
-    middle = np.column_stack([np.bincount(part, areas * x) for x in centres.T]) / area[:, None]
-    outward = (unit(centres - middle[part]) * mesh.face_normals).sum(axis=1) * np.where(flipped, -1, 1)
+    centre = np.column_stack([np.bincount(part, areas * x) for x in centres.T]) / area[:, None]
+    outward = (unit(centres - centre[part]) * mesh.face_normals).sum(axis=1) * np.where(flipped, -1, 1)
     look = np.bincount(part, areas * outward) / area
-    return tuple(np.flatnonzero((look < -INWARD) & (np.bincount(part, seen) > 0)).tolist())
+    return tuple(np.flatnonzero((look < -INWARD_COSINE) & (np.bincount(part, seen) > 0)).tolist())
 
 
 def _components(nodes: int, first: IntArray, second: IntArray) -> tuple[int, IntArray]:

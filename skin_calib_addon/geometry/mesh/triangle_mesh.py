@@ -17,11 +17,11 @@ from ...common.atomic_file import write_bytes_safely
 from ...common.errors import InvalidMesh
 
 FORMATS = ("stl", "ply", "obj", "off")
-METRES = {"m": 1.0, "mm": 1e-3}
+METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
 # Where the head of a file tells how many faces follow.
 FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
 # A robot link is larger than a fingertip and smaller than a room; outside of this the unit is wrong.
-SMALLEST, LARGEST = 2e-3, 5.0
+MIN_MESH_SIZE, MAX_MESH_SIZE = 2e-3, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
         If the file is missing, unreadable or no surface, or its size says that the unit is wrong.
     """
     raw = read_mesh(path)
-    mesh = TriangleMesh(raw.vertices * METRES[unit], raw.faces)
+    mesh = TriangleMesh(raw.vertices * METRES_PER_UNIT[unit], raw.faces)
     check_size(mesh, unit, Path(path).name)
     return mesh
 
@@ -178,14 +178,14 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
     except Exception as error:  # the readers behind trimesh raise anything at all on a broken file
         raise InvalidMesh(f"cannot read {path.name} as {kind.upper()}: {error}", path=str(path)) from error
-    check_whole(path, kind, len(faces))
+    check_face_count(path, kind, len(faces))
     try:
         return weld(vertices, faces)
     except InvalidMesh as error:
         raise InvalidMesh(f"{path.name}: {error}", **error.numbers) from error
 
 
-def check_whole(path: Path, kind: str, faces: int) -> None:
+def check_face_count(path: Path, kind: str, faces: int) -> None:
     """Refuse a text file that was cut off: the readers take what there is.
 
     Raises
@@ -194,9 +194,9 @@ def check_whole(path: Path, kind: str, faces: int) -> None:
         If there are fewer faces than the head of the file tells.
     """
     with open(path, "rb") as file:
-        told = re.search(FACE_COUNTS[kind], file.read(2**16)) if kind in FACE_COUNTS else None
-    if told and faces < int(told[1]):
-        raise InvalidMesh(f"{path.name} has {faces} of the {int(told[1])} faces that it tells of; export it again")
+        announced = re.search(FACE_COUNTS[kind], file.read(2**16)) if kind in FACE_COUNTS else None
+    if announced and faces < int(announced[1]):
+        raise InvalidMesh(f"{path.name} has {faces} of the {int(announced[1])} faces that it tells of; export it again")
 
 
 def save_mesh(mesh: TriangleMesh, path: str | Path) -> None:
@@ -225,8 +225,8 @@ def check_size(mesh: TriangleMesh, unit: str, name: str) -> None:
     InvalidMesh
         If the mesh is larger than a room or smaller than a fingertip.
     """
-    if SMALLEST <= mesh.size <= LARGEST:
+    if MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
         return
-    other = {"m": "mm", "mm": "m"}[unit] if (mesh.size > LARGEST) == (unit == "m") else None
+    other = {"m": "mm", "mm": "m"}[unit] if (mesh.size > MAX_MESH_SIZE) == (unit == "m") else None
     advice = f'it is likely in {other}: set "unit": "{other}"' if other else "scale it to its real size"
     raise InvalidMesh(f'{name} is {mesh.size:.4g} m across when read in "{unit}"; {advice}', size=mesh.size)

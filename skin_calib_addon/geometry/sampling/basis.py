@@ -9,14 +9,14 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from ...common.arrays import Array, BoolArray, product, unit
 from ...common.errors import UnderdeterminedFit
-from ..surface.bspline import FEWEST_SITES, basis_functions, clamped_knots, enough_sites, periodic_knots
+from ..surface.bspline import MIN_SITES, basis_functions, clamped_knots, periodic_knots, sites_per_span
 from .lines import LineGrid
 
 SITES_PER_SPAN = 3
-SCHULZ_ROUNDS = 3  # each squares the error of an inverse
-NEAR = 0.1  # to one, that a matrix times its inverse must be
+SCHULZ_ITERATIONS = 3  # each squares the error of an inverse
+INVERSE_TOLERANCE = 0.1  # to one, that a matrix times its inverse must be
 # Stiffness that says what holes leave open: with a tenth of it, what hardly any sample holds swings far out over them.
-SLACK = 1e-4
+HOLE_STIFFNESS = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +96,8 @@ class TensorBasis:
         check_counts(n, degree_u, "u-planes")
         check_counts(m, degree_v, "v-lines")
         around = m if lines.closed else m - degree_v
-        u = spline_sites(n, degree_u, False, enough_sites(per_span, n - degree_u, FEWEST_SITES[False]), between)
-        v = spline_sites(m, degree_v, lines.closed, enough_sites(per_span, around, FEWEST_SITES[lines.closed]), between)
+        u = spline_sites(n, degree_u, False, sites_per_span(per_span, n - degree_u, MIN_SITES[False]), between)
+        v = spline_sites(m, degree_v, lines.closed, sites_per_span(per_span, around, MIN_SITES[lines.closed]), between)
         common = unit(lines.directions.mean(axis=0))
         return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
 
@@ -135,7 +135,9 @@ class TensorBasis:
         """
         known = ~np.isnan(residuals)
         if not known.all():
-            return self._solve_with_holes(np.where(known, residuals, 0.0), known, offsets, max(stiffness, SLACK))
+            return self._solve_with_holes(
+                np.where(known, residuals, 0.0), known, offsets, max(stiffness, HOLE_STIFFNESS)
+            )
         if not stiffness:
             return product(product(product(self.u.inverse, residuals), self.B), self._B_gram_inverse)
         right = product(product(self.N.T, residuals), self.B) - stiffness * self._bending(offsets)
@@ -150,10 +152,10 @@ class TensorBasis:
         not, they are few, and inverted as they are.
         """
         gram, inverse = product(self.B.T, self.B), self.v.gram_inverse
-        for _ in range(SCHULZ_ROUNDS):
+        for _ in range(SCHULZ_ITERATIONS):
             inverse = 2 * inverse - product(product(inverse, gram), inverse)
         off = np.abs(product(inverse, gram) - np.eye(len(gram))).max()
-        return inverse if off < NEAR else np.linalg.inv(gram)
+        return inverse if off < INVERSE_TOLERANCE else np.linalg.inv(gram)
 
     @cached_property
     def _modes(self) -> tuple[Array, Array, Array]:

@@ -7,9 +7,9 @@ from scipy.sparse.csgraph import connected_components
 from ...common.arrays import Array, BoolArray, IntArray
 
 # A curve that rays meet last at least this often is the outer one; where it is not, several parts make the outside.
-MOST = 0.8
+OUTER_RAY_FRACTION = 0.8
 # A fold that more than this share of the rays meet is a wall behind a wall, and its outermost branch counts.
-WIDEST_FOLD = 0.05
+MAX_FOLD_FRACTION = 0.05
 
 
 def curves(ends: Array) -> IntArray:
@@ -51,10 +51,10 @@ def outer_curve(ends: Array, ray: IntArray, segment: IntArray, distance: Array) 
     often = (curve[segment[last]] == outer).mean()
     crossings = np.bincount(ray[curve[segment] == outer])
     odd = (crossings % 2 == 1).sum() / len(last)
-    return curve == outer if often > MOST and odd > MOST else None
+    return curve == outer if often > OUTER_RAY_FRACTION and odd > OUTER_RAY_FRACTION else None
 
 
-def in_order(ray: IntArray, distance: Array, rays: int) -> tuple[IntArray, Array]:
+def fold_distances(ray: IntArray, distance: Array, rays: int) -> tuple[IntArray, Array]:
     """Distance along the rays that cross a fold of a curve: out and back again over the crossings, in order.
 
     Out to the first crossing, back to the second, out to the third: that runs on from one branch of the fold to the
@@ -75,19 +75,19 @@ def in_order(ray: IntArray, distance: Array, rays: int) -> tuple[IntArray, Array
         [m]
     """
     count = np.bincount(ray, minlength=rays)
-    folded = narrow_runs((count > 1) & (count % 2 == 1), int(WIDEST_FOLD * rays))
+    folded = short_runs((count > 1) & (count % 2 == 1), int(MAX_FOLD_FRACTION * rays))
     order = np.lexsort((distance, ray))
     rank = np.arange(len(ray)) - np.searchsorted(ray, ray)  # ``ray`` is sorted, and stays so in this order
-    ways = np.bincount(ray, np.where(rank % 2 == 0, 1.0, -1.0) * distance[order], minlength=rays)
-    return folded, np.asarray(ways[folded], np.float64)
+    signed = np.bincount(ray, np.where(rank % 2 == 0, 1.0, -1.0) * distance[order], minlength=rays)
+    return folded, np.asarray(signed[folded], np.float64)
 
 
-def narrow_runs(chosen: BoolArray, most: int) -> IntArray:
+def short_runs(chosen: BoolArray, longest: int) -> IntArray:
     """Indices of the chosen that stand in runs of at most ``most``, the last being a neighbour of the first."""
     if chosen.all() or not chosen.any():
         return np.empty(0, np.int64)
     start = int(np.argmin(chosen))  # one that is not chosen, so that no run crosses the end
-    turned = np.roll(chosen, -start)
-    run = np.cumsum(~turned)
-    narrow = turned & (np.bincount(run, turned)[run] <= most)
+    rolled = np.roll(chosen, -start)
+    run = np.cumsum(~rolled)
+    narrow = rolled & (np.bincount(run, rolled)[run] <= longest)
     return (np.flatnonzero(narrow) + start) % len(chosen)

@@ -7,7 +7,7 @@ import numpy as np
 from ...common.arrays import Array, freeze, unit
 
 # A normal that is this near to length one is left as it is, so that a plan that is saved and read again does not drift.
-UNIT = 1e-15
+UNIT_TOLERANCE = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Planes:
 
     def __post_init__(self):
         normals = np.asarray(self.normals, float)
-        is_unit = np.abs(np.linalg.norm(normals, axis=-1, keepdims=True) - 1) < UNIT
+        is_unit = np.abs(np.linalg.norm(normals, axis=-1, keepdims=True) - 1) < UNIT_TOLERANCE
         object.__setattr__(self, "directions", normals)
         object.__setattr__(self, "normals", np.where(is_unit, normals, unit(normals)))
         freeze(self, points=(None, 3), normals=(len(self.points), 3), directions=(len(self.points), 3))

@@ -3,13 +3,13 @@
 import numpy as np
 
 from ...common.arrays import Array, BoolArray, IntArray
-from .curves import in_order, outer_curve
+from .curves import fold_distances, outer_curve
 
 TURN = 2 * np.pi
 DIAMOND_TURN = 4.0
 # A ray through the end that two segments share may miss both by rounding; it counts as a hit within this share.
-ROUNDING = 1e-9
-PROBES = 64  # rays that tell which curve of a section is the outer one
+HIT_TOLERANCE = 1e-9
+PROBE_RAYS = 64  # rays that tell which curve of a section is the outer one
 
 
 class RayCaster:
@@ -18,8 +18,8 @@ class RayCaster:
     Where the rays of a row all start at its centre, or all run in one direction, the segment under a ray is found by
     bisection of an abscissa: a measure of the angle about the centre, or the position across the direction. A row in
     which segments lie over each other keeps only its outer curve, if it has one (see ``curves.outer_curve``), and
-    where that folds back, rays follow it in order (``curves.in_order``). Without such a curve the outermost segment
-    counts. Rays of no such order are compared with all segments.
+    where that folds back, rays follow it in order (``curves.fold_distances``). Without such a curve the outermost
+    segment counts. Rays of no such order are compared with all segments.
 
     Parameters
     ----------
@@ -93,28 +93,28 @@ class RayCaster:
         filled = last >= first
         # The last segment of a row is followed by its first, one turn on; by nothing where the rays are parallel.
         following[last[filled]] = self.key[first[filled]] + self.width if self.centres is not None else np.inf
-        overlaps = self.stop - following > ROUNDING * self.width
+        overlaps = self.stop - following > HIT_TOLERANCE * self.width
         return np.bincount(self.row[overlaps], minlength=rows) == 0
 
     def _outer_curves(self, ends: Array) -> BoolArray:
         """Which segments are kept, shape (s,): of rows in which they lie over each other, the outer curve's."""
         rows = np.flatnonzero(~self.clean)
-        origins, directions = (np.zeros((len(self.clean), PROBES, 2)) for _ in range(2))
+        origins, directions = (np.zeros((len(self.clean), PROBE_RAYS, 2)) for _ in range(2))
         origins[rows], directions[rows] = self._probes(rows)
         probe, segment, distance = self._crossings(origins, directions, rows)
         kept = np.ones(len(ends), bool)
-        row = probe // PROBES
+        row = probe // PROBE_RAYS
         for i in rows:
-            place, mine = slice(self.bounds[i], self.bounds[i + 1]), slice(*np.searchsorted(row, (i, i + 1)))
-            crossings = (probe[mine] % PROBES, segment[mine] - self.bounds[i], distance[mine])
-            curve = outer_curve(ends[place], *crossings)
+            index, mine = slice(self.bounds[i], self.bounds[i + 1]), slice(*np.searchsorted(row, (i, i + 1)))
+            crossings = (probe[mine] % PROBE_RAYS, segment[mine] - self.bounds[i], distance[mine])
+            curve = outer_curve(ends[index], *crossings)
             if curve is not None:
-                kept[place], self.followed[i] = curve, True
+                kept[index], self.followed[i] = curve, True
         return kept
 
     def _probes(self, rows: IntArray) -> tuple[Array, Array]:
         """Origins and directions of even rays over some rows, shapes (len(rows), PROBES, 2)."""
-        part = (np.arange(PROBES) + 0.5) / PROBES
+        part = (np.arange(PROBE_RAYS) + 0.5) / PROBE_RAYS
         if self.centres is not None:
             directions = np.column_stack((np.cos(TURN * part), np.sin(TURN * part)))
             return self.centres[rows][:, None], directions
@@ -153,44 +153,47 @@ class RayCaster:
         if len(missed) == 0:
             return distance, self.segment[hit]
         if self.ordered:
-            self._look_again(origins, directions, distance, hit, missed)
+            self._recast(origins, directions, distance, hit, missed)
         else:
             for i in np.unique(missed // distance.shape[1]):
-                place, rays = slice(self.bounds[i], self.bounds[i + 1]), np.isnan(distance[i])
-                distance[i, rays], found = outermost(self.ends[place], origins[i, rays], directions[i, rays])
+                index, rays = slice(self.bounds[i], self.bounds[i + 1]), np.isnan(distance[i])
+                distance[i, rays], found = outermost(self.ends[index], origins[i, rays], directions[i, rays])
                 hit[i, rays] = np.where(np.isnan(distance[i, rays]), 0, found + self.bounds[i])
         return distance, self.segment[hit]
 
-    def _look_again(self, origins: Array, directions: Array, distance: Array, hit: IntArray, missed: IntArray) -> None:
+    def _recast(self, origins: Array, directions: Array, distance: Array, hit: IntArray, missed: IntArray) -> None:
         """Fill in what rays that have missed so far meet by rounding, among the segments that lie under them."""
         ray, segment = self._pairs(self._abscissae(origins, directions), missed)
         ends, (origin, direction) = self.ends[segment], (x.reshape(-1, 2)[ray] for x in (origins, directions))
         start, step = (ends[:, 0] - origin).T, (ends[:, 1] - ends[:, 0]).T
-        reach = crossing(*start, *step, *direction.T)
-        met = np.flatnonzero(~np.isnan(reach))
-        met = met[np.lexsort((reach[met], ray[met]))]
-        distance.ravel()[ray[met]], hit.ravel()[ray[met]] = reach[met], segment[met]  # of each ray the last one stays
+        recast = crossing(*start, *step, *direction.T)
+        found = np.flatnonzero(~np.isnan(recast))
+        found = found[np.lexsort((recast[found], ray[found]))]
+        distance.ravel()[ray[found]], hit.ravel()[ray[found]] = (
+            recast[found],
+            segment[found],
+        )  # of each ray the last one stays
 
     def _abscissae(self, origins: Array, directions: Array) -> Array:
         """Of rays, short of the whole width: the row's number times the width must not round up to the next row."""
         x = diamond_angle(directions) if self.centres is not None else origins @ self.across - self.low
-        return np.clip(x, 0.0, self.width * (1 - ROUNDING))
+        return np.clip(x, 0.0, self.width * (1 - HIT_TOLERANCE))
 
     def _bisect(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
         x = self._abscissae(origins, directions)
         rows = np.arange(len(x))[:, None]
-        place = np.searchsorted(self.key, rows * self.width + x, side="right") - 1
+        index = np.searchsorted(self.key, rows * self.width + x, side="right") - 1
         first, last = self.bounds[:-1, None], self.bounds[1:, None] - 1
         # A ray before the first segment of its row can only lie on the last one, which crosses the zero angle.
-        place = np.where(place < first, np.maximum(last, 0), place)
-        start_x, start_y, step_x, step_y = (part.take(place) for part in (*self.start, *self.step))
+        index = np.where(index < first, np.maximum(last, 0), index)
+        start_x, start_y, step_x, step_y = (part.take(index) for part in (*self.start, *self.step))
         if self.centres is None or self.centres.any():
             start_x, start_y = start_x - origins[..., 0], start_y - origins[..., 1]
         distance = crossing(start_x, start_y, step_x, step_y, directions[..., 0], directions[..., 1])
         unknown = (last < first)[:, 0] | ~self.clean
         if unknown.any():
             distance[unknown] = np.nan
-        return distance, self.order[place]
+        return distance, self.order[index]
 
     def _cast_overlapping(self, origins: Array, directions: Array, distance: Array, hit: IntArray) -> None:
         """Fill in the rows in which segments lie over each other."""
@@ -201,8 +204,8 @@ class RayCaster:
         distance.ravel()[ray[last]], hit.ravel()[ray[last]] = along[last], segment[last]
         for i in np.flatnonzero(self.followed & ~self.clean):
             mine = slice(*np.searchsorted(ray, (i * shape[1], (i + 1) * shape[1])))
-            folded, way = in_order(ray[mine] % shape[1], along[mine], shape[1])
-            distance[i, folded] = way
+            folded, folded_distance = fold_distances(ray[mine] % shape[1], along[mine], shape[1])
+            distance[i, folded] = folded_distance
 
     def _crossings(self, origins: Array, directions: Array, rows: IntArray) -> tuple[IntArray, IntArray, Array]:
         """All crossings of the rays of some rows: number of the ray, ascending, of the segment, and distance [m].
@@ -216,11 +219,11 @@ class RayCaster:
         side = direction[:, None, 0] * offset[..., 1] - direction[:, None, 1] * offset[..., 0]
         crosses = (side[:, 0] > 0) != (side[:, 1] > 0)
         part = side[:, 0] / np.where(crosses, side[:, 0] - side[:, 1], 1.0)
-        reach = direction[:, None, 0] * offset[..., 0] + direction[:, None, 1] * offset[..., 1]
-        distance = reach[:, 0] + part * (reach[:, 1] - reach[:, 0])
-        met = np.flatnonzero(crosses & (distance > 0))
-        met = met[np.argsort(ray[met], kind="stable")]
-        return ray[met], segment[met], distance[met]
+        recast = direction[:, None, 0] * offset[..., 0] + direction[:, None, 1] * offset[..., 1]
+        distance = recast[:, 0] + part * (recast[:, 1] - recast[:, 0])
+        found = np.flatnonzero(crosses & (distance > 0))
+        found = found[np.argsort(ray[found], kind="stable")]
+        return ray[found], segment[found], distance[found]
 
     def _pairs(self, x: Array, rays: IntArray) -> tuple[IntArray, IntArray]:
         """Numbers of some rays and of the segments that lie under them, or all but do, for abscissae (rows, l)."""
@@ -230,18 +233,18 @@ class RayCaster:
         key, rays = key[by_key], rays[by_key]
         chosen = np.zeros(len(x), bool)
         chosen[row] = True
-        place = np.flatnonzero(chosen[self.row])  # segments in the order of their abscissae keep their rows
-        slack = ROUNDING * self.width
-        begin, stop = self.key[place] - slack, self.stop[place] + slack
-        low, high = self.row[place] * self.width, (self.row[place] + 1) * self.width
+        index = np.flatnonzero(chosen[self.row])  # segments in the order of their abscissae keep their rows
+        slack = HIT_TOLERANCE * self.width
+        begin, stop = self.key[index] - slack, self.stop[index] + slack
+        low, high = self.row[index] * self.width, (self.row[index] + 1) * self.width
         pairs = []
         for turn in (0.0, self.width) if self.centres is not None else (0.0,):  # segments over the zero angle, again
             first = np.searchsorted(key, np.maximum(begin - turn, low))
             count = np.maximum(np.searchsorted(key, np.minimum(stop - turn, high)) - first, 0)
-            which = np.repeat(np.arange(len(place)), count)
+            which = np.repeat(np.arange(len(index)), count)
             pairs.append((rays[np.arange(len(which)) + np.repeat(first - np.cumsum(count) + count, count)], which))
         ray, which = (np.concatenate(parts) for parts in zip(*pairs))
-        return ray, self.order[place][which]
+        return ray, self.order[index][which]
 
 
 def diamond_angle(vectors: Array) -> Array:
@@ -259,7 +262,7 @@ def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Ar
     with np.errstate(divide="ignore", invalid="ignore"):  # a ray along its segment
         distance = (start_x * step_y - start_y * step_x) / turn
         part = (start_x * y - start_y * x) / turn
-        hits = (np.abs(part - 0.5) <= 0.5 + ROUNDING) & (distance > 0)
+        hits = (np.abs(part - 0.5) <= 0.5 + HIT_TOLERANCE) & (distance > 0)
     return distance if hits.all() else np.where(hits & (turn != 0), distance, np.nan)
 
 

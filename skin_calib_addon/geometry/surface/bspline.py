@@ -10,7 +10,7 @@ from ...common.arrays import Array, IntArray, cross, freeze, product, unit
 from ...common.errors import InvalidKnotVector
 
 # Fewer sites from edge to edge, or all round, may all fall on corners of the facets, or all on their middles.
-FEWEST_SITES = {False: 20, True: 60}  # by whether the direction is closed
+MIN_SITES = {False: 20, True: 60}  # by whether the direction is closed
 
 
 def clamped_knots(n: int, degree: int) -> Array:
@@ -39,9 +39,9 @@ def greville(knots: Array, degree: int) -> Array:
     return np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree).mean(axis=1)
 
 
-def enough_sites(per_span: int, spans: int, fewest: int) -> int:
+def sites_per_span(per_span: int, spans: int, minimum: int) -> int:
     """Sites in each of some spans: ``per_span``, or more where that would be fewer than ``fewest`` in all."""
-    return max(per_span, -(-fewest // spans))
+    return max(per_span, -(-minimum // spans))
 
 
 def check_knots(knots: Array, degree: int, n: int) -> None:
@@ -86,20 +86,20 @@ def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[In
     tables = [np.ones((len(u), 1))]
     for p in range(1, degree + 1):
         left, right = window[:, degree - p : degree], window[:, degree : degree + p]
-        share = tables[-1] / (right - left)
+        ratio = tables[-1] / (right - left)
         value = np.zeros((len(u), p + 1))
-        value[:, :-1] = (right - u[:, None]) * share
-        value[:, 1:] += (u[:, None] - left) * share
+        value[:, :-1] = (right - u[:, None]) * ratio
+        value[:, 1:] += (u[:, None] - left) * ratio
         tables.append(value)
     values = np.zeros((order + 1, len(u), degree + 1))
     values[0] = tables[degree]
     for d in range(1, min(order, degree) + 1):
         part = tables[degree - d]
         for p in range(degree - d + 1, degree + 1):  # raise the d-th derivative back to the full degree
-            share = p * part / (window[:, degree : degree + p] - window[:, degree - p : degree])
+            ratio = p * part / (window[:, degree : degree + p] - window[:, degree - p : degree])
             part = np.zeros((len(u), p + 1))
-            part[:, :-1] = -share
-            part[:, 1:] += share
+            part[:, :-1] = -ratio
+            part[:, 1:] += ratio
         values[d] = part
     return span - degree, values
 
@@ -156,8 +156,8 @@ def _derivatives(count: int, order: int) -> Array:
 
 
 # Shares of a span where a surface is looked at for how it turns.
-MIDDLES = np.array((0.0, 0.5))
-TINY = 1e-12  # [m]
+SPAN_FRACTIONS = np.array((0.0, 0.5))
+MIN_LENGTH = 1e-12  # [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,7 +279,7 @@ class BSplineSurface:
     @cached_property
     def _turns(self) -> tuple[Array, Array]:
         """Between points 1, 2, 4 ... half spans apart: the largest turn [rad], and the largest to its way [1/m]."""
-        u, v = (spans.starts[:, None] + spans.lengths[:, None] * MIDDLES for spans in self._spans)
+        u, v = (spans.starts[:, None] + spans.lengths[:, None] * SPAN_FRACTIONS for spans in self._spans)
         r = self.derivatives(np.column_stack((np.repeat(u.ravel(), v.size), np.tile(v.ravel(), u.size))))
         points, normals = (x.reshape(u.size, v.size, 3) for x in (r[0, 0], unit(cross(r[1, 0], r[0, 1]))))
         turns = []
@@ -292,8 +292,8 @@ class BSplineSurface:
                 there = here + parts
                 cosines = (normals.take(there % n, axis) * normals.take(here, axis)).sum(axis=2)
                 angles = np.arccos(np.clip(cosines, -1, 1))
-                ways = done.take(there, axis) - done.take(here, axis)
-                turns.append((angles.max(), (angles / np.maximum(ways, TINY)).max()))
+                lengths = done.take(there, axis) - done.take(here, axis)
+                turns.append((angles.max(), (angles / np.maximum(lengths, MIN_LENGTH)).max()))
         largest, per_length = np.transpose(turns)
         return largest, per_length
 

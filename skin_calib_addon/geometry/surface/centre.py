@@ -7,14 +7,14 @@ import numpy as np
 from ...common.arrays import Array, unit
 from .bspline import BSplineSurface
 
-PARTS = 64  # of a coordinate line on either side of a place when its length is measured
-ROUNDS = 3  # Newton steps to half of a length, in each direction
-STEPS = 8  # Newton steps to where a ray meets a surface
-MET = 1e-9  # step of the parameters that is none
+CHORDS_PER_SIDE = 64  # of a coordinate line on either side of a place when its length is measured
+CENTRE_ITERATIONS = 3  # Newton steps to half of a length, in each direction
+MAX_SEAM_ITERATIONS = 8  # Newton steps to where a ray meets a surface
+SEAM_TOLERANCE = 1e-9  # step of the parameters that is none
 
 
 @lru_cache(maxsize=8)
-def middle(surface: BSplineSurface) -> tuple[float, float]:
+def surface_centre(surface: BSplineSurface) -> tuple[float, float]:
     """Parameters half way along a surface, and half way across it or round it: half of the lengths of its lines.
 
     Round it, the way begins at its seam, the side of angle zero: where the vertex of the mesh is that is furthest from
@@ -22,15 +22,19 @@ def middle(surface: BSplineSurface) -> tuple[float, float]:
     """
     start = seam_of(surface)
     uv = np.where(surface.closed, start + 0.5, 0.5)[None]
-    for _ in range(ROUNDS):
+    for _ in range(CENTRE_ITERATIONS):
         for axis in (1, 0):
-            share, growth = shares_before(surface, uv, axis, PARTS, start[axis] if surface.closed[axis] else 0.0)
-            uv[:, axis] += (0.5 - share) / growth
+            fraction, slope = length_fractions(
+                surface, uv, axis, CHORDS_PER_SIDE, start[axis] if surface.closed[axis] else 0.0
+            )
+            uv[:, axis] += (0.5 - fraction) / slope
     u, v = surface.wrap(uv)[0].tolist()
     return u, v
 
 
-def shares_before(surface: BSplineSurface, uv: Array, axis: int, parts: int, start: float = 0.0) -> tuple[Array, Array]:
+def length_fractions(
+    surface: BSplineSurface, uv: Array, axis: int, parts: int, start: float = 0.0
+) -> tuple[Array, Array]:
     """How much of the length of its coordinate line along ``axis`` lies before each point, and how that grows.
 
     Parameters
@@ -53,8 +57,11 @@ def shares_before(surface: BSplineSurface, uv: Array, axis: int, parts: int, sta
     lines[..., axis] = start + np.concatenate((x * part, x + (1 - x) * part[1:]), axis=1)
     r = surface.derivatives(lines.reshape(-1, 2))
     points, slopes = (d.reshape(*lines.shape[:2], 3) for d in (r[0, 0], r[0, 1] if axis else r[1, 0]))
-    ways = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    before, after = ways[:, :parts].sum(axis=1) * np.sign(x[:, 0]), ways[:, parts:].sum(axis=1) * np.sign(1 - x[:, 0])
+    chords = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    before, after = (
+        chords[:, :parts].sum(axis=1) * np.sign(x[:, 0]),
+        chords[:, parts:].sum(axis=1) * np.sign(1 - x[:, 0]),
+    )
     return before / (before + after), np.linalg.norm(slopes[:, parts], axis=1) / (before + after)
 
 
@@ -64,13 +71,15 @@ def seam_of(surface: BSplineSurface) -> Array:
     if surface.seam is None:
         return start
     point, ray = surface.seam
-    around = np.column_stack((np.full(2 * PARTS, 0.5), np.arange(2 * PARTS) / (2 * PARTS)))
+    around = np.column_stack(
+        (np.full(2 * CHORDS_PER_SIDE, 0.5), np.arange(2 * CHORDS_PER_SIDE) / (2 * CHORDS_PER_SIDE))
+    )
     uv = around[np.argmax((unit(surface.points(around) - point) * ray).sum(axis=1))]
-    for _ in range(STEPS):
+    for _ in range(MAX_SEAM_ITERATIONS):
         r = surface.derivatives(uv[None])[:, :, 0]
-        gap, along, across = (arm - (arm @ ray) * ray for arm in (r[0, 0] - point, r[1, 0], r[0, 1]))
+        gap, along, across = (vector - (vector @ ray) * ray for vector in (r[0, 0] - point, r[1, 0], r[0, 1]))
         step = np.linalg.lstsq(np.column_stack((along, across)), gap, rcond=None)[0]
         uv = uv - step
-        if np.abs(step).max() < MET:
+        if np.abs(step).max() < SEAM_TOLERANCE:
             break
     return uv

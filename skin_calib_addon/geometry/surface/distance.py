@@ -7,17 +7,17 @@ from ...common.arrays import Array, BoolArray, IntArray, cross
 from ...common.errors import EmptySection
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
 from ..mesh.triangle_mesh import TriangleMesh
-from .bspline import FEWEST_SITES, BSplineSurface, enough_sites
+from .bspline import MIN_SITES, BSplineSurface, sites_per_span
 
 # Samples along each span of the surface's grid when distances are measured.
 SAMPLES_PER_SPAN = 5  # odd: facets come in round numbers, and samples that keep step with them see but a part
 STARTS_PER_SPAN = 3  # of the grid whose nearest point begins the search for a footpoint
-NEWTON_STEPS = 8
-FOUND = 1e-9  # step of a footpoint's parameters that is none
-MOST_PARTS = 64  # of one side of a face
-FEW = 8  # points for which no tree is worth its making
+MAX_FOOTPOINT_ITERATIONS = 8
+FOOTPOINT_TOLERANCE = 1e-9  # step of a footpoint's parameters that is none
+MAX_PARTS = 64  # of one side of a face
+MIN_TREE_POINTS = 8  # points for which no tree is worth its making
 # A triangle with less height than this share of its length is no plane; its sides have all of its points.
-FLAT = 1e-8
+FLAT_TRIANGLE_RATIO = 1e-8
 
 
 def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray) -> SurfaceErrors:
@@ -34,25 +34,25 @@ def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray
         If no part of the surface lies over the mesh.
     """
     uv, weights = surface_samples(surface)
-    trusted = lies_at(surface, uv, known)
-    if not trusted.any():
+    sampled = is_sampled(surface, uv, known)
+    if not sampled.any():
         raise EmptySection("no part of the surface lies over the mesh: its holes are everywhere; move the planes")
-    there = DistanceStatistics.of(MeshDistance(mesh)(surface.points(uv[trusted]))[0], weights[trusted])
+    to_mesh = DistanceStatistics.of(MeshDistance(mesh)(surface.points(uv[sampled]))[0], weights[sampled])
     points, areas, face = mesh_samples(mesh)
     foot, distance = footpoints(surface, points)
     # The mesh beside the surface: over its inside, and facing the same way (or, wound wrongly, the opposite one).
-    beside = lies_at(surface, foot, known)
-    beside &= np.abs((surface.normals(foot) * mesh.face_normals[face]).sum(axis=1)) > 0.5
+    adjacent = is_sampled(surface, foot, known)
+    adjacent &= np.abs((surface.normals(foot) * mesh.face_normals[face]).sum(axis=1)) > 0.5
     for axis in (0, 1):
         if not surface.closed[axis]:
-            beside &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
-    if not beside.any():
+            adjacent &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
+    if not adjacent.any():
         raise EmptySection("no face of the mesh lies beside the surface and looks its way; move the planes")
-    back = DistanceStatistics.of(distance[beside], areas[beside])
-    return SurfaceErrors(back, there, max(back.max, there.max))
+    to_surface = DistanceStatistics.of(distance[adjacent], areas[adjacent])
+    return SurfaceErrors(to_surface, to_mesh, max(to_surface.max, to_mesh.max))
 
 
-def lies_at(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
+def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
     """Whether all sample sites around each ``uv`` are known ones; sites are even in u and v."""
     k, l = known.shape
     row, column = uv[:, 0] * (k - 1), uv[:, 1] * (l if surface.closed[1] else l - 1)
@@ -71,7 +71,7 @@ def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
 def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
     """Even parameters u and v, in the middle of equal parts, so many to a span, more where spans are few."""
     spans = (len(np.unique(k[d : len(k) - d])) - 1 for k, d in zip((surface.knots_u, surface.knots_v), surface.degree))
-    counts = (n * enough_sites(per_span, n, FEWEST_SITES[closed]) for n, closed in zip(spans, surface.closed))
+    counts = (n * sites_per_span(per_span, n, MIN_SITES[closed]) for n, closed in zip(spans, surface.closed))
     u, v = ((np.arange(n) + 0.5) / n for n in counts)
     return u, v
 
@@ -98,7 +98,7 @@ def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntAr
     """
     corners = mesh.triangles
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    parts = np.clip(np.ceil(longest / size).astype(int), 1, MOST_PARTS)
+    parts = np.clip(np.ceil(longest / size).astype(int), 1, MAX_PARTS)
     centres, face = [], []
     for k in np.unique(parts):
         chosen = np.flatnonzero(parts == k)
@@ -118,7 +118,7 @@ class MeshDistance:
         self.triangles = mesh.triangles
         sides = np.linalg.norm(self.triangles - np.roll(self.triangles, 1, axis=1), axis=2).max(axis=1)
         centres, self.face, parts = split_faces(mesh, max(float(np.median(sides)), 0.01 * mesh.size))
-        self.reach = 2 / 3 * float((sides / parts).max())  # no point of a piece is further from its centre
+        self.radius = 2 / 3 * float((sides / parts).max())  # no point of a piece is further from its centre
         self.tree = cKDTree(centres)
 
     def __call__(self, points: Array) -> tuple[Array, IntArray, Array]:
@@ -142,9 +142,9 @@ class MeshDistance:
             if seen == 0:
                 try_pairs(open_, self.face[index[:, 0]])
             # A piece has no point nearer than its centre less the reach of a piece.
-            row, column = np.nonzero(far - self.reach < distance[open_, None])
+            row, column = np.nonzero(far - self.radius < distance[open_, None])
             try_pairs(open_[row], self.face[index[row, column]])
-            open_ = open_[(far[:, -1] - self.reach < distance[open_]) & (k < self.tree.n)]
+            open_ = open_[(far[:, -1] - self.radius < distance[open_]) & (k < self.tree.n)]
             seen, k = k, 2 * k
         return distance, face, nearest
 
@@ -155,7 +155,7 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
     ab, ac, ap = b - a, c - a, points - a
     normal = np.cross(ab, ac)
     square = (normal**2).sum(axis=1)
-    flat = square <= (FLAT * np.maximum((ab**2).sum(axis=1), (ac**2).sum(axis=1))) ** 2
+    flat = square <= (FLAT_TRIANGLE_RATIO * np.maximum((ab**2).sum(axis=1), (ac**2).sum(axis=1))) ** 2
     square = np.where(flat, 1.0, square)
     v = (np.cross(ap, ac) * normal).sum(axis=1) / square
     w = (np.cross(ab, ap) * normal).sum(axis=1) / square
@@ -186,13 +186,13 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
     """
     lines = sample_lines(surface, STARTS_PER_SPAN)
     grid = surface.grid_points(*lines).reshape(-1, 3)
-    if len(points) <= FEW:
+    if len(points) <= MIN_TREE_POINTS:
         index = np.array([int(np.argmin(((grid - p) ** 2).sum(axis=1))) for p in points], np.int64)
     else:
         index = np.asarray(cKDTree(grid).query(points)[1])
     uv = _pairs(*lines)[index]
     moving = np.arange(len(points))
-    for _ in range(NEWTON_STEPS):
+    for _ in range(MAX_FOOTPOINT_ITERATIONS):
         r = surface.derivatives(uv[moving])
         gap = points[moving] - r[0, 0]
         a, b = r[1, 0], r[0, 1]
@@ -205,7 +205,7 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
                 after[:, axis] = np.clip(after[:, axis], 0, 1)
         step = np.abs(after - uv[moving]).max(axis=1)
         uv[moving] = after
-        moving = moving[step > FOUND]
+        moving = moving[step > FOOTPOINT_TOLERANCE]
         if len(moving) == 0:
             break
     uv = surface.wrap(uv)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from ...common.arrays import Array, IntArray, cross, unit
 from ...common.errors import InvalidPlan
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.centre import shares_before
+from ...geometry.surface.centre import length_fractions
 from .geodesic import trace
 from .net import Net
 
@@ -129,7 +129,7 @@ def centring(surface: BSplineSurface, uv: Array, axis: int) -> tuple[IntArray, f
     shift : float
     """
     ends = np.array((np.argmin(uv[:, axis]), np.argmax(uv[:, axis])))
-    load_fractions, growth = shares_before(surface, uv[ends], axis, HALF_LINE)
+    load_fractions, growth = length_fractions(surface, uv[ends], axis, HALF_LINE)
     return ends, float((1 - load_fractions.sum()) / growth.sum())
 
 

@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 from ...common.arrays import Array, BoolArray
 from ...common.errors import InvalidPlan, OutsideSurface
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.centre import middle
+from ...geometry.surface.centre import surface_centre
 from ...geometry.surface.distance import footpoints
 from ..lattice import SheetLattice
 from .constraints import Constraints, centring, pin_constraints, row_axis
@@ -224,7 +224,7 @@ def centring_shift(layer: BSplineSurface, uv: Array) -> Array:
 def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
     """Parameters of the surface point nearest to an origin, or of the surface's middle, shape (2,)."""
     if origin is None:
-        return np.array(middle(surface))
+        return np.array(surface_centre(surface))
     return footpoints(surface, np.asarray(origin, float)[None])[0][0]
 
 

@@ -17,7 +17,7 @@ from skin_calib_addon.plan import load_plan
 from tests.samples import boards, plane, small_calibration
 from tests.samples import cylinder as surface_tube
 from tests.shapes import LENGTH, RADIUS, box, cylinder, together
-from tests.unit.geometry.mesh.test_mesh import write
+from tests.unit.geometry.mesh.test_triangle_mesh import write
 
 ROOT = Path(__file__).parents[3]
 ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}

@@ -5,7 +5,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from skin_calib_addon.geometry.registration import NEAR, THICKEST, SampledMesh, descend, even_turns, find_frame, spread
+from skin_calib_addon.geometry.registration import (
+    MAX_SKIN_THICKNESS,
+    ON_MESH_DISTANCE,
+    SampledMesh,
+    descend,
+    even_rotations,
+    farthest_points,
+    find_frame,
+)
 from skin_calib_addon.geometry.surface.distance import MeshDistance, mesh_samples
 from tests.oracles import nearest_on_triangle
 from tests.shapes import Motion, box, cylinder, sheet, together, wrist
@@ -58,9 +66,9 @@ def test_cloud_near_the_mesh_stays(height):
     """On it, above it or below it by less than `NEAR`: it is right as it is, and nothing is proposed."""
     points = on_wrist()
     _, face, _ = MeshDistance(wrist())(points)
-    fit = find_frame(wrist(), points + height * NEAR * wrist().face_normals[face])
+    fit = find_frame(wrist(), points + height * ON_MESH_DISTANCE * wrist().face_normals[face])
     assert fit.verdict == "right" and fit.before == fit.after
-    assert_allclose(fit.before.mean, abs(height) * NEAR, rtol=0.05, atol=1e-9)
+    assert_allclose(fit.before.mean, abs(height) * ON_MESH_DISTANCE, rtol=0.05, atol=1e-9)
     assert (fit.rotation == np.eye(3)).all() and not fit.translation.any()
 
 
@@ -68,7 +76,11 @@ def test_cloud_a_little_aside_stays():
     """Shifted by less than a skin is thick, though a motion would undo it: who knows which of the two is off."""
     points = on_wrist() + (0.002, 0, 0)
     fit = find_frame(wrist(), points)
-    assert fit.verdict == "right" and 0.3 * NEAR < fit.before.mean < NEAR and fit.after == fit.before
+    assert (
+        fit.verdict == "right"
+        and 0.3 * ON_MESH_DISTANCE < fit.before.mean < ON_MESH_DISTANCE
+        and fit.after == fit.before
+    )
 
 
 def test_thick_skin_stays():
@@ -77,7 +89,7 @@ def test_thick_skin_stays():
     _, face, _ = MeshDistance(wrist())(points)
     raised = points + 0.006 * wrist().face_normals[face]
     fit = find_frame(wrist(), raised)
-    assert fit.verdict == "right" and NEAR < fit.before.mean < THICKEST
+    assert fit.verdict == "right" and ON_MESH_DISTANCE < fit.before.mean < MAX_SKIN_THICKNESS
     assert_consistent(fit, wrist(), raised)
 
 
@@ -145,7 +157,7 @@ def test_planes_of_the_grid_lie_near():
     """The plane that a cell of the grid knows is hardly further than the nearest; beyond the grid there is one too."""
     samples = SampledMesh(wrist())
     rng = np.random.default_rng(5)
-    points = samples.middle + rng.uniform(-0.1, 0.1, (200, 3))
+    points = samples.centre + rng.uniform(-0.1, 0.1, (200, 3))
     near, normals = samples.planes(points)
     least = MeshDistance(wrist())(points)[0]
     assert (np.linalg.norm(near - points, axis=1) <= least + 2.5 * samples.cell).all()
@@ -168,7 +180,7 @@ def test_points_beside_a_mesh_are_not_on_it():
 
 def test_turns_are_spread_evenly():
     """No rotation is further than 35 degrees from one of them, and no two are nearer than 12."""
-    turns = even_turns(300)
+    turns = even_rotations(300)
     assert_allclose(turns @ turns.transpose(0, 2, 1), np.broadcast_to(np.eye(3), turns.shape), rtol=0, atol=1e-12)
     anywhere = Rotation.random(500, rng=np.random.default_rng(6)).as_matrix()
 
@@ -184,9 +196,9 @@ def test_spread_points_are_far_apart():
     """Of a fine and a coarse heap, the few that are chosen reach everywhere; no point twice."""
     rng = np.random.default_rng(7)
     points = np.concatenate((rng.uniform(0, 1, (20, 3)), rng.normal(scale=1e-3, size=(500, 3))))
-    chosen = spread(points, 20)
+    chosen = farthest_points(points, 20)
     assert len(set(chosen.tolist())) == 20
     reach = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1).max()
     apart = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=2) + 9 * np.eye(20)
     assert reach <= apart.min()
-    assert sorted(spread(points[:5], 20).tolist()) == [0, 1, 2, 3, 4]
+    assert sorted(farthest_points(points[:5], 20).tolist()) == [0, 1, 2, 3, 4]

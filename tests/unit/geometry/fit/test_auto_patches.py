@@ -14,9 +14,9 @@ from skin_calib_addon.geometry import (
     fit_surface,
     fit_to_tolerance,
 )
-from skin_calib_addon.geometry.fit.auto import ErrorModel, net_size
+from skin_calib_addon.geometry.fit.auto import SizePredictor, net_size
 from skin_calib_addon.geometry.fit.surface_fit import fit_lines
-from skin_calib_addon.geometry.grid.error_model import Survey
+from skin_calib_addon.geometry.grid.error_model import ErrorModel
 from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
 from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
 from skin_calib_addon.plan import plan_from
@@ -243,29 +243,33 @@ def test_chords_go_on_from_the_smallest_grid():
 def test_chart_of_an_automatic_grid_is_that_of_its_kind():
     """A tube, a sector, a face: the same stations and edges as the grids of given size have."""
     tube, sector, face = (
-        AutoGrid(1.0, "mean", Z_AXIS, 0.004).region.chart(wrist()),
-        AutoGrid(1.0, "mean", Z_AXIS, 0.004, sector=(-1.0, 1.5)).region.chart(wrist()),
-        AutoGrid(1.0, margin=0.004, normal=UP).region.chart(dome()),
+        AutoGrid(1.0, "mean", Z_AXIS, 0.004).region.parametrization(wrist()),
+        AutoGrid(1.0, "mean", Z_AXIS, 0.004, sector=(-1.0, 1.5)).region.parametrization(wrist()),
+        AutoGrid(1.0, margin=0.004, normal=UP).region.parametrization(dome()),
     )
-    for chart, grid, mesh in (
+    for parametrization, grid, mesh in (
         (tube, TubeGrid(4, 4, Z_AXIS, 0.004), wrist()),
         (sector, SectorGrid(4, 4, -1.0, 1.5, Z_AXIS, 0.004), wrist()),
         (face, AcrossGrid(4, 4, UP, None, 0.004), dome()),
     ):
-        other = grid.region.chart(mesh)
-        assert type(chart) is type(other) and chart.span == other.span and chart.breadth == other.breadth
+        other = grid.region.parametrization(mesh)
+        assert (
+            type(parametrization) is type(other)
+            and parametrization.span == other.span
+            and parametrization.breadth == other.breadth
+        )
 
 
 def test_smallest_grid_of_the_model_keeps_its_error():
     """What is predicted of the grid it names keeps within; of grids of two thirds of its control points none does."""
     mesh = coarse_wrist()
-    model = ErrorModel(Survey.of(mesh, region_of(**SECTOR).chart(mesh), 60), (3, 3))
+    predictor = SizePredictor(ErrorModel.of(mesh, region_of(**SECTOR).parametrization(mesh), 60), (3, 3))
     for error in np.geomspace(2e-3, 2e-5, 12):
-        n, lines = model.smallest_grid(error)
-        assert model.error((n, lines)) <= error
+        n, lines = predictor.smallest_size(error)
+        assert predictor.error((n, lines)) <= error
         fewer = [(i, 2 * n * lines // 3 // i) for i in range(4, 20)]
-        assert all(model.error(size) > error for size in fewer if size[1] >= 4)
-    assert model.smallest_grid(1e-12) is None
+        assert all(predictor.error(size) > error for size in fewer if size[1] >= 4)
+    assert predictor.smallest_size(1e-12) is None
 
 
 TUBE = {"axis": Z_AXIS, "margin": 0.004}
@@ -283,10 +287,10 @@ TUBE = {"axis": Z_AXIS, "margin": 0.004}
 )
 def test_prediction_is_what_a_fit_keeps(mesh, where, off):
     """Within a tenth all round, and a fifth of patches, by exact distances, down to what the facets leave."""
-    model = ErrorModel(Survey.of(mesh, region_of(**where).chart(mesh), 60), (3, 3))
+    predictor = SizePredictor(ErrorModel.of(mesh, region_of(**where).parametrization(mesh), 60), (3, 3))
     for size in ((4, 5), (4, 8), (6, 5), (5, 11), (8, 12), (8, 17), (10, 20)):
-        fit = fit_lines(mesh, model.lines(size), (3, 3))
-        np.testing.assert_allclose(model.error(size), fit.errors.surface_to_mesh.mean, rtol=off, err_msg=str(size))
+        fit = fit_lines(mesh, predictor.lines(size), (3, 3))
+        np.testing.assert_allclose(predictor.error(size), fit.errors.surface_to_mesh.mean, rtol=off, err_msg=str(size))
 
 
 @pytest.mark.parametrize("where", [{"sector": (1.0, 1.0)}, {"sector": (0.0, 7.0)}, {"normal": (0.0, 0.0, -1.0)}])

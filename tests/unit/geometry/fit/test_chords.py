@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry import SectorGrid, TubeGrid, fit_surface, weld
-from skin_calib_addon.geometry.fit.chords import chord_gaps, heights_over, largest_gaps
+from skin_calib_addon.geometry.fit.chords import chord_gaps, heights_over, largest_sagittas
 from skin_calib_addon.geometry.sampling.samples import SampleRows
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, plane_surface, wrist
 
@@ -54,4 +54,4 @@ def test_gaps_end_where_the_surface_meets_the_corners():
 
 def test_gap_is_none_beside_a_sharp_edge():
     """All faces of a box have one."""
-    assert (largest_gaps(box((0, 0, 0), (0.1, 0.1, 0.1))) == 0).all()
+    assert (largest_sagittas(box((0, 0, 0), (0.1, 0.1, 0.1))) == 0).all()

@@ -117,7 +117,7 @@ def assert_one_line_with_advice(message):
 def test_good_fit_has_no_warnings(mesh, grid):
     """A tube, a part of one, a face: nothing to look at, every place is trusted, nothing is left aside."""
     fit = fit_surface(mesh, grid)
-    assert fit.warnings == () and fit.settled and fit.missing == 0
+    assert fit.warnings == () and fit.converged and fit.missing == 0
     assert fit.is_trusted(np.random.default_rng(0).uniform(0, 1, (200, 2))).all()
     assert_array_equal(fit.dropped_loops, np.zeros(len(fit.residuals), int))
 
@@ -261,7 +261,7 @@ def test_fin_of_the_wall_is_refused_with_its_place(size, at):
     assert_one_line_with_advice(message)
     told = float(re.search(r"is (\S+) mm", message)[1])
     assert_allclose(caught.value.numbers["distance"] * 1e3, told, atol=0.051)
-    assert caught.value.numbers["distance"] > fit_module.FURTHEST * mesh.size
+    assert caught.value.numbers["distance"] > fit_module.MAX_DEVIATION_FRACTION * mesh.size
 
 
 @pytest.mark.parametrize("at", [0.3, 0.45, 0.7])
@@ -304,13 +304,13 @@ def test_distance_of_a_warning_is_no_longer_than_the_truth():
 
 
 @pytest.mark.parametrize("inward", [False, True])
-def test_furthest_is_a_distance_and_not_along_the_ray(inward):
+def test_maximum_deviation_is_a_distance_and_not_along_the_ray(inward):
     """On a flat cone, whose facets the rays meet at 27 degrees, wound either way: the distance to its triangles."""
     mesh = cone(0.045, 0.005, length=0.02)
     fit = fit_surface(mesh, TubeGrid(5, 5, Z_AXIS, 0.003, "uniform"), 4)
     mesh = weld(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh
     fit = fit_surface(mesh, fit.lines, 4)
-    distance, place = diagnosis.furthest(mesh, fit.lines, fit.basis, fit.samples)
+    distance, place = diagnosis.maximum_deviation(mesh, fit.lines, fit.basis, fit.samples)
     exact = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
     assert_allclose(distance, exact, rtol=0.1)
     assert distance < 0.6 * np.abs(fit.residuals).max() and place.words.startswith("at (")
@@ -353,19 +353,19 @@ def test_surface_folded_by_crossing_planes_is_not_within(n):
 
 def test_iterations_cut_short_are_a_warning(monkeypatch):
     """Where the passes may not go on until nothing moves, the fit is not settled and says so."""
-    monkeypatch.setattr(fit_module, "MOST_PASSES", 1)
+    monkeypatch.setattr(fit_module, "MAX_FIT_ITERATIONS", 1)
     fit = fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002))
-    assert not fit.settled and fit.passes == 1
+    assert not fit.converged and fit.iterations == 1
     assert any(w.code == "not-converged" for w in fit.warnings)
     monkeypatch.undo()
-    assert fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002)).settled
+    assert fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002)).converged
 
 
 def test_bad_condition_is_a_warning(monkeypatch):
     """The number, and what to do; no plane of ours comes near the limit, so that it is lowered here."""
     fit = fit_surface(cylinder(), TubeGrid(6, 12, Z_AXIS, 0.004), 5)
     assert fit.warnings == () and fit.condition > 100
-    monkeypatch.setattr(diagnosis, "ILL", 100.0)
+    monkeypatch.setattr(diagnosis, "MAX_CONDITION", 100.0)
     vars(fit).pop("warnings")
     (warning,) = fit.warnings
     assert (warning.code, warning.value) == ("ill-conditioned", fit.condition)
@@ -389,7 +389,7 @@ def test_folded_surface_is_not_within():
     """A surface that folds is none, however near it lies."""
     fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(5, 5, (0, 0, 1.0)))
     assert fit.is_within(1e-9)
-    vars(fit)["smallest_area"] = 0.5 * fit_module.FOLDED
+    vars(fit)["smallest_area"] = 0.5 * fit_module.FOLDED_AREA
     assert not fit.is_within(1e-9)
 
 

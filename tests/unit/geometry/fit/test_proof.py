@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.geometry.fit.proof import FIRST, proved_error
+from skin_calib_addon.geometry.fit.proof import FIRST_BATCH, confirmed_error
 
 COUNT = 5000
 
@@ -35,7 +35,7 @@ def test_tolerance_is_claimed_only_where_it_is_kept(seed, measure, share, unknow
     """What is told is no less than the truth where it keeps the tolerance; elsewhere it is about the truth."""
     distances, areas, bounds = case(seed, unknown=unknown)
     truth = told(distances, areas, measure)
-    error = proved_error(bounds, areas, lambda chosen: distances[chosen], measure, share * truth)
+    error = confirmed_error(bounds, areas, lambda chosen: distances[chosen], measure, share * truth)
     if error <= share * truth:
         assert error >= truth * (1 - 1e-12)
     else:
@@ -57,14 +57,14 @@ def test_proof_takes_no_more_exact_distances_than_it_needs(measure):
     most, truth = told(bounds, areas, measure), told(distances, areas, measure)
     for tolerance, least, largest in (
         (1.001 * most, 0, 0),
-        (0.5 * truth, 1, 2 * FIRST),
-        (0.3 * truth + 0.7 * most, FIRST, COUNT // 2),
+        (0.5 * truth, 1, 2 * FIRST_BATCH),
+        (0.3 * truth + 0.7 * most, FIRST_BATCH, COUNT // 2),
     ):
         asked.clear()
-        error = proved_error(bounds, areas, exact, measure, tolerance)
+        error = confirmed_error(bounds, areas, exact, measure, tolerance)
         assert least <= sum(asked) <= largest and (error <= tolerance) == (tolerance > truth)
 
 
 def test_nothing_is_proved_of_nothing():
     """A surface that lies over holes alone."""
-    assert proved_error(np.empty(0), np.empty(0), lambda chosen: chosen * 1.0, "mean", 1.0) == np.inf
+    assert confirmed_error(np.empty(0), np.empty(0), lambda chosen: chosen * 1.0, "mean", 1.0) == np.inf

@@ -8,11 +8,11 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.common.errors import EmptySection, InvalidPlan
 from skin_calib_addon.geometry.grid.axis import (
-    ALL_ROUND,
+    FULL_TURN_ANGLES,
     Axis,
     find_axis,
     frame_of,
-    rays_met,
+    rays_hit,
     section_circles,
     stations_between,
     tube_frame,
@@ -130,7 +130,7 @@ def test_section_circles_of_a_polygon_have_its_centre():
 def test_stations_leave_the_margin_free():
     """With a margin: exactly from end to end less the margin, along an axis of any length and origin."""
     frame = tube_frame(cylinder(), Axis((0, 0, 0.3), (0, 0, -4)))
-    low, high = stations_between(cylinder(), frame, 0.004, ALL_ROUND)
+    low, high = stations_between(cylinder(), frame, 0.004, FULL_TURN_ANGLES)
     assert_allclose((low, high), (0.2 + 0.004, 0.3 - 0.004), rtol=1e-14)
 
 
@@ -138,14 +138,14 @@ def test_stations_reach_as_far_as_sections_are_complete():
     """Without a margin: the longest complete run; ragged ends and a slot are left out."""
     slotted = keep(cylinder(along=41), lambda c: ~((c[:, 2] > 0.070) & (c[:, 2] < 0.080) & (c[:, 0] > 0.02)))
     ragged = keep(slotted, lambda c: (c[:, 2] > 0.01) | (c[:, 1] > 0))
-    low, high = stations_between(ragged, z_frame(ragged), None, ALL_ROUND)
+    low, high = stations_between(ragged, z_frame(ragged), None, FULL_TURN_ANGLES)
     assert_allclose((low, high), (0.01, 0.07), rtol=0, atol=LENGTH / 192)
     assert low >= 0.01 and high <= 0.07
 
 
 def test_stations_of_a_whole_tube_reach_both_ends():
     """Nothing more than half a step is given away."""
-    low, high = stations_between(cylinder(), z_frame(cylinder()), None, ALL_ROUND)
+    low, high = stations_between(cylinder(), z_frame(cylinder()), None, FULL_TURN_ANGLES)
     assert 0 <= low <= LENGTH / 192 and LENGTH - LENGTH / 192 <= high <= LENGTH
 
 
@@ -154,15 +154,15 @@ def test_sections_are_complete_where_every_ray_meets_them():
     slotted = keep(cylinder(along=41), lambda c: ~((c[:, 2] > 0.05) & (c[:, 0] > 0.02)))
     frame = frame_of(np.zeros(3), np.array((0, 0, 1.0)), np.array((1.0, 0, 0)))
     sections = cut_sections(slotted, frame.planes(np.array((0.02, 0.08, 0.3))))
-    assert rays_met(sections, frame, ALL_ROUND).all(axis=1).tolist() == [True, False, False]
-    assert rays_met(sections, frame, np.linspace(2, 4, 30)).all(axis=1).tolist() == [True, True, False]
+    assert rays_hit(sections, frame, FULL_TURN_ANGLES).all(axis=1).tolist() == [True, False, False]
+    assert rays_hit(sections, frame, np.linspace(2, 4, 30)).all(axis=1).tolist() == [True, True, False]
 
 
 @pytest.mark.parametrize("margin", [0.05, 0.06, 10.0])
 def test_margin_that_leaves_nothing_is_refused(margin):
     """Half of the length or more at each end; the numbers are in the message and on the error."""
     with pytest.raises(InvalidPlan, match=rf"margin {margin * 1e3:g} mm .* of the 100\.0 mm along the axis") as caught:
-        stations_between(cylinder(), z_frame(cylinder()), margin, ALL_ROUND)
+        stations_between(cylinder(), z_frame(cylinder()), margin, FULL_TURN_ANGLES)
     assert caught.value.numbers == {"margin": margin}
 
 
@@ -170,14 +170,14 @@ def test_half_tube_has_no_complete_section():
     """All round there is nothing; the message says what else to use."""
     half = keep(cylinder(), lambda c: c[:, 0] > 0)
     with pytest.raises(EmptySection, match=r"no section .* all the way round; the fullest, .* is open at \d+ deg"):
-        stations_between(half, z_frame(half), None, ALL_ROUND)
+        stations_between(half, z_frame(half), None, FULL_TURN_ANGLES)
 
 
 def test_ring_that_is_complete_in_one_place_only_is_refused():
     """Planes need room between them: a half tube with a thin whole ring."""
     half = keep(cylinder(along=201), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < 0.0003))
     with pytest.raises(EmptySection, match=r"round for less than 1\.0 mm of it; the fullest, .* is open at \d+ deg"):
-        stations_between(half, z_frame(half), None, ALL_ROUND)
+        stations_between(half, z_frame(half), None, FULL_TURN_ANGLES)
 
 
 def test_single_triangle_has_no_axis():

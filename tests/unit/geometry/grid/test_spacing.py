@@ -11,9 +11,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
-from skin_calib_addon.geometry.grid.charts import FaceChart, TubeChart, chart_lines
-from skin_calib_addon.geometry.grid.error_model import PROFILES, Survey, filled, interpolated, spread
-from skin_calib_addon.geometry.grid.spacing import evened, kept_apart, line_places, place, plane_places, turned
+from skin_calib_addon.geometry.grid.error_model import PROFILES, ErrorModel, filled, interpolated, span_errors
+from skin_calib_addon.geometry.grid.parametrizations import FaceParametrization, TubeParametrization, parametrized_lines
+from skin_calib_addon.geometry.grid.spacing import (
+    equalized_maps,
+    limited_move,
+    line_positions,
+    plane_positions,
+    positions_at,
+    rotated_map,
+)
 from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.frames import frame_of
 from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
@@ -64,20 +71,22 @@ def ridged():
 
 def survey_of(mesh, grid):
     """As the grid itself looks at a mesh."""
-    return Survey.of(mesh, grid.region.chart(mesh), grid.size.n)
+    return ErrorModel.of(mesh, grid.region.parametrization(mesh), grid.size.n)
 
 
-def even_places(grid, survey):
+def even_places(grid, error_model):
     """Even s and t."""
-    chart = survey.chart
+    parametrization = error_model.parametrization
     n, lines = grid.size.n, grid.size.lines
-    last = lines if chart.closed else lines - 1
-    return np.linspace(*chart.span, n), chart.breadth[0] + np.ptp(chart.breadth) * np.arange(lines) / last
+    last = lines if parametrization.closed else lines - 1
+    return np.linspace(*parametrization.span, n), parametrization.breadth[0] + np.ptp(
+        parametrization.breadth
+    ) * np.arange(lines) / last
 
 
-def true_error(mesh, chart, s, t):
+def true_error(mesh, parametrization, s, t):
     """Root mean square distance from the surface on lines at s and t to the mesh, by triangles [m]."""
-    surface = fit_surface(mesh, chart_lines(chart, s, t)).surface
+    surface = fit_surface(mesh, parametrized_lines(parametrization, s, t)).surface
     uv, weights = surface_samples(surface)
     distance = MeshDistance(mesh)(surface.points(uv))[0]
     return float(np.sqrt(weights @ distance**2 / weights.sum()))
@@ -85,9 +94,9 @@ def true_error(mesh, chart, s, t):
 
 def flat_heights(profiles, outlines):
     """A survey of a face of 100 x 80 mm with these heights, rows over s and t from 0 to the ends."""
-    chart = FaceChart(np.zeros(3), *np.eye(3), (0.0, 0.1), (0.0, 0.08))
+    parametrization = FaceParametrization(np.zeros(3), *np.eye(3), (0.0, 0.1), (0.0, 0.08))
     t, s = np.linspace(0, 0.08, outlines.shape[1]), np.linspace(0, 0.1, profiles.shape[1])
-    return Survey(chart, t, outlines, np.ones_like(outlines), s, profiles, np.ones_like(profiles))
+    return ErrorModel(parametrization, t, outlines, np.ones_like(outlines), s, profiles, np.ones_like(profiles))
 
 
 @examples(15)
@@ -97,9 +106,9 @@ def test_survey_error_of_a_slope_is_none(slope, degree, seed):
     a, b, c = slope
     s, t = np.linspace(0, 0.1, 30), np.linspace(0, 0.08, 50)
     heights = a + b * s[None, :] + c * np.linspace(0, 0.08, PROFILES)[:, None]
-    survey = flat_heights(heights, a + b * np.linspace(0, 0.1, 3)[:, None] + c * t)
+    error_model = flat_heights(heights, a + b * np.linspace(0, 0.1, 3)[:, None] + c * t)
     rng = np.random.default_rng(seed)
-    for error, end in ((survey.error_along, 0.1), (survey.error_across, 0.08)):
+    for error, end in ((error_model.error_along, 0.1), (error_model.error_across, 0.08)):
         places = np.r_[0.0, np.sort(rng.uniform(0.1, 0.9, 7)), 1.0] * end
         left, energy = error(places, degree)
         assert left < 1e-14 and len(energy) == 9 - degree and energy.max() < 1e-28
@@ -110,15 +119,17 @@ def test_survey_error_of_a_closed_spline_is_none(degree):
     """An outline that is a spline on its own lines: what is left is that of the straight steps between heights."""
     count, rng = 12, np.random.default_rng(1)
     t = TURN * np.sort(np.arange(count) / count + rng.uniform(-0.02, 0.02, count) * (np.arange(count) > 0))
-    chart = TubeChart(frame_of(np.zeros(3), np.array((0, 0, 1.0))), (0.0, 0.1))
+    parametrization = TubeParametrization(frame_of(np.zeros(3), np.array((0, 0, 1.0))), (0.0, 0.1))
     dense = spline_sites(count, degree, True, 600)
-    at, radius = (x[0] for x in chart.blend(dense.values, t, RADIUS + 0.003 * rng.uniform(-1, 1, (1, count))))
+    at, radius = (x[0] for x in parametrization.blend(dense.values, t, RADIUS + 0.003 * rng.uniform(-1, 1, (1, count))))
     order, outline_t = np.argsort(at), TURN * np.arange(720) / 720
     outlines = np.tile(np.interp(outline_t, at[order], radius[order], period=TURN), (2, 1))
     rows = np.full((3, 30), RADIUS)
-    survey = Survey(chart, outline_t, outlines, 0 * outlines + 1, np.linspace(0, 0.1, 30), rows, 0 * rows + 1)
-    error = survey.error_across(t, degree)[0]
-    assert error < 5e-6 < 0.05 * survey.error_across(TURN * np.arange(count) / count, degree)[0]
+    error_model = ErrorModel(
+        parametrization, outline_t, outlines, 0 * outlines + 1, np.linspace(0, 0.1, 30), rows, 0 * rows + 1
+    )
+    error = error_model.error_across(t, degree)[0]
+    assert error < 5e-6 < 0.05 * error_model.error_across(TURN * np.arange(count) / count, degree)[0]
 
 
 @pytest.mark.parametrize(
@@ -131,11 +142,14 @@ def test_survey_error_of_a_closed_spline_is_none(degree):
 )
 def test_places_leave_less_than_even_ones(mesh, grid):
     """By the survey and by the true distance of fits, and the survey puts the two in the same order."""
-    survey = survey_of(mesh, grid)
-    chart, (s, t) = survey.chart, even_places(grid, survey)
-    chosen = plane_places(survey, grid.size.n, "auto", 3), line_places(survey, grid.size.lines, "auto", 3)
-    told = [np.hypot(survey.error_along(a, 3)[0], survey.error_across(b, 3)[0]) for a, b in ((s, t), chosen)]
-    true = [true_error(mesh, chart, a, b) for a, b in ((s, t), chosen)]
+    error_model = survey_of(mesh, grid)
+    parametrization, (s, t) = error_model.parametrization, even_places(grid, error_model)
+    chosen = (
+        plane_positions(error_model, grid.size.n, "auto", 3),
+        line_positions(error_model, grid.size.lines, "auto", 3),
+    )
+    told = [np.hypot(error_model.error_along(a, 3)[0], error_model.error_across(b, 3)[0]) for a, b in ((s, t), chosen)]
+    true = [true_error(mesh, parametrization, a, b) for a, b in ((s, t), chosen)]
     assert told[1] < 0.2 * told[0] and true[1] < 0.2 * true[0]
 
 
@@ -151,27 +165,32 @@ def test_places_leave_less_than_even_ones(mesh, grid):
 def test_auto_lines_are_no_worse_than_even_ones_by_fits(mesh, lines):
     """On sections that are far from round, by the true distance: what the survey promises is what a fit keeps."""
     grid = TubeGrid(5, lines, Z_AXIS, 0.004)
-    survey = survey_of(mesh, grid)
-    s, even = even_places(grid, survey)
-    auto, uniform = (true_error(mesh, survey.chart, s, t) for t in (line_places(survey, lines, "auto", 3), even))
+    error_model = survey_of(mesh, grid)
+    s, even = even_places(grid, error_model)
+    auto, uniform = (
+        true_error(mesh, error_model.parametrization, s, t)
+        for t in (line_positions(error_model, lines, "auto", 3), even)
+    )
     assert auto <= 1.05 * uniform
 
 
 def test_places_are_where_the_shape_is():
     """Most lines at the four corners, most planes about the ring, most v-planes about the ridge."""
-    t = line_places(survey_of(square(), TubeGrid(6, 20, Z_AXIS, 0.004)), 20, "auto", 3)
+    t = line_positions(survey_of(square(), TubeGrid(6, 20, Z_AXIS, 0.004)), 20, "auto", 3)
     corner = np.abs((t + np.pi / 4) % (np.pi / 2) - np.pi / 4)  # angle zero is at a corner
     assert (corner < np.deg2rad(20)).sum() >= 12  # of 20; even ones would be 9
-    s = plane_places(survey_of(bumped(), TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3)
+    s = plane_positions(survey_of(bumped(), TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3)
     assert (s > 0.07).sum() >= 5  # of 10; even ones would be 3
-    t = line_places(survey_of(ridged(), AcrossGrid(6, 12, (0, 0, 1.0), (1.0, 0, 0))), 12, "auto", 3)
+    t = line_positions(survey_of(ridged(), AcrossGrid(6, 12, (0, 0, 1.0), (1.0, 0, 0))), 12, "auto", 3)
     assert (np.abs(t - 0.068) < 0.009).sum() >= 7  # of 12; even ones would be 2
 
 
 @pytest.mark.parametrize("at", [0.1, 0.9])
 def test_mirrored_mesh_takes_mirrored_places(at):
     """The ring at one end or at the other: no end is preferred."""
-    places = [plane_places(survey_of(bumped(x), TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3) for x in (at, 1 - at)]
+    places = [
+        plane_positions(survey_of(bumped(x), TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3) for x in (at, 1 - at)
+    ]
     assert_allclose(places[0], LENGTH - places[1][::-1], atol=1e-6)
 
 
@@ -179,17 +198,17 @@ def test_mirrored_mesh_takes_mirrored_places(at):
 @pytest.mark.parametrize("lines", [8, 13, 16])
 def test_symmetric_shapes_keep_even_angles(mesh, lines):
     """Nothing is gained on a round tube: even planes, and even angles from angle zero on, to the bit."""
-    survey = survey_of(mesh, TubeGrid(6, lines, Z_AXIS))
-    assert_array_equal(line_places(survey, lines, "auto", 3), TURN * (np.arange(lines) / lines))
-    assert_array_equal(plane_places(survey, 6, "auto", 3), np.linspace(*survey.chart.span, 6))
+    error_model = survey_of(mesh, TubeGrid(6, lines, Z_AXIS))
+    assert_array_equal(line_positions(error_model, lines, "auto", 3), TURN * (np.arange(lines) / lines))
+    assert_array_equal(plane_positions(error_model, 6, "auto", 3), np.linspace(*error_model.parametrization.span, 6))
 
 
 def test_flat_sheet_keeps_even_planes():
     """Nothing is gained on a plane either: even u-planes, v-lines the same from both sides."""
-    survey = survey_of(sheet(lambda x, y: 0.1 + 0.2 * x - 0.1 * y), AcrossGrid(6, 5, (0, 0, 1.0)))
-    assert_array_equal(plane_places(survey, 6, "auto", 3), np.linspace(*survey.chart.span, 6))
-    t = line_places(survey, 5, "auto", 3)
-    assert_allclose(t[[0, -1]], survey.chart.breadth, rtol=1e-14)
+    error_model = survey_of(sheet(lambda x, y: 0.1 + 0.2 * x - 0.1 * y), AcrossGrid(6, 5, (0, 0, 1.0)))
+    assert_array_equal(plane_positions(error_model, 6, "auto", 3), np.linspace(*error_model.parametrization.span, 6))
+    t = line_positions(error_model, 5, "auto", 3)
+    assert_allclose(t[[0, -1]], error_model.parametrization.breadth, rtol=1e-14)
     assert_allclose(t - t[0], t[-1] - t[::-1], atol=1e-14)
 
 
@@ -198,13 +217,13 @@ def test_gaps_do_not_attract_planes(hole):
     """A hole in a round tube leaves even places even; planes for a ring and a hole away from it are as
     good for the ring alone as its own."""
     holed = with_hole(cylinder(), (RADIUS, 0, 0.04), hole)
-    survey = survey_of(holed, TubeGrid(8, 16, Z_AXIS, 0.004))
-    assert (survey.outlines_known == 0).any() and (survey.profiles_known == 0).any()
-    assert_array_equal(plane_places(survey, 8, "auto", 3), np.linspace(*survey.chart.span, 8))
-    assert_allclose(np.diff(line_places(survey, 16, "auto", 3)), TURN / 16, rtol=1e-4)
+    error_model = survey_of(holed, TubeGrid(8, 16, Z_AXIS, 0.004))
+    assert (error_model.outlines_known == 0).any() and (error_model.profiles_known == 0).any()
+    assert_array_equal(plane_positions(error_model, 8, "auto", 3), np.linspace(*error_model.parametrization.span, 8))
+    assert_allclose(np.diff(line_positions(error_model, 16, "auto", 3)), TURN / 16, rtol=1e-4)
     grid = TubeGrid(10, 16, Z_AXIS, 0.004)
     whole, holed = (survey_of(m, grid) for m in (bumped(), with_hole(bumped(), (RADIUS, 0, 0.03), hole)))
-    places = [plane_places(survey, 10, "auto", 3) for survey in (whole, holed)]
+    places = [plane_positions(error_model, 10, "auto", 3) for error_model in (whole, holed)]
     left = [whole.error_along(s, 3)[0] for s in (*places, np.linspace(0.004, 0.096, 10))]
     assert left[1] < 1.3 * left[0] < 0.1 * left[2]
 
@@ -215,8 +234,8 @@ def test_gaps_in_a_face_do_not_attract_planes():
     grid = AcrossGrid(8, 8, (0, 0, 1.0), (1.0, 0, 0))
     whole, holed = (survey_of(m, grid) for m in (flat, with_hole(flat, (0.03, 0.03, 0.02), 0.015)))
     assert (holed.outlines_known == 0).any()
-    assert_array_equal(plane_places(holed, 8, "auto", 3), np.linspace(*holed.chart.span, 8))
-    assert_allclose(line_places(holed, 8, "auto", 3), line_places(whole, 8, "auto", 3), rtol=1e-14)
+    assert_array_equal(plane_positions(holed, 8, "auto", 3), np.linspace(*holed.parametrization.span, 8))
+    assert_allclose(line_positions(holed, 8, "auto", 3), line_positions(whole, 8, "auto", 3), rtol=1e-14)
 
 
 def test_survey_of_nothing_is_refused():
@@ -248,14 +267,14 @@ def test_heights_between_places_are_interpolated(seed, closed):
 def test_error_is_shared_over_what_is_not_fitted():
     """Twelve sites of which four went into unknowns; sites beside a gap count for nothing, nor does their span."""
     residuals, met = np.full((1, 12), 2.0), np.ones((1, 12), bool)
-    error, spans = spread(residuals, met, 4, 3, True)
+    error, spans = span_errors(residuals, met, 4, 3, True)
     assert_allclose(error, 2 / np.sqrt(1 - 4 / 12))
     assert_allclose(spans, (4, 4, 4))
     met[0, 4:9], residuals[0, 4:9] = False, 100.0
-    error, spans = spread(residuals, met, 4, 3, True)
+    error, spans = span_errors(residuals, met, 4, 3, True)
     assert_allclose(error, 2 / np.sqrt(1 - 4 / 12))
     assert_allclose(spans, (4, 0, 4))
-    assert spread(residuals, met & False, 4, 3, True)[0] == 0.0
+    assert span_errors(residuals, met & False, 4, 3, True)[0] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -268,9 +287,9 @@ def test_error_is_shared_over_what_is_not_fitted():
 )
 def test_choices_of_places_are_judged_together_as_one_by_one(mesh, grid):
     """The errors of even places and of some that lie elsewhere, at once and each by itself."""
-    survey, rng = survey_of(mesh, grid), np.random.default_rng(1)
-    pairs = (survey.errors_along, survey.error_along), (survey.errors_across, survey.error_across)
-    for (together, alone), places in zip(pairs, even_places(grid, survey)):
+    error_model, rng = survey_of(mesh, grid), np.random.default_rng(1)
+    pairs = (error_model.errors_along, error_model.error_along), (error_model.errors_across, error_model.error_across)
+    for (together, alone), places in zip(pairs, even_places(grid, error_model)):
         step = places[1] - places[0]
         choices = places + np.r_[0.0, np.ones(len(places) - 2), 0.0] * rng.uniform(-step, step, (5, len(places))) / 3
         assert_allclose(together(choices, 3), [alone(choice, 3)[0] for choice in choices], rtol=1e-9)
@@ -282,7 +301,7 @@ def test_errors_of_a_mirrored_row_are_mirrored(seed, spans, closed):
     residuals = np.random.default_rng(seed).normal(size=(2, 3 * spans + (not closed)))
     mirrored = np.roll(residuals[:, ::-1], 1, axis=1) if closed else residuals[:, ::-1]
     (error, energy), (again, other) = (
-        spread(r, np.ones(r.shape, bool), 4, spans, closed) for r in (residuals, mirrored)
+        span_errors(r, np.ones(r.shape, bool), 4, spans, closed) for r in (residuals, mirrored)
     )
     assert_allclose(again, error, rtol=1e-12)
     assert_allclose(other, energy[::-1], rtol=1e-12)
@@ -299,13 +318,13 @@ def test_evened_maps_are_maps(seed, closed, spans):
         return float(places.sum()), rng.exponential(size=spans) ** 8
 
     shares = np.linspace(0, 1, spans + 3)
-    maps, errors = evened(error, start, shares, 3, closed)
+    maps, errors = equalized_maps(error, start, shares, 3, closed)
     assert maps[0] is start and len(maps) == len(errors) > 1
     for (share, places), left in zip(maps, errors):
         assert (np.diff(share) > 0).all() and (np.diff(places) > 0).all()
         assert_allclose(share[[0, -1]], (0, 1), atol=1e-15)
         assert_allclose(places[[0, -1]], (0.2, 0.9), rtol=1e-14)
-        assert left == place((share, places), shares).sum()
+        assert left == positions_at((share, places), shares).sum()
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -313,11 +332,11 @@ def test_spans_get_shorter_where_the_error_is(closed):
     """A span of a hundred times the error of all others is the shortest after a round, and symmetry stays."""
     start = (np.array((0.0, 1.0)), np.array((0.0, 1.0)))
     energy = np.array((1.0, 1, 1, 100, 1, 1, 1))
-    maps, _ = evened(lambda places, degree: (1.0, energy), start, np.linspace(0, 1, 10), 3, closed)
-    lengths = np.diff(place(maps[1], np.linspace(0, 1, 8)))
+    maps, _ = equalized_maps(lambda places, degree: (1.0, energy), start, np.linspace(0, 1, 10), 3, closed)
+    lengths = np.diff(positions_at(maps[1], np.linspace(0, 1, 8)))
     assert np.argmin(lengths) == 3 and lengths[3] < 0.8 * lengths[0]
     assert_allclose(lengths, lengths[::-1], rtol=1e-9)
-    same, errors = evened(lambda places, degree: (0.0, 0 * energy), start, np.linspace(0, 1, 10), 3, closed)
+    same, errors = equalized_maps(lambda places, degree: (0.0, 0 * energy), start, np.linspace(0, 1, 10), 3, closed)
     assert same == [start] and errors == [0.0]
 
 
@@ -329,11 +348,11 @@ def test_moved_places_stay_in_order_and_apart(closed, seed):
     places = 0.2 + np.cumsum(rng.uniform(0.3, 1, 9)) / 10
     edges = (places[0], places[0] + 1.2) if closed else (places[0], places[-1])
     step = rng.normal(size=9) * 10 ** rng.uniform(-3, 0) * (1 if closed else np.r_[0, np.ones(7), 0])
-    after = kept_apart(places, places + step, edges, closed)
+    after = limited_move(places, places + step, edges, closed)
     intervals = [np.append(np.diff(x), x[0] + 1.2 - x[-1]) if closed else np.diff(x) for x in (places, after)]
     assert_allclose(intervals[1].sum(), intervals[0].sum(), rtol=1e-12)
     assert (intervals[1] > 0).all() and (closed or (after[[0, -1]] == edges).all())
-    slight = kept_apart(places, places + 1e-3 * step / np.abs(step).max(), edges, closed)
+    slight = limited_move(places, places + 1e-3 * step / np.abs(step).max(), edges, closed)
     assert_allclose(slight, places + 1e-3 * step / np.abs(step).max(), rtol=0, atol=1e-12)
 
 
@@ -346,8 +365,8 @@ def test_moved_places_stay_in_order_and_apart(closed, seed):
 )
 def test_slopes_are_differences(mesh, grid):
     """What a survey says of moving planes and lines points where differences of its residuals point."""
-    survey = survey_of(mesh, grid)
-    for slopes, places in zip((survey.slopes_along, survey.slopes_across), even_places(grid, survey)):
+    error_model = survey_of(mesh, grid)
+    for slopes, places in zip((error_model.slopes_along, error_model.slopes_across), even_places(grid, error_model)):
         residuals, change = slopes(places, 3)
         way = 1e-4 * np.ptp(places) * np.eye(len(places))[1:-1]
         differences = np.array([(slopes(places + w, 3)[0] - slopes(places - w, 3)[0]) / (2 * w.max()) for w in way]).T
@@ -361,9 +380,9 @@ def test_noise_does_not_attract_lines(lines):
     tube = cylinder()
     noise = 3e-4 * np.random.default_rng(0).standard_normal(len(tube.vertices))
     noisy = weld(tube.vertices + noise[:, None] * tube.vertices * (1, 1, 0) / RADIUS, tube.faces)
-    survey = survey_of(noisy, TubeGrid(8, lines, Z_AXIS, 0.004))
-    assert_array_equal(line_places(survey, lines, "auto", 3), TURN * (np.arange(lines) / lines))
-    assert_array_equal(plane_places(survey, 8, "auto", 3), np.linspace(*survey.chart.span, 8))
+    error_model = survey_of(noisy, TubeGrid(8, lines, Z_AXIS, 0.004))
+    assert_array_equal(line_positions(error_model, lines, "auto", 3), TURN * (np.arange(lines) / lines))
+    assert_array_equal(plane_positions(error_model, 8, "auto", 3), np.linspace(*error_model.parametrization.span, 8))
 
 
 @given(seed=seeds, share=st.floats(0, 0.999))
@@ -372,11 +391,11 @@ def test_turned_map_is_the_map_started_elsewhere(seed, share):
     rng = np.random.default_rng(seed)
     shares = np.r_[0.0, np.sort(rng.uniform(0.05, 0.95, 6)), 1.0]
     places = 1.3 + TURN * np.r_[0.0, np.sort(rng.uniform(0.05, 0.95, 6)), 1.0]
-    after = turned((shares, places), share)
+    after = rotated_map((shares, places), share)
     assert_allclose(after[0][[0, -1]], (0, 1), atol=1e-12)
     wanted = np.linspace(0, 1, 41)
     period = np.r_[shares, 1 + shares[1:]], np.r_[places, TURN + places[1:]]
-    assert_allclose(place(after, wanted), np.interp(share + wanted, *period), atol=1e-9)
+    assert_allclose(positions_at(after, wanted), np.interp(share + wanted, *period), atol=1e-9)
 
 
 def test_uniform_lines_are_even():
@@ -386,22 +405,22 @@ def test_uniform_lines_are_even():
         (wrist(), SectorGrid(7, 9, -1.0, 1.5, Z_AXIS, 0.004, "uniform")),
         (dome(), AcrossGrid(7, 9, (0, 0, 1.0), spacing="uniform")),
     ):
-        survey = survey_of(mesh, grid)
-        expected = chart_lines(survey.chart, *even_places(grid, survey))
+        error_model = survey_of(mesh, grid)
+        expected = parametrized_lines(error_model.parametrization, *even_places(grid, error_model))
         lines = grid.line_grid(mesh)
         assert_allclose(lines.origins, expected.origins, atol=1e-15)
         assert_allclose(lines.directions, expected.directions, atol=1e-14)
-        spaced = plane_places(survey, 7, "uniform", 3), line_places(survey, 9, "uniform", 3)
-        assert_allclose(spaced[0], even_places(grid, survey)[0], rtol=1e-14)
-        assert_allclose(spaced[1], even_places(grid, survey)[1], rtol=1e-14)
+        spaced = plane_positions(error_model, 7, "uniform", 3), line_positions(error_model, 9, "uniform", 3)
+        assert_allclose(spaced[0], even_places(grid, error_model)[0], rtol=1e-14)
+        assert_allclose(spaced[1], even_places(grid, error_model)[1], rtol=1e-14)
 
 
 def test_arc_lines_are_even_along_the_outline():
     """A flat ellipse: angles are uneven, lengths of the outline between the lines are even to a hundredth."""
     ellipse = tube(lambda a, h: 0.015 * 0.045 / np.hypot(0.015 * np.cos(a), 0.045 * np.sin(a)), 360, 6)
     grid = TubeGrid(5, 24, Z_AXIS, 0.004, "arc")
-    survey = survey_of(ellipse, grid)
-    t = np.r_[line_places(survey, 24, "arc", 3), TURN]
+    error_model = survey_of(ellipse, grid)
+    t = np.r_[line_positions(error_model, 24, "arc", 3), TURN]
     dense = t[:-1, None] + np.diff(t)[:, None] * np.linspace(0, 1, 200)
     radius = 0.015 * 0.045 / np.hypot(0.015 * np.cos(dense), 0.045 * np.sin(dense))  # angle zero at a tip
     points = np.stack((radius * np.cos(dense), radius * np.sin(dense)), axis=-1)
@@ -414,20 +433,22 @@ def test_arc_lines_are_even_along_the_outline():
 
 def test_curvature_lines_are_dense_at_corners():
     """On the rounded square each corner has more of them than each side, and all four alike."""
-    survey = survey_of(square(), TubeGrid(6, 40, Z_AXIS, 0.004))
-    t = line_places(survey, 40, "curvature", 3)
+    error_model = survey_of(square(), TubeGrid(6, 40, Z_AXIS, 0.004))
+    t = line_positions(error_model, 40, "curvature", 3)
     step = np.interp(np.arange(8) * np.pi / 4, t, np.gradient(t), period=TURN)
     assert (step[::2] < 0.6 * step[1::2]).all()
     assert_allclose(step[::2], step[0], rtol=0.15)
-    assert {*survey.maps} == {"uniform", "arc", "curvature"}
+    assert {*error_model.maps} == {"uniform", "arc", "curvature"}
 
 
 def test_flat_face_has_no_curvature_map():
     """A plane asked for curvature gets even lines."""
-    survey = survey_of(sheet(lambda x, y: 0.02 + 0 * x), AcrossGrid(6, 7, (0, 0, 1.0)))
-    flat = replace(survey, outlines=np.full_like(survey.outlines, 0.1))
+    error_model = survey_of(sheet(lambda x, y: 0.02 + 0 * x), AcrossGrid(6, 7, (0, 0, 1.0)))
+    flat = replace(error_model, outlines=np.full_like(error_model.outlines, 0.1))
     assert "curvature" not in flat.maps
-    assert_allclose(line_places(flat, 7, "curvature", 3), np.linspace(*survey.chart.breadth, 7), rtol=1e-12)
+    assert_allclose(
+        line_positions(flat, 7, "curvature", 3), np.linspace(*error_model.parametrization.breadth, 7), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
@@ -467,18 +488,20 @@ def test_places_move_with_the_mesh(seed):
             (motion.mesh(wrist()), motion.axis(Z_AXIS), 0.004 * motion.scale),
         )
     )
-    shift = np.array(plane_places(there, 8, "auto", 3)) / motion.scale - plane_places(here, 8, "auto", 3)
+    shift = np.array(plane_positions(there, 8, "auto", 3)) / motion.scale - plane_positions(here, 8, "auto", 3)
     assert_allclose(shift, 0, atol=1e-9)
-    assert_allclose(line_places(there, 14, "auto", 3), line_places(here, 14, "auto", 3), atol=1e-9)
+    assert_allclose(line_positions(there, 14, "auto", 3), line_positions(here, 14, "auto", 3), atol=1e-9)
 
 
 def test_half_tube_is_spaced_as_a_sector():
     """An open chart on half of the rounded square: ends stay at the ends, and it is better than even by fits."""
     half = keep(square(), lambda c: c[:, 0] > -0.01)
     grid = SectorGrid(5, 14, -1.4, 1.3, Z_AXIS, 0.004)
-    survey = survey_of(half, grid)
-    s, even = even_places(grid, survey)
-    t = line_places(survey, 14, "auto", 3)
+    error_model = survey_of(half, grid)
+    s, even = even_places(grid, error_model)
+    t = line_positions(error_model, 14, "auto", 3)
     assert_allclose(t[[0, -1]], (0, 2.7), atol=1e-12)
     assert (np.diff(t) > 0).all()
-    assert true_error(half, survey.chart, s, t) < 0.5 * true_error(half, survey.chart, s, even)
+    assert true_error(half, error_model.parametrization, s, t) < 0.5 * true_error(
+        half, error_model.parametrization, s, even
+    )

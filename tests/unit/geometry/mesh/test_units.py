@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh
-from skin_calib_addon.geometry.mesh.units import UNITS, likely_unit, mistaken
+from skin_calib_addon.geometry.mesh.units import UNITS, likely_mistake, likely_unit
 from tests.real.test_real_links import MESHES
 
 
 @pytest.mark.parametrize("side", [0.006, 0.02, 0.079, 0.4, 1.2, 2.9])
 def test_link_in_its_unit_is_not_doubted(side):
     """From a fingertip to a torso: metres are metres, millimetres are millimetres."""
-    assert mistaken(side) is None and likely_unit(side) == "m" and likely_unit(side * 1e3) == "mm"
+    assert likely_mistake(side) is None and likely_unit(side) == "m" and likely_unit(side * 1e3) == "mm"
 
 
 @pytest.mark.parametrize(
@@ -19,13 +19,13 @@ def test_link_in_its_unit_is_not_doubted(side):
 )
 def test_mistaken_unit_is_named_with_the_factor(side, unit, factor):
     """79 m are millimetres, 4.5 m is no link in millimetres, 0.079 mm are metres."""
-    assert mistaken(side) == (unit, pytest.approx(factor))
+    assert likely_mistake(side) == (unit, pytest.approx(factor))
 
 
 @pytest.mark.parametrize("side", [1e6, 1e-9, 0.0, np.inf])
 def test_size_that_no_unit_explains(side):
     """Nothing is proposed that would be as wrong."""
-    assert mistaken(side) == ("", 1.0)
+    assert likely_mistake(side) == ("", 1.0)
 
 
 @pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
@@ -33,6 +33,6 @@ def test_size_that_no_unit_explains(side):
 def test_real_link_is_in_metres_and_found_in_others(path):
     """No false alarm in its own unit; in millimetres it is noticed, and the other way round."""
     side = float(np.ptp(load_mesh(path).vertices, axis=0).max())
-    assert mistaken(side) is None and likely_unit(side) == "m"
+    assert likely_mistake(side) is None and likely_unit(side) == "m"
     assert likely_unit(side / UNITS["mm"]) == "mm"
-    assert mistaken(side / UNITS["mm"])[0] == "mm" and mistaken(side * UNITS["mm"])[0] == "m"
+    assert likely_mistake(side / UNITS["mm"])[0] == "mm" and likely_mistake(side * UNITS["mm"])[0] == "m"

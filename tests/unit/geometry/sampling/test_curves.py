@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface
-from skin_calib_addon.geometry.sampling.curves import curves, in_order, narrow_runs
+from skin_calib_addon.geometry.sampling.curves import curves, fold_distances, short_runs
 from skin_calib_addon.geometry.sampling.rays import RayCaster
 from skin_calib_addon.geometry.surface.distance import MeshDistance
 from tests.shapes import TURN, Z_AXIS, box, cylinder, keep, together, welded
@@ -97,7 +97,7 @@ def test_fold_keeps_the_area():
 def test_crossings_in_order_by_hand():
     """One ray meets 5, 3 and 2; one meets two, one meets one, one none."""
     ray, distance = np.array((1, 1, 1, 2, 2, 4)), np.array((3.0, 5.0, 2.0, 1.0, 2.0, 7.0))
-    folded, way = in_order(ray, distance, 60)
+    folded, way = fold_distances(ray, distance, 60)
     assert_array_equal(folded, [1])
     assert_allclose(way, [5 - 3 + 2])
 
@@ -108,7 +108,7 @@ def test_crossings_in_order_by_hand():
 )
 def test_narrow_runs(chosen, most, expected):
     """Runs go on from the last to the first."""
-    assert sorted(narrow_runs(np.array(chosen, bool), most)) == expected
+    assert sorted(short_runs(np.array(chosen, bool), most)) == expected
 
 
 def test_folded_tube_is_fitted_between_its_branches():

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from sample_scenes import shapes
 from skin_calib_addon.geometry import AcrossGrid, BSplineSurface, SectorGrid, TubeGrid, fit_surface
-from skin_calib_addon.geometry.surface.centre import middle, seam_of, shares_before
+from skin_calib_addon.geometry.surface.centre import length_fractions, seam_of, surface_centre
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.sheet.constraints import centring
 from tests.shapes import LENGTH, RADIUS, Motion, cone_surface, plane_surface, welded, wrist, wrist_surface
@@ -69,7 +69,8 @@ def test_middle_stays_where_it_is_when_planes_and_lines_move(mesh, grid, near):
     up to fifteen."""
     surfaces = [fit_surface(mesh(), grid(*net)).surface for net in NETS]
     places, of_parameters = (
-        np.array([surface.points(at(surface))[0] for surface in surfaces]) for at in (middle, lambda _: (0.5, 0.5))
+        np.array([surface.points(at(surface))[0] for surface in surfaces])
+        for at in (surface_centre, lambda _: (0.5, 0.5))
     )
     assert np.linalg.norm(places - places[-1], axis=1).max() < near
     assert np.linalg.norm(of_parameters - of_parameters[-1], axis=1).max() > 3e-4
@@ -99,8 +100,8 @@ def test_middle_of_a_cylinder_is_opposite_its_seam():
         start = surface.points(seam_of(surface))[0]
         assert_allclose(np.cross(start - point, ray), 0, atol=1e-9)
         assert (start - point) @ ray > 0
-        assert_allclose(surface.points(middle(surface))[0], start * (-1, -1, 0) + (0, 0, LENGTH / 2), atol=1e-8)
-    assert_allclose(middle(plain), (0.5, 0.5), atol=1e-9)  # without a seam: from v = 0
+        assert_allclose(surface.points(surface_centre(surface))[0], start * (-1, -1, 0) + (0, 0, LENGTH / 2), atol=1e-8)
+    assert_allclose(surface_centre(plain), (0.5, 0.5), atol=1e-9)  # without a seam: from v = 0
 
 
 def test_middle_of_a_stretched_net_is_that_of_its_lengths():
@@ -109,16 +110,16 @@ def test_middle_of_a_stretched_net_is_that_of_its_lengths():
     net = plane.control_net.copy()
     net[..., 0] = 0.1 * (net[..., 0] / 0.1) ** 2
     stretched = BSplineSurface(net, plane.knots_u, plane.knots_v, plane.degree)
-    assert_allclose(stretched.points(middle(stretched))[0], (0.05, 0.04, 0), atol=1e-7)
-    assert abs(middle(stretched)[0] - 0.5) > 0.05
+    assert_allclose(stretched.points(surface_centre(stretched))[0], (0.05, 0.04, 0), atol=1e-7)
+    assert abs(surface_centre(stretched)[0] - 0.5) > 0.05
 
 
 def test_middle_moves_with_the_mesh():
     """Turned and shifted: the same place on the link."""
     motion = Motion(3, 1.0)
     here, there = (fit_surface(mesh, tube(8, 16, "auto")).surface for mesh in (wrist(), motion.mesh(wrist())))
-    moved = motion.points(here.points(middle(here)))
-    assert_allclose(there.points(middle(there)), moved, atol=1e-8)
+    moved = motion.points(here.points(surface_centre(here)))
+    assert_allclose(there.points(surface_centre(there)), moved, atol=1e-8)
 
 
 def test_shares_are_those_of_lengths_measured_along_the_line():
@@ -135,10 +136,10 @@ def test_shares_are_those_of_lengths_measured_along_the_line():
             line = np.tile(uv, (len(fine), 1))
             line[:, axis] = start + fine
             done = np.append(0, np.cumsum(np.linalg.norm(np.diff(surface.points(line), axis=0), axis=1)))
-            share, growth = shares_before(surface, uv, axis, 64, start)
+            share, growth = length_fractions(surface, uv, axis, 64, start)
             assert_allclose(share, np.interp(at, fine, done) / done[-1], rtol=0, atol=5e-5)
             assert_allclose(growth, np.gradient(done, fine)[int(at * 20000)] / done[-1], rtol=1e-3)
-    beyond = shares_before(surface, np.array([[-0.1, 0.2], [1.1, 0.2]]), 0, 16)[0]
+    beyond = length_fractions(surface, np.array([[-0.1, 0.2], [1.1, 0.2]]), 0, 16)[0]
     assert beyond[0] < -0.05 and beyond[1] > 1.05
 
 
@@ -149,5 +150,5 @@ def test_centred_sheet_leaves_as_much_of_the_surface_at_both_edges(direction):
     surface = fit_surface(wrist(), tube(7, 14, "auto")).surface
     uv = wrap_sheet(surface, SheetLattice(5, 18, (0.01, 0.01)), None, direction).uv.reshape(-1, 2)
     ends, _ = centring(surface, uv, 0)
-    below, above = shares_before(surface, uv[ends], 0, 64)[0]
+    below, above = length_fractions(surface, uv[ends], 0, 64)[0]
     assert_allclose(below, 1 - above, rtol=0, atol=1e-4)

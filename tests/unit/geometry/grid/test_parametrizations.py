@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.geometry.grid.charts import FaceChart, TubeChart, chart_lines
+from skin_calib_addon.geometry.grid.parametrizations import FaceParametrization, TubeParametrization, parametrized_lines
 from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.frames import frame_of
 from tests.shapes import TURN, Motion
@@ -21,19 +21,19 @@ def charts(seed):
     rng = np.random.default_rng(seed)
     start = float(rng.uniform(-3, 3))
     return (
-        TubeChart(frame, (0.01, 0.09)),
-        TubeChart(frame, (0.01, 0.09), (start, start + float(rng.uniform(0.3, 6)))),
-        FaceChart(motion.shift, *axes, (-0.02, 0.07), (0.01, 0.05)),
+        TubeParametrization(frame, (0.01, 0.09)),
+        TubeParametrization(frame, (0.01, 0.09), (start, start + float(rng.uniform(0.3, 6)))),
+        FaceParametrization(motion.shift, *axes, (-0.02, 0.07), (0.01, 0.05)),
     )
 
 
 @given(seed=seeds)
 def test_rays_of_charts_lie_in_their_planes(seed):
     """Origins and unit directions, at every pair of s and t."""
-    for chart in charts(seed):
-        s, t = np.linspace(*chart.span, 5), np.linspace(*chart.breadth, 9)
-        origins, rays = chart.rays(s, t)
-        planes = chart.planes(s)
+    for parametrization in charts(seed):
+        s, t = np.linspace(*parametrization.span, 5), np.linspace(*parametrization.breadth, 9)
+        origins, rays = parametrization.rays(s, t)
+        planes = parametrization.planes(s)
         assert origins.shape == rays.shape == (5, 9, 3)
         off = (origins - planes.points[:, None]) * planes.normals[:, None]
         assert np.abs(off.sum(axis=2)).max() < 1e-15
@@ -44,9 +44,9 @@ def test_rays_of_charts_lie_in_their_planes(seed):
 @given(seed=seeds)
 def test_charts_are_oriented_outward(seed):
     """A step along s, crossed with a step along t, points along the ray."""
-    for chart in charts(seed):
-        s, t = np.linspace(*chart.span, 5), np.linspace(*chart.breadth, 40)
-        origins, rays = chart.rays(s, t)
+    for parametrization in charts(seed):
+        s, t = np.linspace(*parametrization.span, 5), np.linspace(*parametrization.breadth, 40)
+        origins, rays = parametrization.rays(s, t)
         points = origins + 0.05 * rays
         outward = np.cross(points[1:, :-1] - points[:-1, :-1], points[:-1, 1:] - points[:-1, :-1])
         assert ((outward * rays[:-1, :-1]).sum(axis=2) > 0).all()
@@ -66,24 +66,24 @@ def test_sector_chart_runs_from_its_last_angle_to_its_first(seed):
 @given(seed=seeds, degree=st.integers(2, 5))
 def test_blended_points_are_those_of_the_spline(seed, degree):
     """A spline whose control points stand on the lines: the place and the height of its points, row by row."""
-    for chart in charts(seed)[::2]:
+    for parametrization in charts(seed)[::2]:
         count, rng = 9, np.random.default_rng(seed)
-        t = chart.breadth[0] + np.ptp(chart.breadth) * np.arange(count) / count
-        heights, s = rng.uniform(0.03, 0.05, (3, count)), np.linspace(*chart.span, 3)
-        weights = spline_sites(count, degree, chart.closed).values
-        at, reached = chart.blend(weights, t, heights)
-        origins, lines = chart.rays(s, t)
+        t = parametrization.breadth[0] + np.ptp(parametrization.breadth) * np.arange(count) / count
+        heights, s = rng.uniform(0.03, 0.05, (3, count)), np.linspace(*parametrization.span, 3)
+        weights = spline_sites(count, degree, parametrization.closed).values
+        at, reached = parametrization.blend(weights, t, heights)
+        origins, lines = parametrization.rays(s, t)
         points = weights @ (origins + heights[..., None] * lines)
         for i in range(3):
-            starts, rays = (a[0] for a in chart.rays(s[i : i + 1], at[i]))
+            starts, rays = (a[0] for a in parametrization.rays(s[i : i + 1], at[i]))
             assert_allclose(starts + reached[i, :, None] * rays, points[i], atol=1e-14)
 
 
 def test_chart_lines_are_named_for_the_author():
     """Half-planes by degrees from 0 to below 360, those a degree apart by names of their own; planes by number."""
     tube, face = (
-        TubeChart(frame_of(np.zeros(3), np.array((0, 0, 1.0))), (0, 1)),
-        FaceChart(*np.eye(4, 3), (0, 1), (0, 1)),
+        TubeParametrization(frame_of(np.zeros(3), np.array((0, 0, 1.0))), (0, 1)),
+        FaceParametrization(*np.eye(4, 3), (0, 1), (0, 1)),
     )
     for t in (np.deg2rad((0.0, 0.02, 90.0, 359.0, 359.99)), TURN * np.arange(160) / 160, np.deg2rad(np.arange(60.0))):
         degrees = np.array(
@@ -93,5 +93,5 @@ def test_chart_lines_are_named_for_the_author():
         assert np.abs(np.exp(1j * np.deg2rad(degrees)) - np.exp(-1j * t)).max() < np.deg2rad(0.51)
     assert len({*tube.names(TURN * np.arange(160) / 160)}) == 160
     assert face.names(np.zeros(3)) == ("v-plane 0", "v-plane 1", "v-plane 2")
-    assert chart_lines(tube, np.arange(4.0), np.arange(3.0)).closed
-    assert not chart_lines(face, np.arange(4.0), np.arange(3.0)).closed
+    assert parametrized_lines(tube, np.arange(4.0), np.arange(3.0)).closed
+    assert not parametrized_lines(face, np.arange(4.0), np.arange(3.0)).closed

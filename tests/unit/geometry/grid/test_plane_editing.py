@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.common.errors import EmptySection, InvalidPlan
 from skin_calib_addon.geometry import AcrossGrid, CoverSpec, Cut, Planes, PlanesGrid, SectorGrid, TubeGrid, cut_cover
 from skin_calib_addon.geometry.grid.axis import axis_through
-from skin_calib_addon.geometry.grid.hand_planes import between, mirrored, planes_of, spread
+from skin_calib_addon.geometry.grid.plane_editing import between, mirrored, planes_of, spread
 from tests.shapes import Z_AXIS, Motion, cone, cylinder, sheet, wrist
 from tests.unit.geometry.grid.test_grids import u_planes, v_planes
 

@@ -12,21 +12,21 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.planes import Planes
 from ..sampling.samples import cast_rays
-from .axis import ALL_ROUND, longest_run
+from .axis import FULL_TURN_ANGLES, longest_run
 
-STATIONS = 15  # at which centres are found
-ROUNDS = 8  # of cutting across the curve found so far
-REACH = 0.06  # share of its length by which a curve is longer in the next round, where sections are whole
-MISSED = 0.05  # share of the rays that may meet nothing in a section that is whole
-DEGREE = 4  # of the curve: a limb bends once or twice
+CENTRE_COUNT = 15  # at which centres are found
+CURVE_ITERATIONS = 8  # of cutting across the curve found so far
+EXTENSION = 0.06  # share of its length by which a curve is longer in the next round, where sections are whole
+MAX_MISSED_FRACTION = 0.05  # share of the rays that may meet nothing in a section that is whole
+CURVE_DEGREE = 4  # of the curve: a limb bends once or twice
 # A straight axis serves where the centres stay within this share of the mean radius of it.
-STRAIGHT = 0.25
-TRIALS = 192  # stations tried for complete sections
-INSET = 0.15  # share of the length left out at both ends, where sections slant off the mesh
+MAX_STRAIGHT_OFFSET = 0.25
+TRIAL_STATIONS = 192  # stations tried for complete sections
+END_INSET = 0.15  # share of the length left out at both ends, where sections slant off the mesh
 
 
 @dataclass(frozen=True, eq=False)
-class Spine:
+class CurvedAxis:
     """Coordinates about a curve: stations along it, angles from ``e1`` towards ``e2``, which turn as little as may be.
 
     Beyond its ends the curve goes on straight.
@@ -56,7 +56,7 @@ class Spine:
         return np.cos(angles)[:, None] * e1[:, None] + np.sin(angles)[:, None] * e2[:, None]
 
 
-def find_spine(mesh: TriangleMesh, frame: TubeFrame) -> Spine | None:
+def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
     """The curve through the centres of the sections across a straight axis; None if that serves.
 
     Centres of the sections across a first curve give the next one, until the planes stand upright on it.
@@ -67,34 +67,34 @@ def find_spine(mesh: TriangleMesh, frame: TubeFrame) -> Spine | None:
         If the sections across a bent axis are open.
     """
     height = frame.stations(mesh.vertices)
-    inset = INSET * float(np.ptp(height))
-    stations = np.linspace(height.min() + inset, height.max() - inset, STATIONS)
-    centres, radius = section_centres(mesh, frame.planes(stations), frame.fan(stations, ALL_ROUND))
-    if len(centres) <= DEGREE:
+    inset = END_INSET * float(np.ptp(height))
+    stations = np.linspace(height.min() + inset, height.max() - inset, CENTRE_COUNT)
+    centres, radius = section_centres(mesh, frame.planes(stations), frame.fan(stations, FULL_TURN_ANGLES))
+    if len(centres) <= CURVE_DEGREE:
         return None
     off = centres - centres.mean(axis=0)
     direction = np.linalg.svd(off)[2][0]
-    if np.linalg.norm(off - np.outer(off @ direction, direction), axis=1).max() < STRAIGHT * radius:
+    if np.linalg.norm(off - np.outer(off @ direction, direction), axis=1).max() < MAX_STRAIGHT_OFFSET * radius:
         return None
-    spine = curve_through(centres, frame.e1)
-    for _ in range(ROUNDS):
-        length = spine.stations[-1]
-        stations = np.linspace(-REACH * length, (1 + REACH) * length, STATIONS)
-        centres, _ = section_centres(mesh, spine.planes(stations), spine.fan(stations, ALL_ROUND))
-        if len(centres) <= DEGREE:
+    axis = curve_through(centres, frame.e1)
+    for _ in range(CURVE_ITERATIONS):
+        length = axis.stations[-1]
+        stations = np.linspace(-EXTENSION * length, (1 + EXTENSION) * length, CENTRE_COUNT)
+        centres, _ = section_centres(mesh, axis.planes(stations), axis.fan(stations, FULL_TURN_ANGLES))
+        if len(centres) <= CURVE_DEGREE:
             raise EmptySection("no axis found that the sections of the mesh follow; give the axis, or cut the mesh")
-        spine = curve_through(centres, spine.e1[0])
-    return spine
+        axis = curve_through(centres, axis.e1[0])
+    return axis
 
 
 def section_centres(mesh: TriangleMesh, planes: Planes, fan: Array) -> tuple[Array, float]:
     """Centres of the sections that nearly all rays from their plane's point meet, (k, 3), and the mean radius [m]."""
-    reach = cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan)
-    whole = np.isnan(reach).mean(axis=1) < MISSED
+    distances = cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan)
+    whole = np.isnan(distances).mean(axis=1) < MAX_MISSED_FRACTION
     if not whole.any():
         return np.empty((0, 3)), 0.0
-    reach, fan = reach[whole], fan[whole]
-    return planes.points[whole] + centroids(reach[..., None] * fan), float(np.nanmean(reach))
+    distances, fan = distances[whole], fan[whole]
+    return planes.points[whole] + centroids(distances[..., None] * fan), float(np.nanmean(distances))
 
 
 def centroids(arms: Array) -> Array:
@@ -104,13 +104,13 @@ def centroids(arms: Array) -> Array:
     return np.nansum(areas[..., None] * (arms + following) / 3, axis=1) / np.nansum(areas, axis=1)[:, None]
 
 
-def curve_through(centres: Array, first: Array) -> Spine:
+def curve_through(centres: Array, first: Array) -> CurvedAxis:
     """A smooth curve near some centres in order, with frames that turn as little as may be from ``first`` on."""
-    place = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))
-    fine = np.linspace(0, place[-1], 16 * len(centres))
-    scaled = 2 * place / place[-1] - 1
-    coefficients = np.polynomial.legendre.legfit(scaled, centres, DEGREE)
-    points = np.polynomial.legendre.legval(2 * fine / place[-1] - 1, coefficients).T
+    chord_length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))
+    fine = np.linspace(0, chord_length[-1], 16 * len(centres))
+    scaled = 2 * chord_length / chord_length[-1] - 1
+    coefficients = np.polynomial.legendre.legfit(scaled, centres, CURVE_DEGREE)
+    points = np.polynomial.legendre.legval(2 * fine / chord_length[-1] - 1, coefficients).T
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     even = np.linspace(0, length[-1], len(centres))
     chosen = np.stack([np.interp(even, length, column) for column in points.T], axis=1)
@@ -119,10 +119,10 @@ def curve_through(centres: Array, first: Array) -> Spine:
     e1[0] = unit(first - (first @ tangents[0]) * tangents[0])
     for i in range(1, len(chosen)):
         e1[i] = unit(e1[i - 1] - (e1[i - 1] @ tangents[i]) * tangents[i])
-    return Spine(even, chosen, e1)
+    return CurvedAxis(even, chosen, e1)
 
 
-def spine_span(mesh: TriangleMesh, spine: Spine, margin: float | None) -> tuple[float, float]:
+def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None) -> tuple[float, float]:
     """First and last station for the planes: the longest run of complete sections, or a margin from the mesh's ends.
 
     Raises
@@ -132,11 +132,11 @@ def spine_span(mesh: TriangleMesh, spine: Spine, margin: float | None) -> tuple[
     InvalidPlan
         If the margin leaves nothing.
     """
-    length = spine.stations[-1]
-    trials = np.linspace(-0.5 * length, 1.5 * length, TRIALS)
-    planes, fan = spine.planes(trials), spine.fan(trials, ALL_ROUND)
-    met = ~np.isnan(cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan))
-    first, last = longest_run(met.all(axis=1) if margin is None else met.mean(axis=1) > 0.5)
+    length = axis.stations[-1]
+    trials = np.linspace(-0.5 * length, 1.5 * length, TRIAL_STATIONS)
+    planes, fan = axis.planes(trials), axis.fan(trials, FULL_TURN_ANGLES)
+    hit = ~np.isnan(cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan))
+    first, last = longest_run(hit.all(axis=1) if margin is None else hit.mean(axis=1) > 0.5)
     if last - first < 2:
         raise EmptySection("no sections across the bent axis go all the way round; use a patch grid, or give the axis")
     low, high = float(trials[first]), float(trials[last - 1])

@@ -9,14 +9,14 @@ from ..sampling.frames import TubeFrame
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.rays import TURN
-from .spine import Spine
+from .curved_axis import CurvedAxis
 
 
 @dataclass(frozen=True, eq=False)
-class TubeChart:
+class TubeParametrization:
     """Around an axis: s is the station [m], t the angle [rad], clockwise so that r_u x r_v points outward."""
 
-    frame: TubeFrame | Spine
+    frame: TubeFrame | CurvedAxis
     span: tuple[float, float]  # first and last station [m]
     sector: tuple[float, float] | None = None  # first and last angle, counter-clockwise [rad]; None: all round
 
@@ -28,7 +28,7 @@ class TubeChart:
     @property
     def bends(self) -> bool:
         """Whether the rays start on a curve."""
-        return isinstance(self.frame, Spine)
+        return isinstance(self.frame, CurvedAxis)
 
     @property
     def breadth(self) -> tuple[float, float]:
@@ -80,7 +80,9 @@ class TubeChart:
         """How far apart places one t apart are at some heights, of any shape [m]."""
         return heights
 
-    def gap_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array, steep: Array) -> Array:
+    def residual_slopes(
+        self, weights: Array, t: Array, heights: Array, at: Array, height: Array, slope: Array
+    ) -> Array:
         """How the gaps between mesh and spline at its points change as lines move across, shape (r, l, m).
 
         Parameters
@@ -92,10 +94,10 @@ class TubeChart:
         steep : array, shape (r, l)
             How the height of the mesh changes with t there.
         """
-        c, s, aside = np.cos(at), np.sin(at), steep / reach
+        c, s, ratio = np.cos(at), np.sin(at), slope / height
         # Across the ray a moving line takes a point along the mesh, which rises; along the ray it takes it up or down.
         x, y = (part[:, None] * weights for part in (heights * np.cos(t), heights * np.sin(t)))
-        return (aside * c - s)[..., None] * x + (aside * s + c)[..., None] * y
+        return (ratio * c - s)[..., None] * x + (ratio * s + c)[..., None] * y
 
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""
@@ -103,7 +105,7 @@ class TubeChart:
 
 
 @dataclass(frozen=True, eq=False)
-class FaceChart:
+class FaceParametrization:
     """Over a face: s and t are lengths along two directions across its outward normal [m]."""
 
     corner: Array  # (3,) [m], inside of the robot; s = t = 0
@@ -135,18 +137,26 @@ class FaceChart:
         """As for a tube; all rays run the same way."""
         return np.ones_like(heights)
 
-    def gap_slopes(self, weights: Array, t: Array, heights: Array, at: Array, reach: Array, steep: Array) -> Array:
+    def residual_slopes(
+        self, weights: Array, t: Array, heights: Array, at: Array, height: Array, slope: Array
+    ) -> Array:
         """As for a tube; no line moves up or down."""
-        return steep[..., None] * weights
+        return slope[..., None] * weights
 
     def names(self, t: Array) -> tuple[str, ...]:
         """What the lines are called in messages."""
         return tuple(f"v-plane {j}" for j in range(len(t)))
 
 
-Chart = TubeChart | FaceChart
+Parametrization = TubeParametrization | FaceParametrization
 
 
-def chart_lines(chart: Chart, s: Array, t: Array) -> LineGrid:
+def parametrized_lines(parametrization: Parametrization, s: Array, t: Array) -> LineGrid:
     """The lines of the control points at every pair of s and t."""
-    return LineGrid(chart.planes(s), *chart.rays(s, t), chart.closed, chart.names(t), seam=chart.seam)
+    return LineGrid(
+        parametrization.planes(s),
+        *parametrization.rays(s, t),
+        parametrization.closed,
+        parametrization.names(t),
+        seam=parametrization.seam,
+    )

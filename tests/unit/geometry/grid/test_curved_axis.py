@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import TubeGrid, fit_surface
-from skin_calib_addon.geometry.grid.charts import TubeChart
-from skin_calib_addon.geometry.grid.spine import Spine, curve_through
+from skin_calib_addon.geometry.grid.curved_axis import CurvedAxis, curve_through
+from skin_calib_addon.geometry.grid.parametrizations import TubeParametrization
 from tests.shapes import Motion, cylinder, welded, wrist
 
 BEND, RADIUS = 0.12, 0.03
@@ -52,27 +52,27 @@ def test_bent_axis_moves_along():
 @pytest.mark.parametrize("mesh", [cylinder(), wrist(), bent(0.5)], ids=["cylinder", "wrist", "slight bend"])
 def test_straight_axis_serves_where_it_can(mesh):
     """No curve where a line stays near the centres."""
-    chart = TubeGrid(8, 16).region.chart(mesh)
-    assert isinstance(chart, TubeChart) and not isinstance(chart.frame, Spine)
+    parametrization = TubeGrid(8, 16).region.parametrization(mesh)
+    assert isinstance(parametrization, TubeParametrization) and not isinstance(parametrization.frame, CurvedAxis)
 
 
 def test_margin_is_left_free_at_both_ends():
     """From the ends of the mesh inward; one that leaves nothing is refused."""
     mesh = bent(np.pi / 2)
-    free, inset = (TubeGrid(8, 16, margin=margin).region.chart(mesh).span for margin in (0.002, 0.022))
+    free, inset = (TubeGrid(8, 16, margin=margin).region.parametrization(mesh).span for margin in (0.002, 0.022))
     assert_allclose((inset[0] - free[0], free[1] - inset[1]), 0.02, rtol=1e-9)
     with pytest.raises(InvalidPlan, match="margin 100 mm at both ends leaves nothing along the axis"):
-        TubeGrid(8, 16, margin=0.1).region.chart(mesh)
+        TubeGrid(8, 16, margin=0.1).region.parametrization(mesh)
 
 
 def test_frames_of_a_curve_turn_as_little_as_may_be():
     """Along a plane arc the axis across that plane stays the same; all frames are orthonormal, beyond the ends too."""
     phi = np.linspace(0, 2.0, 15)
-    spine = curve_through(np.column_stack((np.cos(phi), np.sin(phi), 0 * phi)), np.array((0.0, 0.0, 1.0)))
-    s = np.linspace(-0.2, spine.stations[-1] + 0.2, 9)
-    fan = spine.fan(s, np.array((0.0, np.pi / 2)))
+    curved_axis = curve_through(np.column_stack((np.cos(phi), np.sin(phi), 0 * phi)), np.array((0.0, 0.0, 1.0)))
+    s = np.linspace(-0.2, curved_axis.stations[-1] + 0.2, 9)
+    fan = curved_axis.fan(s, np.array((0.0, np.pi / 2)))
     assert_allclose(fan[:, 0], np.tile((0.0, 0, 1), (9, 1)), atol=1e-12)
-    e3 = spine.planes(s).normals
+    e3 = curved_axis.planes(s).normals
     assert_allclose(np.cross(e3, fan[:, 0]), fan[:, 1], atol=1e-12)
-    straight = spine.planes(s[:1]).points[0] + 0.2 * e3[0]
-    assert_allclose(straight, spine.planes(np.zeros(1)).points[0], atol=1e-12)
+    straight = curved_axis.planes(s[:1]).points[0] + 0.2 * e3[0]
+    assert_allclose(straight, curved_axis.planes(np.zeros(1)).points[0], atol=1e-12)

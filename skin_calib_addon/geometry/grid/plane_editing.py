@@ -8,8 +8,8 @@ from ...common.errors import InvalidPlan
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 
-FEWEST_V = 2  # full planes of a closed grid
-PARALLEL = 1e-3  # normals of planes that differ by less have no line in common
+MIN_V_PLANES = 2  # full planes of a closed grid
+PARALLEL_TOLERANCE = 1e-3  # normals of planes that differ by less have no line in common
 
 
 def planes_of(lines: LineGrid) -> tuple[Planes, Planes]:
@@ -30,14 +30,14 @@ def planes_of(lines: LineGrid) -> tuple[Planes, Planes]:
 
 def _turned(lines: LineGrid) -> Planes:
     centres = lines.origins.mean(axis=1)
-    middle = centres.mean(axis=0)
-    along = np.linalg.svd(centres - middle)[2][0]
+    centre = centres.mean(axis=0)
+    along = np.linalg.svd(centres - centre)[2][0]
     if along @ (centres[-1] - centres[0]) < 0:
         along = -along
     first = lines.directions[:, 0].mean(axis=0)
     normal = unit(np.cross(first, along))  # the first line of these planes is the first of the grid, not its opposite
-    count = max(FEWEST_V, len(lines.v_names) // 2)
-    return Planes(np.tile(middle, (count, 1)), _fan(normal, along, count))
+    count = max(MIN_V_PLANES, len(lines.v_names) // 2)
+    return Planes(np.tile(centre, (count, 1)), _fan(normal, along, count))
 
 
 def _fan(normal: Array, axis: Array, count: int) -> Array:
@@ -49,10 +49,10 @@ def _across(lines: LineGrid) -> Planes:
     points, normals = [], []
     for j in range(len(lines.v_names)):
         origins = lines.origins[:, j]
-        middle = origins.mean(axis=0)
-        reach = np.linalg.norm(origins - middle, axis=1).max() or 1.0
-        spread = np.linalg.svd(np.concatenate((lines.directions[:, j], (origins - middle) / reach)))[2]
-        points.append(middle)
+        centre = origins.mean(axis=0)
+        scale = np.linalg.norm(origins - centre, axis=1).max() or 1.0
+        spread = np.linalg.svd(np.concatenate((lines.directions[:, j], (origins - centre) / scale)))[2]
+        points.append(centre)
         normals.append(spread[2])
     rows = np.array(normals)
     next_one = np.roll(lines.origins + lines.directions, -1, axis=1) - lines.origins - lines.directions
@@ -71,12 +71,12 @@ def between(planes: Planes, i: int) -> tuple[Array, Array]:
     if len(planes) == 1:
         return planes.points[0], planes.normals[0]
     if i + 1 < len(planes):
-        one, other, share = i, i + 1, 0.5
+        one, other, fraction = i, i + 1, 0.5
     else:
-        one, other, share = i - 1, i, 1.5
+        one, other, fraction = i - 1, i, 1.5
     points, normals = planes.points, _aligned(planes.normals)
-    return points[one] + share * (points[other] - points[one]), unit(
-        (1 - share) * normals[one] + share * normals[other]
+    return points[one] + fraction * (points[other] - points[one]), unit(
+        (1 - fraction) * normals[one] + fraction * normals[other]
     )
 
 
@@ -90,19 +90,19 @@ def spread(planes: Planes, around: bool) -> Planes:
     """
     if around:
         return _spread_around(planes)
-    share, normals = np.linspace(0, 1, len(planes))[:, None], _aligned(planes.normals)
-    points = planes.points[0] + share * (planes.points[-1] - planes.points[0])
-    return Planes(points, unit(normals[0] + share * (normals[-1] - normals[0])))
+    fraction, normals = np.linspace(0, 1, len(planes))[:, None], _aligned(planes.normals)
+    points = planes.points[0] + fraction * (planes.points[-1] - planes.points[0])
+    return Planes(points, unit(normals[0] + fraction * (normals[-1] - normals[0])))
 
 
 def _spread_around(planes: Planes) -> Planes:
     """About the line nearest to all planes, from the first one on, turning as the second does."""
     count, (_, sizes, axes) = len(planes), np.linalg.svd(planes.normals)
-    if count < FEWEST_V or sizes[1] < PARALLEL:
+    if count < MIN_V_PLANES or sizes[1] < PARALLEL_TOLERANCE:
         raise InvalidPlan("the planes are parallel, so there is no line to stand around; turn one of them first")
     axis = axes[2] if axes[2] @ np.cross(planes.normals[0], planes.normals[1]) >= 0 else -axes[2]
     levels = (planes.points * planes.normals).sum(axis=1)
-    point = np.linalg.lstsq(planes.normals, levels, rcond=PARALLEL)[0]
+    point = np.linalg.lstsq(planes.normals, levels, rcond=PARALLEL_TOLERANCE)[0]
     point = point + ((planes.points.mean(axis=0) - point) @ axis) * axis
     return Planes(np.tile(point, (count, 1)), _fan(planes.normals[0], axis, count))
 
@@ -117,9 +117,9 @@ def mirrored(planes: Planes, i: int) -> Planes:
     """
     if i == 0:
         raise InvalidPlan("nothing lies before the first plane; choose the one that is to be the middle")
-    middle, normal = planes.points[i], planes.normals[i]
+    centre, normal = planes.points[i], planes.normals[i]
     points, normals = planes.points[i - 1 :: -1], planes.normals[i - 1 :: -1]
-    points = points - 2 * ((points - middle) @ normal)[:, None] * normal
+    points = points - 2 * ((points - centre) @ normal)[:, None] * normal
     normals = -(normals - 2 * (normals @ normal)[:, None] * normal)
     return Planes(np.concatenate((planes.points[: i + 1], points)), np.concatenate((planes.normals[: i + 1], normals)))
 

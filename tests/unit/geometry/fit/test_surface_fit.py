@@ -165,7 +165,7 @@ def test_fit_solves_the_dense_least_squares():
     for grid in (TubeGrid(5, 8, Z_AXIS, 0.01), SectorGrid(5, 6, -1.0, 1.5, Z_AXIS, 0.01)):
         step, before, after = best_step(fit_surface(mesh, grid))
         assert after > 0.999 * before
-        assert np.abs(step).max() < fit_module.SETTLED * mesh.size
+        assert np.abs(step).max() < fit_module.FIT_TOLERANCE * mesh.size
 
 
 def decimated():
@@ -212,7 +212,7 @@ def test_surface_stays_tame_over_a_hole_with_a_rim():
     flared = mesh.vertices * np.where(rim[:, None], ((RADIUS + 0.003) / RADIUS,) * 2 + (1,), 1)
     link = with_hole(weld(flared, mesh.faces), centre, 0.025)
     fit = fit_module.fit_lines(link, TubeGrid(12, 24, Z_AXIS, 0.004, "uniform").line_grid(link), (3, 3))
-    assert fit.settled and fit.missing > 0.1
+    assert fit.converged and fit.missing > 0.1
     assert fit.offsets.min() > 0.02 and fit.offsets.max() < 0.06
 
 
@@ -334,7 +334,7 @@ def test_fit_keeps_what_it_was_made_from():
     mesh, motion = cylinder(), Motion(4)
     fit = fit_surface(motion.mesh(mesh), TubeGrid(6, 12, motion.axis(Z_AXIS)))
     assert fit.lines.origins.shape == (6, 12, 3) and fit.mesh.sha256 == motion.mesh(mesh).sha256
-    assert 1 <= fit.passes <= 10
+    assert 1 <= fit.iterations <= 10
 
 
 @pytest.mark.parametrize(
@@ -384,8 +384,12 @@ def test_passes_that_go_to_and_fro_end_early(monkeypatch):
     mesh = welded(tube_mesh(stepped, 120, 60))
     lines = TubeGrid(20, 20, Z_AXIS, 0.004, "uniform").line_grid(mesh)
     early = fit_module.fit_lines(mesh, lines, (3, 3))
-    monkeypatch.setattr(fit_module, "STALLED", np.inf)
+    monkeypatch.setattr(fit_module, "OSCILLATION_RATIO", np.inf)
     late = fit_module.fit_lines(mesh, lines, (3, 3))
-    assert early.passes < late.passes == fit_module.MOST_PASSES and not early.settled and not late.settled
-    left = [fit_module.misfit_of(fit.residuals) for fit in (early, late)]
+    assert (
+        early.iterations < late.iterations == fit_module.MAX_FIT_ITERATIONS
+        and not early.converged
+        and not late.converged
+    )
+    left = [fit_module.rms_residual(fit.residuals) for fit in (early, late)]
     assert left[0] <= left[1] * (1 + 1e-6)
