@@ -1,4 +1,4 @@
-"""What a controller loads: readings in; contacts, wrench, CoP, ZMP, supporting polygons out. NumPy alone."""
+"""Turn readings into contacts, wrench, CoP, ZMP and supporting polygons in a controller. Needs NumPy only."""
 
 from .balance.polygon import Polygon, convex_hull
 from .body import Body, BodyFrame

@@ -1,4 +1,4 @@
-"""Several links, or two feet, felt as one: poses in, the wrench, ZMP and supporting polygon of all out."""
+"""Combine several links, or two feet: poses in; wrench, ZMP and supporting polygon of all of them out."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -9,54 +9,58 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray
 from ..common.errors import UnknownLink
-from .balance.polygon import NOTHING, Polygon, convex_hull
+from .balance.polygon import EMPTY_POLYGON, Polygon, convex_hull
 from .footprint import SupportingPolygon
-from .frame import LEAST_LOAD, Frame, zero_moment_point
+from .frame import MIN_LOAD, Frame, zero_moment_point
 from .plane import Plane
 from .skin import Skin
 from .wrench import carried
 
-# Feet whose soles are this much apart in height [m], or tilted to the ground, stand on no common plane.
-STEP, TILT = 0.005, np.cos(np.radians(3.0))
+# [m] Difference in height of two soles from which on they stand on different planes. Larger: small steps are not
+# reported, and the hull of the polygons is wrong by more.
+MAX_HEIGHT_DIFFERENCE = 0.005
+# [rad] Angle between a sole and the ground from which on they are different planes. Larger: as above, for tilts.
+MAX_TILT = np.radians(3.0)
 
 
 @dataclass(frozen=True, eq=False)
 class BodyFrame:
-    """What several links feel at one time, in the world's frame; the ground's coordinates for what lies on it.
+    """The state of several skins at one time, in the world frame; points on the ground have its coordinates.
 
-    ``flags`` are those of the links as ``"name:flag"``, and of the body: ``no_reading`` and ``no_pose`` as
-    ``"name:..."`` for links of which nothing came, and ``not_coplanar`` where feet stand at different heights or
-    tilted to the ground: the true region of the ZMP is then not the hull of their polygons.
+    ``flags`` has the flags of the links as ``"name:flag"``, and those of the body. ``"name:no_reading"`` and
+    ``"name:no_pose"``: the link has no reading, or no finite pose. ``not_coplanar``: feet stand at different heights or
+    are tilted to the ground. The true region of the ZMP is then not the hull of their polygons.
     """
 
     links: dict[str, Frame]
-    poses: dict[str, Array]  # (4, 4) T_world_link of the links that gave a frame
-    ground: Plane  # in the world's frame
+    poses: dict[str, Array]  # (4, 4) T_world_link of the links that have a frame
+    ground: Plane  # in the world frame
     flags: frozenset[str]
 
     @cached_property
     def wrench(self) -> Array:
-        """(6,) of all links about the world's origin, along its axes [N, N m]; NaN where a link's is not known."""
+        """Wrench (6,) of all links about the origin of the world, along its axes [N, N m]; NaN if one is unknown."""
         return self._total(self.links)
 
     @cached_property
     def standing(self) -> tuple[str, ...]:
-        """Links that carry a load worth a CoP: the feet on the ground."""
+        """Names of the links that carry enough load for a CoP: the feet on the ground."""
         return tuple(name for name, frame in self.links.items() if frame.reason is None)
 
     @property
     def reason(self) -> str | None:
-        """Why there is no ZMP, in words; None where there is one."""
+        """Why there is no ZMP, as a sentence; None if there is one."""
         if not self.standing:
-            return f"no link is pressed by the {LEAST_LOAD:g} N that a ZMP needs"
+            return f"no link carries a load of {MIN_LOAD:g} N, which a ZMP needs"
         return None
 
     @cached_property
     def zmp(self) -> Array | None:
-        """Zero moment point (2,) of all standing links in the ground's coordinates [m] (thesis 4.7, 4.8, corrected).
+        """Zero moment point (2,) of all standing links, on the ground [m] (thesis eq. 4.7 and 4.8, corrected).
 
-        From the whole wrench, so that feet at different heights count rightly; taxels feel no shear, which on a step of
-        100 mm costs up to 9 mm: ``not_coplanar`` says so. None with a :attr:`reason`.
+        It is :func:`.zero_moment_point` of the sum of the wrenches of the standing links, in the coordinates of the
+        ground. It is therefore correct for feet at different heights. Taxels do not measure lateral forces: on a step
+        of 100 mm this costs up to 9 mm, and the frame has the flag ``not_coplanar``. None with a :attr:`reason`.
         """
         if self.reason is not None:
             return None
@@ -64,7 +68,7 @@ class BodyFrame:
 
     @cached_property
     def cop(self) -> Array | None:
-        """Mean (2,) of the standing feet's CoPs on the ground, weighted by their loads [m]; None with a reason."""
+        """Mean (2,) of the CoPs of the standing feet on the ground, weighted by their loads [m]; None with a reason."""
         if self.reason is not None:
             return None
         loads = np.array([self.links[name].load for name in self.standing])
@@ -74,7 +78,7 @@ class BodyFrame:
 
     @cached_property
     def polygon(self) -> SupportingPolygon:
-        """Hulls of the standing feet's outer, nominal and guaranteed polygons (thesis 4.25), on the ground."""
+        """Hulls of the outer, nominal and guaranteed polygons of the standing feet (thesis eq. 4.25), on the ground."""
         feet = [(name, self.links[name].polygon) for name in self.standing]
         return SupportingPolygon(
             *(self._joined({n: getattr(p, k) for n, p in feet}) for k in ("outer", "nominal", "guaranteed"))
@@ -85,10 +89,10 @@ class BodyFrame:
 
     def _joined(self, polygons: dict[str, Polygon]) -> Polygon:
         corners = [self._on_ground(name, polygon.corners) for name, polygon in polygons.items() if len(polygon.corners)]
-        return convex_hull(np.concatenate(corners)) if corners else NOTHING
+        return convex_hull(np.concatenate(corners)) if corners else EMPTY_POLYGON
 
     def _on_ground(self, name: str, points: Any) -> Array:
-        """Points (k, 2) in a foot's own ground coordinates, projected on the common ground (k, 2)."""
+        """Return points (k, 2) in the ground coordinates of a foot, projected on the common ground (k, 2)."""
         foot, pose = self.links[name].ground, self.poses[name]
         assert foot is not None
         spatial = foot.plane.spatial(np.atleast_2d(points)) @ pose[:3, :3].T + pose[:3, 3]
@@ -96,7 +100,7 @@ class BodyFrame:
 
 
 def _pose(given: Any) -> Array | None:
-    """A pose (4, 4) of finite numbers, or none."""
+    """Return a pose (4, 4) of finite numbers; None if this is not one."""
     try:
         pose = np.asarray(given, float)
     except (TypeError, ValueError):
@@ -110,9 +114,9 @@ class Body:
     Parameters
     ----------
     skins : mapping of str to Skin
-        By the names that readings and poses come with.
+        The keys are the link names of readings and poses.
     ground : Plane, optional
-        In the world's frame; by default the plane z = 0, whose coordinates are the world's x and y.
+        In the world frame. Default: the plane z = 0, with the x and y axes of the world.
     """
 
     def __init__(self, skins: Mapping[str, Skin], ground: Plane | None = None):
@@ -121,30 +125,30 @@ class Body:
 
     @property
     def observable(self) -> BoolArray:
-        """(6,) which components of a wrench some link can feel, each along the axes of its own link."""
+        """Which components (6,) of a wrench at least one link observes, each along the axes of its own link."""
         return np.any([np.zeros(6, bool), *(skin.observable for skin in self.skins.values())], axis=0)
 
     def update(self, readings: Mapping[str, Any], time: float, poses: Mapping[str, Any]) -> BodyFrame:
-        """What all links feel in one cycle; no reading raises an error.
+        """Compute the frame of all links in one cycle. A wrong reading raises no error.
 
         Parameters
         ----------
         readings : mapping of str to array
-            By link; a link without is left out and flagged.
+            By link; a link without a reading is left out and flagged.
         time : float
-            [s].
+            Of the readings [s].
         poses : mapping of str to array, shape (4, 4)
-            ``T_world_link`` of each link, from the forward kinematics; a link without a finite one is left out.
+            ``T_world_link`` of each link from the forward kinematics; a link without a finite one is left out.
 
         Raises
         ------
         UnknownLink
-            If readings come for a link that has no skin here: a mistake of the program, not of a sensor.
+            If readings or poses have a link without a skin. This is an error of the program, not of a sensor.
         """
         for name in (*readings, *poses):
             if name not in self.skins:
                 raise UnknownLink(f"no link {name!r} in this body; it has {sorted(self.skins)}")
-        links, placed, flags = {}, {}, set()
+        links, link_poses, flags = {}, {}, set()
         for name, skin in self.skins.items():
             if name not in readings:
                 flags.add(f"{name}:no_reading")
@@ -155,19 +159,19 @@ class Body:
             if pose is None:
                 flags.add(f"{name}:no_pose")
                 continue
-            links[name], placed[name] = frame, pose
-        if self._apart(links, placed):
+            links[name], link_poses[name] = frame, pose
+        if not self._is_coplanar(links, link_poses):
             flags.add("not_coplanar")
-        return BodyFrame(links, placed, self.ground, frozenset(flags))
+        return BodyFrame(links, link_poses, self.ground, frozenset(flags))
 
-    def _apart(self, links: dict[str, Frame], poses: dict[str, Array]) -> bool:
-        """Whether the feet that stand do so at different heights, or tilted to the ground."""
+    def _is_coplanar(self, links: dict[str, Frame], poses: dict[str, Array]) -> bool:
+        """Return whether all standing feet are at one height and parallel to the ground."""
         heights = []
         for name, frame in links.items():
             if frame.reason is not None or frame.ground is None:
                 continue
             plane, pose = frame.ground.plane, poses[name]
             heights.append(float(self.ground.heights(pose[:3, :3] @ plane.origin + pose[:3, 3])))
-            if pose[:3, :3] @ plane.axes[2] @ self.ground.axes[2] < TILT:
-                return True
-        return bool(heights) and max(heights) - min(heights) > STEP
+            if pose[:3, :3] @ plane.axes[2] @ self.ground.axes[2] < np.cos(MAX_TILT):
+                return False
+        return not heights or max(heights) - min(heights) <= MAX_HEIGHT_DIFFERENCE

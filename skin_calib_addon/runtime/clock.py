@@ -1,25 +1,28 @@
-"""Is time what it should be?"""
+"""Check the times of the frames: order, gaps and lost frames."""
 
 import math
 
-# Beyond this many usual periods between two frames, frames in between were lost.
-LOST = 1.75
-# Beyond this long [s], or this many usual periods, what was felt before says nothing about now.
-GAP, GAP_PERIODS = 1.0, 50.0
+# [periods] A longer gap between two frames counts as lost frames. Larger: single lost frames are not reported.
+DROPPED_PERIODS = 1.75
+# [s] and [periods] A gap longer than both is a jump: the skin forgets the contacts before it.
+# Larger: contacts survive longer interruptions, and may be confused with new ones.
+JUMP_TIME = 1.0
+JUMP_PERIODS = 50.0
 
 
 class Clock:
-    """The times of the frames so far: the last one, and the usual period."""
+    """Keep the time of the last frame and the usual period between frames."""
 
     def __init__(self) -> None:
         self._last: float | None = None
         self._period: float | None = None
 
-    def doubts(self, time: float) -> frozenset[str]:
-        """What is wrong with the time of a frame [s]; nothing is remembered yet.
+    def flags(self, time: float) -> frozenset[str]:
+        """Return what is wrong with the time of a frame [s]; change nothing.
 
-        ``time_not_finite``; ``time_still`` where it stands, ``time_back`` where it runs backwards, ``time_jump`` where
-        the last frame is too long ago to say anything about this one, ``dropped`` where frames were lost in between.
+        ``time_not_finite``: not a number. ``time_still``: equal to the last time. ``time_back``: before the last time.
+        ``time_jump``: so long after the last frame that its contacts say nothing about this frame. ``dropped``: frames
+        between the last one and this one are missing.
         """
         if not math.isfinite(time):
             return frozenset({"time_not_finite"})
@@ -28,21 +31,24 @@ class Clock:
         gap = time - self._last
         if gap <= 0:
             return frozenset({"time_still" if gap == 0 else "time_back"})
-        if self._jumps(gap):
+        if self._is_jump(gap):
             return frozenset({"time_jump"})
-        return frozenset({"dropped"}) if self._period and gap > LOST * self._period else frozenset()
+        return frozenset({"dropped"}) if self._period and gap > DROPPED_PERIODS * self._period else frozenset()
 
     def accept(self, time: float) -> None:
-        """Remember the time of a frame; a tenth of what a gap differs from the usual period becomes usual."""
+        """Store the time of a frame [s] and update the usual period.
+
+        The period is an exponential mean of the gaps with a weight of 0.1. A gap counts as two periods at most.
+        """
         if not math.isfinite(time):
             return
         gap = time - self._last if self._last is not None else 0.0
-        if self._jumps(gap):
+        if self._is_jump(gap):
             self._period = None
         elif gap > 0:
-            usual = gap if self._period is None else self._period
-            self._period = usual + 0.1 * (min(gap, 2 * usual) - usual)
+            period = gap if self._period is None else self._period
+            self._period = period + 0.1 * (min(gap, 2 * period) - period)
         self._last = time
 
-    def _jumps(self, gap: float) -> bool:
-        return self._period is not None and gap > GAP and gap > GAP_PERIODS * self._period
+    def _is_jump(self, gap: float) -> bool:
+        return self._period is not None and gap > JUMP_TIME and gap > JUMP_PERIODS * self._period

@@ -1,48 +1,51 @@
-"""Which active taxels hang together."""
+"""Group active taxels into connected components."""
 
 import numpy as np
 
 from ..common.arrays import IntArray
 
-USUAL = 3  # as many jumps take round contacts to their lowest names; what is longer takes more from the second round on
+# Jumps of the first round: enough for compact contacts. Longer contacts take more jumps from the second round on.
+# Larger: more work for compact contacts; smaller: more rounds for long ones.
+FIRST_ROUND_JUMPS = 3
 
 
-def components(rows: IntArray, beside: IntArray, place: IntArray) -> IntArray:
-    """Number of the group of each active taxel, shape (a,): groups hang together over neighbours.
+def components(rows: IntArray, neighbours: IntArray, scratch: IntArray) -> IntArray:
+    """Return the number of the connected component of each active taxel, shape (a,).
 
-    Groups are numbered from 0 by their first taxel. Each taxel takes the lowest name among its neighbours', whole trees
-    of names at a time (Shiloach & Vishkin 1982): some ten rounds for a thousand taxels, whatever the shape.
+    The components have the numbers 0, 1, 2..., in the order of their first taxels. Each taxel takes the lowest label of
+    its neighbours, and pointer jumping carries it through whole trees of labels (Shiloach & Vishkin 1982). A thousand
+    taxels need about ten rounds, for any shape.
 
     Parameters
     ----------
     rows : array, shape (a,)
-        Rows of the active taxels, ascending.
-    beside : array, shape (k, n)
-        Rows of the neighbours of each of n taxels, n where there is none.
-    place : array, shape (n + 1,)
-        All -1, and left so: room to work in, so that the cost follows the active taxels.
+        Rows of the active taxels, in ascending order.
+    neighbours : array, shape (k, n)
+        Rows of the neighbours of each of the n taxels; n means no neighbour.
+    scratch : array, shape (n + 1,)
+        Working memory; -1 everywhere before and after the call. With it the cost depends on the active taxels only.
     """
     own = np.arange(len(rows) + 1)
     none = len(rows)
-    place[rows] = own[:none]
-    near = place.take(beside.take(rows, axis=1))  # (k, a), -1 where the neighbour is none or not active
-    place[rows] = -1
-    name = own.copy()  # its last element, which -1 means, stays the highest
-    np.minimum(own[:none], _lowest(own, near), out=name[:none])
-    jumps = USUAL
+    scratch[rows] = own[:none]
+    adjacent = scratch.take(neighbours.take(rows, axis=1))  # (k, a), -1 for no neighbour and for inactive ones
+    scratch[rows] = -1
+    label = own.copy()  # its last element, to which -1 refers, stays the highest
+    np.minimum(own[:none], _lowest(own, adjacent), out=label[:none])
+    jumps = FIRST_ROUND_JUMPS
     while True:
-        for _ in range(jumps):  # each halves the way to the lowest name of a tree
-            name = name.take(name)
-        mine, lowest = name[:none], _lowest(name, near)
-        moves = (lowest < mine).nonzero()[0]
-        if len(moves) == 0:
+        for _ in range(jumps):  # each halves the distance to the lowest label of a tree
+            label = label.take(label)
+        current, lowest = label[:none], _lowest(label, adjacent)
+        changed = (lowest < current).nonzero()[0]
+        if len(changed) == 0:
             break
-        np.minimum.at(name, mine.take(moves), lowest.take(moves))
+        np.minimum.at(label, current.take(changed), lowest.take(changed))
         jumps = none.bit_length()
-    first = (mine == own[:none]).nonzero()[0]
-    return first.searchsorted(mine)
+    first = (current == own[:none]).nonzero()[0]
+    return first.searchsorted(current)
 
 
-def _lowest(name: IntArray, near: IntArray) -> IntArray:
-    """The lowest name among the neighbours of each active taxel; the highest of all where it has none."""
-    return np.minimum.reduce(name.take(near), axis=0, initial=len(name) - 1)
+def _lowest(label: IntArray, adjacent: IntArray) -> IntArray:
+    """Return the lowest label of the neighbours of each active taxel; the highest label if it has none."""
+    return np.minimum.reduce(label.take(adjacent), axis=0, initial=len(label) - 1)

@@ -1,4 +1,4 @@
-"""Contacts: connected active taxels, and what presses on them."""
+"""Compute the contacts: connected active taxels with their force, position and wrench."""
 
 import math
 from dataclasses import dataclass
@@ -11,27 +11,27 @@ from ..common.arrays import Array, IntArray
 from .footprint import Footprint
 from .geometry import SkinGeometry
 
-# Normals whose mean is this short have no direction in common.
-CANCELLED = 1e-9
+# Length of a mean normal [1] below which the normals cancel and the contact has no normal. Derived: from rounding.
+MIN_MEAN_NORMAL = 1e-9
 
 
 class Message(NamedTuple):
-    """A contact as the paper sends it, weighted rightly: where in the patch's rows and columns, and how strong."""
+    """The message of the paper (eq. 1 and 2), weighted by force: position in rows and columns of a patch, and force."""
 
     patch: int
     row: float  # cell (k, l) has its centre at (k, l)
     column: float
-    force: float  # [N], the sum over the taxels
+    force: float  # [N], sum over the taxels
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Active taxels that touch each other, and what presses on them; link frame and SI units."""
+    """Connected active taxels and the force on them; link frame and SI units."""
 
     number: int  # stays with the contact from cycle to cycle
     taxels: IntArray  # rows in the skin's arrays, ascending
     forces: Array  # (a,) on each of the taxels [N]
-    sums: Array  # (11,) of :attr:`.SkinGeometry.sums` over the taxels, weighted by the forces
+    sums: Array  # (11,) sums of :attr:`.SkinGeometry.terms` over the taxels, weighted by the forces
     skin: SkinGeometry
 
     @property
@@ -41,58 +41,64 @@ class Contact:
 
     @property
     def wrench(self) -> Array:
-        """(6,) force and moment about the link's origin that the contact applies to the robot [N, N m]."""
+        """Wrench (6,) of the contact on the robot, about the origin of the link [N, N m]."""
         return self.sums[5:]
 
     @property
     def normal(self) -> Array:
-        """(3,) force-weighted mean of the outward normals, unit; zero where they cancel, as round a limb."""
-        return self._place[1]
+        """Force-weighted mean (3,) of the outward normals, unit length; zero if the normals cancel."""
+        return self._position_and_normal[1]
 
     @property
     def position(self) -> Array:
-        """(3,) force-weighted mean of the taxels, raised onto the surface [m].
+        r"""Force-weighted mean (3,) of the taxel positions, raised to the surface [m] (paper eq. 1, corrected).
 
-        The mean of points on a bent surface lies below it. Were the taxels on a sphere or across a cylinder, of
-        whatever size, the surface would be (w.s - m.c) / (1 + |m|) above the mean c along the mean normal m, with the
-        heights s of the tangent planes and the weights w: exactly, and to second order on any surface.
+        The mean :math:`\mathbf{c}` of points on a curved surface is below the surface. With the force-weighted means
+        :math:`\mathbf{m}` of the normals and :math:`s` of the heights :math:`\mathbf{n}_i \cdot \mathbf{p}_i` of the
+        tangent planes, the position is
+
+        .. math::
+            \mathbf{p} = \mathbf{c} + \frac{s - \mathbf{m} \cdot \mathbf{c}}{1 + \lVert \mathbf{m} \rVert}\;
+            \frac{\mathbf{m}}{\lVert \mathbf{m} \rVert} .
+
+        This is exact on spheres and across cylinders, and correct to second order on every surface.
         """
-        return self._place[0]
+        return self._position_and_normal[0]
 
     @cached_property
-    def _place(self) -> tuple[Array, Array]:
+    def _position_and_normal(self) -> tuple[Array, Array]:
         force, px, py, pz, height, fx, fy, fz, *_ = self.sums.tolist()
         cx, cy, cz = px / force, py / force, pz / force
         mx, my, mz = -fx / force, -fy / force, -fz / force
-        together = math.sqrt(mx * mx + my * my + mz * mz)  # 1 where all taxels look one way
-        if together < CANCELLED:
+        length = math.sqrt(mx * mx + my * my + mz * mz)  # 1 if all normals are parallel
+        if length < MIN_MEAN_NORMAL:
             return np.array((cx, cy, cz)), np.zeros(3)
-        below = (height / force - (mx * cx + my * cy + mz * cz)) / (1 + together) / together
+        rise = (height / force - (mx * cx + my * cy + mz * cz)) / (1 + length) / length
         return (
-            np.array((cx + below * mx, cy + below * my, cz + below * mz)),
-            np.array((mx / together, my / together, mz / together)),
+            np.array((cx + rise * mx, cy + rise * my, cz + rise * mz)),
+            np.array((mx / length, my / length, mz / length)),
         )
 
     @cached_property
     def area(self) -> float:
-        """Of the taxels [m^2]."""
+        """Area of the cells [m^2]."""
         return float(self.skin.areas[self.taxels].sum())
 
     @cached_property
     def peak_pressure(self) -> float:
-        """The largest force of a taxel over its area [Pa]."""
+        """Largest ratio of the force of a taxel to its area [Pa]."""
         return float((self.forces / self.skin.areas[self.taxels]).max())
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Of the taxels."""
+        """Ids of the taxels."""
         return tuple(self.skin.ids[i] for i in self.taxels.tolist())
 
     @property
     def cells(self) -> dict[int, tuple[tuple[int, int], tuple[int, int]]]:
-        """Bounding cells: for each patch touched, its first and last row, and first and last column.
+        """Bounding cells: (first row, last row) and (first column, last column) for each patch in contact.
 
-        Where a contact lies over the seam of a closed sheet its first row or column is the higher one.
+        If a contact extends over the seam of a closed sheet, its first row or column is the higher number.
         """
         bounds = {}
         for patch in np.unique(self.skin.patch[self.taxels]).tolist():
@@ -104,11 +110,18 @@ class Contact:
 
     @property
     def messages(self) -> tuple[Message, ...]:
-        """The paper's message (its equations 1 and 2, corrected), one for each patch the contact lies on."""
+        r"""Messages of the paper (eq. 1 and 2, corrected), one for each patch in contact.
+
+        Row and column are weighted by the forces :math:`f_i`, not divided by the number of cells. The third number is
+        the force, not the sum of the readings:
+
+        .. math::
+            (k, l) = \frac{\sum f_i \, (k_i, l_i)}{\sum f_i} , \qquad F = \sum f_i .
+        """
         messages = []
         for patch, ((first_row, _), (first_column, _)) in self.cells.items():
-            mine = self.skin.patch[self.taxels] == patch
-            f, index = self.forces[mine], self.skin.index[self.taxels[mine]].astype(float)
+            in_patch = self.skin.patch[self.taxels] == patch
+            f, index = self.forces[in_patch], self.skin.index[self.taxels[in_patch]].astype(float)
             for k, (first, period) in enumerate(zip((first_row, first_column), self.skin.periods[patch])):
                 if period:
                     index[:, k] = first + (index[:, k] - first) % period
@@ -119,31 +132,38 @@ class Contact:
 
 
 def _span(index: IntArray, period: int) -> tuple[int, int]:
-    """First and last of some rows or columns; of a closed sheet those at the ends of the shortest way round."""
-    have = np.unique(index)
-    if not period or len(have) == 1:
-        return int(have[0]), int(have[-1])
-    gaps = np.diff(have, append=have[0] + period)
+    """Return the first and last of some rows or columns; in a closed sheet, of the shortest arc that contains them."""
+    present = np.unique(index)
+    if not period or len(present) == 1:
+        return int(present[0]), int(present[-1])
+    gaps = np.diff(present, append=present[0] + period)
     widest = int(gaps.argmax())
-    return int(have[(widest + 1) % len(have)]), int(have[widest])
+    return int(present[(widest + 1) % len(present)]), int(present[widest])
 
 
 def contacts_of(footprint: Footprint, forces: Array, numbers: list[int]) -> tuple[tuple[Contact, ...], Array]:
-    """The contacts of a frame, those with the lowest taxel first, and the wrench (6,) of all of them.
+    """Return the contacts of a frame, in the order of their first taxels, and their total wrench (6,).
 
     Parameters
     ----------
     footprint : Footprint
+        The active taxels.
     forces : array, shape (n,)
-        On every taxel of the skin [N], positive on the active ones.
+        Force of every taxel of the skin [N], positive for the active ones.
     numbers : list of int
-        The identity of each contact.
+        Number of each contact.
+
+    Returns
+    -------
+    contacts : tuple of Contact
+    wrench : array, shape (6,)
+        About the origin of the link, along its axes [N, N m].
     """
     rows, starts = footprint.ordered
     if len(rows) == 0:
         return (), np.zeros(6)
     skin, f = footprint.skin, forces.take(rows)
-    sums = np.add.reduceat(f * skin.sums.take(rows, axis=1), starts, axis=1)
+    sums = np.add.reduceat(f * skin.terms.take(rows, axis=1), starts, axis=1)
     bounds = [*starts.tolist(), len(rows)]
     contacts = (
         Contact(number, rows[i:j], f[i:j], total, skin)

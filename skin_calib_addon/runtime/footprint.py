@@ -1,4 +1,4 @@
-"""What follows from which taxels are active, whatever they feel: groups, areas, supporting polygons."""
+"""Compute what depends only on which taxels are active: components, area, supporting polygons."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,38 +6,38 @@ from functools import cached_property
 import numpy as np
 
 from ..common.arrays import IntArray
-from .balance.polygon import NOTHING, Polygon, of_grid
+from .balance.polygon import EMPTY_POLYGON, Polygon, from_grid
 from .components import components
 from .geometry import GroundGeometry, SkinGeometry
 
 
 @dataclass(frozen=True, eq=False)
 class SupportingPolygon:
-    """Three answers to where a foot is supported, for cells are large; in the ground's coordinates.
+    """Three supporting polygons, in the coordinates of the ground. They differ because the cells are large.
 
-    The true contact lies within ``outer`` and holds ``guaranteed``: on simulated soles ``outer`` goes up to 27 mm
-    too far, ``guaranteed`` never.
+    ``outer`` contains the true contact. The hull of the true contact contains ``guaranteed``. On simulated soles
+    ``outer`` extends up to 27 mm too far, ``guaranteed`` never does.
     """
 
     outer: Polygon  # hull of the corners of the active cells
-    nominal: Polygon  # hull of their centres
-    guaranteed: Polygon  # the nominal polygon less a cell all round
+    nominal: Polygon  # hull of the centres of the active cells
+    guaranteed: Polygon  # nominal, with each edge moved inward by the size of a cell
 
 
 class Footprint:
-    """Active taxels of a skin; everything else is worked out when it is asked for, once."""
+    """The active taxels of a skin. Each result is computed when it is first used, once."""
 
     def __init__(self, skin: SkinGeometry, ground: GroundGeometry | None, rows: IntArray):
         self.skin, self.ground, self.rows = skin, ground, rows
 
     @cached_property
     def groups(self) -> IntArray:
-        """Number of the contact of each active taxel (a,)."""
-        return components(self.rows, self.skin.beside, self.skin.place)
+        """Number (a,) of the contact of each active taxel."""
+        return components(self.rows, self.skin.neighbours, self.skin.scratch)
 
     @cached_property
     def ordered(self) -> tuple[IntArray, IntArray]:
-        """The rows sorted by contact, and where each contact begins among them."""
+        """The rows sorted by contact, and the index at which each contact starts."""
         if not np.count_nonzero(self.groups):
             return self.rows, np.zeros(min(len(self.rows), 1), np.int64)
         order = self.groups.argsort(kind="stable")
@@ -46,21 +46,21 @@ class Footprint:
 
     @cached_property
     def area(self) -> float:
-        """Of the active cells [m^2], whole cells: on flat ground 1.06 times the true area."""
+        """Sum of the areas of the active cells [m^2]; on flat ground 1.06 times the true area."""
         return float(self.skin.areas.take(self.rows).sum())
 
     @cached_property
     def polygon(self) -> SupportingPolygon:
-        """The supporting polygons on the ground; empty where the skin has no ground."""
+        """Supporting polygons on the ground (thesis eq. 4.24); empty if the skin has no ground."""
         ground = self.ground
         if ground is None:
-            return SupportingPolygon(NOTHING, NOTHING, NOTHING)
-        rows = self.rows[ground.under.take(self.rows)]
+            return SupportingPolygon(EMPTY_POLYGON, EMPTY_POLYGON, EMPTY_POLYGON)
+        rows = self.rows[ground.can_stand.take(self.rows)]
         hulls = ground.corner_hull.hull(rows), ground.centre_hull.hull(rows)
-        known, polygon = ground.supporting
-        if hulls != known:
-            outer = of_grid(hulls[0], ground.corner_hull.step)
-            nominal = of_grid(hulls[1], ground.centre_hull.step)
+        last_hulls, polygon = ground.last_polygons
+        if hulls != last_hulls:
+            outer = from_grid(hulls[0], ground.corner_hull.step)
+            nominal = from_grid(hulls[1], ground.centre_hull.step)
             polygon = SupportingPolygon(outer, nominal, nominal.eroded(ground.cell))
-            ground.supporting = hulls, polygon
+            ground.last_polygons = hulls, polygon
         return polygon

@@ -1,4 +1,4 @@
-"""What the skin of a link feels at one time."""
+"""Give the results of one reading: contacts, wrench, CoP, ZMP and supporting polygons."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,43 +6,44 @@ from functools import cached_property
 import numpy as np
 
 from ..common.arrays import Array, BoolArray
-from .balance.polygon import NOTHING
+from .balance.polygon import EMPTY_POLYGON
 from .contacts import Contact
 from .footprint import Footprint, SupportingPolygon
 from .geometry import GroundGeometry
 
-# Below this the CoP of a foot is the noise of its taxels [N].
-LEAST_LOAD = 5.0
+# [N] Load below which there is no CoP: it would be the noise of the taxels.
+# Larger: a foot that carries little has no CoP; smaller: its CoP is noisier.
+MIN_LOAD = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What the skin feels at one time; CoP, ZMP and polygons are worked out when they are asked for.
+    """The state of the skin at one time. CoP, ZMP and polygons are computed when they are first used.
 
-    ``flags`` holds every doubt: about the reading ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels gave
-    no number), ``too_large`` (some gave a force that nothing bears), ``blind`` (no taxel gave one), ``saturated``,
-    ``stuck``; about time ``time_not_finite``, ``time_still``, ``time_back``, ``time_jump``, ``dropped``.
+    ``flags`` has every problem. Of the reading: ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels sent NaN
+    or infinity), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a force), ``saturated``,
+    ``stuck``. Of the time: ``time_not_finite``, ``time_still``, ``time_back``, ``time_jump``, ``dropped``.
     """
 
     time: float  # [s]
-    forces: Array  # (n,) on each taxel [N]; 0 where it is not known
-    known: BoolArray  # (n,) whether the taxel gave a force that can be
+    forces: Array  # (n,) on each taxel [N]; 0 if it is unknown
+    known: BoolArray  # (n,) whether the taxel has a valid force
     saturated: BoolArray  # (n,) whether the force may be larger
-    stuck: BoolArray  # (n,) whether a pressed taxel's reading has stood still for half a minute
+    stuck: BoolArray  # (n,) whether the reading of an active taxel has not changed for 30 s
     contacts: tuple[Contact, ...]
-    wrench: Array  # (6,) of all contacts about the link's origin [N, N m]; NaN where nothing is known
+    wrench: Array  # (6,) of all contacts about the origin of the link [N, N m]; NaN if it is unknown
     flags: frozenset[str]
-    problem: str | None  # why the whole reading was refused
-    footprint: Footprint | None  # the active taxels; None where nothing is known
+    problem: str | None  # why the complete reading was refused
+    footprint: Footprint | None  # the active taxels; None if they are unknown
 
     @property
     def touched(self) -> bool | None:
-        """Whether something presses; None where that is not known: a blind skin is not a free one."""
+        """Whether there is a contact; None if that is unknown, which is not the same as no contact."""
         return None if self.footprint is None else bool(self.contacts)
 
     @property
     def active(self) -> BoolArray:
-        """(n,) whether the taxel is part of a contact."""
+        """Whether each taxel is part of a contact, (n,)."""
         active = np.zeros(len(self.forces), bool)
         if self.footprint is not None:
             active[self.footprint.rows] = True
@@ -50,92 +51,107 @@ class Frame:
 
     @property
     def area(self) -> float:
-        """Of the active cells [m^2] (thesis 4.22, with each cell's own area)."""
+        """Area of the active cells [m^2] (thesis eq. 4.22, with the area of each cell): ``A = sum(A_i)``."""
         return 0.0 if self.footprint is None else self.footprint.area
 
     @property
     def ground(self) -> GroundGeometry | None:
-        """The ground the skin stands on, whose coordinates CoP, ZMP and polygons have."""
+        """The ground of the skin. CoP, ZMP and polygons have its coordinates."""
         return None if self.footprint is None else self.footprint.ground
 
     @cached_property
     def polygon(self) -> SupportingPolygon:
-        """Outer, nominal and guaranteed supporting polygon in the ground's coordinates; empty without contact."""
+        """Outer, nominal and guaranteed supporting polygon in the coordinates of the ground; empty without contact."""
         if self.footprint is None:
-            return SupportingPolygon(NOTHING, NOTHING, NOTHING)
+            return SupportingPolygon(EMPTY_POLYGON, EMPTY_POLYGON, EMPTY_POLYGON)
         return self.footprint.polygon
 
     @cached_property
     def _on_ground(self) -> list[float]:
-        """Lift, lift x, lift y of the taxels that can stand; f_z, tau_x, tau_y of all, about the ground's origin."""
+        """Sums of :attr:`.GroundGeometry.terms`, weighted by the forces."""
         if self.footprint is None or self.footprint.ground is None:
             return [0.0] * 6
         rows = self.footprint.rows
-        return (self.forces.take(rows) @ self.footprint.ground.sums.take(rows, axis=0)).tolist()
+        return (self.forces.take(rows) @ self.footprint.ground.terms.take(rows, axis=0)).tolist()
 
     @property
     def load(self) -> float:
-        """Force with which the ground lifts the taxels that can stand on it [N]."""
+        """Vertical force of the ground on the taxels that can stand on it [N]."""
         return self._on_ground[0]
 
     @property
     def reason(self) -> str | None:
-        """Why there is no CoP, in words; None where there is one."""
+        """Why there is no CoP, as a sentence; None if there is one."""
         if self.footprint is None:
-            return self.problem or "no taxel gives a reading"
+            return self.problem or "no taxel has a valid reading"
         if self.footprint.ground is None:
-            return "the skin is not flat and was given no ground"
-        if self.load < LEAST_LOAD:
-            return f"{self.load:.2g} N press, of {LEAST_LOAD:g} N that a CoP needs"
+            return "the skin is not flat and has no ground; pass one to load()"
+        if self.load < MIN_LOAD:
+            return f"the load is {self.load:.2g} N; a CoP needs {MIN_LOAD:g} N"
         return None
 
     @cached_property
     def cop(self) -> Array | None:
-        """Centre of pressure (2,) in the ground's coordinates [m] (thesis 4.21); None with a :attr:`reason`.
+        r"""Centre of pressure (2,) in the coordinates of the ground [m] (thesis eq. 4.21); None with a :attr:`reason`.
 
-        The mean place of the taxels that can stand on the ground, weighted by how much each lifts. Where all of them
-        are in contact, forces within the cells are made up for.
+        With the lift :math:`\ell_i = -f_i\, n_{i,z}` [N] of each taxel that can stand on the ground:
+
+        .. math::
+            \mathbf{p}_{\mathrm{CoP}} = \frac{\sum \ell_i\, (x_i, y_i)}{\sum \ell_i} .
+
+        This assumes that each force acts at the centre of its cell. If all taxels that can stand are in contact, the
+        forces within the cells are corrected by :attr:`.GroundGeometry.full_contact_correction`.
         """
         if self.reason is not None:
             return None
         assert self.footprint is not None and self.footprint.ground is not None
         ground, rows = self.footprint.ground, self.footprint.rows
-        lift, along_x, along_y, *_ = self._on_ground
-        cop = np.array((along_x / lift, along_y / lift))
+        lift, lift_x, lift_y, *_ = self._on_ground
+        cop = np.array((lift_x / lift, lift_y / lift))
         if (
-            ground.stretch is None
-            or len(rows) < ground.standing
-            or np.count_nonzero(ground.under[rows]) < ground.standing
+            ground.full_contact_correction is None
+            or len(rows) < ground.standing_count
+            or np.count_nonzero(ground.can_stand[rows]) < ground.standing_count
         ):
             return cop
-        middle, stretch = ground.stretch
-        return middle + stretch @ (cop - middle)
+        centre, correction = ground.full_contact_correction
+        return centre + correction @ (cop - centre)
 
     @cached_property
     def zmp(self) -> Array | None:
-        """Zero moment point (2,) in the ground's coordinates [m]: there the wrench has no moment along the ground.
+        r"""Zero moment point (2,) in the coordinates of the ground [m]; None with a :attr:`reason`.
 
-        From the whole wrench, wherever its contacts are (thesis 4.21 in its general form); the CoP where
-        all taxels lie in the ground and look straight down. None with a :attr:`reason`.
+        It uses the complete wrench :math:`[\mathbf{f}; \boldsymbol{\tau}]` about the origin of the ground, with heights
+        and lateral forces (thesis eq. 4.21 in its general form):
+
+        .. math::
+            \mathbf{p}_{\mathrm{ZMP}} = \left( -\frac{\tau_y}{f_z} ,\; \frac{\tau_x}{f_z} \right) .
+
+        If all taxels are in the ground plane and all normals are vertical, it equals the CoP.
         """
         *_, fz, tx, ty = self._on_ground
         return np.array((-ty / fz, tx / fz)) if self.reason is None and fz > 0 else None
 
 
 def zero_moment_point(wrench: Array, height: float = 0.0) -> Array | None:
-    """The point (2,) of a plane where a wrench has no moment along the plane (thesis 4.21, corrected).
+    r"""Return the point (2,) of a plane at which a wrench has no moment along the plane (thesis eq. 4.21, corrected).
+
+    .. math::
+        \mathbf{p}_{\mathrm{ZMP}} = \left( \frac{-\tau_y + h f_x}{f_z} ,\; \frac{\tau_x + h f_y}{f_z} \right)
+
+    The thesis leaves out the terms with :math:`h`.
 
     Parameters
     ----------
     wrench : array, shape (6,)
-        About a point and along axes whose z is the plane's normal [N, N m].
+        About a point, along axes whose z is the normal of the plane [N, N m].
     height : float
-        Of the plane over that point [m].
+        Height h of the plane over this point [m].
 
     Returns
     -------
     array, shape (2,), or None
-        ``((-tau_y + h f_x) / f_z, (tau_x + h f_y) / f_z)``; None where nothing presses on the plane.
+        Coordinates along the x and y axes [m]; None if the force on the plane is not positive.
     """
     fx, fy, fz, tx, ty, _ = wrench.tolist()
     return np.array((-ty + height * fx, tx + height * fy)) / fz if fz > 0 else None

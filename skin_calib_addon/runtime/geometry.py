@@ -1,4 +1,4 @@
-"""What is the same in every cycle: the taxels of a link, laid out for sums over the active ones."""
+"""Prepare what is the same in every cycle: arrays of the taxels of a link, for sums over the active ones."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -7,13 +7,17 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, IntArray
 from .balance.hull import HullTable
 from .balance.polygon import convex_hull
-from .plane import DOWNWARD, Plane
+from .plane import MIN_DOWNWARD, Plane
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
 
-# A component of the wrench that presses can make only this small, beside the largest of its kind, is not observed.
-OBSERVED = 5e-3
+# Fraction of the largest force (or moment) component from which on a component of the wrench counts as observed.
+# Larger: a slightly curved sole counts as flat; smaller: noise of the normals counts as an observed component.
+MIN_OBSERVED_FRACTION = 5e-3
+# Condition number of the second moments of the taxel positions from which on they count as one row. Larger: a CoP on
+# a very narrow skin is corrected across it too.
+MAX_MOMENT_CONDITION = 1e6
 
 
 class SkinGeometry:
@@ -22,22 +26,27 @@ class SkinGeometry:
     Attributes
     ----------
     ids : tuple of str
+        Of the taxels.
     channels, patch : array, shape (n,)
-        Place in a reading; number of the patch.
+        Index in a reading; number of the patch.
     index : array, shape (n, 2)
-        Row and column in the patch; ``periods`` has, for each patch, after how many these begin again, or 0.
+        Row and column in the patch. ``periods`` has for each patch the number of rows and columns after which they
+        start again, or 0.
     positions, normals : array, shape (n, 3)
         [m]; unit, out of the robot.
     corners : array, shape (n, k, 3)
         Of the cells [m].
     areas : array, shape (n,)
-        [m^2]
+        Of the cells [m^2].
     pairs : array, shape (e, 2)
-        Rows of neighbours; ``beside`` (k, n) has them as a table, see :func:`beside_of`.
+        Rows of neighbours; ``neighbours`` (k, n) has them as a table, see :func:`neighbour_table`.
     wrenches : array, shape (n, 6)
-        Wrench about the link's origin of 1 N on each taxel [N, N m].
-    sums : array, shape (11, n)
-        What contacts sum, weighted by forces: 1, position, height of the tangent plane over the origin, wrench.
+        Wrench of 1 N on each taxel about the origin of the link [N, N m] (thesis eq. 3.16):
+        ``[-n_i; p_i x (-n_i)]``.
+    terms : array, shape (11, n)
+        What contacts sum, weighted by the forces: 1, position, height n_i . p_i of the tangent plane, wrench.
+    scratch : array, shape (n + 1,)
+        Working memory of :func:`.components.components`.
     """
 
     def __init__(self, calibration: "LinkCalibration"):
@@ -51,35 +60,48 @@ class SkinGeometry:
         self.patch = np.repeat(np.arange(len(taxels)), [len(t.ids) for t in taxels])
         self.index = np.concatenate([np.empty((0, 2), np.int64), *(t.index for t in taxels)])
         row = {name: i for i, name in enumerate(self.ids)}
-        beside = sum((t.neighbours for t in taxels), ())
-        pairs = {(i, row[other]) for i, others in enumerate(beside) for other in others if i < row[other]}
+        neighbours = sum((t.neighbours for t in taxels), ())
+        pairs = {(i, row[other]) for i, others in enumerate(neighbours) for other in others if i < row[other]}
         self.pairs = np.array(sorted(pairs), np.int64).reshape(-1, 2)
-        self.beside = beside_of(self.pairs, len(self.ids))
+        self.neighbours = neighbour_table(self.pairs, len(self.ids))
         self.periods = [self._period(k) for k in range(len(taxels))]
         pushes = -self.normals
         self.wrenches = np.hstack((pushes, np.cross(self.positions, pushes)))
         heights = (self.normals * self.positions).sum(axis=1, keepdims=True)
         ones = np.ones((len(self.ids), 1))
-        self.sums = np.hstack((ones, self.positions, heights, self.wrenches)).T.copy()
-        self.place = np.full(len(self.ids) + 1, -1)  # for :func:`.components.components`
+        self.terms = np.hstack((ones, self.positions, heights, self.wrenches)).T.copy()
+        self.scratch = np.full(len(self.ids) + 1, -1)
 
     def _period(self, patch: int) -> tuple[int, int]:
-        """Rows and columns after which a patch closes on itself, 0 where it does not: its ends are neighbours."""
-        ours = self.pairs[(self.patch[self.pairs] == patch).all(axis=1)]
-        step = np.abs(np.diff(self.index[ours], axis=1)[:, 0]).max(axis=0, initial=0)
+        """Return the rows and columns after which a patch closes on itself; 0 if its ends are not neighbours."""
+        in_patch = self.pairs[(self.patch[self.pairs] == patch).all(axis=1)]
+        step = np.abs(np.diff(self.index[in_patch], axis=1)[:, 0]).max(axis=0, initial=0)
         rows, columns = (int(s) + 1 if s > 1 else 0 for s in step)
         return rows, columns
 
 
 def _padded(groups: list[Array]) -> Array:
-    """Corners (n, k, 3) of all cells, the last corner repeated where a cell has fewer than the others."""
+    """Return the corners (n, k, 3) of all cells; a cell with fewer corners repeats its last one."""
     most = max((g.shape[1] for g in groups), default=1)
     filled = [np.concatenate((g, np.repeat(g[:, -1:], most - g.shape[1], axis=1)), axis=1) for g in groups]
     return np.concatenate([np.empty((0, most, 3)), *filled])
 
 
-def beside_of(pairs: IntArray, n: int) -> IntArray:
-    """Neighbours of each of n taxels as columns (k, n), from pairs (e, 2); n stands for no neighbour."""
+def neighbour_table(pairs: IntArray, n: int) -> IntArray:
+    """Return the neighbours of each taxel as a table.
+
+    Parameters
+    ----------
+    pairs : array, shape (e, 2)
+        Rows of neighbours, each pair once.
+    n : int
+        Number of taxels.
+
+    Returns
+    -------
+    array, shape (k, n)
+        Column i has the neighbours of taxel i; n means no neighbour.
+    """
     ends = np.concatenate((pairs, pairs[:, ::-1]))
     ends = ends[np.argsort(ends[:, 0], kind="stable")]
     counts = np.bincount(ends[:, 0], minlength=n)
@@ -89,76 +111,88 @@ def beside_of(pairs: IntArray, n: int) -> IntArray:
 
 
 def observable(wrenches: Array) -> BoolArray:
-    """Which components of the wrench (6,) bool the taxels can feel at all; the others read 0 whatever happens.
+    """Return which components (6,) of the wrench the taxels observe; the others are always zero.
 
-    A flat sole feels 3 of the 6 (thesis 4.23 claims all): forces along it and the moment about its normal are not
-    measured, for taxels feel what presses, not what shears.
+    Taxels measure the normal force only. A flat sole therefore observes 3 of the 6 components: not the lateral forces,
+    and not the moment about its normal (thesis eq. 4.23 claims all 6).
     """
     size = np.abs(wrenches).max(axis=0, initial=0.0)
     force, moment = size[:3].max(), size[3:].max()
-    return size > OBSERVED * np.repeat((force, moment), 3)
+    return size > MIN_OBSERVED_FRACTION * np.repeat((force, moment), 3)
 
 
 def wrench_rank(wrenches: Array) -> int:
-    """How many independent wrenches presses can make: 3 for a flat sole, 4 for a cylinder, 6 at most.
+    """Return the number of independent wrenches of the taxels: 3 for a flat sole, 4 for a cylinder, 6 at most.
 
-    Moments are divided by the longest lever arm, so that the answer does not depend on the unit of length.
+    Moments are divided by the longest lever arm, so that the result does not depend on the unit of length.
     """
     arm = np.abs(wrenches[:, 3:]).max(initial=0.0) or 1.0
     strengths = np.linalg.svd(wrenches / np.repeat((1.0, arm), 3), compute_uv=False)
-    return int((strengths > OBSERVED * strengths.max(initial=0.0)).sum())
+    return int((strengths > MIN_OBSERVED_FRACTION * strengths.max(initial=0.0)).sum())
 
 
 class GroundGeometry:
-    """The taxels that can stand on the ground, in the ground's own coordinates.
+    """The taxels that can stand on the ground, in the coordinates of the ground.
 
     Attributes
     ----------
     plane : Plane
         In the link frame.
-    under : array of bool, shape (n,)
-        Which taxels look down enough to stand; ``standing`` is how many.
+    can_stand : array of bool, shape (n,)
+        Which normals point down enough; ``standing_count`` is their number.
     centres, corners : array, shape (n, 2) and (n, k, 2)
-        Of all cells [m]; ``centre_hull`` and ``corner_hull`` give hulls of some of them.
+        Of all cells [m]; ``centre_hull`` and ``corner_hull`` compute hulls of some of them.
     cell : array, shape (j, 2)
-        One outline about the centre that holds every cell that can stand [m].
-    sums : array, shape (n, 6)
-        To be weighted by forces: lift, lift x, lift y of the taxels that can stand; f_z, tau_x, tau_y of all.
-    stretch : tuple or None
-        What corrects a CoP at full contact, see :func:`_in_cell`.
+        One outline about the centre that contains every cell that can stand [m].
+    terms : array, shape (n, 6)
+        To be weighted by forces: lift, lift x, lift y of the taxels that can stand; f_z, tau_x, tau_y of all, about
+        the origin of the ground.
+    full_contact_correction : tuple or None
+        Correction of a CoP at full contact, see :func:`_full_contact_correction`.
+    last_polygons : tuple
+        The hulls and polygons of the last call of :attr:`.Footprint.polygon`.
     """
 
     def __init__(self, skin: SkinGeometry, plane: Plane):
         self.plane = plane
-        looks_down = -(skin.normals @ plane.axes[2])  # the part of a press that lifts the robot
-        self.under = looks_down >= DOWNWARD
-        self.standing = int(self.under.sum())
+        downward = -(skin.normals @ plane.axes[2])  # the fraction of a force that lifts the robot
+        self.can_stand = downward >= MIN_DOWNWARD
+        self.standing_count = int(self.can_stand.sum())
         self.centres = plane.flat(skin.positions)
         self.corners = plane.flat(skin.corners)
-        lift = np.where(self.under, looks_down, 0.0)[:, None]
+        lift = np.where(self.can_stand, downward, 0.0)[:, None]
         pushes, arms = -skin.normals @ plane.axes.T, (skin.positions - plane.origin) @ plane.axes.T
         moments = np.cross(arms, pushes)
-        self.sums = np.hstack((lift, lift * self.centres, pushes[:, 2:], moments[:, :2]))
+        self.terms = np.hstack((lift, lift * self.centres, pushes[:, 2:], moments[:, :2]))
         self.centre_hull, self.corner_hull = HullTable(self.centres), HullTable(self.corners)
-        offsets = (self.corners - self.centres[:, None])[self.under].reshape(-1, 2)
+        offsets = (self.corners - self.centres[:, None])[self.can_stand].reshape(-1, 2)
         self.cell = convex_hull(offsets).corners
-        self.supporting: tuple[Any, Any] = None, None  # for :attr:`.Footprint.polygon`: the last hulls and polygons
-        self.stretch = _in_cell(self.centres[self.under], self.corners[self.under], skin.areas[self.under])
+        self.last_polygons: tuple[Any, Any] = None, None
+        standing = self.can_stand
+        self.full_contact_correction = _full_contact_correction(
+            self.centres[standing], self.corners[standing], skin.areas[standing]
+        )
 
 
-def _in_cell(centres: Array, corners: Array, areas: Array) -> tuple[Array, Array] | None:
-    """The centre c of the skin (2,) and the matrix (2, 2) that corrects a CoP p at full contact to c + M (p - c).
+def _full_contact_correction(centres: Array, corners: Array, areas: Array) -> tuple[Array, Array] | None:
+    r"""Return the centre of the skin (2,) and the matrix (2, 2) that correct a CoP at full contact.
 
-    A taxel's force is taken to act at its centre, which puts the CoP too near the middle: under a pressure that
-    changes linearly the moments within the cells are missing. M = 1 + R S^-1 with the mean second moments R of a cell
-    about its centre and S of the centres about theirs (1.012 and 1.047 on the sole of 42 hexagons).
+    The CoP assumes that each force acts at the centre of its cell. Under a linear pressure the moments within the
+    cells are missing, and the CoP is too near the centre of the skin :math:`\mathbf{c}_0`. The correction is
+
+    .. math::
+        \mathbf{p} \leftarrow \mathbf{c}_0 + \left( \mathbf{1} + R\,S^{-1} \right) (\mathbf{p} - \mathbf{c}_0)
+
+    with the mean second moment :math:`R` of a cell about its centre and :math:`S` of the centres about
+    :math:`\mathbf{c}_0` [m^2], weighted by area. On the sole with 42 hexagons the matrix is diag(1.012, 1.047).
+    None if the taxels are in one row.
     """
     if len(centres) < 3:
         return None
     middle = areas @ centres / areas.sum()
-    off = centres - middle
-    spread = (areas[:, None] * off).T @ off / areas.sum()
-    if np.linalg.cond(spread) > 1e6:  # one row of taxels
+    arms = centres - middle
+    spread = (areas[:, None] * arms).T @ arms / areas.sum()
+    if np.linalg.cond(spread) > MAX_MOMENT_CONDITION:
         return None
     a = corners - centres[:, None]
     b = np.roll(a, -1, axis=1)

@@ -1,28 +1,29 @@
-"""Contacts keep their number from cycle to cycle."""
+"""Give contacts numbers that stay the same from cycle to cycle."""
 
 import numpy as np
 
 from ..common.arrays import IntArray
 from .footprint import Footprint
 
-NONE = -1
+# Marks a taxel that was in no contact. Derived: -1, one less than the first index of a contact.
+NO_CONTACT = -1
 
 
 class Identities:
-    """Numbers of the contacts of the last frame; a contact inherits where it overlaps, or borders, what was there."""
+    """Keep the numbers of the contacts of the last frame. A contact that overlaps or borders one takes its number."""
 
     def __init__(self, n: int):
-        self._owner = np.full(n + 1, NONE)  # of each taxel, which contact of the last frame it was part of
+        self._owner = np.full(n + 1, NO_CONTACT)  # index of the last frame's contact that each taxel was part of
         self._last: Footprint | None = None
         self._numbers: list[int] = []
         self._next = 1
 
     def follow(self, footprint: Footprint) -> list[int]:
-        """Numbers of a frame's contacts, which is then the last frame.
+        """Return the numbers of the contacts of a frame, and keep the frame as the last one.
 
-        The contact that shares most taxels with one of the last frame inherits its number, the longer living one where
-        several are equal; what shares none with any looks at the neighbours of its taxels, for a contact moves by less
-        than a cell in a cycle; the others get numbers never used before.
+        A number goes to the contact that has the most taxels in common with its contact of the last frame. Of equal
+        candidates the lowest number wins. A contact without common taxels is compared by the neighbours of its taxels,
+        because a contact moves by less than a cell in a cycle. All others get new numbers.
         """
         if footprint is self._last:
             return self._numbers
@@ -30,7 +31,7 @@ class Identities:
         numbers: list[int | None] = [None] * len(footprint.ordered[1])
         self._inherit(numbers, self._owner.take(rows), groups)
         if None in numbers and self._numbers:
-            for owners in self._owner.take(footprint.skin.beside.take(rows, axis=1)):
+            for owners in self._owner.take(footprint.skin.neighbours.take(rows, axis=1)):
                 self._inherit(numbers, owners, groups)
         final = []
         for number in numbers:
@@ -42,16 +43,16 @@ class Identities:
         return final
 
     def forget(self) -> None:
-        """Nothing was there in the last frame; numbers are still never used twice."""
+        """Forget the contacts of the last frame. Their numbers are never used again."""
         if self._last is not None:
-            self._owner[self._last.rows] = NONE
+            self._owner[self._last.rows] = NO_CONTACT
         self._last, self._numbers = None, []
 
     def _inherit(self, numbers: list[int | None], owners: IntArray, groups: IntArray) -> None:
-        """Give groups without a number that of a contact of the last frame that ``owners`` share most with them."""
+        """Give each group without a number that of the last contact with the most ``owners`` in it."""
         count = len(numbers)
-        shared = np.bincount((owners - NONE) * count + groups)[count:]  # the first are those of no contact
-        pairs = [(-int(shared[k]), self._numbers[k // count], k % count) for k in shared.nonzero()[0].tolist()]
+        overlaps = np.bincount((owners - NO_CONTACT) * count + groups)[count:]  # without those of no contact
+        pairs = [(-int(overlaps[k]), self._numbers[k // count], k % count) for k in overlaps.nonzero()[0].tolist()]
         for _, number, group in sorted(pairs):
             if numbers[group] is None and number not in numbers:
                 numbers[group] = number

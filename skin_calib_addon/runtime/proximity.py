@@ -1,31 +1,42 @@
-"""Where a foot will stand, before it does: supporting polygons from distances."""
+"""Predict where a foot will stand before it lands: supporting polygons from distances."""
 
 from typing import Any
 
 import numpy as np
 
 from ..common.arrays import Array
-from .balance.polygon import Polygon, of_grid
+from .balance.polygon import Polygon, from_grid
 from .geometry import GroundGeometry
 
 
 def preemptive_polygon(ground: GroundGeometry, distances: Any, height: float) -> Polygon:
-    """Hull of the cells below which something is nearer than a height, in the ground's coordinates (thesis 4.2.7).
+    """Return the hull of the cells whose distance is below a height, in the coordinates of the ground.
 
-    The thesis prints the opposite sign.
+    Cell i counts if ``d_i < height`` (thesis 4.2.7, which prints the opposite sign).
 
     Parameters
     ----------
     ground : GroundGeometry
+        ``Skin.ground``.
     distances : array, shape (n,)
-        From each taxel along its normal [m]; infinite, or NaN, where nothing is seen.
+        From each taxel along its normal [m]; infinity or NaN if the sensor detects nothing.
     height : float
-        [m].
+        Upper limit of the distances [m].
     """
     near = np.asarray(distances, float) < height  # NaN is not near
-    return of_grid(ground.corner_hull.hull((near & ground.under).nonzero()[0]), ground.corner_hull.step)
+    return from_grid(ground.corner_hull.hull((near & ground.can_stand).nonzero()[0]), ground.corner_hull.step)
 
 
 def height_contours(ground: GroundGeometry, distances: Any, heights: Array) -> tuple[Polygon, ...]:
-    """:func:`preemptive_polygon` for several heights: the ground below a swinging foot as contour lines."""
+    """Return :func:`preemptive_polygon` for several heights: contour lines of the ground below a swinging foot.
+
+    Parameters
+    ----------
+    ground : GroundGeometry
+        ``Skin.ground``.
+    distances : array, shape (n,)
+        As for :func:`preemptive_polygon` [m].
+    heights : array, shape (k,)
+        Upper limits of the distances [m].
+    """
     return tuple(preemptive_polygon(ground, distances, float(h)) for h in heights)

@@ -1,4 +1,4 @@
-"""From what the electronics send to newtons on the taxels, and what of it cannot be trusted."""
+"""Turn readings of the electronics into forces on the taxels, and find readings that cannot be trusted."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -12,38 +12,39 @@ from .geometry import SkinGeometry
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
 
-# A megapascal on a large board is a kilonewton; a force beyond this is no force on a taxel [N].
-LARGEST = 1e6
-# A reading beyond this is no rest of a sensor, and would spoil the mean of those that are.
-HUGE = 1e100
-# A pressed taxel whose reading does not change in the last bit for this long is in doubt [s].
-STUCK = 30.0
+# [N] A larger force on one taxel is impossible: a pressure of 1 MPa on a large board is 1 kN.
+# Larger: broken readings enter the wrench.
+MAX_FORCE = 1e6
+# [reading] A larger reading is left out of the baseline: the sum of several would overflow. Derived: from the range
+# of double-precision numbers.
+MAX_READING = 1e100
+# [s] An active taxel whose reading has not changed in the last bit for longer is stuck.
+# Larger: a broken taxel is reported later; smaller: a constant load on a taxel without noise is reported.
+STUCK_TIME = 30.0
 
 
 class Readings:
-    """Turns rows of readings into forces; remembers the baseline, the masked taxels and when each reading changed."""
+    """Convert readings to forces. Keep the baseline, the masked taxels, and when each reading last changed."""
 
     def __init__(self, calibration: "LinkCalibration", geometry: SkinGeometry):
-        from ..calibration.taxel_responses import (
-            TaxelResponses,  # the reader's imports are paid by who has a calibration
-        )
+        from ..calibration.taxel_responses import TaxelResponses  # imported late: only a skin needs these modules
 
         self.link, self.channels = calibration.link, geometry.channels
         self.length = int(geometry.channels.max(initial=-1)) + 1
         self.alive: BoolArray = np.ones(len(geometry.ids), bool)
         self._responses = TaxelResponses.of(calibration)
-        self._shift: Array | None = None  # what the baseline adds to each reading, so that rest is rest
+        self._shift: Array | None = None  # added to each reading, so that the reading at rest gives no force
         self._can_saturate = bool(np.isfinite(self._responses.full).any())
         self._last = np.full(len(geometry.ids), np.nan)
         self._since = np.full(len(geometry.ids), np.inf)
 
     def intensities(self, readings: Any) -> Array:
-        """What each taxel reads, shape (n,), as floating numbers: 8-bit arithmetic would wrap round.
+        """Return the reading of each taxel, shape (n,), in double precision: sums of 8-bit numbers overflow.
 
         Raises
         ------
         InvalidReading
-            If it is not one row of numbers, or shorter than the highest channel; ``flag`` says which.
+            If this is not one row of numbers, or is too short for the highest channel. ``flag`` names the problem.
         """
         return self._rows(readings, (1,)).astype(float)
 
@@ -51,13 +52,13 @@ class Readings:
         try:
             readings = np.asarray(readings)
         except ValueError as error:
-            what = "a reading is one row of real numbers, not rows of different lengths"
+            what = "a reading must be one row of real numbers; this one has rows of different lengths"
             raise InvalidReading(what, flag="wrong_type") from error
-        except Exception as error:  # whatever the arrays of other libraries raise when they cannot be read here
-            what = f"a reading is one row of real numbers, not {type(readings).__name__}: {error}"
+        except Exception as error:  # arrays of other libraries raise errors of any type if they cannot be converted
+            what = f"a reading must be one row of real numbers; this one is {type(readings).__name__}: {error}"
             raise InvalidReading(what, flag="wrong_type") from error
         if readings.ndim not in dimensions or readings.dtype.kind not in "buif":
-            what = f"a reading is one row of real numbers, not {readings.dtype} of shape {readings.shape}"
+            what = f"a reading must be one row of real numbers; this one is {readings.dtype} of shape {readings.shape}"
             raise InvalidReading(what, flag="wrong_type")
         if readings.shape[-1] < self.length:
             raise InvalidReading(
@@ -68,48 +69,80 @@ class Readings:
         return readings.take(self.channels, axis=-1)
 
     def forces(self, intensities: Array) -> tuple[Array, BoolArray]:
-        """Forces of the taxels (n,) [N], and whether each is one that can be; masked taxels have none."""
+        r"""Return the forces of the taxels (n,) [N], and which of them are valid; masked taxels are not.
+
+        With the response :math:`R_i`, the reading :math:`I_i` and the baseline :math:`b_i` of each taxel:
+
+        .. math::
+            f_i = \max\bigl(0,\; R_i(I_i + b_i)\bigr) .
+        """
         shifted = intensities if self._shift is None else intensities + self._shift
         forces = self._responses.forces(shifted)
-        return forces, (forces <= LARGEST) & self.alive
+        return forces, (forces <= MAX_FORCE) & self.alive
 
     def tare(self, readings: Any) -> None:
-        """As :meth:`.Skin.tare`."""
+        """Set the baseline, see :meth:`.Skin.tare`."""
         rows = np.atleast_2d(self._rows(readings, (1, 2)).astype(float))
-        finite = np.abs(rows) < HUGE
+        finite = np.abs(rows) < MAX_READING
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
         before = np.zeros(rows.shape[1]) if self._shift is None else self._shift
         self._shift = np.where(counts > 0, self._responses.rest - mean, before)
 
     def saturated(self, intensities: Array) -> BoolArray:
-        """(n,) whether the reading is at the end of the response's range, where the force may be larger."""
+        """Return which readings (n,) are at the end of the range of their response: the force may be larger."""
         if not self._can_saturate:
             return np.zeros(len(intensities), bool)
         return self._responses.saturated(intensities if self._shift is None else intensities + self._shift)
 
-    def doubts(self, intensities: Array, known: BoolArray) -> frozenset[str]:
-        """``not_finite`` and ``too_large``, as they apply to the taxels that are not masked."""
+    def flags(self, intensities: Array, known: BoolArray) -> frozenset[str]:
+        """Return ``not_finite`` and ``too_large`` if taxels that are not masked have such readings.
+
+        Parameters
+        ----------
+        intensities : array, shape (n,)
+            Reading of each taxel.
+        known : array of bool, shape (n,)
+            Which taxels have a valid force.
+        """
         if np.count_nonzero(known) == len(known):
             return frozenset()
-        lost = ~known & self.alive
-        if not np.count_nonzero(lost):
+        invalid = ~known & self.alive
+        if not np.count_nonzero(invalid):
             return frozenset()
-        finite = np.isfinite(intensities[lost])
+        finite = np.isfinite(intensities[invalid])
         return frozenset([*(["too_large"] if finite.any() else []), *([] if finite.all() else ["not_finite"])])
 
-    def still(self, intensities: Array) -> BoolArray:
-        """(n,) whether the reading is the last one to the last bit."""
+    def unchanged(self, intensities: Array) -> BoolArray:
+        """Return which readings (n,) equal those of the last frame in every bit."""
         return intensities == self._last
 
-    def stuck(self, still: BoolArray, time: float) -> BoolArray:
-        """(n,) whether a reading that is the last one has been so for half a minute."""
-        return still & (self._since < time - STUCK) if math.isfinite(time) else np.zeros(len(still), bool)
+    def stuck(self, unchanged: BoolArray, time: float) -> BoolArray:
+        """Return which readings (n,) have not changed for longer than the limit.
 
-    def accept(self, intensities: Array, still: BoolArray, time: float) -> None:
-        """Remember when each reading changed last, unless the time is none; where time ran back, from now on."""
+        Parameters
+        ----------
+        unchanged : array of bool, shape (n,)
+            Which readings equal those of the last frame.
+        time : float
+            Of the frame [s].
+        """
+        return unchanged & (self._since < time - STUCK_TIME) if math.isfinite(time) else np.zeros(len(unchanged), bool)
+
+    def accept(self, intensities: Array, unchanged: BoolArray, time: float) -> None:
+        """Store the readings and when each of them last changed. After a step back in time, count from this time.
+
+        Parameters
+        ----------
+        intensities : array, shape (n,)
+            Reading of each taxel.
+        unchanged : array of bool, shape (n,)
+            Which readings equal those of the last frame.
+        time : float
+            Of the frame [s]; if it is not finite, nothing is stored.
+        """
         if not math.isfinite(time):
             return
         np.minimum(self._since, time, out=self._since)
-        np.copyto(self._since, time, where=~still)
+        np.copyto(self._since, time, where=~unchanged)
         self._last = intensities

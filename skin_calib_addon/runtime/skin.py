@@ -1,4 +1,4 @@
-"""The skin of one link as a controller sees it."""
+"""Give a controller the skin of one link: readings in, a frame with contacts, wrench and CoP out."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -20,27 +20,30 @@ from .readings import Readings
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
 
-# A taxel becomes active above the first force and stays so down to the second [N].
-SWITCH_ON, SWITCH_OFF = 0.2, 0.1
+# [N] Force from which on a taxel becomes active. Larger: weak contacts are not found; smaller: noise makes contacts.
+SWITCH_ON = 0.2
+# [N] Force down to which it stays active. Larger (nearer to SWITCH_ON): contacts appear and disappear with the noise.
+SWITCH_OFF = 0.1
 
 
 def load(
     path: str | Path, switch_on: float = SWITCH_ON, switch_off: float = SWITCH_OFF, ground: Plane | None = None
 ) -> "Skin":
-    """Read a calibration file into a skin.
+    """Read a calibration file and return its skin.
 
     Parameters
     ----------
     path : path
+        Of a ``*.calibration.json`` file.
     switch_on, switch_off, ground
         As for :class:`Skin`.
 
     Raises
     ------
     CalibrationFormatError
-        With every finding, if the file is not valid.
+        If the file is not valid; ``findings`` has every problem.
     """
-    from ..calibration.file import load_calibration  # the reader's imports are paid by who reads
+    from ..calibration.file import load_calibration  # imported late: only a caller with a file needs these modules
 
     return Skin(load_calibration(path), switch_on, switch_off, ground)
 
@@ -51,11 +54,17 @@ class Skin:
     Parameters
     ----------
     calibration : LinkCalibration
+        Taxels and responses.
     switch_on, switch_off : float
-        Forces at which a taxel becomes and stays active [N].
+        Forces from which on a taxel becomes active, and down to which it stays active [N].
     ground : Plane, optional
-        What the link stands on, in its frame. By default, for a skin that is about flat, the plane through its taxels
-        that faces them; a skin round a limb has none, and no CoP, ZMP and polygons.
+        The plane on which the link stands, in its frame. Default for a flat skin: the plane through its taxels, below
+        the robot. A skin around a limb has no ground, and therefore no CoP, ZMP and polygons.
+
+    Raises
+    ------
+    ValueError
+        If the forces are not ``0 < switch_off <= switch_on``.
     """
 
     def __init__(
@@ -80,92 +89,98 @@ class Skin:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Of all taxels."""
+        """Ids of all taxels."""
         return self.geometry.ids
 
     @property
     def channels(self) -> IntArray:
-        """(n,) where each taxel stands in a reading."""
+        """Index (n,) of each taxel in a reading."""
         return self.geometry.channels
 
     @property
     def positions(self) -> Array:
-        """(n, 3) [m]."""
+        """Positions (n, 3) in the link frame [m]."""
         return self.geometry.positions
 
     @property
     def normals(self) -> Array:
-        """(n, 3) unit, out of the robot."""
+        """Normals (n, 3) in the link frame, unit, out of the robot."""
         return self.geometry.normals
 
     @property
     def areas(self) -> Array:
-        """(n,) of the cells [m^2]."""
+        """Areas (n,) of the cells [m^2]."""
         return self.geometry.areas
 
     @property
     def pairs(self) -> IntArray:
-        """(e, 2) rows of neighbours, the lower first."""
+        """Rows (e, 2) of neighbours, the lower row first."""
         return self.geometry.pairs
 
     @property
     def reading_length(self) -> int:
-        """How many numbers a reading must have at least: the highest channel plus one."""
+        """Minimum length of a reading: the highest channel plus one."""
         return self._readings.length
 
     @property
     def wrenches(self) -> Array:
-        """(n, 6) wrench about the link's origin that 1 N on each taxel applies to the robot (thesis 3.16)."""
+        r"""Wrench (n, 6) of 1 N on each taxel on the robot, about the origin of the link (thesis eq. 3.16 to 3.18).
+
+        A force :math:`f_i` pushes against the outward normal. The wrench of the skin [N, N m] is
+
+        .. math::
+            \mathbf{w} = \sum_i f_i \begin{bmatrix} -\mathbf{n}_i \\ \mathbf{p}_i \times (-\mathbf{n}_i) \end{bmatrix} .
+        """
         return self.geometry.wrenches
 
     @property
     def observable(self) -> BoolArray:
-        """(6,) which components of the wrench the skin can feel at all: 3 of 6 for a flat sole."""
+        """Which components (6,) of the wrench the skin observes: 3 of 6 for a flat sole."""
         return observable(self.geometry.wrenches)
 
     @property
     def rank(self) -> int:
-        """How many independent wrenches the skin can feel."""
+        """Number of independent wrenches that the skin observes."""
         return wrench_rank(self.geometry.wrenches)
 
     def forces(self, readings: Any) -> Array:
-        """Forces of a reading, shape (n,) [N], never negative; NaN where the reading is not a finite number.
+        """Return the forces of a reading, shape (n,) [N], never negative; NaN where the reading is not finite.
 
         Parameters
         ----------
         readings : array, shape (channels,)
-            One frame as the electronics send it, of any real dtype.
+            One frame of the electronics, of any real data type.
 
         Raises
         ------
         InvalidReading
-            If it is not one row of numbers, or shorter than the highest channel.
+            If this is not one row of numbers, or is too short for the highest channel.
         """
         forces, known = self._readings.forces(self._readings.intensities(readings))
         return np.where(known, forces, np.nan)
 
     def tare(self, readings: Any) -> None:
-        """Take what the sensors send now as what they send at rest: one frame, or the mean of several.
+        """Set the baseline: these readings give no force from now on. Of several frames the mean counts.
 
         Parameters
         ----------
         readings : array, shape (channels,) or (frames, channels)
-            With nothing on the skin. A taxel that gives no number keeps its baseline.
+            Without contact. A taxel without a finite number keeps its baseline.
 
         Raises
         ------
         InvalidReading
-            As :meth:`forces`; the baseline is then as it was.
+            As for :meth:`forces`; the baseline does not change.
         """
         self._readings.tare(readings)
 
     def mask(self, ids: Iterable[str]) -> None:
-        """Leave these taxels, which are dead or lie, out of everything from now on; no ids leave none out.
+        """Leave out these defective taxels from now on; an empty list masks none.
 
         Raises
         ------
         KeyError
-            If there is no such taxel.
+            If a taxel does not exist.
         """
         row = {name: i for i, name in enumerate(self.ids)}
         masked = np.zeros(len(self.ids), bool)
@@ -176,32 +191,32 @@ class Skin:
         self._readings.alive = ~masked
 
     def update(self, readings: Any, time: float) -> Frame:
-        """What the skin feels in one frame of readings; no reading raises an error.
+        """Compute the frame of one reading. A wrong reading raises no error.
 
         Parameters
         ----------
         readings : array, shape (channels,)
-            One frame as the electronics send it, of any real dtype. One that cannot be read gives a frame that says so
-            in its ``flags`` and ``problem``, in which nothing is known, and leaves the skin as it was.
+            One frame of the electronics, of any real data type. If it cannot be read, the frame states why in its
+            ``flags`` and ``problem``, nothing in it is known, and the state of the skin does not change.
         time : float
-            Of the frame [s].
+            Of the reading [s].
         """
         time = float(time)
-        flags = self._clock.doubts(time)
+        flags = self._clock.flags(time)
         try:
             intensities = self._readings.intensities(readings)
         except InvalidReading as error:
             return self._unknown(time, flags | {error.flag}, str(error))
         forces, known = self._readings.forces(intensities)
-        flags |= self._readings.doubts(intensities, known)
-        heard = np.count_nonzero(known)
-        if heard == 0 < len(known):
-            return self._unknown(time, flags | {"blind"}, "no taxel gives a reading")
-        fresh = not flags.isdisjoint({"time_back", "time_jump"})  # what was felt before says nothing about now
+        flags |= self._readings.flags(intensities, known)
+        known_count = np.count_nonzero(known)
+        if known_count == 0 < len(known):
+            return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading")
+        fresh = not flags.isdisjoint({"time_back", "time_jump"})  # the last frame says nothing about this one
         active = state = forces >= self.switch_on  # NaN is not
         if not fresh:
             active = state = active | (self._active & (forces >= self.switch_off))
-        if heard < len(known):
+        if known_count < len(known):
             forces = np.where(known, forces, 0.0)
             active = active & known
             state = active if fresh else np.where(known, active, self._active)
@@ -209,20 +224,20 @@ class Skin:
         footprint = self._footprint
         if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
-        still = self._readings.still(intensities)
-        stuck = self._readings.stuck(still, time) & active
+        unchanged = self._readings.unchanged(intensities)
+        stuck = self._readings.stuck(unchanged, time) & active
         saturated = self._readings.saturated(intensities) & known
         flags |= {name for name, which in (("stuck", stuck), ("saturated", saturated)) if np.count_nonzero(which)}
         if fresh:
             self._identities.forget()
         contacts, wrench = contacts_of(footprint, forces, self._identities.follow(footprint))
         self._clock.accept(time)
-        self._readings.accept(intensities, still, time)
+        self._readings.accept(intensities, unchanged, time)
         self._active, self._footprint = state, footprint
         return Frame(time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint)
 
     def _unknown(self, time: float, flags: frozenset[str], problem: str) -> Frame:
-        """The frame of a reading that says nothing; the skin stays as it was."""
+        """Return the frame of a reading that cannot be used; the state of the skin does not change."""
         n = len(self.ids)
         nothing = np.zeros(n, bool)
         return Frame(time, np.zeros(n), nothing, nothing, nothing, (), np.full(6, np.nan), flags, problem, None)

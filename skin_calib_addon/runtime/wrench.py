@@ -1,8 +1,15 @@
-"""Wrenches (6,): force, then moment about a named point, in the axes of a named frame [N, N m].
+r"""Move wrenches between points and frames; compute virtual wrenches.
 
-A frame's ``wrench`` is about the origin of its link and along the link's axes, which is what a Jacobian of that origin
-needs: ``tau = J.T @ turned(wrench, R)`` with J in the link's origin and the world's axes and R the link's rotation
-(thesis 3.20 and 3.22, where each wrench needs the rotation of its own link).
+A wrench (6,) is a force, then a moment about a named point, along the axes of a named frame [N, N m].
+
+The ``wrench`` of a frame is about the origin of its link, along the axes of the link. With the Jacobian :math:`J` of
+that origin in world axes and the rotation :math:`R` of the link, the joint torques are (thesis eq. 3.20 and 3.22, where
+each wrench needs the rotation of its own link)
+
+.. math::
+    \boldsymbol{\tau} = J^T \begin{bmatrix} R & 0 \\ 0 & R \end{bmatrix} \mathbf{w} .
+
+In code: ``tau = J.T @ turned(wrench, R)``.
 """
 
 import math
@@ -14,38 +21,64 @@ from ..common.arrays import Array
 from .geometry import SkinGeometry
 from .plane import cross
 
-# A wrench spread over less than this has no pressure to speak of: half of a small cell [m^2].
-LEAST_AREA = 2.5e-5
+# [m^2] Smallest area of a pressure-driven wrench: half of a small cell. Larger: small contacts get weaker wrenches;
+# smaller: a contact of a fraction of a cell gets a very large one.
+MIN_AREA = 2.5e-5
 
 
 def about(wrench: Array, point: Any) -> Array:
-    """The same wrench with its moment about another point (3,) of the frame [m]."""
-    return np.concatenate((wrench[:3], wrench[3:] - cross(np.asarray(point, float), wrench[:3])))
-
-
-def turned(wrench: Array, rotation: Array) -> Array:
-    """The same wrench along the axes of another frame, which ``rotation`` (3, 3) takes it to (thesis 3.21)."""
-    return np.concatenate((rotation @ wrench[:3], rotation @ wrench[3:]))
-
-
-def carried(wrench: Array, pose: Array) -> Array:
-    """A wrench about a link's origin along its axes, about another frame's origin and along that frame's axes.
+    """Return the same wrench with its moment about another point: ``tau' = tau - point x f``.
 
     Parameters
     ----------
     wrench : array, shape (6,)
+        About the origin of a frame [N, N m].
+    point : array, shape (3,)
+        In the same frame [m].
+    """
+    return np.concatenate((wrench[:3], wrench[3:] - cross(np.asarray(point, float), wrench[:3])))
+
+
+def turned(wrench: Array, rotation: Array) -> Array:
+    """Return the same wrench along the axes of another frame (thesis eq. 3.21): ``[R f; R tau]``.
+
+    Parameters
+    ----------
+    wrench : array, shape (6,)
+        [N, N m].
+    rotation : array, shape (3, 3)
+        ``R_other_frame``.
+    """
+    return np.concatenate((rotation @ wrench[:3], rotation @ wrench[3:]))
+
+
+def carried(wrench: Array, pose: Array) -> Array:
+    """Return a wrench about the origin of another frame, along the axes of that frame.
+
+    With the rotation R and the position p of the link in the other frame::
+
+        f' = R f        tau' = R tau + p x (R f)
+
+    Parameters
+    ----------
+    wrench : array, shape (6,)
+        About the origin of a link, along its axes [N, N m].
     pose : array, shape (4, 4)
-        Of the link in the other frame, e.g. ``T_world_link``.
+        Of the link in the other frame, for example ``T_world_link``.
     """
     moved = turned(wrench, pose[:3, :3])
     return np.concatenate((moved[:3], moved[3:] + cross(pose[:3, 3], moved[:3])))
 
 
 def line_of_action(wrench: Array) -> tuple[Array, float] | None:
-    """The point (3,) of a wrench's line nearest to the frame's origin [m], and the moment along that line [N m].
+    r"""Return the point (3,) of the line of action nearest to the origin [m], and the free moment along it [N m].
 
-    ``E = F x N / |F|^2``: the paper's (6) to (9) without its 0/0; the moment along the force, which a real wrench
-    has and the paper forgets, stays as a free moment. None without a force.
+    .. math::
+        \mathbf{e} = \frac{\mathbf{f} \times \boldsymbol{\tau}}{\lVert \mathbf{f} \rVert^2} , \qquad
+        \tau_\parallel = \frac{\mathbf{f} \cdot \boldsymbol{\tau}}{\lVert \mathbf{f} \rVert}
+
+    These are eq. 6 to 9 of the paper without their 0/0. The paper leaves out the moment along the force, which a real
+    wrench has. None if the force is zero.
     """
     force, moment = wrench[:3], wrench[3:]
     size = math.sqrt(float(force @ force))
@@ -55,84 +88,123 @@ def line_of_action(wrench: Array) -> tuple[Array, float] | None:
     return cross(direction, moment) / size, float(direction @ moment)
 
 
-def pressure_driven(wrench: Array, area: float, gain: float, least: float = LEAST_AREA) -> Array:
-    """The wrench that answers pressure, ``gain / area`` times what presses (thesis 3.26, 3.27).
+def pressure_driven(wrench: Array, area: float, gain: float, min_area: float = MIN_AREA) -> Array:
+    """Return the wrench that responds to pressure (thesis eq. 3.26, 3.27, corrected).
 
-    Strong for a fingertip, weak for a palm. One threshold decides which cells count, so that there is an area where
-    there is a wrench; a floor keeps a sliver from making it infinite.
+    It is strong for a fingertip and weak for a palm::
+
+        w_P = gain / max(area, min_area) * w
+
+    The thesis has one threshold for the wrench and another for the area. Here the same cells count for both, and the
+    minimum area keeps the result finite.
 
     Parameters
     ----------
     wrench : array, shape (6,)
+        Of the contact [N, N m].
     area : float
         Of the cells in contact [m^2].
     gain : float
-        The area over which the wrench stays what it is [m^2].
-    least : float
+        The area at which the wrench does not change [m^2].
+    min_area : float
         Smaller areas count as this one [m^2].
     """
-    return wrench * (gain / max(area, least))
+    return wrench * (gain / max(area, min_area))
 
 
-def distances_of(readings: Any, reach: float, full: float) -> Array:
-    """Distances (n,) [m] of sensors that send more the nearer something is, ``full`` at no distance.
+def distances_of(readings: Any, detection_range: float, full_scale: float) -> Array:
+    """Return the distances (n,) [m] of proximity sensors whose reading increases when something is nearer.
 
-    Infinite where a sensor sends 0, which means that nothing is in reach, not that it touches; NaN where it sends no
-    number.
+    The distance is ``detection_range * (1 - reading / full_scale)``. It is infinite for the reading 0, which means that
+    nothing is in range, not a contact. It is NaN for a reading that is not a number.
+
+    Parameters
+    ----------
+    readings : array, shape (n,)
+        One reading for each taxel.
+    detection_range : float
+        Largest distance that a sensor detects [m].
+    full_scale : float
+        Reading at distance zero.
     """
-    nearness = np.asarray(readings, float) / full
-    return np.where(nearness <= 0, np.inf, reach * (1 - np.minimum(nearness, 1.0)))
+    nearness = np.asarray(readings, float) / full_scale
+    return np.where(nearness <= 0, np.inf, detection_range * (1 - np.minimum(nearness, 1.0)))
 
 
-def proximity_wrench(skin: SkinGeometry, distances: Any, reach: float, stiffness: float) -> Array:
-    """The wrench (6,) of springs between the taxels and what is near (thesis 3.30 to 3.32, 4.26).
+def proximity_wrench(skin: SkinGeometry, distances: Any, detection_range: float, stiffness: float) -> Array:
+    r"""Return the wrench (6,) of virtual springs between the taxels and near objects (thesis eq. 3.30 to 3.32, 4.26).
 
-    About the link's origin and along its axes. Each taxel is pushed in, against its normal, by ``stiffness * area *
-    (reach - distance)``: per area, so that a finer skin does not push harder.
+    It is about the origin of the link, along its axes. Each taxel is pushed against its outward normal with the force
+
+    .. math::
+        f_i = k A_i \, \operatorname{clip}(d_{\mathrm{range}} - d_i,\; 0,\; d_{\mathrm{range}}) .
+
+    The thesis pushes along the sensing direction, without a limit, and per taxel. Here the force is per area, so that
+    the wrench does not depend on the resolution of the skin.
 
     Parameters
     ----------
     skin : SkinGeometry
         ``Skin.geometry``.
     distances : array, shape (n,)
-        From each taxel along its normal [m]; infinite, or NaN, where nothing is seen.
-    reach : float
-        Distance from which on nothing pushes [m].
+        :math:`d_i` from each taxel along its normal [m]; infinity or NaN if the sensor detects nothing.
+    detection_range : float
+        :math:`d_{\mathrm{range}}`, distance from which on there is no force [m].
     stiffness : float
-        Per area of skin [N/m^3].
+        :math:`k` per area of skin [N/m^3].
     """
     distances = np.nan_to_num(np.asarray(distances, float), nan=np.inf, posinf=np.inf, neginf=np.inf)
-    return (stiffness * skin.areas * np.clip(reach - distances, 0.0, reach)) @ skin.wrenches
+    return (stiffness * skin.areas * np.clip(detection_range - distances, 0.0, detection_range)) @ skin.wrenches
 
 
 def temperature_wrench(skin: SkinGeometry, temperatures: Any, limit: float, gain: float) -> Array:
-    """The wrench (6,) that draws the link away from heat (thesis 3.34 to 3.37, with a gain that makes it newtons).
+    r"""Return the wrench (6,) that moves the link away from heat (thesis eq. 3.34 to 3.37, corrected).
 
-    About the link's origin and along its axes. Each taxel is pushed in by ``gain * area * (temperature - limit)``.
+    It is about the origin of the link, along its axes. Each taxel is pushed against its outward normal with the force
+
+    .. math::
+        f_i = k A_i \max(0,\; \kappa_i - \kappa_{\mathrm{limit}}) .
+
+    The thesis leaves out the gain :math:`k`, and its force is in kelvin.
 
     Parameters
     ----------
     skin : SkinGeometry
+        ``Skin.geometry``.
     temperatures : array, shape (n,)
-        In the unit of ``limit``; NaN where a sensor sends no number.
+        :math:`\kappa_i`, in the unit of ``limit``; NaN if a sensor has no reading.
     limit : float
-        Temperature up to which nothing pushes.
+        Temperature up to which there is no force.
     gain : float
-        Per area of skin [N/(K m^2)].
+        :math:`k` per area of skin [N/(K m^2)].
     """
     above = np.nan_to_num(np.asarray(temperatures, float) - limit, nan=0.0, posinf=0.0, neginf=0.0)
     return (gain * skin.areas * np.maximum(above, 0.0)) @ skin.wrenches
 
 
 def sole_wrench(touched: bool | None, real: Array, virtual: Array) -> Array:
-    """What a landing foot answers: the virtual wrench until it touches, then the real one alone (thesis 4.30).
+    """Return the wrench for a landing foot: the virtual one before contact, the real one in contact (thesis eq. 4.30).
 
-    Switched by the contact state, which has hysteresis, and not by a wrench being exactly zero. Where contact is not
-    known (None) it stays with the virtual one, the only one there is.
+    The contact state has hysteresis. The thesis compares a wrench with zero instead.
+
+    Parameters
+    ----------
+    touched : bool or None
+        ``Frame.touched``; if it is unknown (None), the result is the virtual wrench.
+    real, virtual : array, shape (6,)
+        Of the contacts, and of :func:`proximity_wrench` [N, N m].
     """
     return real if touched else virtual
 
 
 def lands_early(virtual: Array, threshold: float) -> bool:
-    """Whether what is near pushes a swinging foot hard enough to stop it: ``|f_p| > threshold`` [N] (thesis 4.31)."""
+    """Return whether near objects push a swinging foot so hard that it must stop (thesis eq. 4.31): ``|f_p| > eps``.
+
+    Parameters
+    ----------
+    virtual : array, shape (6,)
+        Of :func:`proximity_wrench` [N, N m].
+    threshold : float
+        eps [N].
+    """
     return math.sqrt(float(virtual[:3] @ virtual[:3])) > threshold

@@ -1,1 +1,1 @@
-"""Supporting polygons, wrench cones, footholds and walking references."""
+"""Compute supporting polygons, wrench cones, footholds and walking references."""

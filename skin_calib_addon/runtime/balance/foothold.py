@@ -1,6 +1,6 @@
-"""Whether a foothold bears, and how far to step aside if not (thesis 4.3.2).
+"""Assess a foothold, and compute how far to step aside from an obstacle (thesis 4.3.2).
 
-All polygons are of one foot and lie in the plane of its sole, in the sole's frame.
+All polygons are of one foot, in the plane of its sole and in the frame of the sole.
 """
 
 import math
@@ -13,24 +13,24 @@ from .polygon import Polygon
 
 
 @dataclass(frozen=True)
-class FootholdShares:
-    """Which share of the sole stands, A_p / A_s, by three areas: the thesis does not say which one it means.
+class FootholdFractions:
+    """Fractions of the sole that carry load, A_p / A_s, by three areas. The thesis does not state which one it means.
 
-    On pebbles the hull is 0.45 of the sole, the cells are 0.10, and what truly touches is 0.011 on simulated soles.
+    On simulated pebbles the hull is 0.45 of the sole, the cells are 0.10, the true contact is 0.011.
     """
 
-    hull: float  # of the outer polygon: bridges what lies between contacts
-    cells: float  # of the active cells, each as a whole: may exceed 1 by a cell's rim
-    guaranteed: float  # of the guaranteed polygon: where the centre of pressure may go for sure
+    hull: float  # of the outer polygon; includes the area between contacts
+    cells: float  # of the active cells, each complete; can be a little over 1
+    guaranteed: float  # of the guaranteed polygon, in which the centre of pressure is safe
 
 
-def foothold_shares(outer: Polygon, cells: float, guaranteed: Polygon, sole: float) -> FootholdShares:
-    """Shares of the sole's area that a contact covers.
+def foothold_fractions(outer: Polygon, cells: float, guaranteed: Polygon, sole: float) -> FootholdFractions:
+    """Return the fractions of the sole that a contact covers, ``A_p / A_s``.
 
     Parameters
     ----------
     outer, guaranteed : Polygon
-        The hulls of the corners of the active cells, and of their centres less a cell.
+        Of :class:`.SupportingPolygon`.
     cells : float
         Sum of the areas of the active cells [m^2].
     sole : float
@@ -39,69 +39,88 @@ def foothold_shares(outer: Polygon, cells: float, guaranteed: Polygon, sole: flo
     Raises
     ------
     ValueError
-        If the sole's area is not a positive number.
+        If the area of the sole is not a positive number.
     """
     if not (sole > 0 and math.isfinite(sole)):
         raise ValueError(f"sole area {sole} m^2 must be a positive number")
-    return FootholdShares(outer.area / sole, cells / sole, guaranteed.area / sole)
+    return FootholdFractions(outer.area / sole, cells / sole, guaranteed.area / sole)
 
 
-def must_replan(share: float, least: float) -> bool:
-    """Whether a step must be planned anew: its share of the sole is not above the least one, or is no number."""
-    return not share > least
+def must_replan(fraction: float, minimum: float) -> bool:
+    """Return whether a step must be planned again: ``A_p / A_s <= eps_A``, or the fraction is not a number.
+
+    Parameters
+    ----------
+    fraction : float
+        A_p / A_s, a value of :class:`FootholdFractions`.
+    minimum : float
+        eps_A.
+    """
+    return not fraction > minimum
 
 
 def width_along(polygon: Polygon, direction: Any) -> float:
-    """Width [m] of an obstacle along a direction (2,), the thesis's Delta_o; 0 of a point or nothing.
+    """Return the width [m] of an obstacle along a direction, Delta_o of the thesis; 0 for a point or an empty polygon.
 
-    Along the axes it is that of the bounding box.
+    Along the x or y axis it is the width of the bounding box.
+
+    Parameters
+    ----------
+    polygon : Polygon
+        The obstacle.
+    direction : array, shape (2,)
+        Any length.
 
     Raises
     ------
     ValueError
-        If the direction has no length.
+        If the direction is zero or not finite.
     """
-    low, high = _reach(polygon, direction)
+    low, high = _extent(polygon, direction)
     return max(high - low, 0.0)
 
 
 def sidestep(obstacle: Polygon, sole: Polygon, direction: Any, clearance: float = 0.0) -> float:
-    """How far [m] a foot moves along a direction (2,) until all of its sole is past an obstacle; 0 if none was met.
+    """Return how far [m] a foot must move along a direction until its complete sole is past an obstacle; 0 without one.
 
-    The thesis adds the obstacle's width and the distance from its near side to the sole's rim behind: together, from
-    that rim to the obstacle's far side; and the clearance. An obstacle that reaches the sole's rim in front may go on
-    beyond it, where no taxel is: then this is the least that it takes. For the shorter way ask along both directions.
+    With the far side of the obstacle and the rear side of the sole along the direction::
+
+        distance = max(far side - rear side + clearance, 0)
+
+    The thesis adds the width of the obstacle and the distance from its near side to the rear side of the sole, which
+    is the same. If the obstacle extends to the front side of the sole, it can extend beyond it, where there are no
+    taxels. The result is then a lower limit. For the shorter of two distances, call this for both directions.
 
     Parameters
     ----------
     obstacle : Polygon
-        What was felt: the outer polygon, for the others may end before the obstacle does.
+        The outer polygon; the other ones can end before the obstacle does.
     sole : Polygon
         The whole sole.
     direction : array, shape (2,)
-        Where to step; its length does not matter.
+        Direction of the step; any length.
     clearance : float
-        Distance [m] to keep between the sole and the obstacle, 0 or more.
+        Distance to keep between the sole and the obstacle [m], 0 or more.
 
     Raises
     ------
     ValueError
-        If the direction has no length, the sole no corners, or the clearance is negative or not a number.
+        If the direction is zero or not finite, the sole is empty, or the clearance is negative or not finite.
     """
     if not (clearance >= 0 and math.isfinite(clearance)):
         raise ValueError(f"clearance {clearance} m must be 0 or more")
     if sole.kind == "empty":
-        raise ValueError("a sole without corners cannot step aside")
-    rim, _ = _reach(sole, direction)
-    _, far = _reach(obstacle, direction)
-    return max(far - rim + clearance, 0.0)
+        raise ValueError("the sole is an empty polygon without corners; pass the outline of the sole")
+    rear, _ = _extent(sole, direction)
+    _, far = _extent(obstacle, direction)
+    return max(far - rear + clearance, 0.0)
 
 
-def _reach(polygon: Polygon, direction: Any) -> tuple[float, float]:
-    """Lowest and highest place of a polygon along a direction; (inf, -inf) of nothing."""
+def _extent(polygon: Polygon, direction: Any) -> tuple[float, float]:
+    """Return the minimum and maximum coordinate of a polygon along a direction; (inf, -inf) for an empty one."""
     x, y = map(float, direction)
     length = math.hypot(x, y)
     if not (length > 0 and math.isfinite(length)):
-        raise ValueError(f"direction {(x, y)} must have a length")
-    places = polygon.corners[:, 0] * (x / length) + polygon.corners[:, 1] * (y / length)
-    return float(places.min(initial=np.inf)), float(places.max(initial=-np.inf))
+        raise ValueError(f"direction {(x, y)} must have a length; pass two finite numbers, not both zero")
+    coordinates = polygon.corners[:, 0] * (x / length) + polygon.corners[:, 1] * (y / length)
+    return float(coordinates.min(initial=np.inf)), float(coordinates.max(initial=-np.inf))

@@ -1,7 +1,7 @@
-"""Convex hulls that are exact: points stand on an integer grid, and every decision is the sign of an integer.
+"""Compute exact convex hulls: points are rounded to an integer grid, and every decision is the sign of an integer.
 
-With rounded cross products two corners that differ in the last bit can cost half of the area; whatever epsilon is
-chosen, some points lie just beside it.
+With rounded cross products, two corners that differ in the last bit can remove half of the area. A tolerance does not
+help: for every tolerance there are points just below it.
 """
 
 import math
@@ -10,33 +10,36 @@ import numpy as np
 
 from ...common.arrays import Array, BoolArray, IntArray
 
-# Grid coordinates stay below 2**29: a grid below a nanometre for a foot, and whole numbers that floats hold exactly.
+# Bits of a grid coordinate. Derived: products of two coordinates must be exact in 64 bits. The grid of a foot is finer
+# than a nanometre.
 GRID_BITS = 29
-SMALLEST = -1074  # the exponent of the smallest number: on that grid every float lies exactly
-FEW = 12  # points that came since the last hull and are sooner put to its corners than found among all
+MIN_EXPONENT = -1074  # Derived: exponent of the smallest double-precision number; every number is on that grid
+# New points up to which the last hull is extended instead of computed again.
+# No effect on the result; larger or smaller: slower.
+MAX_NEW_POINTS = 12
 GridPoint = tuple[int, int]
 
 
 def grid_step(size: float) -> float:
-    """The finest power of two [m] on whose grid coordinates up to ``size`` are below 2**29; under 1 nm for a foot."""
-    step = math.ldexp(1.0, max(math.frexp(size)[1] - GRID_BITS, SMALLEST))
+    """Return the smallest power of two [m] with which coordinates up to ``size`` are below 2**29 steps."""
+    step = math.ldexp(1.0, max(math.frexp(size)[1] - GRID_BITS, MIN_EXPONENT))
     return step if round(size / step) < 2**GRID_BITS else 2 * step
 
 
 class HullTable:
-    """Points of which some, other ones each time, have a convex hull; what does not change is worked out once.
+    """A set of points that computes the convex hull of some of them, other ones in each call.
 
-    The last hull is remembered: a contact that moves wins and loses a few cells in a cycle, and mostly no corner.
+    It keeps the last hull. A contact that moves gains and loses a few cells in a cycle, and mostly no corner.
 
     Parameters
     ----------
     points : array, shape (n, 2) or (n, k, 2)
-        One point, or k, for each of n rows [m].
+        One point, or k points, for each of n rows [m].
 
     Raises
     ------
     ValueError
-        If a coordinate is not finite: such a point has no place.
+        If a coordinate is not finite.
     """
 
     def __init__(self, points: Array):
@@ -44,68 +47,68 @@ class HullTable:
         points = points.reshape(len(points), points.size // (2 * len(points)) if len(points) else 1, 2)
         size = float(np.abs(points).max(initial=0.0))
         if not math.isfinite(size):
-            raise ValueError("a point of a convex hull must be finite")
+            raise ValueError("a point of a convex hull must be finite; check the coordinates for NaN and infinity")
         self.step = grid_step(size)
         whole = np.rint(points / self.step).astype(np.int64)
-        places, rank = np.unique(whole.reshape(-1, 2), axis=0, return_inverse=True)
-        self._places: list[GridPoint] = list(map(tuple, places.tolist()))  # sorted; points in one place are one
+        distinct, rank = np.unique(whole.reshape(-1, 2), axis=0, return_inverse=True)
+        self._points: list[GridPoint] = list(map(tuple, distinct.tolist()))  # sorted; equal points are one
         self._rank = rank.reshape(points.shape[:2])
-        self._y = places[:, 1].copy()
-        self._last: tuple[BoolArray, list[GridPoint]] = np.zeros(len(places), bool), []  # which, and their hull
+        self._y = distinct[:, 1].copy()
+        # Which points the last call chose, and their hull.
+        self._last: tuple[BoolArray, list[GridPoint]] = np.zeros(len(distinct), bool), []
 
     @property
     def size(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return len(self._rank)
 
     def hull(self, rows: IntArray) -> list[GridPoint]:
-        """Corners of the hull of some rows' points, in steps of the grid, counter-clockwise from the leftmost.
+        """Return the corners of the hull of the points of some rows, in grid steps, counter-clockwise from the left.
 
-        No corner lies on the line of its neighbours. One point, or many in one place, give one corner; points on a line
-        give its two ends; none give none.
+        No three neighbouring corners are on a line. Equal points give one corner, points on a line two, no rows none.
         """
-        among = np.zeros(len(self._places), bool)
-        among[self._rank.take(rows, axis=0)] = True
+        chosen = np.zeros(len(self._points), bool)
+        chosen[self._rank.take(rows, axis=0)] = True
         before, corners = self._last
-        came = (among > before).nonzero()[0].tolist()
-        if len(came) > FEW or any(self._places[k] in corners for k in (before > among).nonzero()[0].tolist()):
-            corners = self._hull(among.nonzero()[0])
-        elif came:  # what goes and was no corner changes no hull
-            ordered = sorted([*corners, *(self._places[k] for k in came)])
-            corners = _joined(ordered, ordered[::-1])
-        self._last = among, corners
+        added = (chosen > before).nonzero()[0].tolist()
+        removed = (before > chosen).nonzero()[0].tolist()
+        if len(added) > MAX_NEW_POINTS or any(self._points[k] in corners for k in removed):
+            corners = self._hull(chosen.nonzero()[0])
+        elif added:  # a removed point that was not a corner does not change the hull
+            ordered = sorted([*corners, *(self._points[k] for k in added)])
+            corners = _hull_of_halves(ordered, ordered[::-1])
+        self._last = chosen, corners
         return corners.copy()
 
     def _hull(self, chosen: IntArray) -> list[GridPoint]:
-        """Corners of the hull of some places, which ascend."""
+        """Return the corners of the hull of some points, whose indices are in ascending order."""
         if len(chosen) < 2:
-            return [self._places[k] for k in chosen.tolist()]
+            return [self._points[k] for k in chosen.tolist()]
         first, last = int(chosen[0]), int(chosen[-1])
         y, between = self._y.take(chosen), chosen[1:-1]
-        low, high = (between[_steps(heights)].tolist() for heights in (-y, y))
-        below = [self._places[k] for k in (first, *low, last)]
-        above = [self._places[k] for k in (last, *high[::-1], first)]
-        return _joined(below, above)
+        low, high = (between[_upper_candidates(heights)].tolist() for heights in (-y, y))
+        below = [self._points[k] for k in (first, *low, last)]
+        above = [self._points[k] for k in (last, *high[::-1], first)]
+        return _hull_of_halves(below, above)
 
 
-def _joined(below: list[GridPoint], above: list[GridPoint]) -> list[GridPoint]:
-    """The hull of points of which the lower half is among the first ones, ordered, the upper half among the others."""
+def _hull_of_halves(below: list[GridPoint], above: list[GridPoint]) -> list[GridPoint]:
+    """Return a hull from candidates of its lower half, sorted forwards, and of its upper half, sorted backwards."""
     return below if len(below) < 2 else _left_turns(below)[:-1] + _left_turns(above)[:-1]
 
 
-def _steps(heights: IntArray) -> BoolArray:
-    """Which of n points, sorted by x and then y, can be corners of the upper half of their hull: (n - 2,) bool.
+def _upper_candidates(heights: IntArray) -> BoolArray:
+    """Return which inner points (n - 2,) of n points, sorted by x and then y, can be corners of the upper hull.
 
-    A corner of the upper half is the outermost point in some direction that leans to one side; on the other side all
-    points are lower than it. Few others are higher than all before, or than all behind them. The first and the last
-    point, which are corners of both halves, are not asked.
+    A corner of the upper hull is higher than all points before it, or than all points after it. Few other points are.
+    The first and the last point are corners of both halves, and are left out.
     """
-    before, behind = np.maximum.accumulate(heights), np.maximum.accumulate(heights[::-1])[::-1]
-    return heights[1:-1] > np.minimum(before[:-2], behind[2:])
+    before, after = np.maximum.accumulate(heights), np.maximum.accumulate(heights[::-1])[::-1]
+    return heights[1:-1] > np.minimum(before[:-2], after[2:])
 
 
 def _left_turns(ordered: list[GridPoint]) -> list[GridPoint]:
-    """The part of the hull that turns left from the first to the last of ordered points."""
+    """Return the chain that turns left from the first to the last of sorted points (Andrew's monotone chain)."""
     chain: list[GridPoint] = []
     for x, y in ordered:
         while len(chain) > 1:

@@ -1,4 +1,4 @@
-"""Convex polygons in a plane: the supporting polygon, and what a walking controller asks of it."""
+"""Represent convex polygons in a plane, such as supporting polygons: area, margin, nearest point, inset."""
 
 import math
 from collections import deque
@@ -14,20 +14,25 @@ from ...common.arrays import Array
 from .hull import GridPoint, HullTable
 
 Point = tuple[float, float]
-Corner = tuple[float, float, int]  # a point, and which side leaves it
-Side = tuple[float, float, float, float, float]  # where it starts, a unit vector along it, its length
+Corner = tuple[float, float, int]  # a point, and the index of the side that starts at it
+Side = tuple[float, float, float, float, float]  # start, unit vector along it, length
 
 KINDS = ("empty", "point", "segment", "area")
-# How far rounding may take a cross product, for the sizes of its two terms (Shewchuk 1997); and where they underflow.
-DOUBT, TINY = 3.3306690738754716e-16, 1e-290
-THIN = 1e-10  # of a sum of cross products, the share that rounding may have; more in a very thin polygon
+# Rounding error of a cross product, relative to the sizes of its two terms. Derived: from double precision
+# (Shewchuk 1997, ccwerrboundA).
+ROUNDING_BOUND = 3.3306690738754716e-16
+# Size of the terms below which they can underflow, so that the bound is not valid. Derived: from double precision.
+UNDERFLOW_LIMIT = 1e-290
+# Rounding error of an area, relative to the area, from which on the area is computed with fractions: in very thin
+# polygons. Larger: less accurate areas; smaller: slower for thin polygons.
+MAX_ROUNDING_FRACTION = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
 class Polygon:
-    """A convex polygon, counter-clockwise; also what is left of one: a segment, a point, nothing.
+    """A convex polygon with counter-clockwise corners; also a segment, a point, or an empty polygon.
 
-    Made by :func:`convex_hull`; then the corners lie on its grid and no three of them on a line.
+    :func:`convex_hull` makes polygons whose corners are on its grid and of which no three corners are on a line.
     """
 
     corners: Array  # (k, 2) [m], read-only
@@ -46,13 +51,13 @@ class Polygon:
 
     @cached_property
     def _edges(self) -> list[tuple[Point, Point]]:
-        """Where each edge starts and ends; a segment has two, there and back."""
+        """Start and end of each edge; a segment has two edges of opposite direction."""
         loop = self._loop
         return list(zip(loop, loop[1:] + loop[:1])) if len(loop) > 1 else []
 
     @cached_property
     def _sides(self) -> list[Side]:
-        """The edges by their directions, which have a length however small or large the coordinates."""
+        """Start, unit direction and length of each edge; without overflow and underflow for any coordinates."""
         sides = []
         for (x, y), (u, v) in self._edges:
             r = math.hypot(u - x, v - y)
@@ -61,18 +66,18 @@ class Polygon:
 
     @cached_property
     def _moments(self) -> tuple[float, Point]:
-        """Area, and from the first corner to the centroid."""
+        """Area, and the vector from the first corner to the centroid."""
         if len(self._loop) < 3:
             return 0.0, (0.0, 0.0)
         start = self._loop[0]
         corners = [(x - start[0], y - start[1]) for x, y in self._loop[1:]]
         twice, along_x, along_y = _fan(corners)
         spread = sum(abs(x * v) + abs(y * u) for (x, y), (u, v) in zip(corners, corners[1:]))
-        if TINY < DOUBT * spread < THIN * twice < math.inf:
+        if UNDERFLOW_LIMIT < ROUNDING_BOUND * spread < MAX_ROUNDING_FRACTION * twice < math.inf:
             return twice / 2, (along_x / twice / 3, along_y / twice / 3)
         x0, y0 = map(Fraction, start)
         twice, along_x, along_y = _fan([(Fraction(x) - x0, Fraction(y) - y0) for x, y in self._loop[1:]])
-        if not twice:  # corners on a line, which no hull has
+        if not twice:  # all corners are on a line; hulls have no such corners
             middle = (self.corners / len(self._loop)).sum(axis=0) - start
             return 0.0, (float(middle[0]), float(middle[1]))
         try:
@@ -83,14 +88,14 @@ class Polygon:
 
     @property
     def area(self) -> float:
-        """[m^2]; 0 for a segment or a point."""
+        """Area [m^2]; 0 for a segment or a point."""
         return self._moments[0]
 
     @cached_property
     def centroid(self) -> Array | None:
-        """Centre of the area (2,) [m], not the mean of the corners, which is 11 mm off on soles.
+        """Centre of the area (2,) [m]; the middle of a segment, the point itself, None for an empty polygon.
 
-        The middle of a segment, the point itself; None where nothing is.
+        The mean of the corners is another point; on soles it is 11 mm away.
         """
         if not self._loop:
             return None
@@ -100,21 +105,21 @@ class Polygon:
 
     @property
     def bounds(self) -> tuple[Array, Array] | None:
-        """Lowest and highest coordinates, each (2,) [m]; None where nothing is."""
+        """Minimum and maximum coordinates, each (2,) [m]; None for an empty polygon."""
         return (self.corners.min(axis=0), self.corners.max(axis=0)) if self._loop else None
 
     @cached_property
     def half_planes(self) -> tuple[Array, Array]:
-        """Outward unit normals (k, 2) and offsets (k,) [m]: a point p is inside where ``normals @ p <= offsets``.
+        """Outward unit normals (k, 2) and offsets (k,) [m]: a point p is inside if ``normals @ p <= offsets``.
 
-        Empty arrays unless the polygon has an area.
+        Empty arrays if the polygon has no area.
         """
         sides = self._sides if len(self._loop) > 2 else []
         table = np.array([(uy, -ux, x * uy - y * ux) for x, y, ux, uy, _ in sides]).reshape(-1, 3)
         return table[:, :2], table[:, 2]
 
     def margin(self, point: Any) -> float:
-        """Distance [m] of a point (2,) to the border, positive inside, negative outside; -inf where nothing is."""
+        """Return the distance [m] of a point (2,) to the border: positive inside, negative outside, -inf if empty."""
         x, y = map(float, point)
         if self.contains((x, y)):
             depths = [ux * (y - b) - uy * (x - a) for a, b, ux, uy, _ in self._sides]
@@ -123,7 +128,7 @@ class Polygon:
         return -math.hypot(near[0] - x, near[1] - y) if near else -math.inf
 
     def contains(self, point: Any) -> bool:
-        """Whether a point (2,) lies inside or on the border, without any rounding; one that is no number does not."""
+        """Return whether a point (2,) is inside or on the border, without rounding; False if it is not finite."""
         x, y = map(float, point)
         if not (math.isfinite(x) and math.isfinite(y)):
             return False
@@ -135,9 +140,11 @@ class Polygon:
         return len(self._loop) > 2 or (min(ax, bx) <= x <= max(ax, bx) and min(ay, by) <= y <= max(ay, by))
 
     def closest(self, point: Any) -> Array | None:
-        """The point (2,) of the polygon nearest to a point: a desired ZMP kept inside (thesis, Algorithm 1, corrected).
+        """Return the point (2,) of the polygon nearest to a point (thesis, Algorithm 1, corrected).
 
-        The point itself where it is inside; None where the polygon is empty or the point no number.
+        It limits a desired ZMP to the polygon. The result is the point itself if it is inside, and None if the polygon
+        is empty or the point is not finite. The thesis asks for clockwise corners; the algorithm needs
+        counter-clockwise ones.
         """
         x, y = map(float, point)
         if self.contains((x, y)):
@@ -146,10 +153,10 @@ class Polygon:
         return np.array(near) if near else None
 
     def _nearest(self, x: float, y: float) -> Point | None:
-        """The point of the border nearest to a point that is not inside; None where there is none.
+        """Return the point of the border nearest to a point that is not inside; None for an empty polygon.
 
-        By the side or the corner that the point stands before: of two distances that differ by less than rounding, the
-        shorter may lead nanometres away.
+        The side or corner is chosen by the signs of projections. A comparison of distances that are equal within
+        rounding could choose a corner that is nanometres away.
         """
         if not self._loop or not (math.isfinite(x) and math.isfinite(y)):
             return None
@@ -166,12 +173,12 @@ class Polygon:
                     return foot
                 feet.append(foot)
             is_past = t >= r
-        return min((*self._loop, *feet), key=lambda foot: math.hypot(foot[0] - x, foot[1] - y))  # within rounding of it
+        return min((*self._loop, *feet), key=lambda foot: math.hypot(foot[0] - x, foot[1] - y))  # nearly on the border
 
     def inset(self, distance: float) -> "Polygon":
-        """The points that are at least ``distance`` [m] from the border; empty where there are none.
+        """Return the polygon of all points that are at least ``distance`` [m] from the border; it can be empty.
 
-        The thesis shrinks a bounding box by 1 cm, which sticks out of nearly every hull.
+        The thesis reduces a bounding box by 1 cm instead. This box extends beyond nearly every hull.
 
         Raises
         ------
@@ -179,88 +186,115 @@ class Polygon:
             If the distance is negative or not a number.
         """
         if not distance >= 0:
-            raise ValueError(f"inset distance {distance} must be 0 or more")
+            raise ValueError(f"inset distance {distance} m must be 0 or more")
         if distance == 0:
             return self
-        return self.moved_in([distance] * len(self._edges)) if len(self._loop) > 2 else NOTHING
+        return self.moved_in([distance] * len(self._edges)) if len(self._loop) > 2 else EMPTY_POLYGON
 
     def eroded(self, cell: Array) -> "Polygon":
-        """Where the middle of a convex cell can stand so that all of the cell, turned round, is inside (Minkowski).
+        r"""Return the Minkowski difference of the polygon and the point reflection of a convex cell.
 
-        Each edge moves in by how far the cell reaches against the edge's normal. Of the hull of the centres of touched
-        cells it leaves what the true contact holds, though each be touched at its far corner alone.
+        Each edge with the outward normal :math:`\mathbf{a}_k` and offset :math:`b_k` moves inward by the extent of the
+        cell against this normal. With the corners :math:`\mathbf{q}_j` of the cell about its centre:
+
+        .. math::
+            G = \left\{\, \mathbf{x} :\; \mathbf{a}_k \cdot \mathbf{x} \le
+            b_k - \max_j (-\mathbf{a}_k \cdot \mathbf{q}_j) \;\text{ for all } k \,\right\} .
+
+        If the polygon is the hull of the centres of the cells in contact, the hull of the true contact contains
+        :math:`G`, even if each cell is touched at one corner only.
 
         Parameters
         ----------
         cell : array, shape (k, 2)
-            Corners of the cell about its middle [m].
+            Corners of the cell about its centre [m].
         """
         if len(self._loop) < 3:
-            return NOTHING
+            return EMPTY_POLYGON
         inward = np.array([(-uy, ux) for _, _, ux, uy, _ in self._sides])
         return self.moved_in((inward @ np.asarray(cell).T).max(axis=1, initial=0.0).tolist())
 
     def moved_in(self, distances: Iterable[float]) -> "Polygon":
-        """What is left when each edge moves inward by a distance [m] of its own, 0 or more; empty where nothing is.
+        """Return the polygon after each edge moved inward by its own distance [m]; it can be empty.
 
-        What is left of a segment or a point, which have no inside, is nothing.
+        A segment or a point has no inside: the result is empty.
 
         Raises
         ------
         ValueError
-            If a distance is negative or not a number, or there is not one for each edge.
+            If a distance is negative or not a number, or there is not exactly one for each edge.
         """
         distances = list(distances)
         if len(distances) != len(self._edges) or not all(d >= 0 for d in distances):
-            raise ValueError(f"{len(self._edges)} edges move in by as many distances, 0 or more, not by {distances}")
+            raise ValueError(f"{len(self._edges)} edges need as many distances, 0 or more, not {distances}")
         if len(self._loop) < 3:
-            return NOTHING
+            return EMPTY_POLYGON
         return Polygon(np.array(_convex(_cut(self._loop, self._sides, distances)), float).reshape(-1, 2))
 
 
-NOTHING = Polygon(np.empty((0, 2)))
+EMPTY_POLYGON = Polygon(np.empty((0, 2)))
 
 
 def convex_hull(points: Any) -> Polygon:
-    """The smallest convex polygon round points (n, 2) [m], exactly, of the points put on a grid (:mod:`.hull`).
+    """Return the convex hull of points (n, 2) [m]; exact for the points rounded to a grid (:mod:`.hull`).
 
-    The grid's step is 2**-29 of the largest coordinate: below a nanometre for a foot. Points on a line give their two
-    ends, points in one place that place, none an empty polygon.
+    The step of the grid is 2**-29 of the largest coordinate: less than a nanometre for a foot. Points on a line give a
+    segment, equal points a point, no points an empty polygon.
 
     Raises
     ------
     ValueError
-        If a point is not finite, or has not two coordinates.
+        If a point is not finite, or does not have two coordinates.
     """
     points = np.asarray(points, float)
     if points.size and (points.ndim != 2 or points.shape[1] != 2):
-        raise ValueError(f"points of a plane have shape (n, 2), not {points.shape}")
+        raise ValueError(f"points of a plane must have shape (n, 2), not {points.shape}")
     table = HullTable(points.reshape(-1, 2))
-    return of_grid(table.hull(np.arange(table.size)), table.step)
+    return from_grid(table.hull(np.arange(table.size)), table.step)
 
 
-def of_grid(corners: list[GridPoint], step: float) -> Polygon:
-    """The polygon of corners in whole steps of a grid."""
+def from_grid(corners: list[GridPoint], step: float) -> Polygon:
+    """Return the polygon of corners on a grid.
+
+    Parameters
+    ----------
+    corners : list of tuple of int
+        In steps of the grid, counter-clockwise.
+    step : float
+        Of the grid [m].
+    """
     return Polygon(np.array(corners, float).reshape(-1, 2) * step)
 
 
 def turn(a: Point, b: Point, c: Point) -> float:
-    """Twice the area of a triangle, positive where it turns left; its sign is exact, whatever the coordinates."""
-    there, back = (b[0] - a[0]) * (c[1] - a[1]), (b[1] - a[1]) * (c[0] - a[0])
-    if abs(there - back) > DOUBT * (abs(there) + abs(back)) + TINY:  # never where one overflows
-        return there - back
+    """Return twice the area of a triangle, positive if it turns left. The sign is exact for any finite coordinates.
+
+    Parameters
+    ----------
+    a, b, c : tuple of float
+        Corners.
+
+    Returns
+    -------
+    float
+        ``(b - a) x (c - a)``; only its sign (-1, 0, 1) if rounding could change the sign.
+    """
+    first, second = (b[0] - a[0]) * (c[1] - a[1]), (b[1] - a[1]) * (c[0] - a[0])
+    # Not true if a term overflows.
+    if abs(first - second) > ROUNDING_BOUND * (abs(first) + abs(second)) + UNDERFLOW_LIMIT:
+        return first - second
     (ax, ay), (bx, by), (cx, cy) = ((Fraction(x), Fraction(y)) for x, y in (a, b, c))
     exact = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     return (exact > 0) - (exact < 0)
 
 
 def _along(side: Side, x: float, y: float) -> float:
-    """How far along a side a point stands."""
+    """Return the coordinate of a point along a side, from its start."""
     return (x - side[0]) * side[2] + (y - side[1]) * side[3]
 
 
 def _fan(corners: list) -> tuple:
-    """Twice the area of a polygon with a corner at the origin, and that times three times the centroid."""
+    """Return twice the area of a polygon with a corner at the origin, and its product with three times the centroid."""
     twice = along_x = along_y = 0
     for (x, y), (u, v) in zip(corners, corners[1:]):
         cross = x * v - y * u
@@ -271,22 +305,22 @@ def _fan(corners: list) -> tuple:
 
 
 def _cut(loop: list[Point], sides: list[Side], distances: list[float]) -> list[Point]:
-    """Corners of a polygon less a strip along each side, in their order; some may lie in one place.
+    """Return the corners of a polygon without a strip along each side, in their order; some can be equal.
 
-    What a strip takes hangs together, round its side or, where others took that, round the corner furthest out: with
-    the loop opened there, corners go from both ends, each once. New ones divide what is left of old edges; rounding
-    hardly moves them, however small the angle.
+    The corners that a strip removes are adjacent: they are around its side, or around the outermost corner if earlier
+    strips removed the side. The loop is opened there, and corners are removed from both ends, each once. New corners
+    divide the rest of old edges. Rounding moves them very little, for any angle.
     """
-    left = deque((x, y, k) for k, (x, y) in enumerate(loop))  # each with the side that leaves it
+    left = deque((x, y, k) for k, (x, y) in enumerate(loop))  # each with the side that starts at it
     for k, ((x, y, ux, uy, _), distance) in enumerate(zip(sides, distances)):
         if left[0][2] == k:
             left.rotate(-1)
         front, back = left[0], left[-1]
-        first = ux * (front[1] - y) - uy * (front[0] - x) - distance  # how far inside of the strip, at either end
+        first = ux * (front[1] - y) - uy * (front[0] - x) - distance  # depth behind the strip, at both ends
         last = ux * (back[1] - y) - uy * (back[0] - x) - distance
         if first >= 0 and last >= 0:
             continue
-        ahead, out_ahead, behind, out_behind = back, last, front, first  # the last that go, from either end
+        ahead, out_ahead, behind, out_behind = back, last, front, first  # the last removed ones, at both ends
         while first < 0:
             ahead, out_ahead = left.popleft(), first
             if not left:
@@ -296,20 +330,20 @@ def _cut(loop: list[Point], sides: list[Side], distances: list[float]) -> list[P
             behind, out_behind = left.pop(), last
             last = ux * (left[-1][1] - y) - uy * (left[-1][0] - x) - distance
         front, back = left[0], left[-1]
-        if ahead[2] != k:  # else rounding lets go of a side's start but not of its end: then that stays
+        if ahead[2] != k:  # else rounding removed the start of the side but not its end: keep the end
             left.appendleft((*_between(front, first, ahead, out_ahead), ahead[2]))
         left.append((*_between(back, last, behind, out_behind), k))
     return [(x, y) for x, y, _ in left]
 
 
-def _between(kept: Corner, inside: float, gone: Corner, outside: float) -> Point:
-    """Where an edge is cut, whose ends are so far inside and (negative) outside."""
+def _between(kept: Corner, inside: float, removed: Corner, outside: float) -> Point:
+    """Return the point at which an edge is cut, from the depths of its ends: inside positive, outside negative."""
     t = inside / (inside - outside)
-    return kept[0] + t * (gone[0] - kept[0]), kept[1] + t * (gone[1] - kept[1])
+    return kept[0] + t * (removed[0] - kept[0]), kept[1] + t * (removed[1] - kept[1])
 
 
 def _convex(points: list[Point]) -> list[Point]:
-    """Corners of the hull of a few points, by exact turns; most often they are the points, which turn left only."""
+    """Return the corners of the hull of a few points, by exact turns; mostly these are the points themselves."""
     before = zip(points[-2:] + points[:-2], points[-1:] + points[:-1])
     if len(points) > 2 and all(turn(a, b, c) > 0 for (a, b), c in zip(before, points)):
         return points
@@ -318,7 +352,7 @@ def _convex(points: list[Point]) -> list[Point]:
 
 
 def _lefts(ordered: list[Point]) -> list[Point]:
-    """The part of the hull that turns left from the first to the last of ordered points; :mod:`.hull` has integers."""
+    """Return the chain that turns left from the first to the last of sorted points (:mod:`.hull` has integers)."""
     chain: list[Point] = []
     for point in ordered:
         while len(chain) > 1 and turn(chain[-2], chain[-1], point) <= 0:

@@ -62,7 +62,7 @@ def test_foot_in_the_air_is_left_out():
     assert_allclose(frame.polygon.outer.area, alone.polygon.outer.area, rtol=1e-6)
     nobody = body.update({"left": np.zeros(N), "right": np.zeros(N)}, 0.2, poses)
     assert nobody.zmp is None and nobody.cop is None and nobody.polygon.outer.kind == "empty"
-    assert nobody.reason == "no link is pressed by the 5 N that a ZMP needs"
+    assert nobody.reason == "no link carries a load of 5 N, which a ZMP needs"
 
 
 def test_feet_on_different_heights_are_told():

@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.runtime import Plane, convex_hull
-from skin_calib_addon.runtime.frame import LEAST_LOAD, zero_moment_point
+from skin_calib_addon.runtime.frame import MIN_LOAD, zero_moment_point
 from tests.samples import sheet
 from tests.soles import SIDE, cell_patch, skin_of, sole_patch
 
@@ -42,9 +42,12 @@ def test_sole_stands_on_the_plane_through_its_taxels():
     limb = skin_of(sheet(4, 12, 0.01))
     frame = limb.update(np.ones(48), 0.0)
     assert limb.ground is None and frame.cop is None and frame.zmp is None
-    assert frame.reason == "the skin is not flat and was given no ground" and frame.polygon.outer.kind == "empty"
+    assert (
+        frame.reason == "the skin is not flat and has no ground; pass one to load()"
+        and frame.polygon.outer.kind == "empty"
+    )
     given_ground = skin_of(sheet(4, 12, 0.01), ground=Plane.through((-0.035, 0, 0), (1, 0, 0), (0, 0, 1)))
-    assert 0 < given_ground.ground.standing < 48
+    assert 0 < given_ground.ground.standing_count < 48
     assert given_ground.update(np.ones(48), 0.0).cop is not None
 
 
@@ -57,7 +60,7 @@ def test_plane_takes_points_there_and_back():
     assert_allclose(plane.origin, (0, 0, 3))
     assert_allclose(np.linalg.det(plane.axes), 1)
     for up, forward in (((0, 0, 0), (1, 0, 0)), ((1, 0, 0), (2, 0, 0)), ((0, 0, np.nan), (1, 0, 0))):
-        with pytest.raises(ValueError, match="must be two directions"):
+        with pytest.raises(ValueError, match="must not be zero and not be parallel"):
             Plane.through((0, 0, 0), up, forward)
 
 
@@ -67,8 +70,8 @@ def test_cop_and_zmp_of_a_flat_sole_are_one_point(forces, seed):
     forces[0] = 0.0  # never full contact, at which the CoP knows more
     patch = turned(sole_patch(), rotation(seed), np.array([0.3, -1.0, 2.0]))
     frame = skin_of(patch).update(forces, 0.0)
-    if forces.sum() < LEAST_LOAD:
-        assert frame.cop is None and frame.zmp is None and "N that a CoP needs" in frame.reason
+    if forces.sum() < MIN_LOAD:
+        assert frame.cop is None and frame.zmp is None and "N; a CoP needs 5 N" in frame.reason
         return
     assert frame.reason is None
     assert_allclose(frame.cop, frame.zmp, atol=1e-12)
@@ -96,7 +99,7 @@ def test_cop_at_full_contact_is_exact_for_linear_pressure(slope, seed):
 
 def test_in_cell_correction_of_the_thesis_sole():
     """1.0119 along and 1.0474 across for the sole of 42 hexagons; fitted on simulated contacts, 1.0116 and 1.0464."""
-    middle, stretch = skin_of(sole_patch()).ground.stretch
+    middle, stretch = skin_of(sole_patch()).ground.full_contact_correction
     assert_allclose(np.diag(stretch), (1.0119, 1.0474), atol=2e-4)
     assert_allclose(stretch[[0, 1], [1, 0]], 0, atol=1e-15)
 

@@ -13,7 +13,7 @@ from skin_calib_addon.calibration import Patch, Response, save_calibration
 from skin_calib_addon.common.errors import CalibrationFormatError, InvalidReading
 from skin_calib_addon.runtime import Skin, load
 from skin_calib_addon.runtime.components import components
-from skin_calib_addon.runtime.geometry import beside_of
+from skin_calib_addon.runtime.geometry import neighbour_table
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from tests.oracles import components as flood_fill
 from tests.samples import boards, cylinder, small_calibration
@@ -91,7 +91,7 @@ def test_components_are_those_of_a_flood_fill(active, seed, density):
     pairs = np.sort(rng.integers(0, n, (int(density * n), 2)), axis=1)
     beside = [{*pairs[pairs[:, 0] == i, 1].tolist(), *pairs[pairs[:, 1] == i, 0].tolist()} for i in range(n)]
     rows, place = np.flatnonzero(active), np.full(n + 1, -1)
-    groups = components(rows, beside_of(np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0), n), place)
+    groups = components(rows, neighbour_table(np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0), n), place)
     found = [frozenset(rows[groups == k].tolist()) for k in range(groups.max(initial=-1) + 1)]
     assert set(found) == flood_fill(active, beside) and len(found) == len(set(found))
     assert [min(group) for group in found] == sorted(min(group) for group in found)
@@ -102,7 +102,7 @@ def test_components_of_a_long_chain_are_one():
     """A thousand taxels in a row, numbered at random."""
     order = np.random.default_rng(0).permutation(1000)
     pairs = np.sort(np.column_stack((order[:-1], order[1:])), axis=1)
-    assert not components(np.arange(1000), beside_of(pairs, 1000), np.full(1001, -1)).any()
+    assert not components(np.arange(1000), neighbour_table(pairs, 1000), np.full(1001, -1)).any()
 
 
 @given(reading=readings)
@@ -226,11 +226,11 @@ def test_skins_of_one_calibration_share_no_state():
     ("reading", "message"),
     [
         (np.zeros(87), "the reading has 87 channels, the skin of forearm needs 88"),
-        (np.zeros((1, 88)), r"a reading is one row of real numbers, not float64 of shape \(1, 88\)"),
-        (np.zeros(88, complex), "a reading is one row of real numbers, not complex128"),
-        (["a"] * 88, "a reading is one row of real numbers"),
-        (None, "a reading is one row of real numbers"),
-        ([[1, 2], [3]], "a reading is one row of real numbers, not rows of different lengths"),
+        (np.zeros((1, 88)), r"a reading must be one row of real numbers; this one is float64 of shape \(1, 88\)"),
+        (np.zeros(88, complex), "a reading must be one row of real numbers; this one is complex128"),
+        (["a"] * 88, "a reading must be one row of real numbers"),
+        (None, "a reading must be one row of real numbers"),
+        ([[1, 2], [3]], "a reading must be one row of real numbers; this one has rows of different lengths"),
     ],
 )
 def test_wrong_reading_is_told_and_changes_nothing(reading, message):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skin_calib_addon.runtime.balance.foothold import foothold_shares, must_replan, sidestep, width_along
+from skin_calib_addon.runtime.balance.foothold import foothold_fractions, must_replan, sidestep, width_along
 from skin_calib_addon.runtime.balance.polygon import Polygon, convex_hull
 from tests import oracles
 from tests.unit.runtime.balance.test_polygon import polygons, size_of
@@ -18,10 +18,10 @@ angles = st.floats(0, 7)
 
 def test_shares_are_of_the_sole():
     """Three areas over one; a foot in the air covers nothing."""
-    shares = foothold_shares(BEAM, 0.005, BEAM.inset(0.01), SOLE.area)
+    shares = foothold_fractions(BEAM, 0.005, BEAM.inset(0.01), SOLE.area)
     assert shares.hull == pytest.approx(0.24) and shares.cells == pytest.approx(0.2)
     assert shares.guaranteed == pytest.approx(0.04 * 0.08 / 0.025)
-    air = foothold_shares(EMPTY, 0.0, EMPTY, SOLE.area)
+    air = foothold_fractions(EMPTY, 0.0, EMPTY, SOLE.area)
     assert (air.hull, air.cells, air.guaranteed) == (0, 0, 0)
 
 
@@ -29,7 +29,7 @@ def test_shares_are_of_the_sole():
 def test_the_sole_has_an_area(sole):
     """A share of nothing is none."""
     with pytest.raises(ValueError, match="sole area .* must be a positive number"):
-        foothold_shares(BEAM, 0.005, BEAM, sole)
+        foothold_fractions(BEAM, 0.005, BEAM, sole)
 
 
 @pytest.mark.parametrize("share", [0.85, 0.16, 0.33, 0.23])

@@ -16,7 +16,7 @@ from skin_calib_addon.runtime.balance.inscribed import (
     smallest_parallelogram,
     smallest_rectangle,
 )
-from skin_calib_addon.runtime.balance.polygon import Polygon, convex_hull, of_grid
+from skin_calib_addon.runtime.balance.polygon import Polygon, convex_hull, from_grid
 from tests import oracles
 from tests.examples import examples
 from tests.unit.runtime.balance.test_polygon import THIN as SLIVER
@@ -99,7 +99,7 @@ def test_shapes_do_not_depend_on_chance(function, polygon):
 @pytest.mark.parametrize("size", [2.0**-31, 2.0**90])
 def test_slivers_have_shapes(function, size):
     """Of three corners of a lattice whose cross product is 1, thinner than rounding: no error, and nothing outside."""
-    sliver = of_grid(oracles.hull_corners(SLIVER), size)
+    sliver = from_grid(oracles.hull_corners(SLIVER), size)
     shape = function(sliver)
     assert np.isfinite(shape.corners).all()
     if function in WITHIN:

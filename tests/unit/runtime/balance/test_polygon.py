@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.runtime.balance.hull import grid_step
-from skin_calib_addon.runtime.balance.polygon import Polygon, _convex, convex_hull, of_grid, turn
+from skin_calib_addon.runtime.balance.polygon import Polygon, _convex, convex_hull, from_grid, turn
 from tests import oracles
 from tests.unit.runtime.balance.test_hull import clouds, on_grid
 
@@ -108,7 +108,7 @@ def test_area_and_centroid_are_those_of_fractions(polygon):
 def test_area_of_a_sliver_is_exact():
     """Rounded, that of three corners of a lattice whose cross product is 1 comes out as none or as a hundred."""
     step = 2.0**-31
-    sliver = of_grid(oracles.hull_corners(THIN), step)
+    sliver = from_grid(oracles.hull_corners(THIN), step)
     assert sliver.kind == "area" and sliver.area == 0.5 * step**2
     assert_allclose(sliver.centroid, sliver.corners.mean(axis=0), rtol=1e-15)
     assert all(sliver.contains(corner) for corner in sliver.corners)
@@ -334,7 +334,7 @@ def test_edges_vanish_as_a_polygon_moves_in():
 def test_edges_that_hardly_turn_are_moved_as_well():
     """The cross product of two edges is 1 where rounding loses 128: what is left must not be nothing."""
     far = (433494437, 0)
-    polygon = of_grid(oracles.hull_corners([*THIN, far]), 2.0**-31)
+    polygon = from_grid(oracles.hull_corners([*THIN, far]), 2.0**-31)
     assert len(polygon.corners) == 4
     for distances in ([0.0] * 4, [1e-3] * 4, [0.0, 1e-3, 0.0, 1e-3]):
         result = polygon.moved_in(distances)
@@ -372,21 +372,21 @@ def test_polygons_move_in_only(distance):
     """A negative distance or none at all."""
     with pytest.raises(ValueError, match="must be 0 or more"):
         SQUARE.inset(distance)
-    with pytest.raises(ValueError, match="4 edges move in by as many distances"):
+    with pytest.raises(ValueError, match="4 edges need as many distances"):
         SQUARE.moved_in([0.0, 0.0, 0.0, distance])
 
 
 @pytest.mark.parametrize("count", [0, 3, 5])
 def test_each_edge_has_its_distance(count):
     """An edge without one would stay where it is in silence."""
-    with pytest.raises(ValueError, match="4 edges move in by as many distances, 0 or more, not by"):
+    with pytest.raises(ValueError, match="4 edges need as many distances, 0 or more, not"):
         SQUARE.moved_in([0.1] * count)
 
 
 @pytest.mark.parametrize("points", [np.zeros((2, 3)), np.zeros(4), np.zeros((2, 2, 2))])
 def test_points_that_are_not_of_a_plane_are_refused(points):
     """Three coordinates are not half as many points more."""
-    with pytest.raises(ValueError, match=r"points of a plane have shape \(n, 2\), not "):
+    with pytest.raises(ValueError, match=r"points of a plane must have shape \(n, 2\), not "):
         convex_hull(points)
 
 

@@ -227,7 +227,7 @@ CALLS = {
 @pytest.mark.parametrize("name", CALLS)
 def test_what_must_be_positive_is_named(name, bad):
     """No height, no time, no gain of zero: said by the name of the argument."""
-    with pytest.raises(ValueError, match=f"^{name.split()[0]} must be above zero and finite, not {bad}"):
+    with pytest.raises(ValueError, match=f"^{name.split()[0]} must be positive and finite, not {bad}"):
         CALLS[name](bad)
 
 

@@ -39,7 +39,7 @@ def test_taxels_without_a_number_are_not_without_contact(broken):
     assert frame.flags == {"not_finite"} and frame.touched and frame.known.sum() == 32
     blind = skin.update(resting(broken), 0.1)
     assert blind.flags == {"not_finite", "blind"} and blind.touched is None
-    assert np.isnan(blind.wrench).all() and blind.reason == "no taxel gives a reading"
+    assert np.isnan(blind.wrench).all() and blind.reason == "no taxel has a valid reading"
     free = skin.update(np.zeros(N), 0.2)
     assert free.flags == frozenset() and free.touched is False and (free.wrench == 0).all()
 
@@ -219,7 +219,7 @@ def test_array_of_another_library_that_refuses_is_told():
             raise RuntimeError("call detach() first")
 
     frame = sole().update(Tensor(), 0.0)
-    assert frame.flags == {"wrong_type"} and "not Tensor: call detach() first" in frame.problem
+    assert frame.flags == {"wrong_type"} and "this one is Tensor: call detach() first" in frame.problem
 
 
 def test_polygons_of_a_frame_are_its_own():
