@@ -10,8 +10,8 @@ import numpy as np
 from ...common.arrays import Array
 from .polygon import Polygon
 
-# Relative difference of two areas up to which they are equal. Larger: a shape that is not the best can win; smaller: the
-# last bit decides.
+# Relative difference of two areas up to which they are equal.
+# Larger: a shape that is not the best can win; smaller: the last bit decides.
 AREA_TOLERANCE = 1e-12
 # Relative error of the area of the largest box. Larger: less accurate; smaller: more iterations.
 RELATIVE_GAP = 1e-11
