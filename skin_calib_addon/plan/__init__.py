@@ -1,18 +1,9 @@
-"""The author's choices as a file: what to cut, where the planes are, which skins."""
+"""The author's choices for one link: what to cut, where the planes are, which skins."""
 
-from .plan import (
-    FORMAT,
-    VERSION,
-    Plan,
-    check_frame,
-    check_plan,
-    check_plan_wholly,
-    load_plan,
-    named_from,
-    plan_document,
-    plan_from,
-    save_plan,
-)
+from .document import plan_document, plan_from
+from .file import check_frame, check_plan, check_plan_wholly, load_plan, save_plan
+from .keys import FORMAT, VERSION
+from .plan import Plan, named_from
 
 __all__ = [
     "FORMAT",

@@ -56,7 +56,9 @@ def bpy(extension):
 def addon(extension, bpy):
     """The extension's own modules, which are others than those that plain Python imports."""
 
-    return modules(extension, "command", "live.diagnoses", "overlay.overlay", "scene.results", "scene.scene")
+    found = modules(extension, "command", "live.diagnoses", "overlay.overlay", "scene.results", "scene.scene")
+    found.skins = importlib.import_module(f"{extension}.skin_calib_addon.plan.skins")
+    return found
 
 
 @pytest.fixture

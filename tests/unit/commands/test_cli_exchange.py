@@ -215,7 +215,7 @@ def test_import_on_a_plan_is_refused_in_a_line(folder, capsys):  # noqa: F811
     """A plan that is none, a name that no patch may have."""
     (folder / "cuff.csv").write_text(csv_text(on_tube()[0]))
     words = ["import", folder / "cuff.csv", "-o", folder / "c.json", "--plan"]
-    assert_refused(capsys, 1, "is no valid plan", *words, write_plan(folder, "bad", unit="inch"))
+    assert_refused(capsys, 1, "is not a valid plan", *words, write_plan(folder, "bad", unit="inch"))
     assert_refused(capsys, 1, "cannot be a skin of", *words, folder / "tube.plan.json", "--name", "a\nb")
     assert not (folder / "c.json").exists()
 

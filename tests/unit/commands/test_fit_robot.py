@@ -200,7 +200,7 @@ def test_bad_link_does_not_stop_the_others(robot, capsys, jobs):
     out, err = capsys.readouterr()
     rows = out.splitlines()
     assert rows[0].startswith("arm  failed      no mesh file at ") and rows[0].endswith("is of an earlier fit")
-    assert rows[1].startswith("bad  failed      bad.plan.json is no valid plan: ") and "earlier" not in rows[1]
+    assert rows[1].startswith("bad  failed      bad.plan.json is not a valid plan: ") and "earlier" not in rows[1]
     assert rows[-1] == "4 links: 2 up to date, 2 failed"
     assert sorted(line.split()[1] for line in err.splitlines()) == ["arm:", "bad:"]
 

@@ -10,7 +10,7 @@ from skin_calib_addon.geometry import CoverSpec, TubeGrid
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.report import report_document, summary
 from skin_calib_addon.plan import Plan
-from skin_calib_addon.plan.skins import skins_from
+from skin_calib_addon.plan.document import skins_from
 from skin_calib_addon.runtime import load
 from tests.shapes import Z_AXIS, cylinder
 
@@ -90,5 +90,5 @@ def test_warnings_name_what_does_not_fit(tmp_path):
 
 def test_channels_that_meet_after_filling_are_refused(tmp_path):
     """Only the placed boards tell how many channels they take."""
-    with pytest.raises(InvalidPlan, match=r"skins 'boards' and 'band' share channel \d+; move a first_channel"):
+    with pytest.raises(InvalidPlan, match=r"skins 'boards' and 'band' both have channel \d+; change the first channel"):
         made([BOARDS | {"first_channel": 0}, SHEET | {"first_channel": 20}], tmp_path)

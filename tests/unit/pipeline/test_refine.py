@@ -18,7 +18,7 @@ from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.place_skins import place_all
 from skin_calib_addon.pipeline.refine import refine
 from skin_calib_addon.plan import Plan, load_plan, save_plan
-from skin_calib_addon.plan.skins import skins_from
+from skin_calib_addon.plan.document import skins_from
 from skin_calib_addon.validation import Touches
 from tests.shapes import Z_AXIS, cone
 from tests.unit.pictures.test_picture import read_png

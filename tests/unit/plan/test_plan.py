@@ -15,6 +15,7 @@ from skin_calib_addon.common.findings import child
 from skin_calib_addon.geometry import PlanesGrid
 from skin_calib_addon.geometry.grid.grids import Across, Sector, Size, Tube
 from skin_calib_addon.plan import check_plan, check_plan_wholly, load_plan, plan_document, plan_from, save_plan
+from skin_calib_addon.plan.skins import with_channels
 
 ROOT = Path(__file__).parents[3]
 SAMPLES = sorted((ROOT / "sample_scenes").glob("*.plan.json"))
@@ -196,7 +197,7 @@ def test_whole_plan_is_read():
     assert (plan.grid.size, plan.grid.region) == (Size(10, 20), Tube(None, 0.002))
     assert plan.response == Response((0.0, 0.5)) and plan.extra == {"x_note": WHOLE["x_note"]}
     wrist, palm = plan.skins
-    assert (wrist.origin, wrist.first_channel, wrist.lattice.rows, wrist.lattice.pitch) == (None, 0, 6, (0.01, 0.01))
+    assert (wrist.origin, wrist.first_channel, wrist.lattice.rows, wrist.lattice.pitch) == (None, None, 6, (0.01, 0.01))
     assert (palm.origin, palm.first_channel) == ((0.1, 0.2, 0.3), 200)
 
 
@@ -224,7 +225,8 @@ def test_defaults_are_the_documented_ones():
         (3, 3),
         (0.0, 1.0),
     )
-    assert [skin.first_channel for skin in plan.skins] == [0, 132]
+    assert [skin.first_channel for skin in plan.skins] == [None, None]
+    assert [skin.first_channel for skin in with_channels(plan.skins)] == [0, 132]
 
 
 @pytest.mark.parametrize(
@@ -362,15 +364,15 @@ def test_plan_with_junk_in_any_place_is_refused_or_read(document, junk, data):
         ("/grid", {"kind": "patch", "n": 6, "m": 9}, 'a patch needs either "from" and "to" .* or "normal"'),
         ("/grid", SECTOR | {"normal": [0, 0, 1]}, 'a patch needs either "from" and "to"'),
         ("/grid", {"kind": "patch", "n": 6, "m": 9, "from": 0}, 'a patch needs either "from" and "to"'),
-        ("/grid", TUBE | {"axis": LINE | {"direction": [0, 0, 0]}}, 'the "direction" of the axis is zero'),
-        ("/grid", TUBE | {"axis": LINE | {"direction": [0, 0, 1e-300]}}, 'the "direction" of the axis is zero'),
-        ("/grid", ACROSS | {"normal": [0, 0, 0]}, 'the "normal" of the grid is zero'),
+        ("/grid", TUBE | {"axis": LINE | {"direction": [0, 0, 0]}}, "the direction of the axis is zero"),
+        ("/grid", TUBE | {"axis": LINE | {"direction": [0, 0, 1e-300]}}, "the direction of the axis is zero"),
+        ("/grid", ACROSS | {"normal": [0, 0, 0]}, "the outward normal of the grid is zero"),
         ("/grid", PLANES | {"v": [PLANE, PLANE | {"normal": [0, 0, 0]}]}, "the normal of v-plane 1 is zero"),
         ("/cover/cuts/0/normal", [0, 0, 0], "the normal of cut 0 is zero"),
         ("/skins/1/direction", [0, 0, 0], "the direction of skin 'palm' is zero"),
-        ("/skins/1/name", "wrist", "two skins are called 'wrist'"),
-        ("/skins/1/first_channel", 131, "skins 'wrist' and 'palm' share channel 131"),
-        ("/skins/0/first_channel", 331, "skins 'wrist' and 'palm' share channel 331"),
+        ("/skins/1/name", "wrist", "two skins have the name 'wrist'"),
+        ("/skins/1/first_channel", 131, "skins 'wrist' and 'palm' both have channel 131"),
+        ("/skins/0/first_channel", 331, "skins 'wrist' and 'palm' both have channel 331"),
         ("/skins/1/first_channel", 2**31 - 1, "skin 'palm' would end on channel 2147483778"),
     ],
 )
@@ -387,7 +389,7 @@ def test_members_that_do_not_go_together_are_refused(pointer, value, message):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "p.plan.json is no valid plan: error: the document is empty"),
+        (b"", "p.plan.json is not a valid plan: error: the document is empty"),
         (b"{", "not JSON at byte 1"),
         (b"[]", "must be an object, not an array of 0"),
         (b"\xff", "is not UTF-8"),

@@ -5,6 +5,7 @@ import copy
 import pytest
 
 from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.plan.document import skins_from, write_skin
 from skin_calib_addon.plan.skins import (
     GAP,
     SIDE,
@@ -12,8 +13,7 @@ from skin_calib_addon.plan.skins import (
     ImportedSkin,
     SheetSkin,
     first_channels,
-    skin_document,
-    skins_from,
+    with_channels,
 )
 
 SHEET = {
@@ -62,19 +62,21 @@ THIGH = {
 def test_skin_comes_back_as_it_was_written(document):
     """Every member of every kind."""
     (skin,) = skins_from([copy.deepcopy(document)])
-    assert skin_document(skin) == document
-    assert skins_from([skin_document(skin)]) == (skin,)
+    assert write_skin(skin) == document
+    assert skins_from([write_skin(skin)]) == (skin,)
 
 
 def test_defaults_of_a_skin_are_the_documented_ones():
     """The least that says anything of each kind."""
-    sheet, boards, thigh = skins_from(
+    skins = skins_from(
         [
             {k: SHEET[k] for k in ("name", "kind", "rows", "columns", "pitch", "origin", "direction")},
             {"name": "sole", "kind": "hexagons"},
             {"name": "thigh", "kind": "imported", "file": "t.csv"},
         ]
     )
+    assert [skin.first_channel for skin in skins] == [None, None, None]
+    sheet, boards, thigh = with_channels(skins)
     assert isinstance(sheet, SheetSkin) and isinstance(boards, BoardSkin) and isinstance(thigh, ImportedSkin)
     assert (sheet.lattice.hand, sheet.offset, sheet.landmarks, sheet.trim, sheet.first_channel) == (
         "right",
@@ -86,7 +88,7 @@ def test_defaults_of_a_skin_are_the_documented_ones():
     assert (boards.lattice.side, boards.lattice.gap, boards.choice) == (SIDE, GAP, "fill")
     assert (boards.origin, boards.direction, boards.offset, boards.excluded) == (None, None, 0, ())
     assert boards.first_channel == 132  # after the sheet
-    assert (thigh.format, thigh.rotation, thigh.snap, thigh.first_channel) == (None, None, False, None)
+    assert (thigh.format, thigh.frame, thigh.snap, thigh.first_channel) == (None, None, False, None)
 
 
 @pytest.mark.parametrize(
@@ -96,9 +98,9 @@ def test_defaults_of_a_skin_are_the_documented_ones():
         ({k: v for k, v in SHEET.items() if k != "origin"}, 'needs either "origin" or "landmarks"'),
         (
             MARKED | {"landmarks": [{"cell": [6, 0], "point": [0, 0, 0]}]},
-            r"of cell \[6, 0\]; the sheet has 6 x 22 cells",
+            r"landmark at cell \[6, 0\]; the sheet has 6 x 22 cells",
         ),
-        (BOARDS | {"cells": [[0, 0], [0, 0]]}, "skin 'sole' names a cell twice"),
+        (BOARDS | {"cells": [[0, 0], [0, 0]]}, "skin 'sole' lists a cell twice"),
         (BOARDS | {"direction": [0, 0, 0]}, "the direction of skin 'sole' is zero"),
         (BOARDS | {"gap": -0.03}, "hexagons with sides of 12 mm and gaps of -30 mm have no room"),
     ],
@@ -110,12 +112,12 @@ def test_what_does_not_go_together_is_refused(document, message):
 
 
 def test_channels_follow_what_is_known_and_wait_for_what_is_not():
-    """After a skin that is not laid yet nobody can tell; once it is, skins that share a channel are named."""
+    """After a skin that is not laid yet the channel is not known; once it is, skins with a common channel are named."""
     skins = skins_from(
         [BOARDS | {"cells": "fill", "first_channel": 0}, {k: v for k, v in SHEET.items() if k != "first_channel"}]
     )
-    assert [skin.first_channel for skin in skins] == [0, None]
+    assert [skin.first_channel for skin in with_channels(skins)] == [0, None]
     assert first_channels(skins, [42, 132]) == [0, 42]
     held = skins_from([BOARDS | {"cells": "fill", "first_channel": 0}, SHEET | {"first_channel": 40}])
-    with pytest.raises(InvalidPlan, match="skins 'sole' and 'band' share channel 40; move a first_channel"):
+    with pytest.raises(InvalidPlan, match="skins 'sole' and 'band' both have channel 40; change the first channel"):
         first_channels(held, [42, 132])

@@ -1,0 +1,73 @@
+"""What the members of a plan must be together, where each of them is right alone."""
+
+from typing import Any
+
+import numpy as np
+
+from ..common.errors import InvalidPlan
+from ..geometry.grid.grids import Across, Grid, PlanesGrid
+from .plan import Plan
+from .skins import BoardSkin, SheetSkin, Skin, first_channels
+
+# A direction whose length is below this is no direction.
+SHORTEST = 1e-6
+
+
+def check_together(plan: Plan) -> None:
+    """Refuse a plan whose members contradict each other.
+
+    Raises
+    ------
+    InvalidPlan
+        Names the members.
+    """
+    for i, cut in enumerate(plan.cover.cuts):
+        check_direction(cut.normal, f"the normal of cut {i} is zero; give the direction of the side to keep")
+    check_grid(plan.grid)
+    check_skins(plan.skins)
+
+
+def check_grid(grid: Grid | PlanesGrid) -> None:
+    """Refuse a grid with a direction of no length."""
+    if isinstance(grid, PlanesGrid):
+        for family, planes in (("u", grid.u), ("v", grid.v)):
+            for i, normal in enumerate(planes.directions):
+                check_direction(normal, f"the normal of {family}-plane {i} is zero; give its direction")
+        return
+    if grid.region.axis is not None:
+        message = "the direction of the axis is zero; give the direction along the link"
+        check_direction(grid.region.axis.direction, message)
+    if isinstance(grid.region, Across):
+        check_direction(grid.region.normal, "the outward normal of the grid is zero; give the side that is covered")
+
+
+def check_skins(skins: tuple[Skin, ...]) -> None:
+    """Refuse skins with the same name or channel, and skins that contradict themselves."""
+    for i, skin in enumerate(skins):
+        name = skin.name
+        if name in {other.name for other in skins[:i]}:
+            raise InvalidPlan(f"two skins have the name {name!r}; rename one")
+        if isinstance(skin, SheetSkin | BoardSkin) and skin.direction is not None:
+            check_direction(skin.direction, f"the direction of skin {name!r} is zero; give the direction of its rows")
+        if isinstance(skin, SheetSkin):
+            check_landmarks(skin)
+        if isinstance(skin, BoardSkin) and isinstance(skin.choice, tuple) and len(set(skin.choice)) < len(skin.choice):
+            raise InvalidPlan(f"skin {name!r} lists a cell twice; list each board once")
+    first_channels(skins, [skin.count for skin in skins])
+
+
+def check_landmarks(skin: SheetSkin) -> None:
+    """Refuse landmarks of cells that the sheet does not have."""
+    rows, columns = skin.lattice.rows, skin.lattice.columns
+    for landmark in skin.landmarks:
+        if landmark.cell[0] >= rows or landmark.cell[1] >= columns:
+            raise InvalidPlan(
+                f"skin {skin.name!r} has a landmark at cell {list(landmark.cell)}; the sheet has {rows} x {columns} "
+                "cells, counted from 0"
+            )
+
+
+def check_direction(vector: Any, message: str) -> None:
+    """Refuse a direction of no length with a message."""
+    if np.linalg.norm(vector) < SHORTEST:
+        raise InvalidPlan(message)

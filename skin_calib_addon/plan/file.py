@@ -1,0 +1,73 @@
+"""Plan files: read, checked, written."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..calibration.response_checks import responses_are_monotone
+from ..calibration.validate import other_file
+from ..common.atomic_file import write_bytes_safely
+from ..common.errors import CalibrationFormatError, InvalidPlan
+from ..common.findings import Finding, error
+from ..common.schema_check import check
+from ..common.strict_json import parse, read
+from .document import plan_document, plan_from
+from .keys import FORMAT, VERSION
+from .plan import Plan
+from .schema import plan_schema
+from .skins import ImportedSkin
+
+
+def load_plan(path: str | Path) -> Plan:
+    """Read a plan file; paths in it become relative to the file's folder.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the file is missing or breaks the schema; ``findings`` lists everything found.
+    InvalidPlan
+        If its members contradict each other.
+    """
+    path = Path(path)
+    document, findings = parse(read(path))
+    findings = tuple(findings) or check_plan(document)
+    if findings:
+        more = f" (and {len(findings) - 1} more: run check)" if len(findings) > 1 else ""
+        raise CalibrationFormatError(f"{path.name} is not a valid plan: {findings[0]}{more}", findings)
+    plan = plan_from(document)
+    skins = tuple(
+        replace(skin, file=path.parent / skin.file) if isinstance(skin, ImportedSkin) else skin for skin in plan.skins
+    )
+    return replace(plan, mesh=path.parent / plan.mesh, skins=skins)
+
+
+def save_plan(plan: Plan, path: str | Path) -> None:
+    """Write a plan file, whole or not at all; the mesh path is written as it is in the plan."""
+    write_bytes_safely(path, (json.dumps(plan_document(plan), indent=2, ensure_ascii=False) + "\n").encode())
+
+
+def check_plan(document: Any) -> tuple[Finding, ...]:
+    """Return every place where a document breaks the plan's schema, or its response is not monotone."""
+    other = tuple(other_file(document, FORMAT, VERSION))
+    if other:
+        return other
+    findings = check(document, plan_schema())
+    return (*findings, *responses_are_monotone(document, findings))
+
+
+def check_plan_wholly(document: Any) -> tuple[Finding, ...]:
+    """Return the same, or what of its members contradicts another where each is right alone."""
+    findings = check_plan(document)
+    if not findings:
+        try:
+            plan_from(document)
+        except InvalidPlan as problem:
+            findings = (error("plan", "", f"cannot be carried out: {problem}"),)
+    return findings
+
+
+def check_frame(frame: Any) -> tuple[Finding, ...]:
+    """Return every place where the frame of imported taxels breaks the plan's schema."""
+    definitions = plan_schema()["$defs"]
+    return check(frame, definitions["frame"] | {"$defs": definitions})

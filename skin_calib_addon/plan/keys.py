@@ -1,0 +1,806 @@
+"""All keys of the plan file, one entry for each; ``CONTRIBUTING.md`` says how to add one."""
+
+from dataclasses import replace
+from typing import Any
+
+from ..calibration.exchange import FORMATS, READABLE
+from ..calibration.response import Response
+from ..geometry.grid.axis import Axis
+from ..geometry.grid.grids import Across, Grid, PlanesGrid, Sector, Size, Tolerance, Tube
+from ..geometry.mesh.cover import CoverSpec, Cut
+from ..skin.boards.outline import Zone
+from ..skin.lattice import HexLattice, SheetLattice
+from ..skin.sheet.landmarks import Landmark
+from .key import Choice, Key, Record, Switch, Type
+from .plan import Plan
+from .skins import GAP, SIDE, BoardSkin, Frame, ImportedSkin, SheetSkin
+
+FORMAT, VERSION = "skin-plan", 1
+FARTHEST = 1_000_000  # [m] from the origin of the link frame; [m] of a margin
+
+
+def length(words: str = "length", digits: int = 5, **limits: float) -> Type:
+    """Return the type of a length [m] within limits, named as in JSON Schema."""
+    return Type("length", words, {"type": "number", **limits}, "m", digits=digits)
+
+
+def count(**limits: int) -> Type:
+    """Return the type of a whole number within limits, named as in JSON Schema."""
+    return Type("count", "whole number", {"type": "integer", **limits})
+
+
+def pair(kind: str, words: str, item: dict[str, Any], unit: str = "") -> Type:
+    """Return the type of two numbers."""
+    return Type(kind, words, {"type": "array", "items": item, "minItems": 2, "maxItems": 2}, unit, (2,))
+
+
+def choice(*choices: Choice) -> Type:
+    """Return the type of a key with a fixed set of values."""
+    return Type("choice", "one of the words", {"enum": [c.value for c in choices]}, choices=choices)
+
+
+def constant(value: Any) -> Type:
+    """Return the type of a key that has always the same value."""
+    return Type("constant", f"`{value}`", {"const": value})
+
+
+def one(record: Record) -> Type:
+    """Return the type of an object; in the window its properties are next to the other ones."""
+    return Type("record", f"[{record.title}](#{record.name})", {"$ref": f"#/$defs/{record.name}"}, record=record)
+
+
+def many(record: Record, kind: str = "records", **limits: int) -> Type:
+    """Return the type of a list of objects, whose number has limits named as in JSON Schema."""
+    schema = {"type": "array", "items": {"$ref": f"#/$defs/{record.name}"}, **limits}
+    return Type(kind, f"list of [{record.title}](#{record.name})", schema, record=record)
+
+
+def three(kind: str, words: str, unit: str = "") -> Type:
+    """Return the type of a point or a direction in the link frame."""
+    item = {"type": "number", "minimum": -FARTHEST, "maximum": FARTHEST}
+    return Type(kind, words, {"type": "array", "items": item, "minItems": 3, "maxItems": 3}, unit, (3,))
+
+
+POINT, DIRECTION = three("length", "point", "m"), three("direction", "direction")
+ANGLE = Type("angle", "angle", {"type": "number", "minimum": -100, "maximum": 100}, "rad")
+SWITCH = Type("switch", "`true` or `false`", {"type": "boolean"})
+NAME = Type("text", "text", {"type": "string", "pattern": "^[^\\u0000-\\u001f\\u007f]+$"})
+TEXT = Type("text", "text", {"type": "string", "minLength": 1})
+FILE = Type("file", "path", {"type": "string", "minLength": 1})
+ROTATION = Type(
+    "rotation",
+    "rows of a rotation matrix",
+    {"type": "array", "items": dict(POINT.schema), "minItems": 3, "maxItems": 3},
+    shape=(3, 3),
+    digits=4,
+)
+CELL = {"type": "array", "items": {"type": "integer", "minimum": -1000, "maximum": 1000}, "minItems": 2, "maxItems": 2}
+CELLS = Type(
+    "cells",
+    "`fill`, `all`, or a list of `[q, r]`",
+    {
+        "oneOf": [
+            {"type": "string", "enum": ["fill", "all"]},
+            {"type": "array", "items": CELL, "minItems": 1, "maxItems": 10000},
+        ]
+    },
+    choices=(
+        Choice("fill", "Fill", "As many boards as fit, at the offset and rotation of the lattice where most do"),
+        Choice("all", "All", "All boards that fit, with the root at the origin and its row along the direction"),
+        Choice("listed", "Listed", "The boards listed, with the root at the origin and its row along the direction"),
+    ),
+)
+GRID = Type(
+    "grid",
+    "one of the [grids](#grids)",
+    {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("tube", "patch", "planes", "auto")]},
+)
+SKINS = Type(
+    "skins",
+    "list of [skins](#skins)",
+    {
+        "type": "array",
+        "items": {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("sheet", "hexagons", "imported")]},
+    },
+)
+RESPONSE = Type(
+    "response", "polynomial or table", {"oneOf": [{"$ref": "#/$defs/polynomial"}, {"$ref": "#/$defs/table"}]}
+)
+# The two kinds of response, which calibration files have, too.
+RESPONSES: dict[str, Any] = {
+    "polynomial": {
+        "type": "object",
+        "required": ["kind", "coefficients"],
+        "properties": {
+            "kind": {"const": "polynomial"},
+            "coefficients": {"type": "array", "items": {"type": "number"}, "minItems": 1, "maxItems": 16},
+            "range": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+        },
+        "additionalProperties": False,
+    },
+    "table": {
+        "type": "object",
+        "required": ["kind", "readings", "forces"],
+        "properties": {
+            "kind": {"const": "table"},
+            "readings": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 65536},
+            "forces": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 65536},
+        },
+        "additionalProperties": False,
+    },
+}
+
+
+def kind(value: str) -> Key:
+    """Return the key that says of which kind an object is."""
+    return Key("kind", constant(value), "The kind.", field="")
+
+
+# Planes and the cover.
+
+PLANE = Record(
+    "plane",
+    "Plane",
+    Cut,
+    (
+        Key("point", POINT, "A point of the plane, in the link frame.", label="Point"),
+        Key(
+            "normal",
+            DIRECTION,
+            "Perpendicular to the plane, of any length; a cut keeps the side to which it points.",
+            label="Normal",
+            first=(0, 0, 1),
+        ),
+    ),
+)
+
+COVER = Record(
+    "cover",
+    "Cover",
+    CoverSpec,
+    (
+        Key(
+            "shell",
+            choice(
+                Choice("outer", "Outer", "Drop the connected parts that lie inside larger ones"),
+                Choice("all", "All", "Keep all connected parts"),
+            ),
+            "Which connected parts of the mesh belong to the cover.",
+            default="outer",
+            label="Shell",
+            acts="geometry/mesh/cover.py",
+            always=True,
+        ),
+        Key(
+            "cuts",
+            many(PLANE),
+            "Planes that cut the mesh; each keeps the side to which its normal points.",
+            default=(),
+            label="Cuts",
+            acts="geometry/mesh/cover.py",
+            always=True,
+        ),
+    ),
+)
+
+# Grids: the keys of sizes and regions, then the grids made of them.
+
+N = Key(
+    "n",
+    count(minimum=1, maximum=1000),
+    "Number of u-planes, which cross the axis.",
+    field="size.n",
+    label="U-Planes",
+    first=10,
+    acts="geometry/grid/grids.py",
+)
+M = Key(
+    "m",
+    count(minimum=1, maximum=1000),
+    "Number of full planes through the axis, instead of `lines`: each gives two lines of a tube, one line of a patch.",
+    default=None,
+    field="",
+    acts="plan/document.py",
+)
+LINES = Key(
+    "lines",
+    count(minimum=1, maximum=2000),
+    "Number of lines of control points: half-planes that start from the axis; across a face, planes along it.",
+    default=None,
+    field="size.lines",
+    label="V-Lines",
+    first=20,
+    joined=True,
+    acts="geometry/grid/grids.py",
+)
+SPACING = Key(
+    "spacing",
+    choice(
+        Choice("auto", "Auto", "Planes and lines where they reduce the error most"),
+        Choice("uniform", "Uniform", "At equal heights and angles"),
+        Choice("arc", "Arc", "Lines at equal arc lengths round the link, planes at equal heights"),
+        Choice("curvature", "Curvature", "Lines closer where the link is more curved, planes at equal heights"),
+    ),
+    "How planes and lines are spaced.",
+    default="auto",
+    label="Spacing",
+    acts="geometry/grid/spacing.py",
+    always=True,
+)
+TOLERANCE = Key(
+    "tolerance",
+    length(digits=6, exclusiveMinimum=0),
+    "Largest distance from surface to mesh; the smallest grid that keeps it is found.",
+    field="size.tolerance",
+    label="Tolerance",
+    first=2e-5,
+    acts="geometry/fit/auto.py",
+)
+MEASURE = Key(
+    "measure",
+    choice(
+        Choice("mean", "Mean", "The mean distance"),
+        Choice("max", "Max", "The largest distance"),
+    ),
+    "Which distance the tolerance limits.",
+    default="mean",
+    field="size.measure",
+    label="Measure",
+    joined=True,
+    acts="geometry/fit/auto.py",
+    always=True,
+)
+LINE = Record(
+    "line",
+    "Axis",
+    Axis,
+    (
+        Key("point", POINT, "A point of the axis, in the link frame.", label="Axis Point"),
+        Key(
+            "direction", DIRECTION, "Direction along the link, of any length.", label="Axis Direction", first=(0, 0, 1)
+        ),
+    ),
+)
+AXIS = Key(
+    "axis",
+    one(LINE),
+    "Axis of the link. `auto`: found from the sections of the mesh, towards the thinner end.",
+    default=None,
+    field="region.axis",
+    label="Axis",
+    word="auto",
+    switch=Switch("auto_axis", "Automatic Axis", "Find the axis from the sections of the mesh"),
+    acts="geometry/grid/axis.py",
+    always=True,
+)
+FACE_AXIS = replace(
+    AXIS,
+    description="The u-planes are perpendicular to its direction; its point has no effect. `auto`: the longer side.",
+    always=False,
+)
+MARGIN = Key(
+    "margin",
+    length(minimum=0, maximum=FARTHEST),
+    "Length left free at both ends. Default: a tube uses its longest run of complete sections, a face leaves a "
+    "hundredth of its longer side free.",
+    default=None,
+    field="region.margin",
+    label="Margin",
+    first=0.002,
+    switch=Switch("auto_margin", "Automatic Margin", "Use all complete sections"),
+    acts="geometry/grid/axis.py",
+)
+FROM = Key(
+    "from",
+    ANGLE,
+    "First angle about the axis, from the side of the link's x axis; of its y axis where the tube runs along x.",
+    field="region.start",
+    blender="start",
+    label="From",
+    first=-1.5,
+    acts="geometry/grid/grids.py",
+)
+TO = Key(
+    "to",
+    ANGLE,
+    "Last angle about the axis, larger than `from`.",
+    field="region.stop",
+    blender="stop",
+    label="To",
+    first=1.5,
+    joined=True,
+    acts="geometry/grid/grids.py",
+)
+NORMAL = Key(
+    "normal",
+    DIRECTION,
+    "Outward normal of the face, out of the robot.",
+    field="region.normal",
+    label="Outward",
+    first=(0, 0, -1),
+    acts="geometry/grid/grids.py",
+)
+
+TUBE = Record(
+    "tube",
+    "Tube",
+    Grid,
+    (kind("tube"), N, M, LINES, SPACING, AXIS, MARGIN),
+    {"region": Tube, "size": Size},
+)
+SECTOR = Record(
+    "sector",
+    "Sector of a tube",
+    Grid,
+    (kind("patch"), N, M, LINES, SPACING, AXIS, FROM, TO, MARGIN),
+    {"region": Sector, "size": Size},
+)
+ACROSS = Record(
+    "across",
+    "Across a face",
+    Grid,
+    (kind("patch"), N, M, LINES, SPACING, NORMAL, FACE_AXIS, MARGIN),
+    {"region": Across, "size": Size},
+)
+AUTO_TUBE = Record(
+    "auto_tube",
+    "Automatic tube",
+    Grid,
+    (kind("auto"), TOLERANCE, MEASURE, AXIS, MARGIN),
+    {"region": Tube, "size": Tolerance},
+)
+AUTO_SECTOR = Record(
+    "auto_sector",
+    "Automatic sector of a tube",
+    Grid,
+    (kind("auto"), TOLERANCE, MEASURE, AXIS, FROM, TO, MARGIN),
+    {"region": Sector, "size": Tolerance},
+)
+AUTO_ACROSS = Record(
+    "auto_across",
+    "Automatic across a face",
+    Grid,
+    (kind("auto"), TOLERANCE, MEASURE, AXIS, NORMAL, MARGIN),
+    {"region": Across, "size": Tolerance},
+)
+PLANES = Record(
+    "planes",
+    "Planes one by one",
+    PlanesGrid,
+    (
+        kind("planes"),
+        Key(
+            "u",
+            many(PLANE, "planes", minItems=1),
+            "Planes across the link, in their order along it.",
+            label="U-Planes",
+            acts="geometry/grid/grids.py",
+        ),
+        Key(
+            "v",
+            many(PLANE, "planes", minItems=1),
+            "Planes along the link, in their order round or across it.",
+            label="V-Planes",
+            acts="geometry/grid/grids.py",
+        ),
+        Key(
+            "closed",
+            SWITCH,
+            "Whether the v-planes go all round the link; each then cuts a section twice and gives two lines.",
+            label="Closed",
+            first=True,
+            acts="geometry/grid/grids.py",
+        ),
+    ),
+)
+# By the kind and the region that the window names.
+GRIDS = {
+    ("tube", "tube"): TUBE,
+    ("sector", "sector"): SECTOR,
+    ("across", "across"): ACROSS,
+    ("auto", "tube"): AUTO_TUBE,
+    ("auto", "sector"): AUTO_SECTOR,
+    ("auto", "across"): AUTO_ACROSS,
+    ("planes", ""): PLANES,
+}
+GRID_KINDS = (
+    Choice("tube", "Tube", "Planes across an axis, and half-planes that start from it all round"),
+    Choice("auto", "Auto", "The smallest grid that keeps a tolerance"),
+    Choice("sector", "Sector", "Part of a tube, between two angles"),
+    Choice("across", "Across", "Two families of parallel planes across a sole or a palm"),
+    Choice("planes", "Planes", "Planes placed one by one"),
+)
+GRID_REGIONS = (
+    Choice("tube", "Tube", "All round the axis"),
+    Choice("sector", "Sector", "Part of a tube, between two angles"),
+    Choice("across", "Across", "Over a sole or a palm"),
+)
+
+# Skins: what they have in common, then each kind.
+
+PATCH_NAME = Key("name", NAME, "Name of the patch; ids of its taxels begin with it.", label="Name", first="skin")
+ORIGIN = Key(
+    "origin",
+    POINT,
+    "Where the centre of cell (0, 0) lies, on or near the mesh. `center`: the middle of the surface.",
+    default=None,
+    label="Origin",
+    word="center",
+    switch=Switch("centred", "Centred", "Centre a sheet on the surface; boards start from its middle"),
+    acts="skin/sheet/wrap.py",
+    always=True,
+)
+ROW_DIRECTION = Key(
+    "direction",
+    DIRECTION,
+    "Direction of the row of the origin; its part in the surface counts.",
+    label="Direction",
+    first=(0, 1, 0),
+    switch=Switch("auto_direction", "Automatic Direction", "Rows of boards follow the lines of the surface"),
+    acts="skin/sheet/wrap.py",
+)
+OFFSET = Key(
+    "offset",
+    length(minimum=-1, maximum=1),
+    "Height of the skin's neutral layer above the surface: the layer that keeps its lengths.",
+    default=0.0,
+    label="Offset",
+    acts="skin/sheet/offset.py",
+)
+FIRST_CHANNEL = Key(
+    "first_channel",
+    count(minimum=0),
+    "Channel of the first taxel. Default: the channels follow those of the skin before.",
+    default=None,
+    label="First Channel",
+    switch=Switch("auto_channel", "Channels Follow", "Its channels follow those of the skin before", ticked=False),
+    acts="plan/skins.py",
+)
+
+LANDMARK = Record(
+    "landmark",
+    "Landmark",
+    Landmark,
+    (
+        Key(
+            "cell",
+            pair("count", "`[row, column]`", {"type": "integer", "minimum": 0}),
+            "Row and column of the cell, counted from 0.",
+            label="Cell",
+        ),
+        Key("point", POINT, "Where the centre of the cell lies, in the link frame.", label="Point"),
+    ),
+)
+SHEET = Record(
+    "sheet",
+    "Sheet",
+    SheetSkin,
+    (
+        PATCH_NAME,
+        kind("sheet"),
+        Key(
+            "rows",
+            count(minimum=1, maximum=1000),
+            "Number of rows of cells.",
+            field="lattice.rows",
+            label="Rows",
+            first=6,
+            acts="skin/lattice.py",
+        ),
+        Key(
+            "columns",
+            count(minimum=1, maximum=1000),
+            "Number of cells in a row.",
+            field="lattice.columns",
+            label="Columns",
+            first=22,
+            joined=True,
+            acts="skin/lattice.py",
+        ),
+        Key(
+            "pitch",
+            pair("length", "two lengths", {"type": "number", "minimum": 0.00001, "maximum": 1}, "m"),
+            "Distance from row to row, and from column to column.",
+            field="lattice.pitch",
+            label="Pitch",
+            first=(0.01, 0.01),
+            labels=("Row Pitch", "Column Pitch"),
+            acts="skin/lattice.py",
+        ),
+        Key(
+            "landmarks",
+            many(LANDMARK, minItems=1),
+            "Cells that are pinned to points of the mesh, instead of `origin`. One gives the position of the sheet; "
+            "a second turns it, without strain; from the third on the sheet is strained to meet all.",
+            default=(),
+            label="Landmarks",
+            acts="skin/sheet/landmarks.py",
+        ),
+        ORIGIN,
+        ROW_DIRECTION,
+        Key(
+            "hand",
+            choice(
+                Choice("right", "Right", "The next row lies to the left of the row direction, seen from outside"),
+                Choice("left", "Left", "The next row lies to the right, as on a sheet whose face is down"),
+            ),
+            "On which side of a row the next one lies.",
+            default="right",
+            field="lattice.hand",
+            label="Hand",
+            acts="skin/lattice.py",
+        ),
+        Key(
+            "trim",
+            SWITCH,
+            "Whether cells whose centre lies off the surface are left out; otherwise they are an error. The other "
+            "cells keep their ids and channels.",
+            default=False,
+            label="Trim",
+            acts="skin/sheet/wrap.py",
+        ),
+        OFFSET,
+        FIRST_CHANNEL,
+    ),
+    {"lattice": SheetLattice},
+)
+
+ZONE = Record(
+    "zone",
+    "Excluded zone",
+    Zone,
+    (
+        Key("point", POINT, "Centre of the zone, in the link frame.", label="Point"),
+        Key(
+            "radius",
+            length(exclusiveMinimum=0, maximum=1),
+            "Boards keep this distance from the point.",
+            label="Radius",
+            first=0.005,
+        ),
+    ),
+)
+BOARDS = Record(
+    "hexagons",
+    "Hexagonal boards",
+    BoardSkin,
+    (
+        PATCH_NAME,
+        kind("hexagons"),
+        Key(
+            "side",
+            length(minimum=0.0001, maximum=1),
+            "Length of the sides of a board.",
+            default=SIDE,
+            field="lattice.side",
+            label="Side",
+            acts="skin/lattice.py",
+            always=True,
+        ),
+        Key(
+            "gap",
+            length(minimum=-1, maximum=1),
+            "Gap between the sides of two boards that face each other; negative where boards are trimmed. Default: "
+            "boards of the TUM skin, with a side of 16.3 mm, have a pitch of 27.75 mm.",
+            default=GAP,
+            field="lattice.gap",
+            label="Gap",
+            switch=Switch(
+                "auto_gap",
+                "Standard Gap",
+                "Boards trimmed as those of the TUM skin: with a side of 16.3 mm their pitch is 27.75 mm",
+            ),
+            acts="skin/lattice.py",
+            always=True,
+        ),
+        Key(
+            "cells",
+            CELLS,
+            "Which boards there are: as many as fit, all from the origin, or a list of axial coordinates. q counts "
+            "along the rows, r along the direction 60 degrees to their left.",
+            default="fill",
+            field="choice",
+            blender="choice",
+            label="Boards",
+            acts="skin/boards/layout.py",
+            always=True,
+        ),
+        replace(
+            ORIGIN,
+            description="Where the root board (0, 0) lies; with `fill`, near which point. `center`: the middle of the "
+            "surface.",
+            acts="skin/boards/layout.py",
+        ),
+        replace(
+            ROW_DIRECTION,
+            description="Direction of the row of the root board; with `fill`, to within 30 degrees. Default: along v.",
+            default=None,
+            acts="skin/boards/layout.py",
+        ),
+        Key(
+            "excluded",
+            many(ZONE),
+            "Discs that boards must not cover: screws, cable outlets. Edges and holes of the mesh are found.",
+            default=(),
+            label="Excluded",
+            acts="skin/boards/region.py",
+        ),
+        OFFSET,
+        FIRST_CHANNEL,
+    ),
+    {"lattice": HexLattice},
+)
+
+FRAME = Record(
+    "frame",
+    "Frame",
+    Frame,
+    (
+        Key(
+            "rotation",
+            ROTATION,
+            "From the frame of the file into the frame of the link, by rows.",
+            label="Rotation",
+            first=(1, 0, 0, 0, 1, 0, 0, 0, 1),
+        ),
+        Key(
+            "translation",
+            POINT,
+            "Of the file's frame, in the link frame; the rotation comes first.",
+            label="Translation",
+        ),
+    ),
+)
+IMPORTED = Record(
+    "imported",
+    "Imported taxels",
+    ImportedSkin,
+    (
+        PATCH_NAME,
+        kind("imported"),
+        Key(
+            "file",
+            FILE,
+            "The file that has the taxels, relative to the folder of the plan.",
+            label="File",
+            acts="calibration/exchange/reading.py",
+        ),
+        Key(
+            "format",
+            choice(*(Choice(name, name, FORMATS[name].what) for name in READABLE)),
+            "Format of the file. Default: found from the content.",
+            default=None,
+            label="Format",
+            empty="auto",
+            acts="calibration/exchange/reading.py",
+        ),
+        Key(
+            "only",
+            TEXT,
+            "Pattern of the labels that are used, such as `l_forearm_skin_*`. Default: all.",
+            default=None,
+            label="Only",
+            empty="",
+            acts="calibration/exchange/link_taxels.py",
+        ),
+        Key(
+            "frame",
+            one(FRAME),
+            "Frame of the file in the link frame. Default: the file is in the link frame.",
+            default=None,
+            label="Frame",
+            switch=Switch(
+                "framed",
+                "Own Frame",
+                "The file is in another frame than the link: turn and move it",
+                means_default=False,
+                ticked=False,
+            ),
+            acts="skin/imported.py",
+        ),
+        Key(
+            "snap",
+            SWITCH,
+            "Whether taxels are moved to the surface; otherwise they stay, and `gap` is their distance from it.",
+            default=False,
+            label="Snap",
+            acts="skin/imported.py",
+        ),
+        FIRST_CHANNEL,
+    ),
+)
+SKIN_KINDS = (
+    Choice("sheet", "Sheet", "Rows of cells on a flexible sheet that bends with the surface"),
+    Choice("hexagons", "Hexagons", "Rigid hexagonal boards next to each other"),
+    Choice("imported", "Imported", "Taxels in the file of another program"),
+)
+# By kind.
+SKINS_OF: dict[str, Record] = {"sheet": SHEET, "hexagons": BOARDS, "imported": IMPORTED}
+
+# The plan.
+
+PLAN = Record(
+    "plan",
+    "Plan",
+    Plan,
+    (
+        Key("format", constant(FORMAT), "The format.", field=""),
+        Key("version", constant(VERSION), "The version of the format.", field=""),
+        Key("link", NAME, "Name of the robot link, as in its URDF.", label="Link", panel="Link"),
+        Key(
+            "mesh",
+            FILE,
+            "STL, PLY, OBJ or OFF file of the mesh, relative to the folder of the plan.",
+            blender="mesh_file",
+            label="Mesh File",
+            panel="Link",
+            acts="geometry/mesh/triangle_mesh.py",
+        ),
+        Key(
+            "unit",
+            choice(Choice("m", "Metres", "Metres"), Choice("mm", "Millimetres", "Millimetres")),
+            "Unit of the numbers in the mesh file.",
+            acts="geometry/mesh/triangle_mesh.py",
+        ),
+        Key(
+            "cover",
+            one(COVER),
+            "What of the mesh is covered with skin.",
+            default=CoverSpec(),
+            label="Cover",
+            panel="Cut",
+            acts="geometry/mesh/cover.py",
+            always=True,
+        ),
+        Key("grid", GRID, "Where planes and lines are.", label="Grid", panel="Grid", acts="geometry/grid/grids.py"),
+        Key(
+            "degree",
+            pair("count", "two whole numbers", {"type": "integer", "minimum": 2, "maximum": 5}),
+            "Degree of the surface along u and v.",
+            default=(3, 3),
+            label="Degree",
+            labels=("Degree U", "V"),
+            panel="Grid",
+            acts="geometry/fit/surface_fit.py",
+            always=True,
+        ),
+        Key("skins", SKINS, "The skins on the link.", label="Skins", panel="Skin", acts="pipeline/place_skins.py"),
+        Key(
+            "chords",
+            SWITCH,
+            "Whether the mesh was tessellated from a smooth model: its vertices lie on the true surface and its facets "
+            "inside it, and the fitted surface bulges over them. Coarse or sharp meshes are fitted without.",
+            default=False,
+            label="Facets are Chords",
+            panel="Grid",
+            acts="geometry/fit/chords.py",
+        ),
+        Key(
+            "response",
+            RESPONSE,
+            "Force of a reading in newtons. Default: readings are newtons.",
+            default=Response(),
+            label="Response",
+            acts="calibration/response.py",
+        ),
+    ),
+)
+# Objects of the schema; records with the same constant "kind" share one.
+RECORDS: tuple[Record, ...] = (
+    PLANE,
+    COVER,
+    LINE,
+    TUBE,
+    SECTOR,
+    ACROSS,
+    AUTO_TUBE,
+    AUTO_SECTOR,
+    AUTO_ACROSS,
+    PLANES,
+    LANDMARK,
+    SHEET,
+    ZONE,
+    BOARDS,
+    FRAME,
+    IMPORTED,
+)
