@@ -92,12 +92,13 @@ CELLS = Type(
 )
 GRID = Type(
     "grid",
-    "one of the [grids](#grids)",
+    "by its kind [`tube`](#tube), `patch` ([sector](#sector) or [face](#across)), [`planes`](#planes), or `auto` "
+    "([tube](#auto_tube), [sector](#auto_sector) or [face](#auto_across))",
     {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("tube", "patch", "planes", "auto")]},
 )
 SKINS = Type(
     "skins",
-    "list of [skins](#skins)",
+    "list of skins, by their kind [`sheet`](#sheet), [`hexagons`](#hexagons) or [`imported`](#imported)",
     {
         "type": "array",
         "items": {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("sheet", "hexagons", "imported")]},
