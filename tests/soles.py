@@ -1,4 +1,4 @@
-"""Flat soles and other skins for tests of the runtime, built from formulas."""
+"""Flat soles and other skins for tests of the runtime, computed from formulas."""
 
 import numpy as np
 
@@ -9,12 +9,12 @@ from tests.samples import plane, small_calibration
 SIDE = 0.016308  # of a board [m]
 
 
-def cell_patch(positions, normals, corners, name="sole", reach=0.03, index=None, first_channel=0):
-    """A patch of cells whose neighbours are those within ``reach``."""
+def cell_patch(positions, normals, corners, name="sole", radius=0.03, index=None, first_channel=0):
+    """Return a patch of cells whose neighbours are those within ``radius``."""
     n = len(positions)
     ids = tuple(f"{name}.{i}" for i in range(n))
-    apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-    beside = tuple(tuple(ids[j] for j in range(n) if i != j and apart[i, j] < reach) for i in range(n))
+    distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    neighbours = tuple(tuple(ids[j] for j in range(n) if i != j and distances[i, j] < radius) for i in range(n))
     tangents = np.cross(normals, np.where(np.abs(normals[:, 1:2]) > 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
     area = np.linalg.norm(
         np.cross(corners[:, 1:-1] - corners[:, :1], corners[:, 2:] - corners[:, :1]).sum(axis=1), axis=1
@@ -29,26 +29,26 @@ def cell_patch(positions, normals, corners, name="sole", reach=0.03, index=None,
         tangents / np.linalg.norm(tangents, axis=1)[:, None],
         corners,
         area / 2,
-        beside,
+        neighbours,
     )
     return Patch(name, "imported", "plane", (1, n), (0.01, 0.01), taxels)
 
 
 def sole_patch(rows=(8, 9, 8, 9, 8), side=SIDE, height=0.0, **options):
-    """Hexagons in rows, below a foot: x forward, z up into the robot, normals down."""
+    """Return rows of hexagons below a foot: x forward, z up into the robot, normals down."""
     wide, tall = np.sqrt(3) * side, 1.5 * side
-    places = [
+    centres = [
         ((j - (count - 1) / 2) * wide, (i - (len(rows) - 1) / 2) * tall, height)
         for i, count in enumerate(rows)
         for j in range(count)
     ]
     angle = np.deg2rad(30 - 60 * np.arange(6))  # counter-clockwise seen from below
     ring = side * np.stack((np.cos(angle), np.sin(angle), 0 * angle), axis=1)
-    positions = np.array(places)
-    return cell_patch(positions, np.tile((0.0, 0.0, -1.0), (len(places), 1)), positions[:, None] + ring, **options)
+    positions = np.array(centres)
+    return cell_patch(positions, np.tile((0.0, 0.0, -1.0), (len(centres), 1)), positions[:, None] + ring, **options)
 
 
 def skin_of(*patches, newtons=(0.0, 1.0), link="left_sole", **options):
-    """A skin of these patches whose readings are a polynomial's newtons."""
+    """Return a skin of these patches with a polynomial response in newtons."""
     calibration = small_calibration(link=link, patches=patches, surfaces=(plane(),), response=Response(newtons))
     return Skin(calibration, **options)

@@ -1,4 +1,4 @@
-"""Whatever comes in whatever order: the runtime agrees with a slow one that keeps its whole history."""
+"""The runtime agrees with a slow implementation that keeps its complete history, for any sequence of inputs."""
 
 import numpy as np
 from hypothesis import settings
@@ -15,16 +15,16 @@ N = ROWS * COLUMNS
 
 
 def field() -> Skin:
-    """A small flat sheet of square cells."""
+    """Return a small flat sheet of square cells."""
     row, column = (a.ravel() for a in np.indices((ROWS, COLUMNS)))
     positions = np.column_stack((column * 0.01, row * 0.01, 0 * row))
     ring = 0.005 * np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0.0]])
     down = np.tile((0, 0, -1.0), (N, 1))
-    return skin_of(cell_patch(positions, down, positions[:, None] + ring, reach=0.011))
+    return skin_of(cell_patch(positions, down, positions[:, None] + ring, radius=0.011))
 
 
 class Sequences(RuleBasedStateMachine):
-    """Frames, broken frames, masks, baselines, and times that go as they like."""
+    """Frames, invalid frames, masks, baselines, and arbitrary times."""
 
     def __init__(self):
         super().__init__()
@@ -35,7 +35,7 @@ class Sequences(RuleBasedStateMachine):
         self.frame = None
 
     def expected(self, reading):
-        """What each taxel feels and whether it is on, one by one."""
+        """Return the force of each taxel and whether it is known, one by one."""
         forces, known = [], []
         for i in range(N):
             force = max(reading[i] - self.baseline[i], 0.0)
@@ -45,12 +45,12 @@ class Sequences(RuleBasedStateMachine):
 
     @rule(
         reading=st.lists(st.sampled_from([0.0, 0.05, 0.12, 0.15, 0.19, 0.3, 2.0, 50.0]), min_size=N, max_size=N),
-        lost=st.sets(st.integers(0, N - 1), max_size=3),
+        missing=st.sets(st.integers(0, N - 1), max_size=3),
         gap=st.sampled_from([0.001, 0.001, 0.004, 0.0, 5.0, -1.0]),
     )
-    def comes(self, reading, lost, gap):
-        """A frame, some of whose taxels send no number."""
-        reading = np.array([np.nan if i in lost else x for i, x in enumerate(reading)])
+    def update_with_frame(self, reading, missing, gap):
+        """Update with a frame in which some taxels have no number."""
+        reading = np.array([np.nan if i in missing else x for i, x in enumerate(reading)])
         self.frame = self.skin.update(reading, self.time + gap)
         fresh = bool({"time_back", "time_jump"} & self.frame.flags)
         forces, known = self.expected(reading)
@@ -69,49 +69,52 @@ class Sequences(RuleBasedStateMachine):
         assert_allclose(self.frame.wrench, wrench, rtol=1e-9, atol=1e-12)
         assert {frozenset(c.taxels.tolist()) for c in self.frame.contacts} == set(contacts)
         for contact in self.frame.contacts:
-            force, place = contacts[frozenset(contact.taxels.tolist())]
+            force, position = contacts[frozenset(contact.taxels.tolist())]
             assert_allclose(contact.force, force, rtol=1e-9)
-            assert_allclose(contact.position, place, rtol=1e-9, atol=1e-12)  # a flat skin: the mean is on it
+            assert_allclose(contact.position, position, rtol=1e-9, atol=1e-12)  # a flat skin: the mean is on it
         self.numbers(fresh)
 
     def numbers(self, fresh):
-        """Each number once; one seen in the last frame has taxels beside its own there; others were never used."""
+        """Check the numbers.
+
+        Each is used once; a kept one has a neighbouring taxel in its last contact; the others are new.
+        """
         now = {c.number: set(c.taxels.tolist()) for c in self.frame.contacts}
         assert len(now) == len(self.frame.contacts)
         before = {} if fresh else self.last
-        beside = {i: {i} for i in range(N)}
+        neighbours = {i: {i} for i in range(N)}
         for i, j in self.skin.pairs.tolist():
-            beside[i].add(j)
-            beside[j].add(i)
+            neighbours[i].add(j)
+            neighbours[j].add(i)
         for number, taxels in now.items():
             if number in before:
-                assert before[number] & set().union(*(beside[i] for i in taxels))
+                assert before[number] & set().union(*(neighbours[i] for i in taxels))
             else:
                 assert number not in self.used
                 self.used.add(number)
         self.last = now
 
-    @rule(broken=st.sampled_from([None, np.zeros(3), np.full(N, np.nan), np.zeros((2, N)), "reading", [1, [2]]]))
-    def broken_comes(self, broken):
-        """It is told, and forgotten."""
-        frame = self.skin.update(broken, self.time + 0.001)
+    @rule(invalid=st.sampled_from([None, np.zeros(3), np.full(N, np.nan), np.zeros((2, N)), "reading", [1, [2]]]))
+    def update_with_invalid_frame(self, invalid):
+        """An invalid frame is flagged and changes nothing."""
+        frame = self.skin.update(invalid, self.time + 0.001)
         assert frame.touched is None and frame.problem
 
     @rule(ids=st.sets(st.integers(0, N - 1), max_size=4))
     def mask(self, ids):
-        """Taxels are taken out, the others put back."""
+        """Mask some taxels and restore the others."""
         self.skin.mask([self.skin.ids[i] for i in ids])
         self.masked = ids
 
     @rule(rest=st.floats(-0.05, 0.05))
     def tare(self, rest):
-        """All taxels rest at some reading."""
+        """Set one baseline for all taxels."""
         self.skin.tare(np.full(N, rest))
         self.baseline = np.full(N, rest)
 
     @invariant()
     def old_frames_do_not_change(self):
-        """What a controller keeps stays what it was."""
+        """Frames that a controller keeps do not change."""
         if self.frame is not None and self.frame.touched:
             assert_allclose(sum(c.wrench for c in self.frame.contacts), self.frame.wrench, rtol=1e-9, atol=1e-12)
 

@@ -1,4 +1,4 @@
-"""The runtime against contact forces of a simulator that knows nothing of it; the data may be absent."""
+"""The runtime, compared with contact forces of an independent simulator; the data can be missing."""
 
 import json
 from dataclasses import replace
@@ -21,46 +21,46 @@ pytestmark = pytest.mark.skipif(not TRUTH.is_dir(), reason=f"no simulated truth 
 
 @cache
 def recorded(name):
-    """The arrays of a recording."""
+    """Return the arrays of a recording."""
     with np.load(TRUTH / f"{name}.npz") as file:
         return dict(file)
 
 
 def layout(name):
-    """Positions, normals and corners of a layout, as it has them."""
+    """Return positions, normals and corners of a layout, as stored."""
     taxels = json.loads((TRUTH / f"layout_{name}.json").read_text())["taxels"]
     return (np.array([t[key] for t in taxels]) for key in ("position", "normal", "corners"))
 
 
 def sole(response, **options):
-    """The simulated sole; its layout has the normals into the robot."""
+    """Return the simulated sole; the normals of its layout point into the robot."""
     positions, normals, corners = layout("left_sole")
-    patch = cell_patch(positions, -normals, corners[:, ::-1], reach=0.0285)
+    patch = cell_patch(positions, -normals, corners[:, ::-1], radius=0.0285)
     return Skin(
         small_calibration(link="left_sole", patches=(patch,), surfaces=(plane(),), response=response), **options
     )
 
 
 def frames(name, skin, readings):
-    """Every frame of a recording, by itself: seconds lie between them."""
+    """Return the frame of each reading of a recording, with long gaps between them."""
     return [skin.update(reading, 1000.0 * k) for k, reading in enumerate(recorded(name)[readings])]
 
 
 def sole_12_bit(name):
-    """800 N at 12 bits with 2 LSB of noise; the thesis switches at 1.5 N."""
+    """Return a sole with 800 N at 12 bits and 2 LSB of noise; the thesis switches at 1.5 N."""
     return sole(Response((0.0, float(recorded(name)["lsb12"]))), switch_on=1.5, switch_off=1.0)
 
 
 @pytest.mark.parametrize("name", ["foot_flat", "foot_beam12"])
 def test_cop_of_12_bit_readings(name):
-    """Mean within 1.5 mm of the truth, 95 of 100 within 3.1 mm."""
+    """The mean error is less than 1.5 mm; 95 of 100 errors are less than 3.1 mm."""
     off = [f.cop - t for f, t in zip(frames(name, sole_12_bit(name), "raw_u12"), recorded(name)["cop_sole"])]
     off = np.linalg.norm(off, axis=1)
     assert off.mean() < 1.5e-3 and np.percentile(off, 95) < 3.1e-3
 
 
-def test_cop_at_full_contact_makes_up_for_the_cells():
-    """On exact forces the error is .01 mm, a thirtieth of what lumping each force in its cell's centre gives."""
+def test_cop_at_full_contact_is_corrected_for_the_cells():
+    """On exact forces the error is 0.01 mm, 1/30 of that of forces at the centres of the cells."""
     data, skin = recorded("foot_flat"), sole(Response((0.0, 1.0)), switch_on=1e-3, switch_off=5e-4)
     full = (data["taxel_fn"] > 1e-3).all(axis=1)
     assert full.sum() >= 50
@@ -73,7 +73,7 @@ def test_cop_at_full_contact_makes_up_for_the_cells():
 
 @pytest.mark.parametrize("name", ["foot_flat", "foot_beam12"])
 def test_true_contact_lies_between_the_polygons(name):
-    """The guaranteed polygon lies in the true region in every frame, the outer one holds every true CoP."""
+    """The guaranteed polygon is in the true region in every frame; the outer one contains every true CoP."""
     data, areas = recorded(name), 0
     for k, frame in enumerate(frames(name, sole_12_bit(name), "raw_u12")):
         true = convex_hull(data["true_hull"][slice(*data["true_hull_off"][k : k + 2])])
@@ -85,7 +85,7 @@ def test_true_contact_lies_between_the_polygons(name):
 
 
 def test_wrench_is_that_of_the_simulator():
-    """The three components that presses make, of exact forces; the other three are not seen, and say so."""
+    """The three observed components are right for exact forces; the other three are reported as not observed."""
     data, skin = recorded("foot_flat"), sole(Response((0.0, 1.0)), switch_on=1e-6, switch_off=1e-6)
     assert skin.observable.tolist() == [False, False, True, True, True, False]
     wrench = np.array([skin.update(f, 1000.0 * k).wrench for k, f in enumerate(data["taxel_fn"])])
@@ -96,11 +96,11 @@ def test_wrench_is_that_of_the_simulator():
 
 
 def test_contacts_on_a_forearm():
-    """Their place within 3.3, 2.7, 1.5, .8 and 1.4 mm on the mean, for contacts of 1 to 12 mm radius."""
+    """The mean position errors are below 3.3, 2.7, 1.5, 0.8 and 1.4 mm for contacts of 1 to 12 mm radius."""
     data, intensity = recorded("forearm_single"), np.arange(256.0)
     positions, normals, corners = layout("forearm")
     index = np.column_stack(np.divmod(np.arange(132), 22))
-    patch = cell_patch(positions, normals, corners, name="arm", reach=0.0115, index=index)
+    patch = cell_patch(positions, normals, corners, name="arm", radius=0.0115, index=index)
     response = ResponseTable(tuple(intensity), tuple(20 * (1 - np.cbrt(1 - intensity / 255))))
     skin = Skin(small_calibration(patches=(patch,), surfaces=(plane(),), response=response))
     noise = np.random.default_rng(0).normal(0, 2, (200, 132))
@@ -114,15 +114,15 @@ def test_contacts_on_a_forearm():
         assert ours.sum() == 120 and np.mean(np.array(off)[ours]) < limit / 1e3
 
 
-def test_touches_on_a_forearm_say_where_its_sheet_lies():
-    """Of the 240 smallest contacts, each known by its strongest cell: no shift; one that is made is found within .5 mm.
+def test_touches_on_a_forearm_find_the_placement_of_its_sheet():
+    """The 240 smallest contacts, named by their strongest cells, give no shift; a shift of 3 mm is found to 0.5 mm.
 
-    The cells that a simulator pressed most are those that the places lie in, so nothing else is left off.
+    The strongest cell of a simulated contact contains its position, so that there is no other error.
     """
     data = recorded("forearm_single")
     positions, normals, corners = layout("forearm")
     index = np.column_stack(np.divmod(np.arange(132), 22))
-    patch = cell_patch(positions, normals, corners, name="arm", reach=0.0115, index=index)
+    patch = cell_patch(positions, normals, corners, name="arm", radius=0.0115, index=index)
     along = np.roll(positions.reshape(6, 22, 3), -1, axis=1).reshape(-1, 3) - positions
     along[21::22] = along[20::22]
     along -= (along * normals).sum(axis=1)[:, None] * normals

@@ -1,4 +1,4 @@
-"""Two feet, several links."""
+"""Combine two feet, and several links, in a body."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ N = 42
 
 
 def pose(x=0.0, y=0.0, z=0.0, yaw=0.0, pitch=0.0):
-    """T_world_link."""
+    """Return T_world_link."""
     c, s, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]) @ np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     full = np.eye(4)
@@ -22,12 +22,12 @@ def pose(x=0.0, y=0.0, z=0.0, yaw=0.0, pitch=0.0):
 
 
 def feet(**options):
-    """Two soles."""
+    """Return a body with two soles."""
     return Body({"left": skin_of(sole_patch()), "right": skin_of(sole_patch())}, **options)
 
 
 def test_two_feet_on_flat_ground():
-    """The ZMP between the feet by their loads, the polygon round both, the wrench of the whole weight."""
+    """The ZMP is weighted by the loads, the polygon is around both feet, the wrench is the complete weight."""
     rng = np.random.default_rng(2)
     left, right = rng.uniform(0.5, 30, N), rng.uniform(0.5, 30, N)
     poses = {"left": pose(0.1, 0.1, 0, 0.3), "right": pose(-0.05, -0.1, 0, -0.2)}
@@ -52,7 +52,7 @@ def test_two_feet_on_flat_ground():
 
 
 def test_foot_in_the_air_is_left_out():
-    """It has no part in ZMP and polygon, and is no reason for a flag."""
+    """A foot in the air is not part of ZMP and polygon, and gives no flag."""
     body = feet()
     poses = {"left": pose(), "right": pose(0.2, -0.2, 0.05)}
     frame = body.update({"left": np.full(N, 10.0), "right": np.zeros(N)}, 0.0, poses)
@@ -65,8 +65,8 @@ def test_foot_in_the_air_is_left_out():
     assert nobody.reason == "no link carries a load of 5 N, which a ZMP needs"
 
 
-def test_feet_on_different_heights_are_told():
-    """The ZMP from the whole wrench is right on the ground asked for; the region of the ZMP is no longer the hull."""
+def test_feet_on_different_heights_are_flagged():
+    """The ZMP of the complete wrench is correct on the given ground. The flag says that its region is not the hull."""
     poses = {"left": pose(0, 0.1, 0.1), "right": pose(0, -0.1, 0.0)}
     readings = {"left": np.full(N, 5.0), "right": np.full(N, 10.0)}
     frame = feet().update(readings, 0.0, poses)
@@ -80,7 +80,10 @@ def test_feet_on_different_heights_are_told():
 
 
 def test_sloped_foot_shifts_the_zmp_by_its_shear():
-    """Its normal force has a part along the ground, at a height: the general formula counts it."""
+    """The normal force of a tilted foot has a component along the ground, at a height.
+
+    The general formula includes it.
+    """
     tilted = pose(0.3, 0, 0.2, 0, 0.3)
     body = Body({"left": skin_of(sole_patch())})
     frame = body.update({"left": np.full(N, 5.0)}, 0.0, {"left": tilted})
@@ -89,8 +92,8 @@ def test_sloped_foot_shifts_the_zmp_by_its_shear():
     assert_allclose(frame.zmp[0], middle[0] - middle[2] * force[0] / force[2], atol=1e-12)
 
 
-def test_what_does_not_come_is_flagged():
-    """No reading, no pose, a broken one: the link is left out and named; the other foot goes on."""
+def test_missing_readings_and_poses_are_flagged():
+    """Without a reading or a valid pose a link is left out and named; the other foot is not affected."""
     body = feet()
     good = np.full(N, 10.0)
     frame = body.update({"left": good}, 0.0, {"left": pose(), "right": pose()})
@@ -107,7 +110,7 @@ def test_what_does_not_come_is_flagged():
 
 
 def test_arm_adds_to_the_wrench_and_not_to_the_ground():
-    """A limb's skin has no ground: its push is part of the body's wrench, the feet alone carry the ZMP's polygon."""
+    """The skin of a limb has no ground: it adds to the wrench of the body, not to its ZMP and polygon."""
     body = Body({"left": skin_of(sole_patch()), "arm": skin_of(sheet(4, 12, 0.01), link="arm")})
     poses = {"left": pose(), "arm": pose(0, 0, 1.0)}
     touch = np.zeros(48)

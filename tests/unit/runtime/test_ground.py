@@ -17,7 +17,7 @@ loads = hnp.arrays(float, N, elements=st.one_of(st.just(0.0), st.floats(0.5, 100
 
 
 def turned(patch, rotation, shift):
-    """A patch moved as a whole."""
+    """Return a patch after a rigid motion."""
     taxels = patch.taxels
     return cell_patch(
         taxels.positions_link @ rotation.T + shift,
@@ -27,14 +27,17 @@ def turned(patch, rotation, shift):
 
 
 def rotation(seed):
-    """Some rotation."""
+    """Return a random rotation."""
     q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     q = q * np.sign(np.diag(r))
     return q * np.linalg.det(q)
 
 
 def test_sole_stands_on_the_plane_through_its_taxels():
-    """In the link's own coordinates: x forward, y left, z up; a skin round a limb stands on nothing, unless told."""
+    """The plane has the coordinates of the link.
+
+    X forward, y left, z up. A skin around a limb has no ground by default.
+    """
     skin = skin_of(sole_patch(height=-0.05))
     assert_allclose(skin.ground.plane.axes, np.eye(3), atol=1e-15)
     assert_allclose(skin.ground.plane.origin, (0, 0, -0.05), atol=1e-15)
@@ -51,8 +54,11 @@ def test_sole_stands_on_the_plane_through_its_taxels():
     assert given_ground.update(np.ones(48), 0.0).cop is not None
 
 
-def test_plane_takes_points_there_and_back():
-    """Coordinates in the plane, height over it; the origin is the foot of the frame's own."""
+def test_plane_coordinates_give_the_points_back():
+    """Coordinates in the plane and the height give the point back.
+
+    The origin is the projection of the frame's origin.
+    """
     plane = Plane.through((1, 2, 3), (0, 0, 2), (0, 5, 1))
     points = np.random.default_rng(0).normal(size=(5, 3))
     back = plane.spatial(plane.flat(points)) + plane.heights(points)[:, None] * plane.axes[2]
@@ -66,7 +72,7 @@ def test_plane_takes_points_there_and_back():
 
 @given(forces=loads, seed=st.integers(0, 99))
 def test_cop_and_zmp_of_a_flat_sole_are_one_point(forces, seed):
-    """Coplanar normal forces: both definitions give one point (Sardain & Bessonnet 2004), wherever the sole is."""
+    """For coplanar normal forces both definitions agree (Sardain & Bessonnet 2004), at any pose of the sole."""
     forces[0] = 0.0  # never full contact, at which the CoP knows more
     patch = turned(sole_patch(), rotation(seed), np.array([0.3, -1.0, 2.0]))
     frame = skin_of(patch).update(forces, 0.0)
@@ -75,13 +81,13 @@ def test_cop_and_zmp_of_a_flat_sole_are_one_point(forces, seed):
         return
     assert frame.reason is None
     assert_allclose(frame.cop, frame.zmp, atol=1e-12)
-    place = frame.ground.plane.spatial(frame.cop)
-    assert_allclose(place, forces @ patch.taxels.positions_link / forces.sum(), atol=1e-12)
+    point = frame.ground.plane.spatial(frame.cop)
+    assert_allclose(point, forces @ patch.taxels.positions_link / forces.sum(), atol=1e-12)
 
 
 @given(slope=hnp.arrays(float, 2, elements=st.floats(-6, 6)), seed=st.integers(0, 99))
 def test_cop_at_full_contact_is_exact_for_linear_pressure(slope, seed):
-    """Forces within the cells are made up for: what a linear pressure over real hexagons has as its true centre."""
+    """The correction gives the true centre of a linear pressure over hexagons."""
     patch = sole_patch()
     angle = np.random.default_rng(seed).uniform(0, 7)
     spin = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
@@ -98,14 +104,17 @@ def test_cop_at_full_contact_is_exact_for_linear_pressure(slope, seed):
 
 
 def test_in_cell_correction_of_the_thesis_sole():
-    """1.0119 along and 1.0474 across for the sole of 42 hexagons; fitted on simulated contacts, 1.0116 and 1.0464."""
-    middle, stretch = skin_of(sole_patch()).ground.full_contact_correction
-    assert_allclose(np.diag(stretch), (1.0119, 1.0474), atol=2e-4)
-    assert_allclose(stretch[[0, 1], [1, 0]], 0, atol=1e-15)
+    """The factors for 42 hexagons are 1.0119 along and 1.0474 across.
+
+    A fit to simulated contacts gives 1.0116 and 1.0464.
+    """
+    middle, correction = skin_of(sole_patch()).ground.full_contact_correction
+    assert_allclose(np.diag(correction), (1.0119, 1.0474), atol=2e-4)
+    assert_allclose(correction[[0, 1], [1, 0]], 0, atol=1e-15)
 
 
 def test_zmp_counts_height_and_shear():
-    """The printed formula forgets both: a point off the plane, pushed along it, moves the ZMP."""
+    """The ZMP includes heights and lateral forces, which the printed formula leaves out."""
     rng = np.random.default_rng(5)
     for _ in range(50):
         points, forces = rng.normal(size=(4, 3)), rng.normal(size=(4, 3))
@@ -121,8 +130,8 @@ def test_zmp_counts_height_and_shear():
 
 
 @given(forces=loads)
-def test_polygons_hold_each_other(forces):
-    """Guaranteed within nominal within outer; the CoP of partial contact lies in the nominal one."""
+def test_polygons_contain_each_other(forces):
+    """Guaranteed is in nominal, nominal is in outer; the CoP of partial contact is in the nominal polygon."""
     frame = skin_of(sole_patch()).update(forces, 0.0)
     polygon, active = frame.polygon, forces >= 0.2
     assert polygon.nominal.area <= polygon.outer.area and polygon.guaranteed.area <= polygon.nominal.area
@@ -136,7 +145,7 @@ def test_polygons_hold_each_other(forces):
 
 @given(active=hnp.arrays(bool, N), seed=st.integers(0, 2**32 - 1))
 def test_guaranteed_polygon_lies_in_the_hull_of_any_contact(active, seed):
-    """Wherever within each active cell the ground touches it, even at one corner."""
+    """This is true for any point of contact in each active cell, even a corner."""
     patch, rng = sole_patch(), np.random.default_rng(seed)
     frame = skin_of(patch).update(np.where(active, 5.0, 0.0), 0.0)
     touching = patch.taxels.corners_link[np.arange(N), rng.integers(0, 6, N)][active, :2]
@@ -144,8 +153,8 @@ def test_guaranteed_polygon_lies_in_the_hull_of_any_contact(active, seed):
     assert all(true.margin(corner) > -1e-9 for corner in frame.polygon.guaranteed.corners)
 
 
-def test_guaranteed_polygon_is_the_largest_that_is_sure():
-    """A square of centres less a lopsided cell: each edge moves in by the cell's reach against its normal."""
+def test_guaranteed_polygon_is_the_largest_safe_one():
+    """Each edge of a square of centres moves in by the extent of an asymmetric cell against its normal."""
     square = convex_hull([(0, 0), (1, 0), (1, 1), (0, 1)])
     cell = np.array([(-0.1, -0.2), (0.3, -0.2), (0.3, 0.4), (-0.1, 0.4)])
     low, high = square.eroded(cell).bounds
@@ -155,8 +164,8 @@ def test_guaranteed_polygon_is_the_largest_that_is_sure():
 
 
 @given(forces=loads)
-def test_polygons_do_not_depend_on_what_came_before(forces):
-    """A footprint is kept while the active taxels stay the same; a skin that never saw another frame agrees."""
+def test_polygons_do_not_depend_on_earlier_frames(forces):
+    """A skin keeps its footprint while the active taxels stay the same. A new skin gives the same polygons."""
     old = skin_of(sole_patch())
     for k, before in enumerate((np.roll(forces, 1), forces, forces / 2 + 0.2)):
         assert old.update(before, 0.01 * k).polygon.outer is not None
@@ -167,7 +176,7 @@ def test_polygons_do_not_depend_on_what_came_before(forces):
 
 
 def test_taxels_on_the_side_of_a_foot_do_not_stand():
-    """A wall that presses the side is no ground: it moves the wrench, not the CoP and the polygon."""
+    """Pressure on the side of a foot changes the wrench, not the CoP and the polygon."""
     sole = sole_patch()
     side = cell_patch(
         np.array([[0.0, 0.07, 0.02]]),

@@ -9,17 +9,17 @@ ROWS, COLUMNS = 6, 20
 
 
 def field():
-    """A flat sheet of square cells of 10 mm."""
+    """Return a flat sheet of square cells of 10 mm."""
     row, column = (a.ravel() for a in np.indices((ROWS, COLUMNS)))
     positions = np.column_stack((column * 0.01, row * 0.01, 0 * row))
     ring = 0.005 * np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0.0]])
     down = np.tile((0, 0, -1.0), (len(row), 1))
     index = np.column_stack((row, column))
-    return skin_of(cell_patch(positions, down, positions[:, None] + ring, reach=0.011, index=index))
+    return skin_of(cell_patch(positions, down, positions[:, None] + ring, radius=0.011, index=index))
 
 
 def press(*cells):
-    """A reading with a newton on some cells."""
+    """Return a reading with 1 N on some cells."""
     reading = np.zeros((ROWS, COLUMNS))
     for row, column in cells:
         reading[row, column] = 1.0
@@ -27,40 +27,40 @@ def press(*cells):
 
 
 def numbers(skin, *frames):
-    """The numbers of each frame's contacts, frame by frame."""
+    """Return the numbers of the contacts of each frame."""
     return [[c.number for c in skin.update(press(*cells), 0.01 * k).contacts] for k, cells in enumerate(frames)]
 
 
 def test_contact_that_slides_keeps_its_number():
-    """Cell by cell, also where two frames share no cell but border each other; one that appears gets a new number."""
+    """This includes frames that have no common cell but adjacent cells. A contact that appears gets a new number."""
     assert numbers(field(), [(1, 1), (1, 2)], [(1, 2), (1, 3)], [(1, 4)], [(1, 4), (4, 9)]) == [[1], [1], [1], [1, 2]]
 
 
-def test_contact_that_jumps_is_another():
-    """Over more than a cell nobody can tell; numbers are never used twice."""
+def test_contact_that_jumps_gets_a_new_number():
+    """A contact that moves by more than a cell gets a new number; numbers are never used twice."""
     assert numbers(field(), [(1, 1)], [(1, 4)], [(1, 1)], [], [(1, 1)]) == [[1], [2], [3], [], [4]]
 
 
 def test_larger_part_of_a_split_contact_keeps_the_number():
-    """The other part is new."""
+    """The other part gets a new number."""
     whole = [(2, c) for c in range(1, 8)]
     assert numbers(field(), whole, [(2, 1), *((2, c) for c in range(3, 8))]) == [[1], [2, 1]]
 
 
 def test_merged_contact_has_the_number_of_the_larger_one():
-    """And of the older where both are equal."""
+    """Of two equal contacts the older one gives its number."""
     small, large, bridge = [(2, 1)], [(2, c) for c in range(3, 8)], [(2, 2)]
     assert numbers(field(), small, small + large, small + bridge + large) == [[1], [1, 2], [2]]
     assert numbers(field(), [(2, 1)], [(2, 1), (2, 3)], [(2, 1), (2, 2), (2, 3)]) == [[1], [1, 2], [1]]
 
 
-def test_two_contacts_do_not_trade_numbers():
-    """Side by side, each moves over a cell that the other one bordered."""
+def test_two_contacts_do_not_swap_numbers():
+    """Each of two adjacent contacts moves over a cell that was next to the other one."""
     assert numbers(field(), [(1, 1), (4, 1)], [(1, 2), (4, 2)], [(2, 2), (4, 3)])[2] == [1, 2]
 
 
 def test_numbers_do_not_depend_on_frames_that_repeat():
-    """The same cells again and again are the same contacts."""
+    """Repeated frames with the same cells have the same contacts."""
     skin = field()
     first = numbers(skin, [(1, 1), (1, 2)], [(1, 1), (1, 2)], [(1, 1), (1, 2), (3, 3)], [(1, 1), (1, 2), (3, 3)])
     assert_array_equal(first[2], first[3])

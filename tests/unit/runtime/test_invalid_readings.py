@@ -1,4 +1,7 @@
-"""Readings and times that are not what they should be: every doubt is a flag, nothing raises, nothing is forgotten."""
+"""Invalid readings and times.
+
+Each problem is a flag, nothing raises an error, and the state of the skin stays correct.
+"""
 
 import gc
 import tracemalloc
@@ -20,48 +23,51 @@ FLAGS |= {"time_not_finite", "time_still", "time_back", "time_jump", "dropped"}
 
 
 def sole(**options):
-    """A sole of 42 hexagons whose readings are newtons."""
+    """Return a sole of 42 hexagons whose readings are newtons."""
     return skin_of(sole_patch(), **options)
 
 
-def resting(force=20.0):
-    """Every taxel pressed."""
+def pressed_everywhere(force=20.0):
+    """Return a reading in which every taxel is pressed."""
     return np.full(N, force)
 
 
 @pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf])
-def test_taxels_without_a_number_are_not_without_contact(broken):
-    """Some: flagged and left out. All: the skin is blind, which is not the same as touched by nothing."""
+def test_invalid_taxels_are_not_without_contact(broken):
+    """Some invalid taxels are flagged and left out.
+
+    If all are invalid the skin is blind, which is not the same as no contact.
+    """
     skin = sole()
-    some = resting()
+    some = pressed_everywhere()
     some[:10] = broken
     frame = skin.update(some, 0.0)
     assert frame.flags == {"not_finite"} and frame.touched and frame.known.sum() == 32
-    blind = skin.update(resting(broken), 0.1)
+    blind = skin.update(pressed_everywhere(broken), 0.1)
     assert blind.flags == {"not_finite", "blind"} and blind.touched is None
     assert np.isnan(blind.wrench).all() and blind.reason == "no taxel has a valid reading"
     free = skin.update(np.zeros(N), 0.2)
     assert free.flags == frozenset() and free.touched is False and (free.wrench == 0).all()
 
 
-def test_taxel_that_sends_nothing_once_is_remembered():
-    """Hysteresis outlives a lost number: the taxel was on, and is on when it can be read again."""
+def test_taxel_stays_active_over_an_invalid_reading():
+    """A taxel keeps its hysteresis over an invalid reading: it was active, and is active with the next valid one."""
     skin = sole()
-    skin.update(resting(), 0.0)
-    lost = resting(0.15)
-    lost[3] = np.nan
-    assert not skin.update(lost, 0.01).active[3]
-    assert skin.update(resting(0.15), 0.02).active[3]
+    skin.update(pressed_everywhere(), 0.0)
+    invalid = pressed_everywhere(0.15)
+    invalid[3] = np.nan
+    assert not skin.update(invalid, 0.01).active[3]
+    assert skin.update(pressed_everywhere(0.15), 0.02).active[3]
 
 
-def test_force_that_nothing_bears_is_none():
-    """1e30 N is a broken number, not a force; it does not reach the wrench."""
+def test_impossible_force_is_left_out():
+    """A force of 1e30 N is a broken number; it is not part of the wrench."""
     frame = sole().update(np.where(np.arange(N) == 7, 1e30, 2.0), 0.0)
     assert frame.flags == {"too_large"} and not frame.known[7] and np.abs(frame.wrench).max() < 100
 
 
 def test_saturated_taxel_is_counted_and_flagged():
-    """Its force is the least it can be."""
+    """Its force is the lower limit of the true one."""
     response = Response((0.0, 0.1), (0.0, 1000.0))
     skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
     reading = np.zeros(N)
@@ -72,7 +78,7 @@ def test_saturated_taxel_is_counted_and_flagged():
 
 
 def test_masked_taxels_are_left_out_of_everything():
-    """A dead taxel that screams makes no contact and no flag; unknown ids are refused; the mask can be taken off."""
+    """A masked taxel makes no contact and no flag. Unknown ids raise an error; an empty mask restores all taxels."""
     skin = sole()
     reading = np.zeros(N)
     reading[4] = np.nan
@@ -88,7 +94,10 @@ def test_masked_taxels_are_left_out_of_everything():
 
 
 def test_reading_that_never_changes_is_stuck():
-    """A pressed taxel whose last bit stands still for half a minute is in doubt; one at rest may."""
+    """The flag is for active taxels whose last bit does not change for 30 s.
+
+    Inactive taxels may have constant readings.
+    """
     skin = sole()
     moving = np.zeros(N)
     for k in range(32):
@@ -99,8 +108,8 @@ def test_reading_that_never_changes_is_stuck():
     assert "stuck" not in skin.update(moving, 33.0).flags
 
 
-def test_baseline_makes_rest_rest():
-    """Offsets of the sensors at rest are taken off, in readings, before the response; of frames the mean counts."""
+def test_baseline_removes_the_offsets():
+    """Offsets are subtracted from the readings, before the response; of several frames the mean counts."""
     rng = np.random.default_rng(1)
     offset = rng.uniform(-3, 3, N)
     for response in (Response((0.0, 0.1, 0.002)), ResponseTable((0.0, 100.0, 255.0), (30.0, 4.0, 0.0))):
@@ -111,13 +120,13 @@ def test_baseline_makes_rest_rest():
         np.testing.assert_allclose(skin.forces(40.0 + offset), expected, rtol=1e-9)
 
 
-def test_baseline_of_a_taxel_without_a_number_stays():
-    """And a wrong one changes nothing at all."""
+def test_baseline_of_an_invalid_taxel_stays():
+    """A baseline of the wrong length changes nothing at all."""
     skin = sole()
     skin.tare(np.full(N, 2.0))
-    lost = np.full(N, 3.0)
-    lost[0] = np.nan
-    skin.tare(lost)
+    invalid = np.full(N, 3.0)
+    invalid[0] = np.nan
+    skin.tare(invalid)
     assert skin.forces(np.full(N, 3.0)).tolist() == [1.0] + [0.0] * (N - 1)
     frame = skin.update(np.full(N + 1, 3.0)[:5], 0.0)
     assert frame.flags == {"wrong_length"}
@@ -144,37 +153,40 @@ def test_baseline_of_a_taxel_without_a_number_stays():
     ],
 )
 def test_time_that_is_wrong_is_flagged(times, flags):
-    """Still, back, a jump, a lost frame, no number; and a slow clock is no doubt."""
+    """The time stands still, goes back, jumps, or is not a number, or a frame is missing.
+
+    A slow clock gives no flag.
+    """
     skin = sole()
     for time in times:
-        frame = skin.update(resting(), time)
+        frame = skin.update(pressed_everywhere(), time)
     assert frame.flags == set(flags)
 
 
 @pytest.mark.parametrize(("time", "stays"), [(0.008, True), (0.004, True), (0.0, False), (7.0, False), (np.nan, True)])
-def test_what_was_felt_long_ago_says_nothing_about_now(time, stays):
-    """After a jump, or back in time, taxels need the upper force again, and contacts get new numbers."""
+def test_old_contacts_are_forgotten_after_a_jump(time, stays):
+    """After a jump or a step back in time, taxels need the upper force again, and contacts get new numbers."""
     skin = sole()
-    skin.update(resting(), 0.001)
-    first = skin.update(resting(), 0.004).contacts[0].number
-    later = skin.update(resting(0.15), time)
+    skin.update(pressed_everywhere(), 0.001)
+    first = skin.update(pressed_everywhere(), 0.004).contacts[0].number
+    later = skin.update(pressed_everywhere(0.15), time)
     assert later.active.all() == stays
     if stays:
         assert later.contacts[0].number == first
     else:
-        assert skin.update(resting(), time + 0.004).contacts[0].number != first
+        assert skin.update(pressed_everywhere(), time + 0.004).contacts[0].number != first
 
 
 def test_refused_frame_leaves_the_skin_as_it_was():
-    """Reading after reading, with and without broken ones in between: the good frames are the same."""
+    """Valid frames are the same with and without invalid readings between them."""
     rng = np.random.default_rng(3)
     good = rng.uniform(0, 0.4, (30, N))
-    plain, bothered = sole(), sole()
+    plain, disturbed = sole(), sole()
     for k, reading in enumerate(good):
         time = 0.004 * k
         for broken in (None, np.zeros(3), np.full(N, np.nan), np.zeros((2, N)), ["x"] * N):
-            assert bothered.update(broken, time).touched is None
-        a, b = plain.update(reading, time), bothered.update(reading, time)
+            assert disturbed.update(broken, time).touched is None
+        a, b = plain.update(reading, time), disturbed.update(reading, time)
         assert a.flags == b.flags and (a.active == b.active).all()
         assert [c.number for c in a.contacts] == [c.number for c in b.contacts]
 
@@ -193,7 +205,7 @@ anything = st.one_of(
 
 @given(readings=st.lists(st.tuples(anything, st.floats()), min_size=1, max_size=6))
 def test_no_reading_raises(readings):
-    """Whatever arrives at whatever time: a frame, with finite numbers or none at all, and flags that are documented."""
+    """Any reading at any time gives a frame with finite numbers, or without any, and with documented flags only."""
     skin = skin_of(sole_patch(), newtons=(0.5, -2.0, 3.0, 1e-3))
     for reading, time in readings:
         frame = skin.update(reading, time)
@@ -211,8 +223,8 @@ def test_no_reading_raises(readings):
             assert np.isfinite(contact.position).all() and contact.force > 0
 
 
-def test_array_of_another_library_that_refuses_is_told():
-    """As tensors that live elsewhere do: no exception, whatever theirs is."""
+def test_array_of_another_library_that_raises_is_flagged():
+    """Tensors of other libraries can raise any error on conversion; the frame states it."""
 
     class Tensor:
         def __array__(self, dtype=None, copy=None):
@@ -223,11 +235,11 @@ def test_array_of_another_library_that_refuses_is_told():
 
 
 def test_polygons_of_a_frame_are_its_own():
-    """Over frames of which each is the last one but for a taxel or two, or like none: to the bit what a new skin says.
+    """For similar and for different consecutive frames, a new skin gives the same polygons in every bit.
 
-    And what a controller kept of an earlier frame is what it was.
+    Frames that a controller keeps do not change.
     """
-    skin, rng, reading = sole(), np.random.default_rng(1), resting()
+    skin, rng, reading = sole(), np.random.default_rng(1), pressed_everywhere()
     kept = []
     for k in range(200):
         if k % 20 == 0:
@@ -243,7 +255,7 @@ def test_polygons_of_a_frame_are_its_own():
 
 
 def test_memory_does_not_grow():
-    """Thousands of frames, every one with other contacts, leave no more behind than a few."""
+    """Thousands of frames with other contacts leave no more memory allocated than a few."""
     skin, rng = sole(), np.random.default_rng(0)
 
     def run(frames, start):

@@ -1,4 +1,4 @@
-"""Readings to contacts: what a controller gets each cycle."""
+"""From readings to contacts, as a controller calls it in each cycle."""
 
 import dataclasses
 import re
@@ -27,17 +27,17 @@ ROUND = sheet_taxels(
 
 
 def skin_of(*patches, newtons=(0.0, 1.0), **switches):
-    """A skin of these patches whose readings are a polynomial's newtons."""
+    """Return a skin of these patches with a polynomial response in newtons."""
     return Skin(small_calibration(patches=patches, surfaces=(cylinder(),), response=Response(newtons)), **switches)
 
 
 def closed_skin(**options):
-    """A sheet that closes round a cylinder."""
+    """Return a sheet that closes around a cylinder."""
     return skin_of(Patch("round", "sheet", "tube", (ROWS, COLUMNS), (0.01, 0.01), ROUND), **options)
 
 
 def pressed(cells, force=1.0, length=ROWS * COLUMNS):
-    """A reading in which some cells of the closed sheet are pressed."""
+    """Return a reading in which some cells of the closed sheet are pressed."""
     reading = np.zeros(length)
     for i, j in cells:
         reading[i * COLUMNS + j] = force
@@ -49,14 +49,14 @@ small = small_calibration(response=Response((0.0, 1.0)))  # 6 cells of a sheet, 
 
 
 def test_nothing_pressed_is_no_contact():
-    """A foot in the air is no error: no contacts, no wrench, no flag."""
+    """A foot in the air gives no contacts, a zero wrench, no flag and no error."""
     frame = closed_skin().update(np.zeros(88), 1.5)
     assert frame.contacts == () and (frame.wrench == 0).all() and frame.flags == frozenset() and frame.time == 1.5
     assert (frame.forces == 0).all()
 
 
 def test_one_pressed_cell_is_a_contact():
-    """Its place, its normal, its force and area; a press pushes the robot against the normal."""
+    """It has the position, normal, force and area of the cell; its force on the robot is against the normal."""
     frame = closed_skin().update(pressed([(1, 5)], 3.0), 0.0)
     (contact,) = frame.contacts
     i = COLUMNS + 5
@@ -68,8 +68,8 @@ def test_one_pressed_cell_is_a_contact():
     assert_allclose(frame.wrench, contact.wrench, rtol=0)
 
 
-def test_contacts_hang_together_over_the_seam():
-    """The last and the first cell of a row that closes round the link touch each other: one contact, not two."""
+def test_contacts_are_connected_over_the_seam():
+    """The last and the first cell of a row that closes around the link are neighbours: one contact, not two."""
     seam = closed_skin().update(pressed([(2, 0), (2, COLUMNS - 1)]), 0.0)
     assert [set(c.ids) for c in seam.contacts] == [{"round.2.0", f"round.2.{COLUMNS - 1}"}]
     apart = closed_skin().update(pressed([(2, 0), (2, COLUMNS - 2)]), 0.0)
@@ -79,27 +79,27 @@ def test_contacts_hang_together_over_the_seam():
 
 
 def test_contacts_that_touch_at_a_corner_only_are_two():
-    """Neighbours share a side."""
+    """Neighbours have a common side."""
     assert len(closed_skin().update(pressed([(1, 1), (2, 2)]), 0.0).contacts) == 2
     assert len(closed_skin().update(pressed([(1, 1), (1, 2), (2, 2)]), 0.0).contacts) == 1
 
 
 @given(active=st.lists(st.booleans(), min_size=1, max_size=40), seed=st.integers(0, 2**32 - 1), density=st.floats(0, 3))
 def test_components_are_those_of_a_flood_fill(active, seed, density):
-    """Random graphs: chains, rings, lone taxels; rows ascend, and every active taxel is in one group."""
+    """For random graphs every active taxel is in one group, and rows are in ascending order."""
     n, rng = len(active), np.random.default_rng(seed)
     pairs = np.sort(rng.integers(0, n, (int(density * n), 2)), axis=1)
-    beside = [{*pairs[pairs[:, 0] == i, 1].tolist(), *pairs[pairs[:, 1] == i, 0].tolist()} for i in range(n)]
-    rows, place = np.flatnonzero(active), np.full(n + 1, -1)
-    groups = components(rows, neighbour_table(np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0), n), place)
+    neighbours = [{*pairs[pairs[:, 0] == i, 1].tolist(), *pairs[pairs[:, 1] == i, 0].tolist()} for i in range(n)]
+    rows, scratch = np.flatnonzero(active), np.full(n + 1, -1)
+    groups = components(rows, neighbour_table(np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0), n), scratch)
     found = [frozenset(rows[groups == k].tolist()) for k in range(groups.max(initial=-1) + 1)]
-    assert set(found) == flood_fill(active, beside) and len(found) == len(set(found))
+    assert set(found) == flood_fill(active, neighbours) and len(found) == len(set(found))
     assert [min(group) for group in found] == sorted(min(group) for group in found)
-    assert (place == -1).all()
+    assert (scratch == -1).all()
 
 
 def test_components_of_a_long_chain_are_one():
-    """A thousand taxels in a row, numbered at random."""
+    """A thousand taxels in a row, in random order, are one component."""
     order = np.random.default_rng(0).permutation(1000)
     pairs = np.sort(np.column_stack((order[:-1], order[1:])), axis=1)
     assert not components(np.arange(1000), neighbour_table(pairs, 1000), np.full(1001, -1)).any()
@@ -107,7 +107,7 @@ def test_components_of_a_long_chain_are_one():
 
 @given(reading=readings)
 def test_wrench_is_the_sum_over_the_taxels(reading):
-    """Force and moment about the link's origin, taxel by taxel; contacts share it out between them."""
+    """The frame has the sum of force and moment about the origin of the link; so have its contacts together."""
     skin = Skin(small)
     frame = skin.update(reading, 0.0)
     expected = np.zeros(6)
@@ -123,7 +123,10 @@ def test_wrench_is_the_sum_over_the_taxels(reading):
 
 @given(reading=readings)
 def test_contact_is_the_sum_of_its_taxels(reading):
-    """Force, area, peak pressure; a unit normal; a place over the force-weighted mean, along the normal."""
+    """Force, area, peak pressure and unit normal are right.
+
+    The position is over the weighted mean, along the normal.
+    """
     skin = Skin(small)
     for contact in skin.update(reading, 0.0).contacts:
         pressed = np.array([reading[c] for c in skin.channels[contact.taxels]])
@@ -139,7 +142,7 @@ def test_contact_is_the_sum_of_its_taxels(reading):
 
 @given(weights=st.lists(st.floats(0.5, 20), min_size=5, max_size=5), first=st.integers(0, COLUMNS - 1))
 def test_contact_on_a_round_link_lies_on_its_surface(weights, first):
-    """The mean of taxels lies below the surface, by .9 mm for five of 22; the contact's place does not."""
+    """The mean of five of 22 taxels is 0.9 mm below the surface; the position of the contact is on it."""
     reading = pressed([])
     reading[[COLUMNS + (first + k) % COLUMNS for k in range(5)]] = weights
     (contact,) = closed_skin().update(reading, 0.0).contacts
@@ -148,7 +151,7 @@ def test_contact_on_a_round_link_lies_on_its_surface(weights, first):
 
 
 def test_contact_all_round_a_link_has_no_normal():
-    """Forces that cancel have no direction in common; the place is the mean of the taxels."""
+    """If the normals cancel, the normal is zero and the position is the mean of the taxels."""
     skin = skin_of(boards(), newtons=(0.0, 1.0))
     taxels = dataclasses.replace(boards().taxels, normals_link=np.array([[0, 0, 1.0], [0, 0, -1.0]]))
     skin = skin_of(dataclasses.replace(boards(), taxels=taxels))
@@ -157,8 +160,8 @@ def test_contact_all_round_a_link_has_no_normal():
     assert_allclose(contact.position, skin.positions.mean(axis=0))
 
 
-def test_contact_tells_its_cells_and_the_message_of_the_paper():
-    """Rows and columns it spans, over the seam too; their mean weighted by force, where the paper counts."""
+def test_contact_has_its_cells_and_the_message_of_the_paper():
+    """The cells are rows and columns, over the seam too; the message has their mean, weighted by force."""
     (contact,) = closed_skin().update(pressed([(1, 4), (1, 5), (2, 5)], 2.0), 0.0).contacts
     assert contact.cells == {0: ((1, 2), (4, 5))}
     (message,) = contact.messages
@@ -171,8 +174,8 @@ def test_contact_tells_its_cells_and_the_message_of_the_paper():
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i4", "u8", "f2", "f4", "f8", "?"])
-def test_readings_of_any_width_do_not_wrap_round(dtype):
-    """Values at the top of their type give the same newtons as the same numbers in double precision."""
+def test_readings_of_any_type_do_not_overflow(dtype):
+    """Maximum values of each type give the same newtons as the same numbers in double precision."""
     skin = closed_skin(newtons=(0.5, 0.2, 1e-4))
     top = 1 if dtype == "?" else min(60000, np.finfo(dtype).max if dtype[0] == "f" else np.iinfo(dtype).max)
     reading = np.full(88, top, dtype)
@@ -183,18 +186,18 @@ def test_readings_of_any_width_do_not_wrap_round(dtype):
 
 
 def test_list_is_a_reading_too():
-    """What a test bench types."""
+    """A list of numbers is a valid reading."""
     assert (Skin(small).forces([0, 1, 2, 3, 4, 5, 6, 7]) == np.arange(8)).all()
 
 
 def test_forces_follow_the_response_and_never_pull():
-    """The polynomial in the reading; a negative force is none."""
+    """The force is the polynomial of the reading; a negative force becomes zero."""
     skin = skin_of(boards(), newtons=(-1.0, 0.5, 0.1))
     assert skin.forces([0.0, 4.0]).tolist() == [0.0, pytest.approx(-1 + 2 + 1.6)]
 
 
-def test_channels_say_where_a_taxel_stands_in_the_reading():
-    """Not its row: channels may be in any order, with gaps and with more behind them."""
+def test_channels_are_positions_in_the_reading():
+    """Channels can be in any order, with gaps, and the reading can be longer."""
     patch = boards()
     taxels = dataclasses.replace(patch.taxels, channels=np.array([9, 2]))
     skin = skin_of(dataclasses.replace(patch, taxels=taxels))
@@ -204,7 +207,7 @@ def test_channels_say_where_a_taxel_stands_in_the_reading():
 
 
 def test_taxel_stays_active_down_to_the_lower_switch():
-    """Hysteresis: on at the upper force, off below the lower one, each taxel for itself."""
+    """Hysteresis of each taxel: active from the upper force on, inactive below the lower one."""
     skin = closed_skin(switch_on=0.2, switch_off=0.1)
     active = [len(skin.update(pressed([(0, 0)], f), 0).contacts) for f in (0.19, 0.2, 0.15, 0.1, 0.09, 0.15, 0.19, 0.2)]
     assert active == [0, 1, 1, 1, 0, 0, 0, 1]
@@ -214,8 +217,8 @@ def test_taxel_stays_active_down_to_the_lower_switch():
     assert contact.ids == ("round.0.0",)
 
 
-def test_skins_of_one_calibration_share_no_state():
-    """Two skins, two histories."""
+def test_skins_of_one_calibration_have_separate_states():
+    """Two skins of one calibration have separate states."""
     first, second = closed_skin(), closed_skin()
     first.update(pressed([(0, 0)], 1.0), 0)
     assert len(first.update(pressed([(0, 0)], 0.15), 0).contacts) == 1
@@ -233,8 +236,8 @@ def test_skins_of_one_calibration_share_no_state():
         ([[1, 2], [3]], "a reading must be one row of real numbers; this one has rows of different lengths"),
     ],
 )
-def test_wrong_reading_is_told_and_changes_nothing(reading, message):
-    """No exception in a running controller: a frame in which nothing is known says why; ``forces`` raises."""
+def test_wrong_reading_is_flagged_and_changes_nothing(reading, message):
+    """``update`` raises no error: its frame states the problem and knows nothing. ``forces`` raises an error."""
     skin = closed_skin()
     skin.update(pressed([(0, 0)], 1.0), 0)
     frame = skin.update(reading, 1)
@@ -247,7 +250,7 @@ def test_wrong_reading_is_told_and_changes_nothing(reading, message):
 
 
 def test_wrong_time_is_refused_and_changes_nothing():
-    """A time that is no number, with a sound reading: the state stays too."""
+    """A time that is not a number raises an error, and the state of the skin does not change."""
     skin = closed_skin()
     skin.update(pressed([(0, 0)], 1.0), 0)
     with pytest.raises(ValueError, match="could not convert"):
@@ -257,7 +260,7 @@ def test_wrong_time_is_refused_and_changes_nothing():
 
 @pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf])
 def test_reading_that_is_no_number_is_flagged(broken):
-    """Its taxel feels nothing and makes no contact; the others are felt; the flag is gone with the next frame."""
+    """Its taxel has no force and makes no contact; the other taxels are not affected; the next frame has no flag."""
     skin = closed_skin()
     reading = pressed([(0, 0), (2, 5)], 2.0)
     reading[0] = broken
@@ -269,14 +272,14 @@ def test_reading_that_is_no_number_is_flagged(broken):
 
 
 @pytest.mark.parametrize(("on", "off"), [(0.1, 0.2), (0.1, 0.0), (0.1, -1.0), (np.nan, 0.1), (0.1, np.nan)])
-def test_switches_that_cannot_work_are_refused(on, off):
-    """The lower one must be positive, for a contact without force has no place, and not above the upper one."""
+def test_invalid_switches_are_refused(on, off):
+    """The lower force must be positive, because a contact needs a force, and at most equal to the upper one."""
     with pytest.raises(ValueError, match="switch_off .* must be positive and at most switch_on"):
         closed_skin(switch_on=on, switch_off=off)
 
 
 def test_skin_without_taxels_feels_nothing():
-    """A surface without patches."""
+    """A calibration without patches gives a skin without contacts."""
     skin = skin_of()
     frame = skin.update([], 0)
     assert (
@@ -285,7 +288,7 @@ def test_skin_without_taxels_feels_nothing():
 
 
 def test_load_reads_what_was_saved(tmp_path):
-    """The same taxels from the file as from the calibration; a wrong file is refused with its findings."""
+    """The skin of a file equals that of its calibration; an invalid file raises an error with all findings."""
     path = tmp_path / "c.json"
     save_calibration(small, path)
     skin, direct = load(path, switch_on=0.5), Skin(small)

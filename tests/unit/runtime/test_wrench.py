@@ -1,4 +1,4 @@
-"""Wrenches: where they are taken, what skin can feel of them, and virtual ones."""
+"""Moving wrenches, observed components, and virtual wrenches."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ vectors = st.lists(st.floats(-10, 10), min_size=3, max_size=3).map(np.array)
 
 
 def pose_of(axis, shift):
-    """A pose turned about an axis by its length."""
+    """Return a pose with a rotation vector and a translation."""
     angle = np.linalg.norm(axis)
     x, y, z = axis / angle if angle else UP
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -26,8 +26,8 @@ def pose_of(axis, shift):
 
 
 @given(force=vectors, point=vectors, axis=vectors, shift=vectors)
-def test_wrench_of_a_force_is_that_of_the_force_elsewhere(force, point, axis, shift):
-    """Moved, turned or carried with its frame, it stays what one force at one point does."""
+def test_moved_wrench_is_that_of_the_moved_force(force, point, axis, shift):
+    """A moved, turned or carried wrench equals that of the moved force."""
     pose = pose_of(axis, shift)
     here = np.concatenate((force, np.cross(point, force)))
     moved, pushed = pose[:3, :3] @ point + shift, pose[:3, :3] @ force
@@ -38,7 +38,10 @@ def test_wrench_of_a_force_is_that_of_the_force_elsewhere(force, point, axis, sh
 
 @given(force=vectors, moment=vectors)
 def test_line_of_action_gives_the_wrench_back(force, moment):
-    """Its nearest point and its free moment are the wrench; a wrench without force has no line (paper 6 to 9)."""
+    """The nearest point and the free moment give the wrench back.
+
+    A wrench without force has no line (paper eq. 6 to 9).
+    """
     line = wrench.line_of_action(np.concatenate((force, moment)))
     if line is None:
         assert np.linalg.norm(force) == 0
@@ -52,7 +55,7 @@ def test_line_of_action_gives_the_wrench_back(force, moment):
 
 
 def test_flat_sole_feels_three_of_six_components():
-    """Forces along it and the moment about its normal are not measured, whatever the thesis says of 4.23."""
+    """Lateral forces and the moment about the normal are not observed; eq. 4.23 of the thesis claims all six."""
     sole = skin_of(sole_patch())
     assert sole.observable.tolist() == [False, False, True, True, True, False] and sole.rank == 3
     forces = np.random.default_rng(0).uniform(0, 50, 42)
@@ -64,7 +67,7 @@ def test_flat_sole_feels_three_of_six_components():
 
 
 def test_pressure_driven_wrench_is_strong_where_the_area_is_small():
-    """Gain over area (thesis 3.27), with a floor where there is next to none."""
+    """The factor is the gain over the area (thesis eq. 3.27), with a minimum area."""
     felt = np.array([0, 0, 10.0, 1, 0, 0])
     assert_allclose(wrench.pressure_driven(felt, 0.002, 0.001), felt / 2)
     assert np.isfinite(wrench.pressure_driven(felt, 0.0, 0.001)).all()
@@ -72,7 +75,7 @@ def test_pressure_driven_wrench_is_strong_where_the_area_is_small():
 
 
 def test_proximity_pushes_away_from_what_is_near():
-    """Against the normals: a foot over the ground is lifted, with negative virtual power as it comes down."""
+    """A foot over the ground is lifted against its normals, with negative virtual power when it moves down."""
     sole = skin_of(sole_patch())
     distances = np.full(42, 0.015)
     lifted = wrench.proximity_wrench(sole.geometry, distances, 0.02, 1e5)
@@ -85,7 +88,7 @@ def test_proximity_pushes_away_from_what_is_near():
 
 
 def test_proximity_does_not_depend_on_how_fine_the_skin_is():
-    """The gain is per area: four times the taxels on the same area push alike."""
+    """Stiffness is per area: four times as many taxels on the same area give the same wrench."""
     coarse, fine = skin_of(sheet(4, 4, 0.01)), skin_of(sheet(8, 8, 0.005))
     near = [wrench.proximity_wrench(s.geometry, np.full(len(s.ids), 0.01), 0.02, 1e5) for s in (coarse, fine)]
     assert_allclose(near[0][:3], near[1][:3], rtol=0.15)  # the sheets' edges differ by half a cell
@@ -93,14 +96,14 @@ def test_proximity_does_not_depend_on_how_fine_the_skin_is():
 
 
 def test_inverse_readings_of_nothing_are_no_touch():
-    """A sensor that sends 0 sees nothing, and is not pushed with all its might."""
+    """The reading 0 means that nothing is in range; it is not distance zero."""
     distances = wrench.distances_of(np.array([0, 255, 51, 300], np.uint16), 0.02, 255.0)
     assert_allclose(distances, [np.inf, 0.0, 0.016, 0.0], atol=1e-15)
     assert np.isnan(wrench.distances_of([np.nan], 0.02, 255.0)[0])
 
 
 def test_heat_pushes_the_link_away():
-    """Above the limit only, along the inward normal, per area."""
+    """The force is along the inward normal, per area, and only above the limit."""
     sole = skin_of(sole_patch())
     warm = np.full(42, 20.0)
     assert (wrench.temperature_wrench(sole.geometry, warm, 31.0, 10.0) == 0).all()
@@ -110,7 +113,7 @@ def test_heat_pushes_the_link_away():
 
 
 def test_sole_wrench_switches_on_contact():
-    """Virtual in the air, real on the ground, virtual while the skin is blind."""
+    """It is virtual in the air, real on the ground, and virtual while the contact is unknown."""
     real, virtual = np.ones(6), np.full(6, 2.0)
     assert wrench.sole_wrench(True, real, virtual) is real
     assert wrench.sole_wrench(False, np.zeros(6), virtual) is virtual
@@ -119,7 +122,10 @@ def test_sole_wrench_switches_on_contact():
 
 
 def test_preemptive_polygon_is_that_of_the_cells_near_the_ground():
-    """Below the threshold is near; contours grow with the height; what is not seen is not near (thesis 4.2.7)."""
+    """Cells below the height count.
+
+    The contours grow with the height; cells without a distance do not count (thesis 4.2.7).
+    """
     sole = skin_of(sole_patch())
     distances = 0.01 + sole.positions[:, 0] / 20  # a slope that rises to the toes
     contours = proximity.height_contours(sole.ground, distances, np.array([0.003, 0.0075, 0.01, 0.03]))
@@ -132,6 +138,6 @@ def test_preemptive_polygon_is_that_of_the_cells_near_the_ground():
 
 @pytest.mark.parametrize("name", ["about", "carried"])
 def test_unknown_wrench_stays_unknown(name):
-    """What is not known is not zero after it was moved."""
+    """A moved NaN wrench is NaN, not zero."""
     unknown = np.full(6, np.nan)
     assert np.isnan(getattr(wrench, name)(unknown, np.eye(4) if name == "carried" else np.ones(3))).all()

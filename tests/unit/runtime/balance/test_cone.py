@@ -1,4 +1,4 @@
-"""The wrench cone of a contact: held against linear programs over forces at its corners, and against Qhull."""
+"""The wrench cone of a contact, compared with linear programs over forces at its corners, and with Qhull."""
 
 import numpy as np
 import pytest
@@ -20,18 +20,18 @@ seeds = st.integers(0, 10**6)
 
 
 def rectangle(low, high):
-    """The polygon of a rectangle, whose corners are not put on a grid."""
+    """Return the polygon of a rectangle, with corners that are not on a grid."""
     (x, y), (u, v) = low, high
     return Polygon(np.array([(x, y), (u, y), (u, v), (x, v)]))
 
 
 def is_feasible(rays, wrench):
-    """Whether forces at corners, none negative, make a wrench: a linear program."""
+    """Return whether non-negative forces at corners can make a wrench, by a linear program."""
     return linprog(np.zeros(len(rays)), A_eq=rays.T, b_eq=wrench, method="highs").status == 0
 
 
 def formula_rows(low, high, mu):
-    """The thesis's rows with their signs and limits put right, one by one, as rows for wrenches [fx fy fz tx ty tz]."""
+    """Return the corrected rows of the thesis, one by one, for wrenches [fx fy fz tx ty tz]."""
     (xm, ym), (xM, yM) = low, high
     rows = [(1, 0, -mu, 0, 0, 0), (-1, 0, -mu, 0, 0, 0), (0, 1, -mu, 0, 0, 0), (0, -1, -mu, 0, 0, 0)]
     rows += [(0, 0, ym, -1, 0, 0), (0, 0, -yM, 1, 0, 0), (0, 0, -xM, 0, -1, 0), (0, 0, xm, 0, 1, 0)]
@@ -52,7 +52,7 @@ def formula_rows(low, high, mu):
 
 
 def by_length(rows):
-    """Rows of length one, sorted."""
+    """Return rows of length one, sorted."""
     rows = rows / np.linalg.norm(rows, axis=1, keepdims=True) + 0.0
     return rows[np.lexsort(np.round(rows, 9).T)]
 
@@ -60,7 +60,7 @@ def by_length(rows):
 @pytest.mark.parametrize("mu", [0.3, 1.0, 2.0])
 @pytest.mark.parametrize(("low", "high"), [(LOW, HIGH), ((-1.0, -2.0), (1.0, 2.0)), ((3.0, -4.0), (5.0, -1.0))])
 def test_rectangle_rows_are_those_of_the_formulas(low, high, mu):
-    """Wherever the rectangle lies; and what any polygon's rows are for it, in the same order."""
+    """This is true at any position; the rows of a general polygon are the same, in the same order."""
     rows = rectangle_cone(low, high, mu)
     assert rows.shape == (16, 6)
     assert_allclose(by_length(rows), by_length(formula_rows(low, high, mu)), rtol=0, atol=1e-15)
@@ -68,7 +68,7 @@ def test_rectangle_rows_are_those_of_the_formulas(low, high, mu):
 
 
 def test_rays_are_forces_at_corners():
-    """Force at an edge of the pyramid, torque p x f."""
+    """Each ray is a force at an edge of the pyramid, with the torque p x f."""
     rays = wrench_rays(Polygon(np.array([(0.1, 0.2)])), 0.5)
     expected = [(sx / 2, sy / 2, 1.0, 0.2, -0.1, 0.1 * sy / 2 - 0.2 * sx / 2) for sx in (1, -1) for sy in (1, -1)]
     assert_allclose(by_length(rays), by_length(np.array(expected)), rtol=1e-15)
@@ -76,8 +76,8 @@ def test_rays_are_forces_at_corners():
     assert wrench_rays(rectangle(LOW, HIGH), 0.5).shape == (16, 6)
 
 
-def test_formulas_count_of_feasible_corner_forces():
-    """All of 9349 wrenches made of feasible corner forces are accepted."""
+def test_feasible_corner_forces_are_accepted():
+    """All of 9349 wrenches of feasible corner forces are accepted."""
     rng = np.random.default_rng(0)
     normal = rng.exponential(size=(9349, 4))
     tangent = rng.uniform(-0.6, 0.6, size=(9349, 4, 2)) * normal[:, :, None]
@@ -90,7 +90,7 @@ def test_formulas_count_of_feasible_corner_forces():
 @examples(15)
 @given(round_polygons, frictions, seeds)
 def test_cone_is_what_corner_forces_can_do(polygon, mu, seed):
-    """Of wrenches inside, outside and about the border, rows and linear program say the same."""
+    """Rows and linear program agree for wrenches inside, outside and near the border."""
     rows, rays = wrench_cone(polygon, mu), wrench_rays(polygon, mu)
     assert (rays @ rows.T).max() <= 1e-14 * np.abs(rays).max()
     rng = np.random.default_rng(seed)
@@ -98,17 +98,17 @@ def test_cone_is_what_corner_forces_can_do(polygon, mu, seed):
     for _ in range(6):
         outside = inner + rng.normal(size=6) * np.abs(rays).max(axis=0) * 3
         outside[2] = inner[2]  # with the same normal force all else is bounded
-        share = 1 / (rows @ (outside - inner) / -(rows @ inner)).max()  # where the way there leaves the cone
+        fraction = 1 / (rows @ (outside - inner) / -(rows @ inner)).max()  # where the line leaves the cone
         for t, feasible in ((0.5, True), (1 - 1e-5, True), (1 + 1e-5, False), (2.0, False)):
-            wrench = inner + t * share * (outside - inner)
+            wrench = inner + t * fraction * (outside - inner)
             assert (margin(rows, wrench) >= 0) == feasible == is_feasible(rays, wrench)
     assert not is_feasible(rays, -inner) and margin(rows, -inner) < 0
 
 
 @examples(15)
 @given(round_polygons, frictions)
-def test_cone_has_no_row_too_many_and_none_too_few(polygon, mu):
-    """As many as Qhull finds facets of the rays in five dimensions, and the same ones."""
+def test_cone_has_exactly_the_rows_of_the_hull(polygon, mu):
+    """The rows are the facets that Qhull finds for the rays in five dimensions."""
     rows = wrench_cone(polygon, mu)
     facets = ConvexHull(np.delete(wrench_rays(polygon, mu), 2, axis=1)).equations
     facets = np.insert(facets[:, :5], 2, facets[:, 5], axis=1)
@@ -118,8 +118,8 @@ def test_cone_has_no_row_too_many_and_none_too_few(polygon, mu):
 
 
 @given(polygons(), frictions)
-def test_cone_holds_its_rays_on_enough_of_its_rows(polygon, mu):
-    """Of any polygon, however thin or small: no ray is outside, each ray lies on rows; rows have length one."""
+def test_rays_are_on_enough_rows_of_the_cone(polygon, mu):
+    """For any polygon no ray is outside, each ray is on at least five rows, and rows have length one."""
     rows, rays = wrench_cone(polygon, mu), wrench_rays(polygon, mu)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     assert np.isfinite(rows).all()
@@ -131,8 +131,8 @@ def test_cone_holds_its_rays_on_enough_of_its_rows(polygon, mu):
     assert (wrench_cone(Polygon(polygon.corners.copy()), mu) == rows).all()
 
 
-def test_margin_tells_how_far():
-    """Rows have length one: the middle of a cone is inside, its border is 0, beyond it is negative; NaN is nowhere."""
+def test_margin_is_the_distance_to_the_border():
+    """The margin is positive inside, zero on the border, negative outside, and -inf for NaN."""
     rows = rectangle_cone((-1, -1), (1, 1), 1.0)
     assert margin(rows, (0, 0, 1, 0, 0, 0)) == pytest.approx(2 / 3)
     assert margin(rows, (1, 0, 1, 0, 0, 0)) == pytest.approx(0, abs=1e-15)
@@ -142,7 +142,7 @@ def test_margin_tells_how_far():
 
 @pytest.mark.parametrize("friction", [0.0, -0.5, np.nan, np.inf])
 def test_friction_must_be_positive(friction):
-    """Without any there is no cone with an inside."""
+    """Without friction the cone has no inside."""
     for call in (lambda: wrench_rays(rectangle(LOW, HIGH), friction), lambda: rectangle_cone(LOW, HIGH, friction)):
         with pytest.raises(ValueError, match="friction .* must be a positive number"):
             call()
@@ -154,12 +154,12 @@ def test_friction_must_be_positive(friction):
     ("low", "high"), [((0, 0), (0, 1)), ((0, 1), (1, 0)), ((0, np.nan), (1, 1)), ((0, 0), (np.inf, 1))]
 )
 def test_rectangles_need_an_area(low, high):
-    """Limits the wrong way round, or none."""
+    """Limits in the wrong order, equal or not finite raise an error."""
     with pytest.raises(ValueError, match="has no area"):
         rectangle_cone(low, high, 0.5)
 
 
 @pytest.mark.parametrize("points", [[], [(1, 2)], [(1, 2), (3, 4)]])
 def test_what_has_no_area_has_no_cone(points):
-    """None; its rays tell what it can do."""
+    """A polygon without an area has no rows."""
     assert wrench_cone(convex_hull(points), 0.5) is None

@@ -1,4 +1,4 @@
-"""Whether a foothold bears, and how far to step aside."""
+"""Whether a foothold carries the robot, and how far to step aside."""
 
 import numpy as np
 import pytest
@@ -16,35 +16,35 @@ BEAM = Polygon(np.array([(0.0, -0.05), (0.06, -0.05), (0.06, 0.05), (0.0, 0.05)]
 angles = st.floats(0, 7)
 
 
-def test_shares_are_of_the_sole():
-    """Three areas over one; a foot in the air covers nothing."""
-    shares = foothold_fractions(BEAM, 0.005, BEAM.inset(0.01), SOLE.area)
-    assert shares.hull == pytest.approx(0.24) and shares.cells == pytest.approx(0.2)
-    assert shares.guaranteed == pytest.approx(0.04 * 0.08 / 0.025)
+def test_fractions_are_of_the_sole():
+    """Three areas are divided by that of the sole; a foot in the air covers nothing."""
+    fractions = foothold_fractions(BEAM, 0.005, BEAM.inset(0.01), SOLE.area)
+    assert fractions.hull == pytest.approx(0.24) and fractions.cells == pytest.approx(0.2)
+    assert fractions.guaranteed == pytest.approx(0.04 * 0.08 / 0.025)
     air = foothold_fractions(EMPTY, 0.0, EMPTY, SOLE.area)
     assert (air.hull, air.cells, air.guaranteed) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("sole", [0.0, -0.1, np.nan, np.inf])
 def test_the_sole_has_an_area(sole):
-    """A share of nothing is none."""
+    """A sole without an area raises an error."""
     with pytest.raises(ValueError, match="sole area .* must be a positive number"):
         foothold_fractions(BEAM, 0.005, BEAM, sole)
 
 
-@pytest.mark.parametrize("share", [0.85, 0.16, 0.33, 0.23])
-def test_obstacles_of_the_thesis_are_told_apart(share):
-    """Table 2, with its threshold of 0.8: it steps on the first obstacle alone."""
-    assert must_replan(share, 0.8) == (share != 0.85)
+@pytest.mark.parametrize("fraction", [0.85, 0.16, 0.33, 0.23])
+def test_obstacles_of_the_thesis_are_classified(fraction):
+    """With the threshold 0.8 of the thesis (table 2), the foot steps on the first obstacle only."""
+    assert must_replan(fraction, 0.8) == (fraction != 0.85)
 
 
-def test_doubt_is_planned_anew():
-    """The thesis plans anew at the threshold; a share that is no number bears nothing."""
+def test_unknown_fraction_means_a_new_plan():
+    """A fraction equal to the threshold, or not a number, means a new plan."""
     assert must_replan(0.8, 0.8) and must_replan(np.nan, 0.8) and must_replan(0.9, np.nan)
 
 
 def test_width_and_sidestep_of_a_beam():
-    """It ends 160 mm from the heel and begins 150 mm from the toe; across it is as wide as the foot."""
+    """The beam ends 160 mm from the heel and starts 150 mm from the toe; it is as wide as the foot."""
     assert width_along(BEAM, (1, 0)) == 0.06 and width_along(BEAM, (0, -3)) == pytest.approx(0.1)
     assert sidestep(BEAM, SOLE, (1, 0)) == pytest.approx(0.16)
     assert sidestep(BEAM, SOLE, (-2, 0), 0.02) == pytest.approx(0.15 + 0.02)
@@ -55,7 +55,7 @@ def test_width_and_sidestep_of_a_beam():
 
 @given(polygons(), angles)
 def test_width_is_the_largest_gap_of_corners(polygon, angle):
-    """Between any two corners, along the direction and against it."""
+    """The width is the largest distance of two corners along the direction, and against it."""
     direction = np.array((np.cos(angle), np.sin(angle)))
     widest = max((a - b) @ direction for a in polygon.corners for b in polygon.corners)
     assert width_along(polygon, 5 * direction) == pytest.approx(widest, rel=1e-12, abs=1e-14 * size_of(polygon))
@@ -64,7 +64,7 @@ def test_width_is_the_largest_gap_of_corners(polygon, angle):
 
 @given(polygons(), angles, st.floats(0, 0.1))
 def test_a_sidestep_leaves_the_obstacle_behind(obstacle, angle, clearance):
-    """No point of the sole moved that far is nearer than the clearance, and its rim behind is just as near."""
+    """After the step no point of the sole is nearer than the clearance, and its rear side is just as near."""
     direction = np.array((np.cos(angle), np.sin(angle)))
     step = sidestep(obstacle, SOLE, direction, clearance)
     rim = ((SOLE.corners + step * direction) @ direction).min()
@@ -81,7 +81,7 @@ def test_a_sidestep_leaves_the_obstacle_behind(obstacle, angle, clearance):
 
 @pytest.mark.parametrize("direction", [(0, 0), (np.nan, 1), (np.inf, 0)])
 def test_directions_have_a_length(direction):
-    """Where to is not left to chance."""
+    """A direction without a length raises an error."""
     with pytest.raises(ValueError, match="direction .* must have a length"):
         width_along(BEAM, direction)
     with pytest.raises(ValueError, match="direction .* must have a length"):
@@ -90,12 +90,12 @@ def test_directions_have_a_length(direction):
 
 @pytest.mark.parametrize("clearance", [-0.01, np.nan, np.inf])
 def test_clearances_are_distances(clearance):
-    """A negative one steps on the obstacle."""
+    """A negative clearance would step on the obstacle."""
     with pytest.raises(ValueError, match="clearance .* must be 0 or more"):
         sidestep(BEAM, SOLE, (1, 0), clearance)
 
 
 def test_a_sole_has_corners():
-    """Nothing steps aside."""
+    """An empty sole raises an error."""
     with pytest.raises(ValueError, match="without corners"):
         sidestep(BEAM, EMPTY, (1, 0))

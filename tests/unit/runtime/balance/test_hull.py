@@ -1,4 +1,4 @@
-"""Convex hulls on an integer grid: every claim is one about whole numbers, and has no tolerance."""
+"""Convex hulls on an integer grid: all comparisons are of integers, without a tolerance."""
 
 from fractions import Fraction
 
@@ -11,36 +11,36 @@ from skin_calib_addon.runtime.balance.hull import HullTable, grid_step
 from tests.oracles import hull_corners, turn
 
 unit_floats = st.floats(-1, 1)
-places = st.tuples(unit_floats, unit_floats)
+unit_points = st.tuples(unit_floats, unit_floats)
 steps = st.integers(-3, 3)
 
 
 @st.composite
 def clouds(draw):
-    """Points of one of the sorts that make trouble, at any size."""
+    """Draw points of a difficult kind, at any size."""
     n = draw(st.integers(0, 16))
     x, y = (np.array(draw(st.lists(unit_floats, min_size=n, max_size=n))) for _ in range(2))
     whole = np.array(draw(st.lists(st.tuples(steps, steps), min_size=n, max_size=n)), float).reshape(-1, 2)
-    start, along = (np.array(draw(places)) for _ in range(2))
+    start, along = (np.array(draw(unit_points)) for _ in range(2))
     points = {
         "random": np.stack((x, y), axis=1),
         "clustered": start + 1e-8 * np.stack((x, y), axis=1),
         "on a line": start + x[:, None] * along,
         "in one place": np.repeat(start[None], n, axis=0),
         "one bit apart": start + whole * 2.0**-29,
-        "beside a line": start + x[:, None] * along + whole * 2.0**-29,
+        "near a line": start + x[:, None] * along + whole * 2.0**-29,
         "grid": 0.01 * whole,
     }
     return points[draw(st.sampled_from(sorted(points)))] * draw(st.sampled_from([1.0, 0.1, 1e300, 1e-300, 1e-308, 0.0]))
 
 
 def on_grid(points, step):
-    """Points in whole steps, by fractions."""
+    """Return points in whole steps, computed with fractions."""
     return [tuple(round(Fraction(float(c)) / Fraction(step)) for c in point) for point in points]
 
 
 def assert_is_hull(corners, points):
-    """Corners are of the points, turn left at each, turn once, start at the leftmost; no point lies outside."""
+    """Check that corners are of the points, turn left, go around once from the leftmost, and no point is outside."""
     assert set(corners) <= set(points) and bool(corners) == bool(points)
     if not points:
         return
@@ -56,8 +56,8 @@ def assert_is_hull(corners, points):
 
 
 @given(clouds())
-def test_hull_is_the_hull(points):
-    """Of the points put on the grid, and to the bit what trying all pairs of points as edges gives."""
+def test_hull_equals_the_oracle(points):
+    """It is the hull of the points on the grid, and equals a search over all pairs of points in every bit."""
     table = HullTable(points)
     corners = table.hull(np.arange(len(points)))
     whole = on_grid(points, table.step)
@@ -67,7 +67,7 @@ def test_hull_is_the_hull(points):
 
 @given(clouds(), st.data())
 def test_hull_of_chosen_rows_is_that_of_their_points(points, data):
-    """Several points in each row; rows in any order, some twice; the table is as good after each hull."""
+    """Rows have several points, in any order, some twice; the table is valid after each call."""
     k = data.draw(st.integers(1, 4))
     points = points[: len(points) // k * k].reshape(-1, k, 2)
     table = HullTable(points)
@@ -80,8 +80,8 @@ def test_hull_of_chosen_rows_is_that_of_their_points(points, data):
 
 
 @given(clouds(), st.integers(1, 2), st.data())
-def test_hull_of_rows_that_come_and_go_is_as_good(points, k, data):
-    """One row or a few at a time, and at times many; rows share places, so that what goes may still be there."""
+def test_hull_of_rows_that_change_is_that_of_their_points(points, k, data):
+    """A few or many rows change at a time; rows have common points, so that a removed point can still be there."""
     rows_of = points[: len(points) // k * k].reshape(-1, k, 2)
     table, chosen = HullTable(rows_of), set()
     whole = on_grid(rows_of.reshape(-1, 2), table.step)
@@ -95,7 +95,10 @@ def test_hull_of_rows_that_come_and_go_is_as_good(points, k, data):
 
 @given(st.floats(5e-324, allow_infinity=False))
 def test_grid_is_the_finest_that_fits(size):
-    """A power of two, of which the size is at most 2**29, and more than half as many; or every float lies on it."""
+    """The step is a power of two.
+
+    The size is at most 2**29 steps and more than half as many, or the step is the smallest.
+    """
     step = grid_step(size)
     assert np.frexp(step)[0] == 0.5
     assert Fraction(size) / Fraction(step) < 2**29
@@ -103,12 +106,12 @@ def test_grid_is_the_finest_that_fits(size):
 
 
 def test_grid_is_below_a_nanometre_for_a_foot():
-    """A quarter of a metre from the origin of the sole."""
+    """This is for a quarter of a metre from the origin of the sole."""
     assert grid_step(0.249) < 0.5e-9
 
 
 def test_corners_that_differ_in_the_last_bit_keep_the_area():
-    """Beside each corner of a square a second one, a bit away: rounded cross products have cost half of the area."""
+    """With rounded cross products, a second point next to each corner of a square removed half of the area."""
     square = np.array([(-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)])
     points = np.concatenate([square, np.nextafter(square, 0), np.nextafter(square, 1)])
     table = HullTable(points)
@@ -117,21 +120,21 @@ def test_corners_that_differ_in_the_last_bit_keep_the_area():
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
-def test_points_that_have_no_place_are_refused(wrong):
-    """A coordinate that is no number, or beyond all numbers."""
+def test_points_that_are_not_finite_are_refused(wrong):
+    """NaN and infinity raise an error."""
     with pytest.raises(ValueError, match="must be finite"):
         HullTable(np.array([(0.0, 0.0), (1.0, wrong)]))
 
 
 @pytest.mark.parametrize("shape", [(0, 2), (0, 6, 2), (5, 2), (5, 6, 2)])
 def test_no_rows_have_no_hull(shape):
-    """A foot in the air, of a sole with or without cells."""
+    """A foot in the air, with or without cells, has no corners."""
     table = HullTable(np.ones(shape))
     assert table.size == shape[0] and table.hull(np.empty(0, np.int64)) == []
 
 
-def test_hull_tells_a_turn_of_one_step_from_none():
-    """Three corners of a lattice whose cross product is 1: rounded products are 128 apart."""
+def test_hull_is_exact_for_a_turn_of_one_step():
+    """The cross product of three lattice points is 1, while rounded products differ by 128."""
     points = [(0, 0), (267914296, 165580141), (433494437, 267914296)]
     table = HullTable(np.array(points) * 2.0**-31)
     assert table.hull(np.arange(3)) == hull_corners(points)

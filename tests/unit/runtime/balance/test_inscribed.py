@@ -1,4 +1,4 @@
-"""Simple shapes round and within convex polygons: the best there are, by slow searches that know nothing of ours."""
+"""Simple shapes around and in convex polygons, compared with slow independent searches."""
 
 from itertools import combinations, permutations
 
@@ -31,19 +31,19 @@ HEXAGON = convex_hull([(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
 
 
 def rounding(polygon):
-    """The area by which coordinates that are rounded may change a shape in or round a polygon."""
+    """Return the area by which rounded coordinates can change a shape in or around a polygon."""
     return 1e-14 * size_of(polygon) * np.ptp(polygon.corners, axis=0).max()
 
 
 def is_same_area(shape, area, polygon):
-    """Whether a shape has an area, to nine digits and rounding of its coordinates."""
+    """Return whether a shape has an area, to nine digits and the rounding of its coordinates."""
     return abs(shape.area - float(area)) <= 1e-9 * float(area) + rounding(polygon)
 
 
 @pytest.mark.parametrize("function", ROUND + WITHIN)
 @pytest.mark.parametrize("points", [[], [(1, 2)], [(1, 2), (3, 4)], [(0, 0), (1, 1), (2, 2)]])
 def test_what_has_no_area_has_no_shapes(function, points):
-    """Nothing, a point, a segment."""
+    """An empty polygon, a point and a segment have no shapes."""
     assert function(convex_hull(points)) is None
 
 
@@ -58,13 +58,16 @@ AREAS = [  # of the square, the diamond, the triangle with sides 3, 4, 5, the he
 
 @pytest.mark.parametrize(("function", "areas"), AREAS)
 def test_known_shapes_have_known_answers(function, areas):
-    """Of the square, itself; of the triangle, half or twice its area."""
+    """The shape of the square is the square; those of the triangle have half or twice its area."""
     for polygon, area in zip((SQUARE, DIAMOND, TRIANGLE, HEXAGON), areas):
         assert function(polygon).area == pytest.approx(area, rel=1e-9)
 
 
-def test_rectangles_fill_themselves():
-    """To the last bits, and not as far as a search goes; a turned one as a parallelogram."""
+def test_rectangles_are_their_own_shapes():
+    """The box is exact to the last bits, not only to the tolerance of the search.
+
+    So is the parallelogram of a rotated one.
+    """
     assert_allclose(largest_box(SQUARE).corners, SQUARE.corners, rtol=1e-15)
     turned = convex_hull(SQUARE.corners @ np.array([(np.cos(0.3), np.sin(0.3)), (-np.sin(0.3), np.cos(0.3))]))
     assert largest_parallelogram(turned).area == pytest.approx(turned.area, rel=1e-12)
@@ -73,7 +76,10 @@ def test_rectangles_fill_themselves():
 @pytest.mark.parametrize("function", ROUND + WITHIN)
 @given(polygon=polygons())
 def test_shapes_are_polygons(function, polygon):
-    """Counter-clockwise, of three or four corners; those within are so to the bit, those round it but for rounding."""
+    """They are counter-clockwise, with three or four corners.
+
+    Those inside are inside in every bit, the others up to rounding.
+    """
     shape = function(polygon)
     assert isinstance(shape, Polygon) and shape.corners.shape == (3 if function is largest_triangle else 4, 2)
     assert shape.area > -rounding(polygon)
@@ -88,8 +94,8 @@ def test_shapes_are_polygons(function, polygon):
 
 @pytest.mark.parametrize("function", ROUND + WITHIN)
 @given(polygon=polygons())
-def test_shapes_do_not_depend_on_chance(function, polygon):
-    """The same bits again; and the same shape at four times the size, to the bit."""
+def test_shapes_are_reproducible(function, polygon):
+    """A second call gives the same bits, and four times the size gives four times the corners in every bit."""
     corners = function(polygon).corners
     assert (function(Polygon(polygon.corners.copy())).corners == corners).all()
     assert_allclose(function(Polygon(4 * polygon.corners)).corners, 4 * corners, rtol=0, atol=0)
@@ -98,7 +104,7 @@ def test_shapes_do_not_depend_on_chance(function, polygon):
 @pytest.mark.parametrize("function", ROUND + WITHIN)
 @pytest.mark.parametrize("size", [2.0**-31, 2.0**90])
 def test_slivers_have_shapes(function, size):
-    """Of three corners of a lattice whose cross product is 1, thinner than rounding: no error, and nothing outside."""
+    """A triangle thinner than rounding gives no error, and no corner outside."""
     sliver = from_grid(oracles.hull_corners(SLIVER), size)
     shape = function(sliver)
     assert np.isfinite(shape.corners).all()
@@ -108,7 +114,7 @@ def test_slivers_have_shapes(function, size):
 
 @given(polygons())
 def test_smallest_rectangle_is_the_smallest(polygon):
-    """Of those on each edge, in fractions, and of those at a thousand angles; its corners are right ones."""
+    """It is the best of those on each edge, in fractions, and of those at a thousand angles; its angles are right."""
     shape = smallest_rectangle(polygon)
     corners = oracles.exact(polygon.corners)
     areas = []
@@ -126,7 +132,7 @@ def test_smallest_rectangle_is_the_smallest(polygon):
 
 @given(polygons())
 def test_smallest_parallelogram_is_the_smallest(polygon):
-    """Of those on each pair of edges, in fractions, and of those at many pairs of angles."""
+    """It is the best of those on each pair of edges, in fractions, and of those at many pairs of angles."""
     shape = smallest_parallelogram(polygon)
     corners = oracles.exact(polygon.corners)
     strips = []
@@ -146,7 +152,7 @@ def test_smallest_parallelogram_is_the_smallest(polygon):
 
 @given(polygons())
 def test_largest_triangle_is_the_largest(polygon):
-    """Of all triples of corners, in fractions; its corners are those of the polygon, to the bit."""
+    """It is the best of all triples of corners, in fractions; its corners are those of the polygon in every bit."""
     shape = largest_triangle(polygon)
     corners = oracles.exact(polygon.corners)
     assert set(oracles.exact(shape.corners)) <= set(corners)
@@ -163,7 +169,7 @@ round_polygons = st.builds(
 
 
 def searched(rows, offsets, log_area, starts):
-    """The largest area that sequential quadratic programming finds within half-planes ``rows @ z <= offsets``."""
+    """Return the largest area that sequential quadratic programming finds in half-planes ``rows @ z <= offsets``."""
     best = 0.0
     inside = {"type": "ineq", "fun": lambda z: offsets - rows @ z, "jac": lambda z: -rows}
     for start in starts:
@@ -178,10 +184,10 @@ def searched(rows, offsets, log_area, starts):
 
 
 def golden(value, low, high):
-    """The highest value of a function with one peak, by golden section."""
-    share = (5**0.5 - 1) / 2
+    """Return the maximum of a function with one peak, by golden section."""
+    fraction = (5**0.5 - 1) / 2
     for _ in range(48):
-        left, right = high - share * (high - low), low + share * (high - low)
+        left, right = high - fraction * (high - low), low + fraction * (high - low)
         low, high = (low, right) if value(left) > value(right) else (left, high)
     return value((low + high) / 2)
 
@@ -189,7 +195,7 @@ def golden(value, low, high):
 @examples(10)
 @given(round_polygons)
 def test_largest_box_is_the_largest(polygon):
-    """One search in another, over both ends along x, finds the same area; its sides go along the axes."""
+    """A nested search over both ends along x finds the same area; the sides are along the axes."""
     shape = largest_box(polygon)
     (low, _), (high, _) = polygon.bounds
     normals, offsets = (part.tolist() for part in polygon.half_planes)
@@ -212,7 +218,7 @@ def test_largest_box_is_the_largest(polygon):
 
 @given(polygons())
 def test_largest_box_cannot_grow(polygon):
-    """Any two of its sides move against each other: all boxes near it in the polygon are smaller."""
+    """If two sides move, all boxes in the polygon near it are smaller."""
     shape = largest_box(polygon)
     low, high = polygon.bounds
     unit_box, unit_polygon = (shape.corners - low) / (high - low), Polygon((polygon.corners - low) / (high - low))
@@ -222,14 +228,14 @@ def test_largest_box_cannot_grow(polygon):
     for shift in permutations((1e-3, -1e-3, 0.0, 0.0)):
         a, b, c, d = np.array((x, y, u, v)) + np.array(shift) * np.array((u - x, v - y, u - x, v - y))
         corners = np.array([(a, b), (c, b), (c, d), (a, d)])
-        room = (offsets - corners @ normals.T).min()
-        if is_thick and room >= 0:
+        slack = (offsets - corners @ normals.T).min()
+        if is_thick and slack >= 0:
             assert (c - a) * (d - b) <= (u - x) * (v - y) * (1 + 1e-9)
 
 
 @given(round_polygons)
 def test_largest_parallelogram_is_the_largest(polygon):
-    """No search from a dozen places finds a larger one."""
+    """No search from a dozen starts finds a larger one."""
     shape = largest_parallelogram(polygon)
     normals, offsets = polygon.half_planes
     rows = np.concatenate([np.hstack((normals, normals * s, normals * t)) for s, t in np.ndindex(2, 2)])
@@ -252,7 +258,7 @@ def test_largest_parallelogram_is_the_largest(polygon):
 
 @given(round_polygons)
 def test_largest_parallelogram_of_a_symmetric_polygon_is_known(polygon):
-    """With a polygon also its middle is symmetric, and its diagonals end at corners."""
+    """The parallelogram of a symmetric polygon is symmetric, and its diagonals end at corners."""
     corners = polygon.corners - polygon.centroid
     symmetric = convex_hull(np.concatenate([corners, -corners]))
     x, y = symmetric.corners.T
@@ -262,9 +268,9 @@ def test_largest_parallelogram_of_a_symmetric_polygon_is_known(polygon):
 
 @pytest.mark.parametrize("thin", [1e-2, 1e-5])
 @given(polygon=round_polygons)
-def test_parallelograms_and_triangles_go_with_the_plane(thin, polygon):
-    """A plane that is stretched keeps their shares of the area."""
+def test_parallelograms_and_triangles_are_affine(thin, polygon):
+    """A linear map does not change their fractions of the area."""
     turned = Polygon(polygon.corners @ np.array([(0.8, 0.6), (-0.6, 0.8)]) @ np.array([(1.0, 0.0), (0.3, thin)]))
     for function in (smallest_parallelogram, largest_triangle, largest_parallelogram):
-        share = function(turned).area / turned.area
-        assert share == pytest.approx(function(polygon).area / polygon.area, rel=2e-9)
+        fraction = function(turned).area / turned.area
+        assert fraction == pytest.approx(function(polygon).area / polygon.area, rel=2e-9)

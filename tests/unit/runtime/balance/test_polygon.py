@@ -1,4 +1,4 @@
-"""Convex polygons: what is a yes or a no is exact; what is a length is held against fractions."""
+"""Convex polygons: decisions are exact; lengths are compared with fractions."""
 
 import math
 from fractions import Fraction
@@ -23,7 +23,7 @@ unit_floats = st.floats(-1, 1)
 
 @st.composite
 def polygons(draw, least=3):
-    """Hulls with an area, of any size, round or flat, with edges that hardly turn; at or off the origin."""
+    """Draw hulls with an area, of any size, round or flat, with nearly parallel edges; at the origin or not."""
     kind = draw(st.sampled_from(["cloud", "round", "flat", "bent"]))
     n = draw(st.integers(least, 20))
     x, y = (np.array(draw(st.lists(unit_floats, min_size=n, max_size=n))) for _ in range(2))
@@ -44,12 +44,12 @@ def polygons(draw, least=3):
 
 
 def size_of(polygon):
-    """The largest coordinate: what rounding is a share of."""
+    """Return the largest coordinate, to which rounding errors are proportional."""
     return np.abs(polygon.corners).max()
 
 
 def assert_convex(polygon):
-    """It turns left at each corner and once round, by fractions."""
+    """Check with fractions that the polygon turns left at each corner and goes around once."""
     corners = oracles.exact(polygon.corners)
     assert set(corners) == set(oracles.hull_corners(corners)) and len(set(corners)) == len(corners)
     for i, corner in enumerate(corners if len(corners) > 2 else []):
@@ -58,7 +58,7 @@ def assert_convex(polygon):
 
 @given(clouds())
 def test_convex_hull_is_that_of_the_grid(points):
-    """To the bit; its kind says how many corners there are."""
+    """All bits are equal; the kind follows from the number of corners."""
     polygon = convex_hull(points)
     step = grid_step(np.abs(points).max(initial=0.0))
     expected = oracles.hull_corners(on_grid(points, step))
@@ -68,8 +68,8 @@ def test_convex_hull_is_that_of_the_grid(points):
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
-def test_hull_of_what_has_no_place_is_refused(wrong):
-    """Not left out, and not a polygon full of NaN."""
+def test_hull_of_points_that_are_not_finite_is_refused(wrong):
+    """NaN and infinity raise an error."""
     with pytest.raises(ValueError, match="must be finite"):
         convex_hull([(0, 0), (1, wrong), (1, 1)])
 
@@ -80,7 +80,7 @@ points_anywhere = st.tuples(numbers, numbers)
 
 @given(points_anywhere, points_anywhere, points_anywhere, st.booleans(), unit_floats)
 def test_turn_has_the_right_sign(a, b, c, on_line, t):
-    """Of any floats, those that overflow and underflow, and those beside the line of the others."""
+    """This is for any floats, also those that overflow or underflow, and those near the line of the others."""
     if on_line:
         c = (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]))
         assume(all(map(math.isfinite, c)))
@@ -88,8 +88,8 @@ def test_turn_has_the_right_sign(a, b, c, on_line, t):
     assert np.sign(turn(a, b, c)) == (exactly > 0) - (exactly < 0)
 
 
-def test_turn_is_exact_beside_a_line():
-    """Points that lie on a line but for rounding: the sign of a rounded cross product is wrong for two in five."""
+def test_turn_is_exact_near_a_line():
+    """For points that are on a line up to rounding, two of five rounded cross products have the wrong sign."""
     for a, b, (t, _) in np.random.default_rng(0).normal(size=(300, 3, 2)):
         c = a + t * (b - a)
         assert np.sign(turn(*map(tuple, (a, b, c.tolist())))) == np.sign(oracles.turn(*oracles.exact((a, b, c))))
@@ -97,7 +97,7 @@ def test_turn_is_exact_beside_a_line():
 
 @given(polygons())
 def test_area_and_centroid_are_those_of_fractions(polygon):
-    """To nine digits, also where the polygon is so thin that rounded cross products are noise."""
+    """They agree to nine digits, also for polygons so thin that rounded cross products are noise."""
     corners = oracles.exact(polygon.corners)
     assert polygon.area == pytest.approx(float(oracles.fraction_area(corners)), rel=1e-9, abs=0)
     middle = [float(c) for c in oracles.fraction_centroid(corners)]
@@ -106,7 +106,7 @@ def test_area_and_centroid_are_those_of_fractions(polygon):
 
 
 def test_area_of_a_sliver_is_exact():
-    """Rounded, that of three corners of a lattice whose cross product is 1 comes out as none or as a hundred."""
+    """The cross product of three lattice points is 1; rounded, it would be zero or a hundred."""
     step = 2.0**-31
     sliver = from_grid(oracles.hull_corners(THIN), step)
     assert sliver.kind == "area" and sliver.area == 0.5 * step**2
@@ -115,14 +115,14 @@ def test_area_of_a_sliver_is_exact():
 
 
 def test_corners_on_a_line_have_no_area():
-    """A polygon that no hull made: its centroid is the mean of its corners."""
+    """A polygon with corners on a line has the mean of its corners as centroid."""
     flat = Polygon(np.array([(1.0, 1.0), (2.0, 2.0), (4.5, 4.5), (2.5, 2.5)]))
     assert flat.area == 0 and flat.centroid.tolist() == [2.5, 2.5]
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_polygons_work_at_any_size(size):
-    """Where squares of lengths are beyond all floats, and where they are nothing."""
+    """This includes sizes whose squares overflow or underflow."""
     polygon = Polygon(size * SQUARE.corners)
     assert polygon.area == 4 * size * size
     assert_allclose(polygon.centroid / size, (1, 1), rtol=1e-12)
@@ -136,7 +136,7 @@ def test_polygons_work_at_any_size(size):
 
 @given(clouds())
 def test_bounds_are_those_of_the_points(points):
-    """Of the points on the grid; None where there are none."""
+    """They are those of the points on the grid; None for an empty polygon."""
     polygon = convex_hull(points)
     if len(points) == 0:
         assert polygon.bounds is None
@@ -150,7 +150,7 @@ def test_bounds_are_those_of_the_points(points):
 
 @given(polygons())
 def test_half_planes_hold_the_polygon(polygon):
-    """Unit normals; each corner lies on its two and within all."""
+    """Normals have length one; each corner is on two half-planes and in all."""
     normals, offsets = polygon.half_planes
     assert_allclose(np.hypot(*normals.T), 1, rtol=1e-15)
     heights = polygon.corners @ normals.T - offsets
@@ -162,20 +162,20 @@ def test_half_planes_hold_the_polygon(polygon):
 
 @st.composite
 def polygons_and_points(draw):
-    """A polygon of any kind and a point: near or far, a corner, or on an edge as far as rounding lets it."""
+    """Draw a polygon of any kind and a point: near, far, a corner, or on an edge up to rounding."""
     polygon = draw(polygons()) if draw(st.booleans()) else convex_hull(draw(clouds()))
     corners = polygon.corners
     if not len(corners):
         return polygon, (draw(unit_floats), draw(unit_floats))
     i, t = draw(st.integers(0, len(corners) - 1)), draw(st.one_of(st.just(0.0), unit_floats))
     on_edge = corners[i] + t * (corners[i - 1] - corners[i])
-    reach = draw(st.sampled_from([0.0, 0.0, 1e-12, 1.0, 10.0])) * np.ptp(corners, axis=0).max()
-    return polygon, tuple((on_edge + reach * np.array((draw(unit_floats), draw(unit_floats)))).tolist())
+    distance = draw(st.sampled_from([0.0, 0.0, 1e-12, 1.0, 10.0])) * np.ptp(corners, axis=0).max()
+    return polygon, tuple((on_edge + distance * np.array((draw(unit_floats), draw(unit_floats)))).tolist())
 
 
 @given(polygons_and_points())
 def test_contains_is_exact(case):
-    """As fractions say, for corners, points on edges and points a bit beside them."""
+    """It agrees with fractions for corners, points on edges, and points one bit next to them."""
     polygon, point = case
     corners = oracles.exact(polygon.corners)
     assert polygon.contains(point) == (bool(corners) and oracles.is_in_convex(*oracles.exact([point]), corners))
@@ -184,7 +184,7 @@ def test_contains_is_exact(case):
 
 @given(polygons_and_points())
 def test_closest_and_margin_are_those_of_fractions(case):
-    """The nearest point of all edges, or the point itself; the margin has the sign of contains."""
+    """It is the nearest point of all edges, or the point itself; the sign of the margin agrees with ``contains``."""
     polygon, point = case
     corners = oracles.exact(polygon.corners)
     if not corners:
@@ -212,20 +212,20 @@ def test_closest_and_margin_are_those_of_fractions(case):
 
 
 def test_closest_goes_to_sides_and_corners_all_round():
-    """Near and far, before each side and each corner of an octagon that is turned and lies off the origin."""
+    """This is for near and far points at each side and corner of a rotated octagon away from the origin."""
     angles = 0.2 + np.arange(8) * np.pi / 4
     polygon = convex_hull(np.stack((3 + np.cos(angles), 1 + np.sin(angles)), axis=1))
     corners = oracles.exact(polygon.corners)
-    for reach in (1.01, 1.5, 10):
+    for distance in (1.01, 1.5, 10):
         for angle in np.linspace(0, 2 * np.pi, 97):
-            point = (3 + reach * np.cos(angle), 1 + reach * np.sin(angle))
+            point = (3 + distance * np.cos(angle), 1 + distance * np.sin(angle))
             near = oracles.nearest_in_convex(*oracles.exact([point]), corners)
             assert_allclose(polygon.closest(point), [float(c) for c in near], rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("t", [-0.3, 0.0, 0.4, 1.0, 1.3])
-def test_closest_tells_corners_apart_that_are_equally_far(t):
-    """Two corners a few nanometres apart: distances to them and between them round to the same."""
+def test_closest_distinguishes_corners_at_equal_distances(t):
+    """For two corners a few nanometres from each other, the rounded distances are equal."""
     first, second = np.array((1.0, 1.0)), np.array((1 - 2.0**-27, 1 + 2.0**-27))
     polygon = convex_hull([(-1, -1), first, second])
     foot = first + t * (second - first)
@@ -235,7 +235,7 @@ def test_closest_tells_corners_apart_that_are_equally_far(t):
 
 @pytest.mark.parametrize("clockwise", [False, True])
 def test_closest_follows_algorithm_1_corrected(clockwise):
-    """The thesis asks for clockwise corners, with which most of its answers are wrong; ours turn left."""
+    """With clockwise corners, as in the thesis, most results are wrong; here corners are counter-clockwise."""
     points = np.random.default_rng(1).normal(size=(30, 2))
     polygon = convex_hull(points[::-1] if clockwise else points)
     for z in np.random.default_rng(2).normal(scale=3, size=(200, 2)):
@@ -251,13 +251,13 @@ def test_closest_follows_algorithm_1_corrected(clockwise):
 
 @pytest.mark.parametrize("point", [(np.nan, 0.0), (0.0, np.inf), (-np.inf, np.nan)])
 @pytest.mark.parametrize("polygon", [SQUARE, convex_hull([(0, 0), (1, 1)]), convex_hull([(0, 0)]), convex_hull([])])
-def test_what_is_no_number_lies_nowhere(point, polygon):
-    """A ZMP of NaN is not in the polygon, and not far inside of it."""
+def test_point_that_is_not_finite_is_outside(point, polygon):
+    """A ZMP of NaN is not in the polygon, and its margin is -inf."""
     assert not polygon.contains(point) and polygon.closest(point) is None and polygon.margin(point) == -math.inf
 
 
 def test_degenerate_kinds_have_all_answers():
-    """Nothing, a point, a segment: well-defined, and no area."""
+    """All results of an empty polygon, a point and a segment are defined; their area is zero."""
     empty, point, segment = (convex_hull(p) for p in ([], [(1, 2)] * 3, [(0, 0), (1, 1), (4, 4), (3, 3)]))
     assert [p.kind for p in (empty, point, segment)] == ["empty", "point", "segment"]
     assert [p.area for p in (empty, point, segment)] == [0, 0, 0]
@@ -274,7 +274,7 @@ def test_degenerate_kinds_have_all_answers():
 
 
 def assert_moved_in(polygon, distances, result):
-    """The result lies between what is left with a little more and with a little less taken away, by fractions."""
+    """Check with fractions that the result is between those of slightly larger and slightly smaller distances."""
     corners = oracles.exact(polygon.corners)
     slack = Fraction(4e-15 * size_of(polygon))
     lines = oracles.moved_lines(corners, [Fraction(d) - slack for d in distances])
@@ -293,18 +293,18 @@ def assert_moved_in(polygon, distances, result):
 
 @given(polygons(), st.data())
 def test_moved_in_is_what_fractions_leave(polygon, data):
-    """Each edge by its own distance: some not at all, some until they vanish, some until nothing is left."""
+    """Each edge has its own distance: zero, until the edge vanishes, or until the polygon is empty."""
     extent = np.ptp(polygon.corners, axis=0).min() * data.draw(st.sampled_from([1e-6, 0.1, 0.5, 1.0, 2.0]))
-    shares = st.one_of(st.just(0.0), st.floats(0, 1))
+    fractions = st.one_of(st.just(0.0), st.floats(0, 1))
     count = len(polygon.corners)
-    distances = [extent * t for t in data.draw(st.lists(shares, min_size=count, max_size=count))]
+    distances = [extent * t for t in data.draw(st.lists(fractions, min_size=count, max_size=count))]
     assert_moved_in(polygon, distances, polygon.moved_in(distances))
 
 
 @given(polygons(), st.floats(0, 1))
-def test_inset_is_what_fractions_leave(polygon, share):
-    """From none of it to all of it; corners of what is left are that deep."""
-    distance = share * np.ptp(polygon.corners, axis=0).min()
+def test_inset_is_what_fractions_leave(polygon, fraction):
+    """Distances are from zero to the complete width; the corners of the result have that margin."""
+    distance = fraction * np.ptp(polygon.corners, axis=0).min()
     result = polygon.inset(distance)
     assert_moved_in(polygon, [distance] * len(polygon.corners), result)
     for corner in result.corners:
@@ -312,7 +312,7 @@ def test_inset_is_what_fractions_leave(polygon, share):
 
 
 def test_inset_of_a_square_is_known():
-    """A smaller one, at last its middle, then nothing; a rectangle leaves a segment."""
+    """The result is a smaller square, then its centre, then empty; that of a rectangle is a segment."""
     assert_allclose(SQUARE.inset(0.25).corners, [(0.25, 0.25), (1.75, 0.25), (1.75, 1.75), (0.25, 1.75)], rtol=1e-15)
     assert SQUARE.inset(1.0).corners.tolist() == [[1, 1]]
     assert convex_hull([(0, 0), (4, 0), (4, 2), (0, 2)]).inset(1.0).corners.tolist() == [[1, 1], [3, 1]]
@@ -322,7 +322,7 @@ def test_inset_of_a_square_is_known():
 
 
 def test_edges_vanish_as_a_polygon_moves_in():
-    """A square with one corner cut off: its short edge is gone before the others meet."""
+    """The short edge of a square with one cut corner vanishes before the others meet."""
     cut = convex_hull([(0, 0), (2, 0), (2, 1.9), (1.9, 2), (0, 2)])
     assert len(cut.corners) == 5
     assert len(cut.inset(0.2).corners) == 4
@@ -332,7 +332,7 @@ def test_edges_vanish_as_a_polygon_moves_in():
 
 
 def test_edges_that_hardly_turn_are_moved_as_well():
-    """The cross product of two edges is 1 where rounding loses 128: what is left must not be nothing."""
+    """The cross product of two edges is 1, while rounding errors are 128; the result is not empty."""
     far = (433494437, 0)
     polygon = from_grid(oracles.hull_corners([*THIN, far]), 2.0**-31)
     assert len(polygon.corners) == 4
@@ -350,26 +350,26 @@ def test_edges_that_hardly_turn_are_moved_as_well():
     ],
 )
 def test_edges_that_hardly_move_let_the_others_move(corners, distances):
-    """By less than rounding: one end of the edge seems to go, the other to stay."""
+    """The distance is less than rounding: only one end of the edge seems to be removed."""
     polygon = Polygon(np.array(corners, float))
     assert_moved_in(polygon, distances, polygon.moved_in(distances))
 
 
-def test_what_is_left_may_hold_one_old_corner():
-    """The tip of a triangle."""
+def test_result_can_have_one_old_corner():
+    """One corner of a triangle stays."""
     triangle = convex_hull([(0, 0), (2, 0), (0, 2)])
     left = triangle.moved_in([1.5, 0.0, 0.0])
     assert_allclose(left.corners, [(0, 1.5), (0.5, 1.5), (0, 2)], atol=1e-15)
 
 
 def test_corners_on_a_line_are_left_out():
-    """Also of what moving edges leaves."""
+    """The convex part of the result has no corner on a line."""
     assert _convex([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 1.0), (1.0, 1.0)]) == [(0, 0), (2, 0), (2, 2)]
 
 
 @pytest.mark.parametrize("distance", [-0.1, math.nan])
 def test_polygons_move_in_only(distance):
-    """A negative distance or none at all."""
+    """A negative distance or NaN raises an error."""
     with pytest.raises(ValueError, match="must be 0 or more"):
         SQUARE.inset(distance)
     with pytest.raises(ValueError, match="4 edges need as many distances"):
@@ -378,19 +378,19 @@ def test_polygons_move_in_only(distance):
 
 @pytest.mark.parametrize("count", [0, 3, 5])
 def test_each_edge_has_its_distance(count):
-    """An edge without one would stay where it is in silence."""
+    """A missing distance raises an error."""
     with pytest.raises(ValueError, match="4 edges need as many distances, 0 or more, not"):
         SQUARE.moved_in([0.1] * count)
 
 
 @pytest.mark.parametrize("points", [np.zeros((2, 3)), np.zeros(4), np.zeros((2, 2, 2))])
 def test_points_that_are_not_of_a_plane_are_refused(points):
-    """Three coordinates are not half as many points more."""
+    """Points with three coordinates raise an error."""
     with pytest.raises(ValueError, match=r"points of a plane must have shape \(n, 2\), not "):
         convex_hull(points)
 
 
 def test_corners_cannot_be_changed():
-    """What was worked out from them would be wrong."""
+    """Results that are kept would be wrong."""
     with pytest.raises(ValueError, match="read-only"):
         convex_hull([(0, 0), (1, 0), (0, 1)]).corners[0] = 5

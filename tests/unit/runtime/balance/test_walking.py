@@ -1,4 +1,4 @@
-"""Walking references against integration of the pendulum's equations, and against closed forms."""
+"""Walking references, compared with integration of the pendulum's equations and with closed forms."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ from skin_calib_addon.runtime.balance.walking import (
 
 
 def runge_kutta(slope, state, start, stop, count=150):
-    """The state at the end, by the classic fourth order."""
+    """Return the state at the end, by the classic fourth-order method."""
     h = (stop - start) / count
     for k in range(count):
         t = start + k * h
@@ -38,7 +38,7 @@ def runge_kutta(slope, state, start, stop, count=150):
 
 @st.composite
 def walks(draw):
-    """Repellent points of one to five steps in the plane or in space, step time and frequency."""
+    """Draw repellent points of one to five steps in the plane or in space, a step time, a frequency, a velocity."""
     d = draw(st.sampled_from((2, 3)))
     numbers = st.lists(st.floats(-1, 1), min_size=d, max_size=d)
     points = np.array(draw(st.lists(numbers, min_size=1, max_size=5)))
@@ -46,7 +46,7 @@ def walks(draw):
 
 
 def test_frequency_is_that_of_a_falling_pendulum():
-    """A metre on earth, a sixth of its weight, and the solution of x'' = omega^2 x that it belongs to."""
+    """It is known for a metre on Earth and for lunar gravity, and solves x'' = omega^2 x."""
     assert pendulum_frequency(1.0) == np.sqrt(9.81) and pendulum_frequency(0.8, 1.62) == np.sqrt(1.62 / 0.8)
     omega = pendulum_frequency(0.9)
     x, v = runge_kutta(lambda t, s: np.array((s[1], 9.81 / 0.9 * s[0])), np.array((0.01, 0.0)), 0.0, 1.0)
@@ -56,7 +56,7 @@ def test_frequency_is_that_of_a_falling_pendulum():
 
 @given(walk=walks())
 def test_dcm_splits_the_pendulum_in_two(walk):
-    """x' = -omega (x - xi) is what defines the DCM, and with it x'' = omega^2 (x - p) is xi' = omega (xi - p)."""
+    """x' = -omega (x - xi) defines the DCM; with it, x'' = omega^2 (x - p) becomes xi' = omega (xi - p)."""
     points, _, omega, velocity = walk
     x, p = points[0], points[-1]
     xi = divergent_component(x, velocity, omega)
@@ -66,7 +66,7 @@ def test_dcm_splits_the_pendulum_in_two(walk):
 
 
 def test_repellent_points_stand_over_the_feet():
-    """As high as the CoM; in the plane they are the feet."""
+    """They are at the height of the CoM; in the plane they are the feet."""
     feet = np.array(((0.1, 0.2, 0.0), (0.4, -0.2, 0.1)))
     assert repellent_points(feet, 0.8).tolist() == [[0.1, 0.2, 0.8], [0.4, -0.2, 0.1 + 0.8]]
     assert repellent_points(feet[:, :2], 0.8).tolist() == feet[:, :2].tolist()
@@ -74,7 +74,7 @@ def test_repellent_points_stand_over_the_feet():
 
 @given(walk=walks())
 def test_waypoints_are_where_integration_ends(walk):
-    """From way-point to way-point by (4.12), step by step; the last is over its foot, or where it is asked for."""
+    """Integration of (4.12) over each step ends at the next waypoint; the last one is over its foot, or as given."""
     points, T, omega, last = walk
     for asked in (None, last):
         ends = dcm_waypoints(points, T, omega, asked)
@@ -85,12 +85,12 @@ def test_waypoints_are_where_integration_ends(walk):
             start = end
 
 
-@given(walk=walks(), share=st.floats(0, 1))
-def test_references_solve_the_equations(walk, share):
-    """At any time: the DCM and the CoM from the start by Runge and Kutta, with the reference of the ZMP pushing."""
+@given(walk=walks(), fraction=st.floats(0, 1))
+def test_references_solve_the_equations(walk, fraction):
+    """At any time DCM and CoM agree with Runge-Kutta integration from the start, driven by the reference of the ZMP."""
     points, T, omega, start = walk
     ends = dcm_waypoints(points, T, omega)
-    time = share * T * len(points)
+    time = fraction * T * len(points)
     d = points.shape[1]
     state = np.concatenate((dcm_reference(0.0, points, ends, T, omega), start))
     for k, r in enumerate(points):
@@ -108,7 +108,7 @@ def test_references_solve_the_equations(walk, share):
 
 @given(walk=walks())
 def test_references_are_smooth_enough(walk):
-    """The DCM and the CoM do not jump from step to step, and their slopes are those of (4.12) and (4.10)."""
+    """DCM and CoM are continuous from step to step, and their derivatives are those of (4.12) and (4.10)."""
     points, T, omega, start = walk
     ends = dcm_waypoints(points, T, omega)
     for time in (np.arange(len(points)) + 0.5) * T:
@@ -128,7 +128,7 @@ def test_references_are_smooth_enough(walk):
 
 @given(walk=walks())
 def test_walk_ends_at_rest(walk):
-    """After the last step the DCM stays, held by a ZMP that is there, and the CoM comes to it, however late it is."""
+    """After the last step the DCM stays at the ZMP, and the CoM converges to it."""
     points, T, omega, start = walk
     for last in (None, start):
         ends = dcm_waypoints(points, T, omega, last)
@@ -142,7 +142,7 @@ def test_walk_ends_at_rest(walk):
 
 
 def test_times_may_have_any_shape():
-    """None, one or two axes of times: as one by one."""
+    """Times with no, one or two axes give the same results as single times."""
     points = np.array(((0.0, 0.1), (0.3, -0.1), (0.6, 0.1)))
     ends = dcm_waypoints(points, 0.7, 3.3)
     times = np.linspace(0, 3, 12).reshape(3, 4)
@@ -157,7 +157,7 @@ def test_times_may_have_any_shape():
 
 @given(walk=walks(), gain=st.floats(0.5, 6))
 def test_desired_zmp_brings_the_dcm_back(walk, gain):
-    """(4.18) put into (4.12): the error of the DCM shrinks as exp(-k t), while the reference moves on."""
+    """With (4.18) in (4.12), the error of the DCM decreases as exp(-k t) while the reference moves."""
     points, T, omega, push = walk
     ends = dcm_waypoints(points, T, omega)
 
@@ -172,7 +172,7 @@ def test_desired_zmp_brings_the_dcm_back(walk, gain):
 
 @given(walk=walks(), gain=st.floats(0.5, 6))
 def test_zmp_follows_a_reference_without_jerk(walk, gain):
-    """(4.20) is (4.19) solved for the velocity of the CoM, where p'_d = x'_r."""
+    """(4.20) is (4.19) solved for the velocity of the CoM, with p'_d = x'_r."""
     points, _, _, velocity = walk
     p, desired = points[0], points[-1]
     command = zmp_tracking_velocity(p, velocity, desired, gain)
@@ -181,7 +181,7 @@ def test_zmp_follows_a_reference_without_jerk(walk, gain):
 
 @given(offset=st.lists(st.floats(-0.05, 0.05), min_size=2, max_size=2), height=st.floats(0.4, 1.2))
 def test_command_balances_the_pendulum(offset, height):
-    """A CoM that obeys (4.29), its ZMP that of the pendulum, comes to rest at the goal, as fast as the roots say."""
+    """A CoM with the velocity of (4.29) and the ZMP of the pendulum converges to the goal, at the rate of the roots."""
     omega = pendulum_frequency(height)
     zmp_gain, com_gain, goal = 0.5 * omega, 1.5 * omega, np.array((0.1, -0.2))
 
@@ -209,7 +209,7 @@ CALLS = {
     "height of feet": lambda bad: repellent_points(POINTS, bad),
     "height of feet in the plane": lambda bad: repellent_points(FLAT, bad),
     "step_time": lambda bad: dcm_waypoints(POINTS, bad, 3.0),
-    "omega of way-points": lambda bad: dcm_waypoints(POINTS, 0.5, bad),
+    "omega of waypoints": lambda bad: dcm_waypoints(POINTS, 0.5, bad),
     "step_time of the DCM": lambda bad: dcm_reference(0.1, POINTS, POINTS, bad, 3.0),
     "omega of the reference": lambda bad: dcm_reference(0.1, POINTS, POINTS, 0.5, bad),
     "step_time of the ZMP": lambda bad: zmp_reference(0.1, POINTS, POINTS, bad),
@@ -226,7 +226,7 @@ CALLS = {
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
 @pytest.mark.parametrize("name", CALLS)
 def test_what_must_be_positive_is_named(name, bad):
-    """No height, no time, no gain of zero: said by the name of the argument."""
+    """A height, time, gain or frequency that is not positive raises an error with the name of the argument."""
     with pytest.raises(ValueError, match=f"^{name.split()[0]} must be positive and finite, not {bad}"):
         CALLS[name](bad)
 
@@ -241,7 +241,7 @@ def test_what_must_be_positive_is_named(name, bad):
     ],
 )
 def test_times_before_the_start_are_refused(reference, time):
-    """A walk has no reference before it begins."""
+    """A negative time raises an error."""
     with pytest.raises(ValueError, match="^time must be zero or more"):
         reference(time)
 
@@ -263,12 +263,12 @@ def test_times_before_the_start_are_refused(reference, time):
     ],
 )
 def test_points_of_a_wrong_shape_are_named(name, call):
-    """Numbers that are no points, no steps, and steps that do not go together."""
+    """Arrays that are not points, or do not fit to each other, raise an error with the name of the argument."""
     with pytest.raises(ValueError, match=f"^{name} must "):
         call()
 
 
 def test_every_function_is_tested():
-    """Of the module's public functions each is called above."""
+    """This file imports each public function of the module."""
     public = {n for n, f in vars(walking).items() if callable(f) and f.__module__ == walking.__name__ and n[0] != "_"}
     assert public <= set(globals())
