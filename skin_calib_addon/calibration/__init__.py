@@ -1,4 +1,4 @@
-"""The calibration of a link: its model, its file, and everything that can be wrong with it. NumPy only."""
+"""Model, file and validation of the calibration of a link. NumPy only."""
 
 from ..common.encoding import encode
 from ..common.findings import Finding

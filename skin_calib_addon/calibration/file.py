@@ -1,4 +1,4 @@
-"""Calibration files: a calibration to bytes and back, to the last bit."""
+"""Write calibrations to files, and read them back without any loss."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -35,10 +35,17 @@ _QUALITY = ("collision", "gap", "overhang", "pitch_error", "size", "strain", "ti
 def save_calibration(calibration: LinkCalibration, path: str | os.PathLike[str]) -> None:
     """Write a calibration file in one step; the old file stays until the new one is complete.
 
+    Parameters
+    ----------
+    calibration : LinkCalibration
+        It is validated before it is written.
+    path : path
+        Its folder must exist.
+
     Raises
     ------
     CalibrationFormatError
-        If the calibration would not be read back: the file says nothing wrong, or is not written.
+        If the calibration is invalid. No file is written.
     OutputError
         If the file cannot be written.
     """
@@ -48,32 +55,37 @@ def save_calibration(calibration: LinkCalibration, path: str | os.PathLike[str])
 
 
 def load_calibration(path: str | os.PathLike[str]) -> LinkCalibration:
-    """Read a calibration file and check all of it.
+    """Read and validate a calibration file.
 
     Raises
     ------
     CalibrationFormatError
-        If the file cannot be read, or anything in it is wrong; ``findings`` has everything found.
+        If the file cannot be read, or is invalid; ``findings`` lists all problems.
     """
     return load_with_warnings(path)[0]
 
 
 def load_with_warnings(path: str | os.PathLike[str]) -> tuple[LinkCalibration, tuple[Finding, ...]]:
-    """The same, and what a person should look at."""
+    """Read a calibration file as `load_calibration`, and return its warnings too."""
     document, findings = check_bytes(read(path))
     _refuse_errors(findings, f"'{path}'")
     return from_document(document), findings
 
 
 def check_calibration(path: str | os.PathLike[str]) -> tuple[Finding, ...]:
-    """Everything that is wrong with a calibration file, warnings too; raises only if it cannot be read."""
+    """Return all errors and warnings of a calibration file; raise only if it cannot be read."""
     return check_bytes(read(path))[1]
 
 
 def check_bytes(data: bytes) -> tuple[Any, tuple[Finding, ...]]:
-    """The document that the bytes stand for, None if they stand for none, and everything wrong with it.
+    """Parse and validate the bytes of a calibration file.
 
-    One of an older version is brought to ours; what is wrong with it is said of it as it came.
+    Returns
+    -------
+    document : JSON value
+        None if the bytes cannot be parsed. A document of an older version is migrated.
+    findings : tuple of Finding
+        All problems. Problems of an older version refer to the document before its migration.
     """
     document, findings = parse(data)
     if document is None and findings:
@@ -87,12 +99,12 @@ def check_bytes(data: bytes) -> tuple[Any, tuple[Finding, ...]]:
 
 
 def to_document(calibration: LinkCalibration) -> Document:
-    """A calibration as the JSON document of its file, checksum included.
+    """Convert a calibration to the JSON document of its file, with checksum.
 
     Raises
     ------
     CalibrationFormatError
-        If it holds what JSON cannot: NaN, a Python object, a free member whose name does not begin with ``x_``.
+        If the calibration contains NaN, a Python object, or a free member whose name does not begin with ``x_``.
     """
     name = f"the calibration of '{calibration.link}'"
     document = {
@@ -118,11 +130,11 @@ def to_document(calibration: LinkCalibration) -> Document:
     except (TypeError, ValueError, RecursionError) as problem:
         findings = [finding for finding in check(document, SCHEMA) if finding.code != "missing"]
         _refuse_errors(findings, name)
-        raise CalibrationFormatError(f"{name} holds what JSON cannot: {problem}") from problem
+        raise CalibrationFormatError(f"{name} cannot be written as JSON: {problem}") from problem
 
 
 def from_document(document: Document) -> LinkCalibration:
-    """The calibration of a document in which `validate` finds no error."""
+    """Convert a document in which `validate` finds no error to a calibration."""
     mesh = document["mesh"]
     return LinkCalibration(
         link=document["link"],
@@ -224,7 +236,7 @@ def _distances(document: Document) -> DistanceStatistics:
 
 
 def _floats(values: Any) -> Any:
-    """Nested lists of floats; 1 becomes 1.0, so that one calibration has one file."""
+    """Return nested lists of floats; 1 becomes 1.0, so that equal calibrations have equal files."""
     return np.asarray(values, float).tolist()
 
 

@@ -1,4 +1,4 @@
-"""Measurements of sensors: readings beside the forces that gave them, from a CSV file."""
+"""Read measurements of sensors (readings and the applied forces) from a CSV file."""
 
 import os
 from collections.abc import Collection
@@ -12,12 +12,14 @@ from ..common.findings import did_you_mean, show
 from ..common.tables import CellError, find_column, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 
-MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-100, 1e12  # of numbers that are not zero
+# Absolute values of nonzero readings and forces [N] that are accepted. A wider range: products may overflow in the fit.
+MIN_MAGNITUDE = 1e-100
+MAX_MAGNITUDE = 1e12
 
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """Readings and forces of one taxel, or of all alike, in the order in which they were taken."""
+    """Readings and forces of one taxel (or of all taxels: ``taxel`` is None), in the order of the file."""
 
     taxel: str | None
     readings: Array  # (n,)
@@ -28,25 +30,26 @@ class Measurements:
 
 
 def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> tuple[Measurements, ...]:
-    """Read a table whose header names ``reading`` and ``force``, and ``taxel`` where each taxel has its own.
+    """Read a table with columns ``reading`` and ``force`` [N], and optionally ``taxel``.
 
-    Names may stand in any order and case, other columns are left alone; commas, semicolons or tabs separate columns.
+    The names may have any order and case. Other columns are ignored. The separator is a comma, a semicolon or a tab.
 
     Parameters
     ----------
     path : path
+        CSV file.
     taxels : collection of str
-        The ids that a row may name.
+        Valid ids of the column ``taxel``.
 
     Returns
     -------
     tuple of Measurements
-        One, or one for each taxel in the order of their first rows.
+        One element, or one for each taxel in the order of their first rows.
 
     Raises
     ------
     CalibrationFormatError
-        Names file, line and column of the first thing that is wrong.
+        If the table is invalid; the message names file, line and column.
     """
     rows: list[tuple[str | None, float, float]] = []
     with naming_file(path):
@@ -57,12 +60,12 @@ def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> 
         for line, row in table:
             taxel = None if owner is None else row[owner]
             if owner is not None and taxel not in taxels:
-                message = f"names no taxel of the calibration: {show(taxel)}{did_you_mean(str(taxel), taxels)}"
+                message = f"the calibration has no taxel {show(taxel)}{did_you_mean(str(taxel), taxels)}"
                 raise CellError(line, owner + 1, message)
             reading, force = (_number(row, column, line) for column in columns)
             rows.append((taxel, reading, force))
         if not rows:
-            raise CellError(line, 1, "has no measurement below it")
+            raise CellError(line, 1, "the table has no row below its header")
     order = {taxel: k for k, taxel in enumerate(dict.fromkeys(row[0] for row in rows))}
     parts = groupby(sorted(rows, key=lambda row: order[row[0]]), key=lambda row: row[0])
     return tuple(Measurements(taxel, *np.array([row[1:] for row in part]).T) for taxel, part in parts)
@@ -71,5 +74,9 @@ def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> 
 def _number(row: list[str], column: int, line: int) -> float:
     number = number_in(row, column, line)
     if number != 0 and not MIN_MAGNITUDE <= abs(number) <= MAX_MAGNITUDE:
-        raise CellError(line, column + 1, f"has {number:g}, beyond all that sensors read or feel")
+        raise CellError(
+            line,
+            column + 1,
+            f"the number {number:g} is not plausible; absolute values are 0 or {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}",
+        )
     return number

@@ -1,4 +1,4 @@
-"""Files of older versions: each is checked as what it is, and brought to ours a version at a time."""
+"""Check calibration documents of older versions, and migrate them version by version."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,26 +15,26 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True)
 class Step:
-    """From one version to the next."""
+    """Migration from one version to the next."""
 
-    schema: Schema  # of the older version, as it was released
-    migrate: Callable[[Document], Document]  # of a document that keeps that schema; its checksum is made anew
+    schema: Schema  # of the older version
+    migrate: Callable[[Document], Document]  # of a valid document; the caller renews the checksum
 
 
-# By the version that a step begins at. Version 1 is the first, so there is none yet; tests/golden/versions has a file
-# of each version that was released.
+# Keys are the older versions. Version 1 is the first version, so that no step exists yet. The folder
+# tests/golden/versions contains a file of each released version.
 STEPS: dict[int, Step] = {}
 
 
 def migrated(document: Any) -> tuple[Any, tuple[Finding, ...]]:
-    """A document of an older version as one of ours; any other as it is.
+    """Migrate a document of an older version to the current version; return others unchanged.
 
     Returns
     -------
-    document
-        Of our version, or the last that could be reached.
+    document : JSON value
+        Of the current version, or of the version at which the migration stopped.
     findings : tuple of Finding
-        Everything that is wrong with the document as it came; pointers lead into it. Empty if it got to our version.
+        Problems of the returned document. Empty if the document has the current version.
     """
     while step := _step(document):
         findings = check(document, step.schema)

@@ -1,4 +1,4 @@
-"""What a calibration holds: one link, its mesh, the fitted surfaces and the taxels on them. NumPy only."""
+"""Records of a calibration: link, mesh, fitted surfaces and taxels. NumPy only."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,7 +14,7 @@ MAX_CHANNEL = 2**31 - 1  # Contract: a channel fits into a signed 32-bit integer
 
 @dataclass(frozen=True)
 class MeshSource:
-    """The mesh that was calibrated; ``sha256`` is of its geometry in metres, not of the file's bytes."""
+    """The calibrated mesh; ``sha256`` is the hash of its geometry in metres, not of the file."""
 
     file: str
     sha256: str
@@ -24,10 +24,10 @@ class MeshSource:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceModel:
-    """A tensor-product B-spline in the link frame, ready for any evaluator.
+    """A tensor-product B-spline in the link frame.
 
-    A direction that is ``closed`` repeats its first ``degree`` control points at the end, so that the net and the
-    knots evaluate as they stand on ``[knots[degree], knots[-degree - 1]]``, which is always ``[0, 1]``.
+    In a ``closed`` direction the first ``degree`` control points are repeated at the end. Net and knots can therefore
+    be evaluated directly on the domain ``[knots[degree], knots[-degree - 1]]``, which is always ``[0, 1]``.
     """
 
     name: str
@@ -37,7 +37,7 @@ class SurfaceModel:
     control_net: Array  # (n_u, n_v, 3) [m]
     closed: tuple[bool, bool]
     errors: SurfaceErrors
-    extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
+    extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, unchanged
 
     def __post_init__(self):
         n_u, n_v = (len(k) - d - 1 for k, d in zip((self.knots_u, self.knots_v), self.degree))
@@ -54,11 +54,11 @@ class TaxelArray:
     uv: Array  # (n, 2) parameters on the surface
     positions_link: Array  # (n, 3) [m]
     normals_link: Array  # (n, 3) unit, out of the robot
-    tangents_link: Array  # (n, 3) unit, along the row, at a right angle to the normal
+    tangents_link: Array  # (n, 3) unit, along the row, perpendicular to the normal
     corners_link: Array  # (n, k, 3) [m], counter-clockwise seen from outside
     areas: Array  # (n,) [m^2]
     neighbours: tuple[tuple[str, ...], ...]
-    ports: tuple[tuple[str | None, ...], ...] = ()  # the board beside each side of each board, or none
+    ports: tuple[tuple[str | None, ...], ...] = ()  # the adjacent board at each side of each board, or None
     quality: dict[str, Array] = field(default_factory=dict)  # e.g. strain (n, 3), gap (n,), tilt (n,)
     # (n,) positions in `LinkCalibration.responses`; empty where all taxels have the response of the link
     responses: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
@@ -85,7 +85,7 @@ class TaxelArray:
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Taxels placed together: a sheet, hexagonal boards, or a set that came from elsewhere."""
+    """Taxels that are placed together: a sheet, hexagonal boards, or imported taxels."""
 
     name: str
     kind: str
@@ -93,19 +93,19 @@ class Patch:
     shape: tuple[int, int]
     pitch: tuple[float, float]  # [m]
     taxels: TaxelArray
-    extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
-    offset: float = 0.0  # height of the skin's middle above the surface [m]
+    extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, unchanged
+    offset: float = 0.0  # height of the middle plane of the skin above the surface [m]
 
 
 @dataclass(frozen=True, eq=False)
 class LinkCalibration:
-    """Everything a controller needs to know about the skin of one link, in the link frame and SI units."""
+    """The calibrated skin of one link, in the link frame and SI units."""
 
     link: str
     mesh: MeshSource
     surfaces: tuple[SurfaceModel, ...]
     patches: tuple[Patch, ...]
-    response: AnyResponse = Response()  # of every taxel that has none of its own
+    response: AnyResponse = Response()  # of all taxels without their own response
     generator: str = ""
-    extra: dict[str, Any] = field(default_factory=dict)  # top-level ``x_`` members, kept as they came
-    responses: tuple[AnyResponse, ...] = ()  # of taxels, see `TaxelArray.responses`
+    extra: dict[str, Any] = field(default_factory=dict)  # top-level ``x_`` members, unchanged
+    responses: tuple[AnyResponse, ...] = ()  # of single taxels, see `TaxelArray.responses`

@@ -1,4 +1,4 @@
-"""The surfaces and patches of a document that may be wrong: of each, only the members that are sound so far."""
+"""Valid members of the surfaces and patches of a document that may have errors."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -17,22 +17,42 @@ class Part:
 
     pointer: str
     members: dict[str, Any]
-    columns: frozenset[str]  # the members that stand in ``taxels``
+    columns: frozenset[str]  # the members that belong to ``taxels``
 
     def at(self, name: str, *keys: Any) -> str:
-        """The pointer to a member, or further into it."""
+        """Return the pointer to a member.
+
+        Parameters
+        ----------
+        name : str
+            Name of the member.
+        *keys : str or int
+            Names and indices inside the member.
+        """
         return child(self.pointer, *(("taxels",) if name in self.columns else ()), name, *keys)
 
     def as_arrays(self) -> "Part":
-        """The same with arrays for the numeric members, once their lengths are known to fit."""
+        """Return a copy with arrays for the numeric members, whose lengths must be valid."""
         arrays = {name: np.array(self.members[name], float) for name in NUMERIC if name in self.members}
         return Part(self.pointer, {**self.members, **arrays}, self.columns)
 
 
 def parts_of(document: Any, name: str, findings: Iterable[Finding]) -> list[Part]:
-    """The surfaces or the patches of a document, without every member in which something was found.
+    """Return the surfaces or patches of a document, without members that have findings.
 
-    A list that is itself unsound counts as one part without members, so that nobody takes it for an empty list.
+    Parameters
+    ----------
+    document : JSON value
+        Possibly invalid.
+    name : "surfaces" or "patches"
+        The list to return.
+    findings : iterable of Finding
+        Earlier findings about the document.
+
+    Returns
+    -------
+    list of Part
+        If the list itself is invalid, one part without members. It differs from an empty list.
     """
     items = document.get(name) if isinstance(document, dict) else None
     if not isinstance(items, list) or any(finding.pointer == f"/{name}" for finding in findings):
@@ -47,7 +67,7 @@ def parts_of(document: Any, name: str, findings: Iterable[Finding]) -> list[Part
 
 
 def needs(*names: str) -> Callable[[Callable[..., Iterable[Finding]]], Callable[[Part], Iterator[Finding]]]:
-    """Make a check of these members into one of a part: silent where one of them is missing or unsound."""
+    """Turn a check of members into a check of a part that is skipped if a member is missing or invalid."""
 
     def wrap(check: Callable[..., Iterable[Finding]]) -> Callable[[Part], Iterator[Finding]]:
         def run(part: Part) -> Iterator[Finding]:
@@ -60,8 +80,8 @@ def needs(*names: str) -> Callable[[Callable[..., Iterable[Finding]]], Callable[
 
 
 def pointers_with_findings(findings: Iterable[Finding]) -> set[str]:
-    """The pointers to everything in which, or further into which, something was found."""
-    return {place for finding in findings for place in _ancestors(finding.pointer)}
+    """Return the pointers of all findings and of all members that contain them."""
+    return {pointer for finding in findings for pointer in _ancestors(finding.pointer)}
 
 
 def _sound(value: Any, pointer: str, touched: set[str]) -> dict[str, Any]:

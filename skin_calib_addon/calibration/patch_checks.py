@@ -1,4 +1,4 @@
-"""What must hold for the taxels of one patch."""
+"""Check the taxels of one patch."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,28 +10,35 @@ from ..common.findings import Finding, error, show, warning
 from .parts import Part, needs
 from .surface_checks import MAX_DISTANCE
 
-UNIT_TOLERANCE = 1e-9  # a normal's length may be off by this, and its cosine with the tangent
-AREA_TOLERANCE = 0.2  # a cell bends, so that its corners span less than its area; more than this is a mistake
-AREA_UNIT_RATIO = 100.0  # times an area: no cell bends so, square centimetres are 10 000 times
-NEIGHBOUR_DISTANCE = (0.1, 10.0)  # distance of neighbours, in pitches
-MAX_PITCH = 1.0  # [m]
-CORNER_DISTANCE = (0.1, 10.0)  # distance of the corners from the centre, in pitches: 0.7 for squares, 0.6 for hexagons
+# Error of the length of a normal or tangent, and cosine between them. Larger: less precise vectors pass.
+UNIT_TOLERANCE = 1e-9
+# Relative difference between the area of a cell and the area of its corner polygon, which is smaller on curved
+# surfaces. Larger: wrong areas pass.
+AREA_TOLERANCE = 0.2
+# Ratio of these areas from which the unit is wrong; square centimetres give 10 000. Larger: wrong units pass.
+AREA_UNIT_RATIO = 100.0
+MAX_PITCH = 1.0  # [m]. Larger: a pitch in millimetres passes.
+# Smallest and largest distances of neighbours, and of corners from the centre (0.7 for squares, 0.6 for hexagons), in
+# pitches. A wider range: wrong units pass.
+DISTANCE_IN_PITCHES = (0.1, 10.0)
 
 
 def columns_are_parallel(patch: Part) -> Iterator[Finding]:
-    """As many rows in each column as there are ids, or as in the first column where the ids are unsound."""
+    """Check that all columns have as many rows as the ids (or as the first column, if the ids are invalid)."""
     names = sorted(patch.columns, key=lambda name: name != "id")
     for name in names[1:]:
         rows, wanted = len(patch.members[name]), len(patch.members[names[0]])
         if rows != wanted:
-            yield error("length", patch.at(name), f"holds {rows} taxels, '{names[0]}' {wanted}", patch.members[name])
+            yield error(
+                "length", patch.at(name), f"contains {rows} taxels, but '{names[0]}' has {wanted}", patch.members[name]
+            )
 
 
 @needs("corners")
 def corners_are_rectangular(patch: Part, corners: list[Any]) -> Iterator[Finding]:
     for row, polygon in enumerate(corners):
         if len(polygon) != len(corners[0]):
-            message = f"has {len(polygon)} corners, the first cell {len(corners[0])}"
+            message = f"has {len(polygon)} corners, but the first cell has {len(corners[0])}"
             yield error("length", patch.at("corners", row), message, polygon)
 
 
@@ -48,7 +55,7 @@ def tangents_are_unit(patch: Part, tangent: Array) -> Iterator[Finding]:
 def _not_unit(patch: Part, name: str, vectors: Array) -> Iterator[Finding]:
     length = np.linalg.norm(vectors, axis=1)
     for row in np.flatnonzero(~(np.abs(length - 1) <= UNIT_TOLERANCE)):
-        message = f"has length {length[row]:.12g}; a unit vector is needed"
+        message = f"has length {length[row]:.12g}; it must be a unit vector"
         yield error("not-unit", patch.at(name, row), message, vectors[row].tolist())
 
 
@@ -56,15 +63,15 @@ def _not_unit(patch: Part, name: str, vectors: Array) -> Iterator[Finding]:
 def tangents_are_perpendicular(patch: Part, normal: Array, tangent: Array) -> Iterator[Finding]:
     cosine = (normal * tangent).sum(1) / (np.linalg.norm(normal, axis=1) * np.linalg.norm(tangent, axis=1))
     for row in np.flatnonzero(np.abs(cosine) > UNIT_TOLERANCE):  # a zero vector is reported as not unit
-        message = f"is not at a right angle to the normal (cosine {cosine[row]:.3g})"
+        message = f"is not perpendicular to the normal (cosine {cosine[row]:.3g})"
         yield error("not-square", patch.at("tangent", row), message, tangent[row].tolist())
 
 
 @needs("normal", "corners")
 def normals_are_outward(patch: Part, normal: Array, corners: Array) -> Iterator[Finding]:
-    """The corners run counter-clockwise seen from outside: a normal against them is flipped, or they are."""
+    """Check that the corners are counter-clockwise about the normal, which points outwards."""
     for row in np.flatnonzero((_fan(corners).sum(1) * normal).sum(1) < 0):
-        message = "points inwards, as its corners run; flip the normal, or reverse the corners"
+        message = "points inwards according to the order of its corners; reverse the normal, or the corners"
         yield error("flipped-normal", patch.at("normal", row), message, normal[row].tolist())
 
 
@@ -74,12 +81,12 @@ def areas_fit_corners(patch: Part, area: Array, corners: Array) -> Iterator[Find
     ratio = float(np.min(area / np.where(spanned > 0, spanned, np.inf)))
     if ratio > AREA_UNIT_RATIO:
         message = (
-            f"is everywhere {ratio:.4g} times or more what the corners span; it must be in m^2, as corners are in m"
+            f"is at least {ratio:.4g} times the area of the corners for every taxel; areas are in m^2, corners in m"
         )
         yield error("units", patch.at("area"), message)
         return
     for row in np.flatnonzero(~(np.abs(area - spanned) <= AREA_TOLERANCE * spanned)):
-        message = f"is {area[row]:.4g} m^2, but the corners span {spanned[row]:.4g} m^2"
+        message = f"is {area[row]:.4g} m^2, but the area of the corners is {spanned[row]:.4g} m^2"
         yield warning("area", patch.at("area", row), message, float(area[row]))
 
 
@@ -88,7 +95,7 @@ def ports_are_neighbours(patch: Part, ports: list[Any], neighbours: list[Any]) -
     for row, (sides, near) in enumerate(zip(ports, neighbours)):
         for side, other in enumerate(sides):
             if other is not None and other not in near:
-                message = f"is {show(other)}, which is not among the neighbours of the taxel"
+                message = f"is {show(other)}, which is not a neighbour of the taxel"
                 yield error("unknown-neighbour", patch.at("ports", row, side), message, other)
 
 
@@ -97,23 +104,23 @@ def positions_are_in_metres(patch: Part, position: Array) -> Iterator[Finding]:
     distance = np.linalg.norm(position, axis=1)
     row = int(np.argmax(distance))
     if distance[row] > MAX_DISTANCE:
-        message = f"is {distance[row]:.6g} m from the link frame; divide lengths by 1000 if these are millimetres"
+        message = f"is {distance[row]:.6g} m from the link frame; divide lengths by 1000 if they are in millimetres"
         yield error("units", patch.at("position", row), message, position[row].tolist())
 
 
 @needs("pitch")
 def pitch_is_in_metres(patch: Part, pitch: Array) -> Iterator[Finding]:
     if pitch.max() > MAX_PITCH:
-        message = f"reaches {pitch.max():.6g} m; divide by 1000 if these are millimetres"
+        message = f"is {pitch.max():.6g} m; divide lengths by 1000 if they are in millimetres"
         yield error("units", patch.at("pitch"), message, pitch.tolist())
 
 
 @needs("pitch", "position", "corners")
 def corners_fit_pitch(patch: Part, pitch: Array, position: Array, corners: Array) -> Iterator[Finding]:
     distance = float(np.median(np.linalg.norm(corners - position[:, None], axis=2)))
-    low, high = CORNER_DISTANCE
+    low, high = DISTANCE_IN_PITCHES
     if not low * pitch.min() <= distance <= high * pitch.max():
-        message = f"lie {distance:.4g} m from their taxels, the pitch is {pitch.max():.4g} m; one has another unit"
+        message = f"are {distance:.4g} m from their taxels, but the pitch is {pitch.max():.4g} m; their units differ"
         yield error("units", patch.at("corners"), message)
 
 
@@ -121,21 +128,23 @@ def corners_fit_pitch(patch: Part, pitch: Array, position: Array, corners: Array
 def neighbours_fit_pitch(
     patch: Part, ids: list[str], neighbours: list[Any], position: Array, pitch: Array
 ) -> Iterator[Finding]:
-    """The cells near a taxel are about a pitch away; those of other patches are left out."""
+    """Check that the distance of neighbours is about a pitch; neighbours in other patches are ignored."""
     row = {taxel: i for i, taxel in enumerate(ids)}
     pairs = [(i, row[other]) for i, near in enumerate(neighbours) for other in near if other in row]
     if not pairs:
         return
     a, b = np.array(pairs).T
-    apart = float(np.median(np.linalg.norm(position[a] - position[b], axis=1)))
-    low, high = NEIGHBOUR_DISTANCE
-    if not low * pitch.min() <= apart <= high * pitch.max():
-        message = f"lie {apart:.4g} m from their neighbours, the pitch is {pitch.max():.4g} m; one has another unit"
+    distance = float(np.median(np.linalg.norm(position[a] - position[b], axis=1)))
+    low, high = DISTANCE_IN_PITCHES
+    if not low * pitch.min() <= distance <= high * pitch.max():
+        message = (
+            f"are {distance:.4g} m from their neighbours, but the pitch is {pitch.max():.4g} m; their units differ"
+        )
         yield error("units", patch.at("position"), message)
 
 
 def _fan(corners: Array) -> Array:
-    """Area vectors of the triangles from each cell's centroid to its sides, shape (n, k, 3)."""
+    """Return area vectors [m^2] of the triangles of centroid and side, for each cell, shape (n, k, 3)."""
     spokes = corners - corners.mean(axis=1, keepdims=True)
     return np.cross(spokes, np.roll(spokes, -1, axis=1)) / 2
 

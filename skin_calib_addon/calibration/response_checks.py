@@ -1,4 +1,4 @@
-"""What must hold for the responses of a calibration, or of a plan."""
+"""Check the responses of a calibration or of a plan."""
 
 import math
 from collections import defaultdict
@@ -11,15 +11,26 @@ from ..common.arrays import Array, BoolArray
 from ..common.findings import Finding, child, error, show
 from .parts import Part, pointers_with_findings
 
-REVERSAL_TOLERANCE = (
-    1e-9  # of the forces on the range: a polynomial may run back by this, for its coefficients are rounded
-)
-COEFFICIENT_TOLERANCE = 1e-14  # of the largest coefficient of a slope on [0, 1]
+# Fraction of the force range by which a polynomial may reverse, because its coefficients are rounded.
+# Larger: polynomials that are visibly not monotone pass.
+REVERSAL_TOLERANCE = 1e-9
+# Fraction of the largest coefficient below which the leading coefficients of a slope count as zero.
+# Smaller: inaccurate roots; larger: real roots are lost.
+COEFFICIENT_TOLERANCE = 1e-14
+# Derived: binomial coefficients (i over k), for up to 16 coefficients as in the schema
 BINOMIALS = np.array([[math.comb(i, k) for k in range(16)] for i in range(16)], float)
 
 
 def responses_are_monotone(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
-    """Of the responses of a document in which the schema found nothing, those that are none."""
+    """Yield the errors of all responses that are valid by the schema.
+
+    Parameters
+    ----------
+    document : JSON value
+        Possibly invalid.
+    findings : iterable of Finding
+        Findings of the schema.
+    """
     touched = pointers_with_findings(findings)
     sound = [(pointer, response) for pointer, response in _responses(document) if pointer not in touched]
     with np.errstate(all="ignore"):
@@ -29,7 +40,15 @@ def responses_are_monotone(document: Any, findings: Iterable[Finding]) -> Iterat
 
 
 def responses_exist(document: Any, patches: Iterable[Part]) -> Iterator[Finding]:
-    """Every taxel's response is one of the list."""
+    """Check that the response index of each taxel is in the list.
+
+    Parameters
+    ----------
+    document : JSON value
+        Possibly invalid.
+    patches : iterable of Part
+        Its patches.
+    """
     listed = document.get("responses", []) if isinstance(document, dict) else None
     if not isinstance(listed, list):
         return
@@ -41,7 +60,15 @@ def responses_exist(document: Any, patches: Iterable[Part]) -> Iterator[Finding]
 
 
 def response_findings(response: dict[str, Any], pointer: str) -> Iterator[Finding]:
-    """What is wrong with one response that keeps the schema."""
+    """Yield the errors of one response that is valid by the schema.
+
+    Parameters
+    ----------
+    response : dict
+        Member of a document.
+    pointer : str
+        Its JSON pointer.
+    """
     with np.errstate(all="ignore"):
         if response["kind"] == "table":
             yield from _table_findings(response, pointer)
@@ -60,7 +87,7 @@ def _responses(document: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _possibly_wrong(responses: list[dict[str, Any]]) -> list[int]:
-    """Rows of all but those that a look at all of one shape at once finds sound; there may be one for each taxel."""
+    """Return the rows that need a single check; fast checks of equal kinds and sizes find the others valid."""
     alike = defaultdict(list)
     for row, response in enumerate(responses):
         if response["kind"] == "table":
@@ -75,7 +102,7 @@ def _possibly_wrong(responses: list[dict[str, Any]]) -> list[int]:
 
 
 def _surely_monotone_tables(tables: list[dict[str, Any]]) -> BoolArray:
-    """Of tables of one length, whether each surely rises and its forces go one way, shape (n,)."""
+    """Return which tables (of equal length) have increasing readings and monotone forces, shape (n,)."""
     readings, forces = (np.array([table[name] for table in tables], float) for name in ("readings", "forces"))
     if readings.shape != forces.shape:
         return np.zeros(len(tables), bool)
@@ -84,7 +111,7 @@ def _surely_monotone_tables(tables: list[dict[str, Any]]) -> BoolArray:
 
 
 def _surely_monotone_polynomials(polynomials: list[dict[str, Any]]) -> BoolArray:
-    """Of polynomials of one degree, whether each surely goes one way on its range, shape (n,)."""
+    """Return which polynomials (of equal degree) are certainly monotone on their range, shape (n,)."""
     coefficients, ranges = (np.array([p[name] for p in polynomials], float) for name in ("coefficients", "range"))
     shifted = _shifted(coefficients, *ranges.T)
     return (ranges[:, 0] < ranges[:, 1]) & np.isfinite(np.abs(shifted).sum(axis=1)) & _same_sign(_slope_bounds(shifted))
@@ -93,12 +120,12 @@ def _surely_monotone_polynomials(polynomials: list[dict[str, Any]]) -> BoolArray
 def _table_findings(table: dict[str, Any], pointer: str) -> Iterator[Finding]:
     readings, forces = np.array(table["readings"], float), np.array(table["forces"], float)
     if len(forces) != len(readings):
-        message = f"holds {len(forces)} forces, 'readings' {len(readings)}"
+        message = f"contains {len(forces)} forces, but 'readings' has {len(readings)}"
         yield error("length", child(pointer, "forces"), message, table["forces"])
     row = _first(np.diff(readings) <= 0)
     if row is not None:
         value = table["readings"][row]
-        message = f"is {show(value)}, not above the reading before it; readings must increase"
+        message = f"is {show(value)}, not larger than the previous reading; readings must increase"
         yield error("not-increasing", child(pointer, "readings", row), message, value)
     elif readings[-1] - readings[0] == np.inf:
         yield _too_wide(child(pointer, "readings"), table["readings"])
@@ -107,7 +134,7 @@ def _table_findings(table: dict[str, Any], pointer: str) -> Iterator[Finding]:
     row = _first(reversed_steps if forces[-1] != forces[0] else steps != 0)
     if row is not None:
         value = table["forces"][row]
-        message = f"is {show(value)}, against the way from the first force to the last; forces must not turn round"
+        message = f"is {show(value)}, which reverses the direction; forces must only increase or only decrease"
         yield error("not-monotone", child(pointer, "forces", row), message, value)
 
 
@@ -118,12 +145,22 @@ def _range_findings(response: dict[str, Any], pointer: str) -> Iterator[Finding]
     elif float(high) - float(low) == np.inf:
         yield _too_wide(pointer, [low, high])
     elif not is_monotone(response["coefficients"], low, high):
-        message = "holds readings where the force turns round or overflows; narrow it, or fit the response anew"
+        message = (
+            "contains readings at which the force is not monotone or overflows; reduce it, or fit the response again"
+        )
         yield error("not-monotone", pointer, message, [low, high])
 
 
 def is_monotone(coefficients: Any, low: float, high: float) -> bool:
-    """Whether a polynomial rises or falls all the way between two readings, rounding apart."""
+    """Return whether a polynomial is monotone between two readings, up to rounding.
+
+    Parameters
+    ----------
+    coefficients : sequence of float
+        The lowest power first.
+    low, high : float
+        Readings.
+    """
     with np.errstate(all="ignore"):
         shifted = _shifted(np.array(coefficients, float), float(low), float(high))
         if not np.isfinite(np.abs(shifted).sum()):
@@ -132,7 +169,7 @@ def is_monotone(coefficients: Any, low: float, high: float) -> bool:
 
 
 def _shifted(coefficients: Array, low: Any, high: Any) -> Array:
-    """Polynomials (..., k) of a place on [0, 1] instead of a reading between low and high (...)."""
+    """Return coefficients (..., k) in t, where reading = low + (high - low) t and t is in [0, 1]."""
     low, width = np.expand_dims(low, -1), np.expand_dims(high - low, -1)
     shifted = np.zeros_like(coefficients)
     for k in range(coefficients.shape[-1] - 1, -1, -1):  # Horner's scheme
@@ -144,33 +181,33 @@ def _shifted(coefficients: Array, low: Any, high: Any) -> Array:
 
 
 def _slope_bounds(shifted: Array) -> Array:
-    """Bernstein coefficients (..., m) of slopes on [0, 1], which lie between the least and the largest of them."""
+    """Return Bernstein coefficients (..., m) of slopes on [0, 1], which bound the slopes."""
     m = shifted.shape[-1] - 1
     return np.asarray(shifted[..., 1:] * np.arange(1, m + 1) / BINOMIALS[max(m - 1, 0), :m] @ BINOMIALS[:m, :m].T)
 
 
 def _same_sign(steps: Array) -> BoolArray:
-    """Whether steps (..., m) all rise or all fall."""
+    """Return whether steps (..., m) are all nonnegative or all nonpositive, shape (...)."""
     return (steps >= 0).all(axis=-1) | (steps <= 0).all(axis=-1)
 
 
 def _is_monotone_by_roots(shifted: Array) -> bool:
-    """Whether a polynomial goes one way on [0, 1], by the places where its slope is zero."""
+    """Return whether a polynomial is monotone on [0, 1], from its values where the slope is zero."""
     slope = shifted[1:] * np.arange(1, len(shifted))
     size = np.abs(slope).max()
     slope = np.trim_zeros(np.where(np.abs(slope) > COEFFICIENT_TOLERANCE * size, slope / size, 0.0), "b")
-    # More places than those where the slope is zero do no harm: of each root the real part is looked at.
-    places = np.sort(np.concatenate(((0.0, 1.0), np.clip(np.roots(slope[::-1]).real, 0, 1))))
-    values = np.polynomial.polynomial.polyval(places, shifted)
+    # The real part of each complex root is included: additional points do no harm.
+    points = np.sort(np.concatenate(((0.0, 1.0), np.clip(np.roots(slope[::-1]).real, 0, 1))))
+    values = np.polynomial.polynomial.polyval(points, shifted)
     steps, most = np.diff(values), REVERSAL_TOLERANCE * np.ptp(values)
     return bool((steps >= -most).all() or (steps <= most).all())
 
 
 def _first(wrong: Any) -> int | None:
-    """The row after the first step that is wrong."""
+    """Return the row after the first invalid step."""
     rows = np.flatnonzero(wrong)
     return int(rows[0]) + 1 if len(rows) else None
 
 
 def _too_wide(pointer: str, value: Any) -> Finding:
-    return error("not-increasing", pointer, "spans more than a number can tell", value)
+    return error("not-increasing", pointer, "spans a range that exceeds the largest floating-point number", value)

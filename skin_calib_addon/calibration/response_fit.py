@@ -1,4 +1,4 @@
-"""Fit the response of a sensor to measurements: the simplest monotone one that tells forces as well as any."""
+"""Fit the response of a sensor: the simplest monotone function within the error of the best by cross-validation."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -11,82 +11,98 @@ from ..common.warnings import Warning
 from .response import AnyResponse, Response, ResponseTable
 from .response_checks import is_monotone
 
-MOST_DEGREE = 7
-KNOTS = (3, 4, 6, 8, 12, 16, 24)
-FOLDS = 10
-# An error is as good as another within a standard error of their difference, or within this share of its square.
-ALIKE = 0.02
-EXACT = (
-    1e-9  # of the forces: errors below this are rounding, and a polynomial written out may differ by a hundred times
-)
-# At an end of the readings, measurements that all read the same although their forces spread over more than this share.
-STUCK_SPREAD, STUCK_COUNT = 0.05, 4
-STUCK_EXCESS = 3.0  # times the spread that single readings have elsewhere
-FEW, FEW_READINGS = 10, 5
-GAP = 0.2  # of the range of readings
-# Loading and unloading differ if by more than this share of the forces, and than so many standard errors.
-HYSTERESIS, HYSTERESIS_ERRORS = 0.01, 4.0
-BINS = 8
-POOR = 0.3  # of the standard deviation of the forces
+MAX_DEGREE = 7  # of a polynomial. Larger: responses with more bends are still polynomials.
+KNOT_COUNTS = (3, 4, 6, 8, 12, 16, 24)  # sizes of tables that are compared. More: slower, and tables with more rows.
+FOLDS = 10  # of the cross-validation. Larger: slower, and less random error.
+# Fraction of the smallest mean squared error by which another may be larger. Larger: simpler responses.
+ERROR_TOLERANCE = 0.02
+# Fraction of the force range. Smaller errors count as rounding. Larger: simpler responses.
+ROUNDING_TOLERANCE = 1e-9
+# Rounding errors of a polynomial in powers of the reading, in units of ROUNDING_TOLERANCE. Larger: higher degrees.
+POWERS_ROUNDING_RATIO = 100
+# Measurements at the first or last reading are unusable if there are STUCK_COUNT or more of them, and if their forces
+# spread over more than STUCK_FORCE_SPREAD (fraction of the force range) and more than STUCK_EXCESS times the usual
+# spread at one reading. Larger: fewer saturated sensors and dead zones are detected.
+STUCK_FORCE_SPREAD = 0.05
+STUCK_COUNT = 4
+STUCK_EXCESS = 3.0
+# Fewer measurements, or fewer different readings, give a warning.
+MIN_MEASUREMENTS = 10
+MIN_READINGS = 5
+READING_GAP = 0.2  # fraction of the range of readings. Larger: fewer warnings about gaps.
+# Loading and unloading differ by hysteresis if their difference exceeds this fraction of the force range, and this
+# number of standard errors. Larger: fewer warnings.
+HYSTERESIS_FRACTION = 0.01
+HYSTERESIS_STANDARD_ERRORS = 4.0
+HYSTERESIS_BINS = 8  # intervals of readings in which loading and unloading are compared. Larger: fewer pairs in each.
+POOR_RESIDUAL_FRACTION = 0.3  # of the standard deviation of the forces. Larger: fewer warnings about poor fits.
 
 Predict = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseFit:
-    """A response, and how it fits the measurements it is of."""
+    """A response, and its deviations from the measurements."""
 
     response: AnyResponse
-    used: BoolArray  # (n,) False where a measurement says only that the sensor is full, or does not feel
-    residuals: Array  # (m,) of those used, force measured less force told [N]
+    used: BoolArray  # (n,) False for unusable measurements of a saturated or insensitive sensor
+    residuals: Array  # (m,) measured minus predicted force of the used measurements [N]
     warnings: tuple[Warning, ...]
 
     @property
     def kind(self) -> str:
-        """The response in words."""
+        """Return a short description of the response."""
         if isinstance(self.response, ResponseTable):
             return f"table of {len(self.response.readings)} knots"
         return f"polynomial of degree {len(self.response.coefficients) - 1}"
 
 
 def fit_response(readings: Array, forces: Array) -> ResponseFit:
-    """Fit the force of a reading by least squares.
+    r"""Fit the force F as a function of the reading I by least squares.
 
-    The smallest degree of a polynomial that is monotone between the least and the largest reading and, by cross
-    validation, as good as any other; else a table, isotonic, with as few knots as are as good as more.
+    .. math:: \min_F \sum_i \bigl(f_i - F(I_i)\bigr)^2
+
+    over polynomials F of degree 1 to `MAX_DEGREE` and piecewise linear functions with `KNOT_COUNTS` knots. The result
+    is the polynomial of the smallest degree that is monotone between the smallest and the largest reading and as good
+    as the best function in cross-validation. "As good" means: within one standard error of the difference. If no
+    polynomial qualifies, the result is a monotone table with the smallest sufficient number of knots.
 
     Parameters
     ----------
     readings : array, shape (n,)
-        In the order in which they were taken; only hysteresis is told by it.
+        In the order of measurement. The order affects only the warning about hysteresis.
     forces : array, shape (n,)
-        [N]
+        Applied forces [N].
+
+    Returns
+    -------
+    ResponseFit
 
     Raises
     ------
     UnderdeterminedFit
-        If all readings or all forces are the same, or there are not two.
+        If all readings or all forces are equal, or if there are fewer than two measurements.
     """
     readings, forces = np.asarray(readings, float), np.asarray(forces, float)
     if len(readings) < 2 or np.ptp(readings) == 0 or np.ptp(forces) == 0:
         raise UnderdeterminedFit(
-            f"{_alike(readings, forces)}; measure at two forces or more that the sensor tells apart"
+            f"{_missing_variation(readings, forces)}. Measure at two or more forces with different readings."
         )
     sign = -1.0 if np.sum((readings - readings.mean()) * (forces - forces.mean())) < 0 else 1.0
     full, rest = _stuck(sign * readings, forces), _stuck(-sign * readings, forces)
     used = ~(full | rest)
-    told = forces.copy()
-    if rest.any():  # all of them count as the least force, so that a sensor at rest does not press
-        told[rest] = forces[readings == readings[rest][0]].min()
-    with np.errstate(all="ignore"):  # readings that are hardly apart: what overflows is found worse than the rest
-        response = _best(readings[~full], told[~full], sign)
+    targets = forces.copy()
+    if rest.any():  # the smallest force of the dead zone, so that a sensor at rest gives no contact
+        targets[rest] = forces[readings == readings[rest][0]].min()
+    with np.errstate(all="ignore"):  # nearly equal readings may overflow, which counts as a large error
+        response = _best(readings[~full], targets[~full], sign)
     residuals = forces[used] - response.newtons(readings[used])
     warnings = tuple(_warnings(response, readings, forces, used, residuals))
     return ResponseFit(response, used, residuals, warnings)
 
 
-def _alike(readings: Array, forces: Array) -> str:
-    """Why there is nothing to fit."""
+def _missing_variation(readings: Array, forces: Array) -> str:
+    """Describe why no response can be fitted."""
     if len(readings) < 2:
         return ("there is no measurement", "there is one measurement")[len(readings)]
     what = f"read {readings[0]:g}" if np.ptp(readings) == 0 else f"are of {forces[0]:g} N"
@@ -94,9 +110,9 @@ def _alike(readings: Array, forces: Array) -> str:
 
 
 def _stuck(readings: Array, forces: Array) -> BoolArray:
-    """Measurements at the largest reading that spread over so many forces that it tells none of them.
+    """Return which measurements at the largest reading are unusable because their forces differ too much.
 
-    The one with the least force is left: from there on the sensor is full; or up to the next reading it is at rest.
+    The measurement with the smallest force is kept: it marks the start of saturation, or the end of the dead zone.
     """
     at_end = readings == readings.max()
     stuck = np.zeros(len(readings), bool)
@@ -104,47 +120,47 @@ def _stuck(readings: Array, forces: Array) -> BoolArray:
         return stuck
     spreads = [np.ptp(forces[readings == x]) for x in np.unique(readings[~at_end]) if (readings == x).sum() >= 3]
     usual = float(np.median(spreads)) if spreads else 0.0
-    if np.ptp(forces[at_end]) > max(STUCK_SPREAD * np.ptp(forces), STUCK_EXCESS * usual):
+    if np.ptp(forces[at_end]) > max(STUCK_FORCE_SPREAD * np.ptp(forces), STUCK_EXCESS * usual):
         stuck |= at_end
         stuck[np.flatnonzero(at_end)[np.argmin(forces[at_end])]] = False
     return stuck
 
 
 def _best(readings: Array, forces: Array, sign: float) -> AnyResponse:
-    """The simplest response that is as good as any by cross validation."""
+    """Return the simplest response that is as good as the best one in cross-validation."""
     distinct = len(np.unique(readings))
-    degrees = range(1, max(1, min(MOST_DEGREE, (distinct - 1) // 2)) + 1)
-    counts = [k for k in KNOTS if k <= distinct]
+    degrees = range(1, max(1, min(MAX_DEGREE, (distinct - 1) // 2)) + 1)
+    counts = [k for k in KNOT_COUNTS if k <= distinct]
     if len(readings) == 2:
         return _table(*_knots(readings, forces, sign, [2])[0], sign)
     errors = _squares(readings, forces, degrees, counts, sign)
-    floor = (EXACT * float(np.ptp(forces))) ** 2
+    floor = (ROUNDING_TOLERANCE * float(np.ptp(forces))) ** 2
     best = min(errors.values(), key=np.mean)
     for degree in degrees:
-        if _as_good(errors[degree, 0], best, floor):
-            polynomial = _written_out(readings, forces, degree)
+        if _is_as_good(errors[degree, 0], best, floor):
+            polynomial = _in_powers(readings, forces, degree)
             if polynomial is not None:
                 return polynomial
     if not counts:
         return _table(*_knots(readings, forces, sign, [2])[0], sign)
     best = min((errors[0, k] for k in counts), key=np.mean)
-    count = next(k for k in counts if _as_good(errors[0, k], best, floor))
+    count = next(k for k in counts if _is_as_good(errors[0, k], best, floor))
     return _table(*_knots(readings, forces, sign, [count])[0], sign)
 
 
-def _as_good(squares: Array, best: Array, floor: float) -> bool:
-    """Whether squared errors at the same measurements are no larger than others, as far as these can tell."""
+def _is_as_good(squares: Array, best: Array, floor: float) -> bool:
+    """Return whether squared errors exceed the best ones by at most one standard error of the difference."""
     more = squares - best
-    by_chance = more.std(ddof=1) / np.sqrt(len(more)) if len(more) > 1 else 0.0
-    return bool(more.mean() <= max(by_chance, ALIKE * best.mean(), floor))
+    standard_error = more.std(ddof=1) / np.sqrt(len(more)) if len(more) > 1 else 0.0
+    return bool(more.mean() <= max(standard_error, ERROR_TOLERANCE * best.mean(), floor))
 
 
 def _squares(
     readings: Array, forces: Array, degrees: range, counts: list[int], sign: float
 ) -> dict[tuple[int, int], Array]:
-    """Squared errors (n - 2,) at measurements left out of the fit, by degree of a polynomial or number of knots.
+    """Return cross-validation errors (n - 2,) [N^2] by (degree, 0) of polynomials and (0, knots) of tables.
 
-    The least and the largest reading are never left out: beyond what it is of, no response is asked.
+    The smallest and the largest reading are never left out because no response is needed outside.
     """
     inner = np.lexsort((forces, sign * readings))[1:-1]
     fold = np.full(len(readings), -1)
@@ -153,15 +169,15 @@ def _squares(
     for k in range(min(FOLDS, len(inner))):
         out = fold == k
         kept, left = (readings[~out], forces[~out]), readings[out]
-        told = [_polynomial(*kept, d)(left) for d in degrees]
-        told += [np.interp(sign * left, *knots) for knots in _knots(*kept, sign, counts)]
-        for error, force in zip(errors.values(), told):
+        predicted = [_polynomial(*kept, d)(left) for d in degrees]
+        predicted += [np.interp(sign * left, *knots) for knots in _knots(*kept, sign, counts)]
+        for error, force in zip(errors.values(), predicted):
             error[out] -= force
     return {simplicity: error[fold >= 0] ** 2 for simplicity, error in errors.items()}
 
 
 def _polynomial(readings: Array, forces: Array, degree: int) -> Predict:
-    """The polynomial with the least squares, in Chebyshev's basis."""
+    """Return the least-squares polynomial as a function, in the Chebyshev basis."""
     low, high = readings.min(), readings.max()
 
     def basis(x: Array) -> Array:
@@ -171,24 +187,27 @@ def _polynomial(readings: Array, forces: Array, degree: int) -> Predict:
     return lambda x: basis(x) @ coefficients
 
 
-def _written_out(readings: Array, forces: Array, degree: int) -> Response | None:
-    """The same in powers of the reading; None if it turns round, or loses its digits so."""
+def _in_powers(readings: Array, forces: Array, degree: int) -> Response | None:
+    """Return the polynomial in powers of the reading; None if it is not monotone or loses accuracy."""
     low, high = float(readings.min()), float(readings.max())
     fitted = _polynomial(readings, forces, degree)
-    places = np.polynomial.chebyshev.chebpts1(degree + 1)
-    chebyshev = np.polynomial.chebyshev.chebfit(places, fitted((low + high) / 2 + (high - low) / 2 * places), degree)
+    points = np.polynomial.chebyshev.chebpts1(degree + 1)
+    chebyshev = np.polynomial.chebyshev.chebfit(points, fitted((low + high) / 2 + (high - low) / 2 * points), degree)
     powers = np.polynomial.Chebyshev(chebyshev, domain=(low, high)).convert(kind=np.polynomial.Polynomial).coef
-    off = np.abs(np.polynomial.polynomial.polyval(readings, powers) - fitted(readings)).max()
-    if not off <= 100 * EXACT * np.ptp(forces) or not is_monotone(powers, low, high):
+    deviation = np.abs(np.polynomial.polynomial.polyval(readings, powers) - fitted(readings)).max()
+    if not deviation <= POWERS_ROUNDING_RATIO * ROUNDING_TOLERANCE * np.ptp(forces) or not is_monotone(
+        powers, low, high
+    ):
         return None
     return Response(tuple(powers.tolist()), (low, high))
 
 
 def _knots(readings: Array, forces: Array, sign: float, counts: list[int]) -> list[tuple[Array, Array]]:
-    """Monotone tables of several numbers of knots; their readings are mirrored where the sensor falls.
+    """Return a monotone table (readings, forces) for each number of knots.
 
-    Knots go where straight lines between those so far are furthest off the isotonic regression; their forces are those
-    of the least squares, made isotonic.
+    Readings of a sensor whose readings fall with force are negated. Each new knot is at the largest weighted deviation
+    between the isotonic regression and the current table. The forces are the isotonic regression of the least-squares
+    forces at the knots.
     """
     x, group, weight = np.unique(sign * readings, return_inverse=True, return_counts=True)
     mean = np.bincount(group, forces) / weight
@@ -197,9 +216,9 @@ def _knots(readings: Array, forces: Array, sign: float, counts: list[int]) -> li
     for count in counts:
         while len(chosen) < min(count, len(x)):
             at = np.sort(chosen)
-            off = np.abs(smooth - np.interp(x, x[at], smooth[at])) * np.sqrt(weight)
-            off[chosen] = -1.0
-            chosen.append(int(np.argmax(off)))
+            deviations = np.abs(smooth - np.interp(x, x[at], smooth[at])) * np.sqrt(weight)
+            deviations[chosen] = -1.0
+            chosen.append(int(np.argmax(deviations)))
         at = np.sort(chosen)
         hats = np.array([np.interp(x, x[at], unit) for unit in np.eye(len(at))]).T
         root = np.sqrt(weight)
@@ -214,7 +233,7 @@ def _table(x: Array, heights: Array, sign: float) -> ResponseTable:
 
 
 def _isotonic(values: Array, weights: Array) -> Array:
-    """The rising sequence nearest to values, by pooling neighbours that fall."""
+    """Return the nondecreasing sequence with the smallest weighted squared distance (pool adjacent violators)."""
     blocks: list[tuple[float, float, int]] = []  # mean, weight, how many
     for value, weight in zip(values.tolist(), weights.tolist()):
         block = (value, weight, 1)
@@ -229,11 +248,11 @@ def _isotonic(values: Array, weights: Array) -> Array:
 def _warnings(
     response: AnyResponse, readings: Array, forces: Array, used: BoolArray, residuals: Array
 ) -> Iterator[Warning]:
-    """What a person should know before using the fit."""
+    """Yield warnings about the measurements and the fit."""
     distinct, span = np.unique(readings), float(np.ptp(forces))
-    if len(readings) < FEW or len(distinct) < FEW_READINGS:
+    if len(readings) < MIN_MEASUREMENTS or len(distinct) < MIN_READINGS:
         message = f"There are only {len(readings)} measurements at {len(distinct)} readings."
-        advice = f"Take {FEW} or more, spread over all forces."
+        advice = f"Take {MIN_MEASUREMENTS} or more, spread over all forces."
         yield Warning("few-measurements", "warning", message, value=float(len(readings)), advice=advice)
     for end, code, cause in (
         (response.full, "saturated", "The sensor is saturated there"),
@@ -250,7 +269,7 @@ def _warnings(
                 value=force,
             )
     wide = int(np.argmax(np.diff(distinct)))
-    if distinct[wide + 1] - distinct[wide] > GAP * np.ptp(distinct) and len(distinct) >= FEW_READINGS:
+    if distinct[wide + 1] - distinct[wide] > READING_GAP * np.ptp(distinct) and len(distinct) >= MIN_READINGS:
         yield Warning(
             "reading-gap",
             "warning",
@@ -259,47 +278,47 @@ def _warnings(
             value=float(distinct[wide + 1] - distinct[wide]),
             advice="Measure forces in between.",
         )
-    poor = np.sqrt(np.mean(residuals**2)) > POOR * forces[used].std()
-    apart, chance = _hysteresis(readings[used], residuals, _loads(forces)[used])
-    if abs(apart) > max(HYSTERESIS * span, HYSTERESIS_ERRORS * chance) and not poor:
-        more = "larger" if apart > 0 else "smaller"
+    poor = np.sqrt(np.mean(residuals**2)) > POOR_RESIDUAL_FRACTION * forces[used].std()
+    difference, error = _hysteresis(readings[used], residuals, _loads(forces)[used])
+    if abs(difference) > max(HYSTERESIS_FRACTION * span, HYSTERESIS_STANDARD_ERRORS * error) and not poor:
+        more = "larger" if difference > 0 else "smaller"
         yield Warning(
             "hysteresis",
             "warning",
-            f"At the same reading the force is {abs(apart):.3g} N {more} while it increases than while it decreases "
+            f"At the same reading the force is {abs(difference):.3g} N {more} while it rises than while it falls "
             "(hysteresis). The response lies between the two.",
-            value=float(apart),
+            value=float(difference),
         )
     if poor:
         yield Warning(
             "poor-response",
             "warning",
             "The readings hardly depend on the force.",
-            advice="Check that they are of the right taxel, and the columns.",
+            advice="Check the columns, and that the readings belong to the taxel.",
         )
 
 
 def _loads(forces: Array) -> IntArray:
-    """1 where the force has grown last, -1 where it has fallen, 0 before it changes."""
+    """Return 1 if the last change of the force was an increase, -1 if a decrease, 0 before any change."""
     steps = np.sign(np.diff(forces, prepend=forces[:1])).astype(np.int64)
     last = np.maximum.accumulate(np.where(steps != 0, np.arange(len(steps)), 0))
     return steps[last]
 
 
 def _hysteresis(readings: Array, residuals: Array, loads: IntArray) -> tuple[float, float]:
-    """How far residuals of loading lie above those of unloading at like readings, and its standard error."""
+    """Return the mean loading minus unloading residual at similar readings, and its standard error [N]."""
     rank = np.argsort(np.argsort(readings, kind="stable"), kind="stable")
-    place = rank * BINS // len(readings)
-    apart = weights = squares = 0.0
+    bins = rank * HYSTERESIS_BINS // len(readings)
+    difference = weights = squares = 0.0
     freedom = 0
-    for k in range(BINS):
-        up, down = (residuals[(place == k) & (loads == way)] for way in (1, -1))
+    for k in range(HYSTERESIS_BINS):
+        up, down = (residuals[(bins == k) & (loads == direction)] for direction in (1, -1))
         if min(len(up), len(down)) >= 2:
             weight = len(up) * len(down) / (len(up) + len(down))
-            apart += weight * (up.mean() - down.mean())
+            difference += weight * (up.mean() - down.mean())
             weights += weight
             squares += len(up) * up.var() + len(down) * down.var()
             freedom += len(up) + len(down) - 2
-    if freedom < BINS:
+    if freedom < HYSTERESIS_BINS:
         return 0.0, 0.0
-    return apart / weights, float(np.sqrt(squares / freedom / weights))
+    return difference / weights, float(np.sqrt(squares / freedom / weights))

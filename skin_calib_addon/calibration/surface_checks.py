@@ -1,4 +1,4 @@
-"""What must hold for one surface of a calibration."""
+"""Check one surface of a calibration."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,35 +9,36 @@ from ..common.arrays import Array
 from ..common.findings import Finding, error, show, warning
 from .parts import Part, needs
 
-MAX_DISTANCE = 20.0  # [m] no robot link reaches this far from its own frame
-SEAM_TOLERANCE = 1e-9  # of the net's size
-DOMAIN_TOLERANCE = 1e-9
-SUM_TOLERANCE = 1e-9  # of distances that another program summed in another order
+MAX_DISTANCE = 20.0  # [m] from the link frame. Larger: numbers in millimetres pass.
+# Larger values of the next three accept surfaces that other programs wrote less precisely.
+SEAM_TOLERANCE = 1e-9  # fraction of the size of the control net
+DOMAIN_TOLERANCE = 1e-9  # deviation of the first and last knot of the domain from 0 and 1
+SUM_TOLERANCE = 1e-9  # relative rounding error of distances, which depends on the order of summation
 
 
 @needs("control_net")
 def net_is_rectangular(surface: Part, net: list[Any]) -> Iterator[Finding]:
     for index, row in enumerate(net):
         if len(row) != len(net[0]):
-            message = f"holds {len(row)} control points, the first row {len(net[0])}"
+            message = f"contains {len(row)} control points, but the first row has {len(net[0])}"
             yield error("length", surface.at("control_net", index), message, row)
 
 
 @needs("degree", "knots", "control_net")
 def knots_fit(surface: Part, degree: Array, knots: list[list[float]], net: Array) -> Iterator[Finding]:
-    """As many as the net and the degree ask for, never decreasing, the domain from 0 to 1."""
+    """Check that the number of knots matches net and degree, that they do not decrease, and their domain [0, 1]."""
     for axis, (d, n, row) in enumerate(zip(degree.astype(int), net.shape, knots)):
         where = surface.at("knots", axis)
         drops = np.flatnonzero(np.diff(np.array(row, float)) < 0)
         if n <= d:
-            message = f"has {n} control points in {'uv'[axis]}; degree {d} needs {d + 1} or more"
+            message = f"has {n} control points in {'uv'[axis]}; degree {d} needs at least {d + 1}"
             yield error("length", surface.at("control_net"), message)
         elif len(row) != n + d + 1:
-            message = f"must hold {n + d + 1} knots ({n} control points + degree {d} + 1), not {len(row)}"
+            message = f"must have {n + d + 1} knots ({n} control points + degree {d} + 1), not {len(row)}"
             yield error("length", where, message, row)
         elif len(drops):
             at = int(drops[0]) + 1
-            message = f"is {show(row[at])}, below the knot before it ({show(row[at - 1])}); knots must not decrease"
+            message = f"is {show(row[at])}, less than the previous knot ({show(row[at - 1])}); knots must not decrease"
             yield error("knots-decrease", surface.at("knots", axis, at), message, row[at])
         elif abs(row[d]) > DOMAIN_TOLERANCE or abs(row[n] - 1) > DOMAIN_TOLERANCE:
             message = f"must span [0, 1] from knot {d} to knot {n}, not [{show(row[d])}, {show(row[n])}]"
@@ -52,7 +53,9 @@ def closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Arra
         if closed[axis] and len(along) > d:
             gap = np.abs(along[:d] - along[-d:]).max()
             if not gap <= SEAM_TOLERANCE * size:
-                message = f"is closed in {'uv'[axis]}, but its last {d} points are {gap:.3g} m off its first {d}"
+                message = (
+                    f"is closed in {'uv'[axis]}, but its last {d} points deviate from its first {d} by {gap:.3g} m"
+                )
                 yield error("open-seam", surface.at("control_net"), message)
 
 
@@ -60,17 +63,17 @@ def closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Arra
 def net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
     farthest = np.abs(net).max()
     if farthest > MAX_DISTANCE:
-        message = f"reaches {farthest:.6g} m from the link frame; divide by 1000 if these are millimetres"
+        message = f"has points {farthest:.6g} m from the link frame; divide lengths by 1000 if they are in millimetres"
         yield error("units", surface.at("control_net"), message)
 
 
 @needs("errors")
 def errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
-    """A mean is at most the root mean square, that at most the maximum, and the largest maximum is the Hausdorff."""
+    """Check mean <= rms <= max, and that the Hausdorff distance is the larger maximum."""
     for name in ("mesh_to_surface", "surface_to_mesh"):
         mean, rms, most = (errors[name][key] for key in ("mean", "rms", "max"))
         if not mean <= rms * (1 + SUM_TOLERANCE) <= most * (1 + 2 * SUM_TOLERANCE):
-            message = f"has mean {show(mean)}, rms {show(rms)}, max {show(most)}, which must not fall in this order"
+            message = f"has mean {show(mean)}, rms {show(rms)}, max {show(most)}; they must not decrease in this order"
             yield warning("errors", surface.at("errors", name), message, errors[name])
     largest = max(errors[name]["max"] for name in ("mesh_to_surface", "surface_to_mesh"))
     if abs(errors["hausdorff"] - largest) > SUM_TOLERANCE * largest:
@@ -80,10 +83,10 @@ def errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
 
 @needs("control_net", "errors")
 def errors_are_in_metres(surface: Part, net: Array, errors: dict[str, Any]) -> Iterator[Finding]:
-    """A surface that is further off the mesh than it is large was not fitted to it."""
+    """Check that the distance between mesh and surface is smaller than the surface."""
     size = float(np.linalg.norm(np.ptp(net.reshape(-1, 3), axis=0)))
     if errors["hausdorff"] > size:
-        message = f"reaches {errors['hausdorff']:.4g} m, and the surface is {size:.4g} m large; one has another unit"
+        message = f"is {errors['hausdorff']:.4g} m, but the size of the surface is {size:.4g} m; their units differ"
         yield error("units", surface.at("errors", "hausdorff"), message, errors["hausdorff"])
 
 

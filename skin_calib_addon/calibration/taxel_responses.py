@@ -1,4 +1,4 @@
-"""The responses of all taxels of a link, applied to their readings at once. NumPy only."""
+"""Apply the responses of all taxels of a link to their readings at once. NumPy only."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,22 +7,22 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from .model import LinkCalibration
-from .response import AnyResponse, Response, ResponseTable, pressing
+from .response import AnyResponse, Response, ResponseTable, nonnegative
 
 
 class TaxelResponses:
-    """The responses of many taxels, ready to be applied to all of their readings at once.
+    """Responses of many taxels, applied to all readings at once.
 
     Attributes
     ----------
     rest : array, shape (n,)
-        The reading of each taxel at which its force is least.
+        Reading of each taxel with the smallest force.
     full : array, shape (n,)
-        The reading from which on its force is no longer told; infinite where there is none.
+        Saturation reading of each taxel; infinite if it has none.
     """
 
     def __init__(self, responses: Sequence[AnyResponse], index: IntArray):
-        """Taxel i has the response ``responses[index[i]]``."""
+        """Store ``responses[index[i]]`` as the response of taxel i."""
         index = np.asarray(index, np.int64)
         used, index = np.unique(index, return_inverse=True)
         kinds = [responses[i] for i in used]
@@ -43,7 +43,7 @@ class TaxelResponses:
 
     @classmethod
     def of(cls, calibration: LinkCalibration) -> "TaxelResponses":
-        """Those of all taxels of all patches, in the order of the patches."""
+        """Return the responses of all taxels of a calibration, in the order of its patches."""
         own = [np.zeros(0, np.int64)]
         for patch in calibration.patches:
             taxels = patch.taxels
@@ -51,9 +51,9 @@ class TaxelResponses:
         return cls((calibration.response, *calibration.responses), np.concatenate(own))
 
     def forces(self, intensity: Any) -> Array:
-        """Forces (n,) [N] of the taxels' readings (n,), never negative.
+        """Return forces (n,) [N] of readings (n,), never negative.
 
-        NaN where a reading is no finite number, or the force of one is beyond all numbers.
+        A force is NaN if its reading is not finite, or if the force overflows.
         """
         readings = np.asarray(intensity, float)
         with np.errstate(all="ignore"):
@@ -64,20 +64,20 @@ class TaxelResponses:
             else:
                 forces = self._polynomials.forces(readings)
                 forces[self._rows] = self._tables.forces(readings[self._rows])
-            return pressing(forces)
+            return nonnegative(forces)
 
     def saturated(self, intensity: Any) -> BoolArray:
-        """Whether the readings (n,) are at or beyond ``full``, where the force may be larger than is told."""
+        """Return whether readings (n,) are at or beyond ``full``, where the true force may be larger."""
         signed = np.asarray(intensity, float) * self._sign
         return (signed >= self._signed_full) & (signed < np.inf)
 
 
 class _Polynomials:
-    """A polynomial for each taxel."""
+    """One polynomial for each taxel."""
 
     def __init__(self, responses: Sequence[Response], index: IntArray):
         degree = max((len(r.coefficients) - 1 for r in responses), default=1)
-        coefficients = np.zeros((max(degree, 1) + 1, len(responses)))  # the highest power first
+        coefficients = np.zeros((max(degree, 1) + 1, len(responses)))  # highest power first
         ranges = np.tile((-np.inf, np.inf), (len(responses), 1))
         for k, r in enumerate(responses):
             coefficients[len(coefficients) - len(r.coefficients) :, k] = r.coefficients[::-1]
@@ -90,7 +90,7 @@ class _Polynomials:
     def forces(self, readings: Array) -> Array:
         first, second, *others = self._coefficients
         if self._clamps:
-            invalid = readings * 0.0  # NaN where a reading is not finite: the ends of a range must not hide it
+            invalid = readings * 0.0  # NaN for a reading that is not finite, which the clamping would hide
             readings = np.maximum(readings, self._low)
             np.minimum(readings, self._high, out=readings)
             readings += invalid
@@ -103,7 +103,7 @@ class _Polynomials:
 
 
 class _Tables:
-    """A table for each taxel; table k lies on [2 k, 2 k + 1] of one axis, so that one look-up serves all."""
+    """One table for each taxel; table k occupies [2 k, 2 k + 1] of one axis, so that one search is enough."""
 
     def __init__(self, tables: Sequence[ResponseTable], index: IntArray):
         self._low = np.array([t.readings[0] for t in tables])[index]

@@ -1,4 +1,4 @@
-"""Everything that is wrong with a calibration document, in one pass: first its form, then its meaning."""
+"""Validate a calibration document: first its form with a schema, then its meaning."""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -17,27 +17,27 @@ from .response_checks import responses_are_monotone, responses_exist
 Findings = tuple[Finding, ...]
 
 FORMAT, VERSION = "skin-calibration", 1
-# What the files of this program are, by their format, and what to do with one in the place of another.
-OURS = {
-    FORMAT: "a calibration; name the plan that it was made from",
-    "skin-plan": "a plan; fit it, and name the calibration that comes of it",
-    "skin-sources": "what fit notes of calibrations; name one of those beside it",
+# Description of each file format of this program, and advice if it is used in place of another.
+FILE_FORMATS = {
+    FORMAT: "a calibration. Use the plan from which it was made.",
+    "skin-plan": "a plan. Fit it, and use the resulting calibration.",
+    "skin-sources": "a list of the sources of calibrations, which fit writes. Use a calibration from the same folder.",
 }
 SCHEMA = read_schema(Path(__file__).with_name("schema.json"))
 
 
 def validate(document: Any) -> Findings:
-    """Check a calibration document against its schema and for what a schema cannot say.
+    """Check a calibration document against its schema, and for consistency.
 
     Parameters
     ----------
     document : JSON value
-        Of any kind; nothing in it raises.
+        Of any kind; no content raises an exception.
 
     Returns
     -------
     tuple of Finding
-        Empty if all is well. Where one member is unsound, what the others say is still checked.
+        Empty if the document is valid. If one member is invalid, the others are still checked.
     """
     other = tuple(other_file(document, FORMAT, VERSION))
     if other:
@@ -47,24 +47,36 @@ def validate(document: Any) -> Findings:
 
 
 def other_file(document: Any, format: str, known: int) -> Iterator[Finding]:
-    """That a document is another file of ours, or of a later version; nothing else in it can then be judged."""
+    """Yield an error if a document has another format of this program, or a newer version.
+
+    Parameters
+    ----------
+    document : JSON value
+        Of any kind.
+    format : str
+        The expected format.
+    known : int
+        The newest known version.
+    """
     members = document if isinstance(document, dict) else {}
     found: Any = members.get("format")
-    if isinstance(found, str) and found != format and found in OURS:
-        yield error("value", "/format", f"must be {show(format)}, not {show(found)}: the file is {OURS[found]}", found)
+    if isinstance(found, str) and found != format and found in FILE_FORMATS:
+        yield error(
+            "value", "/format", f"must be {show(format)}, not {show(found)}: the file is {FILE_FORMATS[found]}", found
+        )
         return
     version: Any = members.get("version")
     if has_type(version, "integer") and version > known:
-        message = f"is {show(version)}, newer than the {known} that this program reads; update the program"
+        message = f"is {show(version)}, newer than version {known} of this program; update the program"
         yield error("version", "/version", message, version)
 
 
 def validate_content(document: Any) -> Findings:
-    """The same for a document of our version, without summing its content."""
+    """Check a document of the current version as `validate`, without its checksum."""
     findings = check(document, SCHEMA)
-    if any(finding.code == "more" for finding in findings):  # what else is unsound is not known
+    if any(finding.code == "more" for finding in findings):  # the other invalid members are not known
         return findings
-    with np.errstate(all="ignore"):  # absurd numbers overflow; the comparisons below are written for that
+    with np.errstate(all="ignore"):  # huge numbers overflow; the comparisons below handle that
         findings += _shapes(document, findings)
         findings += _meaning(document, findings)
     return findings
@@ -107,7 +119,7 @@ def _repeats(parts: list[Part], name: str, code: str) -> Iterator[Finding]:
 
 
 def _entries(part: Part, name: str) -> Iterable[tuple[str, Any]]:
-    """A member and its pointer, or each element of a column."""
+    """Return a member with its pointer, or all elements of a column with theirs."""
     if name not in part.members:
         return ()
     if name not in part.columns:
@@ -122,14 +134,14 @@ def _unknown_surfaces(patches: list[Part], surfaces: list[Part]) -> Iterator[Fin
     for patch in patches:
         name = patch.members.get("surface")
         if name is not None and None not in names and name not in names:
-            message = f"names no surface here: {show(name)}{did_you_mean(name, names)}"
+            message = f"names the unknown surface {show(name)}{did_you_mean(name, names)}"
             yield error("unknown-surface", patch.at("surface"), message, name)
 
 
 def _unknown_neighbours(patches: list[Part], near: dict[str, set[str]]) -> Iterator[Finding]:
     for patch, row, column, taxel, other in _pairs(patches) if near else ():
         if other not in near:
-            message = f"names no taxel here: {show(other)}"
+            message = f"names the unknown taxel {show(other)}"
             yield error("unknown-neighbour", patch.at("neighbours", row, column), message, other)
         elif other == taxel:
             message = f"names the taxel itself: {show(other)}"
@@ -139,19 +151,19 @@ def _unknown_neighbours(patches: list[Part], near: dict[str, set[str]]) -> Itera
 def _one_sided_neighbours(patches: list[Part], near: dict[str, set[str]]) -> Iterator[Finding]:
     for patch, row, column, taxel, other in _pairs(patches) if near else ():
         if other in near and taxel not in near[other]:
-            message = f"is {show(other)}, which does not name this one"
+            message = f"is {show(other)}, which does not list this taxel as neighbour"
             yield warning("one-sided-neighbour", patch.at("neighbours", row, column), message, other)
 
 
 def _neighbours(patches: list[Part]) -> dict[str, set[str]]:
-    """The neighbours of every taxel; empty where not every patch can tell."""
+    """Return the neighbours of all taxels; empty if one patch has no valid neighbours."""
     if not all(patch.members.keys() >= {"id", "neighbours"} for patch in patches):
         return {}
     return {taxel: set(ids) for p in patches for taxel, ids in zip(p.members["id"], p.members["neighbours"])}
 
 
 def _pairs(patches: list[Part]) -> Iterator[tuple[Part, int, int, str, str]]:
-    """Patch, row, column, taxel and neighbour of every entry."""
+    """Yield patch, row, column, taxel and neighbour of every entry."""
     for patch in patches:
         for row, (taxel, ids) in enumerate(zip(patch.members["id"], patch.members["neighbours"])):
             for column, other in enumerate(ids):
@@ -159,15 +171,25 @@ def _pairs(patches: list[Part]) -> Iterator[tuple[Part, int, int, str, str]]:
 
 
 def checksum_findings(document: Any, findings: Findings) -> Iterator[Finding]:
-    """Whether the checksum is that of the content, unless something was found about the checksum itself."""
+    """Yield an error if the checksum differs from that of the content.
+
+    Parameters
+    ----------
+    document : JSON value
+        Of any kind.
+    findings : tuple of Finding
+        Earlier findings. If one of them is about the checksum, it is not compared.
+    """
     stated = document.get("checksum") if isinstance(document, dict) else None
     if stated is None or any(finding.pointer == "/checksum" for finding in findings):
         return
     try:
         actual = checksum(document)
     except (TypeError, ValueError, RecursionError) as problem:
-        yield error("checksum", "/checksum", f"cannot be told, for the document is not JSON: {problem}", stated)
+        yield error("checksum", "/checksum", f"cannot be computed because the document is not JSON: {problem}", stated)
         return
     if stated != actual:
-        message = f"is not that of the content, which was changed after writing; if that was meant, write {actual}"
+        message = (
+            f"differs from that of the content, which was changed after writing; for an intended change, use {actual}"
+        )
         yield error("checksum", "/checksum", message, stated)

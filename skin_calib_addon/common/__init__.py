@@ -1,1 +1,1 @@
-"""What every other package uses: arrays, errors, files, JSON, schema checks."""
+"""Provide what every other package uses: arrays, errors, files, JSON, schema checks."""

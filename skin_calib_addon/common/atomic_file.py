@@ -1,4 +1,4 @@
-"""Write a file whole or not at all: whoever looks sees the old bytes or the new ones, after a kill too."""
+"""Replace files atomically: a reader sees the old bytes or the new ones, also after a crash."""
 
 import os
 import secrets
@@ -10,19 +10,21 @@ from .errors import OutputError
 
 
 def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
-    """Replace a file's content in one step; a symbolic link is followed, the file's mode is kept.
+    """Replace the content of a file in one step.
+
+    The target of a symbolic link is replaced. The mode of the file is kept.
 
     Parameters
     ----------
     path : path
         File to write; its folder must exist.
     data : bytes
-        The whole new content.
+        The complete new content.
 
     Raises
     ------
     OutputError
-        If it cannot be written. The old file is then whole and no temporary file is left.
+        If the file cannot be written. The old file is then unchanged, and no temporary file is left.
     """
     try:
         target = Path(os.path.realpath(path))
@@ -37,23 +39,25 @@ def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
             raise
         _sync_folder(target.parent)
     except FileNotFoundError as problem:
-        raise OutputError(f"cannot write '{path}': no folder '{target.parent}'; make it first") from problem
+        raise OutputError(
+            f"cannot write '{path}': the folder '{target.parent}' does not exist. Create it first."
+        ) from problem
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the path
         reason = getattr(problem, "strerror", None) or problem
-        raise OutputError(f"cannot write '{path}': {reason}; choose another place, or make room there") from problem
+        raise OutputError(f"cannot write '{path}': {reason}. Choose another folder, or free disk space.") from problem
 
 
 def _mode(target: Path) -> int | None:
-    """Permissions to keep; None for a file that is new."""
+    """Return the permissions to keep; None for a new file."""
     try:
         mode = os.stat(target).st_mode
     except FileNotFoundError:
         return None
     if not stat.S_ISREG(mode):  # replacing /dev/null or a pipe would destroy it
         what = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
-        raise OutputError(f"cannot write '{target}': it is {what}; name a file")
-    if not os.access(target, os.W_OK):  # a rename would get past the protection of the file
-        raise OutputError(f"cannot write '{target}': it is write-protected; choose another name or change its mode")
+        raise OutputError(f"cannot write '{target}': it is {what}. Name a file.")
+    if not os.access(target, os.W_OK):  # a rename would bypass the write protection
+        raise OutputError(f"cannot write '{target}': it is write-protected. Choose another name, or change its mode.")
     return stat.S_IMODE(mode)
 
 
@@ -67,8 +71,8 @@ def _write_new(path: Path, data: bytes, mode: int | None) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make the rename last through a power cut; the file is in place by now, so failing here is no failure."""
-    if os.name == "nt":  # Windows opens no folders
+    """Make the rename survive a power cut; a failure is ignored because the file is complete."""
+    if os.name == "nt":  # Windows cannot open folders
         return
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)

@@ -1,20 +1,22 @@
-"""A calibration document as bytes, and the checksum that its content carries."""
+"""Encode a calibration document as bytes, and compute its checksum."""
 
 import hashlib
 import json
 from typing import Any
 
-_BROKEN_LISTS = {"surfaces", "patches"}  # objects, each with one member per line
-_LISTS = {"control_net", "responses"}  # one row or object per line
+_OBJECT_LISTS = {"surfaces", "patches"}  # objects, each with one member per line
+_ROW_LISTS = {"control_net", "responses"}  # one row or object per line
 
 
 def checksum(document: dict[str, Any]) -> str:
-    """``sha256:`` and the hash of the content: of the JSON with sorted keys and no white space, without ``checksum``.
+    """Return ``sha256:`` and the hash of the content.
+
+    The content is the JSON text with sorted keys and without white space. The member ``checksum`` is left out.
 
     Raises
     ------
     TypeError, ValueError, RecursionError
-        If the document holds what JSON cannot: NaN, a Python object, itself.
+        If JSON cannot represent the document, because it contains NaN, a Python object or itself.
     """
     content = {name: member for name, member in document.items() if name != "checksum"}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -22,15 +24,15 @@ def checksum(document: dict[str, Any]) -> str:
 
 
 def encode(document: dict[str, Any]) -> bytes:
-    """The file of a document: the same bytes for the same content, a row of a table per line, floats to the last bit.
+    """Return the bytes of the file: one table row per line, floats with all digits.
 
-    The order of the members is that of the document.
+    The same content gives the same bytes. The members keep the order of the document.
     """
     return (_object(document, "") + "\n").encode()
 
 
 def _object(value: dict[str, Any], margin: str, tables: bool = False) -> str:
-    """One member per line; all lists of a table's columns have one row per line."""
+    """Write one member per line; with ``tables``, each column has one row per line."""
     inner = margin + "  "
     write = _column if tables else _member
     members = (f"{inner}{_inline(name)}: {write(name, member, inner)}" for name, member in value.items())
@@ -41,9 +43,9 @@ def _member(name: str, value: Any, margin: str) -> str:
     inner = margin + "  "
     if name == "taxels":
         return _object(value, margin, tables=True)
-    if name in _BROKEN_LISTS and value:
+    if name in _OBJECT_LISTS and value:
         return f"[\n{inner}" + f",\n{inner}".join(_object(item, inner) for item in value) + f"\n{margin}]"
-    return _column(name, value, margin) if name in _LISTS else _inline(value)
+    return _column(name, value, margin) if name in _ROW_LISTS else _inline(value)
 
 
 def _column(name: str, value: Any, margin: str) -> str:
@@ -54,7 +56,7 @@ def _column(name: str, value: Any, margin: str) -> str:
 
 
 def _rows(table: list[Any], margin: str) -> str:
-    """All rows of a table in one pass of the encoder: a line break in its text can only be our separator."""
+    """Encode all rows of a table at once; a line break in the text can only be the separator."""
     text = json.dumps(table, separators=(",\n", ": "), ensure_ascii=False, allow_nan=False)[1:-1]
     depth, row = 0, table[0]
     while isinstance(row, list):

@@ -1,15 +1,15 @@
-"""Errors that a user can act on: each says what, where, and what to do; the numbers stay on the exception."""
+"""Errors that a user can correct: each message states what is wrong, where, and what to do."""
 
 
 class SkinCalibError(Exception):
-    """Base of every error a user can act on.
+    """Base class of all errors that a user can correct.
 
     Parameters
     ----------
     message : str
         One line: what is wrong, where, and what to do about it.
     **numbers
-        The values behind the message, kept as ``numbers`` for programs.
+        Values in the message, available to programs as ``numbers``.
     """
 
     def __init__(self, message: str, **numbers):
@@ -18,15 +18,15 @@ class SkinCalibError(Exception):
 
 
 class InvalidMesh(SkinCalibError):
-    """The mesh cannot be read, or is no surface in metres."""
+    """The mesh cannot be read, or is not a surface in metres."""
 
 
 class InvalidPlan(SkinCalibError):
-    """The plan asks for something that is unknown, missing or impossible."""
+    """The plan requests something unknown, missing or impossible."""
 
 
 class EmptySection(SkinCalibError):
-    """A plane cuts too little of the mesh to fit anything there."""
+    """A plane intersects too little of the mesh for a fit."""
 
 
 class InvalidKnotVector(SkinCalibError):
@@ -34,19 +34,19 @@ class InvalidKnotVector(SkinCalibError):
 
 
 class UnderdeterminedFit(SkinCalibError):
-    """Too few planes or samples for the control points asked for."""
+    """There are too few planes or samples for the requested control points."""
 
 
 class PoorFit(SkinCalibError):
-    """The surface cannot follow the mesh along these lines."""
+    """The surface cannot approximate the mesh along these lines."""
 
 
 class OutsideSurface(SkinCalibError):
-    """A cell of the skin lies off the fitted surface."""
+    """A cell of the skin is outside the fitted surface."""
 
 
 class CalibrationFormatError(SkinCalibError):
-    """A calibration or plan file is not what it must be; ``findings`` lists everything found."""
+    """A calibration or plan file is invalid; ``findings`` lists all problems."""
 
     def __init__(self, message: str, findings=(), **numbers):
         super().__init__(message, **numbers)
@@ -54,19 +54,19 @@ class CalibrationFormatError(SkinCalibError):
 
 
 class OutputError(SkinCalibError):
-    """A file cannot be written; what was there before is untouched."""
+    """A file cannot be written; the previous file is unchanged."""
 
 
 class UnknownLink(SkinCalibError):
-    """No such link in this calibration."""
+    """The calibration has no link of this name."""
 
 
 class UnknownTaxel(SkinCalibError):
-    """No such taxel on this link."""
+    """The link has no taxel of this name."""
 
 
 class InvalidReading(SkinCalibError):
-    """A reading does not fit the skin it is given to; ``flag`` is what a frame says of it."""
+    """A reading does not match the skin; ``flag`` is the flag of the frame."""
 
     def __init__(self, message: str, flag: str, **numbers):
         super().__init__(message, **numbers)
@@ -74,9 +74,9 @@ class InvalidReading(SkinCalibError):
 
 
 class UnreachableTolerance(SkinCalibError):
-    """No surface comes as close to the mesh as was asked for."""
+    """No surface meets the requested tolerance."""
 
 
 def millimetres(point) -> str:
-    """A place (3,) [m] in the link frame, in words for messages."""
+    """Return a point (3,) [m] of the link frame in millimetres, for messages."""
     return f"({', '.join(f'{round(float(x) * 1e3, 1) + 0.0:.1f}' for x in point)}) mm"  # no minus zero

@@ -1,4 +1,4 @@
-"""What is wrong with a document, and where."""
+"""Findings: the problems of a document, each with its location."""
 
 import difflib
 import json
@@ -7,15 +7,25 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Literal
 
-MAX_FINDINGS = 1000  # of one check: more would help nobody, and a hostile file must not fill the memory
+MAX_FINDINGS = 1000  # of one check. Larger: a malicious file can use more memory.
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong with a document.
+    """One problem of a document.
 
-    ``pointer`` (RFC 6901) leads to a place that exists in the document; ``message`` continues the pointer to a
-    sentence; ``value`` is what stands there.
+    Attributes
+    ----------
+    code : str
+        Stable name of the kind of problem.
+    severity : "error" or "warning"
+        An error makes the document unusable.
+    pointer : str
+        JSON pointer (RFC 6901) to an existing location of the document.
+    message : str
+        A sentence whose subject is the location.
+    value : JSON value
+        The value at the location.
     """
 
     code: str
@@ -26,7 +36,7 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """Place and message on one line."""
+        """Return location and message on one line."""
         return f"{printable(_shortened(self.pointer, 200) or 'the document')} {printable(self.message)}"
 
     def __str__(self) -> str:
@@ -34,38 +44,58 @@ class Finding:
 
 
 def error(code: str, pointer: str, message: str, value: Any = None) -> Finding:
-    """A finding that makes the document unusable."""
+    """Return a finding that makes the document unusable.
+
+    Parameters
+    ----------
+    code, pointer, message, value
+        As of `Finding`.
+    """
     return Finding(code, "error", pointer, message, value)
 
 
 def warning(code: str, pointer: str, message: str, value: Any = None) -> Finding:
-    """A finding that a person should look at."""
+    """Return a finding that the user should check.
+
+    Parameters
+    ----------
+    code, pointer, message, value
+        As of `Finding`.
+    """
     return Finding(code, "warning", pointer, message, value)
 
 
 def child(pointer: str, *keys: Any) -> str:
-    """The pointer to a member or element further in, ``~`` and ``/`` escaped."""
+    """Return the pointer to a nested member or element.
+
+    Parameters
+    ----------
+    pointer : str
+        JSON pointer to an object or array.
+    *keys : str or int
+        Names and indices from there on; ``~`` and ``/`` are escaped.
+    """
     return pointer + "".join("/" + str(key).replace("~", "~0").replace("/", "~1") for key in keys)
 
 
 def first(findings: Iterable[Finding]) -> Iterator[Finding]:
-    """At most `MAX_FINDINGS`, and then one that says that there are more."""
+    """Yield at most `MAX_FINDINGS` findings, then one that states that there are more."""
     for count, finding in enumerate(findings):
         if count == MAX_FINDINGS:
-            message = f"has more findings like the {MAX_FINDINGS} before; they are not listed"
+            message = f"has more findings than the {MAX_FINDINGS} before; they are not listed"
             yield Finding("more", finding.severity, "", message)
             return
         yield finding
 
 
 def in_short(findings: Iterable[Finding]) -> str:
-    """How many errors there are among findings, of which one is an error, and the first."""
+    """Return the number of errors and the first error; at least one finding is an error."""
     errors = [finding for finding in findings if finding.severity == "error"]
     return f"one {errors[0]}" if len(errors) == 1 else f"{len(errors)} errors; the first {errors[0]}"
 
 
 def show(value: Any) -> str:
-    """A value in a few words, for a message."""
+    """Describe a value in a few words, for a message."""
     if isinstance(value, dict):
         return f"an object of {len(value)}"
     if isinstance(value, list):
@@ -80,8 +110,21 @@ def show(value: Any) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[Any]) -> str:
-    """The end of a message that proposes the nearest known name; empty if none is near."""
-    words = islice((word for word in known if isinstance(word, str)), 100)  # comparing is slow: never many
+    """Return the end of a message that suggests the most similar known name.
+
+    Parameters
+    ----------
+    name : str
+        The unknown name.
+    known : iterable
+        The valid names; only the first 100 are compared because comparison is slow.
+
+    Returns
+    -------
+    str
+        Empty if no known name is similar.
+    """
+    words = islice((word for word in known if isinstance(word, str)), 100)
     near = difflib.get_close_matches(name[:80], words, 1)
     return f"; did you mean {show(near[0])}?" if near else ""
 
@@ -91,5 +134,5 @@ def _shortened(text: str, length: int) -> str:
 
 
 def printable(text: str) -> str:
-    """The same text on one line: control characters and lone surrogates escaped."""
+    """Return the text on one line, with control characters and lone surrogates escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -1,35 +1,35 @@
-"""Bytes as text, or what they are instead."""
+"""Decode UTF-8 text, and recognize other content."""
 
 import codecs
 import re
 
 KNOWN_FORMATS = {
-    b"PK\3\4": "is a ZIP archive, as NPZ files are; name a text file",
-    b"\x1f\x8b": "is compressed by gzip; unpack it",
-    codecs.BOM_UTF16_LE: "is UTF-16; save it as UTF-8",
-    codecs.BOM_UTF16_BE: "is UTF-16; save it as UTF-8",
+    b"PK\3\4": "is a ZIP archive (NPZ files are ZIP archives). Name a text file.",
+    b"\x1f\x8b": "is compressed with gzip. Decompress it.",
+    codecs.BOM_UTF16_LE: "is UTF-16. Save it as UTF-8.",
+    codecs.BOM_UTF16_BE: "is UTF-16. Save it as UTF-8.",
 }
 _CONTROL_CHARACTER = re.compile(rb"[\0-\x08\x0e-\x1a\x1c-\x1f\x7f]")  # no text encoding needs these
-SEARCH_BYTES = 2**16  # bytes among which they are looked for
+SEARCH_BYTES = 2**16  # bytes that are searched for control characters. Larger: slower for large invalid files.
 
 
 class DecodingError(ValueError):
-    """Bytes are no text in UTF-8; the message continues their name to a sentence, and says what to do."""
+    """Bytes are not UTF-8 text; the message is a predicate whose subject is the file name."""
 
 
 def decoded(data: bytes) -> str:
-    """The text of bytes in UTF-8.
+    """Decode UTF-8 text.
 
     Raises
     ------
     DecodingError
-        If they are in another encoding, compressed, or no text at all.
+        If the bytes are binary, compressed, or text in another encoding.
     """
     try:
         text = data.decode()
     except UnicodeDecodeError as problem:
         raise DecodingError(_instead(data, problem.start)) from problem
-    if "\0" in text:  # UTF-8 has it, text has not
+    if "\0" in text:  # valid UTF-8, but not text
         raise DecodingError(_instead(data, text.index("\0")))
     return text
 
@@ -42,5 +42,5 @@ def _instead(data: bytes, offset: int) -> str:
         data, offset, offset + SEARCH_BYTES
     )
     if found:
-        return f"is binary at byte {found.start()}; check that it is the right file"
-    return f"is not UTF-8 at byte {offset}; save it as UTF-8"
+        return f"is binary at byte {found.start()}. Check that it is the correct file."
+    return f"is not UTF-8 at byte {offset}. Save it as UTF-8."

@@ -1,6 +1,6 @@
-"""Check a document against the part of JSON Schema (draft 2020-12) that our schemas use, and say where it fails.
+"""Check a document against the subset of JSON Schema (draft 2020-12) that the schemas of this package use.
 
-Stricter than JSON Schema in two ways: a number is finite, and a string holds whole characters.
+Two rules are stricter than JSON Schema: a number is finite, and a string has no lone surrogates.
 """
 
 import json
@@ -25,11 +25,13 @@ from .schema_types import (
 
 _KEYWORDS = {"$ref", "type", "const", "enum", "oneOf", "required", "properties", "patternProperties", *LIMITS}
 _KEYWORDS |= {"additionalProperties", "items", "prefixItems", "minItems", "maxItems", "pattern", "minLength"}
-BULK_ITEMS = 1024  # array elements checked in bulk, and looked at one by one only where that fails
+# Array elements that are checked at once. A block with a problem is checked element by element.
+# Larger: a problem costs more time; smaller: a valid array costs more time.
+BULK_ITEMS = 1024
 
 
 def read_schema(path: Path) -> Schema:
-    """A schema of ours; fails if it uses a keyword that `check` does not know, instead of passing over it."""
+    """Read a schema of this package; an unsupported keyword raises an `AssertionError`."""
     schema = json.loads(path.read_text("utf-8"))
     parts = [schema]
     while parts:
@@ -41,15 +43,15 @@ def read_schema(path: Path) -> Schema:
 
 
 def check(document: Any, schema: Schema) -> tuple[Finding, ...]:
-    """Every place where a document departs from its schema; all are errors.
+    """Return all deviations of a document from its schema; all are errors.
 
     Parameters
     ----------
     document : JSON value
-        What `strict_json.parse` gives.
+        Result of `strict_json.parse`.
     schema : dict
-        What `read_schema` gives. The branches of a ``oneOf`` exclude each other by ``const`` or ``type``, or by a
-        member that is ``const``.
+        Result of `read_schema`. The branches of a ``oneOf`` differ in ``const``, in ``type``, or in a constant
+        member.
     """
     return tuple(first(_check(document, schema, "", schema)))
 
@@ -90,7 +92,7 @@ def _check_object(value: dict[str, Any], schema: Schema, pointer: str, root: Sch
         for part in parts:
             yield from _check(member, part, where, root)
         if not parts and schema.get("additionalProperties") is False:
-            yield error("unknown", where, f"is not known here{did_you_mean(str(name), known)}", member)
+            yield error("unknown", where, f"is not a known member{did_you_mean(str(name), known)}", member)
 
 
 def _check_array(value: list[Any], schema: Schema, pointer: str, root: Schema) -> Iterator[Finding]:

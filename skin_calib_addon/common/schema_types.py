@@ -1,4 +1,4 @@
-"""What a JSON value is, one at a time and a whole array at once: the ground that `schema_check` stands on."""
+"""Check types and limits of JSON values, one by one and whole arrays at once."""
 
 import operator
 import re
@@ -26,7 +26,15 @@ _LARGEST = float(np.finfo(float).max)
 
 
 def has_type(value: Any, name: str) -> bool:
-    """Whether a value is of a JSON type; NaN and infinity are no numbers, half a character makes no string."""
+    """Return whether a value has a JSON type.
+
+    Parameters
+    ----------
+    value : JSON value
+        Of any type.
+    name : str
+        Name of the type. NaN and infinity are not numbers; text with a lone surrogate is not a string.
+    """
     if name == "string":
         return isinstance(value, str) and not _SURROGATE.search(value)
     if name in _TYPES:
@@ -36,23 +44,45 @@ def has_type(value: Any, name: str) -> bool:
 
 
 def is_same(value: Any, const: Any) -> bool:
-    """Whether a value equals a scalar as JSON values do: 1 is 1.0, but not true."""
+    """Return whether a value equals a scalar as a JSON value: 1 equals 1.0, but not true.
+
+    Parameters
+    ----------
+    value : JSON value
+        Of any type.
+    const : scalar
+        The other value.
+    """
     is_scalar = isinstance(value, (str, int, float, type(None)))
     return is_scalar and isinstance(value, bool) == isinstance(const, bool) and value == const
 
 
 def fits_length(length: int, schema: Schema) -> bool:
-    """Whether an array may hold this many."""
+    """Return whether an array may have this length.
+
+    Parameters
+    ----------
+    length : int
+        Number of elements.
+    schema : dict
+        With ``minItems`` and ``maxItems``, both optional.
+    """
     return schema.get("minItems", 0) <= length <= schema.get("maxItems", length)
 
 
 def definition(schema: Schema, root: Schema) -> Schema:
-    """The schema itself, or the one in ``$defs`` that it refers to."""
+    """Return the schema itself, or the schema in ``$defs`` to which it refers.
+
+    Parameters
+    ----------
+    schema, root : dict
+        A part of a schema, and the complete schema.
+    """
     return root["$defs"][schema["$ref"].removeprefix("#/$defs/")] if "$ref" in schema else schema
 
 
 def branch_test(branch: Schema) -> Callable[[Any], bool]:
-    """The test whether a branch of a choice is the one for a value, right or wrong in its details."""
+    """Return a function that decides whether a branch applies to a value, valid or not."""
     if "const" in branch:
         return lambda value: is_same(value, branch["const"])
     wanted, constants = branch["type"], tuple(constant_members(branch).items())
@@ -60,20 +90,30 @@ def branch_test(branch: Schema) -> Callable[[Any], bool]:
 
 
 def constant_members(branch: Schema) -> dict[str, Any]:
-    """The constant members by which a branch is told from the others."""
+    """Return the constant members that distinguish a branch from the others."""
     return {name: part["const"] for name, part in branch.get("properties", {}).items() if "const" in part}
 
 
 @cache
 def matcher(pattern: str) -> Any:
-    """The search for a pattern, whose final ``$`` is the end of the text and not a line break before it."""
+    """Return the search function of a pattern; a final ``$`` matches only the end of the text."""
     return re.compile(re.sub(r"\$$", r"\\Z", pattern)).search
 
 
 def all_fit(values: list[Any], schema: Schema, root: Schema) -> bool:
-    """Whether a schema holds for every value of a list, found a level of nesting at a time.
+    """Return whether all values of a list match a schema, checked one nesting level at a time.
 
-    False means "look at each": something is wrong, or the schema has a keyword that is not done in bulk.
+    Parameters
+    ----------
+    values : list of JSON values
+        Of any type.
+    schema, root : dict
+        Schema of each value, and the complete schema.
+
+    Returns
+    -------
+    bool
+        False if a value does not match, or if the schema has a keyword that needs a check of each value.
     """
     if schema.keys() - ANNOTATIONS == {"$ref"}:
         schema = definition(schema, root)

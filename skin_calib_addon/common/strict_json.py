@@ -1,4 +1,4 @@
-"""Read JSON strictly: one meaning per file, nothing dropped in silence, and no input that hurts the reader."""
+"""Read JSON strictly: no ambiguity, no silent loss, limits on size and nesting."""
 
 import codecs
 import json
@@ -16,43 +16,43 @@ from .errors import CalibrationFormatError
 from .findings import Finding, child, error, first, show
 from .plain_text import DecodingError, decoded
 
-MAX_JSON_BYTES = 512 * 2**20
-MAX_VALUES = 2**24  # three times what 100 000 taxels need; bounds the memory that building them takes
-MAX_JSON_DEPTH = 32
+MAX_JSON_BYTES = 512 * 2**20  # of any file. Larger: a malicious file uses more memory.
+MAX_VALUES = 2**24  # three times the values of 100 000 taxels. Larger: a malicious file uses more memory.
+MAX_JSON_DEPTH = 32  # nesting levels. Larger: the recursion of the parser is deeper.
 
 _SURROGATE_ESCAPE = re.compile(r"\\u[dD][89a-fA-F]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
-CHUNK_BYTES = 2**18
+CHUNK_BYTES = 2**18  # bytes that are counted at once. Larger: more memory, hardly faster.
 _STEP = np.zeros(256, np.int8)
 _STEP[list(b"[{")] = 1
 _STEP[list(b"]}")] = -1
 
 
 def read(path: str | os.PathLike[str]) -> bytes:
-    """The bytes of a file, refused before reading where it is too large or no regular file.
+    """Read the bytes of a file; a file that is too large or not regular is rejected before.
 
     Raises
     ------
     CalibrationFormatError
-        If it is missing, unreadable, a folder, a pipe or a device, or beyond `MAX_JSON_BYTES`.
+        If the file is missing, unreadable, a folder, a pipe, a device, or larger than `MAX_JSON_BYTES`.
     """
     size = size_of(path)
     if size > MAX_JSON_BYTES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {size} bytes exceed {MAX_JSON_BYTES}")
+        raise CalibrationFormatError(f"cannot read '{path}': its {size} bytes exceed the limit of {MAX_JSON_BYTES}.")
     try:
         with open(path, "rb") as file:
-            return file.read(MAX_JSON_BYTES + 1)  # a file may grow, or tell no size, as those in /proc
+            return file.read(MAX_JSON_BYTES + 1)  # a file may grow, or have no size, as in /proc
     except OSError as problem:
         raise _unreadable(path, problem) from problem
 
 
 def size_of(path: str | os.PathLike[str]) -> int:
-    """The bytes of a file; it is not opened, for a pipe or a device might never answer.
+    """Return the size of a file [bytes] without opening it, because a pipe or a device may block.
 
     Raises
     ------
     CalibrationFormatError
-        If it is missing, a folder, a pipe or a device.
+        If the file is missing, a folder, a pipe or a device.
     """
     try:
         status = os.stat(path)
@@ -60,25 +60,25 @@ def size_of(path: str | os.PathLike[str]) -> int:
         raise _unreadable(path, problem) from problem
     if not stat.S_ISREG(status.st_mode):
         what = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
-        raise CalibrationFormatError(f"cannot read '{path}': it is {what}; name a file")
+        raise CalibrationFormatError(f"cannot read '{path}': it is {what}. Name a file.")
     return status.st_size
 
 
 def _unreadable(path: str | os.PathLike[str], problem: Exception) -> CalibrationFormatError:
     reason = getattr(problem, "strerror", None) or problem
-    return CalibrationFormatError(f"cannot read '{path}': {reason}; check the path")
+    return CalibrationFormatError(f"cannot read '{path}': {reason}. Check the path.")
 
 
 def parse(data: bytes) -> tuple[Any, tuple[Finding, ...]]:
-    """Build the document that the bytes of a JSON file stand for.
+    """Parse the bytes of a JSON file.
 
     Returns
     -------
     document
-        None if it cannot be built. Otherwise whole: of a repeated key it has the last value, and a refused number
-        is a float that is infinite or NaN, so that what else is wrong can be told in the same pass.
+        None if the bytes cannot be parsed; otherwise complete, so that the caller can search for further problems.
+        A repeated key has its last value. A number that is not allowed is an infinite float or NaN.
     findings : tuple of Finding
-        Everything that strict JSON forbids. Do not use the document if there is one.
+        All violations of strict JSON. Do not use the document if there is one.
     """
     try:
         text = _decoded(data)
@@ -94,26 +94,26 @@ class _UnreadableError(Exception):
 
 
 class _RefusedNumber(float):
-    """Stands where a number was that JSON or the machine cannot hold, until its pointer is known."""
+    """Placeholder of a number that JSON or a float cannot represent, until its pointer is known."""
 
-    __slots__ = ("code", "text")  # a hostile file has millions
+    __slots__ = ("code", "text")  # saves memory: a malicious file has millions
     code: str
     text: str
 
 
 class _RepeatingObject(dict[str, Any]):
-    """An object with the keys that came more than once."""
+    """An object with the list of its repeated keys."""
 
     repeated: list[str]
 
 
 def _decoded(data: bytes) -> str:
     if len(data) > MAX_JSON_BYTES:
-        raise _UnreadableError("size", f"has {len(data)} bytes; at most {MAX_JSON_BYTES} are read")
+        raise _UnreadableError("size", f"has {len(data)} bytes; the limit is {MAX_JSON_BYTES}")
     if data.startswith(codecs.BOM_UTF8):
-        raise _UnreadableError("byte-order-mark", "begins with a byte order mark; save it as UTF-8 without one")
+        raise _UnreadableError("byte-order-mark", "begins with a byte order mark. Save it as UTF-8 without one.")
     if not data:
-        raise _UnreadableError("syntax", "is empty; check that it was written whole")
+        raise _UnreadableError("syntax", "is empty. Check that it was written completely.")
     try:
         return decoded(data)
     except DecodingError as problem:
@@ -121,9 +121,9 @@ def _decoded(data: bytes) -> str:
 
 
 def _measure(data: bytes) -> None:
-    """Refuse too many values and too deep a nesting from the bytes alone, before anything is built.
+    """Reject too many values and too deep nesting by counting bytes, before parsing.
 
-    Exact as far as the syntax is right, which is as far as anything will be built.
+    The counts are exact up to the first syntax error, where parsing would stop.
     """
     unescaped = data.replace(rb"\\", b"__").replace(rb"\"", b"__")  # now every quote opens or closes a string
     depth = deepest = values = 0
@@ -138,9 +138,9 @@ def _measure(data: bytes) -> None:
         deepest = max(deepest, int(depths.max(initial=0)))
         values += int(np.count_nonzero(steps > 0) + np.count_nonzero(outside == ord(",")))
     if deepest > MAX_JSON_DEPTH:
-        raise _UnreadableError("depth", f"nests {deepest} levels; at most {MAX_JSON_DEPTH} are read")
+        raise _UnreadableError("depth", f"has {deepest} nesting levels; the limit is {MAX_JSON_DEPTH}")
     if values > MAX_VALUES:
-        raise _UnreadableError("size", f"holds {values} values; at most {MAX_VALUES} are read")
+        raise _UnreadableError("size", f"contains {values} values; the limit is {MAX_VALUES}")
 
 
 def _built(text: str) -> tuple[Any, tuple[Finding, ...]]:
@@ -185,9 +185,9 @@ def _built(text: str) -> tuple[Any, tuple[Finding, ...]]:
 
 
 def _locate_findings(value: Any, pointer: str) -> Iterator[Finding]:
-    """Look through the whole document for what the parser noticed without knowing where."""
+    """Search the document for the problems that the parser found, and add their pointers."""
     if isinstance(value, _RefusedNumber):
-        yield error(value.code, pointer, f"is {value.text}; a finite 64-bit number is needed", float(value))
+        yield error(value.code, pointer, f"is {value.text}; it must be a finite 64-bit number", float(value))
     elif isinstance(value, str):
         yield from _lone_surrogates(value, pointer)
     elif isinstance(value, list):
@@ -195,7 +195,7 @@ def _locate_findings(value: Any, pointer: str) -> Iterator[Finding]:
             yield from _locate_findings(item, child(pointer, index))
     elif isinstance(value, dict):
         for key in getattr(value, "repeated", ()):
-            yield error("duplicate-key", child(pointer, key), "is given more than once; keep one", value[key])
+            yield error("duplicate-key", child(pointer, key), "occurs more than once; keep one", value[key])
         for key, member in value.items():
             yield from _lone_surrogates(key, pointer)
             yield from _locate_findings(member, child(pointer, key))
@@ -203,4 +203,4 @@ def _locate_findings(value: Any, pointer: str) -> Iterator[Finding]:
 
 def _lone_surrogates(text: str, pointer: str) -> Iterator[Finding]:
     if _SURROGATE.search(text):
-        yield error("surrogate", pointer, f"holds half a character: {show(text)}", text)
+        yield error("surrogate", pointer, f"contains a lone surrogate: {show(text)}", text)

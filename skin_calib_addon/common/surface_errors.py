@@ -1,4 +1,4 @@
-"""How far two shapes are apart, in numbers."""
+"""Statistics of the distances between two shapes."""
 
 from dataclasses import dataclass
 
@@ -15,15 +15,23 @@ class DistanceStatistics:
 
     @classmethod
     def of(cls, distances: Array, weights: Array) -> "DistanceStatistics":
-        """Statistics of distances [m], shape (k,), each standing for the area in ``weights``."""
-        fraction = weights / weights.sum()  # sums, not products of BLAS, whose last bits depend on its threads
+        """Return the statistics of weighted distances.
+
+        Parameters
+        ----------
+        distances : array, shape (k,)
+            [m]
+        weights : array, shape (k,)
+            Area that each distance represents [m^2].
+        """
+        fraction = weights / weights.sum()  # sums: the last bits of BLAS products depend on its threads
         mean, square = (fraction * distances).sum(), (fraction * distances**2).sum()
         return cls(float(mean), float(square**0.5), float(distances.max()))
 
 
 @dataclass(frozen=True)
 class SurfaceErrors:
-    """Distances between mesh and surface, both ways [m]; ``hausdorff`` is the larger maximum."""
+    """Distances between mesh and surface in both directions [m]; ``hausdorff`` is the larger maximum."""
 
     mesh_to_surface: DistanceStatistics
     surface_to_mesh: DistanceStatistics

@@ -1,4 +1,4 @@
-"""Tables with named columns in CSV files; what is wrong is told with its line and column."""
+"""Read CSV tables with named columns; errors state line and column."""
 
 import csv
 import os
@@ -13,7 +13,7 @@ SEPARATORS = ",;\t"
 
 
 class TableError(ValueError):
-    """A text is no table from ``line`` on."""
+    """Text is not a table from ``line`` on."""
 
     def __init__(self, line: int, message: str):
         super().__init__(message)
@@ -21,12 +21,14 @@ class TableError(ValueError):
 
 
 def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Rows with the number of their line, comments and empty lines left out; the header tells what separates columns.
+    """Yield line number and cells of each row, without comments and empty lines.
+
+    The separator is the one of `SEPARATORS` that is most frequent in the header.
 
     Raises
     ------
     TableError
-        If quotation marks are not closed, or are where they do not belong.
+        If a quotation mark is not closed, or is inside a cell without quotes.
     """
     lines = text.split("\n")
     head = next((content for content in lines if content.strip() and not content.startswith("#")), "")
@@ -36,12 +38,12 @@ def read_rows(text: str) -> Iterator[tuple[int, list[str]]]:
             last = reader.line_num
             if any(cell.strip() for cell in row) and not row[0].startswith("#"):
                 yield last, row
-    except csv.Error as problem:  # of the row that begins after the last one, wherever it was noticed
-        raise TableError(last + 1, f"begins what is no table: {problem}") from problem
+    except csv.Error as problem:  # belongs to the row after the last one
+        raise TableError(last + 1, f"is not a row of a table: {problem}") from problem
 
 
 class CellError(ValueError):
-    """What is wrong at a place of a table."""
+    """A cell of a table is invalid."""
 
     def __init__(self, line: int, column: int, message: str):
         super().__init__(message)
@@ -50,7 +52,7 @@ class CellError(ValueError):
 
 @contextmanager
 def naming_file(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Name the file in which a cell is wrong, or that is no table, as a CalibrationFormatError."""
+    """Convert table errors to a CalibrationFormatError that names the file."""
     try:
         yield
     except CellError as problem:
@@ -60,12 +62,12 @@ def naming_file(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def read_named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Line and cells of the header, in lower case, and of each row below it.
+    """Yield line number and cells of the header, in lower case, and of each row below.
 
     Raises
     ------
     CellError
-        If a row has not as many cells as the header.
+        If a row and the header have different numbers of cells.
     TableError
         As :func:`read_rows` does.
     """
@@ -76,17 +78,26 @@ def read_named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
             cells, width = [cell.lower() for cell in cells], len(cells)
         elif len(cells) != width:
             column = min(len(cells), width) + 1
-            raise CellError(line, column, f"has {len(cells)} columns, the header {width}")
+            raise CellError(line, column, f"has {len(cells)} columns, but the header has {width}")
         yield line, cells
 
 
 def find_column(header: list[str], name: str, line: int) -> int:
-    """Where a column stands.
+    """Return the position of a column.
+
+    Parameters
+    ----------
+    header : list of str
+        Names of all columns, in lower case.
+    name : str
+        In lower case.
+    line : int
+        Line number of the header, for messages.
 
     Raises
     ------
     CellError
-        If there is none of that name, or two.
+        If no column or two columns have this name.
     """
     if name not in header:
         raise CellError(line, len(header) + 1, f"the header names no column {show(name)}{did_you_mean(name, header)}")
@@ -97,12 +108,19 @@ def find_column(header: list[str], name: str, line: int) -> int:
 
 
 def number_in(row: list[str], column: int, line: int) -> float:
-    """The number in a cell.
+    """Return the number in a cell.
+
+    Parameters
+    ----------
+    row : list of str
+        Cells of the row.
+    column, line : int
+        Position of the cell in the row, and line number of the row.
 
     Raises
     ------
     CellError
-        If it is none, or not finite.
+        If the cell is not a finite number.
     """
     try:
         return real(row[column]) + 0.0  # no minus zero

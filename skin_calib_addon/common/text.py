@@ -1,4 +1,4 @@
-"""What all readers of text files share: limits, lines, numbers."""
+"""Limits, lines and numbers of text files, for all readers."""
 
 import math
 import os
@@ -8,10 +8,11 @@ from .errors import CalibrationFormatError
 from .plain_text import DecodingError, decoded
 from .strict_json import read
 
+# Limits of files that other programs write. Larger: a malicious file takes more time and memory.
 MAX_TEXT_BYTES = 64 * 2**20
 MAX_LINES = 2**21
 MAX_LINE_LENGTH = 2**20  # characters
-MAX_TAXELS = 100_000
+MAX_TAXELS = 100_000  # Contract: the documentation promises this number
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.ASCII | re.IGNORECASE)
@@ -19,7 +20,7 @@ _WHOLE = re.compile(r"-?\d{1,18}", re.ASCII)
 
 
 class NumberError(ValueError):
-    """A word is no number that a position can hold; the code and the message are for a finding."""
+    """A word is not a finite number; ``code`` and message belong to a finding."""
 
     def __init__(self, code: str, message: str):
         super().__init__(message)
@@ -27,18 +28,32 @@ class NumberError(ValueError):
 
 
 def check_size(data: bytes, path: str | os.PathLike[str]) -> None:
-    """Refuse a file beyond `MAX_TEXT_BYTES`."""
-    if len(data) > MAX_TEXT_BYTES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {len(data)} bytes exceed {MAX_TEXT_BYTES}")
+    """Reject a file larger than `MAX_TEXT_BYTES`.
 
-
-def read_text(path: str | os.PathLike[str]) -> str:
-    """The text of a file, as :func:`text_of`.
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    path : path
+        For the message.
 
     Raises
     ------
     CalibrationFormatError
-        If it cannot be read, is beyond a limit, or is no text in UTF-8.
+    """
+    if len(data) > MAX_TEXT_BYTES:
+        raise CalibrationFormatError(
+            f"cannot read '{path}': its {len(data)} bytes exceed the limit of {MAX_TEXT_BYTES}."
+        )
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """Read the text of a file, as :func:`text_of`.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the file cannot be read, exceeds a limit, or is not UTF-8 text.
     """
     data = read(path)
     check_size(data, path)
@@ -46,15 +61,22 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
-    """The text of bytes in UTF-8, with or without a byte order mark; every line ends in one line feed.
+    """Decode UTF-8 text, with or without a byte order mark; every line ends with one line feed.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    path : path
+        For messages.
 
     Raises
     ------
     CalibrationFormatError
-        If it is empty, beyond `MAX_LINES` or `MAX_LINE_LENGTH`, or no text in UTF-8.
+        If the file is empty, exceeds `MAX_LINES` or `MAX_LINE_LENGTH`, or is not UTF-8 text.
     """
     if not data:
-        raise CalibrationFormatError(f"'{path}' is empty; check that it was written whole")
+        raise CalibrationFormatError(f"'{path}' is empty. Check that it was written completely.")
     try:
         text = decoded(data).removeprefix("\ufeff")
     except DecodingError as problem:
@@ -62,48 +84,48 @@ def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = text.count("\n") + 1
     if lines > MAX_LINES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed {MAX_LINES}")
+        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed the limit of {MAX_LINES}.")
     start = 0
     for number in range(1, lines + 1):
         stop = text.find("\n", start)
         stop = len(text) if stop < 0 else stop
         if stop - start > MAX_LINE_LENGTH:
-            message = f"line {number} of '{path}' has {stop - start} characters; at most {MAX_LINE_LENGTH} are read"
+            message = f"line {number} of '{path}' has {stop - start} characters; the limit is {MAX_LINE_LENGTH}."
             raise CalibrationFormatError(message)
         start = stop + 1
     return text
 
 
 def real(word: str) -> float:
-    """The finite number that a word stands for.
+    """Return the finite number that a word represents.
 
     Raises
     ------
     NumberError
-        If it stands for none.
+        If the word is not a finite number.
     """
     if _NUMBER.fullmatch(word):
         number = float(word)
         if math.isfinite(number):
             return number
     elif not _NOT_FINITE.fullmatch(word):
-        raise NumberError("number", f"has {shown(word)} where a number belongs")
-    raise NumberError("not-finite", f"has {shown(word)}; a finite number is needed")
+        raise NumberError("number", f"has {shown(word)} instead of a number")
+    raise NumberError("not-finite", f"has {shown(word)} instead of a finite number")
 
 
 def whole(word: str) -> int:
-    """The integer that a word stands for.
+    """Return the integer that a word represents.
 
     Raises
     ------
     NumberError
-        If it stands for none.
+        If the word is not an integer.
     """
     if not _WHOLE.fullmatch(word):
-        raise NumberError("number", f"has {shown(word)} where an integer belongs")
+        raise NumberError("number", f"has {shown(word)} instead of an integer")
     return int(word)
 
 
 def shown(word: str) -> str:
-    """A word of a file in a message."""
+    """Shorten and quote a word of a file for a message."""
     return repr(word if len(word) <= 40 else word[:39] + "…")

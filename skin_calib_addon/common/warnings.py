@@ -1,4 +1,4 @@
-"""What a person should look at before trusting a result: one record for fits, skins, meshes, responses and touches."""
+"""Warnings about a result: one record for fits, skins, meshes, responses and touches."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
@@ -13,16 +13,16 @@ Severity = Literal["error", "warning", "note"]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a warning applies; what is unknown stays empty."""
+    """Where a warning applies; unknown fields are empty."""
 
     point: tuple[float, float, float] | None = None  # [m], link frame
-    names: str = ""  # planes, lines or rows near it, as the author knows them
+    names: str = ""  # planes, lines or rows near the point, by the names in the window
     skin: str = ""  # name of the skin
     taxels: tuple[str, ...] = ()  # ids, the most affected one first
 
     @property
     def words(self) -> str:
-        """Point and names for a message: "at (0.0, 0.0, 80.0) mm, near u-plane 3"; empty without both."""
+        """Return point and names for a message, such as "at (0.0, 0.0, 80.0) mm, near u-plane 3"."""
         at = f"at {millimetres(self.point)}" if self.point is not None else ""
         near = f"near {self.names}" if self.names else ""
         return ", ".join(part for part in (at, near) if part)
@@ -33,7 +33,7 @@ NOWHERE = Place()
 
 @dataclass(frozen=True)
 class Warning:
-    """One thing to look at: what, where, how much, and what to do.
+    """One problem of a result: what, where, how large, and what to do.
 
     Attributes
     ----------
@@ -42,10 +42,10 @@ class Warning:
     severity : "error", "warning" or "note"
         An error makes the result unusable; a note is information.
     message : str
-        Full sentences that include place and figure.
+        Full sentences that include location and value.
     where : Place
     value : float, optional
-        The figure that the message states, in SI units.
+        The value that the message states, in SI units.
     advice : str
         What to do, in the imperative; may be empty.
     """
@@ -58,18 +58,18 @@ class Warning:
     advice: str = ""
 
     def __str__(self) -> str:
-        """Message, advice and code on one line."""
+        """Return message, advice and code on one line."""
         return printable(f"{self.message} {self.advice}".strip()) + f" [{self.code}]"
 
 
 def point_of(point: Array) -> tuple[float, float, float]:
-    """A point (3,) [m] as plain numbers for a `Place`."""
+    """Return a point (3,) [m] as a tuple of floats for a `Place`."""
     x, y, z = (float(c) for c in point)
     return x, y, z
 
 
 def to_document(warnings: Iterable[Warning]) -> list[dict[str, Any]]:
-    """Warnings as JSON values."""
+    """Convert warnings to JSON values."""
     documents = []
     for warning in warnings:
         where = {name: value for name, value in asdict(warning.where).items() if value}
@@ -78,7 +78,7 @@ def to_document(warnings: Iterable[Warning]) -> list[dict[str, Any]]:
 
 
 def from_document(documents: Iterable[dict[str, Any]]) -> tuple[Warning, ...]:
-    """The warnings in what `to_document` gave."""
+    """Return the warnings of JSON values that `to_document` made."""
     found = []
     for document in documents:
         where = document["where"]

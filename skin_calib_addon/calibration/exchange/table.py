@@ -102,7 +102,7 @@ def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]],
             yield error("size", line(number), f"is one row too many; at most {MAX_TAXELS} are read")
             return
         if len(row) != width:
-            yield error("row", line(number), f"has {len(row)} columns, the header {width}")
+            yield error("row", line(number), f"has {len(row)} columns, but the header has {width}")
             continue
         try:
             vectors = [

@@ -182,7 +182,7 @@ def test_save_refuses_nan_with_its_place(tmp_path):
 @pytest.mark.parametrize("junk", [{1, 2}, float("nan"), object(), "\ud800"])
 def test_save_refuses_free_members_that_are_not_json(junk, tmp_path):
     """What JSON cannot hold is refused in one line, also where the schema does not look."""
-    with pytest.raises(CalibrationFormatError, match="^the calibration of 'forearm' holds what JSON cannot"):
+    with pytest.raises(CalibrationFormatError, match="^the calibration of 'forearm' cannot be written as JSON"):
         save_calibration(small_calibration(extra={"x_junk": junk}), tmp_path / "c.json")
 
 
@@ -223,7 +223,7 @@ def test_load_refuses_what_is_no_file(tmp_path):
     for name, reason in (
         ("missing.json", "No such file"),
         ("missing/c.json", "No such file"),
-        (".", "it is a folder; name a file"),
+        (".", "it is a folder. Name a file"),
         ("pipe", "not a regular file"),
         ("a\0b", "null"),
     ):
@@ -237,7 +237,7 @@ def test_file_larger_than_it_tells_is_not_read_on(monkeypatch):
     """One that grows while it is read must not fill the memory."""
     monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
     assert len(strict_json.read("/proc/self/status")) == 11
-    with pytest.raises(CalibrationFormatError, match="has 11 bytes; at most 10 are read"):
+    with pytest.raises(CalibrationFormatError, match="has 11 bytes; the limit is 10"):
         load_calibration("/proc/self/status")
 
 
@@ -271,7 +271,7 @@ def test_write_follows_symbolic_links(tmp_path):
 
 def test_write_names_missing_folder(tmp_path):
     """The folder is named, and not made."""
-    with pytest.raises(OutputError, match=f"no folder '{tmp_path}/nowhere'; make it first"):
+    with pytest.raises(OutputError, match=f"the folder '{tmp_path}/nowhere' does not exist. Create it first"):
         write_bytes_safely(tmp_path / "nowhere" / "c.json", b"")
     assert os.listdir(tmp_path) == []
 
@@ -280,7 +280,7 @@ def test_write_spares_what_is_no_regular_file(tmp_path):
     """A pipe or folder is not replaced; a device neither, by the same rule."""
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path, tmp_path / "pipe"):
-        with pytest.raises(OutputError, match="it is (not a regular file|a folder); name a file"):
+        with pytest.raises(OutputError, match="it is (not a regular file|a folder)\\. Name a file"):
             write_bytes_safely(path, b"")
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
 

@@ -71,7 +71,7 @@ MILLIMETRES = {"mesh_to_surface": FAR, "surface_to_mesh": FAR, "hausdorff": 1.0}
 T0, T1 = "/patches/0/taxels", "/patches/1/taxels"
 FORM = [  # what the schema says: pointer to change, new value, code, pointer of the finding, words of the message
     ("/format", "skin-plan", "value", "/format", 'must be "skin-calibration", not "skin-plan"'),
-    ("/version", 2, "version", "/version", "newer than the 1 that this program reads; update"),
+    ("/version", 2, "version", "/version", "newer than version 1 of this program; update"),
     ("/version", 0, "value", "/version", "must be 1, not 0"),
     ("/version", True, "value", "/version", "must be 1, not true"),
     ("/version", "1", "value", "/version", 'must be 1, not "1"'),
@@ -81,7 +81,7 @@ FORM = [  # what the schema says: pointer to change, new value, code, pointer of
     ("/link", "forearm\n", "pattern", "/link", "must match"),
     ("/link", "\ud800", "type", "/link", "must be a string"),
     ("/link", ..., "missing", "", 'lacks the member "link"'),
-    ("/linc", "forearm", "unknown", "/linc", 'not known here; did you mean "link"?'),
+    ("/linc", "forearm", "unknown", "/linc", 'not a known member; did you mean "link"?'),
     ("/mesh/sha256", "F" * 64, "pattern", "/mesh/sha256", "must match"),
     ("/mesh/faces", -1, "range", "/mesh/faces", "must be at least 0, not -1"),
     ("/mesh/faces", 2**31, "range", "/mesh/faces", "must be at most 2147483647"),
@@ -98,7 +98,7 @@ FORM = [  # what the schema says: pointer to change, new value, code, pointer of
     ("/patches/0/pitch/0", 0, "range", "/patches/0/pitch/0", "must be more than 0, not 0"),
     (f"{T0}/normal", ..., "missing", T0, 'lacks the member "normal"'),
     (f"{T0}/positon", [], "unknown", f"{T0}/positon", 'did you mean "position"?'),
-    (f"{T0}/a~1~0b", [], "unknown", f"{T0}/a~1~0b", "not known here"),
+    (f"{T0}/a~1~0b", [], "unknown", f"{T0}/a~1~0b", "not a known member"),
     (f"{T0}/position/3/1", True, "type", f"{T0}/position/3/1", "must be a finite number, not true"),
     (f"{T0}/position/3/1", float("nan"), "type", f"{T0}/position/3/1", "must be a finite number, not nan"),
     (f"{T0}/position/3/1", 10**400, "type", f"{T0}/position/3/1", "must be a finite number, not a Python int"),
@@ -117,31 +117,43 @@ FORM = [  # what the schema says: pointer to change, new value, code, pointer of
         'must be one of "polynomial", "table".*did you mean "table"',
     ),
     ("/response", {"kind": "table", "readings": [0, 1]}, "missing", "/response", 'lacks the member "forces"'),
-    ("/response", TABLE | {"coefficients": [1]}, "unknown", "/response/coefficients", "not known here"),
+    ("/response", TABLE | {"coefficients": [1]}, "unknown", "/response/coefficients", "not a known member"),
     ("/response", TABLE | {"readings": [0]}, "length", "/response/readings", "must hold 2 to 65536, not 1"),
     ("/responses", [TABLE, {"kind": "spline"}], "value", "/responses/1/kind", "must be one of"),
     (f"{T0}/response", [0, 1, -1, 0, 0, 0], "range", f"{T0}/response/2", "must be at least 0, not -1"),
     ("/checksum", "sha256:0", "pattern", "/checksum", "must match"),
 ]
 MEANING = [  # what only the whole document tells
-    ("/checksum", "sha256:" + "0" * 64, "checksum", "/checksum", "changed after writing; .* write sha256:"),
+    ("/checksum", "sha256:" + "0" * 64, "checksum", "/checksum", "changed after writing; .* use sha256:"),
     ("/surfaces/1/name", "tube", "duplicate-name", "/surfaces/1/name", 'repeats "tube" of /surfaces/0/name'),
     ("/patches/1/name", "sheet", "duplicate-name", "/patches/1/name", "of /patches/0/name"),
     (f"{T1}/channel/1", 3, "duplicate-channel", f"{T1}/channel/1", f"repeats 3 of {T0}/channel/3"),
     ("/patches/0/surface", "tub", "unknown-surface", "/patches/0/surface", 'did you mean "tube"?'),
-    (f"{T0}/neighbours/0/1", "s9", "unknown-neighbour", f"{T0}/neighbours/0/1", 'names no taxel here: "s9"'),
+    (f"{T0}/neighbours/0/1", "s9", "unknown-neighbour", f"{T0}/neighbours/0/1", 'names the unknown taxel "s9"'),
     (f"{T0}/neighbours/0/1", "s0.0", "self-neighbour", f"{T0}/neighbours/0/1", "names the taxel itself"),
-    (f"{T0}/neighbours/0/1", "h0", "one-sided-neighbour", f"{T0}/neighbours/0/1", "does not name this one"),
-    (f"{T0}/uv", lambda uv: uv[:5], "length", f"{T0}/uv", "holds 5 taxels, 'id' 6"),
-    (f"{T0}/strain", lambda rows: rows + rows, "length", f"{T0}/strain", "holds 12 taxels"),
-    (f"{T0}/corners/2", lambda polygon: polygon[:3], "length", f"{T0}/corners/2", "has 3 corners, the first cell 4"),
+    (f"{T0}/neighbours/0/1", "h0", "one-sided-neighbour", f"{T0}/neighbours/0/1", "does not list this taxel"),
+    (f"{T0}/uv", lambda uv: uv[:5], "length", f"{T0}/uv", "contains 5 taxels, but 'id' has 6"),
+    (f"{T0}/strain", lambda rows: rows + rows, "length", f"{T0}/strain", "contains 12 taxels"),
+    (
+        f"{T0}/corners/2",
+        lambda polygon: polygon[:3],
+        "length",
+        f"{T0}/corners/2",
+        "has 3 corners, but the first cell has 4",
+    ),
     (f"{NORMAL}/4", times(1.001), "not-unit", f"{NORMAL}/4", "has length 1.001"),
     (f"{NORMAL}/4", times(1 + 3e-9), "not-unit", f"{NORMAL}/4", "has length 1.000000003"),
     (f"{T0}/tangent/0", [0, 0, 0], "not-unit", f"{T0}/tangent/0", "has length 0;"),
-    (f"{T0}/tangent/0", [1, 0, 0], "not-square", f"{T0}/tangent/0", "not at a right angle"),
+    (f"{T0}/tangent/0", [1, 0, 0], "not-square", f"{T0}/tangent/0", "not perpendicular"),
     (f"{NORMAL}/1", times(-1), "flipped-normal", f"{NORMAL}/1", "points inwards"),
-    (f"{T0}/corners/1", lambda polygon: polygon[::-1], "flipped-normal", f"{NORMAL}/1", "reverse the corners"),
-    (f"{T0}/area/5", 1.3e-4, "area", f"{T0}/area/5", "is 0.00013 m.2, but the corners span 0.0001 m.2"),
+    (
+        f"{T0}/corners/1",
+        lambda polygon: polygon[::-1],
+        "flipped-normal",
+        f"{NORMAL}/1",
+        "reverse the normal, or the corners",
+    ),
+    (f"{T0}/area/5", 1.3e-4, "area", f"{T0}/area/5", "is 0.00013 m.2, but the area of the corners is 0.0001 m.2"),
     (f"{T0}/area/5", 7e-5, "area", f"{T0}/area/5", "is 7e-05"),
     (f"{T0}/position/2", times(1000), "units", f"{T0}/position/2", "divide lengths by 1000"),
     (
@@ -149,34 +161,94 @@ MEANING = [  # what only the whole document tells
         times(1e6),
         "units",
         f"{T0}/area",
-        "everywhere 1e.06 times or more what the corners span; it must be in m.2",
+        "at least 1e.06 times the area of the corners for every taxel; areas are in m.2",
     ),
-    (f"{T0}/area", times(1e4), "units", f"{T0}/area", "is everywhere 1e.04 times"),
-    (T0, lambda t: t | spread(t), "units", f"{T0}/position", "lie 0.1993 m from their neighbours, the pitch is 0.01 m"),
+    (f"{T0}/area", times(1e4), "units", f"{T0}/area", "is at least 1e.04 times"),
+    (
+        T0,
+        lambda t: t | spread(t),
+        "units",
+        f"{T0}/position",
+        "are 0.1993 m from their neighbours, but the pitch is 0.01 m",
+    ),
     ("/surfaces/0/errors/hausdorff", 0.1, "errors", "/surfaces/0/errors/hausdorff", "the larger maximum is 0.00011"),
-    (f"{E0}/rms", 9e-6, "errors", E0, "has mean 1e-05, rms 9e-06, max 0.0001, which must not fall"),
+    (f"{E0}/rms", 9e-6, "errors", E0, "has mean 1e-05, rms 9e-06, max 0.0001; they must not decrease"),
     (f"{E0}/max", 1.9e-5, "errors", E0, "rms 2e-05, max 1.9e-05"),
-    ("/surfaces/0/errors", MILLIMETRES, "units", "/surfaces/0/errors/hausdorff", "reaches 1 m, and the surface is 0.2"),
-    ("/patches/0/pitch", [10, 10], "units", "/patches/0/pitch", "reaches 10 m; divide by 1000"),
-    ("/surfaces/1/control_net", times(1000), "units", "/surfaces/1/control_net", "reaches 100 m"),
-    ("/surfaces/0/control_net/1", lambda row: row[:-1], "length", "/surfaces/0/control_net/1", "the first row 11"),
-    ("/surfaces/0/knots/0", lambda row: row[1:], "length", "/surfaces/0/knots/0", "must hold 6 knots .*, not 5"),
-    ("/surfaces/0/degree/0", 3, "length", "/surfaces/0/control_net", "degree 3 needs 4 or more"),
-    ("/surfaces/0/knots/1/6", 0.1, "knots-decrease", "/surfaces/0/knots/1/6", "is 0.1, below the knot before it"),
+    (
+        "/surfaces/0/errors",
+        MILLIMETRES,
+        "units",
+        "/surfaces/0/errors/hausdorff",
+        "is 1 m, but the size of the surface is 0.2",
+    ),
+    ("/patches/0/pitch", [10, 10], "units", "/patches/0/pitch", "is 10 m; divide lengths by 1000"),
+    ("/surfaces/1/control_net", times(1000), "units", "/surfaces/1/control_net", "has points 100 m"),
+    (
+        "/surfaces/0/control_net/1",
+        lambda row: row[:-1],
+        "length",
+        "/surfaces/0/control_net/1",
+        "but the first row has 11",
+    ),
+    ("/surfaces/0/knots/0", lambda row: row[1:], "length", "/surfaces/0/knots/0", "must have 6 knots .*, not 5"),
+    ("/surfaces/0/degree/0", 3, "length", "/surfaces/0/control_net", "degree 3 needs at least 4"),
+    ("/surfaces/0/knots/1/6", 0.1, "knots-decrease", "/surfaces/0/knots/1/6", "is 0.1, less than the previous knot"),
     ("/surfaces/0/knots/1", times(2), "knots-domain", "/surfaces/0/knots/1", r"not \[0.0, 2.0\]"),
-    ("/response", TABLE | {"forces": [5, 1]}, "length", "/response/forces", "holds 2 forces, 'readings' 3"),
-    ("/response", TABLE | {"readings": [0, 1, 1]}, "not-increasing", "/response/readings/2", "is 1, not above the"),
-    ("/response", TABLE | {"readings": [-1e308, 0, 1e308]}, "not-increasing", "/response/readings", "spans more than"),
-    ("/response", TABLE | {"forces": [5, 0, 1]}, "not-monotone", "/response/forces/2", "is 1, against the way"),
-    ("/response", TABLE | {"forces": [5, 0, 5]}, "not-monotone", "/response/forces/1", "is 0, against the way"),
+    ("/response", TABLE | {"forces": [5, 1]}, "length", "/response/forces", "contains 2 forces, but 'readings' has 3"),
+    (
+        "/response",
+        TABLE | {"readings": [0, 1, 1]},
+        "not-increasing",
+        "/response/readings/2",
+        "is 1, not larger than the",
+    ),
+    (
+        "/response",
+        TABLE | {"readings": [-1e308, 0, 1e308]},
+        "not-increasing",
+        "/response/readings",
+        "spans a range that exceeds",
+    ),
+    (
+        "/response",
+        TABLE | {"forces": [5, 0, 1]},
+        "not-monotone",
+        "/response/forces/2",
+        "is 1, which reverses the direction",
+    ),
+    (
+        "/response",
+        TABLE | {"forces": [5, 0, 5]},
+        "not-monotone",
+        "/response/forces/1",
+        "is 0, which reverses the direction",
+    ),
     ("/response/range", [3, 3.0], "not-increasing", "/response/range", r"must be \[low, high\], not \[3, 3.0\]"),
-    ("/response/range", [-1e308, 1.7e308], "not-increasing", "/response/range", "spans more than a number"),
-    ("/response/range", [0, 126], "not-monotone", "/response/range", "the force turns round or overflows"),
-    ("/response/range", [0, 1e200], "not-monotone", "/response/range", "the force turns round or overflows"),
-    ("/responses", [TABLE, TABLE | {"forces": [0, 1, 0]}], "not-monotone", "/responses/1/forces/1", "is 1, against"),
+    (
+        "/response/range",
+        [-1e308, 1.7e308],
+        "not-increasing",
+        "/response/range",
+        "spans a range that exceeds the largest",
+    ),
+    ("/response/range", [0, 126], "not-monotone", "/response/range", "the force is not monotone or overflows"),
+    ("/response/range", [0, 1e200], "not-monotone", "/response/range", "the force is not monotone or overflows"),
+    (
+        "/responses",
+        [TABLE, TABLE | {"forces": [0, 1, 0]}],
+        "not-monotone",
+        "/responses/1/forces/1",
+        "is 1, which reverses",
+    ),
     (f"{T0}/response", [0] * 6, "unknown-response", f"{T0}/response/0", "is 0, but the file has 0 responses"),
-    (f"{T0}/response", [0] * 5, "length", f"{T0}/response", "holds 5 taxels, 'id' 6"),
-    ("/surfaces/0/control_net/1/9/0", 0.03, "open-seam", "/surfaces/0/control_net", "0.00525 m off its first 3"),
+    (f"{T0}/response", [0] * 5, "length", f"{T0}/response", "contains 5 taxels, but 'id' has 6"),
+    (
+        "/surfaces/0/control_net/1/9/0",
+        0.03,
+        "open-seam",
+        "/surfaces/0/control_net",
+        "deviate from its first 3 by 0.00525 m",
+    ),
 ]
 
 
@@ -297,7 +369,7 @@ def test_validate_takes_what_is_not_json():
 
 def test_finding_is_one_printable_line():
     """Whatever a file names its members, a finding stays on its line and can be printed."""
-    finding = Finding("unknown", "error", "/a\nb\ud800\x1b[31m" + "c" * 1000, "is not known here")
+    finding = Finding("unknown", "error", "/a\nb\ud800\x1b[31m" + "c" * 1000, "is not a known member")
     assert "\n" not in str(finding) and "\x1b" not in str(finding) and len(str(finding)) < 300
     str(finding).encode()
 
@@ -320,12 +392,12 @@ BYTES = [  # bytes, code, pointer, words of the message
     (b"\xef\xbb\xbf{}", "byte-order-mark", "", "byte order mark"),
     (b'{"a": "\xff"}', "encoding", "", "not UTF-8 at byte 7"),
     (b'{"a": "\xed\xa0\x80"}', "encoding", "", "at byte 7"),
-    ("{}".encode("utf-16"), "encoding", "", "is UTF-16; save it as UTF-8"),
-    ("{}".encode("utf-16-le"), "encoding", "", "is binary at byte 1; check that it is the right file"),
-    (b"\x89PNG\r\n\x1a\n", "encoding", "", "is binary at byte 6; check"),
-    (b"\0\0\0\0", "encoding", "", "is binary at byte 0; check"),
-    (b"PK\3\4\xff", "encoding", "", "is a ZIP archive, as NPZ files are"),
-    (gzip.compress(b"{}", mtime=0), "encoding", "", "is compressed by gzip; unpack it"),
+    ("{}".encode("utf-16"), "encoding", "", "is UTF-16. Save it as UTF-8"),
+    ("{}".encode("utf-16-le"), "encoding", "", "is binary at byte 1. Check that it is the correct file"),
+    (b"\x89PNG\r\n\x1a\n", "encoding", "", "is binary at byte 6. Check"),
+    (b"\0\0\0\0", "encoding", "", "is binary at byte 0. Check"),
+    (b"PK\3\4\xff", "encoding", "", "is a ZIP archive (NPZ files are"),
+    (gzip.compress(b"{}", mtime=0), "encoding", "", "is compressed with gzip. Decompress it"),
     (b"{" + b" " * 2**17 + b"\xff\0}", "encoding", "", "is binary at byte 131074"),
     (b"", "syntax", "", "is empty"),
     (b" ", "syntax", "", "byte 1, line 1, column 2"),
@@ -345,11 +417,11 @@ BYTES = [  # bytes, code, pointer, words of the message
     (b"[0, -1e999]", "number-range", "/1", "is -1e999"),
     (b"[" + b"9" * 5000 + b"]", "number-range", "/0", "is 99999"),
     (b"[9223372036854775808]", "number-range", "/0", "is 9223372036854775808"),
-    (b'["a", "\\ud800"]', "surrogate", "/1", "half a character"),
-    (b'{"\\uDFff": 1}', "surrogate", "", "half a character"),
-    (b"[" * (MAX_JSON_DEPTH + 1) + b"]" * (MAX_JSON_DEPTH + 1), "depth", "", "nests 33 levels; at most 32"),
-    (b"[" * 1_000_000, "depth", "", "nests 1000000 levels"),
-    (b'{"a":' * 1_000_000, "depth", "", "nests 1000000 levels"),
+    (b'["a", "\\ud800"]', "surrogate", "/1", "a lone surrogate"),
+    (b'{"\\uDFff": 1}', "surrogate", "", "a lone surrogate"),
+    (b"[" * (MAX_JSON_DEPTH + 1) + b"]" * (MAX_JSON_DEPTH + 1), "depth", "", "has 33 nesting levels; the limit is 32"),
+    (b"[" * 1_000_000, "depth", "", "has 1000000 nesting levels"),
+    (b'{"a":' * 1_000_000, "depth", "", "has 1000000 nesting levels"),
 ]
 
 
@@ -401,7 +473,7 @@ def test_parse_refuses_sizes_before_building(monkeypatch):
     assert parse(b"[" + b"1," * 100 + b"1]")[1][0].code == "size"
     assert parse(b"[" + b"{}," * 50 + b"{}]")[1][0].code == "size"
     monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
-    assert "has 11 bytes; at most 10" in parse(b'"123456789"')[1][0].message
+    assert "has 11 bytes; the limit is 10" in parse(b'"123456789"')[1][0].message
 
 
 def test_read_refuses_size_before_reading(tmp_path, monkeypatch):
@@ -409,7 +481,7 @@ def test_read_refuses_size_before_reading(tmp_path, monkeypatch):
     monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
     path = tmp_path / "c.json"
     path.write_bytes(b"1" * 11)
-    with pytest.raises(calibration.file.CalibrationFormatError, match="its 11 bytes exceed 10"):
+    with pytest.raises(calibration.file.CalibrationFormatError, match="its 11 bytes exceed the limit of 10"):
         strict_json.read(path)
 
 
@@ -418,7 +490,7 @@ def test_measure_is_blind_to_chunks(monkeypatch):
     monkeypatch.setattr(strict_json, "MAX_JSON_DEPTH", 2)
     for size in range(1, 12):
         monkeypatch.setattr(strict_json, "CHUNK_BYTES", size)
-        assert parse(rb'[["[[\"[[", "\\"], [{}]]')[1][0].message.startswith("nests 3 levels")
+        assert parse(rb'[["[[\"[[", "\\"], [{}]]')[1][0].message.startswith("has 3 nesting levels")
         assert parse(rb'[["[[\"[[", "\\"], [0]]')[1] == ()
 
 

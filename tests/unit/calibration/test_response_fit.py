@@ -215,7 +215,7 @@ def test_warnings_are_given(readings, forces, words):
 @pytest.mark.parametrize("readings", [[], [5.0], [5.0, 5.0, 5.0]])
 def test_one_reading_is_no_response(readings):
     """What does not change tells nothing."""
-    with pytest.raises(UnderdeterminedFit, match="measure at two forces or more that the sensor tells apart"):
+    with pytest.raises(UnderdeterminedFit, match="Measure at two or more forces with different readings"):
         fit_response(np.array(readings), np.arange(float(len(readings))))
 
 

@@ -190,7 +190,7 @@ BAD_PLANS = {
         {"grid": TUBE | {"lines": 4}, "degree": [3, 4]},
         "degree 4 needs at least 5 v-lines, the grid has 4",
     ),
-    "unknown key": ({"grip": 1}, '/grip is not known here; did you mean "grid"?'),
+    "unknown key": ({"grip": 1}, '/grip is not a known member; did you mean "grid"?'),
     "misspelt key": ({"skins": [SHEET | {"nmae": "a"}]}, "/skins/0"),
     "huge number": ({"skins": [SHEET | {"name": "a", "origin": [0, 1e300, 0]}]}, "/skins/0/origin/1 must be at most"),
     "cut of everything": (

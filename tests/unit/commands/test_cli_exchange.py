@@ -146,7 +146,7 @@ def test_import_tells_what_is_strange(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("x,y,z\n1,2\n", "line 2 has 2 columns, the header 3"),
+        ("x,y,z\n1,2\n", "line 2 has 2 columns, but the header has 3"),
         ("hello", "is no taxel file that is known here"),
         ("<robot><link name='a'/></robot>", "has no tactile sensor and no frame"),
         (None, "cannot read"),

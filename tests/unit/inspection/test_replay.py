@@ -106,11 +106,11 @@ def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is empty; check that it was written whole"),
+        ("", "is empty. Check that it was written completely."),
         ("\n", "line 1: a recording's header is time and one name for each channel"),
         ("t,a\n1,2\n", "line 1: a recording's header is time"),
-        ("time,a\n0,1\n1,x\n", "line 3, column 2: has 'x' where a number belongs"),
-        ('time,a\n0,"1\n', "is no table"),
+        ("time,a\n0,1\n1,x\n", "line 3, column 2: has 'x' instead of a number"),
+        ('time,a\n0,"1\n', "is not a row of a table"),
     ],
 )
 def test_bad_table_is_refused_with_its_place(text, message, tmp_path):
@@ -154,7 +154,7 @@ def test_file_that_is_no_archive_is_refused(tmp_path):
 def test_pipe_is_refused_and_not_waited_for(name, tmp_path):
     """Nobody may ever write into it."""
     os.mkfifo(tmp_path / name)
-    with pytest.raises(CalibrationFormatError, match=f"{name}': it is not a regular file; name a file"):
+    with pytest.raises(CalibrationFormatError, match=f"{name}': it is not a regular file. Name a file"):
         list(read_recording(tmp_path / name))
 
 
@@ -169,7 +169,7 @@ def test_bad_calls_say_why_and_leave_nothing(calibration, tmp_path, capsys):
     assert main(["replay", str(calibration), str(broken), "-o", str(out)]) == 1
     assert "cannot read" in capsys.readouterr().err
     assert main(["replay", str(calibration), str(tmp_path / "none.csv"), "-o", str(out)]) == 1
-    assert "check the path" in capsys.readouterr().err
+    assert "Check the path" in capsys.readouterr().err
     empty = tmp_path / "empty.csv"
     empty.write_text("time,a\n")
     assert main(["replay", str(calibration), str(empty), "-o", str(out)]) == 1

@@ -130,7 +130,7 @@ def test_missing_matplotlib_is_one_line(tmp_path, monkeypatch):
 
 def test_picture_into_a_missing_folder_is_refused(tmp_path):
     """Like every other file."""
-    with pytest.raises(OutputError, match="no folder"):
+    with pytest.raises(OutputError, match="folder .* does not exist"):
         draw_calibration(small_calibration(), tmp_path / "none" / "p.png")
 
 

@@ -258,7 +258,7 @@ def test_planes_are_kept_in_their_order():
     ("pointer", "value", "where", "message"),
     [
         ("/format", "skin-calibration", "/format", 'must be "skin-plan"'),
-        ("/version", 2, "/version", "newer than the 1 that this program reads"),
+        ("/version", 2, "/version", "newer than version 1 of this program"),
         ("/version", 1.5, "/version", "must be 1"),
         ("/link", "", "/link", "must match"),
         ("/link", "a\nb", "/link", "must match"),
@@ -266,7 +266,7 @@ def test_planes_are_kept_in_their_order():
         ("/mesh", ..., "", 'lacks the member "mesh"'),
         ("/unit", "cm", "/unit", 'must be one of "m", "mm", not "cm"'),
         ("/cover/shell", "outre", "/cover/shell", 'did you mean "outer"'),
-        ("/cover/cut", [], "/cover/cut", 'is not known here; did you mean "cuts"'),
+        ("/cover/cut", [], "/cover/cut", 'is not a known member; did you mean "cuts"'),
         ("/cover/cuts/0/normal", [0, 1], "/cover/cuts/0/normal", "must hold 3, not 2"),
         ("/cover/cuts/0/point/2", "x", "/cover/cuts/0/point/2", "must be a finite number"),
         ("/cover/cuts/0/point/2", 1e300, "/cover/cuts/0/point/2", "must be at most 1000000"),
@@ -275,7 +275,7 @@ def test_planes_are_kept_in_their_order():
         ("/grid/n", 0, "/grid/n", "must be at least 1, not 0"),
         ("/grid/n", 2.5, "/grid/n", "must be an integer"),
         ("/grid/n", True, "/grid/n", "must be an integer"),
-        ("/grid/linse", 4, "/grid/linse", 'is not known here; did you mean "lines"'),
+        ("/grid/linse", 4, "/grid/linse", 'is not a known member; did you mean "lines"'),
         ("/grid/margin", -0.001, "/grid/margin", "must be at least 0"),
         ("/grid/axis", "z", "/grid/axis", "must be"),
         ("/grid/axis", {"point": [0, 0, 0]}, "/grid/axis", 'lacks the member "direction"'),
@@ -300,12 +300,12 @@ def test_planes_are_kept_in_their_order():
         ),
         ("/response", {"kind": "table", "readings": [0, 1]}, "/response", 'lacks the member "forces"'),
         ("/response/range", [3, 3], "/response/range", "must be [low, high], not [3, 3]"),
-        ("/response", TURNING, "/response/range", "force turns round"),
-        ("/response", TABLE | {"forces": [0.0, 1.0]}, "/response/forces", "holds 2 forces, 'readings' 3"),
+        ("/response", TURNING, "/response/range", "force is not monotone"),
+        ("/response", TABLE | {"forces": [0.0, 1.0]}, "/response/forces", "contains 2 forces, but 'readings' has 3"),
         ("/response/coefficients", [], "/response/coefficients", "must hold 1 to 16, not 0"),
         ("/chords", "yes", "/chords", "must be a boolean"),
-        ("/gird", TUBE, "/gird", 'is not known here; did you mean "grid"'),
-        ("/x", 1, "/x", "is not known here"),
+        ("/gird", TUBE, "/gird", 'is not a known member; did you mean "grid"'),
+        ("/x", 1, "/x", "is not a known member"),
     ],
 )
 def test_each_place_that_breaks_the_schema_is_found(pointer, value, where, message):
@@ -393,9 +393,9 @@ def test_members_that_do_not_go_together_are_refused(pointer, value, message):
         (b"{", "not JSON at byte 1"),
         (b"[]", "must be an object, not an array of 0"),
         (b"\xff", "is not UTF-8"),
-        (json.dumps(WHOLE | {"gird": 1}).encode(), '/gird is not known here; did you mean "grid"'),
+        (json.dumps(WHOLE | {"gird": 1}).encode(), '/gird is not a known member; did you mean "grid"'),
         (json.dumps(WHOLE | {"gird": 1, "unit": 2, "link": 3}).encode(), r"and 2 more: run check"),
-        (json.dumps(WHOLE)[:-1].encode() + b', "unit": "m"}', "/unit is given more than once"),
+        (json.dumps(WHOLE)[:-1].encode() + b', "unit": "m"}', "/unit occurs more than once"),
         (json.dumps(WHOLE).replace("0.002", "NaN").encode(), "/grid/margin is NaN"),
     ],
 )
@@ -410,7 +410,7 @@ def test_load_plan_says_what_is_wrong_in_one_line(tmp_path, data, message):
 
 def test_missing_plan_is_named(tmp_path):
     """The path, and what to check."""
-    with pytest.raises(CalibrationFormatError, match=r"cannot read '.*none\.json': No such file .*; check the path"):
+    with pytest.raises(CalibrationFormatError, match=r"cannot read '.*none\.json': No such file .*. Check the path"):
         load_plan(tmp_path / "none.json")
 
 
@@ -430,5 +430,5 @@ def test_saved_plan_is_for_people(tmp_path):
     text = path.read_text("utf-8")
     assert text.endswith("}\n") and "前腕" in text and '\n  "link": "forearm",' in text
     assert list(json.loads(text)) == list(WHOLE)
-    with pytest.raises(OutputError, match="no folder"):
+    with pytest.raises(OutputError, match="the folder .* does not exist"):
         save_plan(plan_from(WHOLE), tmp_path / "none" / "p.json")

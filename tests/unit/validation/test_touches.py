@@ -224,7 +224,7 @@ def test_tables_are_read_by_their_names(tmp_path):
         ([("taxel", "x", "y")], 'line 1, column 4: the header names no column "z"'),
         ([("id", "x", "y", "z")], 'line 1, column 5: the header names no column "taxel"'),
         ([("taxel", "x", "y", "z")], "line 1, column 1: has no touch below it"),
-        ([("taxel", "x", "y", "z"), ("s1.2", 0, 0)], "line 2, column 4: has 3 columns, the header 4"),
+        ([("taxel", "x", "y", "z"), ("s1.2", 0, 0)], "line 2, column 4: has 3 columns, but the header has 4"),
         (
             [("taxel", "x", "y", "z"), ("s1.22", 0, 0, 0)],
             'line 2, column 1: names no taxel of the calibration: "s1.22"',

@@ -162,12 +162,12 @@ def test_tum_patch_without_place_stays_in_its_root_cell(read):
         (("SkinConfig", "Skin"), "syntax", 'opens "Skin"; a SkinConfig is needed'),
         (("<rot>", "<tor>", "</rot>", "</tor>"), "missing", "opens a tf_rootCell_base without rot"),
         (('<cell id="5"', "<cell"), "missing", "opens a cell without the attribute id"),
-        (('<cell id="5"', '<cell id="five"'), "number", "has 'five' where an integer belongs (cell id)"),
+        (('<cell id="5"', '<cell id="five"'), "number", "has 'five' instead of an integer (cell id)"),
         (('<cell id="6"', '<cell id="5"'), "duplicate-label", 'repeats the label "5" of line'),
         (('row="2" col="0">0.0<', 'row="3" col="0">0.0<'), "size", "holds element (3, 0) of a pos, which is 3 x 1"),
         (('row="2" col="0">0.0<', 'row="1" col="0">0.0<'), "missing", "opens a matrix without element (2, 0)"),
-        (('row="2" col="0">0.0<', 'row="2" col="0">zero<'), "number", "has 'zero' where a number belongs"),
-        (('row="2" col="0">0.0<', 'row="2" col="0">NaN<'), "not-finite", "has 'NaN'; a finite number is needed"),
+        (('row="2" col="0">0.0<', 'row="2" col="0">zero<'), "number", "has 'zero' instead of a number"),
+        (('row="2" col="0">0.0<', 'row="2" col="0">NaN<'), "not-finite", "has 'NaN' instead of a finite number"),
         (('row="2" col="0">0.0<', 'row="2" col="0">1e999<'), "not-finite", "has '1e999'"),
         (('row="2" col="2">1.0<', 'row="2" col="2">-1.0<'), "rotation", "opens a rot that is no rotation"),
         (('row="2" col="2">1.0<', 'row="2" col="2">1e300<'), "rotation", "opens a rot that is no rotation"),
@@ -263,17 +263,17 @@ def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
         (("x,y,z,nx", "u,y,z,nx"), "missing-column", "line 1", 'names no column "x"'),
         (("nx,ny,nz", "nx,ny,nu"), "missing-column", "line 1", 'names no column "nz"; did you mean'),
         (("x,y,z,nx", "x,y,y,nx"), "duplicate-column", "line 1", 'names the column "y" twice'),
-        (("\n", "\n,"), "row", "line 2", "has 7 columns, the header 6"),
+        (("\n", "\n,"), "row", "line 2", "has 7 columns, but the header has 6"),
         (("\n0.03", "\nabc"), "number", "line 2", "has 'abc"),
         (("\n0.03", "\n1_0.03"), "number", "line 2", "has '1_0.03"),
-        (("\n0.03", "\n０.03"), "number", "line 2", "where a number belongs"),
-        (("\n0.03", "\n "), "number", "line 2", "where a number belongs"),
-        (("\n0.03,", "\nnan,"), "not-finite", "line 2", "has 'nan'; a finite number is needed"),
+        (("\n0.03", "\n０.03"), "number", "line 2", "instead of a number"),
+        (("\n0.03", "\n "), "number", "line 2", "instead of a number"),
+        (("\n0.03,", "\nnan,"), "not-finite", "line 2", "has 'nan' instead of a finite number"),
         (("\n0.03,", "\n-Infinity,"), "not-finite", "line 2", "has '-Infinity'"),
         (("\n0.03,", "\n1e400,"), "not-finite", "line 2", "has '1e400'"),
         (("\n0.03,", "\n50,"), "units", "line 2", "divide by 1000 if these are millimetres"),
         (("\n0.03,0.0,0.0", "\n0.03,0.0,1e7"), "units", "line 2", "divide by 1000"),
-        (("\n0.03", '\n"0.03'), "syntax", "line 2", "begins what is no table: unexpected end of data"),
+        (("\n0.03", '\n"0.03'), "syntax", "line 2", "is not a row of a table: unexpected end of data"),
     ],
 )
 def test_table_reader_refuses_by_the_line(read, change, code, place, words):
@@ -292,7 +292,7 @@ def test_table_reader_refuses_by_the_line(read, change, code, place, words):
     [
         ("channel,x,y,z", "-1,0,0,1", "channel", "has the channel -1; use 0 to 2147483647"),
         ("channel,x,y,z", "2147483648,0,0,1", "channel", "has the channel 2147483648"),
-        ("channel,x,y,z", "1.5,0,0,1", "number", "has '1.5' where an integer belongs"),
+        ("channel,x,y,z", "1.5,0,0,1", "number", "has '1.5' instead of an integer"),
         ("channel,x,y,z", "7,0,0,1\n7,0,1,1", "duplicate-channel", "repeats the channel 7 of line 2"),
         ("id,x,y,z", "a,0,0,1\na,0,1,1", "duplicate-label", 'repeats the label "a" of line 2'),
         ("id,x,y,z", " ,0,0,1", "label", 'has the label ""; use 1 to 200 printable characters'),
@@ -318,7 +318,7 @@ def test_neighbours_of_a_table_are_channels(read):
     assert taxels.neighbours == (("b", "c"), ("a",), ()) and taxels.findings == ()
     taxels = read(table.replace("7 9", "7 8"))
     assert taxels.neighbours == (("b",), ("a",), ()) and codes(taxels) == {"unknown-neighbour": "line 2"}
-    with pytest.raises(CalibrationFormatError, match="line 2 has 'b' where an integer belongs"):
+    with pytest.raises(CalibrationFormatError, match="line 2 has 'b' instead of an integer"):
         read(table.replace("7 9", "b"))
 
 
@@ -378,7 +378,7 @@ def test_taxels_of_tactile_sensors_are_read(read):
 @pytest.mark.parametrize(
     ("content", "change", "code", "words"),
     [
-        (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="${r} 0.0'), "number", "has '${r}' where a number belongs (xyz)"),
+        (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="${r} 0.0'), "number", "has '${r}' instead of a number (xyz)"),
         (robot_text(PLACES), ('xyz="0.03 0.0', 'xyz="0.03'), "number", "has 2 numbers in xyz; three are needed"),
         (robot_text(PLACES), ('xyz="0.03 ', 'xyz="nan '), "not-finite", "has 'nan'"),
         (robot_text(PLACES), ('xyz="0.03 ', 'xyz="30 '), "units", "divide by 1000 if these are millimetres"),
@@ -494,7 +494,7 @@ def test_viewpoint_of_a_cloud_is_told(read):
         (ply_text(ROUND), ("property float x", "property real x"), 'has the type "real", which PLY does not have'),
         (ply_text(ROUND), ("float x", "float u"), 'names no "x" among "u y z"'),
         (ply_text(ROUND), ("\n0.03 ", "\n0.03 1 "), "line 11 has more than 3 numbers; the header names 3"),
-        (ply_text(ROUND), ("\n0.03 ", "\n0x3 "), "line 11 has '0x3' where a number belongs"),
+        (ply_text(ROUND), ("\n0.03 ", "\n0x3 "), "line 11 has '0x3' instead of a number"),
         (pcd_text(ROUND), ("DATA ascii", "DATA binary_compressed"), "save it as ascii or binary"),
         (pcd_text(ROUND), ("DATA ascii", "data"), "has no line DATA"),
         (pcd_text(ROUND), ("POINTS 12", "POINTS 13"), "holds 12 of its 13 points"),
@@ -502,7 +502,7 @@ def test_viewpoint_of_a_cloud_is_told(read):
         (pcd_text(ROUND), ("POINTS 12\n", ""), "has a header without POINTS"),
         (pcd_text(ROUND), ("SIZE 4", "SIZE 3"), 'the field "x" of type "F", size "3"'),
         (pcd_text(ROUND), ("SIZE 4", "SIZE"), "names other fields than SIZE, TYPE and COUNT describe"),
-        (pcd_text(ROUND), ("\n0.03 ", "\nnan "), "line 12 has 'nan'; a finite number is needed"),
+        (pcd_text(ROUND), ("\n0.03 ", "\nnan "), "line 12 has 'nan' instead of a finite number"),
         (pcd_text(ROUND, "x y channel"), ("", ""), 'names no "z" among'),
         (
             pcd_text(np.column_stack((ROUND, ROUND)), "x y z channel b c"),
@@ -611,12 +611,15 @@ def test_format_is_told_by_the_content(read, tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"x,y,z\n\xff,0,0\n", "is not UTF-8 at byte 6; save it as UTF-8"),
-        (b"\xff\xfex\x00,\x00", "is UTF-16; save it as UTF-8"),
-        (b"solid\0\0\0", "is binary at byte 5; check that it is the right file"),
-        (b"", "is empty; check that it was written whole"),
+        (b"x,y,z\n\xff,0,0\n", "is not UTF-8 at byte 6. Save it as UTF-8"),
+        (b"\xff\xfex\x00,\x00", "is UTF-16. Save it as UTF-8"),
+        (b"solid\0\0\0", "is binary at byte 5. Check that it is the correct file"),
+        (b"", "is empty. Check that it was written completely."),
         (b'{"format": "skin-calibration"}', "is JSON, no taxel file: export .* fit"),
-        (b"x,y,z\n1,2,3\n" + b" " * (text.MAX_LINE_LENGTH + 1), "line 3 of .* has 1048577 characters; at most 1048576"),
+        (
+            b"x,y,z\n1,2,3\n" + b" " * (text.MAX_LINE_LENGTH + 1),
+            "line 3 of .* has 1048577 characters; the limit is 1048576",
+        ),
     ],
 )
 def test_text_that_is_none_is_refused(read, content, words):
@@ -638,10 +641,10 @@ def test_sizes_are_limited(read, monkeypatch):
         monkeypatch.setattr(icub, "MAX_TAXELS", 12)
         read(icub_text(rows, "3 " * 13))
     monkeypatch.setattr(text, "MAX_LINES", 12)
-    with pytest.raises(CalibrationFormatError, match="its 14 lines exceed 12"):
+    with pytest.raises(CalibrationFormatError, match="its 14 lines exceed the limit of 12"):
         read(csv_text(ROUND))
     monkeypatch.setattr(text, "MAX_TEXT_BYTES", 100)
-    with pytest.raises(CalibrationFormatError, match="bytes exceed 100"):
+    with pytest.raises(CalibrationFormatError, match="bytes exceed the limit of 100"):
         read(csv_text(ROUND))
 
 
