@@ -126,9 +126,9 @@ def test_hysteresis_is_told_and_halved():
     fit = fit_response(readings, forces)
     assert np.abs(errors(fit, lambda x: x / 18, 0, readings.max())).max() < 0.05
     (text,) = about(fit, "hysteresis")
-    assert "is 0.3" in text and "N larger while it increases" in text
+    assert "is 0.3" in text and "N larger while it rises" in text
     backwards = fit_response(*cycles(-0.3))
-    assert "N smaller while it increases" in about(backwards, "hysteresis")[0]
+    assert "N smaller while it rises" in about(backwards, "hysteresis")[0]
 
 
 def test_hysteresis_is_told_while_the_force_is_held():
@@ -136,7 +136,7 @@ def test_hysteresis_is_told_while_the_force_is_held():
     forces = np.repeat(np.concatenate((np.arange(13.0), np.arange(11.0, 0, -1))), 20)
     lag = np.repeat((0.8, -0.8), (260, 220))
     readings = np.rint(18 * (forces - lag) + np.random.default_rng(6).normal(0, 1, len(forces)))
-    assert "N larger while it increases" in about(fit_response(readings, forces), "hysteresis")[0]
+    assert "N larger while it rises" in about(fit_response(readings, forces), "hysteresis")[0]
 
 
 @given(seed=st.integers(0, 2**20), noise=st.floats(0, 3), n=st.integers(10, 200))
