@@ -79,13 +79,14 @@ def series(name: str, cases: Iterator[tuple[Link, int, int]], repeats: int) -> I
 
 def fits(link: Link, n: int, lines: int, present: dict) -> Iterator[tuple[str, Callable]]:
     """What to time on one case."""
-    yield "ours", lambda: methods.ours(link, n, lines)
-    yield "ours, same planes", lambda: methods.ours(link, n, lines, "uniform")
-    yield "paper, good parameters", lambda: methods.paper(link, link.fan, n, lines)
+    yield methods.PLACED, lambda: methods.ours(link, n, lines)
+    yield methods.SAME, lambda: methods.ours(link, n, lines, "uniform")
+    yield methods.LETTER, lambda: methods.letter(link, link.fan, n, lines)
+    yield methods.STRENGTHENED, lambda: methods.strengthened(link, link.fan, n, lines)
     for name in COMPARED:
         if name in present:
-            _, prepare = next(present[name].tasks(peers.Task(link, link.fan, n, lines)))
-            yield name, prepare()
+            _, words, per_span = next(present[name].tasks(n * lines))
+            yield name, present[name].prepare(peers.Task(link, link.fan, n, lines), words, per_span)
 
 
 def faces_cut(fit: SurfaceFit) -> int:
@@ -107,7 +108,7 @@ def table(rows: list[Row]) -> str:
         cases.setdefault((r.series, r.faces, r.control_points), {})[r.method] = r
     for (_, faces, unknowns), found in cases.items():
         times = [f"{found[name].milliseconds:.1f}" if name in found else "–" for name in names]
-        own = found["ours"]
+        own = found[methods.PLACED]
         counts = f"{own.cut} | {own.samples} | {own.passes} | {unknowns}"
         text.append(f"| {faces} | {unknowns} | {' | '.join(times)} | {counts} |")
     return "\n".join(text)

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared" / "data"
 Z = (0.0, 0.0, 1.0)
+BUNDLED, PAPERS_LINK = "bundled wrist", "HRP-4C wrist"
 HALF_TUBE = float(np.deg2rad(95.0))  # the mesh goes to 100 degrees on either side; a ray at its very edge may miss
 
 
@@ -110,53 +111,66 @@ class Fan:
         return self.origins(s)[:, None] + radii[..., None] * self.directions(s, t)
 
 
-def bundled_wrist() -> Link:
-    """The sample that every user has."""
-    mesh = load_module(ROOT / "sample_scenes" / "shapes.py").wrist()
-    return Link("bundled wrist", weld(mesh.vertices, mesh.faces), Axis((0.0015, 0.0005, 0.0), Z), 0.002)
-
-
 def has_shapes() -> bool:
     """Whether the shapes with a truth and the real links are there."""
     return SHARED.is_dir()
 
 
 def all_links() -> Iterator[Link]:
-    """The bundled wrist, and where the data is there, the shapes and the real links."""
-    yield bundled_wrist()
+    """Yield the bundled wrist, and where the data is present, the shapes and the real links."""
+    for name in present_links():
+        yield link_of(name)
+
+
+def present_links() -> list[str]:
+    """Return the names of the links whose data is present; print a message where it is not."""
     if not has_shapes():
-        print(f"no {SHARED} beside the project: shapes with a truth and real links are left out", file=sys.stderr)
-        return
-    shapes = target_shapes()
-    middle = Axis((0.0, 0.0, 0.0), Z)
-    yield shape_link("cylinder", shapes.cylinder(), middle)
-    yield shape_link("wrist sample", shapes.wrist(), Axis((0.0032, 0.0008, 0.0), Z))
-    yield shape_link("rounded square", shapes.rounded_square(), middle)
-    yield shape_link("half tube", shapes.half_tube(), middle, sector=(-HALF_TUBE, HALF_TUBE))
-    yield shape_link("cone", shapes.cone(), middle)
-    yield from real_links()
+        print(f"{SHARED} is missing: shapes with a known surface and real links are left out", file=sys.stderr)
+        return [BUNDLED]
+    return list(LINKS)
 
 
-def real_links() -> Iterator[Link]:
-    """Covers of robots: between cuts where the link itself ends in forks or caps, and some of them whole."""
-    wrist = Axis((-0.0016, -0.0027, -0.1908), (0.0174, -0.0167, 0.9997))
-    yield Link("HRP-4C wrist", cover("hrp4c_r_wrist_y_cover_only"), wrist, 0.007, real=True)
-    middle = Axis((0.0, 0.006, 0.0), Z)
-    cuts = Cut((0.0, 0.0, 0.045), Z), Cut((0.0, 0.0, 0.165), (0.0, 0.0, -1.0))
-    yield Link("TALOS forearm", cover("talos_arm_5_forearm", *cuts), middle, 0.008, real=True)
-    yield Link("TALOS forearm, twin", cover("talos_arm_5_forearm_collision", *cuts), middle, 0.008, real=True)
-    jvrc, jvrc_axis = cover("jvrc1_r_elbow_p"), Axis((-0.0178, 0.0, -0.1043), (0.0411, 0.0022, -0.9992))
-    yield Link("JVRC-1 forearm", jvrc, jvrc_axis, 0.012, real=True)
+def link_of(name: str) -> Link:
+    """Load one link."""
+    return LINKS[name]()
+
+
+def bundled_wrist() -> Link:
+    """The sample that every user has."""
+    mesh = load_module(ROOT / "sample_scenes" / "shapes.py").wrist()
+    return Link(BUNDLED, weld(mesh.vertices, mesh.faces), Axis((0.0015, 0.0005, 0.0), Z), 0.002)
+
+
+def hrp4c_wrist() -> Link:
+    """The link of the paper."""
+    axis = Axis((-0.0016, -0.0027, -0.1908), (0.0174, -0.0167, 0.9997))
+    return Link(PAPERS_LINK, cover("hrp4c_r_wrist_y_cover_only"), axis, 0.007, real=True)
+
+
+def talos_forearm(name: str, file: str, whole: bool = False) -> Link:
+    """A forearm of TALOS between two cuts, or as a whole with its end caps."""
+    cuts = () if whole else (Cut((0.0, 0.0, 0.045), Z), Cut((0.0, 0.0, 0.165), (0.0, 0.0, -1.0)))
+    return Link(name, cover(file, *cuts), Axis((0.0, 0.006, 0.0), Z), None if whole else 0.008, real=True)
+
+
+def jvrc_forearm(name: str, margin: float | None) -> Link:
+    """The forearm of JVRC-1: 240 faces."""
+    axis = Axis((-0.0178, 0.0, -0.1043), (0.0411, 0.0022, -0.9992))
+    return Link(name, cover("jvrc1_r_elbow_p"), axis, margin, real=True)
+
+
+def g1_wrist() -> Link:
+    """A wrist of G1 without its flange."""
     cut = Cut((0.016, 0.0, 0.0), (-1.0, 0.0, 0.0))
-    yield Link("G1 wrist", cover("g1_left_wrist_roll", cut), Axis((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), 0.001, real=True)
+    return Link("G1 wrist", cover("g1_left_wrist_roll", cut), Axis((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), 0.001, real=True)
+
+
+def icub_thigh(name: str, whole: bool = False) -> Link:
+    """The thigh of iCub above the knee, or as a whole with the knee."""
     point, along = np.array((0.0105, 0.0025, -0.0542)), np.array((0.1222, 0.0308, -0.992))
-    thigh_axis = Axis(tuple(point), tuple(along))
     cuts = Cut(tuple(point - 0.083 * along), tuple(along)), Cut(tuple(point - 0.017 * along), tuple(-along))
-    yield Link("iCub thigh", cover("icub27_l_upper_leg", *cuts), thigh_axis, 0.003, real=True)  # above the knee
-    # As far as sections are complete, which is what a user gets who says nothing: end caps and knee included.
-    yield Link("TALOS twin, whole", cover("talos_arm_5_forearm_collision"), middle, None, real=True)
-    yield Link("JVRC-1 forearm, whole", jvrc, jvrc_axis, None, real=True)
-    yield Link("iCub thigh, whole", cover("icub27_l_upper_leg"), thigh_axis, None, real=True)
+    mesh = cover("icub27_l_upper_leg", *(() if whole else cuts))
+    return Link(name, mesh, Axis(tuple(point), tuple(along)), None if whole else 0.003, real=True)
 
 
 def cover(name: str, *cuts: Cut) -> TriangleMesh:
@@ -171,6 +185,12 @@ def shape_link(name: str, shape: dict, axis: Axis, sector: tuple[float, float] |
     return Link(name, mesh, axis, 0.002, sector, lambda points: np.abs(closest(points * 1e3)[0]) / 1e3)
 
 
+def shape(name: str, axis: Axis, sector: tuple[float, float] | None = None) -> Link:
+    """Return one of the shapes with a known surface: "rounded square" is ``rounded_square`` there."""
+    function = name.removesuffix(" sample").replace(" ", "_")
+    return shape_link(name, getattr(target_shapes(), function)(), axis, sector)
+
+
 def target_shapes():
     """The module of the targets' shapes."""
     return load_module(SHARED / "shapes.py")
@@ -182,3 +202,24 @@ def load_module(path: Path):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+MIDDLE = Axis((0.0, 0.0, 0.0), Z)
+LINKS: dict[str, Callable[[], Link]] = {
+    BUNDLED: bundled_wrist,
+    "cylinder": lambda: shape("cylinder", MIDDLE),
+    "wrist sample": lambda: shape("wrist sample", Axis((0.0032, 0.0008, 0.0), Z)),
+    "rounded square": lambda: shape("rounded square", MIDDLE),
+    "half tube": lambda: shape("half tube", MIDDLE, (-HALF_TUBE, HALF_TUBE)),
+    "cone": lambda: shape("cone", MIDDLE),
+    PAPERS_LINK: hrp4c_wrist,
+    "TALOS forearm": lambda: talos_forearm("TALOS forearm", "talos_arm_5_forearm"),
+    "TALOS forearm, twin": lambda: talos_forearm("TALOS forearm, twin", "talos_arm_5_forearm_collision"),
+    "JVRC-1 forearm": lambda: jvrc_forearm("JVRC-1 forearm", 0.012),
+    "G1 wrist": g1_wrist,
+    "iCub thigh": lambda: icub_thigh("iCub thigh"),
+    # As far as sections are complete, the default of a plan: end caps and knee included.
+    "TALOS twin, whole": lambda: talos_forearm("TALOS twin, whole", "talos_arm_5_forearm_collision", whole=True),
+    "JVRC-1 forearm, whole": lambda: jvrc_forearm("JVRC-1 forearm, whole", None),
+    "iCub thigh, whole": lambda: icub_thigh("iCub thigh, whole", whole=True),
+}

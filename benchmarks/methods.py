@@ -1,12 +1,23 @@
 """Ours and the paper's method, as surfaces that are measured like everybody else's."""
 
 import numpy as np
-import paper_method
-from links import Fan, Link
+import paper_letter
+import paper_strengthened
+from links import Array, Fan, Link
 from measure import Surface, tensor
+from paper_sections import PaperFit
 
 from skin_calib_addon.geometry import Planes, PlanesGrid, SurfaceFit, fit_surface, fit_to_count, fit_to_tolerance
 from skin_calib_addon.geometry.surface.bspline import clamped_knots
+
+SAME, PLACED, BEST_NET, AUTO = "ours, same planes", "ours, placed planes", "ours, best net", "ours, auto"
+MODES = (SAME, PLACED, BEST_NET)  # of ours, at a size that is given
+LETTER, STRENGTHENED, STRENGTHENED_NLLS = "paper, letter", "paper, strengthened", "paper, strengthened, NLLS"
+
+
+def is_peer(method: str) -> bool:
+    """Return whether a method is neither ours nor the paper's."""
+    return not method.startswith(("ours", "paper"))
 
 
 def ours(link: Link, n: int, lines: int, spacing: str = "auto") -> SurfaceFit:
@@ -33,17 +44,26 @@ def auto(link: Link, tolerance: float) -> SurfaceFit:
     return fit_to_tolerance(link.mesh, tolerance / 1e3, axis=link.axis, margin=link.margin, sector=link.sector)
 
 
-def paper(link: Link, fan: Fan, n: int, lines: int, solver: str = "linear", parameters: str = "good"):
-    """The paper's surface along our even planes, or along fanned ones."""
+def paper_planes(fan: Fan, n: int, lines: int) -> tuple[Array, Array]:
+    """Return our even planes, or fanned ones, in the form of the paper's method."""
     if not fan.closed:
         raise ValueError("the paper's method closes its curves; this link is open")
     s, angles = np.linspace(0, 1, n), -np.arange(lines) * 2 * np.pi / lines  # counter-clockwise
     u_planes = np.stack((fan.origins(s), fan.normals(s)), axis=1)
     outward = np.cos(angles)[:, None] * fan.e1 + np.sin(angles)[:, None] * fan.e2
-    v_planes = np.stack(np.broadcast_arrays(fan.first, fan.e3, outward), axis=1)
-    return paper_method.fit(
-        link.mesh.vertices, link.mesh.faces, u_planes, v_planes, solver=solver, parameters=parameters
-    )
+    return u_planes, np.stack(np.broadcast_arrays(fan.first, fan.e3, outward), axis=1)
+
+
+def letter(link: Link, fan: Fan, n: int, lines: int, parameters: str = "greville") -> PaperFit:
+    """Return the surface of the paper's method as its text says."""
+    mesh = link.mesh
+    return paper_letter.fit(mesh.vertices, mesh.faces, *paper_planes(fan, n, lines), parameters=parameters)
+
+
+def strengthened(link: Link, fan: Fan, n: int, lines: int, solver: str = "linear") -> PaperFit:
+    """Return the surface of the best form of the paper's method that we found."""
+    mesh = link.mesh
+    return paper_strengthened.fit(mesh.vertices, mesh.faces, *paper_planes(fan, n, lines), solver=solver)
 
 
 def surface_of_ours(fit: SurfaceFit) -> Surface:
@@ -53,7 +73,7 @@ def surface_of_ours(fit: SurfaceFit) -> Surface:
     return Surface(tensor(made.control_net, made.knots_u, made.knots_v, made.degree), count, "; ".join(notes))
 
 
-def surface_of_paper(fit: paper_method.PaperFit) -> Surface:
+def surface_of_paper(fit: PaperFit) -> Surface:
     """A geomdl surface of cubic clamped uniform knots; its last column repeats the first."""
     n, m, _ = fit.control_net.shape
     return Surface(tensor(fit.control_net, clamped_knots(n, 3), clamped_knots(m, 3), (3, 3)), n * (m - 1))

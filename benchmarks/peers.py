@@ -331,13 +331,17 @@ class Peer:
     variants: tuple[tuple[dict, int], ...] = (({}, 3),)
     most: int = 10**6  # control points; with more it takes many seconds
 
-    def tasks(self, task: Task) -> Iterator[tuple[str, Callable[[], Fit]]]:
-        """What to call for each variant, and its name."""
-        if task.n * task.lines > self.most:
+    def tasks(self, control_points: int) -> Iterator[tuple[str, dict, int]]:
+        """Yield the name, the words and the samples per span of each variant; none where it takes too long."""
+        if control_points > self.most:
             return
         for words, per_span in self.variants:
             name = ", ".join([f"{key}: {value}" for key, value in words.items()] + [f"{per_span} per span"])
-            yield name, partial(self.fit, replace(task, per_span=per_span), **words)
+            yield name, words, per_span
+
+    def prepare(self, task: Task, words: dict, per_span: int) -> Fit:
+        """Return the fit of one variant, ready to call."""
+        return self.fit(replace(task, per_span=per_span), **words)
 
 
 PEERS = {

@@ -1,20 +1,20 @@
-"""Stability: error to the truth as corners sharpen, noise grows, planes tilt, holes open, faces go, vertices thin out.
+"""Stability: error to the truth for sharp corners, noise, tilted planes, holes, missing faces and coarse meshes.
 
-Ours beside the paper's method and three peers, all with the same net. Where a method raises, gives what is no surface,
-or is further than ``LIMIT`` from the truth on the mean, it has failed.
+Ours, both readings of the paper's method and three peers have the same net. A method fails where it raises, where its
+result is not finite or far away, or where its mean distance to the truth is above ``LIMIT``.
 """
 
 import sys
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import methods
 import numpy as np
 import peers
 from links import Axis, Fan, Link, has_shapes, shape_link, target_shapes
-from measure import from_truth, timed
+from measure import Surface, from_truth, timed
 
 from skin_calib_addon.geometry import weld
 
@@ -37,15 +37,15 @@ class Row:
     mean: float
     max: float
     milliseconds: float
-    missing: float  # share of the samples that ours says are missing
-    smallest_area: float  # what ours says of folds: least area element over the mean one
-    doubts: str  # what ours tells its author to look at
+    missing: float  # fraction of the samples that ours reports as missing
+    smallest_area: float  # folds that ours reports: smallest area element over the mean one
+    warnings: str  # of ours
     failure: str
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A condition that gets worse from value to value."""
+    """A condition, from easy to difficult."""
 
     name: str
     unit: str
@@ -88,27 +88,27 @@ def noisy(sigma: float) -> Link:
 
 
 def tilted(_: float) -> Link:
-    """The wrist sample; its planes are tilted, not it."""
+    """Return the wrist sample; only its planes are tilted."""
     return replace(plain_wrist(), margin=TILT_MARGIN)
 
 
 def with_hole(radius: float) -> Link:
-    """The wrist sample without the faces within a radius [mm] of a place on it."""
+    """Return the wrist sample without the faces within a radius [mm] of a point on it."""
     mesh = plain_wrist().mesh
     centres = mesh.triangles.mean(axis=1)
-    place = centres[np.argmax(centres @ (1.0, 1.0, 0.0) - 10 * np.abs(centres[:, 2] - 0.04))]
-    return wrist_link(weld(mesh.vertices, mesh.faces[np.linalg.norm(centres - place, axis=1) >= radius * 1e-3]))
+    point = centres[np.argmax(centres @ (1.0, 1.0, 0.0) - 10 * np.abs(centres[:, 2] - 0.04))]
+    return wrist_link(weld(mesh.vertices, mesh.faces[np.linalg.norm(centres - point, axis=1) >= radius * 1e-3]))
 
 
 def with_faces_missing(percent: float) -> Link:
-    """The wrist sample without a share of its faces, chosen at random."""
+    """Return the wrist sample without a fraction of its faces, chosen at random."""
     mesh = plain_wrist().mesh
     order = np.random.default_rng(SEED).permutation(len(mesh.faces))
     return wrist_link(weld(mesh.vertices, mesh.faces[np.sort(order[round(percent / 100 * len(order)) :])]))
 
 
 def sampled(around: float) -> Link:
-    """The wrist sample with so many vertices around it, and as many along it as keeps its faces' shape."""
+    """Return the wrist sample with ``around`` vertices around it, and faces of the same shape."""
     return wrist_link(nt=int(around), nz=max(4, round(0.52 * around)))
 
 
@@ -123,9 +123,9 @@ PANELS = (
 
 
 def measure(repeats: int) -> Iterator[Row]:
-    """All rows; none where the shapes with a truth are not there."""
+    """Yield all rows; none where the shapes with a known surface are missing."""
     if not has_shapes():
-        print("stability is measured against a truth: it is left out", file=sys.stderr)
+        print("stability needs shapes with a known surface: it is left out", file=sys.stderr)
         return
     present = peers.installed()
     compared = {name: present[name] for name in COMPARED if name in present}
@@ -133,16 +133,26 @@ def measure(repeats: int) -> Iterator[Row]:
         for value in panel.values:
             link = panel.link(value)
             fan = panel.fan(link, value)
-            yield row(panel, value, link, "ours", "", our_fit(panel, link, fan), repeats)
-            fit = lambda: methods.surface_of_paper(methods.paper(link, fan, PLANES, panel.lines))  # noqa: B023, E731
-            yield row(panel, value, link, "paper, good parameters", "", fit, 1)
+            yield row(panel, value, link, methods.PLACED, "", our_fit(panel, link, fan), repeats)
+            for name, method in ((methods.LETTER, methods.letter), (methods.STRENGTHENED, methods.strengthened)):
+                yield row(panel, value, link, name, "", partial(paper_fit, method, link, fan, panel.lines), 1)
             task = peers.Task(link, fan, PLANES, panel.lines)
             for name, peer in compared.items():
                 rows = [
-                    row(panel, value, link, name, variant, lambda p=prepare: p()(), 1)
-                    for variant, prepare in peer.tasks(task)
+                    row(panel, value, link, name, variant, partial(fit_of_peer, peer, task, words, per_span), 1)
+                    for variant, words, per_span in peer.tasks(PLANES * panel.lines)
                 ]
                 yield min(rows, key=lambda r: np.nan_to_num(r.mean, nan=np.inf))
+
+
+def paper_fit(method: Callable, link: Link, fan: Fan, lines: int) -> Surface:
+    """Fit with one reading of the paper's method."""
+    return methods.surface_of_paper(method(link, fan, PLANES, lines))
+
+
+def fit_of_peer(peer: peers.Peer, task: peers.Task, words: dict, per_span: int) -> Surface:
+    """Prepare and fit with one variant of a peer."""
+    return peer.prepare(task, words, per_span)()
 
 
 def our_fit(panel: Panel, link: Link, fan: Fan) -> Callable:
@@ -153,28 +163,28 @@ def our_fit(panel: Panel, link: Link, fan: Fan) -> Callable:
 
 
 def row(panel: Panel, value: float, link: Link, method: str, variant: str, fit: Callable, repeats: int) -> Row:
-    """One method in one condition, measured; what fails says why."""
+    """Measure one method in one condition; a failure has its reason."""
     missing = area = mean = largest = milliseconds = np.nan
-    doubts = failure = ""
+    warned = failure = ""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             made, milliseconds = timed(fit, repeats)
-        if method == "ours":
-            missing, area, doubts = made.missing, made.smallest_area, "; ".join(map(str, made.warnings))
+        if method == methods.PLACED:
+            missing, area, warned = made.missing, made.smallest_area, "; ".join(map(str, made.warnings))
             made = methods.surface_of_ours(made)
         mean, largest = from_truth(link, made)
         if mean > LIMIT:
             failure = f"{mean:.3g} mm from the truth"
     except Exception as error:  # whatever a library raises is its result here
         failure = f"{type(error).__name__}: {error}".replace("\n", " ").strip()
-    return Row(panel.name, value, method, variant, mean, largest, milliseconds, missing, area, doubts, failure)
+    return Row(panel.name, value, method, variant, mean, largest, milliseconds, missing, area, warned, failure)
 
 
 def table(rows: list[Row]) -> str:
     """Markdown: the error of every method in every condition, and how often each failed."""
     names = list(dict.fromkeys(r.method for r in rows))
-    text = [f"| condition | value | {' | '.join(names)} | ours: missing | doubts |", "|" + "---|" * (len(names) + 4)]
+    text = [f"| condition | value | {' | '.join(names)} | ours: missing | warnings |", "|" + "---|" * (len(names) + 4)]
     cells = {(r.panel, r.value, r.method): r for r in rows}
     for panel in PANELS:
         for value in panel.values:
@@ -182,7 +192,7 @@ def table(rows: list[Row]) -> str:
             figures = [f"failed ({r.failure[:60]})" if r.failure else f"{r.mean:.4f}" for r in found]
             gap = "" if np.isnan(found[0].missing) else f"{found[0].missing:.1%}"
             text.append(
-                f"| {panel.name} [{panel.unit}] | {value:g} | {' | '.join(figures)} | {gap} | {found[0].doubts[:60]} |"
+                f"| {panel.name} [{panel.unit}] | {value:g} | {' | '.join(figures)} | {gap} | {found[0].warnings[:60]} |"
             )
     failed = [sum(bool(r.failure) for r in rows if r.method == name) for name in names]
     text.append(f"| failures | of {len(rows) // len(names)} | {' | '.join(map(str, failed))} | | |")

@@ -1,34 +1,33 @@
-"""The yardstick: the calibration method of Sensors 2023, 23, 4569, as its authors describe it.
+"""The parts that both readings of the paper's method use: planes, sections, curves, the surface.
 
-Section 3.4 (Algorithm 1, eqs 3 and 4) and section 4.1 (eqs 10 and 11), on the tools they name: trimesh cuts the mesh,
-NURBS-Python (geomdl) holds the curves and the surface, SciPy solves for offsets along the lines P_u ∩ P_v.
-Where the paper leaves a choice open we take the one that is best for the paper, and say so.
-It imports nothing of ours, so that what we compare with cannot lean on what we compare. Metres throughout.
+The method is that of Sensors 2023, 23, 4569: section 3.4 (Algorithm 1, eqs 3 and 4) and section 4.1 (eqs 10 and 11), on
+the tools that it names: trimesh cuts the mesh, NURBS-Python (geomdl) stores the curves and the surface, SciPy solves
+for offsets along the lines P_u ∩ P_v. The two readings are ``paper_letter.py``, which does what the text says, and
+``paper_strengthened.py``, the best that we found within the method. None of these files imports our package, so that
+the comparison does not depend on what is compared. Lengths are in metres.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Literal
 
 import numpy as np
 import trimesh
 from geomdl import BSpline, construct, helpers, knotvector
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 
 SAMPLES_PER_LINE = 5  # samples of the section from one line to the next; four times as many change the mean by < 1 %
-POINTS_PER_SPAN = 20  # a curve is a polygon this fine where samples are matched to it: 1 um off it on a wrist
 MILLIMETRE = 1e-3  # the unit of the nonlinear solve: SciPy's default tolerances suit numbers near one
 
 
 @dataclass(frozen=True, eq=False)
 class PaperFit:
-    """What the paper's method returns, and how long it took."""
+    """The surface of the paper's method, and the time of its fit."""
 
     surface: BSpline.Surface  # geomdl; clamped uniform knots, no weights; u along the axis, v around it
     control_net: Array  # (n, M + 1, 3), [m]; the last column repeats the first: the clamped seam
@@ -46,14 +45,8 @@ class Section:
     samples: Array  # (SAMPLES_PER_LINE * M + 1, 2), [m], equally spaced on the curve from line to line
 
 
-@dataclass(frozen=True, eq=False)
-class Ruler:
-    """What the curves of one fit share."""
-
-    knots: list[float]  # clamped, uniform on [0, 1]
-    degree: int
-    v: Array  # (k,), parameters, POINTS_PER_SPAN to a span
-    basis: Array  # (k, M + 1), the basis functions there
+# From a section, the knots and the degree to the control points of its curve, shape (M + 1, 2), [m].
+CurveFit = Callable[[Section, list[float], int], Array]
 
 
 def planes(
@@ -100,14 +93,13 @@ def planes(
     return u_planes, np.stack(np.broadcast_arrays(point, axis, outward), axis=1)
 
 
-def fit(
+def fit_tube(
     vertices: ArrayLike,
     faces: ArrayLike,
     u_planes: ArrayLike,
     v_half_planes: ArrayLike,
-    degree: int = 3,
-    solver: Literal["linear", "nlls"] = "linear",
-    parameters: Literal["good", "uniform"] = "good",
+    degree: int,
+    fit_curve: CurveFit,
 ) -> PaperFit:
     """Construct the B-spline surface of a closed tube from a mesh and a grid of planes (Algorithm 1).
 
@@ -119,44 +111,40 @@ def fit(
         As from :func:`planes`; the u planes need not be parallel.
     degree : int
         Of the curves and of the surface, in both directions.
-    solver : "linear" or "nlls"
-        One least-squares solve per curve with the parameters v_k fixed, or from its result SciPy's nonlinear least
-        squares (its defaults: derivatives by differences) with good v_k chosen anew at every evaluation.
-    parameters : "good" or "uniform"
-        "good" fits dense samples of the section; v_k is where the curve passes at the sample's angle, at first the
-        curve with the control points Q_j. "uniform" is the paper's letter, v_k = k / M at the crossings Q_k alone:
-        ill conditioned, and linear whatever the solver.
+    fit_curve : function
+        The reading of eq. 4.
 
     Returns
     -------
     PaperFit
         Control point (i, j) lies on the line u_planes[i] ∩ v_half_planes[j]; every curve starts and ends on Q_0.
-        The smoothing factor of section 4.1 is left out: nothing in eqs 3 and 4 takes it.
+        The smoothing factor of section 4.1 is omitted: eqs 3 and 4 do not contain it.
 
     Raises
     ------
     ValueError
         If a plane has no closed section, or a line does not cross it in the order of the half-planes.
     """
-    if solver not in ("linear", "nlls") or parameters not in ("good", "uniform"):
-        raise ValueError(f"no solver {solver!r} with parameters {parameters!r}")
     half_planes = np.asarray(v_half_planes, float)
     began = perf_counter()
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     knots = knotvector.generate(degree, len(half_planes) + 1)
-    fine = np.linspace(0, 1, POINTS_PER_SPAN * (len(half_planes) + 1 - degree) + 1)
-    ruler = Ruler(knots, degree, fine, basis(fine, knots, degree))
     curves = []
     for point, normal in np.asarray(u_planes, float):
         section = cut(mesh, point, normal, half_planes)
-        control_points = section.origin + optimal_net(section, ruler, solver, parameters) @ section.axes
+        control_points = section.origin + fit_curve(section, knots, degree) @ section.axes
         curve = BSpline.Curve()
         curve.degree, curve.ctrlpts, curve.knotvector = degree, control_points.tolist(), knots
         curves.append(curve)
-    # The surface takes the curves' control points as its net, as the paper has it: in u it smooths, it does not fit.
+    # The surface takes the curves' control points as its net, as in the paper: in u it smooths, it does not fit.
     surface = construct.construct_surface("u", *curves, degree=degree)  # makes clamped uniform knots of its own
     net = np.array(surface.ctrlpts).reshape(len(curves), -1, 3)
     return PaperFit(surface, net, perf_counter() - began)
+
+
+def on_lines(section: Section, offsets: Array) -> Array:
+    """Move the crossings along their lines; Q_0 and Q_M stay, as C(0) = Q_0 and C(1) = Q_M; shape (M + 1, 2), [m]."""
+    return section.crossings + np.pad(offsets, 1)[:, None] * section.directions
 
 
 def axis_in_hull(vertices: Array, point: Array, axis: Array) -> tuple[float, float]:
@@ -240,37 +228,3 @@ def curve_line_intersection(loop: Array, lengths: Array, direction: Array) -> tu
         raise ValueError(f"the v line along {direction} does not cross its section; the axis must be inside the mesh")
     k = np.argmax(distances)
     return hits[k], lengths[i[k]] + t[k] * (lengths[i[k] + 1] - lengths[i[k]])
-
-
-def optimal_net(section: Section, ruler: Ruler, solver: str, parameters: str) -> Array:
-    """Find the control points of one curve on their lines (eq. 4); shape (M + 1, 2), [m]."""
-    Q, L = section.crossings, section.directions
-
-    def net(offsets: Array) -> Array:
-        return Q + np.pad(offsets, 1)[:, None] * L  # Q_0 and Q_M stay: C(0) = Q_0, C(1) = Q_M
-
-    if parameters == "uniform":
-        targets, v = Q, np.linspace(0, 1, len(Q))
-    else:
-        targets = section.samples
-        v = at_angles(targets, ruler.basis @ Q, ruler.v[:, None])[:, 0]
-    N = basis(v, ruler.knots, ruler.degree)
-    A = np.concatenate([N[:, 1:-1] * x for x in L[1:-1].T])
-    offsets = np.linalg.lstsq(A, (targets - N @ Q).T.ravel(), rcond=None)[0]
-    if solver == "linear":
-        return net(offsets)
-
-    def residuals(offsets_mm: Array) -> Array:
-        P = net(offsets_mm * MILLIMETRE)
-        if parameters == "uniform":
-            return (targets - N @ P).ravel() / MILLIMETRE
-        polygon = ruler.basis @ P
-        return (targets - at_angles(targets, polygon, polygon)).ravel() / MILLIMETRE
-
-    return net(least_squares(residuals, offsets / MILLIMETRE).x * MILLIMETRE)
-
-
-def at_angles(samples: Array, curve: Array, values: Array) -> Array:
-    """Read values (k, c) given along a curve where it has each sample's angle; both start on Q_0."""
-    seen, known = (np.unwrap(np.arctan2(y, x)) for x, y in (samples.T, curve.T))
-    return np.column_stack([np.interp(seen - seen[0], known - known[0], x) for x in values.T])

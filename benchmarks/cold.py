@@ -1,0 +1,66 @@
+"""The time of a fit's first call in a fresh process, after all imports.
+
+A server process imports every library and calls nothing. Each cold time comes from a child that is forked from it,
+reads the link and calls the fit once. What a peer prepares before the clock starts, as a smoothing factor, is prepared
+in the child too.
+"""
+
+import multiprocessing
+import warnings
+from collections.abc import Callable
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+
+# Imported in the server, with what they import: ours, the paper's method and the peers.
+LIBRARIES = ["methods", "geomdl.fitting", "splipy", "splipy.surface_factory", "splinepy", "splinepy.helpme.fit"]
+LIBRARIES += ["OCP.GeomAPI", "OCP.Approx", "OCP.GeomAbs", "OCP.gp", "OCP.collections", "scipy.interpolate"]
+LONGEST = 120.0  # [s] for one child; a longer one is ended and gives no time
+LONG = 500.0  # [ms] a call that takes longer is not repeated
+
+
+def cold_milliseconds(link: str, prepare: Callable, repeats: int) -> float:
+    """Return the median of some first calls [ms], each in a process of its own; NaN where none succeeds.
+
+    Parameters
+    ----------
+    link : str
+        Name of a link, which each process loads.
+    prepare : function
+        From the link to the function that is timed; it must be picklable.
+    repeats : int
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(LIBRARIES)  # has an effect on the first call only
+    times: list[float] = []
+    while len(times) < repeats and max(times, default=0.0) < LONG:
+        receiver, sender = context.Pipe(duplex=False)
+        process = context.Process(target=first_call, args=(sender, link, prepare))
+        process.start()
+        sender.close()
+        try:
+            seconds = receiver.recv() if receiver.poll(LONGEST) else None
+        except EOFError:  # the process crashed
+            seconds = None
+        process.kill()
+        process.join()
+        if seconds is None:
+            return np.nan
+        times.append(1e3 * seconds)
+    return median(times)
+
+
+def first_call(sender, link: str, prepare: Callable) -> None:
+    """Send the seconds of one call, or None where it fails."""
+    from links import link_of
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            call = prepare(link_of(link))
+            start = perf_counter()
+            call()
+            sender.send(perf_counter() - start)
+    except Exception:
+        sender.send(None)
