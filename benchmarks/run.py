@@ -1,12 +1,20 @@
-"""Ours beside the paper's method and its peers, in one run: tables, CSV files and the charts of the documentation.
+"""Compare ours with the paper's method and with peers, in one run: tables, CSV files and the figures of the docs.
 
-    python benchmarks/run.py [--repeats N] [--only time_error|stability|cost|placement|cycle|files]
+    python benchmarks/run.py [--repeats N] [--only time_error|stability|cost|placement|cycle|files] [--quick]
 
-Times are the median of N runs, or of as many as fit in ``measure.BUDGET``, from mesh to surface without reading files,
-with whatever threads the machine gives. All surfaces are measured by the same exact distances, in as many even places.
-"ours, same planes" fits along the very planes of the paper's method; "ours" lets the planes go where they lower the
-error most, "ours, best net" chooses the proportion of planes and lines too, for as many control points; "ours, auto"
-finds the smallest net for a tolerance, proof included.
+A warm time is the median of N calls, or of as many as fit in ``measure.BUDGET``; a cold time is that of the first call
+in a fresh process, after imports. Times go from mesh to surface, without reading files, with the machine's default
+number of threads. All surfaces are measured by the same exact distances at as many even positions. The methods are:
+
+- "ours, same planes": along the planes of the paper's method;
+- "ours, placed planes": as many planes, placed where they reduce the error most;
+- "ours, best net": as many control points, with the best ratio of planes to lines, too;
+- "ours, auto": the smallest net for a tolerance, with its proof;
+- "paper, letter": the paper's method as its text says (``paper_letter.py``);
+- "paper, strengthened": the best form of it that we found (``paper_strengthened.py``);
+- the peers, with our samples (``peers.py``).
+
+``--quick`` measures the links of the README's figure at two sizes; its figures go to ``out``, not to ``docs``.
 """
 
 import argparse
@@ -27,7 +35,7 @@ BENCHMARKS = {module.__name__: module for module in MODULES}
 
 
 def write(rows: list, path: Path) -> None:
-    """Rows as a CSV file; what is not known is empty."""
+    """Write rows as a CSV file; unknown values are empty."""
     path.parent.mkdir(exist_ok=True)
     names = list(type(rows[0]).__dataclass_fields__)
     with open(path, "w", newline="") as file:
@@ -35,7 +43,25 @@ def write(rows: list, path: Path) -> None:
         writer.writerow(names)
         for row in rows:
             values = [getattr(row, name) for name in names]
-            writer.writerow(["" if value != value else value for value in values])  # NaN is not itself
+            writer.writerow(["" if value != value else value for value in values])  # only NaN differs from itself
+
+
+def read(path: Path, kind: type) -> list:
+    """Read rows that :func:`write` wrote; an empty number is NaN, or None in a column that allows it."""
+    with open(path, newline="") as file:
+        return [
+            kind(**{name: value_of(kind, name, text) for name, text in row.items()}) for row in csv.DictReader(file)
+        ]
+
+
+def value_of(kind: type, name: str, text: str):
+    """Return a cell of a CSV file with the type of its column."""
+    wanted = kind.__dataclass_fields__[name].type
+    if wanted is str:
+        return text
+    if text == "":
+        return float("nan") if wanted is float else None
+    return float(text) if wanted is float else int(text)
 
 
 def main() -> None:
@@ -43,15 +69,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--only", choices=BENCHMARKS)
+    parser.add_argument("--quick", action="store_true", help="the links of the README at two sizes, figures into out")
+    parser.add_argument("--redraw", action="store_true", help="draw the figures from the CSV files of an earlier run")
     arguments = parser.parse_args()
-    measured = {}
+    measured, out = {}, ROOT / "out"
     for name, benchmark in BENCHMARKS.items():
-        if arguments.only in (None, name):
-            measured[name] = rows = list(benchmark.measure(arguments.repeats))
-            if rows:
-                write(rows, ROOT / "out" / f"{name}.csv")
-                print(benchmark.table(rows), flush=True)
-    charts.draw_all(measured, ROOT / "docs")
+        if arguments.only not in (None, name):
+            continue
+        file = out / f"{name}{'_quick' if arguments.quick else ''}.csv"
+        if arguments.redraw:
+            measured[name] = read(file, benchmark.Row) if file.exists() else []
+            continue
+        quick = {"quick": True} if arguments.quick and benchmark is time_error else {}
+        measured[name] = rows = list(benchmark.measure(arguments.repeats, **quick))
+        if rows:
+            write(rows, file)
+            print(benchmark.table(rows), flush=True)
+    charts.draw_all(measured, ROOT / ("out" if arguments.quick else "docs"))
 
 
 if __name__ == "__main__":

@@ -191,9 +191,8 @@ def table(rows: list[Row]) -> str:
             found = [cells[panel.name, value, name] for name in names]
             figures = [f"failed ({r.failure[:60]})" if r.failure else f"{r.mean:.4f}" for r in found]
             gap = "" if np.isnan(found[0].missing) else f"{found[0].missing:.1%}"
-            text.append(
-                f"| {panel.name} [{panel.unit}] | {value:g} | {' | '.join(figures)} | {gap} | {found[0].warnings[:60]} |"
-            )
+            notes = f"{gap} | {found[0].warnings[:60]}"
+            text.append(f"| {panel.name} [{panel.unit}] | {value:g} | {' | '.join(figures)} | {notes} |")
     failed = [sum(bool(r.failure) for r in rows if r.method == name) for name in names]
     text.append(f"| failures | of {len(rows) // len(names)} | {' | '.join(map(str, failed))} | | |")
     return "\n".join(text)

@@ -89,10 +89,14 @@ def verdict(rows: list[Row]) -> str:
         )
     text += ["", "| link | n x m | peers that no mode of ours dominates: mean [mm], time [ms], control points |"]
     text.append("|---|---|---|")
-    front: dict[tuple, list[str]] = {}
+    front: dict[tuple, dict[str, Row]] = {}
     for r in not_dominated(rows):
-        front.setdefault((r.link, r.n, r.m), []).append(f"{named(r)} {result(r)}, {r.control_points}")
-    text += [f"| {link} | {n} x {m} | {'; '.join(names)} |" for (link, n, m), names in front.items()]
+        best_of = front.setdefault((r.link, r.n, r.m), {})
+        if r.method not in best_of or cost(r) < cost(best_of[r.method]):
+            best_of[r.method] = r
+    for (link, n, m), best_of in front.items():
+        names = "; ".join(f"{named(r)} {result(r)}, {r.control_points}" for r in best_of.values())
+        text.append(f"| {link} | {n} x {m} | {names} |")
     if not front:
         text.append("| all | all | none |")
     return "\n".join(text)
