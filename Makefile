@@ -37,7 +37,7 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: $(VENV)/bench-ready  ## the paper's method and the peers beside ours: tables, CSV files, charts
+bench: $(VENV)/bench-ready  ## compare with the paper's method and with peers: tables, CSV files, figures
 	$(BIN)/python benchmarks/run.py
 
 wheel: $(READY)  ## the Python package in dist/; without what an earlier build left

@@ -1,4 +1,4 @@
-"""Cost: time against the faces of the mesh and against control points, with the counts that no machine alters."""
+"""Cost: time against the faces of the mesh and against control points, with counts that no machine changes."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -23,27 +23,27 @@ COMPARED = ("splipy", "geomdl")
 
 @dataclass(frozen=True)
 class Row:
-    """One fit: what it took, and for ours what it did."""
+    """One fit: its time, and the counts of ours."""
 
     series: str  # "faces" or "control points"
     method: str
     faces: int
     control_points: int  # the unknowns of ours: one offset each
     milliseconds: float
-    cut: int | None  # pairs of a face and a plane of samples that crosses it
+    cut: int | None  # pairs of a face and a row of samples that crosses it
     samples: int | None
     passes: int | None
 
 
 def measure(repeats: int) -> Iterator[Row]:
-    """All rows."""
+    """Yield all rows."""
     yield from series("faces", ((link, PLANES, LINES) for link in refined_wrists()), repeats)
     wrist = wrist_of(1e4) if has_shapes() else bundled_wrist()
     yield from series("control points", ((wrist, n, lines) for n, lines in NETS), repeats)
 
 
 def refined_wrists() -> Iterator[Link]:
-    """The wrist sample in more and more faces; where it is not there, the bundled one divided again and again."""
+    """Yield the wrist sample with more and more faces; where it is absent, subdivisions of the bundled one."""
     if has_shapes():
         yield from map(wrist_of, FACES)
         return
@@ -54,13 +54,13 @@ def refined_wrists() -> Iterator[Link]:
 
 
 def wrist_of(faces: float) -> Link:
-    """The wrist sample in so many faces."""
+    """Return the wrist sample with a number of faces."""
     around = round(float(np.sqrt(faces / (2 * 0.52))))
     return wrist_link(nt=around, nz=round(0.52 * around) + 1)
 
 
 def series(name: str, cases: Iterator[tuple[Link, int, int]], repeats: int) -> Iterator[Row]:
-    """Every method on every case, until it takes too long."""
+    """Yield every method on every case, until it takes too long."""
     present, tired = peers.installed(), set()
     for link, n, lines in cases:
         count = len(link.mesh.faces)
@@ -78,7 +78,7 @@ def series(name: str, cases: Iterator[tuple[Link, int, int]], repeats: int) -> I
 
 
 def fits(link: Link, n: int, lines: int, present: dict) -> Iterator[tuple[str, Callable]]:
-    """What to time on one case."""
+    """Yield the fits to time on one case."""
     yield methods.PLACED, lambda: methods.ours(link, n, lines)
     yield methods.SAME, lambda: methods.ours(link, n, lines, "uniform")
     yield methods.LETTER, lambda: methods.letter(link, link.fan, n, lines)
@@ -90,7 +90,7 @@ def fits(link: Link, n: int, lines: int, present: dict) -> Iterator[tuple[str, C
 
 
 def faces_cut(fit: SurfaceFit) -> int:
-    """How many pairs there are of a face and a row of samples that crosses it."""
+    """Return the number of pairs of a face and a row of samples that crosses it."""
     axis = fit.lines.planes_u.normals[0]
     rows = np.sort(np.nanmean(fit.points @ axis, axis=1))
     height = np.sort((fit.mesh.vertices @ axis)[fit.mesh.faces], axis=1)
@@ -98,9 +98,9 @@ def faces_cut(fit: SurfaceFit) -> int:
 
 
 def table(rows: list[Row]) -> str:
-    """Markdown: times side by side, and the counts of ours."""
+    """Return times side by side, and the counts of ours, as Markdown."""
     names = list(dict.fromkeys(r.method for r in rows))
-    heads = "faces cut | samples | passes | unknowns"
+    heads = "faces cut | samples | iterations | unknowns"
     text = [f"| faces | control points | {' | '.join(f'{name} [ms]' for name in names)} | {heads} |"]
     text.append("|" + "---|" * (len(names) + 6))
     cases: dict[tuple, dict[str, Row]] = {}

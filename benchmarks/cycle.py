@@ -1,10 +1,10 @@
-"""The runtime's full cycle beside the straightforward way: raw readings to contacts, wrench, CoP and three polygons.
+"""The runtime's full cycle compared with a direct implementation: from readings to contacts, wrench, CoP and polygons.
 
-Contacts move at .3 m/s over the skin, a millisecond apart; "another set each cycle" is the worst case, in which the
-active taxels change every time. Every cycle asks for each contact's place, normal, force and wrench, the skin's wrench,
-CoP and ZMP, and the three supporting polygons. "NumPy, SciPy, Shapely" is what one writes first: ``polyval``,
-``connected_components`` on a sparse matrix, a loop over contacts, ``convex_hull`` and ``buffer``. "OpenCV" sees the
-sheet as a picture.
+Contacts move at 0.3 m/s over the skin, one frame per millisecond. "another set each cycle" is the worst case: the
+active taxels change every time. Every cycle computes position, normal, force and wrench of each contact, the skin's
+wrench, CoP and ZMP, and the three supporting polygons. "NumPy, SciPy, Shapely" is the direct implementation:
+``polyval``, ``connected_components`` on a sparse matrix, a loop over contacts, ``convex_hull`` and ``buffer``. "OpenCV"
+treats the sheet as an image.
 """
 
 import gc
@@ -28,7 +28,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Row:
-    """One way to work through one scene."""
+    """One method on one scene."""
 
     scene: str
     method: str
@@ -39,7 +39,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Scene:
-    """A flat skin of square cells and what presses on it, frame by frame."""
+    """A flat skin of square cells, and its readings frame by frame."""
 
     name: str
     rows: int
@@ -49,7 +49,7 @@ class Scene:
 
     @property
     def calibration(self) -> LinkCalibration:
-        """The skin as a file has it."""
+        """Return the calibration of the skin."""
         rows, columns, n = self.rows, self.columns, self.rows * self.columns
         row, column = (a.ravel() for a in np.indices((rows, columns)))
         positions = self.pitch * np.column_stack((column + 0.5, row + 0.5, 0 * row))
@@ -73,7 +73,7 @@ class Scene:
 
 
 def pressed(rows: int, columns: int, centres: Array, radius: float) -> Array:
-    """Counts (frames, rows * columns) of round contacts whose centres (frames, c, 2) are given in cells."""
+    """Return counts (frames, rows * columns) of circular contacts with centres (frames, c, 2) in cells."""
     rng = np.random.default_rng(0)
     row, column = np.indices((rows, columns))
     frames = []
@@ -86,16 +86,16 @@ def pressed(rows: int, columns: int, centres: Array, radius: float) -> Array:
 
 
 def moving(rows: int, columns: int, contacts: int, radius: float, step: float, frames: int = 2000) -> Array:
-    """Contacts that go to and fro over a sheet by ``step`` cells a frame."""
+    """Return contacts that move forwards and backwards over a sheet by ``step`` cells per frame."""
     k, c = np.arange(frames)[:, None], np.arange(contacts)
     across = (c + 0.5) * columns / contacts + 2 * np.sin(0.001 * k + c)
-    reach = rows - 1
-    along = np.abs((step * k + c * reach / contacts + 0.3) % (2 * reach) - reach)
+    length = rows - 1
+    along = np.abs((step * k + c * length / contacts + 0.3) % (2 * length) - length)
     return pressed(rows, columns, np.stack(np.broadcast_arrays(along, across), axis=2), radius)
 
 
 def scenes() -> Iterator[Scene]:
-    """What the issue's targets name."""
+    """Yield the scenes, from 42 to 10 000 taxels."""
     step = SPEED * PERIOD / PITCH
     rng = np.random.default_rng(1)
     yield Scene("42 taxels, moving", 6, 7, moving(6, 7, 1, 2.6, step * PITCH / 0.028), 0.028)
@@ -109,7 +109,7 @@ def scenes() -> Iterator[Scene]:
 
 
 def ours(scene: Scene) -> Callable[[Array, float], tuple]:
-    """The runtime."""
+    """Return the cycle of the runtime."""
     skin = Skin(scene.calibration, ON, OFF)
 
     def cycle(readings: Array, now: float) -> tuple:
@@ -124,7 +124,7 @@ def ours(scene: Scene) -> Callable[[Array, float], tuple]:
 
 
 def straightforward(scene: Scene) -> Callable[[Array, float], tuple]:
-    """NumPy, SciPy and Shapely, as one writes it first."""
+    """Return the cycle with NumPy, SciPy and Shapely, written directly."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from shapely import MultiPoint
@@ -160,7 +160,7 @@ def straightforward(scene: Scene) -> Callable[[Array, float], tuple]:
 
 
 def opencv(scene: Scene) -> Callable[[Array, float], tuple]:
-    """The sheet as a picture, the paper's way, with the thresholds and sums put right."""
+    """Return the cycle with the sheet as an image, the paper's method, with corrected thresholds and sums."""
     import cv2
 
     shape = scene.rows, scene.columns
@@ -191,7 +191,7 @@ METHODS = {"ours": ours, "NumPy, SciPy, Shapely": straightforward, "OpenCV": ope
 
 
 def measure(repeats: int) -> Iterator[Row]:
-    """All rows; the methods must agree on what they find. ``repeats`` is not used: a cycle runs thousands of times."""
+    """Yield all rows; the methods must agree. ``repeats`` has no effect, as a cycle runs thousands of times."""
     for scene in scenes():
         found: dict[str, Any] = {}
         for method, make in METHODS.items():
@@ -207,9 +207,9 @@ def measure(repeats: int) -> Iterator[Row]:
     yield paced()
 
 
-def numbers(told: tuple, scene: Scene) -> list[float]:
-    """What a cycle told, with the areas of its two hulls, of whatever make."""
-    *plain, outer, nominal = told
+def numbers(result: tuple, scene: Scene) -> list[float]:
+    """Return the numbers of a cycle's result, with the areas of its two hulls."""
+    *plain, outer, nominal = result
     areas = []
     for hull in (outer, nominal):
         if isinstance(hull, np.ndarray):
@@ -221,7 +221,7 @@ def numbers(told: tuple, scene: Scene) -> list[float]:
 
 
 def run(cycle: Callable, readings: Array, cycles: int) -> tuple[float, float]:
-    """Median and 99th percentile of a cycle [us], after a hundred that are not counted."""
+    """Return median and 99th percentile of a cycle [us], after a hundred that are not counted."""
     for k in range(100):
         cycle(readings[k % len(readings)], PERIOD * (1000 + k))
     gc.collect()
@@ -234,7 +234,7 @@ def run(cycle: Callable, readings: Array, cycles: int) -> tuple[float, float]:
 
 
 def paced() -> Row:
-    """A loop that waits for every millisecond: what a controller has."""
+    """Measure a loop that waits for every millisecond, as in a controller."""
     scene = next(s for s in scenes() if s.name == "1260 taxels, three contacts")
     cycle, times = ours(scene), []
     begin = time.perf_counter()
@@ -248,7 +248,7 @@ def paced() -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """Microseconds, and how many times longer than ours."""
+    """Return microseconds, and the ratio to ours, as text."""
     ours_of = {r.scene: r.median for r in rows if r.method == "ours"}
     lines = [f"{'the cycle of a controller':36} {'method':22} {'active':>6} {'median':>8} {'p99':>8} [us]  times ours"]
     for r in rows:

@@ -1,10 +1,10 @@
-"""Writing and reading a calibration file, checks, checksum and disk included, and the memory that it takes.
+"""Time of writing and reading a calibration file, with checks, checksum and disk, and the memory needed.
 
     python benchmarks/run.py --only files
 
-The numbers have all their digits, as those of a wrapped skin do. With "a table each" every taxel has a response of its
-own, a table of twelve rows: the slowest that a file can be. Each row is measured in a process of its own; its memory is
-the most that the process held.
+The numbers have all their digits, as those of a wrapped skin. With "a table each" every taxel has its own response, a
+table of twelve rows: the slowest case of a file. Each row is measured in its own process; the memory is the maximum of
+the process.
 """
 
 import json
@@ -50,7 +50,7 @@ class Row:
 
 
 def skin(taxels: int, responses: str) -> LinkCalibration:
-    """A flat skin, turned so that no coordinate is round."""
+    """Return a flat skin, rotated so that all digits of the coordinates differ from zero."""
     rows, columns = SIZES[taxels]
     scene = Scene("", rows, columns, np.empty((0, taxels)))
     plain, turn = scene.calibration, np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
@@ -81,7 +81,7 @@ def table_of(scale: float) -> ResponseTable:
 
 
 def measure(repeats: int) -> Iterator[Row]:
-    """Every size with every kind of responses."""
+    """Yield every size with every kind of responses."""
     for taxels in SIZES:
         for responses in (PLAIN, POLYNOMIALS, TABLES):
             words = [sys.executable, __file__, str(taxels), responses, str(repeats)]
@@ -89,7 +89,7 @@ def measure(repeats: int) -> Iterator[Row]:
 
 
 def measured(taxels: int, responses: str, repeats: int) -> Row:
-    """The median of some runs, in this process."""
+    """Return the median of some runs, in this process."""
     calibration, writes, reads = skin(taxels, responses), [], []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "c.json")
@@ -105,12 +105,12 @@ def measured(taxels: int, responses: str, repeats: int) -> Row:
 
 
 def held() -> float:
-    """The most memory that this process has held so far [MB]."""
+    """Return the maximum memory of this process so far [MB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def table(rows: list[Row]) -> str:
-    """Seconds and megabytes."""
+    """Return seconds and megabytes as text."""
     lines = [f"{'a calibration file':36} {'size':>8} {'memory':>8} [MB] {'write':>8} {'read':>8} [s]"]
     for r in rows:
         name = f"{r.taxels} taxels, {r.responses}"

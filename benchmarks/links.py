@@ -1,6 +1,6 @@
-"""What the benchmarks fit: analytic shapes and real links, each with its axis, its margin and, where known, its truth.
+"""The meshes of the benchmarks: shapes with a known surface and real links, each with its axis and its margin.
 
-Everything but the bundled wrist lies in ``../shared/data`` beside the project and is left out where that is absent.
+All except the bundled wrist are in ``../shared/data`` next to the project, and are left out where that is absent.
 """
 
 import importlib.util
@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared" / "data"
 Z = (0.0, 0.0, 1.0)
 BUNDLED, PAPERS_LINK = "bundled wrist", "HRP-4C wrist"
-HALF_TUBE = float(np.deg2rad(95.0))  # the mesh goes to 100 degrees on either side; a ray at its very edge may miss
+HALF_TUBE = float(np.deg2rad(95.0))  # the mesh extends to 100 degrees on either side; a ray at its edge may miss it
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,26 +44,26 @@ class Link:
     margin: float | None  # [m]; None: as far as sections are complete
     sector: tuple[float, float] | None = None  # [rad] where the link is open
     truth: Callable | None = None  # distances of points (k, 3) [m] to the true surface, shape (k,) [m]
-    real: bool = False  # a link of a robot, not a shape that somebody wrote down
+    real: bool = False  # a link of a robot, not a shape from formulas
 
     @property
     def closed(self) -> bool:
-        """Whether the lines go all the way round."""
+        """Return whether the lines go all around."""
         return self.sector is None
 
     def lines(self, m: int) -> int:
-        """Lines that ``m`` full planes through the axis give; half as many where the link goes about half round."""
+        """Return the number of lines of ``m`` full planes through the axis; half of it for an open link."""
         return 2 * m if self.closed else m
 
     def grid(self, n: int, lines: int, spacing: str = "auto"):
-        """Our grid of ``n`` planes and so many lines."""
+        """Return our grid of ``n`` planes and ``lines`` lines."""
         if self.sector is None:
             return TubeGrid(n, lines, self.axis, self.margin, spacing)
         return SectorGrid(n, lines, *self.sector, self.axis, self.margin, spacing)
 
     @cached_property
     def fan(self) -> "Fan":
-        """The same region for the peers: that of our even planes."""
+        """Return the region of our even planes, for the peers."""
         placed = self.grid(4, 4, "uniform").line_grid(self.mesh)
         points, axis = placed.planes_u.points, placed.planes_u.normals[0]
         e1 = placed.directions[0, 0]
@@ -85,20 +85,20 @@ class Fan:
     tilt: float = 0.0  # [rad] between the first plane and the last; they turn about e1
 
     def tilts(self, s):
-        """Tilt of the planes at ``s`` [rad]."""
+        """Return the tilt of the planes at ``s`` [rad]."""
         return self.tilt * (np.asarray(s, float) - 0.5)
 
     def origins(self, s):
-        """Points of the axis, shape (len(s), 3) [m]."""
+        """Return points of the axis, shape (len(s), 3) [m]."""
         return self.first + np.asarray(s, float)[:, None] * (self.last - self.first)
 
     def normals(self, s):
-        """Normals of the planes at ``s``, shape (len(s), 3)."""
+        """Return the normals of the planes at ``s``, shape (len(s), 3)."""
         tilts = self.tilts(s)[:, None]
         return np.cos(tilts) * self.e3 + np.sin(tilts) * self.e2
 
     def directions(self, s, t):
-        """Unit vectors off the axis in the planes at ``s`` and the half-planes at ``t``, (len(s), len(t), 3)."""
+        """Return unit vectors away from the axis in planes ``s`` and half-planes ``t``, shape (len(s), len(t), 3)."""
         outward = np.cos(t)[:, None] * self.e1 + np.sin(t)[:, None] * self.e2
         if self.tilt == 0:
             return np.broadcast_to(outward, (len(s), *outward.shape))
@@ -107,12 +107,12 @@ class Fan:
         return arms / np.linalg.norm(arms, axis=2, keepdims=True)
 
     def points(self, s, t, radii):
-        """Points at distances ``radii`` (len(s), len(t)) from the axis, in their planes [m]."""
+        """Return points at distances ``radii`` (len(s), len(t)) from the axis, in their planes [m]."""
         return self.origins(s)[:, None] + radii[..., None] * self.directions(s, t)
 
 
 def has_shapes() -> bool:
-    """Whether the shapes with a truth and the real links are there."""
+    """Return whether the shapes with a known surface and the real links are present."""
     return SHARED.is_dir()
 
 
@@ -136,37 +136,37 @@ def link_of(name: str) -> Link:
 
 
 def bundled_wrist() -> Link:
-    """The sample that every user has."""
+    """Return the sample that every user has."""
     mesh = load_module(ROOT / "sample_scenes" / "shapes.py").wrist()
     return Link(BUNDLED, weld(mesh.vertices, mesh.faces), Axis((0.0015, 0.0005, 0.0), Z), 0.002)
 
 
 def hrp4c_wrist() -> Link:
-    """The link of the paper."""
+    """Return the link of the paper."""
     axis = Axis((-0.0016, -0.0027, -0.1908), (0.0174, -0.0167, 0.9997))
     return Link(PAPERS_LINK, cover("hrp4c_r_wrist_y_cover_only"), axis, 0.007, real=True)
 
 
 def talos_forearm(name: str, file: str, whole: bool = False) -> Link:
-    """A forearm of TALOS between two cuts, or as a whole with its end caps."""
+    """Return a forearm of TALOS between two cuts, or as a whole with its end caps."""
     cuts = () if whole else (Cut((0.0, 0.0, 0.045), Z), Cut((0.0, 0.0, 0.165), (0.0, 0.0, -1.0)))
     return Link(name, cover(file, *cuts), Axis((0.0, 0.006, 0.0), Z), None if whole else 0.008, real=True)
 
 
 def jvrc_forearm(name: str, margin: float | None) -> Link:
-    """The forearm of JVRC-1: 240 faces."""
+    """Return the forearm of JVRC-1: 240 faces."""
     axis = Axis((-0.0178, 0.0, -0.1043), (0.0411, 0.0022, -0.9992))
     return Link(name, cover("jvrc1_r_elbow_p"), axis, margin, real=True)
 
 
 def g1_wrist() -> Link:
-    """A wrist of G1 without its flange."""
+    """Return a wrist of G1 without its flange."""
     cut = Cut((0.016, 0.0, 0.0), (-1.0, 0.0, 0.0))
     return Link("G1 wrist", cover("g1_left_wrist_roll", cut), Axis((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), 0.001, real=True)
 
 
 def icub_thigh(name: str, whole: bool = False) -> Link:
-    """The thigh of iCub above the knee, or as a whole with the knee."""
+    """Return the thigh of iCub above the knee, or as a whole with the knee."""
     point, along = np.array((0.0105, 0.0025, -0.0542)), np.array((0.1222, 0.0308, -0.992))
     cuts = Cut(tuple(point - 0.083 * along), tuple(along)), Cut(tuple(point - 0.017 * along), tuple(-along))
     mesh = cover("icub27_l_upper_leg", *(() if whole else cuts))
@@ -174,12 +174,12 @@ def icub_thigh(name: str, whole: bool = False) -> Link:
 
 
 def cover(name: str, *cuts: Cut) -> TriangleMesh:
-    """The outer shell of a real link."""
+    """Return the outer shell of a real link."""
     return cut_cover(load_mesh(SHARED / "meshes" / f"{name}.stl"), CoverSpec(cuts=cuts))
 
 
 def shape_link(name: str, shape: dict, axis: Axis, sector: tuple[float, float] | None = None) -> Link:
-    """One of the targets' shapes, which are in millimetres."""
+    """Return a link from a shape in millimetres."""
     mesh = weld(shape["mesh"].vertices / 1e3, shape["mesh"].faces)
     closest = shape["truth"].closest
     return Link(name, mesh, axis, 0.002, sector, lambda points: np.abs(closest(points * 1e3)[0]) / 1e3)
@@ -192,12 +192,12 @@ def shape(name: str, axis: Axis, sector: tuple[float, float] | None = None) -> L
 
 
 def target_shapes():
-    """The module of the targets' shapes."""
+    """Return the module of the shapes with a known surface."""
     return load_module(SHARED / "shapes.py")
 
 
 def load_module(path: Path):
-    """A Python file as a module, whatever it is called: ours and theirs are both ``shapes``."""
+    """Load a Python file as a module under its own name: two files are called ``shapes``."""
     spec = importlib.util.spec_from_file_location(f"{path.parent.name}_shapes", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -1,9 +1,9 @@
-"""What a preview costs in Blender while a hand moves: read, cut, fit, lay, and make what is drawn.
+"""Time of a preview in Blender during a change: read, cut, fit, place, and prepare the drawing.
 
     python benchmarks/live.py
 
-Needs the module bpy. Milliseconds from the change to what is ready to be drawn on the sample wrist (10 200 faces, 120
-taxels), median and best of several, without the redraw of the window.
+Needs the module bpy. Times [ms] go from the change to the arrays that are drawn, on the sample wrist (10 200 faces, 120
+taxels): median and minimum of several, without the redraw of the window.
 """
 
 import importlib
@@ -49,33 +49,33 @@ def main():
 
 
 def rows(plan, k):
-    """Another size of the sheet."""
+    """Change the size of the sheet."""
     plan.skins[0].rows = 5 + k % 2
 
 
 def direction(plan, k):
-    """The sheet turns."""
+    """Turn the sheet."""
     plan.skins[0].direction = (0.002 * k, 1, 0)
 
 
 def number(plan, k):
-    """Another number of planes, which find their places."""
+    """Change the number of planes, with automatic spacing."""
     plan.grid.n = 9 + k % 3
 
 
 def even(plan, k):
-    """Another number of planes at equal heights."""
+    """Change the number of planes, with uniform spacing."""
     plan.grid.spacing = "uniform"
     plan.grid.n = 9 + k % 3
 
 
 def hand(plan, k):
-    """A plane moves by half a millimetre."""
+    """Move a plane by half a millimetre."""
     plan.grid.u[4].point[2] += 0.0005 * (1 if k % 2 else -1)
 
 
 def tilt(plan, k):
-    """A plane tilts."""
+    """Tilt a plane."""
     plan.grid.u[4].normal = (0.01 * (k % 4), 0, 1)
 
 

@@ -1,4 +1,4 @@
-"""How far surfaces of all makes are from the mesh and from the truth, and how long a fit takes."""
+"""The distance of every surface from the mesh and from the truth, and the time of a fit."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,25 +12,25 @@ from scipy.interpolate import BSpline
 
 from skin_calib_addon.geometry.surface.distance import MeshDistance
 
-# Cells in which every surface is measured; primes, so as to be out of step with its knots and with the facets.
+# Cells in which every surface is measured; prime numbers do not align with its knots or with the facets.
 ROWS, COLUMNS = 37, 151
-FAR = 10.0  # a surface that goes this many times the mesh's size away from it is no surface of it
+FAR = 10.0  # a surface that is further from the mesh than this many times its size has failed
 LONG = 0.5  # [s] a run that takes longer is not repeated
-BUDGET = 0.15  # [s] after which a median is taken of the runs made so far
+BUDGET = 0.15  # [s] after which the median of the runs so far is taken
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A surface of any make over (u, v) in [0, 1] x [0, 1]."""
+    """A surface of any method over (u, v) in [0, 1] x [0, 1]."""
 
     points: Callable[[Array, Array], Array]  # u (k,), v (l,) to (k, l, 3) [m]
-    control_points: int  # different ones: a repeated column counts once
+    control_points: int  # without repetitions: a repeated column counts once
     note: str = ""
 
 
 @dataclass(frozen=True)
 class Deviation:
-    """Area-weighted mean and largest distance [mm]; of the truth NaN where it is not known."""
+    """Area-weighted mean and maximum of the distance [mm]; NaN for a truth that is not known."""
 
     mean: float
     max: float
@@ -39,7 +39,7 @@ class Deviation:
 
 
 def tensor(net: Array, knots_u: Array, knots_v: Array, degree: tuple[int, int], scale: float = 1.0) -> Callable:
-    """Points of a tensor-product B-spline over the unit square, whatever its knots run over."""
+    """Return a function for points of a tensor-product B-spline over the unit square, for knots over any interval."""
 
     def points(u: Array, v: Array) -> Array:
         rows = BSpline(knots_u, net, degree[0])(on_domain(u, knots_u, degree[0]))
@@ -50,7 +50,7 @@ def tensor(net: Array, knots_u: Array, knots_v: Array, degree: tuple[int, int], 
 
 
 def on_domain(u: Array, knots: Array, degree: int) -> Array:
-    """Parameters in [0, 1] as parameters between the knots."""
+    """Map parameters in [0, 1] to the interval of the knots."""
     first, last = knots[degree], knots[len(knots) - degree - 1]
     return first + u * (last - first)
 
@@ -64,7 +64,7 @@ class Judge:
         self.holes = holes(link, self.fan)
 
     def __call__(self, surface: Surface) -> Deviation:
-        """Deviation of a surface; ValueError if it is none."""
+        """Return the deviation of a surface; raise ValueError if it is not finite or far away."""
         points, areas = cells(surface, self.link)
         covered = ~self.over_hole(points)
         mesh = statistics(self.distance(points[covered])[0], areas[covered])
@@ -72,7 +72,7 @@ class Judge:
         return Deviation(*mesh, *truth)
 
     def over_hole(self, points: Array) -> Array:
-        """Which points lie where the mesh has a hole, seen from the axis: they are not measured against its rim."""
+        """Return which points are over a hole of the mesh, seen from the axis: they are not compared with its rim."""
         if not self.holes.any() or self.fan.tilt:
             return np.zeros(len(points), bool)
         rows, columns = self.holes.shape
@@ -90,12 +90,12 @@ class Judge:
 
 
 def cells(surface: Surface, link: Link) -> tuple[Array, Array]:
-    """Middles (k, 3) [m] and areas (k,) of even cells of a surface's parameters.
+    """Return the centres (k, 3) [m] and areas (k,) of cells of even size in a surface's parameters.
 
     Raises
     ------
     ValueError
-        If it is no surface of this link.
+        If the surface is not finite, or far from the link.
     """
     grid = surface.points(np.linspace(0, 1, 2 * ROWS + 1), np.linspace(0, 1, 2 * COLUMNS + 1))
     if not np.isfinite(grid).all():
@@ -109,18 +109,18 @@ def cells(surface: Surface, link: Link) -> tuple[Array, Array]:
 
 
 def from_truth(link: Link, surface: Surface) -> tuple[float, float]:
-    """Mean and largest distance to the true surface [mm], in holes too."""
+    """Return mean and maximum of the distance to the true surface [mm], also over holes."""
     points, areas = cells(surface, link)
     return statistics(link.truth(points), areas)
 
 
 def statistics(distances: Array, areas: Array) -> tuple[float, float]:
-    """Area-weighted mean and maximum, metres to millimetres."""
+    """Return area-weighted mean and maximum, converted from metres to millimetres."""
     return float(1e3 * (areas @ distances) / areas.sum()), float(1e3 * distances.max())
 
 
 def timed(function: Callable, repeats: int):
-    """Result of a function and the median of its times [ms].
+    """Return the result of a function and the median of its warm times [ms].
 
     The first run, which fills caches, is not counted, unless it takes so long that it is the only one.
     """

@@ -1,4 +1,4 @@
-"""Ours and the paper's method, as surfaces that are measured like everybody else's."""
+"""Ours and the paper's method, as surfaces that are measured like those of the peers."""
 
 import numpy as np
 import paper_letter
@@ -21,17 +21,17 @@ def is_peer(method: str) -> bool:
 
 
 def ours(link: Link, n: int, lines: int, spacing: str = "auto") -> SurfaceFit:
-    """Our surface along ``n`` planes and so many lines."""
+    """Fit along ``n`` planes and ``lines`` lines."""
     return fit_surface(link.mesh, link.grid(n, lines, spacing))
 
 
 def ours_best(link: Link, control_points: int) -> SurfaceFit:
-    """Our surface with the best proportion of planes and lines for as many control points."""
+    """Fit with the best ratio of planes to lines for a number of control points."""
     return fit_to_count(link.mesh, control_points, axis=link.axis, margin=link.margin, sector=link.sector)
 
 
 def ours_fanned(link: Link, fan: Fan, n: int, lines: int) -> SurfaceFit:
-    """Our surface along planes that are not parallel, as an author places them."""
+    """Fit along planes that are not parallel, as an author places them."""
     s, angles = np.linspace(0, 1, n), np.arange(lines // 2) * 2 * np.pi / lines
     across = np.cos(angles)[:, None] * fan.e2 - np.sin(angles)[:, None] * fan.e1
     u = Planes(fan.origins(s), fan.normals(s))
@@ -40,7 +40,7 @@ def ours_fanned(link: Link, fan: Fan, n: int, lines: int) -> SurfaceFit:
 
 
 def auto(link: Link, tolerance: float) -> SurfaceFit:
-    """Our smallest surface with a mean error within a tolerance [mm]."""
+    """Fit the smallest surface with a mean error within a tolerance [mm]."""
     return fit_to_tolerance(link.mesh, tolerance / 1e3, axis=link.axis, margin=link.margin, sector=link.sector)
 
 
@@ -67,13 +67,13 @@ def strengthened(link: Link, fan: Fan, n: int, lines: int, solver: str = "linear
 
 
 def surface_of_ours(fit: SurfaceFit) -> Surface:
-    """Our fit, with what it says of itself."""
+    """Convert our fit, with a note on missing samples."""
     made, count = fit.surface, int(np.prod(fit.lines.origins.shape[:2]))
     notes = [f"{fit.missing:.0%} of the samples missing"] if fit.missing else []
     return Surface(tensor(made.control_net, made.knots_u, made.knots_v, made.degree), count, "; ".join(notes))
 
 
 def surface_of_paper(fit: PaperFit) -> Surface:
-    """A geomdl surface of cubic clamped uniform knots; its last column repeats the first."""
+    """Convert a geomdl surface of cubic clamped uniform knots; its last column repeats the first."""
     n, m, _ = fit.control_net.shape
     return Surface(tensor(fit.control_net, clamped_knots(n, 3), clamped_knots(m, 3), (3, 3)), n * (m - 1))

@@ -1,11 +1,11 @@
-"""What drawing 10 000 taxels costs: our own time for each redraw, apart from the renderer's.
+"""Time to draw 10 000 taxels: our own part of each redraw, without the renderer's.
 
     ../shared/blender/drive-gui --install . --blend sample_scenes/wrist.blend --timeout 900 benchmarks/overlay.py
 
-Runs in a window. For each set of layers, in milliseconds for a redraw while the view turns, the best of several:
-``python`` is our draw handlers with nothing handed to the graphics library; ``handlers`` the same with that, which on a
-machine without a graphics card is mostly a processor that draws lines; ``window`` the whole redraw of Blender's window
-and ``bare`` the same without our overlay. ``kB`` is what the handlers allocate at most while the view stands still.
+Runs in a window. Times [ms] are for one redraw while the view turns, the minimum of several, for each set of layers:
+``python`` is our draw handlers without calls of the graphics library; ``handlers`` is the same with these calls, which
+the processor executes on a machine without a graphics card; ``window`` is the whole redraw of Blender's window, and
+``bare`` is the same without our overlay. ``kB`` is the maximum that the handlers allocate while the view is at rest.
 """
 
 import sys
@@ -30,12 +30,12 @@ CASES = {
 
 
 def ours(name):
-    """A module of the extension."""
+    """Return a module of the extension."""
     return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
 
 
 def drive(gui):
-    """Lay the taxels, measure every case, print a table."""
+    """Place the taxels, measure every case, print a table."""
     link = bpy.context.object
     plan = link.skin_calib
     for count in ((6, 20), (ROWS, COLUMNS)):
@@ -54,7 +54,7 @@ def drive(gui):
 
 
 def measure(gui, name, link):
-    """One line of the table."""
+    """Print one line of the table."""
     overlay = ours("overlay")
     region = next(r for r in gui.area().regions if r.type == "WINDOW")
     took = []
@@ -78,7 +78,7 @@ def measure(gui, name, link):
 
 
 def turned(region):
-    """Seconds for a redraw of the window after the view has turned a little."""
+    """Return the seconds of a redraw of the window after a small turn of the view."""
     region.data.view_rotation = region.data.view_rotation @ TURN
     start = perf_counter()
     bpy.ops.wm.redraw_timer(type="DRAW_WIN", iterations=1)
@@ -86,7 +86,7 @@ def turned(region):
 
 
 def handles(overlay, functions):
-    """Have other functions called when the view is drawn."""
+    """Replace the functions that are called when the view is drawn."""
     while overlay._handles:
         bpy.types.SpaceView3D.draw_handler_remove(overlay._handles.pop(), "WINDOW")
     for function, when in zip(functions, ("POST_VIEW", "POST_PIXEL")):
@@ -94,13 +94,13 @@ def handles(overlay, functions):
 
 
 def without(overlay, work):
-    """Do something while nothing of ours is drawn."""
+    """Call a function while nothing of ours is drawn."""
     handles(overlay, ())
     return work()
 
 
 def timed(overlay, took):
-    """Write down how long each handler takes."""
+    """Record the time of each handler."""
 
     def clocked(function):
         def call():
@@ -114,12 +114,12 @@ def timed(overlay, took):
 
 
 def again(overlay):
-    """The handlers as they are."""
+    """Restore the handlers."""
     handles(overlay, (overlay._draw, overlay._write))
 
 
 def allocated(overlay, region):
-    """Most bytes that are allocated in one redraw of a view that stands still."""
+    """Return the maximum of bytes allocated in one redraw of a view at rest."""
     tracemalloc.start()
     bpy.ops.wm.redraw_timer(type="DRAW_WIN", iterations=1)
     tracemalloc.reset_peak()
@@ -134,7 +134,7 @@ NOTHING = SimpleNamespace(draw=lambda *_: None)
 
 
 def silent(overlay, link):
-    """Hand nothing to the graphics library: batches that draw nothing, letters that are not set."""
+    """Replace all calls of the graphics library by functions that do nothing."""
     for layer in overlay.shown_layers(link):
         layer.kept, layer.batch = layer.batch, NOTHING
     quiet = {name: (lambda *_: None) for name in ("draw", "position", "color", "enable", "disable", "shadow", "size")}
@@ -143,7 +143,7 @@ def silent(overlay, link):
 
 
 def loud(overlay, link):
-    """Undo that."""
+    """Restore the calls of the graphics library."""
     import blf
 
     for layer in overlay.shown_layers(link):
@@ -153,7 +153,7 @@ def loud(overlay, link):
 
 
 def replayed(link):
-    """What a frame of a recording costs before it is drawn."""
+    """Print the time of a frame of a recording before it is drawn."""
     replay, results = ours("replay"), ours("results")
     calibration = results.find(link.skin_calib.result.key).calibration
     count = link.skin_calib.result.taxels

@@ -1,4 +1,4 @@
-"""The paper's method by the letter: what section 3.4 of Sensors 2023, 23, 4569 says, and no more.
+"""The paper's method by the letter: what section 3.4 of Sensors 2023, 23, 4569 says.
 
 Of each section curve only the crossings Q_k with the v planes are fitted: one sample per control point. Nonlinear
 least squares (SciPy's default) move the control points along their lines, from the crossings themselves (eq. 4). The

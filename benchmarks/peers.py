@@ -1,10 +1,10 @@
 """One adapter per peer: other libraries' spline surfaces through the same samples of a mesh.
 
-Every peer is given the samples that our sampler takes; taking them and its own fit are its time. Each has what is best
-for it: periodic bases where it has them, else its first column again at the end; where links differ in what is best
-(chord lengths as parameters or even ones, more samples per span), every variant runs and is judged. A peer is a
-function that prepares, off the clock, and returns the fit that is timed. Its control points are counted once each:
-repeated columns and padding count for none.
+Every peer gets the samples of our sampler; its time is that of sampling and of its own fit. Each peer gets what is best
+for it: periodic bases where it has them, else a repetition of the first column at the end. Where the best choice
+depends on the link (chord lengths or even steps as parameters, more samples per span), every variant is measured. A
+peer is a function that prepares, which is not timed, and returns the fit, which is timed. Repeated columns and padding
+do not count as control points.
 """
 
 import sys
@@ -21,16 +21,16 @@ from samples import Samples, take
 from scipy.interpolate import LSQBivariateSpline, RectBivariateSpline, SmoothBivariateSpline
 
 DEGREE = 3
-PAD = 6  # columns repeated on either side of a polar map, for splines that know no period
-LONGEST_SEARCH = 0.5  # [s] for what is prepared off the clock
-TOLERANCES = (0.5, 0.2, 0.1, 0.05)  # [mm] that OpenCASCADE is asked for, until it takes too many control points
+PAD = 6  # columns repeated on either side of a polar map, for splines without a period
+LONGEST_SEARCH = 0.5  # [s] for preparations, which are not timed
+TOLERANCES = (0.5, 0.2, 0.1, 0.05)  # [mm] of OpenCASCADE, until it takes too many control points
 
 Fit = Callable[[], Surface]
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a peer is to do: a net of ``n`` by ``lines`` control points over a region of a link."""
+    """The task of a peer: a net of ``n`` by ``lines`` control points over a region of a link."""
 
     link: Link
     fan: Fan
@@ -40,30 +40,30 @@ class Task:
 
     @property
     def rows(self) -> int:
-        """Rows of samples, so many per span."""
+        """Return the number of rows of samples, ``per_span`` for each span."""
         return self.per_span * (self.n - DEGREE) + 1 if self.n > DEGREE + 1 else 2 * self.n
 
     @property
     def columns(self) -> int:
-        """Columns of samples, so many per span."""
+        """Return the number of columns of samples, ``per_span`` for each span."""
         return self.per_span * self.lines if self.fan.closed else self.per_span * (self.lines - DEGREE) + 1
 
     def samples(self) -> Samples:
-        """Samples of the mesh for a least-squares fit."""
+        """Return samples of the mesh for a least-squares fit."""
         return take(self.link, self.fan, self.rows, self.columns)
 
     def samples_per_control_point(self) -> Samples:
-        """As many samples as control points, for an interpolation."""
+        """Return as many samples as control points, for an interpolation."""
         return take(self.link, self.fan, self.n, self.lines)
 
 
 def closing(points: Array, closed: bool) -> Array:
-    """Points with the first column again at the end, for peers that know no period."""
+    """Append the first column to points of a closed link, for peers without periodic splines."""
     return np.concatenate((points, points[:, :1]), axis=1) if closed else points
 
 
 def geomdl_approximate(task: Task, centripetal: bool = False) -> Fit:
-    """NURBS-Python's least squares (The NURBS Book, A9.7), in pure Python."""
+    """Fit with NURBS-Python's least squares (The NURBS Book, A9.7), in pure Python."""
     from geomdl import fitting
 
     def fit():
@@ -87,10 +87,10 @@ def geomdl_approximate(task: Task, centripetal: bool = False) -> Fit:
 
 
 def occ_approximate(task: Task) -> Fit:
-    """OpenCASCADE's approximation within a tolerance; it chooses the number of control points itself.
+    """Fit with OpenCASCADE's approximation within a tolerance; it selects the number of control points.
 
-    Fed transposed, with cubic splines and without its own period, it goes astray least often. Of the tolerances that
-    keep to the control points asked for, the smallest is timed; if none does, the largest.
+    Transposed points, cubic splines and no period of its own give the fewest failures. Of the tolerances that need no
+    more control points than the task allows, the smallest is timed; if there is none, the largest.
     """
 
     from OCP.Approx import Approx_ParametrizationType as Kind
@@ -112,7 +112,7 @@ def occ_approximate(task: Task) -> Fit:
 
 
 def occ_interpolate(task: Task, periodic: bool) -> Fit:
-    """OpenCASCADE's interpolation; its own end conditions add control points, so it is given fewer points."""
+    """Fit with OpenCASCADE's interpolation; it gets fewer points, as its end conditions add control points."""
     from OCP.GeomAPI import GeomAPI_PointsToBSplineSurface
 
     periodic = periodic and task.fan.closed
@@ -129,7 +129,7 @@ def occ_interpolate(task: Task, periodic: bool) -> Fit:
 
 
 def occ_points(points: Array):
-    """Points as OpenCASCADE takes them."""
+    """Convert points to OpenCASCADE's array."""
     from OCP.collections import Array2_gp_Pnt
     from OCP.gp import gp_Pnt
 
@@ -142,9 +142,9 @@ def occ_points(points: Array):
 
 
 def occ_surface(maker, closed: bool, note: str = "") -> Surface:
-    """What OpenCASCADE made of transposed points: its poles and knots, u along the link again."""
+    """Return OpenCASCADE's surface of transposed points with u along the link again."""
     if not maker.IsDone():
-        raise ValueError("OpenCASCADE did not finish")
+        raise ValueError("OpenCASCADE returned no surface")
     made = maker.Surface()
     if made.IsUPeriodic():
         made.SetUNotPeriodic()
@@ -163,7 +163,7 @@ def occ_surface(maker, closed: bool, note: str = "") -> Surface:
 
 
 def splipy_least_squares(task: Task, chords: bool = False) -> Fit:
-    """splipy's least squares in a basis that is periodic around the link."""
+    """Fit with splipy's least squares in a basis that is periodic around the link."""
     import splipy
     import splipy.surface_factory
 
@@ -187,13 +187,13 @@ def splipy_least_squares(task: Task, chords: bool = False) -> Fit:
 
 
 def even_parameters(points: Array, closed: bool) -> tuple[Array, Array]:
-    """Parameters at even steps."""
+    """Return parameters at even steps."""
     rows, columns, _ = points.shape
     return np.linspace(0, 1, rows), np.linspace(0, 1, columns, endpoint=not closed)
 
 
 def chord_parameters(points: Array, closed: bool) -> tuple[Array, Array]:
-    """Parameters by chord length, the mean of all rows and columns (The NURBS Book, A9.3)."""
+    """Return parameters by chord length, the mean of all rows and columns (The NURBS Book, A9.3)."""
     along = np.linalg.norm(np.diff(points, axis=0), axis=2).cumsum(axis=0)
     around = np.linalg.norm(np.diff(closing(points, closed), axis=1), axis=2).cumsum(axis=1)
     u, v = (along / along[-1]).mean(axis=1), (around / around[:, -1:]).mean(axis=0)
@@ -202,7 +202,7 @@ def chord_parameters(points: Array, closed: bool) -> tuple[Array, Array]:
 
 
 def splinepy_fit(task: Task, centripetal: bool = False) -> Fit:
-    """splinepy's least squares."""
+    """Fit with splinepy's least squares."""
     from splinepy.helpme import fit as maker
 
     def fit():
@@ -224,7 +224,7 @@ def splinepy_fit(task: Task, centripetal: bool = False) -> Fit:
 
 @dataclass(frozen=True, eq=False)
 class PolarMap:
-    """Samples as heights [mm] over the place along the axis and the angle, with some columns repeated on both sides."""
+    """Samples as radii [mm] over the station on the axis and the angle, with some columns repeated on both sides."""
 
     fan: Fan
     s: Array
@@ -233,7 +233,7 @@ class PolarMap:
 
     @classmethod
     def of(cls, samples: Samples) -> "PolarMap":
-        """Padded where the link is closed."""
+        """Convert samples; repeat columns where the link is closed."""
         t, radii = samples.t, 1e3 * samples.radii
         if samples.fan.closed:
             turn = samples.fan.turn
@@ -242,11 +242,11 @@ class PolarMap:
         return cls(samples.fan, samples.s, t, radii)
 
     def scattered(self) -> tuple[Array, Array, Array]:
-        """As three flat arrays."""
+        """Return stations, angles and radii as three flat arrays."""
         return np.repeat(self.s, len(self.t)), np.tile(self.t, len(self.s)), self.radii.ravel()
 
     def surface(self, spline, note: str = "") -> Surface:
-        """A spline of the radius as a surface; coefficients that stand for the padding do not count."""
+        """Convert a spline of the radius to a surface; coefficients of the repeated columns do not count."""
         fan = self.fan
         knots_s, knots_t = spline.get_knots()
         if fan.closed:
@@ -261,7 +261,7 @@ class PolarMap:
 
 
 def rect_interpolating(task: Task) -> Fit:
-    """SciPy's bivariate spline through as many samples as there are control points."""
+    """Fit with SciPy's bivariate spline through as many samples as control points."""
 
     def fit():
         polar = PolarMap.of(task.samples_per_control_point())
@@ -271,24 +271,24 @@ def rect_interpolating(task: Task) -> Fit:
 
 
 def smoothed_grid(polar: PolarMap, s: float) -> Surface:
-    """SciPy's smoothing spline on a grid."""
+    """Return SciPy's smoothing spline on a grid."""
     return polar.surface(RectBivariateSpline(polar.s, polar.t, polar.radii, s=s), f"s = {s:.3g} mm²")
 
 
 def smoothed_scatter(polar: PolarMap, s: float) -> Surface:
-    """SciPy's smoothing spline of scattered points."""
+    """Return SciPy's smoothing spline of scattered points."""
     return polar.surface(SmoothBivariateSpline(*polar.scattered(), s=s), f"s = {s:.3g} mm²")
 
 
 def rect_smoothing(task: Task) -> Fit:
-    """SciPy's smoothing spline on a grid, as smooth as it takes for no more coefficients than ours."""
+    """Fit with SciPy's smoothing spline on a grid, with the smoothing that gives no more coefficients than ours."""
     s = smoothing_for(task, smoothed_grid)
     return lambda: smoothed_grid(PolarMap.of(task.samples()), s)
 
 
 def smooth_scattered(task: Task) -> Fit:
-    """SciPy's smoothing spline of scattered points, as smooth as it takes for no more coefficients than ours."""
-    near = smoothing_for(task, smoothed_grid)  # a call takes up to half a second: few must do
+    """Fit with SciPy's smoothing spline of scattered points, with no more coefficients than ours."""
+    near = smoothing_for(task, smoothed_grid)  # a call takes up to half a second: only a few are affordable
     s = smoothing_for(task, smoothed_scatter, near / 5, near * 30, 6)
     return lambda: smoothed_scatter(PolarMap.of(task.samples()), s)
 
@@ -296,7 +296,7 @@ def smooth_scattered(task: Task) -> Fit:
 def smoothing_for(
     task: Task, fit: Callable[[PolarMap, float], Surface], low: float = 1e-3, high: float = 1e5, rounds: int = 12
 ) -> float:
-    """The least smoothing [mm²] that keeps to the control points asked for, found by bisection."""
+    """Find the smallest smoothing [mm²] with no more control points than the task allows, by bisection."""
     polar = PolarMap.of(task.samples())
     for _ in range(rounds):
         middle = float(np.sqrt(low * high))
@@ -306,7 +306,7 @@ def smoothing_for(
 
 
 def lsq_bivariate(task: Task) -> Fit:
-    """SciPy's least-squares spline of scattered points on even knots."""
+    """Fit with SciPy's least-squares spline of scattered points on even knots."""
 
     def fit():
         polar = PolarMap.of(task.samples())
@@ -324,12 +324,12 @@ def lsq_bivariate(task: Task) -> Fit:
 
 @dataclass(frozen=True)
 class Peer:
-    """A library's fit and the variants in which it is tried: words of the fit, and samples per span."""
+    """A library's fit and its variants: arguments of the fit, and samples per span."""
 
     module: str
     fit: Callable[..., Fit]
     variants: tuple[tuple[dict, int], ...] = (({}, 3),)
-    most: int = 10**6  # control points; with more it takes many seconds
+    most: int = 10**6  # control points; a larger net takes many seconds
 
     def tasks(self, control_points: int) -> Iterator[tuple[str, dict, int]]:
         """Yield the name, the words and the samples per span of each variant; none where it takes too long."""
@@ -361,8 +361,8 @@ PEERS = {
 
 @cache
 def installed() -> dict[str, Peer]:
-    """The peers that are there; a line for each library that is not."""
+    """Return the installed peers; print a line for each library that is missing."""
     missing = sorted({peer.module for peer in PEERS.values() if find_spec(peer.module) is None})
     for module in missing:
-        print(f"{module} is not installed: its surfaces are left out", file=sys.stderr)
+        print(f"{module} is not installed: its surfaces are omitted", file=sys.stderr)
     return {name: peer for name, peer in PEERS.items() if peer.module not in missing}

@@ -1,7 +1,7 @@
-"""Placement: where the cells of a sheet lie and how long it takes to tell, beside the paper's rule and equal arcs.
+"""Placement: positions of the cells of a sheet and the time to compute them, for ours, the paper's rule and equal arcs.
 
-Truth is the exact unrolling of a cylinder and of two cones; on the wrist sample, bent both ways and scaled by 1.18, it
-is the sheet's own lattice four times as fine. Sheets are the paper's: 6 x 22 cells of 10 mm.
+The truth is the exact unrolling of a cylinder and of two cones. On the wrist sample, which is doubly curved and scaled
+by 1.18, it is a lattice four times as fine. The sheet is the paper's: 6 x 22 cells of 10 mm.
 """
 
 from collections.abc import Callable, Iterator
@@ -27,7 +27,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Row:
-    """One way to place 132 cells on one surface."""
+    """One method that places 132 cells on one surface."""
 
     surface: str
     method: str
@@ -37,7 +37,7 @@ class Row:
 
 
 def measure(repeats: int) -> Iterator[Row]:
-    """All rows."""
+    """Yield all rows."""
     for name, ends in TUBES.items():
         mesh = tube(*ends)
         for kind, chords in (("facets", False), ("facets as chords", True)):
@@ -50,7 +50,7 @@ def measure(repeats: int) -> Iterator[Row]:
 
 
 def rows(name: str, surface: BSplineSurface, truth: Callable[[WrappedSheet], Array], repeats: int) -> Iterator[Row]:
-    """Every method on one surface; each is held against the truth from the same middle and direction."""
+    """Yield every method on one surface, compared with the truth for the same middle and direction."""
     sheet = wrap_sheet(surface, SHEET, None, (0, 1, 0))
     exact, middle = truth(sheet), sheet.uv[ROWS, COLUMNS]
     for method, place in METHODS.items():
@@ -60,22 +60,22 @@ def rows(name: str, surface: BSplineSurface, truth: Callable[[WrappedSheet], Arr
 
 
 def ours(surface: BSplineSurface, middle: Array) -> Array:
-    """Least strain; it finds the middle by itself."""
+    """Place cells with the least strain; the middle is found automatically."""
     return surface.points(wrap_sheet(surface, SHEET, None, (0, 1, 0)).uv[1::2, 1::2].reshape(-1, 2))
 
 
 def paper_rule(surface: BSplineSurface, middle: Array) -> Array:
-    """The paper's rule at its best: cells at equal steps of the parameters about the middle, as long as the sheet is.
+    """Place cells by the paper's rule at its best: equal steps of the parameters around the middle of the sheet.
 
-    As the paper has it, S(k / 6, l / 22) covers the whole surface and takes corners for centres; here the steps are
-    those of the sheet, and the cells' own centres are meant.
+    In the paper, S(k / 6, l / 22) covers the whole surface, and corners of cells stand for their centres. Here the
+    steps are those of the sheet, to the centres of the cells.
     """
     steps = PITCH / np.linalg.norm(surface.derivatives(middle)[(1, 0), (0, 1), 0], axis=1)
     return surface.points(middle + cells_about_the_middle() * steps * facing(surface, middle))
 
 
 def equal_arcs(surface: BSplineSurface, middle: Array) -> Array:
-    """Equal lengths along the curve of constant v through the middle, and from there along each curve of constant u."""
+    """Place cells at equal lengths along the curve of constant v in the middle, then along curves of constant u."""
     fine = np.linspace(0, 1, 2001)
     sign = facing(surface, middle)
     along_u = arcs(surface.points(np.column_stack((fine, np.full_like(fine, middle[1])))))
@@ -94,18 +94,18 @@ def equal_arcs(surface: BSplineSurface, middle: Array) -> Array:
 
 
 def arcs(points: Array) -> Array:
-    """Lengths from the first of many points along them."""
+    """Return the length of a polyline from its first point to each point."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
 
 
 def cells_about_the_middle() -> Array:
-    """Row and column of each cell from the middle of the sheet, shape (132, 2)."""
+    """Return row and column of each cell relative to the middle of the sheet, shape (132, 2)."""
     i, j = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
     return np.column_stack((i - (ROWS - 1) / 2, j - (COLUMNS - 1) / 2))
 
 
 def facing(surface: BSplineSurface, middle: Array) -> Array:
-    """Whether rows along y, and the rows after them, run with the parameters (1) or against them (-1): u, v."""
+    """Return for u and v whether the rows along y run with the parameter (1) or against it (-1)."""
     r = surface.derivatives(middle)
     normal = np.cross(r[1, 0, 0], r[0, 1, 0])
     row = np.array((0, 1.0, 0))
@@ -120,7 +120,7 @@ METHODS = {
 
 
 def tube(bottom: float, top: float, around: int = 96, along: int = 49) -> TriangleMesh:
-    """A tube about z whose radius goes from ``bottom`` to ``top``."""
+    """Return a tube about z with radii from ``bottom`` to ``top`` [m]."""
     height, angle = np.meshgrid(np.linspace(0, 1, along), 2 * np.pi * np.arange(around) / around, indexing="ij")
     radius = bottom + (top - bottom) * height
     points = np.stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * height), axis=-1).reshape(-1, 3)
@@ -131,7 +131,7 @@ def tube(bottom: float, top: float, around: int = 96, along: int = 49) -> Triang
 
 
 def unrolled(sheet: WrappedSheet, ends: tuple[float, float]) -> Array:
-    """Exact places of the cells on a cone about z, from where the sheet has its middle, with rows along y."""
+    """Return exact positions of the cells on a cone about z, for the sheet's middle and rows along y."""
     bottom, top = ends
     x, y, height = sheet.surface.points(sheet.uv[ROWS, COLUMNS][None])[0]
     start, slope = np.arctan2(y, x), np.arctan((bottom - top) / LENGTH)
@@ -153,14 +153,14 @@ def unrolled(sheet: WrappedSheet, ends: tuple[float, float]) -> Array:
 
 
 def finer(sheet: WrappedSheet) -> Array:
-    """Centres of the same cells in a lattice four times as fine."""
+    """Return the centres of the same cells in a lattice four times as fine."""
     fine = SheetLattice(4 * ROWS, 4 * COLUMNS, (PITCH / 4, PITCH / 4))
     uv = wrap_sheet(sheet.surface, fine, None, (0, 1, 0)).uv[4::8, 4::8]
     return sheet.surface.points(uv.reshape(-1, 2))
 
 
 def table(rows: list[Row]) -> str:
-    """What was measured, in columns."""
+    """Return the rows as columns of text."""
     lines = ["surface                              method                      mean mm    max mm       ms"]
     lines += [f"{r.surface:36} {r.method:24} {r.mean:10.4f} {r.max:9.4f} {r.milliseconds:8.1f}" for r in rows]
     return "\n".join(lines)

@@ -21,9 +21,9 @@ import argparse
 import csv
 from pathlib import Path
 
-import charts
 import cost
 import cycle
+import figures
 import files
 import placement
 import stability
@@ -85,7 +85,7 @@ def main() -> None:
         if rows:
             write(rows, file)
             print(benchmark.table(rows), flush=True)
-    charts.draw_all(measured, ROOT / ("out" if arguments.quick else "docs"))
+    figures.draw_all(measured, ROOT / ("out" if arguments.quick else "docs"))
 
 
 if __name__ == "__main__":

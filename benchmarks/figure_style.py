@@ -1,4 +1,4 @@
-"""What all figures have in common: size, letters, markers and colours, the legend, labels that do not overlap."""
+"""The style of all figures: size, letters, markers and colours, the legend, labels that do not overlap."""
 
 import numpy as np
 from matplotlib import patheffects

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from chart_style import OURS_COLOUR, PAPER_COLOUR, STYLES, curve, describe, figure_of, labels, legend
+from figure_style import OURS_COLOUR, PAPER_COLOUR, STYLES, curve, describe, figure_of, labels, legend
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-import chart_fit
 import cost
 import cycle
+import figure_fit
 import numpy as np
 import placement
 import stability
-from chart_style import DPI, LETTERS, OURS_COLOUR, STYLES, curve, describe, figure_of, legend
+from figure_style import DPI, LETTERS, OURS_COLOUR, STYLES, curve, describe, figure_of, legend
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from methods import PLACED
@@ -19,8 +19,8 @@ BAR_COLOURS = (OURS_COLOUR, "#e09030", "#b01020")
 def draw_all(measured: dict[str, list], folder: Path) -> None:
     """Write the figures of the benchmarks that ran."""
     for name, file, draw in (
-        ("time_error", "benchmark.png", chart_fit.draw_readme),
-        ("time_error", "benchmark_all.png", chart_fit.draw_all_links),
+        ("time_error", "benchmark.png", figure_fit.draw_readme),
+        ("time_error", "benchmark_all.png", figure_fit.draw_all_links),
         ("stability", "stability.png", draw_stability),
         ("cost", "cost.png", draw_cost),
         ("placement", "placement.png", draw_placement),
