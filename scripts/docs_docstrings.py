@@ -8,6 +8,8 @@ import griffe
 ROLE = re.compile(r":(?:func|class|meth|attr|mod|data|exc):`~?([^`]+)`")
 INLINE = re.compile(r":math:`([^`]+)`")
 BLOCK = re.compile(r"^([ ]*)\.\. math::[ ]*(.*)\n((?:(?:\1[ ]+.*)?\n)*(?:\1[ ]+.*)?)", re.MULTILINE)
+# In Markdown "[fx, fy] [N]" is a reference to "N"; code and formulas stay as they are.
+BRACKETS = re.compile(r"(`+.+?`+|\$\$.+?\$\$|\$[^$]+\$)|(\]\s*)\[", re.DOTALL)
 
 
 class DocstringMarkup(griffe.Extension):
@@ -24,6 +26,7 @@ def in_markdown(text: str) -> str:
 
     def block(match: re.Match) -> str:
         formula = textwrap.dedent("\n".join((match[2], textwrap.dedent(match[3])))).strip()
-        return textwrap.indent(f"\n$$\n{formula}\n$$\n", match[1])
+        return textwrap.indent(f"\n$$\n{formula}\n$$\n\n", match[1])
 
-    return INLINE.sub(r"$\1$", ROLE.sub(r"`\1`", BLOCK.sub(block, text)))
+    markdown = INLINE.sub(r"$\1$", ROLE.sub(r"`\1`", BLOCK.sub(block, text)))
+    return BRACKETS.sub(lambda match: match[1] or rf"{match[2]}\[", markdown)

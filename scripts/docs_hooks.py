@@ -17,6 +17,7 @@ log = logging.getLogger("mkdocs.plugins.skin_calib")  # a warning below "mkdocs"
 COMMANDS_HERE = "<!-- commands -->"
 # What pymdownx.arithmatex makes of $...$ and $$...$$.
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+CODE = re.compile(r"<code\b.*?</code>", re.DOTALL)
 
 
 def on_page_markdown(markdown: str, **_) -> str:
@@ -29,12 +30,17 @@ def on_page_content(content: str, page, **_) -> str:
 
     def mathml(match: re.Match) -> str:
         tag, latex = match[1], html.unescape(match[2]).strip()
+        if r"\\" in latex and r"\begin" not in latex:  # several rows, as Sphinx takes them
+            latex = rf"\begin{{align*}}{latex}\end{{align*}}"
         formula = convert(latex, display="block" if tag == "div" else "inline")
         if re.search(r"\\[a-zA-Z]|>&<", formula):  # an unknown command, or the & of an unknown environment
             log.warning("%s: cannot convert this formula to MathML: %s", page.file.src_uri, latex)
         return f'<{tag} class="formula">{formula}</{tag}>'
 
-    return FORMULA.sub(mathml, content)
+    content = FORMULA.sub(mathml, content)
+    if "$$" in CODE.sub("", content):
+        log.warning("%s: a displayed formula needs an empty line before and after it", page.file.src_uri)
+    return content
 
 
 def command_reference() -> str:
