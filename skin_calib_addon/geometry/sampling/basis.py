@@ -1,4 +1,4 @@
-"""The tensor-product basis of a fit at its sample sites, and the least squares in it."""
+"""The tensor-product basis of a fit at its sample sites, and the least squares in this basis."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -12,11 +12,21 @@ from ...common.errors import UnderdeterminedFit
 from ..surface.bspline import MIN_SITES, basis_functions, clamped_knots, periodic_knots, sites_per_span
 from .lines import LineGrid
 
+# [1] sample sites in each span, per direction. Larger: less aliasing with facets, more time.
 SITES_PER_SPAN = 3
-SCHULZ_ITERATIONS = 3  # each squares the error of an inverse
-INVERSE_TOLERANCE = 0.1  # to one, that a matrix times its inverse must be
-# Stiffness that says what holes leave open: with a tenth of it, what hardly any sample holds swings far out over them.
+# [1] Newton-Schulz iterations; each squares the error of an inverse matrix. Larger: no effect after convergence.
+SCHULZ_ITERATIONS = 3
+# [1] largest deviation of a matrix times its approximate inverse from the identity. Above it, the exact inverse is
+# computed. Larger: fewer exact inverses, more iterations of the fit.
+INVERSE_TOLERANCE = 0.1
+# [1] stiffness that regularizes the surface over holes. Ten times less lets control points with few samples drift;
+# larger flattens the surface over holes.
 HOLE_STIFFNESS = 1e-4
+# [1] relative residual at which the conjugate gradients over holes stop: the surface is then the same to a nanometre on
+# every machine. Larger: less time, results that differ between machines.
+HOLE_TOLERANCE = 1e-12
+# [1] most iterations of the conjugate gradients. Larger: no effect after convergence.
+MAX_HOLE_ITERATIONS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,17 +35,17 @@ class SplineSites:
 
     knots: Array
     values: Array  # (k, n); the repeated control points of a closed direction are folded in
-    repeats: int  # control points that a closed net repeats at its end
-    shift: int  # how far a closed net is rolled, so that each line's basis function is centred on it
+    repeats: int  # number of control points that a closed net repeats at its end
+    shift: int  # columns by which a closed net is rolled, so that each basis function is centred on its line
 
     @cached_property
     def inverse(self) -> Array:
-        """Pseudo-inverse of ``values``, shape (n, k)."""
+        """Return the pseudo-inverse of ``values``, shape (n, k)."""
         return product(self.gram_inverse, self.values.T) if self.repeats else pseudo_inverse(self.values)
 
     @cached_property
     def gram_inverse(self) -> Array:
-        """Inverse of ``values.T @ values``, shape (n, n): circulant where closed, else from the pseudo-inverse."""
+        """Return the inverse of ``values.T @ values``, shape (n, n); it is circulant if the direction is closed."""
         if not self.repeats:
             return product(self.inverse, self.inverse.T)
         first = product(self.values[:, :1].T, self.values)[0]
@@ -46,9 +56,23 @@ class SplineSites:
 def spline_sites(
     count: int, degree: int, closed: bool, per_span: int = SITES_PER_SPAN, between: bool = False
 ) -> SplineSites:
-    """Even sites for ``count`` control points: both ends among them, or all round where ``closed``.
+    """Return even sites for the control points of one direction.
 
-    With ``between`` those in the middle of as many steps.
+    Parameters
+    ----------
+    count : int
+        Number of control points.
+    degree : int
+    closed : bool
+        Whether the last control point is next to the first one. An open direction has sites at both ends.
+    per_span : int
+        Sites in each span.
+    between : bool
+        Whether the sites are at the centres of the steps instead of at their ends.
+
+    Returns
+    -------
+    SplineSites
     """
     start = 0.5 if between else 0.0
     if not closed:
@@ -64,10 +88,14 @@ def spline_sites(
 
 @dataclass(frozen=True, eq=False)
 class TensorBasis:
-    """Basis functions at the sample sites of a grid, one factor per direction.
+    r"""Basis functions at the sample sites of a grid, one factor per direction.
 
-    A surface point is ``N @ net @ M.T``; offsets of the control points move the surface by ``N @ offsets @ B.T``
-    along the sample rays, for ``B`` carries the cosine between each line and the ray.
+    The points of the surface are ``N @ net @ M.T``. Changes of the offsets move the surface along the sample rays by
+    ``N @ changes @ B.T``, where ``B`` contains the cosine between each line and the ray:
+
+    .. math::
+
+        B_{lj} = M_j(v_l)\, (\mathbf{d}_j \cdot \mathbf{r}_l)
     """
 
     u: SplineSites
@@ -85,12 +113,25 @@ class TensorBasis:
         per_span: int = SITES_PER_SPAN,
         between: bool = False,
     ) -> "TensorBasis":
-        """Basis for the lines of a grid, at so many sites per span, more where spans are few, or ``between`` so many.
+        """Return the basis for the lines of a grid.
+
+        Parameters
+        ----------
+        lines : LineGrid
+        degree_u, degree_v : int
+        per_span : int
+            Sites in each span, per direction; more where there are few spans.
+        between : bool
+            Whether the sites are at the centres of the steps instead of at their ends.
+
+        Returns
+        -------
+        TensorBasis
 
         Raises
         ------
         UnderdeterminedFit
-            If there are too few planes for the degree.
+            If there are too few planes or lines for the degree.
         """
         n, m = lines.origins.shape[:2]
         check_counts(n, degree_u, "u-planes")
@@ -103,35 +144,61 @@ class TensorBasis:
 
     @property
     def spans(self) -> int:
-        """How many pieces the surface has between its knots."""
+        """Return the number of polynomial pieces of the surface."""
         n, m = self.N.shape[1], self.M.shape[1]
         return (n - self.degree_u) * (m if self.v.repeats else m - self.degree_v)
 
     @property
     def N(self) -> Array:
-        """Basis functions along u, shape (k, n)."""
+        """Return the basis functions along u, shape (k, n)."""
         return self.u.values
 
     @property
     def M(self) -> Array:
-        """Basis functions along v, shape (l, m)."""
+        """Return the basis functions along v, shape (l, m)."""
         return self.v.values
 
     def blend(self, net: Array) -> Array:
-        """Spline values at the sites, shape (k, l, 3), of a net (n, m, 3)."""
+        """Return the spline values at the sites, shape (k, l, 3), of a net (n, m, 3)."""
         n, m, _ = net.shape
         rows = product(self.N, net.reshape(n, -1)).reshape(-1, m, 3)
         return self.M @ rows  # one small product per row
 
     def close(self, net: Array) -> Array:
-        """The net as surfaces store it: rolled so that it starts a period, with the repeated points at its end."""
+        """Return the net as surfaces store it: rolled to the start of a period, with the repeated points at its end."""
         net = np.roll(net, self.v.shift, axis=1)
         return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
 
     def solve(self, residuals: Array, offsets: Array, stiffness: float = 0.0) -> Array:
-        """Steps of the offsets, shape (n, m), that take most of the residuals (k, l); NaN ones weigh nothing.
+        r"""Return the least-squares step of the offsets.
 
-        Least squares, plus ``stiffness`` times the squares of the second differences of the offsets that result.
+        With the residuals :math:`E` [m] and the basis matrices :math:`N` and :math:`B`, the step without stiffness is
+
+        .. math::
+
+            \min_{\delta X} \lVert N\, \delta X\, B^{T} - E \rVert^2
+            \quad\Rightarrow\quad
+            \delta X = N^{+} E\, (B^{+})^{T}
+
+        A stiffness :math:`\lambda` adds the squared second differences of the resulting offsets :math:`X + \delta X`:
+
+        .. math::
+
+            \lambda \left( \lVert D_u (X + \delta X) B^{T} \rVert^2 + \lVert N (X + \delta X) D_v^{T} \rVert^2 \right)
+
+        Parameters
+        ----------
+        residuals : array, shape (k, l)
+            [m]; NaN has no weight.
+        offsets : array, shape (n, m)
+            Current offsets of the control points along their lines [m].
+        stiffness : float
+            The factor :math:`\lambda` [1].
+
+        Returns
+        -------
+        array, shape (n, m)
+            The step [m].
         """
         known = ~np.isnan(residuals)
         if not known.all():
@@ -145,12 +212,11 @@ class TensorBasis:
 
     @cached_property
     def _B_gram_inverse(self) -> Array:
-        """Inverse of ``B.T @ B``, shape (m, m), near enough for the passes to mend the rest.
+        """Return the inverse of ``B.T @ B``, shape (m, m), with an error that the iterations of the fit correct.
 
-        It is that of ``M``, which comes from QR factors that all grids of a size share, improved by Newton's iteration
-        (Schulz, 1933), for the cosines in ``B`` take little of what ``M`` does where lines are close. Where they are
-        not, they are few, and inverted as they are.
-        """
+        The start is the inverse for ``M``, which all grids of a size have in common. The cosines in ``B`` change it
+        little if the lines are close to each other. Newton-Schulz iterations ``X <- 2 X - X A X`` (Schulz, 1933)
+        correct it. If the lines are far from each other, they are few, and the exact inverse is computed."""
         gram, inverse = product(self.B.T, self.B), self.v.gram_inverse
         for _ in range(SCHULZ_ITERATIONS):
             inverse = 2 * inverse - product(product(inverse, gram), inverse)
@@ -159,7 +225,7 @@ class TensorBasis:
 
     @cached_property
     def _modes(self) -> tuple[Array, Array, Array]:
-        """Vectors (n, n) and (m, m) that make least squares and bending diagonal at once, and the bending (n, m)."""
+        """Return the vectors (n, n) and (m, m) that diagonalize least squares and bending, and the bending (n, m)."""
         modes = [
             eigh(bending_matrix(len(factor.T), closed), product(factor.T, factor), check_finite=False)
             for factor, closed in ((self.N, False), (self.B, self.v.repeats > 0))
@@ -168,27 +234,27 @@ class TensorBasis:
         return U, V, bend_u[:, None] + bend_v
 
     def modes(self, offsets: Array) -> tuple[Array, Array]:
-        """Offsets as amplitudes of modes of even weight in the residuals, and how much each bends; shapes (n, m)."""
+        """Return the offsets as amplitudes of modes with equal weight in the residuals, and the bending; (n, m)."""
         U, V, bend = self._modes
         gram_u, gram_v = product(self.N.T, self.N), product(self.B.T, self.B)
         return product(product(product(U.T, gram_u), offsets), product(gram_v, V)), bend
 
     def _solve_modes(self, right: Array, stiffness: float) -> Array:
-        """Solve the normal equations of the whole, stiffness included."""
+        """Solve the normal equations without holes, including stiffness."""
         U, V, bend = self._modes
         return product(product(U, product(product(U.T, right), V) / (1 + stiffness * bend)), V.T)
 
     def _bending(self, net: Array) -> Array:
-        """Gradient of the squares of second differences, each direction weighted by the samples of the other."""
+        """Return the gradient of the squared second differences, weighted by the samples of the other direction."""
         bend_u, bend_v = bending_matrix(len(net), False), bending_matrix(net.shape[1], self.v.repeats > 0)
         by_v = product(product(bend_u, net), product(self.B.T, self.B))
         return by_v + product(product(product(self.N.T, self.N), net), bend_v)
 
     def _solve_with_holes(self, residuals: Array, known: BoolArray, offsets: Array, stiffness: float) -> Array:
-        """Conjugate gradients on the weighted normal equations, in modes: there those of the whole are diagonal.
+        """Solve the weighted normal equations by conjugate gradients in modes.
 
-        They precondition, and only the rows and columns of sites that miss some are left to multiply.
-        """
+        In modes, the normal equations without holes are diagonal and serve as the preconditioner. Only the rows and
+        columns of sites with missing samples remain to be multiplied."""
         U, V, bend = self._modes
         rows, columns = ((~known).any(axis=axis) for axis in (1, 0))
         hole = ~known[rows][:, columns]
@@ -205,20 +271,32 @@ class TensorBasis:
 
         A, M = (LinearOperator((bend.size, bend.size), f, dtype=float) for f in (normal, precondition))
         right = product(product(self.N.T, residuals), self.B) - stiffness * self._bending(offsets)
-        # What only the slight stiffness holds is the last to settle: to the same nanometre on every machine.
-        amplitude = cg(A, product(product(U.T, right), V).ravel(), M=M, rtol=1e-12, maxiter=500)[0]
+        start = product(product(U.T, right), V).ravel()
+        amplitude = cg(A, start, M=M, rtol=HOLE_TOLERANCE, maxiter=MAX_HOLE_ITERATIONS)[0]
         return product(product(U, amplitude.reshape(bend.shape)), V.T)
 
 
 def pseudo_inverse(matrix: Array) -> Array:
-    """Of a matrix (k, n) of full column rank, through its QR factors; shape (n, k)."""
+    """Return the pseudo-inverse of a matrix (k, n) of full column rank, from its QR factors; shape (n, k)."""
     q, r = np.linalg.qr(matrix)
     return solve_triangular(r, q.T, check_finite=False)
 
 
 @lru_cache(maxsize=256)
 def bending_matrix(count: int, closed: bool) -> Array:
-    """Matrix of the sum of squared second differences of ``count`` values, all round where ``closed``."""
+    """Return the matrix of the sum of squared second differences of some values.
+
+    Parameters
+    ----------
+    count : int
+        Number of values.
+    closed : bool
+        Whether the last value is next to the first one.
+
+    Returns
+    -------
+    array, shape (count, count)
+    """
     bend: Array = np.eye(count)
     bend -= 2 * np.roll(np.eye(count), 1, axis=1)
     bend += np.roll(np.eye(count), 2, axis=1)
@@ -227,12 +305,26 @@ def bending_matrix(count: int, closed: bool) -> Array:
 
 
 def check_counts(count: int, degree: int, what: str) -> None:
-    """Raise UnderdeterminedFit unless ``count`` planes carry a spline of this degree."""
+    """Check that a number of planes or lines is enough for a spline of a degree.
+
+    Parameters
+    ----------
+    count : int
+    degree : int
+    what : str
+        Plural name of the planes or lines, for the message.
+
+    Raises
+    ------
+    UnderdeterminedFit
+        If the degree is not available, or the number is too small.
+    """
     if not 2 <= degree <= 5:
-        raise UnderdeterminedFit(f"degree {degree} is not available; use 2 to 5", degree=degree)
+        raise UnderdeterminedFit(f"Degree {degree} is not available. Use 2 to 5.", degree=degree)
     if count < degree + 1:
         raise UnderdeterminedFit(
-            f"degree {degree} needs at least {degree + 1} {what}, the grid has {count}; add planes or lower the degree",
+            f"Degree {degree} needs at least {degree + 1} {what}, but the grid has {count}. "
+            f"Add {what}, or lower the degree.",
             count=count,
             degree=degree,
         )

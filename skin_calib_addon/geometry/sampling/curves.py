@@ -1,4 +1,4 @@
-"""The curves of one section: chains of segments, which of them is the outer one, and the order of its crossings."""
+"""The curves of one section: chains of segments, the outer curve, and the order of its intersections with rays."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -6,19 +6,25 @@ from scipy.sparse.csgraph import connected_components
 
 from ...common.arrays import Array, BoolArray, IntArray
 
-# A curve that rays meet last at least this often is the outer one; where it is not, several parts make the outside.
+# [fraction of the rays] that must hit a curve last, and this fraction must also intersect it 1, 3, 5 ... times, for it
+# to be the outer curve. Below, the outside consists of several parts. Larger: fewer sections with one outer curve.
 OUTER_RAY_FRACTION = 0.8
-# A fold that more than this share of the rays meet is a wall behind a wall, and its outermost branch counts.
+# [fraction of the rays] A fold that more rays hit is a wall behind a wall; there the outermost branch counts. Larger:
+# wider folds are followed.
 MAX_FOLD_FRACTION = 0.05
 
 
 def curves(ends: Array) -> IntArray:
-    """Number of the curve that each segment of a section belongs to, shape (s,): chains over ends equal to the bit.
+    """Return the number of the curve of each segment of a section; ends that are equal to the bit are connected.
 
     Parameters
     ----------
     ends : array, shape (s, 2, 2)
         [m]
+
+    Returns
+    -------
+    array of int, shape (s,)
     """
     _, node = np.unique(ends.reshape(-1, 2) @ np.array((1, 1j)), return_inverse=True)
     a, b = node.reshape(-1, 2).T
@@ -27,20 +33,22 @@ def curves(ends: Array) -> IntArray:
 
 
 def outer_curve(ends: Array, ray: IntArray, segment: IntArray, distance: Array) -> BoolArray | None:
-    """Which segments make the outer curve of a section: the one that most rays meet last.
+    """Return which segments form the outer curve of a section: the curve that most rays hit last.
 
     Parameters
     ----------
     ends : array, shape (s, 2, 2)
         [m]
-    ray, segment, distance : array, shape (c,)
-        Crossings of even rays with the segments.
+    ray, segment : array of int, shape (c,)
+        Ray and segment of each intersection of even rays with the segments.
+    distance : array, shape (c,)
+        Distance of the intersection along its ray [m].
 
     Returns
     -------
     array of bool, shape (s,), or None
-        None where several parts make the outside, or most rays cross the curve an even number of times: it does not
-        go round the axis, and has an inner side that is as long as the outer one.
+        None if several parts form the outside, or if most rays intersect the curve an even number of times. Such a
+        curve does not enclose the axis, and has an inner side that is as long as the outer one.
     """
     if len(ray) == 0:
         return None
@@ -50,43 +58,57 @@ def outer_curve(ends: Array, ray: IntArray, segment: IntArray, distance: Array) 
     outer = np.bincount(curve[segment[last]]).argmax()
     often = (curve[segment[last]] == outer).mean()
     crossings = np.bincount(ray[curve[segment] == outer])
-    odd = (crossings % 2 == 1).sum() / len(last)
-    return curve == outer if often > OUTER_RAY_FRACTION and odd > OUTER_RAY_FRACTION else None
+    leaving = (crossings % 2 == 1).sum() / len(last)
+    return curve == outer if often > OUTER_RAY_FRACTION and leaving > OUTER_RAY_FRACTION else None
 
 
 def fold_distances(ray: IntArray, distance: Array, rays: int) -> tuple[IntArray, Array]:
-    """Distance along the rays that cross a fold of a curve: out and back again over the crossings, in order.
+    """Return the distance along the rays that intersect a fold of a curve: the alternating sum of their intersections.
 
-    Out to the first crossing, back to the second, out to the third: that runs on from one branch of the fold to the
-    other without a jump, and leaves as much area on its one side as on its other.
+        d = d_1 - d_2 + d_3 - ...
+
+    This continues from one branch of the fold to the other without a jump, and has equal areas on both of its sides.
 
     Parameters
     ----------
-    ray, distance : array, shape (c,)
-        All crossings with one curve; ``ray`` ascends.
+    ray : array of int, shape (c,)
+        Ascending.
+    distance : array, shape (c,)
+        All intersections with one curve [m].
     rays : int
-        How many rays there are, the first being the neighbour of the last.
+        Number of rays; the first one is next to the last.
 
     Returns
     -------
     folded : array of int, shape (f,)
-        Which rays cross a fold.
+        The rays that intersect a fold.
     distance : array, shape (f,)
         [m]
     """
     count = np.bincount(ray, minlength=rays)
     folded = short_runs((count > 1) & (count % 2 == 1), int(MAX_FOLD_FRACTION * rays))
     order = np.lexsort((distance, ray))
-    rank = np.arange(len(ray)) - np.searchsorted(ray, ray)  # ``ray`` is sorted, and stays so in this order
+    rank = np.arange(len(ray)) - np.searchsorted(ray, ray)  # ``order`` keeps ``ray`` sorted
     signed = np.bincount(ray, np.where(rank % 2 == 0, 1.0, -1.0) * distance[order], minlength=rays)
     return folded, np.asarray(signed[folded], np.float64)
 
 
 def short_runs(chosen: BoolArray, longest: int) -> IntArray:
-    """Indices of the chosen that stand in runs of at most ``most``, the last being a neighbour of the first."""
+    """Return the indices of the chosen elements in runs of limited length; the last element is next to the first one.
+
+    Parameters
+    ----------
+    chosen : array of bool, shape (n,)
+    longest : int
+        Length of the longest run that counts.
+
+    Returns
+    -------
+    array of int
+    """
     if chosen.all() or not chosen.any():
         return np.empty(0, np.int64)
-    start = int(np.argmin(chosen))  # one that is not chosen, so that no run crosses the end
+    start = int(np.argmin(chosen))  # an element that is not chosen, so that no run crosses the end
     rolled = np.roll(chosen, -start)
     run = np.cumsum(~rolled)
     narrow = rolled & (np.bincount(run, rolled)[run] <= longest)

@@ -18,29 +18,55 @@ class TubeFrame:
     e3: Array
 
     def stations(self, points: Array) -> Array:
-        """Height of points along the axis [m]."""
+        """Return the heights of points along the axis [m]."""
         return along(points - self.point, self.e3)
 
     def rays(self, angles: Array) -> Array:
-        """Unit directions away from the axis, shape (len(angles), 3)."""
+        """Return unit directions away from the axis, shape (len(angles), 3)."""
         return np.cos(angles)[:, None] * self.e1 + np.sin(angles)[:, None] * self.e2
 
     def fan(self, stations: Array, angles: Array) -> Array:
-        """The same at every station, shape (len(stations), len(angles), 3)."""
+        """Return unit directions away from the axis at every station.
+
+        Parameters
+        ----------
+        stations : array, shape (k,)
+            [m]
+        angles : array, shape (l,)
+            [rad]
+
+        Returns
+        -------
+        array, shape (k, l, 3)
+        """
         return np.broadcast_to(self.rays(angles), (len(stations), len(angles), 3))
 
     def across(self, vectors: Array) -> Array:
-        """Components across the axis, shape (..., 2)."""
+        """Return the components across the axis, shape (..., 2)."""
         return np.stack((along(vectors, self.e1), along(vectors, self.e2)), axis=-1)
 
     def planes(self, stations: Array) -> Planes:
-        """Planes across the axis."""
+        """Return planes across the axis."""
         points = self.point + np.asarray(stations)[:, None] * self.e3
         return Planes(points, np.broadcast_to(self.e3, points.shape))
 
 
 def frame_of(point: Array, direction: Array, towards: Array | None = None) -> TubeFrame:
-    """Cylinder coordinates about a line; angle zero lies on the side of ``towards``."""
+    """Return cylinder coordinates about a line.
+
+    Parameters
+    ----------
+    point : array, shape (3,)
+        Of the line [m].
+    direction : array, shape (3,)
+        Of any length.
+    towards : array, shape (3,), optional
+        Angle zero is on the side of this direction; by default on the side of an axis of the link frame.
+
+    Returns
+    -------
+    TubeFrame
+    """
     e3 = unit(direction)
     e1 = perpendicular(e3) if towards is None else towards - (towards @ e3) * e3
     e1 = unit(e1) if np.linalg.norm(e1) > 0 else perpendicular(e3)

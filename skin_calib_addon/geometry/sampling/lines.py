@@ -9,19 +9,18 @@ from .planes import Planes
 
 @dataclass(frozen=True, eq=False)
 class LineGrid:
-    """One line per control point: ``origins[i, j] + t * directions[i, j]`` lies in u-plane i and v-plane j.
+    """One line per control point: ``origins[i, j] + t * directions[i, j]`` is in u-plane i and v-plane j.
 
-    Lines are ordered so that for outward directions ``r_u x r_v`` points outward too: seen along the u-direction,
-    those of a tube run clockwise.
-    """
+    The order of the lines makes ``r_u x r_v`` point outward for outward directions. Seen along the u-direction, the
+    lines of a tube are in clockwise order."""
 
     planes_u: Planes
     origins: Array  # (n, m, 3) [m]
     directions: Array  # (n, m, 3) unit, out of the robot
-    closed: bool  # whether the last line neighbours the first
-    v_names: tuple[str, ...]  # what the author calls each v-line, for messages
+    closed: bool  # whether the last line is next to the first
+    v_names: tuple[str, ...]  # name of each v-line in messages
     warnings: tuple[Warning, ...] = ()  # about the placement of the planes
-    seam: Array | None = None  # (2, 3) of a closed one a point of the axis [m], and where angle zero is from there
+    seam: Array | None = None  # (2, 3) of a closed grid: a point of the axis [m], and the direction of angle zero
 
     def __post_init__(self):
         n, m = len(self.planes_u), len(self.v_names)

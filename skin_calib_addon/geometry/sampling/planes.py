@@ -6,7 +6,8 @@ import numpy as np
 
 from ...common.arrays import Array, freeze, unit
 
-# A normal that is this near to length one is left as it is, so that a plan that is saved and read again does not drift.
+# [1] deviation of a normal's length from one below which it is left unchanged, so that saving and reading a plan does
+# not change it. Larger: normals that are not quite of unit length.
 UNIT_TOLERANCE = 1e-15
 
 
@@ -29,11 +30,11 @@ class Planes:
         return len(self.points)
 
     def are_parallel(self) -> bool:
-        """Whether all normals are the same to the bit, as in a grid made from one axis."""
+        """Return whether all normals are equal to the bit, as in a grid made from one axis."""
         return bool((self.normals == self.normals[0]).all())
 
 
 def perpendicular(direction: Array) -> Array:
-    """A unit vector at a right angle to ``direction``, shape (3,): from the link axis that is furthest from it."""
+    """Return a unit vector perpendicular to ``direction``, from the link axis least parallel to it; shape (3,)."""
     axis = np.eye(3)[np.argmin(np.abs(direction))]
     return unit(axis - (axis @ direction) * direction / (direction @ direction))

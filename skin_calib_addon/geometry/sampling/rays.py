@@ -1,4 +1,4 @@
-"""Cast fans of rays on mesh sections: how far along each ray the outer curve of the section lies."""
+"""Cast fans of rays on mesh sections: the distance along each ray to the outer curve of the section."""
 
 import numpy as np
 
@@ -6,20 +6,22 @@ from ...common.arrays import Array, BoolArray, IntArray
 from .curves import fold_distances, outer_curve
 
 TURN = 2 * np.pi
-DIAMOND_TURN = 4.0
-# A ray through the end that two segments share may miss both by rounding; it counts as a hit within this share.
+DIAMOND_TURN = 4.0  # one turn as a ``diamond_angle``
+# [fraction of a segment] A ray through the common end of two segments may miss both by rounding; it counts as a hit
+# within this fraction. Larger: hits beyond the ends of open curves.
 HIT_TOLERANCE = 1e-9
-PROBE_RAYS = 64  # rays that tell which curve of a section is the outer one
+# [1] rays that determine the outer curve of a section. Larger: smaller parts are seen, more time.
+PROBE_RAYS = 64
 
 
 class RayCaster:
-    """Segments in planes, sorted once so that many fans of rays can be cast on them.
+    """Segments in planes, sorted once, so that many fans of rays can be cast on them.
 
-    Where the rays of a row all start at its centre, or all run in one direction, the segment under a ray is found by
-    bisection of an abscissa: a measure of the angle about the centre, or the position across the direction. A row in
-    which segments lie over each other keeps only its outer curve, if it has one (see ``curves.outer_curve``), and
-    where that folds back, rays follow it in order (``curves.fold_distances``). Without such a curve the outermost
-    segment counts. Rays of no such order are compared with all segments.
+    If the rays of a row all start at its centre, or are all parallel, bisection finds the segment that a ray hits. The
+    key is an abscissa: a measure of the angle about the centre, or the position across the direction. If segments of a
+    row overlap in this abscissa, the row keeps only its outer curve, if it has one (see ``curves.outer_curve``). Where
+    this curve folds back, rays follow it in order (``curves.fold_distances``). Without an outer curve the outermost
+    segment counts. All other rays are compared with all segments.
 
     Parameters
     ----------
@@ -28,10 +30,11 @@ class RayCaster:
     ends : array, shape (s, 2, 2)
         Ends of each segment in the frame of its row [m].
     rows : int
+        Number of rows.
     centres : array, shape (rows, 2), optional
-        Where all rays of a row start.
+        Where all rays of a row start [m].
     direction : array, shape (2,), optional
-        Where all rays run to.
+        Direction of all rays.
     """
 
     def __init__(
@@ -39,11 +42,11 @@ class RayCaster:
     ):
         self.centres, self.direction = centres, direction
         self.ordered = len(row) > 0 and (centres is not None or direction is not None)
-        self.segment: IntArray = np.arange(len(row))  # as the caller counts them
+        self.segment: IntArray = np.arange(len(row))  # index in the caller's arrays
         self.followed: BoolArray = np.zeros(rows, bool)
         self._sort(row, ends, rows)
         if self.ordered and not self.clean.all():
-            long = (ends[:, 0] != ends[:, 1]).any(axis=1)  # a plane through a corner of a face may cut it in that point
+            long = (ends[:, 0] != ends[:, 1]).any(axis=1)  # a plane may cut a face only in one corner
             if not long.all():
                 self.segment, row, ends = self.segment[long], row[long], ends[long]
                 self._sort(row, ends, rows)
@@ -53,7 +56,7 @@ class RayCaster:
             self._sort(row[kept], ends[kept], rows)
 
     def _sort(self, row: IntArray, ends: Array, rows: int) -> None:
-        """Sort the segments by their abscissae, and tell which rows have no two over each other."""
+        """Sort the segments by their abscissae, and find the rows without overlapping segments."""
         self.ends = ends
         self.bounds = np.searchsorted(row, np.arange(rows + 1))
         if not self.ordered:
@@ -74,7 +77,7 @@ class RayCaster:
             x = ends[..., 0] * self.across[0] + ends[..., 1] * self.across[1]
             begin, sweep = x.min(axis=1), x.max(axis=1) - x.min(axis=1)
             self.low = float(begin.min())
-            self.width = 2 * float((begin + sweep).max() - self.low) or 1.0  # twice, so that rows keep apart
+            self.width = 2 * float((begin + sweep).max() - self.low) or 1.0  # twice the extent separates the rows
             begin = begin - self.low
         key = row * self.width + begin
         self.order: IntArray = np.argsort(key, kind="stable")
@@ -87,17 +90,18 @@ class RayCaster:
         self.clean = self._clean(rows)
 
     def _clean(self, rows: int) -> BoolArray:
-        """Which rows have at most one segment over each abscissa; there the first hit is the only one."""
+        """Return which rows have at most one segment at each abscissa, so that the first hit is the only one."""
         following = np.append(self.key[1:], np.inf)
         first, last = self.bounds[:-1], self.bounds[1:] - 1
         filled = last >= first
-        # The last segment of a row is followed by its first, one turn on; by nothing where the rays are parallel.
+        # After the last segment of a row follows its first one, plus one turn; nothing follows if the rays are
+        # parallel.
         following[last[filled]] = self.key[first[filled]] + self.width if self.centres is not None else np.inf
         overlaps = self.stop - following > HIT_TOLERANCE * self.width
         return np.bincount(self.row[overlaps], minlength=rows) == 0
 
     def _outer_curves(self, ends: Array) -> BoolArray:
-        """Which segments are kept, shape (s,): of rows in which they lie over each other, the outer curve's."""
+        """Return which segments are kept, shape (s,): in rows with overlaps, those of the outer curve."""
         rows = np.flatnonzero(~self.clean)
         origins, directions = (np.zeros((len(self.clean), PROBE_RAYS, 2)) for _ in range(2))
         origins[rows], directions[rows] = self._probes(rows)
@@ -113,7 +117,7 @@ class RayCaster:
         return kept
 
     def _probes(self, rows: IntArray) -> tuple[Array, Array]:
-        """Origins and directions of even rays over some rows, shapes (len(rows), PROBES, 2)."""
+        """Return origins and directions of even rays over some rows, shapes (len(rows), PROBE_RAYS, 2)."""
         part = (np.arange(PROBE_RAYS) + 0.5) / PROBE_RAYS
         if self.centres is not None:
             directions = np.column_stack((np.cos(TURN * part), np.sin(TURN * part)))
@@ -126,7 +130,7 @@ class RayCaster:
         return x[..., None] * self.across + below * self.direction, self.direction
 
     def cast(self, origins: Array, directions: Array) -> tuple[Array, IntArray]:
-        """Distance along each ray to the outer curve of its row.
+        """Return the distance along each ray to the outer curve of its row.
 
         Parameters
         ----------
@@ -136,9 +140,9 @@ class RayCaster:
         Returns
         -------
         distance : array, shape (rows, l)
-            [m]; NaN where the ray meets nothing.
+            [m]; NaN where the ray hits nothing.
         hit : array of int, shape (rows, l)
-            Segment that was met; 0 where nothing was.
+            Segment of the hit; 0 where the ray hits nothing.
         """
         distance = np.full(origins.shape[:2], np.nan)
         hit = np.zeros(origins.shape[:2], np.int64)
@@ -148,7 +152,7 @@ class RayCaster:
             distance, hit = self._bisect(origins, directions)
         if self.ordered and not self.clean.all():
             self._cast_overlapping(origins, directions, distance, hit)
-        # A ray through a corner or a rim may have been given a segment beside it: misses are looked at again.
+        # Bisection may give a ray through a corner or a rim the adjacent segment, so misses are cast again.
         missed = np.flatnonzero(np.isnan(distance))
         if len(missed) == 0:
             return distance, self.segment[hit]
@@ -162,20 +166,20 @@ class RayCaster:
         return distance, self.segment[hit]
 
     def _recast(self, origins: Array, directions: Array, distance: Array, hit: IntArray, missed: IntArray) -> None:
-        """Fill in what rays that have missed so far meet by rounding, among the segments that lie under them."""
+        """Find the hits of rays that missed because of rounding, among the segments at their abscissae."""
         ray, segment = self._pairs(self._abscissae(origins, directions), missed)
         ends, (origin, direction) = self.ends[segment], (x.reshape(-1, 2)[ray] for x in (origins, directions))
         start, step = (ends[:, 0] - origin).T, (ends[:, 1] - ends[:, 0]).T
-        recast = crossing(*start, *step, *direction.T)
-        found = np.flatnonzero(~np.isnan(recast))
-        found = found[np.lexsort((recast[found], ray[found]))]
+        along = crossing(*start, *step, *direction.T)
+        found = np.flatnonzero(~np.isnan(along))
+        found = found[np.lexsort((along[found], ray[found]))]
         distance.ravel()[ray[found]], hit.ravel()[ray[found]] = (
-            recast[found],
+            along[found],
             segment[found],
-        )  # of each ray the last one stays
+        )  # the last hit of each ray remains
 
     def _abscissae(self, origins: Array, directions: Array) -> Array:
-        """Of rays, short of the whole width: the row's number times the width must not round up to the next row."""
+        """Return the abscissae of rays, clipped below the width, so that no key rounds up to the next row."""
         x = diamond_angle(directions) if self.centres is not None else origins @ self.across - self.low
         return np.clip(x, 0.0, self.width * (1 - HIT_TOLERANCE))
 
@@ -184,7 +188,7 @@ class RayCaster:
         rows = np.arange(len(x))[:, None]
         index = np.searchsorted(self.key, rows * self.width + x, side="right") - 1
         first, last = self.bounds[:-1, None], self.bounds[1:, None] - 1
-        # A ray before the first segment of its row can only lie on the last one, which crosses the zero angle.
+        # A ray before the first segment of its row can only hit the last one, which crosses the zero angle.
         index = np.where(index < first, np.maximum(last, 0), index)
         start_x, start_y, step_x, step_y = (part.take(index) for part in (*self.start, *self.step))
         if self.centres is None or self.centres.any():
@@ -196,7 +200,7 @@ class RayCaster:
         return distance, self.order[index]
 
     def _cast_overlapping(self, origins: Array, directions: Array, distance: Array, hit: IntArray) -> None:
-        """Fill in the rows in which segments lie over each other."""
+        """Cast the rays of rows in which segments overlap."""
         shape = distance.shape
         ray, segment, along = self._crossings(origins, directions, np.flatnonzero(~self.clean))
         last = np.lexsort((along, ray))
@@ -208,9 +212,9 @@ class RayCaster:
             distance[i, folded] = folded_distance
 
     def _crossings(self, origins: Array, directions: Array, rows: IntArray) -> tuple[IntArray, IntArray, Array]:
-        """All crossings of the rays of some rows: number of the ray, ascending, of the segment, and distance [m].
+        """Return all intersections of the rays of some rows: ray (ascending), segment, and distance [m].
 
-        A ray through the end that two segments share crosses just one of them.
+        A ray through the common end of two segments intersects exactly one of them.
         """
         x = self._abscissae(origins, directions)
         ray, segment = self._pairs(x, (rows[:, None] * x.shape[1] + np.arange(x.shape[1])).ravel())
@@ -219,26 +223,26 @@ class RayCaster:
         side = direction[:, None, 0] * offset[..., 1] - direction[:, None, 1] * offset[..., 0]
         crosses = (side[:, 0] > 0) != (side[:, 1] > 0)
         part = side[:, 0] / np.where(crosses, side[:, 0] - side[:, 1], 1.0)
-        recast = direction[:, None, 0] * offset[..., 0] + direction[:, None, 1] * offset[..., 1]
-        distance = recast[:, 0] + part * (recast[:, 1] - recast[:, 0])
+        depth = direction[:, None, 0] * offset[..., 0] + direction[:, None, 1] * offset[..., 1]
+        distance = depth[:, 0] + part * (depth[:, 1] - depth[:, 0])
         found = np.flatnonzero(crosses & (distance > 0))
         found = found[np.argsort(ray[found], kind="stable")]
         return ray[found], segment[found], distance[found]
 
     def _pairs(self, x: Array, rays: IntArray) -> tuple[IntArray, IntArray]:
-        """Numbers of some rays and of the segments that lie under them, or all but do, for abscissae (rows, l)."""
+        """Return pairs of rays and segments that overlap, or nearly overlap, in their abscissae (rows, l)."""
         row = rays // x.shape[1]
         key = row * self.width + x.ravel()[rays]
         by_key = np.argsort(key, kind="stable")
         key, rays = key[by_key], rays[by_key]
         chosen = np.zeros(len(x), bool)
         chosen[row] = True
-        index = np.flatnonzero(chosen[self.row])  # segments in the order of their abscissae keep their rows
+        index = np.flatnonzero(chosen[self.row])  # sorting by abscissa keeps the order of the rows
         slack = HIT_TOLERANCE * self.width
         begin, stop = self.key[index] - slack, self.stop[index] + slack
         low, high = self.row[index] * self.width, (self.row[index] + 1) * self.width
         pairs = []
-        for turn in (0.0, self.width) if self.centres is not None else (0.0,):  # segments over the zero angle, again
+        for turn in (0.0, self.width) if self.centres is not None else (0.0,):  # segments across angle zero: twice
             first = np.searchsorted(key, np.maximum(begin - turn, low))
             count = np.maximum(np.searchsorted(key, np.minimum(stop - turn, high)) - first, 0)
             which = np.repeat(np.arange(len(index)), count)
@@ -248,7 +252,7 @@ class RayCaster:
 
 
 def diamond_angle(vectors: Array) -> Array:
-    """A number in [0, 4) that grows with the angle of plane vectors (..., 2), without trigonometry."""
+    """Return a number in [0, 4) that increases with the angle of plane vectors (..., 2), without trigonometry."""
     x, y = vectors[..., 0], vectors[..., 1]
     size = np.abs(x) + np.abs(y)
     rise = y / np.where(size > 0, size, 1.0)
@@ -257,9 +261,33 @@ def diamond_angle(vectors: Array) -> Array:
 
 
 def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Array, y: Array) -> Array:
-    """Distance along rays (x, y) to segments from ``start``, seen from its origin, to ``step`` beyond; NaN: none."""
+    r"""Return the distance along rays to segments; NaN where they do not intersect.
+
+    A ray of direction :math:`\mathbf{d}` hits the segment from :math:`\mathbf{a}` to :math:`\mathbf{a} + \mathbf{s}`,
+    both relative to the origin of the ray, at
+
+    .. math::
+
+        t = \frac{\mathbf{a} \times \mathbf{s}}{\mathbf{d} \times \mathbf{s}}, \qquad
+        \lambda = \frac{\mathbf{a} \times \mathbf{d}}{\mathbf{d} \times \mathbf{s}}, \qquad
+        t > 0, \quad 0 \le \lambda \le 1
+
+    Parameters
+    ----------
+    start_x, start_y : array
+        Start of each segment, relative to the origin of its ray [m].
+    step_x, step_y : array
+        From the start to the end of each segment [m].
+    x, y : array
+        Unit directions of the rays.
+
+    Returns
+    -------
+    array
+        [m]
+    """
     turn = x * step_y - y * step_x
-    with np.errstate(divide="ignore", invalid="ignore"):  # a ray along its segment
+    with np.errstate(divide="ignore", invalid="ignore"):  # a ray parallel to its segment
         distance = (start_x * step_y - start_y * step_x) / turn
         part = (start_x * y - start_y * x) / turn
         hits = (np.abs(part - 0.5) <= 0.5 + HIT_TOLERANCE) & (distance > 0)
@@ -267,7 +295,20 @@ def crossing(start_x: Array, start_y: Array, step_x: Array, step_y: Array, x: Ar
 
 
 def outermost(ends: Array, origins: Array, directions: Array) -> tuple[Array, IntArray]:
-    """Distance to the furthest crossing of each ray with any of the segments, and which; shapes (l,)."""
+    """Return the distance to the furthest intersection of each ray with any of the segments, and this segment.
+
+    Parameters
+    ----------
+    ends : array, shape (s, 2, 2)
+        [m]
+    origins, directions : array, shape (l, 2)
+
+    Returns
+    -------
+    distance : array, shape (l,)
+        [m]; NaN where the ray hits nothing.
+    hit : array of int, shape (l,)
+    """
     if len(ends) == 0:
         return np.full(len(origins), np.nan), np.zeros(len(origins), np.int64)
     offset, step = np.moveaxis(ends[:, 0] - origins[:, None], -1, 0), (ends[:, 1] - ends[:, 0]).T

@@ -13,43 +13,67 @@ from .planes import Planes, perpendicular
 from .rays import RayCaster
 from .sections import Sections, cut_sections
 
+# [cosine] between a ray and a facet's normal below which the distance to the facet's plane is not used, because the
+# facet is nearly parallel to the ray. Larger: fewer facets are used.
+MIN_FACET_COSINE = 0.2
+
 
 @dataclass(frozen=True, eq=False)
 class RaySamples:
-    """Where rays through the surface's own points met the mesh, one per sample site."""
+    r"""Intersections of the mesh with rays through the points of a surface, one per sample site.
 
-    residuals: Array  # (k, l) from the surface outward to the mesh along the ray [m]; NaN where there is none
-    origins: Array  # (k, l, 3) where the rays start [m]
+    The residual at a site is
+
+    .. math::
+
+        e_{kl} = h_{kl} - \lVert \mathbf{a}_{kl} \rVert \quad [\text{m}]
+
+    where :math:`h_{kl}` is the distance along the ray from its origin to the mesh, and the arm :math:`\mathbf{a}_{kl}`
+    leads from the origin to the surface."""
+
+    residuals: Array  # (k, l) from the surface outward to the mesh along the ray [m]; NaN without a hit
+    origins: Array  # (k, l, 3) of the rays [m]
     arms: Array  # (k, l, 3) from there to the surface [m]
-    faces: IntArray  # (k, l) that were met
+    faces: IntArray  # (k, l) faces that were hit
 
     @cached_property
     def rays(self) -> Array:
-        """Unit directions, shape (k, l, 3)."""
+        """Return the unit directions of the rays, shape (k, l, 3)."""
         return unit(self.arms)
 
     @cached_property
     def points(self) -> Array:
-        """Where the rays met the mesh, shape (k, l, 3) [m]; NaN where they did not."""
+        """Return the points where the rays hit the mesh, shape (k, l, 3) [m]; NaN where they did not."""
         return self.origins + self.arms + self.residuals[..., None] * self.rays
 
 
 @dataclass(frozen=True, eq=False)
 class SampleRows:
-    """Sections through the rows of sample sites, and where the rays start that sample them."""
+    """Sections through the rows of sample sites, and the origins of the rays that sample them."""
 
     mesh: TriangleMesh
     planes: Planes  # of the rows
-    sections: Sections  # with ends across the planes where these are parallel
+    sections: Sections  # their ends are plane coordinates if the planes are parallel
     caster: RayCaster
     axes: Array  # (k, 2, 3) unit vectors in each row's plane; (1, 2, 3) where the rows are parallel
-    origins: Array  # (k, l, 3) where the rays start [m]
+    origins: Array  # (k, l, 3) of the rays [m]
     local: Array  # (k, l, 2) or (1, 1, 2) the same in the frames of the rows [m]
-    flat: bool  # whether rays stay in the plane of their row
+    flat: bool  # whether rays are in the plane of their row
 
     @classmethod
     def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis) -> "SampleRows":
-        """Cut the mesh with a plane through every row of sample sites; they lie between the author's planes too."""
+        """Cut the mesh with a plane through every row of sample sites; most of them are between the author's planes.
+
+        Parameters
+        ----------
+        mesh : TriangleMesh
+        lines : LineGrid
+        basis : TensorBasis
+
+        Returns
+        -------
+        SampleRows
+        """
         points = basis.N @ lines.origins[:, 0]
         parallel = lines.planes_u.are_parallel()
         normals = np.broadcast_to(lines.planes_u.normals[0], points.shape)
@@ -62,16 +86,22 @@ class SampleRows:
     def cut(
         cls, mesh: TriangleMesh, planes: Planes, origins: Array, concurrent: bool, direction: Array | None
     ) -> "SampleRows":
-        """Cut the mesh with planes in which rays will start.
+        """Cut the mesh with the planes in which rays will start.
 
         Parameters
         ----------
+        mesh : TriangleMesh
+        planes : Planes
         origins : array, shape (k, l, 3)
             Of the rays in each plane [m].
         concurrent : bool
             Whether the rays of each plane all start at its point.
         direction : array, shape (3,), or None
-            Where all rays run to, if they do.
+            Direction of all rays, if they are parallel.
+
+        Returns
+        -------
+        SampleRows
         """
         flat = planes.are_parallel()
         if flat:
@@ -93,7 +123,7 @@ class SampleRows:
         return cls(mesh, planes, sections, caster, axes, origins, local, flat)
 
     def flat_ends(self) -> Array:
-        """Ends of the segments in the frames of their rows, shape (s, 2, 2) [m]."""
+        """Return the ends of the segments in the frames of their rows, shape (s, 2, 2) [m]."""
         return flat_ends(self.sections, self.planes, self.axes)
 
     def cast(self, arms: Array) -> RaySamples:
@@ -103,27 +133,38 @@ class SampleRows:
         directions = flat_arms / length[..., None]
         origins = np.broadcast_to(self.local, directions.shape)
         distance, hit = self.caster.cast(origins, directions)
-        if not self.flat:  # what leaves the plane of a fanned row is put right
+        if not self.flat:  # correct rays that leave the plane of a fanned row
             length = np.linalg.norm(arms, axis=2)
             distance = self._onto_facets(distance, hit, arms / length[..., None])
         return RaySamples(distance - length, self.origins, arms, self.sections.face[hit])
 
     def _onto_facets(self, distance: Array, hit: IntArray, rays: Array) -> Array:
-        """Distance to the planes of the facets that were hit, for rays that leave the plane of their row."""
+        r"""Return the distance to the planes of the facets that rays hit, for rays that leave the plane of their row.
+
+        A ray from :math:`\mathbf{o}` in direction :math:`\mathbf{r}` hits the plane through :math:`\mathbf{p}` with the
+        normal :math:`\mathbf{n}` at :math:`t = (\mathbf{p} - \mathbf{o}) \cdot \mathbf{n} / (\mathbf{r} \cdot
+        \mathbf{n})`."""
         normal = self.mesh.face_normals[self.sections.face[hit]]
         slope = (rays * normal).sum(axis=2)
         offset = ((self.sections.ends[hit, 0] - self.origins) * normal).sum(axis=2)
-        steep = np.abs(slope) > 0.2  # a facet seen edge-on says nothing of the distance
+        steep = np.abs(slope) > MIN_FACET_COSINE
         return np.where(steep & ~np.isnan(distance), offset / np.where(steep, slope, 1.0), distance)
 
 
 def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Array) -> Array:
-    """Distance along rays in some planes to the mesh, shape (k, l) [m]; NaN where there is none.
+    """Return the distance along rays in some planes to the mesh.
 
     Parameters
     ----------
+    mesh : TriangleMesh
+    planes : Planes
     origins, directions : array, shape (k, l, 3)
-        Of the rays of each plane [m]; they all start at its point, or all run one way.
+        Of the rays of each plane [m]. They all start at the point of their plane, or are all parallel.
+
+    Returns
+    -------
+    array, shape (k, l)
+        [m]; NaN where the ray hits nothing.
     """
     concurrent = bool((origins == planes.points[:, None]).all())
     rows = SampleRows.cut(mesh, planes, origins, concurrent, None if concurrent else directions[0, 0])
@@ -131,20 +172,45 @@ def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Ar
 
 
 def flat_ends(sections: Sections, planes: Planes, axes: Array) -> Array:
-    """Ends of segments in the frames of their rows; sections of parallel planes have them so but for the origin."""
+    """Return the ends of segments in the frames of their rows.
+
+    Parameters
+    ----------
+    sections : Sections
+        The sections of parallel planes have plane coordinates already; only the origin is subtracted.
+    planes : Planes
+    axes : array, shape (k, 2, 3) or (1, 2, 3)
+        Unit vectors in the plane of each row.
+
+    Returns
+    -------
+    array, shape (s, 2, 2)
+        [m]
+    """
     if len(axes) == 1:
         return sections.ends - (planes.points @ axes[0].T)[sections.plane, None]
     return across(sections.ends - planes.points[sections.plane, None], axes[sections.plane])
 
 
 def frames_of(normals: Array) -> Array:
-    """Two unit vectors across each normal, shape (k, 2, 3)."""
+    """Return two unit vectors perpendicular to each normal, shape (k, 2, 3)."""
     firsts = np.array([perpendicular(normal) for normal in normals])
     return np.stack((firsts, np.cross(normals, firsts)), axis=1)
 
 
 def across(vectors: Array, axes: Array) -> Array:
-    """Components of vectors (k, l, 3) along the axes of their rows (k, 2, 3), shape (k, l, 2), stored by component."""
+    """Return the components of vectors along the axes of their rows.
+
+    Parameters
+    ----------
+    vectors : array, shape (k, l, 3)
+    axes : array, shape (k, 2, 3)
+
+    Returns
+    -------
+    array, shape (k, l, 2)
+        Stored by component.
+    """
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     e = axes[:, None]
     return np.moveaxis(np.stack([x * e[..., i, 0] + y * e[..., i, 1] + z * e[..., i, 2] for i in (0, 1)]), 0, -1)

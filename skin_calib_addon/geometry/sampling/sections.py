@@ -1,4 +1,4 @@
-"""Where planes cut a mesh: all planes in one pass, as segments that a ray fan can be cast on."""
+"""Sections of a mesh with planes: all planes in one pass, as segments on which rays can be cast."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,25 +14,29 @@ from .planes import Planes
 class Sections:
     """Segments in which planes cut the faces of a mesh, ordered by plane; row i of each array is one segment."""
 
-    plane: IntArray  # (s,) which plane
-    face: IntArray  # (s,) which face
-    ends: Array  # (s, 2, 3) [m]; from first to second, the face's normal is to the right as the plane's normal sees it
-    planes: int  # how many planes were cut, those that meet nothing included
+    plane: IntArray  # (s,) index of the plane
+    face: IntArray  # (s,) index of the face
+    ends: Array  # (s, 2, 3) [m]; (end - start) x plane normal points out of the face
+    planes: int  # number of planes, including those that cut nothing
 
 
 def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None) -> Sections:
     """Cut a mesh with every plane at once.
 
-    A vertex that lies on a plane counts as below it, so that no position is degenerate; each edge is cut by a formula
-    that is symmetric in its vertices, so that the two faces beside it agree to the bit.
+    A vertex on a plane counts as below it, so that no position is degenerate. The formula for the cut of an edge is
+    symmetric in its vertices, so that the two adjacent faces agree to the bit:
+
+        p = (h_a p_b - h_b p_a) / (h_a - h_b)
+
+    with the vertices p_a and p_b and their heights h_a and h_b above the plane [m].
 
     Parameters
     ----------
     mesh : TriangleMesh
     planes : Planes
-        Parallel planes are found from the sorted heights alone; others are compared with every vertex.
+        For parallel planes sorted heights are sufficient; for others each vertex is compared with each plane.
     values : array, shape (v, c), optional
-        What the ends of the segments tell of the vertices in place of their coordinates, such as plane coordinates.
+        Values of the vertices to interpolate instead of their coordinates, such as plane coordinates.
 
     Returns
     -------
@@ -42,20 +46,20 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
     return cut(mesh, planes, mesh.vertices if values is None else values)
 
 
-# By which corners of a face lie above a plane (1, 2 and 4 for the first, second and third): the one that is alone on
-# its side, and those to whose sides the cut runs from and to. A tip above the plane and one below see their segment
-# run in opposite directions.
+# Indexed by the corners above a plane (sum of 1, 2 and 4 for the first, second and third corner): the corner that is
+# alone on its side, and the corners at the ends of the edges where the cut starts and stops. Segments of faces with the
+# tip above and below the plane have opposite directions.
 TIP = np.array((0, 0, 1, 2, 2, 1, 0, 0))
 START = np.array((0, 1, 2, 1, 0, 0, 2, 0))
 STOP = np.array((0, 2, 0, 0, 1, 2, 1, 0))
 
 
 def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
-    """Cut with parallel planes: each vertex has one height, and its rank among the levels tells all crossings."""
+    """Cut with parallel planes: the rank of the height of each vertex among the planes gives all cuts."""
     level = along(planes.points, planes.normals[0])
     order = np.argsort(level, kind="stable")
     height = along(mesh.vertices, planes.normals[0])
-    rank = np.zeros(len(height), np.int16)  # how many planes lie below each vertex
+    rank = np.zeros(len(height), np.int16)  # number of planes below each vertex
     for one in level:  # a comparison per level is faster than a bisection per vertex
         rank += height > one
     a, b, c = (rank[corner] for corner in mesh.corners)
@@ -89,14 +93,18 @@ def _cut_any(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
 def _segments(
     mesh: TriangleMesh, values: Array, face: IntArray, above: IntArray, height: Callable[[IntArray], Array]
 ) -> Array:
-    """Ends of the segment in which a plane cuts each face, shape (s, 2, c).
+    """Return the ends of the segment in which a plane cuts each face, shape (s, 2, c).
 
     Parameters
     ----------
+    mesh : TriangleMesh
+    values : array, shape (v, c)
+        To interpolate.
+    face : array of int, shape (s,)
     above : array of int, shape (s,)
-        Which corners lie above the plane, as in ``TIP``.
+        Which corners are above the plane, as in ``TIP``.
     height : function
-        Heights above its plane [m] of one vertex for each segment.
+        Returns the heights of one vertex of each segment above its plane [m].
     """
     corners, base = mesh.faces.reshape(-1), 3 * face
     tip = corners[base + TIP[above]]
@@ -109,6 +117,6 @@ def _segments(
         other_height = height(other)
         between = tip_height - other_height
         for end, column, tip_value in zip(ends, columns, tips):
-            # The same to the bit from whichever end of the edge: the faces on both sides of it agree.
+            # The result is the same to the bit for both orders of the vertices, so the adjacent faces agree.
             end[i] = (tip_height * column[other] - other_height * tip_value) / between
     return ends.transpose(2, 1, 0)

@@ -1,4 +1,4 @@
-"""B-spline bases and tensor-product surfaces: evaluation, derivatives, normals."""
+"""B-spline basis functions and tensor-product surfaces: evaluation, derivatives, normals."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -9,12 +9,19 @@ import numpy as np
 from ...common.arrays import Array, IntArray, cross, freeze, product, unit
 from ...common.errors import InvalidKnotVector
 
-# Fewer sites from edge to edge, or all round, may all fall on corners of the facets, or all on their middles.
-MIN_SITES = {False: 20, True: 60}  # by whether the direction is closed
+# Least number of sites [1] in a direction, by whether it is closed. With fewer, all of them may be at the corners of
+# the facets, or all at their centres. Larger: coarse nets have a more accurate error, and small fits take longer.
+MIN_SITES = {False: 20, True: 60}
 
 
 def clamped_knots(n: int, degree: int) -> Array:
-    """Uniform knots on [0, 1], repeated at the ends so that the spline reaches its end control points.
+    """Return uniform knots on [0, 1], repeated at the ends, so that the spline meets its end control points.
+
+    Parameters
+    ----------
+    n : int
+        Number of control points.
+    degree : int
 
     Returns
     -------
@@ -24,52 +31,115 @@ def clamped_knots(n: int, degree: int) -> Array:
 
 
 def periodic_knots(n: int, degree: int) -> Array:
-    """Uniform knots for a closed spline of ``n`` different control points, one period on [0, 1].
+    """Return uniform knots of a closed spline with ``n`` different control points, one period on [0, 1].
+
+    Parameters
+    ----------
+    n : int
+        Number of different control points.
+    degree : int
 
     Returns
     -------
     array, shape (n + 2 * degree + 1,)
-        For a net whose first ``degree`` control points stand again at its end.
+        For a net that repeats its first ``degree`` control points at its end.
     """
     return np.arange(-degree, n + degree + 1) / n
 
 
 def greville(knots: Array, degree: int) -> Array:
-    """Abscissae at which control points of the identity map lie (Greville, 1967), shape (n,)."""
+    r"""Return the Greville abscissae: the control points of the identity map (Greville, 1967).
+
+    .. math::
+
+        \xi_i = \frac{1}{p} \sum_{k=1}^{p} t_{i+k}
+
+    Parameters
+    ----------
+    knots : array, shape (n + degree + 1,)
+        The knots :math:`t`.
+    degree : int
+        The degree :math:`p`.
+
+    Returns
+    -------
+    array, shape (n,)
+    """
     return np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree).mean(axis=1)
 
 
 def sites_per_span(per_span: int, spans: int, minimum: int) -> int:
-    """Sites in each of some spans: ``per_span``, or more where that would be fewer than ``fewest`` in all."""
+    """Return the number of sites in each span: ``per_span``, or more if all spans together had fewer than ``minimum``.
+
+    Parameters
+    ----------
+    per_span : int
+    spans : int
+        Number of spans.
+    minimum : int
+        Least number of sites in all spans together.
+
+    Returns
+    -------
+    int
+    """
     return max(per_span, -(-minimum // spans))
 
 
 def check_knots(knots: Array, degree: int, n: int) -> None:
-    """Raise InvalidKnotVector unless there are ``n + degree + 1`` knots that never decrease and span something."""
+    """Check that there are ``n + degree + 1`` knots, which never decrease, and that their domain has a length.
+
+    Parameters
+    ----------
+    knots : array
+    degree : int
+    n : int
+        Number of control points.
+
+    Raises
+    ------
+    InvalidKnotVector
+        If one of these conditions does not hold.
+    """
     if degree < 1:
-        raise InvalidKnotVector(f"degree {degree} is no B-spline surface; use 2 to 5")
+        raise InvalidKnotVector(f"A B-spline surface of degree {degree} is not available. Use 2 to 5.")
     if n < degree + 1:
-        raise InvalidKnotVector(f"degree {degree} needs at least {degree + 1} control points, not {n}")
+        raise InvalidKnotVector(f"Degree {degree} needs at least {degree + 1} control points, but there are {n}.")
     if len(knots) != n + degree + 1:
-        raise InvalidKnotVector(f"{n} control points of degree {degree} need {n + degree + 1} knots, not {len(knots)}")
+        raise InvalidKnotVector(
+            f"{n} control points of degree {degree} need {n + degree + 1} knots, but there are {len(knots)}."
+        )
     if (np.diff(knots) < 0).any():
         at = int(np.argmax(np.diff(knots) < 0))
-        raise InvalidKnotVector(f"knot {at + 1} is smaller than knot {at}; knots must not decrease")
+        raise InvalidKnotVector(f"Knot {at + 1} is smaller than knot {at}. Knots must not decrease.")
     if not knots[degree] < knots[n]:
-        raise InvalidKnotVector("all knots of the domain are equal; the spline has no length")
+        raise InvalidKnotVector("All knots of the domain are equal, so the spline has no length.")
 
 
 def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[IntArray, Array]:
-    """Evaluate the basis functions that are not zero at each parameter (The NURBS Book, eq. 2.5 and 2.7).
+    r"""Evaluate the basis functions that are not zero at each parameter (The NURBS Book, eq. 2.5 and 2.9).
+
+    .. math::
+
+        N_{i,0}(u) = \begin{cases} 1 & t_i \le u < t_{i+1} \\ 0 & \text{otherwise} \end{cases}, \qquad
+        N_{i,p}(u) = \frac{u - t_i}{t_{i+p} - t_i} N_{i,p-1}(u)
+    + \frac{t_{i+p+1} - u}{t_{i+p+1} - t_{i+1}} N_{i+1,p-1}(u)
+
+    .. math::
+
+        N_{i,p}^{(d)}(u) = p \left( \frac{N_{i,p-1}^{(d-1)}(u)}{t_{i+p} - t_i}
+        - \frac{N_{i+1,p-1}^{(d-1)}(u)}{t_{i+p+1} - t_{i+1}} \right)
 
     Parameters
     ----------
     u : array, shape (m,)
         Parameters in ``[knots[degree], knots[-degree - 1]]``.
     knots : array, shape (n + degree + 1,)
+        The knots :math:`t`.
     degree : int
+        The degree :math:`p`.
     order : int
-        Highest derivative wanted.
+        Highest derivative :math:`d`.
 
     Returns
     -------
@@ -81,7 +151,7 @@ def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[In
     """
     n = len(knots) - degree - 1
     span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, n - 1)
-    # window[:, i] is knot span - degree + 1 + i: all knots that the functions of this span meet.
+    # window[:, i] is knot span - degree + 1 + i: all knots of the functions that are not zero in this span.
     window = knots[span[:, None] + np.arange(1 - degree, degree + 1)]
     tables = [np.ones((len(u), 1))]
     for p in range(1, degree + 1):
@@ -95,7 +165,7 @@ def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[In
     values[0] = tables[degree]
     for d in range(1, min(order, degree) + 1):
         part = tables[degree - d]
-        for p in range(degree - d + 1, degree + 1):  # raise the d-th derivative back to the full degree
+        for p in range(degree - d + 1, degree + 1):  # the d-th derivative, from the lower degree to the full degree
             ratio = p * part / (window[:, degree : degree + p] - window[:, degree - p : degree])
             part = np.zeros((len(u), p + 1))
             part[:, :-1] = -ratio
@@ -105,7 +175,14 @@ def local_basis(u: Array, knots: Array, degree: int, order: int = 0) -> tuple[In
 
 
 def basis_functions(u: Array, knots: Array, degree: int) -> Array:
-    """Every B-spline basis function at each parameter (The NURBS Book, eq. 2.5).
+    """Evaluate every B-spline basis function at each parameter (The NURBS Book, eq. 2.5).
+
+    Parameters
+    ----------
+    u : array, shape (m,)
+        Parameters in ``[knots[degree], knots[-degree - 1]]``.
+    knots : array, shape (n + degree + 1,)
+    degree : int
 
     Returns
     -------
@@ -119,7 +196,19 @@ def basis_functions(u: Array, knots: Array, degree: int) -> Array:
 
 
 def basis_derivatives(u: Array, knots: Array, degree: int) -> tuple[Array, Array]:
-    """Every B-spline basis function at each parameter, and its derivative there; shapes (m, n)."""
+    """Evaluate every B-spline basis function and its first derivative at each parameter.
+
+    Parameters
+    ----------
+    u : array, shape (m,)
+        Parameters in ``[knots[degree], knots[-degree - 1]]``.
+    knots : array, shape (n + degree + 1,)
+    degree : int
+
+    Returns
+    -------
+    values, derivatives : array, shape (m, n)
+    """
     first, values = local_basis(u, knots, degree, 1)
     dense = np.zeros((2, len(u), len(knots) - degree - 1))
     np.put_along_axis(dense, (first[:, None] + np.arange(degree + 1))[None], values, axis=2)
@@ -128,16 +217,26 @@ def basis_derivatives(u: Array, knots: Array, degree: int) -> tuple[Array, Array
 
 @dataclass(frozen=True, eq=False)
 class SpanPolynomials:
-    """The basis functions of each knot span as polynomials of the way from its start to a parameter."""
+    """The basis functions of each knot span, as polynomials of the parameter relative to the start of the span."""
 
-    starts: Array  # (s,) where the spans begin
+    starts: Array  # (s,) starts of the spans
     lengths: Array  # (s,)
     first: IntArray  # (s,) index of the first basis function of each span
     coefficients: Array  # (s, degree + 1, degree + 1): function, power
 
     @classmethod
     def of(cls, knots: Array, degree: int) -> "SpanPolynomials":
-        """Taylor expansions at the beginning of every span that is not empty."""
+        """Return the Taylor expansions at the start of every span that is not empty.
+
+        Parameters
+        ----------
+        knots : array, shape (n + degree + 1,)
+        degree : int
+
+        Returns
+        -------
+        SpanPolynomials
+        """
         inner = knots[degree : len(knots) - degree]
         starts, lengths = inner[:-1][np.diff(inner) > 0], np.diff(inner)[np.diff(inner) > 0]
         first, derivatives = local_basis(starts, knots, degree, degree)
@@ -148,25 +247,31 @@ class SpanPolynomials:
 
 @cache
 def _derivatives(count: int, order: int) -> Array:
-    """From ``count`` powers of a number to those and their derivatives up to ``order``, one after another."""
+    """Return the matrix from ``count`` powers of a number to their derivatives up to ``order``, side by side."""
     blocks = [np.eye(count)]
     for _ in range(order):
         blocks.append(blocks[-1] @ np.diag(np.arange(1.0, count), 1))
     return np.concatenate(blocks, axis=1)
 
 
-# Shares of a span where a surface is looked at for how it turns.
+# Fractions of a knot span at which the direction of the normal is evaluated.
 SPAN_FRACTIONS = np.array((0.0, 0.5))
-MIN_LENGTH = 1e-12  # [m]
+MIN_LENGTH = 1e-12  # [m] lower bound of a length in a denominator, where points of the surface coincide
 
 
 @dataclass(frozen=True, eq=False)
 class BSplineSurface:
-    """A tensor-product B-spline surface over (u, v) in [0, 1] x [0, 1], in the link frame [m].
+    r"""A tensor-product B-spline surface over (u, v) in [0, 1] x [0, 1], in the link frame [m].
 
-    In a ``closed`` direction the net ends with copies of its first ``degree`` control points, the knots are
-    periodic, and parameters wrap round. ``r_u x r_v`` points out of the robot. ``seam`` is a ray that tells on which
-    side a way round begins, whatever the parameters there: a point within [m] and a unit direction.
+    .. math::
+
+        \mathbf{S}(u, v) = \sum_i \sum_j N_{i,p}(u)\, N_{j,q}(v)\, \mathbf{p}_{ij}
+
+    (The NURBS Book, eq. 3.11.) In a ``closed`` direction the net ends with copies of its first ``degree`` control
+    points, the knots are periodic, and parameters wrap around. ``r_u x r_v`` points out of the robot.
+
+    ``seam`` is a ray: a point within the surface [m] and a unit direction. It fixes the start of a closed direction
+    independently of the parametrization.
     """
 
     control_net: Array  # (n_u, n_v, 3) [m]
@@ -184,28 +289,34 @@ class BSplineSurface:
             check_knots(knots, degree, n)
 
     def points(self, uv: Any) -> Array:
-        """Points at parameters ``uv`` of shape (m, 2); shape (m, 3) [m]."""
+        """Return the points at parameters ``uv`` of shape (m, 2); shape (m, 3) [m]."""
         return self.derivatives(uv, order=0)[0, 0]
 
     def normals(self, uv: Any) -> Array:
-        """Unit normals ``r_u x r_v`` out of the robot, shape (m, 3) (paper eq. 5, normalised)."""
+        r"""Return the unit normals out of the robot, shape (m, 3) (paper eq. 5, normalized).
+
+        .. math::
+
+            \mathbf{n} = \frac{\mathbf{S}_u \times \mathbf{S}_v}{\lVert \mathbf{S}_u \times \mathbf{S}_v \rVert}
+        """
         r = self.derivatives(uv, order=1)
         return unit(cross(r[1, 0], r[0, 1]))
 
     def derivatives(self, uv: Any, order: int = 1) -> Array:
-        """Partial derivatives up to ``order``.
+        r"""Return the partial derivatives up to ``order``.
 
         Parameters
         ----------
         uv : array, shape (m, 2)
-            Parameters; they wrap round where the surface is closed, and beyond an open edge it goes on straight.
+            Parameters. They wrap around where the surface is closed. Beyond an open edge the surface continues along
+            its tangent.
         order : int
 
         Returns
         -------
         array, shape (order + 1, order + 1, m, 3)
-            ``r[a, b]`` is :math:`\\partial^{a+b} S / \\partial u^a \\partial v^b`; those of more than ``order``
-            in all are computed too.
+            ``r[a, b]`` is :math:`\partial^{a+b} S / \partial u^a \partial v^b` [m]. Derivatives of a total order above
+            ``order`` are computed too.
         """
         span_u, span_v, (U, V) = self._monomials(self.wrap(uv).T, order)
         patches = self._patches[span_u, span_v]
@@ -213,10 +324,10 @@ class BSplineSurface:
         return np.matmul(V[:, None], rows).transpose(1, 2, 0, 3)
 
     def _monomials(self, uv: Array, order: int) -> tuple[IntArray, IntArray, Array]:
-        """Spans in which parameters (2, m) lie, and derivatives of the powers there, shape (2, m, order + 1, powers).
+        """Return the spans of parameters (2, m), and derivatives of the powers there, shape (2, m, order + 1, powers).
 
-        Both directions at once: for few points that takes hardly longer than one. Beyond the ends of its domain a
-        spline goes on along its tangent.
+        Both directions are computed at once, because for few points this takes little more time than one direction.
+        Beyond the ends of its domain a spline continues along its tangent.
         """
         starts, (first, last), spans_u = self._steps
         inside = np.minimum(np.maximum(uv, first), last)
@@ -239,17 +350,28 @@ class BSplineSurface:
         return step[0], step[1] - spans_u, values[:, :, : order + 1]
 
     def wrap(self, uv: Any) -> Array:
-        """Parameters with closed directions brought back into [0, 1), shape (m, 2)."""
+        """Return parameters with closed directions mapped into [0, 1), shape (m, 2)."""
         uv = np.array(uv, float).reshape(-1, 2)
         for axis in (0, 1):
             if self.closed[axis]:
                 x = uv[:, axis]
                 x -= np.floor(x)
-                x[x == 1.0] = 0.0  # what lies just below zero is rounded up
+                x[x == 1.0] = 0.0  # a negative number near zero is rounded to one
         return uv
 
     def grid_points(self, u: Array, v: Array) -> Array:
-        """Points at every pair of ``u`` and ``v``, shape (len(u), len(v), 3) [m]."""
+        """Return the points at every pair of ``u`` and ``v``.
+
+        Parameters
+        ----------
+        u : array, shape (k,)
+        v : array, shape (l,)
+
+        Returns
+        -------
+        array, shape (k, l, 3)
+            [m]
+        """
         A = basis_functions(u, self.knots_u, self.degree[0])
         B = basis_functions(v, self.knots_v, self.degree[1])
         n, m, _ = self.control_net.shape
@@ -257,7 +379,18 @@ class BSplineSurface:
         return B @ rows  # one small product per row
 
     def grid_tangents(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """Derivatives by u and by v at every pair of ``u`` and ``v``, shapes (len(u), len(v), 3) [m]."""
+        """Return the derivatives by u and by v at every pair of ``u`` and ``v``.
+
+        Parameters
+        ----------
+        u : array, shape (k,)
+        v : array, shape (l,)
+
+        Returns
+        -------
+        by_u, by_v : array, shape (k, l, 3)
+            [m]
+        """
         A, along = basis_derivatives(u, self.knots_u, self.degree[0])
         B, across = basis_derivatives(v, self.knots_v, self.degree[1])
         n, m, _ = self.control_net.shape
@@ -269,16 +402,16 @@ class BSplineSurface:
         return by_u, by_v
 
     def turning(self, length: float) -> float:
-        """By how much the normal turns at most on ways of this length, or less, along the coordinate lines [rad].
+        """Return the largest rotation of the normal along coordinate lines, over at most this length [rad].
 
-        What turns to and fro on less, as a surface does that follows the facets of a mesh, does not add up.
-        """
+        Rotations over shorter lengths that cancel each other do not add up. A surface that follows the facets of a mesh
+        has such rotations."""
         angles, per_length = self._turns
         return float(np.minimum(angles, per_length * length).max())
 
     @cached_property
     def _turns(self) -> tuple[Array, Array]:
-        """Between points 1, 2, 4 ... half spans apart: the largest turn [rad], and the largest to its way [1/m]."""
+        """Return, for points 1, 2, 4 ... half spans apart, the largest rotation [rad] and the largest per length."""
         u, v = (spans.starts[:, None] + spans.lengths[:, None] * SPAN_FRACTIONS for spans in self._spans)
         r = self.derivatives(np.column_stack((np.repeat(u.ravel(), v.size), np.tile(v.ravel(), u.size))))
         points, normals = (x.reshape(u.size, v.size, 3) for x in (r[0, 0], unit(cross(r[1, 0], r[0, 1]))))
@@ -303,14 +436,14 @@ class BSplineSurface:
 
     @cached_property
     def _steps(self) -> tuple[Array, Array, int]:
-        """Where the spans in u and then those in v start; the ends of both domains, (2, 2, 1); how many are in u."""
+        """Return the starts of the spans in u, then in v; the ends of both domains (2, 2, 1); the spans in u."""
         starts = np.concatenate([s.starts for s in self._spans])
         ends = np.array([(s.starts[0], s.starts[-1] + s.lengths[-1]) for s in self._spans]).T[..., None]
         return starts, ends, len(self._spans[0].starts)
 
     @cached_property
     def _patches(self) -> Array:
-        """Polynomial coefficients of each pair of spans, shape (s_u, s_v, powers, powers * 3); both degrees alike."""
+        """Return the coefficients of each pair of spans, shape (s_u, s_v, powers, powers * 3), zero-padded."""
         (i, C), (j, D) = ((s.first[:, None] + np.arange(s.coefficients.shape[1]), s.coefficients) for s in self._spans)
         nets = self.control_net[i[:, None, :, None], j[None, :, None, :]]
         powers = max(self.degree) + 1

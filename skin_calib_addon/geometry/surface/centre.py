@@ -1,4 +1,4 @@
-"""The middle of a surface: where its shape has it, however its parameters run."""
+"""The centre of a surface: it depends on the shape only, and not on the parametrization."""
 
 from functools import lru_cache
 
@@ -7,19 +7,22 @@ import numpy as np
 from ...common.arrays import Array, unit
 from .bspline import BSplineSurface
 
-CHORDS_PER_SIDE = 64  # of a coordinate line on either side of a place when its length is measured
-CENTRE_ITERATIONS = 3  # Newton steps to half of a length, in each direction
-MAX_SEAM_ITERATIONS = 8  # Newton steps to where a ray meets a surface
-SEAM_TOLERANCE = 1e-9  # step of the parameters that is none
+# [1] chords that measure a coordinate line on each side of a point. Larger: more accurate lengths, more time.
+CHORDS_PER_SIDE = 64
+# [1] Newton iterations to half of the length, in each direction. Larger: no visible effect, more time.
+CENTRE_ITERATIONS = 3
+# [1] most Newton iterations for the intersection of the seam's ray with the surface.
+MAX_SEAM_ITERATIONS = 8
+# [1] step of the parameters below which these iterations have converged. Larger: a less accurate seam.
+SEAM_TOLERANCE = 1e-9
 
 
 @lru_cache(maxsize=8)
 def surface_centre(surface: BSplineSurface) -> tuple[float, float]:
-    """Parameters half way along a surface, and half way across it or round it: half of the lengths of its lines.
+    """Return the parameters of the point at half of the length of its two coordinate lines.
 
-    Round it, the way begins at its seam, the side of angle zero: where the vertex of the mesh is that is furthest from
-    the axis.
-    """
+    A closed line starts at the seam, which is at angle zero: the side of the mesh vertex with the largest distance from
+    the axis."""
     start = seam_of(surface)
     uv = np.where(surface.closed, start + 0.5, 0.5)[None]
     for _ in range(CENTRE_ITERATIONS):
@@ -35,22 +38,32 @@ def surface_centre(surface: BSplineSurface) -> tuple[float, float]:
 def length_fractions(
     surface: BSplineSurface, uv: Array, axis: int, parts: int, start: float = 0.0
 ) -> tuple[Array, Array]:
-    """How much of the length of its coordinate line along ``axis`` lies before each point, and how that grows.
+    r"""Return the fraction of the length of its coordinate line that is before each point, and its derivative.
+
+    .. math::
+
+        f(x) = \frac{\ell(x_0, x)}{\ell(x_0, x_0 + 1)}, \qquad
+        f'(x) = \frac{\lVert \partial \mathbf{S} / \partial x \rVert}{\ell(x_0, x_0 + 1)}
+
+    Here :math:`\ell` [m] is the length of a coordinate line, measured with chords.
 
     Parameters
     ----------
+    surface : BSplineSurface
     uv : array, shape (k, 2)
+    axis : int
+        Direction of the lines: 0 for u, 1 for v.
     parts : int
-        Into which the line is divided on either side of the point, to measure chords.
+        Number of chords on each side of the point.
     start : float
-        Where the lines begin; they end at one more.
+        Parameter :math:`x_0` where the lines start; they end at ``start + 1``.
 
     Returns
     -------
-    shares : array, shape (k,)
-        0 to 1; outside of that beyond the ends.
-    growth : array, shape (k,)
-        To the parameter.
+    fractions : array, shape (k,)
+        From 0 to 1; outside of this range beyond the ends.
+    slope : array, shape (k,)
+        Derivatives of the fractions by the parameter.
     """
     x, part = uv[:, axis, None] - start, np.linspace(0, 1, parts + 1)
     lines = np.repeat(uv[:, None], 2 * parts + 1, axis=1)
@@ -66,7 +79,7 @@ def length_fractions(
 
 
 def seam_of(surface: BSplineSurface) -> Array:
-    """Parameters of the place where the ray of its seam meets a surface, shape (2,); v = 0 where it has none."""
+    """Return the parameters where the ray of the seam intersects a surface, shape (2,); v = 0 without a seam."""
     start = np.array((0.5, 0.0))
     if surface.seam is None:
         return start

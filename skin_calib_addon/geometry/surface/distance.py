@@ -1,4 +1,4 @@
-"""Distances between a surface and a mesh, both ways."""
+"""Distances between a surface and a mesh, in both directions."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -9,51 +9,85 @@ from ...common.surface_errors import DistanceStatistics, SurfaceErrors
 from ..mesh.triangle_mesh import TriangleMesh
 from .bspline import MIN_SITES, BSplineSurface, sites_per_span
 
-# Samples along each span of the surface's grid when distances are measured.
-SAMPLES_PER_SPAN = 5  # odd: facets come in round numbers, and samples that keep step with them see but a part
-STARTS_PER_SPAN = 3  # of the grid whose nearest point begins the search for a footpoint
+# [1] samples in each span, per direction, that measure distances. Not a multiple of 2, because facets often come in
+# even numbers and samples with the period of the facets see only a part of them. Larger: more accurate maxima, more
+# time.
+SAMPLES_PER_SPAN = 5
+# [1] grid points in each span, per direction, from which a footpoint search starts. Larger: safer start, more time.
+STARTS_PER_SPAN = 3
+# [1] most iterations of a footpoint search. Larger: no effect, because the search converges before.
 MAX_FOOTPOINT_ITERATIONS = 8
-FOOTPOINT_TOLERANCE = 1e-9  # step of a footpoint's parameters that is none
-MAX_PARTS = 64  # of one side of a face
-MIN_TREE_POINTS = 8  # points for which no tree is worth its making
-# A triangle with less height than this share of its length is no plane; its sides have all of its points.
+# [1] step of the parameters below which a footpoint search has converged. Larger: less accurate footpoints.
+FOOTPOINT_TOLERANCE = 1e-9
+# [1] most parts of one side of a face. Larger: denser samples on long faces, more memory.
+MAX_PARTS = 64
+# [1] least number of points for which a search tree is built. It affects the time only.
+MIN_TREE_POINTS = 8
+# [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
 FLAT_TRIANGLE_RATIO = 1e-8
 
 
 def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray) -> SurfaceErrors:
-    """Measure a surface against the mesh it was fitted to, where they lie over each other.
+    r"""Measure the distances between a surface and the mesh, where both exist.
+
+    The mean, the root mean square and the maximum of each direction are weighted by area. The Hausdorff distance is
+
+    .. math::
+
+        d_H = \max\left( \max_{\mathbf{p} \in S} \min_{\mathbf{q} \in M} \lVert \mathbf{p} - \mathbf{q} \rVert,\;
+        \max_{\mathbf{q} \in M} \min_{\mathbf{p} \in S} \lVert \mathbf{p} - \mathbf{q} \rVert \right) \quad [\text{m}]
 
     Parameters
     ----------
+    mesh : TriangleMesh
+    surface : BSplineSurface
     known : array of bool, shape (k, l)
-        Which of the sample sites of the fit met the mesh; what lies beside another site is left out.
+        Which sample sites of the fit hit the mesh. Parts of the surface next to other sites are left out.
+
+    Returns
+    -------
+    SurfaceErrors
+        [m]
 
     Raises
     ------
     EmptySection
-        If no part of the surface lies over the mesh.
+        If no part of the surface is over the mesh.
     """
     uv, weights = surface_samples(surface)
     sampled = is_sampled(surface, uv, known)
     if not sampled.any():
-        raise EmptySection("no part of the surface lies over the mesh: its holes are everywhere; move the planes")
+        raise EmptySection("No sample ray hit the mesh next to another one, so the error is unknown. Move the planes.")
     to_mesh = DistanceStatistics.of(MeshDistance(mesh)(surface.points(uv[sampled]))[0], weights[sampled])
     points, areas, face = mesh_samples(mesh)
     foot, distance = footpoints(surface, points)
-    # The mesh beside the surface: over its inside, and facing the same way (or, wound wrongly, the opposite one).
+    # The mesh next to the surface: its footpoint is inside the surface, and its normal is parallel to the surface's (or
+    # antiparallel, where the winding is wrong).
     adjacent = is_sampled(surface, foot, known)
     adjacent &= np.abs((surface.normals(foot) * mesh.face_normals[face]).sum(axis=1)) > 0.5
     for axis in (0, 1):
         if not surface.closed[axis]:
             adjacent &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
     if not adjacent.any():
-        raise EmptySection("no face of the mesh lies beside the surface and looks its way; move the planes")
+        raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
     to_surface = DistanceStatistics.of(distance[adjacent], areas[adjacent])
     return SurfaceErrors(to_surface, to_mesh, max(to_surface.max, to_mesh.max))
 
 
 def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArray:
-    """Whether all sample sites around each ``uv`` are known ones; sites are even in u and v."""
+    """Return whether all sample sites around each ``uv`` hit the mesh; the sites are even in u and v.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+    uv : array, shape (m, 2)
+    known : array of bool, shape (k, l)
+        Which sample sites hit the mesh.
+
+    Returns
+    -------
+    array of bool, shape (m,)
+    """
     k, l = known.shape
     row, column = uv[:, 0] * (k - 1), uv[:, 1] * (l if surface.closed[1] else l - 1)
     rows = (np.clip(f(row).astype(int), 0, k - 1) for f in (np.floor, np.ceil))
@@ -62,14 +96,25 @@ def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArra
 
 
 def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
-    """Parameters of a dense grid of cell centres, shape (k, 2), and the area that each stands for [m^2]."""
+    """Return the parameters of a dense grid of cell centres, shape (k, 2), and the area of each cell [m^2]."""
     u, v = sample_lines(surface, SAMPLES_PER_SPAN)
     normals = cross(*surface.grid_tangents(u, v)).reshape(-1, 3)
     return _pairs(u, v), np.linalg.norm(normals, axis=1) / len(normals)
 
 
 def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
-    """Even parameters u and v, in the middle of equal parts, so many to a span, more where spans are few."""
+    """Return even parameters u and v at the centres of equal parts of the domain.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+    per_span : int
+        Parameters in each span; more where there are few spans.
+
+    Returns
+    -------
+    u, v : array
+    """
     spans = (len(np.unique(k[d : len(k) - d])) - 1 for k, d in zip((surface.knots_u, surface.knots_v), surface.degree))
     counts = (n * sites_per_span(per_span, n, MIN_SITES[closed]) for n, closed in zip(spans, surface.closed))
     u, v = ((np.arange(n) + 0.5) / n for n in counts)
@@ -81,20 +126,28 @@ def _pairs(u: Array, v: Array) -> Array:
 
 
 def mesh_samples(mesh: TriangleMesh) -> tuple[Array, Array, IntArray]:
-    """Points spread over the faces, at most a fiftieth of the mesh apart, the area each stands for, and its face."""
+    """Return points on the faces, at most 2 % of the mesh size apart, the area of each [m^2], and its face."""
     points, face, parts = split_faces(mesh, 0.02 * mesh.size)
     return points, mesh.face_areas[face] / parts[face] ** 2, face
 
 
 def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntArray]:
-    """Centres of the like triangles into which long faces are split until their sides are at most ``size`` [m].
+    """Split long faces into congruent triangles with sides of at most ``size``, and return their centres.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    size : float
+        [m]
 
     Returns
     -------
     centres : array, shape (p, 3)
+        [m]
     face : array of int, shape (p,)
+        Face of each centre.
     parts : array of int, shape (f,)
-        Into how many parts each side of each face was split; the face has as many pieces squared.
+        Number of parts of each side of each face. A face has the square of this number of triangles.
     """
     corners = mesh.triangles
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -103,7 +156,7 @@ def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntAr
     for k in np.unique(parts):
         chosen = np.flatnonzero(parts == k)
         i, j = (x.ravel() for x in np.meshgrid(np.arange(k), np.arange(k), indexing="ij"))
-        up, down = i + j < k, i + j < k - 1  # pieces that stand like the face, and upside down
+        up, down = i + j < k, i + j < k - 1  # triangles oriented like the face, and rotated by half a turn
         a = np.r_[i[up] + 1 / 3, i[down] + 2 / 3] / k
         b = np.r_[j[up] + 1 / 3, j[down] + 2 / 3] / k
         centres.append(np.einsum("sb,fbc->fsc", np.column_stack((1 - a - b, a, b)), corners[chosen]).reshape(-1, 3))
@@ -112,17 +165,20 @@ def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntAr
 
 
 class MeshDistance:
-    """Distance from points to a mesh, exact: a tree of face pieces gives candidates, then triangles decide."""
+    """The exact distance from points to a mesh.
+
+    A search tree of small triangles gives the candidates. The distances to their faces decide.
+    """
 
     def __init__(self, mesh: TriangleMesh):
         self.triangles = mesh.triangles
         sides = np.linalg.norm(self.triangles - np.roll(self.triangles, 1, axis=1), axis=2).max(axis=1)
         centres, self.face, parts = split_faces(mesh, max(float(np.median(sides)), 0.01 * mesh.size))
-        self.radius = 2 / 3 * float((sides / parts).max())  # no point of a piece is further from its centre
+        self.radius = 2 / 3 * float((sides / parts).max())  # largest distance of a point of a triangle from its centre
         self.tree = cKDTree(centres)
 
     def __call__(self, points: Array) -> tuple[Array, IntArray, Array]:
-        """Distance [m], nearest face and nearest point of each point, shapes (k,), (k,), (k, 3)."""
+        """Return the distance [m], the nearest face and the nearest point of each point; shapes (k,), (k,), (k, 3)."""
         distance = np.full(len(points), np.inf)
         face = np.zeros(len(points), np.int64)
         nearest = np.zeros((len(points), 3))
@@ -130,7 +186,7 @@ class MeshDistance:
         def try_pairs(which: IntArray, faces: IntArray) -> None:
             foot = closest_on_triangles(points[which], self.triangles[faces])
             d = np.linalg.norm(foot - points[which], axis=1)
-            order = np.lexsort((d, which))  # of each point's candidates the nearest comes first
+            order = np.lexsort((d, which))  # the nearest candidate of each point comes first
             first = order[np.append(True, which[order][1:] != which[order][:-1])] if len(order) else order
             first = first[d[first] < distance[which[first]]]
             distance[which[first]], face[which[first]], nearest[which[first]] = d[first], faces[first], foot[first]
@@ -141,7 +197,7 @@ class MeshDistance:
             far, index = map(np.asarray, self.tree.query(points[open_], k=np.arange(seen + 1, k + 1)))
             if seen == 0:
                 try_pairs(open_, self.face[index[:, 0]])
-            # A piece has no point nearer than its centre less the reach of a piece.
+            # The distance to a triangle is at least the distance to its centre minus the radius.
             row, column = np.nonzero(far - self.radius < distance[open_, None])
             try_pairs(open_[row], self.face[index[row, column]])
             open_ = open_[(far[:, -1] - self.radius < distance[open_]) & (k < self.tree.n)]
@@ -150,7 +206,17 @@ class MeshDistance:
 
 
 def closest_on_triangles(points: Array, triangles: Array) -> Array:
-    """Nearest point of each triangle (k, 3, 3) to each point (k, 3) (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    """Return the nearest point of each triangle to each point (Ericson, Real-Time Collision Detection, 5.1.5).
+
+    Parameters
+    ----------
+    points : array, shape (k, 3)
+    triangles : array, shape (k, 3, 3)
+
+    Returns
+    -------
+    array, shape (k, 3)
+    """
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     ab, ac, ap = b - a, c - a, points - a
     normal = np.cross(ab, ac)
@@ -180,9 +246,29 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
 
 
 def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
-    """Nearest surface point of each point: parameters, shape (k, 2), and distance [m].
+    r"""Return the nearest surface point of each point.
 
-    The nearest of a dense grid starts a Gauss-Newton descent that stays within the surface.
+    The nearest point of a dense grid is the start of Gauss-Newton iterations, which stay within the surface:
+
+    .. math::
+
+        \begin{pmatrix} \mathbf{S}_u \cdot \mathbf{S}_u & \mathbf{S}_u \cdot \mathbf{S}_v \\
+        \mathbf{S}_u \cdot \mathbf{S}_v & \mathbf{S}_v \cdot \mathbf{S}_v \end{pmatrix}
+        \begin{pmatrix} \delta u \\ \delta v \end{pmatrix} =
+        \begin{pmatrix} \mathbf{S}_u \cdot (\mathbf{p} - \mathbf{S}) \\
+        \mathbf{S}_v \cdot (\mathbf{p} - \mathbf{S}) \end{pmatrix}
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+    points : array, shape (k, 3)
+        The points :math:`\mathbf{p}` [m].
+
+    Returns
+    -------
+    uv : array, shape (k, 2)
+    distance : array, shape (k,)
+        [m]
     """
     lines = sample_lines(surface, STARTS_PER_SPAN)
     grid = surface.grid_points(*lines).reshape(-1, 3)

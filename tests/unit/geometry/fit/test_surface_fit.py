@@ -261,15 +261,15 @@ def test_wrist_is_fitted_to_a_hundredth_of_a_millimetre():
         (
             TubeGrid(3, 12, Z_AXIS),
             3,
-            "degree 3 needs at least 4 u-planes, the grid has 3; add planes or lower the degree",
+            "Degree 3 needs at least 4 u-planes, but the grid has 3. Add u-planes, or lower the degree",
         ),
-        (TubeGrid(1, 12, Z_AXIS), 2, "degree 2 needs at least 3 u-planes, the grid has 1"),
-        (TubeGrid(8, 5, Z_AXIS), 5, "degree 5 needs at least 6 v-lines, the grid has 5"),
-        (SectorGrid(8, 3, 0.0, 1.0, Z_AXIS), 3, "degree 3 needs at least 4 v-lines, the grid has 3"),
-        (planes_grid([0.05], lines=4), 3, "degree 3 needs at least 4 u-planes, the grid has 1"),
-        (planes_grid([0.02, 0.05], lines=4), 3, "degree 3 needs at least 4 u-planes, the grid has 2"),
-        (TubeGrid(8, 12, Z_AXIS), 1, "degree 1 is not available; use 2 to 5"),
-        (TubeGrid(8, 12, Z_AXIS), (3, 6), "degree 6 is not available; use 2 to 5"),
+        (TubeGrid(1, 12, Z_AXIS), 2, "Degree 2 needs at least 3 u-planes, but the grid has 1"),
+        (TubeGrid(8, 5, Z_AXIS), 5, "Degree 5 needs at least 6 v-lines, but the grid has 5"),
+        (SectorGrid(8, 3, 0.0, 1.0, Z_AXIS), 3, "Degree 3 needs at least 4 v-lines, but the grid has 3"),
+        (planes_grid([0.05], lines=4), 3, "Degree 3 needs at least 4 u-planes, but the grid has 1"),
+        (planes_grid([0.02, 0.05], lines=4), 3, "Degree 3 needs at least 4 u-planes, but the grid has 2"),
+        (TubeGrid(8, 12, Z_AXIS), 1, "Degree 1 is not available. Use 2 to 5"),
+        (TubeGrid(8, 12, Z_AXIS), (3, 6), "Degree 6 is not available. Use 2 to 5"),
     ],
 )
 def test_too_few_planes_for_the_degree_are_refused(grid, degree, message):

@@ -232,11 +232,11 @@ def test_surface_cannot_be_changed():
 @pytest.mark.parametrize(
     ("knots", "degree", "n", "message"),
     [
-        ([0, 0, 1, 1], 0, 3, "degree 0 is no B-spline surface"),
-        ([0, 0, 0, 1, 1, 1], 3, 2, "degree 3 needs at least 4 control points, not 2"),
-        ([0, 0, 0, 0.5, 1, 1], 2, 4, "4 control points of degree 2 need 7 knots, not 6"),
-        ([0, 0, 0, 0.7, 0.3, 1, 1, 1], 2, 5, "knot 4 is smaller than knot 3; knots must not decrease"),
-        ([0, 0, 0, 0, 0, 0], 2, 3, "all knots of the domain are equal"),
+        ([0, 0, 1, 1], 0, 3, "A B-spline surface of degree 0 is not available"),
+        ([0, 0, 0, 1, 1, 1], 3, 2, "Degree 3 needs at least 4 control points, but there are 2"),
+        ([0, 0, 0, 0.5, 1, 1], 2, 4, "4 control points of degree 2 need 7 knots, but there are 6"),
+        ([0, 0, 0, 0.7, 0.3, 1, 1, 1], 2, 5, "Knot 4 is smaller than knot 3. Knots must not decrease"),
+        ([0, 0, 0, 0, 0, 0], 2, 3, "All knots of the domain are equal"),
     ],
 )
 def test_knots_that_carry_no_spline_are_refused(knots, degree, n, message):
