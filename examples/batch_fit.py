@@ -3,8 +3,8 @@
     blender -b scene.blend --python batch_fit.py -- -o OUT [--picture PNG] [--report JSON]
     python batch_fit.py scene.blend -- -o OUT            (with the bpy module)
 
-What follows ``--`` are the words of ``skin-calib fit``; a scene without links, bad data and a bad call end with the
-same codes as there: 1 the data is wrong, 2 the call is wrong.
+The words after ``--`` are those of ``skin-calib fit``. The exit codes are the same too: 1 for wrong data, for example a
+scene without links, and 2 for a wrong call.
 """
 
 import atexit
@@ -18,7 +18,7 @@ COMMAND = "skin_calib_addon.blender.command"
 
 
 def enable_from_checkout():
-    """Register the extension that this file lies in, where Blender has not enabled it itself; its command module."""
+    """Register the extension of this checkout if Blender has not enabled it; return its command module."""
     if not hasattr(bpy.types.Object, "skin_calib"):
         root = Path(__file__).resolve().parent.parent
         spec = importlib.util.spec_from_file_location(
@@ -28,12 +28,14 @@ def enable_from_checkout():
         sys.modules["skin_calib"] = extension
         spec.loader.exec_module(extension)
         extension.register()
-        atexit.register(extension.unregister)  # Blender does so for what it has enabled; without it 4.5 ends badly
+        atexit.register(
+            extension.unregister
+        )  # Blender does this for enabled extensions; without it Blender 4.5 crashes at exit
     return next(module for name, module in sys.modules.items() if name.endswith(COMMAND))
 
 
 def main():
-    """Open the scene if one is named, and fit its links."""
+    """Open the scene if one is given, and fit its links."""
     split = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
     command = enable_from_checkout()
     scenes = [word for word in sys.argv[1:split] if word.endswith(".blend")]

@@ -1,8 +1,8 @@
-"""What a controller does with a calibration: readings in; contacts, wrench, CoP and supporting polygon out.
+"""Use a calibration in a controller: readings in; contacts, wrench, CoP and supporting polygon out.
 
     python examples/controller.py CALIBRATION RECORDING.csv
 
-Needs NumPy and ``skin_calib_addon.runtime`` alone.
+It needs only NumPy and ``skin_calib_addon.runtime``.
 """
 
 import csv
@@ -14,7 +14,7 @@ from skin_calib_addon.runtime import load
 
 
 def main(calibration_file, recording_file):
-    """Print every tenth frame: contacts, and for a sole where it stands."""
+    """Print every tenth frame: contacts, and for a sole its CoP."""
     skin = load(calibration_file)
     with open(recording_file, newline="") as file:
         recorded = list(csv.DictReader(file))
@@ -25,9 +25,9 @@ def main(calibration_file, recording_file):
             continue
         print(f"{frame.time:.2f} s", {True: "touched", False: "free", None: "nothing known"}[frame.touched])
         for c in frame.contacts:
-            place = " ".join(f"{x * 1e3:7.2f}" for x in c.position)
+            position = " ".join(f"{x * 1e3:7.2f}" for x in c.position)
             normal = " ".join(f"{x:6.3f}" for x in c.normal)
-            print(f"  contact {c.number}: {c.force:5.2f} N at {place} mm, normal {normal}, {len(c.taxels)} taxels")
+            print(f"  contact {c.number}: {c.force:5.2f} N at {position} mm, normal {normal}, {len(c.taxels)} taxels")
         if frame.cop is not None:
             print(f"  CoP {frame.cop * 1e3} mm, {frame.polygon.guaranteed.margin(frame.cop) * 1e3:.1f} mm inside")
 

@@ -1,7 +1,7 @@
-"""The main job on the bundled sample, through both doors: the command line, and Blender without a window.
+"""Run the main task on the sample with both interfaces: the command line, and Blender without a window.
 
-Leaves ``out/wrist.calibration.json``, ``out/wrist.png`` and ``out/summary.txt``, and in ``out/contacts.txt`` what a
-controller makes of a recorded press; fails where the doors differ.
+The results are ``out/wrist.calibration.json``, ``out/wrist.png`` and ``out/summary.txt``. ``out/contacts.txt`` has the
+output of a controller for a recorded press. The demo fails if the two calibrations differ.
 """
 
 import subprocess
@@ -13,7 +13,7 @@ SAMPLES, OUT = ROOT / "sample_scenes", ROOT / "out"
 
 
 def run(*words):
-    """Run a program; its output, or an end with what it said."""
+    """Run a program and return its output; exit with its messages if it fails."""
     done = subprocess.run([sys.executable, *map(str, words)], cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"demo: {Path(words[0]).name} failed ({done.returncode}):\n{done.stdout}{done.stderr}")
@@ -21,7 +21,7 @@ def run(*words):
 
 
 def main():
-    """Fit the sample twice, compare, and say what was made."""
+    """Fit the sample twice, compare the files, and print a summary."""
     OUT.mkdir(exist_ok=True)
     calibration, again = OUT / "wrist.calibration.json", OUT / "wrist.blender.json"
     fit = ("-m", "skin_calib_addon", "fit", SAMPLES / "wrist.plan.json", "-o", calibration)
@@ -34,7 +34,7 @@ def main():
         )
     run("examples/batch_fit.py", SAMPLES / "wrist.blend", "--", "-o", again)
     if calibration.read_bytes() != again.read_bytes():
-        sys.exit(f"demo: {calibration} and {again} differ; they must be the same to the byte")
+        sys.exit(f"demo: {calibration} and {again} differ; all bytes must be equal")
     again.unlink()
     (OUT / "summary.txt").write_text(summary)
     (OUT / "contacts.txt").write_text(run("examples/controller.py", calibration, ROOT / "examples/wrist_recording.csv"))

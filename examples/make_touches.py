@@ -1,10 +1,10 @@
-"""Make up touches of the sample's sheet as a probe would measure them, and what ``touches`` draws of them.
+"""Simulate touches of the sample sheet as a probe measures them, and draw the picture of ``skin-calib touches``.
 
     python examples/make_touches.py
 
-The sheet lies 3 mm along its rows and 2 mm across them from where the plan has it, turned by 1.7 degrees; each touch is
-anywhere in the cell of the taxel that feels it, the probe's tip .7 mm above; the wires of two taxels are changed about.
-Leaves ``examples/wrist_touches.csv`` and ``docs/touches.png``.
+The real sheet is 3 mm along its rows and 2 mm across them from its planned position, and rotated by 1.7 degrees. Each
+touch is at a random point of the cell of its taxel, with the tip of the probe 0.7 mm above it. The wires of two taxels
+are swapped. The results are ``examples/wrist_touches.csv`` and ``docs/touches.png``.
 """
 
 from dataclasses import replace
@@ -20,29 +20,32 @@ from skin_calib_addon.plan import load_plan
 
 ROOT = Path(__file__).resolve().parent.parent
 PLAN, TABLE = ROOT / "sample_scenes" / "wrist.plan.json", ROOT / "examples" / "wrist_touches.csv"
-SHIFT, TURN = (0.003, 0.002), 0.03  # of the sheet [m], [rad]
-TOUCHES, HEIGHT, SWAPPED = 80, 0.0007, (7, 30)
+SHIFT = (0.003, 0.002)  # of the sheet, along and across its rows [m]
+ROTATION = 0.03  # of the sheet [rad]
+TOUCHES = 80
+TIP_HEIGHT = 0.0007  # of the probe over the surface [m]
+SWAPPED = (7, 30)  # touches whose taxels are swapped
 
 
 def main() -> None:
-    """Lay the sheet where it really is, touch it, and compare."""
+    """Place the sheet at its real position, touch it, and compare."""
     plan = load_plan(PLAN)
     result = calibrate(plan)
     (skin,), ids = plan.skins, result.calibration.patches[0].taxels.ids
     taxels = result.calibration.patches[0].taxels
     normal, tangent = taxels.normals_link[0], taxels.tangents_link[0]
     origin = taxels.positions_link[0] + SHIFT[0] * tangent + SHIFT[1] * np.cross(normal, tangent)
-    direction = Rotation.from_rotvec(TURN * normal).apply(np.array(tangent))
+    direction = Rotation.from_rotvec(ROTATION * normal).apply(np.array(tangent))
     (placed,) = place_all((replace(skin, origin=tuple(origin), direction=tuple(direction)),), result.fit)
     real, rng = placed.patch.taxels, np.random.default_rng(0)
     rows = rng.integers(0, len(ids), TOUCHES)
     along, across = rng.uniform(-0.5, 0.5, (2, TOUCHES, 1)) * skin.lattice.pitch[0]
     normals, tangents = real.normals_link[rows], real.tangents_link[rows]
-    points = real.positions_link[rows] + along * tangents + across * np.cross(normals, tangents) + HEIGHT * normals
-    felt = [ids[row] for row in rows]
+    points = real.positions_link[rows] + along * tangents + across * np.cross(normals, tangents) + TIP_HEIGHT * normals
+    names = [ids[row] for row in rows]
     a, b = SWAPPED
-    felt[a], felt[b] = felt[b], felt[a]
-    lines = [f"{name},{x:.5f},{y:.5f},{z:.5f}" for name, (x, y, z) in zip(felt, points.tolist())]
+    names[a], names[b] = names[b], names[a]
+    lines = [f"{name},{x:.5f},{y:.5f},{z:.5f}" for name, (x, y, z) in zip(names, points.tolist())]
     TABLE.write_text("\n".join(["taxel,x,y,z", *lines]) + "\n")
     skin_calib(["touches", str(PLAN), str(TABLE), "--picture", str(ROOT / "docs" / "touches.png")])
 

@@ -1,4 +1,4 @@
-"""Make the sample scenes: a mesh, a plan, and, where Blender's module is there, a .blend that is ready to fit.
+"""Make the sample scenes: a mesh, a plan, and with Blender's module a .blend file that is ready to fit.
 
 python sample_scenes/make_samples.py
 """
@@ -15,12 +15,12 @@ sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent / "examples")]
 import shapes  # noqa: E402
 
 Z_AXIS = {"point": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, 1.0]}
-# Intensity of the sheet's 8-bit electronics to newtons.
+# From the intensity of the sheet's 8-bit electronics to newtons.
 RESPONSE = {"kind": "polynomial", "coefficients": [0.0, 0.02, 0.00005]}
 
 
 def sheet(name, rows, columns, direction, origin="center", pitch=0.01):
-    """A sheet of square cells."""
+    """Return the plan of a sheet of square cells."""
     return {
         "name": name,
         "kind": "sheet",
@@ -50,7 +50,7 @@ PLANS = {
 
 
 def write_plan(name):
-    """Mesh and plan of one sample."""
+    """Write mesh and plan of one sample."""
     mesh = getattr(shapes, name)()
     mesh.export(HERE / f"{name}.ply", vertex_normal=False)
     head = {"format": "skin-plan", "version": 1, "link": f"sample_{name}", "mesh": f"{name}.ply", "unit": "m"}
@@ -59,7 +59,7 @@ def write_plan(name):
 
 
 def write_scene(name):
-    """The plan as a scene in millimetres, with the link selected and filling the view."""
+    """Write the plan as a scene in millimetres; the link is selected and fills the view."""
     import bpy
     from mathutils import Euler, Vector
 
@@ -68,13 +68,13 @@ def write_scene(name):
     bpy.ops.skin_calib.import_plan(filepath=str(HERE / f"{name}.plan.json"))
     bpy.context.scene.unit_settings.length_unit = "MILLIMETERS"
     corners = [Vector(corner) for corner in bpy.context.object.bound_box]
-    turn = Euler((radians(130 if name == "sole" else 65), 0, radians(45)))  # a sole is looked at from below
+    turn = Euler((radians(130 if name == "sole" else 65), 0, radians(45)))  # the view of a sole is from below
     for view in (a.spaces.active for s in bpy.data.screens for a in s.areas if a.type == "VIEW_3D"):
         view.clip_start, view.clip_end, view.show_region_ui = 0.001, 10, True
         view.region_3d.view_location = (corners[0] + corners[6]) / 2
         view.region_3d.view_distance = 1.6 * (corners[6] - corners[0]).length
         view.region_3d.view_rotation = turn.to_quaternion()
-    # A copy, for a scene that Blender takes for its own keeps the path of this folder.
+    # A copy: the current scene of Blender would keep the path of this folder.
     bpy.ops.wm.save_as_mainfile(filepath=str(HERE / f"{name}.blend"), compress=True, copy=True)
 
 
@@ -82,11 +82,11 @@ def main():
     """Write all samples."""
     for name in PLANS:
         write_plan(name)
-    os.environ["HOME"] = "/"  # Blender writes the home folder of whoever runs this into a scene
+    os.environ["HOME"] = "/"  # Blender writes the home folder of the user into a scene
     try:
         import bpy  # noqa: F401
     except ImportError:
-        print("no bpy module here: meshes and plans are written, the .blend files are left as they were")
+        print("The bpy module is not installed. Meshes and plans are written; the .blend files do not change.")
         return
     from batch_fit import enable_from_checkout
 

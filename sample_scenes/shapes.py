@@ -1,11 +1,11 @@
-"""The shapes of the sample scenes: analytic, so that the truth is known, and ours."""
+"""Analytic shapes of the sample scenes: the true surface is known, and they have no other author."""
 
 import numpy as np
 import trimesh
 
 
 def tube_mesh(point, around, along):
-    """Triangulate ``point(angle, height)`` over all angles and heights; faces look outward."""
+    """Return the triangle mesh of ``point(angle, height)`` over all angles and heights; faces point outward."""
     angle, height = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.linspace(0, 1, along))
     vertices = point(angle.ravel(), height.ravel())
     a, b = np.meshgrid(np.arange(along - 1), np.arange(around), indexing="ij")
@@ -16,7 +16,7 @@ def tube_mesh(point, around, along):
 
 
 def wrist():
-    """A tapered tube of 100 mm on a bent axis, oval with a ridge and a hollow: no section is like another."""
+    """Return a tapered tube of 100 mm on a curved axis, oval with a ridge and a hollow; all sections differ."""
 
     def point(angle, height):
         a, b = 0.0375 - 0.0025 * height, 0.0310 - 0.0015 * height
@@ -33,7 +33,7 @@ def wrist():
 
 
 def edge():
-    """A tube of 120 mm whose section is a D: a half circle and a flat, with two sharp edges between them."""
+    """Return a tube of 120 mm with a D-shaped section: a half circle and a flat side, with two sharp edges."""
     arc = np.linspace(-0.6 * np.pi, 0.6 * np.pi, 73)
     curve = 0.035 * np.column_stack((np.cos(arc), np.sin(arc)))
     flat = curve[-1] + np.linspace(0, 1, 25)[1:-1, None] * (curve[0] - curve[-1])
@@ -48,16 +48,16 @@ def edge():
 
 
 def sole():
-    """The underside of a foot, 250 x 100 mm: a rounded outline, domed by 4 mm, with a rim that bends up."""
+    """Return the underside of a foot, 250 x 100 mm: rounded outline, 4 mm of curvature, a rim that bends up."""
     rings, around = 40, 160
-    share = np.concatenate((np.linspace(0, 1, rings - 8) ** 0.8, np.ones(8)))
-    rise = np.concatenate((np.zeros(rings - 8), np.linspace(0, 0.012, 9)[1:]))
+    radii = np.concatenate((np.linspace(0, 1, rings - 8) ** 0.8, np.ones(8)))
+    rim_heights = np.concatenate((np.zeros(rings - 8), np.linspace(0, 0.012, 9)[1:]))
     angle = np.arange(around) * 2 * np.pi / around
     c, s = np.cos(angle), np.sin(angle)
     power = (np.abs(c) ** 3.2 + np.abs(s) ** 3.2) ** (-1 / 3.2)  # between an ellipse and a rectangle
     x, y = 0.125 * power * c, (0.050 - 0.006 * c) * power * s
     vertices = [(0.0, 0.0, -0.004)]
-    for part, up in zip(share[1:], rise[1:]):
+    for part, up in zip(radii[1:], rim_heights[1:]):
         ring = np.column_stack((x * part, y * part, np.full(around, -0.004 * (1 - part**2) + up)))
         vertices += [tuple(v) for v in ring]
     faces = [(0, 1 + (k + 1) % around, 1 + k) for k in range(around)]

@@ -1,8 +1,8 @@
-"""Build the extension: one zip per platform, with SciPy and trimesh for Python 3.11 and 3.13.
+"""Build the extension: one zip file for each platform, with SciPy and trimesh for Python 3.11 and 3.13.
 
     python scripts/make_extension.py [--platform linux-x64 ...]
 
-Run it with the Python of the virtual environment: the builder is the one that comes with Blender's module.
+Run it with the Python of the virtual environment: the builder is part of Blender's module.
 """
 
 import argparse
@@ -22,14 +22,14 @@ PIP_PLATFORMS = {
 
 
 def wheels_for(platform):
-    """The manifest's wheels that one platform needs."""
+    """Return the wheels of the manifest that one platform needs."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
     end = PIP_PLATFORMS[platform]
     return [Path(w).name for w in manifest["wheels"] if w.endswith((f"{end}.whl", "none-any.whl"))]
 
 
 def download(platform):
-    """Fetch the wheels that are not there yet, unmodified, by name and version."""
+    """Download the missing wheels by name and version, unmodified."""
     folder = ROOT / "wheels"
     for wheel in wheels_for(platform):
         if (folder / wheel).is_file():
@@ -52,15 +52,16 @@ def download(platform):
 
 
 def builder():
-    """Blender's own extension command, as the module carries it."""
-    place = Path(importlib.util.find_spec("bpy").origin).parent
-    return next(place.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+    """Return the path of Blender's extension command in its module."""
+    folder = Path(importlib.util.find_spec("bpy").origin).parent
+    return next(folder.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
 
 
 def build(platform):
-    """Build the zip of one platform; returns its path.
+    """Build the zip file of one platform and return its path.
 
-    The builder packs every wheel it finds, so the source is a copy of what git tracks with this platform's alone.
+    The builder packs every wheel that it finds. Its source is therefore a copy of the tracked files with the wheels of
+    this platform only.
     """
     import shutil
     import tempfile
@@ -96,7 +97,7 @@ def build(platform):
 
 
 def main():
-    """Build what is asked for."""
+    """Build the given platforms."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--platform", action="append", choices=PIP_PLATFORMS, help="default: all")
     for platform in parser.parse_args().platform or PIP_PLATFORMS:

@@ -10,17 +10,18 @@ from pathlib import Path
 from PIL import Image
 
 STEPS = Path(__file__).resolve().parents[1] / "docs" / "steps"
-WIDTH, COLOURS = 560, 64
+WIDTH = 560  # [pixel]
+COLOURS = 64
 
 
 def small(path: Path) -> Image.Image:
-    """A screenshot as wide as the manual shows it."""
+    """Return a screenshot with the width of the manual."""
     shot = Image.open(path).convert("RGB")
     return shot.resize((WIDTH, round(shot.height * WIDTH / shot.width)), Image.Resampling.LANCZOS)
 
 
 def main() -> None:
-    """Convert every step that was shot."""
+    """Convert the screenshot of each step."""
     for path in sorted(Path(sys.argv[1]).glob("[0-9]_*.png")):
         small(path).quantize(COLOURS).save(STEPS / path.name, optimize=True)
         print(STEPS / path.name)

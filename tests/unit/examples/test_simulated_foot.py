@@ -1,18 +1,18 @@
-"""The example that lets a foot rock in a simulator, in short; needs the package ``mujoco``."""
+"""A short run of the example with a foot in a simulator; it needs the package ``mujoco``."""
 
 import importlib.util
 from pathlib import Path
 
 import pytest
 
-pytest.importorskip("mujoco", reason="no package mujoco here, in which the foot is simulated")
+pytest.importorskip("mujoco", reason="the package mujoco is not installed")
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "simulated_foot.py"
 
 
 @pytest.fixture(scope="module")
 def simulated():
-    """Six frames on every ground, for both skins."""
+    """Return six frames on every ground, for both skins."""
     specification = importlib.util.spec_from_file_location("simulated_foot", EXAMPLE)
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
@@ -20,18 +20,18 @@ def simulated():
 
 
 def test_foot_of_our_own_skin_agrees_with_the_simulator(simulated):
-    """Loads to 2 %, CoP to a tenth of a cell on plain ground; the true region holds every guaranteed polygon."""
+    """Loads agree to 3 %, CoPs to a tenth of a cell on plain ground; every guaranteed polygon is in the true region."""
     for run in simulated:
         inside, areas = run.guaranteed
-        assert inside == areas and run.held == len(run.frames) == 6
-        assert run.load_off.mean() < 0.03
+        assert inside == areas and run.outer_contains_cop == len(run.frames) == 6
+        assert run.load_errors.mean() < 0.03
         cell = 0.01 if run.skin == "sheet 10 mm" else 0.028
-        assert run.off.mean() < (0.25 if run.ground == "pebbles" else 0.1) * cell
+        assert run.cop_errors.mean() < (0.25 if run.ground == "pebbles" else 0.1) * cell
     assert sum(run.guaranteed[1] for run in simulated) >= 20
 
 
-def test_truth_of_the_simulator_is_whole(simulated):
-    """The contacts carry the weight of the foot and what was put on it, shear too, which taxels do not see."""
+def test_truth_of_the_simulator_is_complete(simulated):
+    """The contacts carry the weight of the foot and the load, and lateral forces, which taxels do not measure."""
     for run in simulated:
         for frame, truth in zip(run.frames, run.truths):
             assert 200 < truth.wrench[2] < 650
