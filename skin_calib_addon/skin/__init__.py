@@ -1,4 +1,4 @@
-"""Flat lattices, and how they lie on a surface."""
+"""Flat lattices of cells, and their placement on a surface."""
 
 from numpy.typing import ArrayLike
 
@@ -39,22 +39,38 @@ def wrap(
     offset: float = 0.0,
     name: str = "skin",
 ) -> TaxelArray:
-    """Taxels of a flat lattice on a surface: a sheet bends with it, boards stay flat on its tangent planes.
+    """Place a flat lattice on a surface and return its taxels.
+
+    A sheet bends with the surface. Boards stay flat, in the tangent planes of the surface.
 
     Parameters
     ----------
     surface : BSplineSurface
+        The surface, in the link frame.
     lattice : SheetLattice or HexLattice
+        The flat cells.
     origin : array, shape (3,), or None
-        Where the centre of the first cell lies, (0, 0) [m]; None centres the lattice.
+        Position of the centre of cell (0, 0), in the link frame [m]. None centres the lattice.
     direction : array, shape (3,)
-        Where its rows run to, in the link frame.
-    cells : "all", "fill" or cells
-        Of a HexLattice, which boards to lay; see :func:`lay_boards`.
+        Direction of the rows, in the link frame.
+    cells : "all", "fill" or sequence of (q, r)
+        Boards of a HexLattice; see :func:`lay_boards`. A sheet ignores it.
     offset : float
-        Height of the skin's middle above the surface [m].
+        Height of the middle of the skin above the surface [m].
     name : str
-        Of the patch; ids begin with it.
+        Name of the patch. The ids of the taxels begin with it.
+
+    Returns
+    -------
+    TaxelArray
+        One taxel per cell, in the link frame.
+
+    Raises
+    ------
+    InvalidPlan
+        If the lattice does not fit the surface, or the direction is perpendicular to it.
+    OutsideSurface
+        If the centre of a cell lies outside the surface.
     """
     if isinstance(lattice, SheetLattice):
         return sheet_taxels(wrap_sheet(surface, lattice, origin, direction, offset=offset), name)

@@ -1,4 +1,4 @@
-"""Flat lattices: where the cells of a skin lie before it is wrapped on a surface."""
+"""Flat lattices: positions of the cells of a skin before its placement on a surface."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +9,8 @@ import numpy as np
 from ..common.arrays import Array, IntArray
 from ..common.errors import InvalidPlan
 
-# Relative differences of lengths below this are rounding: of a cell, a pitch or a step.
+# Relative difference of two lengths (cells, pitches, steps) up to which they are equal. Larger: cells that are really
+# apart count as touching.
 ROUNDING = 1e-6
 
 Hand = Literal["right", "left"]
@@ -18,10 +19,11 @@ Offsets = tuple[tuple[int, int], ...]
 
 @dataclass(frozen=True)
 class SheetLattice:
-    """``rows`` x ``columns`` rectangular cells; a row runs along x, and the next row lies in the direction of y.
+    """A sheet of ``rows`` x ``columns`` rectangular cells.
 
-    Of a left-handed sheet the next row lies on the other side: against y. Its nodes stand at half the pitch, so that
-    every cell has one at its centre, its corners and its edges: node (2 i + 1, 2 j + 1) is the centre of cell (i, j).
+    A row runs along x. The next row lies in the direction of y, or of -y for a left-handed sheet. Nodes have half of
+    the pitch: each cell has a node at its centre, its corners and the middles of its edges. Node (2 i + 1, 2 j + 1) is
+    the centre of cell (i, j).
     """
 
     rows: int
@@ -43,7 +45,7 @@ class SheetLattice:
 
     @property
     def step(self) -> tuple[float, float]:
-        """Along y and x from one node to the next, across the rows and along them [m]."""
+        """Node distance along y (across the rows; negative for a left hand) and along x [m]."""
         return (self.pitch[0] if self.hand == "right" else -self.pitch[0]) / 2, self.pitch[1] / 2
 
     @cached_property
@@ -52,27 +54,42 @@ class SheetLattice:
         return np.stack(np.divmod(np.arange(self.rows * self.columns), self.columns), axis=1)
 
     def counter_clockwise(self, offsets: Offsets) -> Offsets:
-        """Offsets that run counter-clockwise for a right-handed sheet, so that they do; the first stays the first."""
+        """Return the offsets in counter-clockwise order on the surface; the first offset stays the first.
+
+        The given offsets must be counter-clockwise for a right-handed sheet.
+        """
         return offsets if self.hand == "right" else (offsets[0], *offsets[:0:-1])
 
     def at_cells(self, nodes: Array, offsets: Offsets) -> Array:
-        """Node values at half-pitch ``offsets`` (row, column) from the centres, shape (cells, offsets, ...)."""
+        """Return the node values at given positions of each cell.
+
+        Parameters
+        ----------
+        nodes : array, shape (a, b, ...)
+            Values at the nodes; (a, b) is ``node_shape``.
+        offsets : tuple of (row, column)
+            Positions relative to the centre of a cell, in half pitches.
+
+        Returns
+        -------
+        array, shape (cells, offsets, ...)
+        """
         i, j = (2 * self.index + 1).T
         return np.stack([nodes[i + a, j + b] for a, b in offsets], axis=1)
 
 
 CENTRE = ((0, 0),)
-# Counter-clockwise seen from outside where the next row lies along y: x along the row, z out of the robot.
+# Counter-clockwise, seen from outside, for a right-handed sheet: x runs along the row, z points out of the robot.
 CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 EDGES = ((0, 1), (1, 0), (0, -1), (-1, 0))
 
 
 @dataclass(frozen=True)
 class HexLattice:
-    """Regular hexagons of ``side``, with a ``gap`` between the sides that face each other; rows run along x.
+    """Regular hexagons with sides of length ``side`` and a ``gap`` between facing sides; rows run along x.
 
-    A cell has axial coordinates (q, r): one step in q leads along x, one in r to 60 degrees from it. Boards that are
-    trimmed at their sides stand closer than their outlines: then the gap is negative.
+    A cell has axial coordinates (q, r). One step in q goes along x, one step in r goes 60 degrees from x. Boards that
+    are trimmed at their sides are closer together than their outlines. Then the gap is negative.
     """
 
     side: float  # [m]
@@ -81,8 +98,8 @@ class HexLattice:
     def __post_init__(self):
         if self.side <= 0 or self.pitch <= 0:
             raise InvalidPlan(
-                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.gap * 1e3:g} mm have no room; "
-                "lengths are in metres"
+                f"hexagons with sides of {self.side * 1e3:g} mm and gaps of {self.gap * 1e3:g} mm have no area or no "
+                "pitch; lengths are in metres"
             )
 
     @property
@@ -97,16 +114,16 @@ class HexLattice:
 
     @property
     def area(self) -> float:
-        """Of one cell [m^2]."""
+        """Area of one cell [m^2]."""
         return float(np.sqrt(6.75)) * self.side**2
 
     def centres(self, cells: IntArray) -> Array:
-        """Flat centres of cells with axial coordinates of shape (n, 2); shape (n, 2) [m]."""
+        """Return the flat centres, shape (n, 2) [m], of cells with axial coordinates of shape (n, 2)."""
         q, r = np.asarray(cells).reshape(-1, 2).T
         return np.column_stack((self.pitch * (q + r / 2), self.row_step * r))
 
     def cell_at(self, point: Array) -> tuple[int, int]:
-        """Axial coordinates of the cell that a flat place (2,) [m] is nearest to."""
+        """Return the axial coordinates of the cell whose centre is nearest to a flat point (2,) [m]."""
         r = point[1] / self.row_step
         q = point[0] / self.pitch - r / 2
         near = np.floor((q, r)).astype(int) + [(0, 0), (1, 0), (0, 1), (1, 1)]
@@ -115,10 +132,10 @@ class HexLattice:
 
     @property
     def corners(self) -> Array:
-        """Corners of a cell about its centre, counter-clockwise from 30 degrees below x, shape (6, 2) [m]."""
+        """Corners of a cell relative to its centre, counter-clockwise from 30 degrees below x, shape (6, 2) [m]."""
         angles = np.deg2rad(60 * np.arange(6) - 30)
         return self.side * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
-# Side k of a hexagon lies between its corners k and k + 1; beyond it stands the cell this far away.
+# Axial step to the cell beyond side k of a hexagon. Side k is between the corners k and k + 1.
 PORTS = ((1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1))

@@ -1,4 +1,4 @@
-"""Neighbours of cells: within a patch, over a seam, and across patches."""
+"""Neighbours of cells: inside a patch, over a seam, and across patches."""
 
 from dataclasses import replace
 
@@ -13,16 +13,33 @@ Neighbours = tuple[tuple[str, ...], ...]
 
 
 def neighbours(ids: tuple[str, ...], positions: Array, normals: Array, *outlines: Array) -> Neighbours:
-    """Ids of the cells beside each cell: within a lattice, over a seam and between lattices alike.
+    """Return the ids of the neighbours of each cell.
 
-    Two cells are neighbours where one lies ahead of a side of the other, shifted along it by half its length at most,
-    and at most half a cell nearer or further than if they touched, as at a seam that overlaps or gapes; cells that
-    face apart are on two sides of something thin.
+    One rule covers cells of one lattice, cells at both sides of a seam, and cells of different lattices. The arm of a
+    side is the vector from the centre of its cell to its middle. Cell b is a neighbour of cell a if, for one side of a:
+
+    - along the arm, the centre of b is between one arm behind the side and two arms ahead of it (one arm if they
+    touch);
+    - along the side, the centre of b is at most half of the length of the side from its middle;
+    - the angle between the normals is below 90 degrees. It is not on the two faces of a thin part.
+
+    A neighbour in one direction is a neighbour in both.
 
     Parameters
     ----------
-    outlines : arrays, each of shape (n, k, 3)
-        Corners of the cells, counter-clockwise, of one array after the other [m].
+    ids : tuple of str
+        Ids of the n cells.
+    positions : array, shape (n, 3)
+        Centres [m].
+    normals : array, shape (n, 3)
+        Outward unit normals.
+    *outlines : arrays, each of shape (n_i, k_i, 3)
+        Corners of the cells, counter-clockwise seen from outside [m]; the n_i add up to n.
+
+    Returns
+    -------
+    tuple of tuple of str
+        Ids in the order of ``ids``.
     """
     corners = [outline.reshape(-1, 3) for outline in outlines]
     following = np.concatenate([np.roll(outline, -1, axis=1).reshape(-1, 3) for outline in outlines])
@@ -37,7 +54,7 @@ def neighbours(ids: tuple[str, ...], positions: Array, normals: Array, *outlines
     side, b = pairs.row, pairs.col
     a, ahead = owner[side], unit(arms)[side]
     gap = positions[b] - middles[side]
-    # Of the neighbour's centre from the middle of the side: a cell's own width across the side is twice its arm.
+    # Coordinates of the neighbour's centre from the middle of the side. The unit of ``far`` is the arm: half of a cell.
     far = (gap * ahead).sum(axis=1) / arm_lengths[side]
     aside = np.abs((gap * np.cross(normals[a], ahead)).sum(axis=1)) / half[side]
     near = (far >= -1 - ROUNDING) & (far <= 2 - ROUNDING) & (aside <= 1 + ROUNDING) & (a != b)
@@ -50,7 +67,7 @@ def neighbours(ids: tuple[str, ...], positions: Array, normals: Array, *outlines
 
 
 def with_neighbours_across(patches: tuple[Patch, ...]) -> tuple[Patch, ...]:
-    """The same patches, whose taxels know those beside them in other patches too."""
+    """Return the same patches; the neighbours of their taxels include taxels of other patches."""
     if len(patches) < 2:
         return patches
     taxels = [patch.taxels for patch in patches]

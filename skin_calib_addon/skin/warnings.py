@@ -1,4 +1,4 @@
-"""Warnings about how a skin sits on its surface."""
+"""Warnings about the placement of a skin on its surface."""
 
 from collections.abc import Iterator
 
@@ -9,12 +9,12 @@ from ..common.arrays import Array, IntArray
 from ..common.warnings import Place, Warning, point_of
 from .sheet.strain import Closure
 
-# What real skins tolerate. A larger limit hides more warnings of its kind.
-STRAIN_LIMIT = 0.05  # stretch of a sheet
-OVERLAP_LIMIT = 5e-4  # of the two ends of a sheet [m]
-GAP_LIMIT = 3e-3  # between a corner of a board and the surface [m]
-OVERHANG_LIMIT = 1e-3  # of a board over an edge [m]
-COLLISION_LIMIT = 5e-4  # of two boards, beyond their collision in the flat lattice [m]
+# Limits of what real skins tolerate. Larger: fewer warnings.
+STRAIN_LIMIT = 0.05  # relative stretch of a cell of a sheet
+OVERLAP_LIMIT = 5e-4  # overlap of the two ends of a sheet [m]
+GAP_LIMIT = 3e-3  # distance between a corner of a board and the surface [m]
+OVERHANG_LIMIT = 1e-3  # overhang of a board over an edge [m]
+COLLISION_LIMIT = 5e-4  # penetration of two boards, in excess of their overlap in the flat lattice [m]
 
 BOARD_LIMITS = (
     (
@@ -42,13 +42,18 @@ BOARD_LIMITS = (
 
 
 def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator[Warning]:
-    """Yield where a skin is strained too much, overlaps itself, or has boards that do not fit the surface.
+    """Yield a warning for each kind of defect: strain, overlap, or boards that do not fit the surface.
 
     Parameters
     ----------
     patch : Patch
+        The placed skin.
     closure : Closure, optional
-        Of a sheet that goes round the link.
+        Gaps of a sheet that closes around the link.
+
+    Yields
+    ------
+    Warning
     """
     quality = patch.taxels.quality
     if "strain" in quality:
@@ -95,7 +100,7 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
 
 
 def _place(patch: Patch, which: IntArray, values: Array) -> tuple[Place, float]:
-    """The taxels in question, the most affected one first, and its value."""
+    """Return the place of the chosen taxels, ordered from the largest value down, and the largest value."""
     order = which[np.argsort(-values[which], kind="stable")]
     taxels = tuple(patch.taxels.ids[i] for i in order)
     point = point_of(patch.taxels.positions_link[order[0]])

@@ -187,7 +187,7 @@ BAD_LINKS = {
     lost_file: "/lost.csv",
     no_rotation: "the plan holds nan",
     landmark_beside: r"skin 'band' has a landmark at cell \[2, 0\]; the sheet has 2 x 3 cells",
-    same_landmarks: "landmarks 0 and 1 share a cell or a point",
+    same_landmarks: "landmarks 0 and 1 have the same cell or the same point",
     channel_beyond: "skin 'band' would end on channel 2147483652",
     not_a_number: "the plan holds nan",
     no_tolerance: "the plan of arm is not valid: .*/grid/tolerance must be more than 0",

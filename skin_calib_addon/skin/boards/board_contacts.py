@@ -22,13 +22,13 @@ def contacts(region: Region, centres: Array, corners: Array, within: float, step
     gaps : array, shape (k,)
         How far they are apart, at most ``within``; negative where they cross [m].
     """
-    at_edges = corner_contacts(region, centres, corners, within, step)
-    at_points = point_contacts(region.points[region.is_reflex], centres, corners, within)
+    at_edges = _corner_contacts(region, centres, corners, within, step)
+    at_points = _point_contacts(region.points[region.is_reflex], centres, corners, within)
     points, normals, gaps = (np.concatenate(both) for both in zip(at_edges, at_points))
     return points, normals, gaps
 
 
-def corner_contacts(region: Region, centres: Array, corners: Array, within: float, step: float) -> Contacts:
+def _corner_contacts(region: Region, centres: Array, corners: Array, within: float, step: float) -> Contacts:
     """Contacts of the corners of boards with the edges of a region; boards lie on the side of their centres."""
     board, edge = np.nonzero(region.distances(centres) <= np.linalg.norm(corners[0]) + within)
     edges, outline = region.edges[edge], centres[board, None] + corners
@@ -45,7 +45,7 @@ def corner_contacts(region: Region, centres: Array, corners: Array, within: floa
     return outline[pair, corner], normals[pair], depths[pair, corner]
 
 
-def point_contacts(points: Array, centres: Array, corners: Array, within: float) -> Contacts:
+def _point_contacts(points: Array, centres: Array, corners: Array, within: float) -> Contacts:
     """Contacts of points (p, 2) with the sides of boards: with their lines from inside, with their ends from beyond."""
     side = np.linalg.norm(corners[0])
     arms = points - centres[:, None]

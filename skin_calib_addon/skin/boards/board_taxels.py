@@ -52,10 +52,10 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
         neighbours=adjacent,
         ports=_ports(ids, positions, sides, pairs),
         quality={
-            "gap": corner_gaps(boards, corners - boards.offset * normals[:, None]),
-            "tilt": largest_per_board(angles(normals, pairs), pairs, len(ids)),
-            "pitch_error": largest_per_board(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
-            "collision": collisions(boards, positions, corners, normals),
+            "gap": _corner_gaps(boards, corners - boards.offset * normals[:, None]),
+            "tilt": _largest_per_board(angles(normals, pairs), pairs, len(ids)),
+            "pitch_error": _largest_per_board(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
+            "collision": _collisions(boards, positions, corners, normals),
         }
         | ({} if overhang is None else {"overhang": overhang}),
     )
@@ -80,14 +80,14 @@ def angles(normals: Array, pairs: IntArray) -> Array:
     return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0, 1))
 
 
-def largest_per_board(values: Array, pairs: IntArray, count: int) -> Array:
+def _largest_per_board(values: Array, pairs: IntArray, count: int) -> Array:
     """The largest of the values of the pairs that begin at each board, zero where none does, shape (count,)."""
     result = np.zeros(count)
     np.maximum.at(result, pairs[:, 0], values)
     return result
 
 
-def corner_gaps(boards: WrappedBoards, corners: Array) -> Array:
+def _corner_gaps(boards: WrappedBoards, corners: Array) -> Array:
     """Height above the surface of the corner that is furthest off it, negative where it sinks in, shape (n,) [m].
 
     Parameters
@@ -101,7 +101,7 @@ def corner_gaps(boards: WrappedBoards, corners: Array) -> Array:
     return heights[np.arange(len(heights)), np.abs(heights).argmax(axis=1)]
 
 
-def collisions(boards: WrappedBoards, positions: Array, corners: Array, normals: Array) -> Array:
+def _collisions(boards: WrappedBoards, positions: Array, corners: Array, normals: Array) -> Array:
     """How much deeper each board runs into another than in the flat lattice, shape (n,) [m].
 
     By the theorem of separating axes, in the plane of each board, for the upper and lower faces of boards whose middle

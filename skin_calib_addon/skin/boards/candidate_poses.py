@@ -51,7 +51,7 @@ class CandidatePoses:
     @property
     def slack(self) -> float:
         """How much more room than at a start there may be beside it [m]."""
-        return slack_of(self.step / 2**HALVINGS, self.step)
+        return _slack(self.step / 2**HALVINGS, self.step)
 
     def starts(self, count: int) -> Iterator[tuple[Pose, float]]:
         """Poses where ``count`` boards have the most room, and about how much the tightest of them has [m]."""
@@ -70,15 +70,15 @@ class CandidatePoses:
         if count > self.clearances.shape[-1]:
             return np.empty(0), np.empty((0, 2)), np.empty(0)
         clearance, step = np.asarray(self.clearances[..., count - 1], float).ravel(), self.step
-        best = best_of(clearance, slack_of(step, step))
+        best = _best(clearance, _slack(step, step))
         turn, shift = np.divmod(best, len(self.shifts))
         angles, shifts = self.angles[turn], self.shifts[shift]
         for _ in range(HALVINGS):
             step /= 2
             angles, shifts = self.halved(angles, shifts, step)
-            slack = slack_of(step, self.step)
+            slack = _slack(step, self.step)
             clearance = self.clearance(angles, shifts, count, slack)
-            best = best_of(clearance, slack)
+            best = _best(clearance, slack)
             angles, shifts = angles[best], shifts[best]
         return angles, shifts, clearance[best]
 
@@ -96,7 +96,7 @@ class CandidatePoses:
         clearance = np.full(len(angles), -np.inf)
         for angle in np.unique(angles):
             here = np.flatnonzero(angles == angle)
-            clearances = board_clearances(
+            clearances = _board_clearances(
                 self.depths, self.lattice, Pose(self.middle, float(angle)), shifts[here], centres, slack
             )
             if clearances.shape[1] >= count:
@@ -108,15 +108,15 @@ def candidate_poses(region: Region, lattice: HexLattice, offset: Array | None, a
     """Look at a region in steps that suit it. A given offset (2,) [m] or angle [rad] is kept."""
     middle = region.box.mean(axis=0) if offset is None else offset
     radius = region.radius_about(middle)
-    step = suitable_step(region, lattice, radius, offset is None, angle is None)
+    step = _suitable_step(region, lattice, radius, offset is None, angle is None)
     turns = int(np.ceil(LATTICE_PERIOD * radius / step))
     angles = LATTICE_PERIOD * np.arange(turns) / turns if angle is None else np.array((angle,))
-    shifts = lattice_shifts(lattice, int(np.ceil(lattice.pitch / step)) if offset is None else 1)
+    shifts = _lattice_shifts(lattice, int(np.ceil(lattice.pitch / step)) if offset is None else 1)
     centres = lattice.centres(cells_within(lattice, radius))
     margin = lattice.side + 2 * np.linalg.norm(shifts, axis=1).max() + 2 * step
-    depths = depth_grid(region, float(margin), step)
-    slack = slack_of(step, step)
-    found = [board_clearances(depths, lattice, Pose(middle, float(a)), shifts, centres, slack) for a in angles]
+    depths = _depth_grid(region, float(margin), step)
+    slack = _slack(step, step)
+    found = [_board_clearances(depths, lattice, Pose(middle, float(a)), shifts, centres, slack) for a in angles]
     clearances = np.full((len(angles), len(shifts), max(1, *(r.shape[1] for r in found))), -np.inf, np.float32)
     for table, part in zip(clearances, found):
         table[:, : part.shape[1]] = part
@@ -124,7 +124,7 @@ def candidate_poses(region: Region, lattice: HexLattice, offset: Array | None, a
     return CandidatePoses(lattice, depths, middle, radius, step, angles, shifts, clearances[..., ::-1])
 
 
-def suitable_step(region: Region, lattice: HexLattice, radius: float, shifts: bool, turns: bool) -> float:
+def _suitable_step(region: Region, lattice: HexLattice, radius: float, shifts: bool, turns: bool) -> float:
     """The step [m] that spends the budget where the lattice is free to shift and to turn, within its bounds."""
     cell = np.sqrt(0.75) * lattice.pitch**2
     boards = np.prod(np.ptp(region.box, axis=0)) / cell
@@ -133,7 +133,7 @@ def suitable_step(region: Region, lattice: HexLattice, radius: float, shifts: bo
     return float(np.clip(step, MIN_STEP * lattice.pitch, MAX_STEP * lattice.pitch))
 
 
-def slack_of(step: float, first: float) -> float:
+def _slack(step: float, first: float) -> float:
     """Room that boards may lack at a pose of a survey, when they fit at one that is less than a step away [m]."""
     return SLACK_STEPS * step + ROUNDING_PARTS * first / GRID_PARTS
 
@@ -143,7 +143,7 @@ def axes(lattice: HexLattice) -> Array:
     return lattice.centres(np.eye(2, dtype=np.int64))
 
 
-def lattice_shifts(lattice: HexLattice, parts: int) -> Array:
+def _lattice_shifts(lattice: HexLattice, parts: int) -> Array:
     """All shifts by ``parts`` of the pitch that differ on the lattice, each as short as can be, (parts**2, 2) [m]."""
     fraction = np.stack(np.meshgrid(np.arange(parts), np.arange(parts)), axis=-1).reshape(-1, 1, 2) / parts
     same = (fraction - np.rint(fraction) + np.array(((0, 0), *PORTS))) @ axes(lattice)
@@ -158,7 +158,7 @@ def cells_within(lattice: HexLattice, radius: float) -> IntArray:
     return cells[np.linalg.norm(lattice.centres(cells), axis=1) <= radius]
 
 
-def best_of(clearance: Array, slack: float) -> IntArray:
+def _best(clearance: Array, slack: float) -> IntArray:
     """Rows of the poses (k,) with the most room, best first, without those that lack more than the slack."""
     rows = np.flatnonzero(clearance >= -slack)
     return rows[np.argsort(-clearance[rows], kind="stable")[:MAX_CANDIDATES]]
@@ -184,18 +184,18 @@ class Depths:
         return nodes[..., 1] * self.columns + nodes[..., 0]
 
 
-def depth_grid(region: Region, margin: float, step: float) -> Depths:
+def _depth_grid(region: Region, margin: float, step: float) -> Depths:
     """Depths up to ``margin`` around a region, found at every step and interpolated between."""
     low = region.box[0] - margin
     columns, rows = (np.ceil((region.box[1] + margin - low) / step) + 1).astype(int)
     nodes = low + step * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-    distances = cKDTree(border_points(region, step / 2)).query(nodes)[0]
+    distances = cKDTree(_border_points(region, step / 2)).query(nodes)[0]
     depths = np.where(region.contains(nodes), distances, -distances).astype(np.float32).reshape(rows, columns)
-    depths = finer(finer(depths).T).T
+    depths = _finer(_finer(depths).T).T
     return Depths(depths.ravel(), depths.shape[1], low, step / GRID_PARTS)
 
 
-def border_points(region: Region, step: float) -> Array:
+def _border_points(region: Region, step: float) -> Array:
     """Points on the border of a region, no further from each other than a step, (n, 2) [m]."""
     start, along = region.edges[:, 0], region.edges[:, 1] - region.edges[:, 0]
     counts = np.ceil(np.linalg.norm(along, axis=1) / step).astype(int)
@@ -204,13 +204,13 @@ def border_points(region: Region, step: float) -> Array:
     return np.concatenate((region.points, start[edge] + fraction[:, None] * along[edge]))
 
 
-def finer(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+def _finer(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     """Rows with others between them, as many as parts of a step ask for."""
     between = [rows[:-1] + np.float32(i / GRID_PARTS) * (rows[1:] - rows[:-1]) for i in range(GRID_PARTS)]
     return np.concatenate((np.stack(between, axis=1).reshape(-1, rows.shape[1]), rows[-1:]))
 
 
-def board_clearances(
+def _board_clearances(
     depths: Depths, lattice: HexLattice, pose: Pose, shifts: Array, centres: Array, slack: float
 ) -> NDArray[np.float32]:
     """Rooms of the boards with ``centres`` (n, 2) under all ``shifts`` (s, 2), shape (s, m) [m].

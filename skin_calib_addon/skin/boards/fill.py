@@ -75,12 +75,12 @@ def fill(
     if given.shape != (3,) or not np.isfinite(given).all():
         raise InvalidPlan(f"no lattice has offset {offset!r} and angle {angle}; give x and y [m], and radians")
     pose = Pose(given[:2], float(given[2]))
-    check_size(region, lattice, region.box.mean(axis=0) if offset is None else pose.offset)
+    _check_size(region, lattice, region.box.mean(axis=0) if offset is None else pose.offset)
     if offset is None or angle is None:
         pose = Search.of(region, lattice, None if offset is None else pose.offset, angle).best()
-    cells = cells_inside(region, lattice, pose)
+    cells = _cells_inside(region, lattice, pose)
     if not len(cells):
-        raise nothing_fits(region, lattice)
+        raise _nothing_fits(region, lattice)
     if offset is None:
         distances = np.linalg.norm(pose.to_plane(lattice.centres(cells)) - region.centroid, axis=1)
         root = cells[(distances < distances.min() + EQUAL_TOLERANCE).argmax()]  # the first of those that are as near
@@ -88,7 +88,7 @@ def fill(
     return LatticePlacement(lattice, pose.offset, pose.angle, cells)
 
 
-def check_size(region: Region, lattice: HexLattice, middle: Array) -> None:
+def _check_size(region: Region, lattice: HexLattice, middle: Array) -> None:
     """Raise InvalidPlan if the region and the boards cannot both be in metres, or the offset lies far off."""
     radius = region.radius_about(middle)
     if np.pi * radius**2 > MAX_CELLS * abs(np.linalg.det(axes(lattice))):
@@ -98,7 +98,7 @@ def check_size(region: Region, lattice: HexLattice, middle: Array) -> None:
         )
 
 
-def nothing_fits(region: Region, lattice: HexLattice) -> InvalidPlan:
+def _nothing_fits(region: Region, lattice: HexLattice) -> InvalidPlan:
     """The error for a region without a board."""
     width, height = np.ptp(region.box, axis=0) * 1e3
     return InvalidPlan(
@@ -107,7 +107,7 @@ def nothing_fits(region: Region, lattice: HexLattice) -> InvalidPlan:
     )
 
 
-def cells_inside(region: Region, lattice: HexLattice, pose: Pose) -> IntArray:
+def _cells_inside(region: Region, lattice: HexLattice, pose: Pose) -> IntArray:
     """Axial coordinates of the boards that lie wholly inside, by r, then q, shape (n, 2)."""
     middle, apothem = region.box.mean(axis=0), np.sqrt(0.75) * lattice.side
     root = np.rint(np.linalg.solve(pose.turn(axes(lattice)).T, middle - pose.offset)).astype(np.int64)
@@ -146,12 +146,12 @@ class Search:
         while count and not self.fits(count):
             count -= 1
         if not count:
-            raise nothing_fits(self.refinement.region, self.refinement.lattice)
+            raise _nothing_fits(self.refinement.region, self.refinement.lattice)
         while self.fits(count + 1):
             count += 1
         found = list(self.refined_poses(count))
         largest = max(clearance for _, clearance in found)
-        pose = min((pose for pose, clearance in found if clearance > largest - EQUAL_TOLERANCE), key=preference)
+        pose = min((pose for pose, clearance in found if clearance > largest - EQUAL_TOLERANCE), key=_preference)
         play_refinement = replace(self.refinement, step=MAX_PLAY_MOVE * self.refinement.lattice.pitch)
         centred, clearance = play_refinement.refine(pose, self.centres, count, balance=True)
         return centred if clearance > max(largest - EQUAL_TOLERANCE, -TOUCH_TOLERANCE) else pose
@@ -169,16 +169,16 @@ class Search:
             pose, clearance = self.refinement.refine(start, self.centres, count, floor)
             if clearance >= max(-TOUCH_TOLERANCE, floor - EQUAL_TOLERANCE):
                 floor = max(floor, clearance)
-                yield with_least_rotation(pose) if self.refinement.is_free[2] else pose, clearance
+                yield _with_least_rotation(pose) if self.refinement.is_free[2] else pose, clearance
 
 
-def with_least_rotation(pose: Pose) -> Pose:
+def _with_least_rotation(pose: Pose) -> Pose:
     """The same lattice, turned by as little as can be: more than -30 degrees, and not more than 30."""
     return Pose(
         pose.offset, float(pose.angle - LATTICE_PERIOD * np.ceil(pose.angle / LATTICE_PERIOD - 0.5 - EQUAL_TOLERANCE))
     )
 
 
-def preference(pose: Pose) -> tuple[float, ...]:
+def _preference(pose: Pose) -> tuple[float, ...]:
     """What decides between poses that are as good as each other."""
     return tuple(np.round((abs(pose.angle), *pose.offset), 6).tolist())

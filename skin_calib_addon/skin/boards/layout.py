@@ -81,7 +81,7 @@ def lay_boards(
         tuple(loops), tuple(disc(flat_point, zone.radius) for flat_point, zone in zip(flat_points, excluded))
     )
     if choice == "fill":
-        placement = with_root_at_origin(fill(region, lattice))
+        placement = _with_root_at_origin(fill(region, lattice))
     elif choice == "all":
         placement = fill(region, lattice, np.zeros(2), 0.0)
     else:
@@ -90,7 +90,7 @@ def lay_boards(
     boards = WrappedBoards(
         surface, offset, lattice, placement.cells, *relax_boards(layer, lattice, placement.cells, *guess)
     )
-    overhang = overhangs(region, placement, to_flat(layer.points(boards.uv), boards.uv))
+    overhang = _overhangs(region, placement, to_flat(layer.points(boards.uv), boards.uv))
     inside = on_surface(layer, boards.uv)
     if not isinstance(choice, str):
         if not inside.all():
@@ -107,7 +107,7 @@ def lay_boards(
     return kept, overhang[inside]
 
 
-def with_root_at_origin(placement: LatticePlacement) -> LatticePlacement:
+def _with_root_at_origin(placement: LatticePlacement) -> LatticePlacement:
     """The same boards, counted from the cell next to the flat origin."""
     distances = np.linalg.norm(placement.centres, axis=1)
     root = placement.cells[np.flatnonzero(distances < distances.min() + EQUAL_TOLERANCE)[0]]
@@ -115,7 +115,7 @@ def with_root_at_origin(placement: LatticePlacement) -> LatticePlacement:
     return replace(placement, offset=centre, cells=placement.cells - root)
 
 
-def overhangs(region: Region, placement: LatticePlacement, centres: Array) -> Array:
+def _overhangs(region: Region, placement: LatticePlacement, centres: Array) -> Array:
     """How far each board, its centre laid flat, sticks out of the region, shape (n,) [m]."""
     turn = np.array(
         ((np.cos(placement.angle), np.sin(placement.angle)), (-np.sin(placement.angle), np.cos(placement.angle)))

@@ -115,12 +115,12 @@ class PoseRefinement:
         x, y = (points - pose.offset).T
         radius = self.region.radius_about(pose.offset)
         slopes = np.column_stack((normals, (normals[:, 1] * x - normals[:, 0] * y) / radius))
-        length, gain = largest_gap_move(slopes, (gaps - clearance) / step, self.is_free, balance)
+        length, gain = _largest_gap_move(slopes, (gaps - clearance) / step, self.is_free, balance)
         moved = Pose(pose.offset + step * length[:2], float(pose.angle + step * length[2] / radius))
         return moved, step * np.abs(length).max(), step * gain
 
 
-def largest_gap_move(slopes: Array, gaps: Array, is_free: tuple[bool, ...], balance: bool) -> tuple[Array, float]:
+def _largest_gap_move(slopes: Array, gaps: Array, is_free: tuple[bool, ...], balance: bool) -> tuple[Array, float]:
     """The ``way`` within [-1, 1] that makes the least of ``gaps + slopes @ way`` the largest, and that least gap.
 
     With ``even``, the gaps that this leaves no play keep their sizes, then the least of the others is made the largest,

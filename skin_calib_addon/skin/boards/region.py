@@ -32,7 +32,7 @@ class Region:
 
     def __post_init__(self):
         for name in ("loops", "excluded"):
-            object.__setattr__(self, name, checked_loops(getattr(self, name)))
+            object.__setattr__(self, name, _checked_loops(getattr(self, name)))
         if not len(self.edges):
             raise InvalidPlan("the region is empty: none of its loops encloses anything; give three points or more")
 
@@ -55,7 +55,7 @@ class Region:
     @cached_property
     def _loop_edges(self) -> list[Array]:
         """Edges of all loops, and then of each zone."""
-        return [edges_of(self.loops), *(edges_of((zone,)) for zone in self.excluded)]
+        return [_edges_of(self.loops), *(_edges_of((zone,)) for zone in self.excluded)]
 
     @cached_property
     def points(self) -> Array:
@@ -106,9 +106,9 @@ class Region:
         """Which points of shape (n, 2) lie inside, shape (n,)."""
         points = np.asarray(points, float)
         outline, *zones = self._loop_edges
-        inside = encloses(outline, points)
+        inside = _encloses(outline, points)
         for zone in zones:
-            inside &= ~encloses(zone, points)
+            inside &= ~_encloses(zone, points)
         return inside
 
     def distances(self, points: Array) -> Array:
@@ -139,11 +139,13 @@ class Region:
         distances = along_edges(outline[board], self.edges[edge, None])[0]
         distances = np.minimum.reduceat(distances, first, axis=0)
         inside = self.contains(outline.reshape(-1, 2)).reshape(-1, 6)
-        penetration = hexagon_distances(deepest(self.edges[edge] - centres[board, None], corners), corners).min(axis=1)
+        penetration = _hexagon_distances(_deepest(self.edges[edge] - centres[board, None], corners), corners).min(
+            axis=1
+        )
         return np.minimum(np.where(inside, distances, -distances).min(axis=1), np.minimum.reduceat(penetration, first))
 
 
-def checked_loops(loops: Iterable[ArrayLike]) -> tuple[Array, ...]:
+def _checked_loops(loops: Iterable[ArrayLike]) -> tuple[Array, ...]:
     """The loops as read-only arrays; raises InvalidPlan for one that is none."""
     checked = tuple(np.array(loop, float) for loop in loops)
     for number, loop in enumerate(checked):
@@ -155,7 +157,7 @@ def checked_loops(loops: Iterable[ArrayLike]) -> tuple[Array, ...]:
     return checked
 
 
-def edges_of(loops: Sequence[Array]) -> Array:
+def _edges_of(loops: Sequence[Array]) -> Array:
     """Edges of loops, without those that are there twice, shape (e, 2, 2) [m]."""
     rounded = [np.round(loop, POINT_DECIMALS) + 0.0 for loop in loops if len(loop)]  # no minus zero
     pairs = np.concatenate([np.stack((a, np.roll(a, -1, axis=0)), axis=1) for a in rounded] or [np.empty((0, 2, 2))])
@@ -167,12 +169,12 @@ def edges_of(loops: Sequence[Array]) -> Array:
     return found[times % 2 == 1].reshape(-1, 2, 2)
 
 
-def encloses(edges: Array, points: Array) -> BoolArray:
+def _encloses(edges: Array, points: Array) -> BoolArray:
     """From which of the points (n, 2) a ray along x crosses an odd number of edges, shape (n,)."""
     (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
     rises = by > ay
     inside = np.empty(len(points), bool)
-    for chunk in chunks(len(points), len(ax)):
+    for chunk in _chunks(len(points), len(ax)):
         x, y = points[chunk, :1], points[chunk, 1:]
         is_left = (bx - ax) * (y - ay) > (by - ay) * (x - ax)
         crosses = ((ay > y) != (by > y)) & (is_left == rises)
@@ -193,7 +195,7 @@ def along_edges(points: Array, edges: Array) -> tuple[Array, Array, Array]:
     return np.hypot(x - on * dx, y - on * dy), fraction, (dx * y - dy * x) / np.sqrt(square)
 
 
-def deepest(edges: Array, corners: Array) -> Array:
+def _deepest(edges: Array, corners: Array) -> Array:
     """Points of edges (k, 2, 2) among which is the one deepest in, or nearest to, a hexagon about zero; (k, 5, 2).
 
     Depth is linear between the lines from corner to corner, so it is greatest at an end or on one of the three.
@@ -205,7 +207,7 @@ def deepest(edges: Array, corners: Array) -> Array:
     return np.concatenate((edges, start + fraction[:, 0, :, None] * along), axis=1)
 
 
-def hexagon_distances(points: Array, corners: Array) -> Array:
+def _hexagon_distances(points: Array, corners: Array) -> Array:
     """Signed distances of points (..., 2) to a regular hexagon about zero, negative inside, shape (...) [m]."""
     side = np.linalg.norm(corners[0])
     normals = unit(corners + np.roll(corners, -1, axis=0))
@@ -215,7 +217,7 @@ def hexagon_distances(points: Array, corners: Array) -> Array:
     return np.where(beyond < 0, beyond, np.hypot(beyond, np.maximum(aside, 0)))
 
 
-def chunks(rows: int, columns: int) -> Iterator[slice]:
+def _chunks(rows: int, columns: int) -> Iterator[slice]:
     """Slices of rows, each of so many that few pairs with the columns are held at a time."""
     step = max(1, MAX_PAIRS // max(columns, 1))
     return (slice(start, start + step) for start in range(0, rows, step))

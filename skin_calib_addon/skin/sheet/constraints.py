@@ -1,4 +1,4 @@
-"""How an author holds a net in place: by a point and a direction."""
+"""Constraints of a net: a point and a direction, or landmarks."""
 
 from dataclasses import dataclass
 
@@ -12,32 +12,33 @@ from ...geometry.surface.centre import length_fractions
 from .geodesic import trace
 from .net import Net
 
-# Steps of the geodesics that tell the direction: one crosses knots, where the surface's third derivatives jump.
+# Steps of the geodesics that define the direction. They cross knots, where the third derivatives of the surface jump.
+# Larger: more exact, and slower.
 GEODESIC_STEPS = 2
-# Parts of the lines to which it is measured how far nodes are from the edges, on either side of each.
+# Chords on either side of a node that measure its distance from the edges. Larger: more exact, and slower.
 HALF_LINE = 16
-# A direction with less than this share in the surface stands upright.
+# Smallest sine of the angle between a direction and the normal. Larger: refuses more directions.
 MIN_DIRECTION_SINE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """What holds a net in place, and the forces that may do it.
+    """Constraints of a net, and the loads that keep them.
 
-    A force on one node would draw the net to a point, more so the finer it is; forces that are spread leave its strain
-    smooth, as glue or friction do.
+    A force on a single node would pull a spike into the net, a higher one the finer the net is. Distributed loads keep
+    the strain smooth, as glue or friction do.
     """
 
-    nodes: IntArray  # (k, 2, 2) for each of the two parameters: two nodes, or twice the same, whose mean is held
-    uv: Array  # (k, 2) where it is held
-    pin: int  # the node about which others must not turn
-    turning: IntArray  # (m,) these others; none, or some
-    vectors: Array  # (m, 3) from the pinned node to them [m]
-    side_vectors: Array  # (m, 3) across their ways, so that what they are off adds up to an angle [1/m]
-    loads: Array  # (2 k, or 2 k + 1 where some must not turn, n, 3)
+    nodes: IntArray  # (k, 2, 2) for each of the two parameters: two nodes (or the same twice) whose mean is fixed
+    uv: Array  # (k, 2) the fixed values
+    pin: int  # the pinned node
+    turning: IntArray  # (m,) nodes that define the rotation about the pinned node; may be empty
+    vectors: Array  # (m, 3) their target vectors from the pinned node [m]
+    side_vectors: Array  # (m, 3) across these vectors; the sum of (deviation . side vector) is an angle [1/m]
+    loads: Array  # (2 k, or 2 k + 1 with a rotation, n, 3) load of each constraint on each node
 
     def rows(self, basis: Array) -> Array:
-        """How each tie changes with the parameters of each node, shape (ties, n, 2)."""
+        """Return the derivatives of the constraints with respect to the parameters, shape (constraints, n, 2)."""
         rows = np.zeros((len(self.loads), len(basis), 2))
         for k, held in enumerate(self.nodes):
             for axis in (0, 1):
@@ -48,7 +49,15 @@ class Constraints:
         return rows
 
     def violations(self, uv: Array, points: Array) -> Array:
-        """By how much each tie is not kept, shape (ties,)."""
+        """Return the violation of each constraint, shape (constraints,): parameters, and an angle [rad].
+
+        Parameters
+        ----------
+        uv : array, shape (n, 2)
+            Parameters of the nodes.
+        points : array, shape (n, 3)
+            Their points [m].
+        """
         held = np.stack([uv[self.nodes[:, axis], axis].mean(axis=1) for axis in (0, 1)], axis=1)
         violations = (held - self.uv).ravel()
         if len(self.turning) == 0:
@@ -59,40 +68,60 @@ class Constraints:
 
 
 def row_axis(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> Array:
-    """The part of a direction in the surface at ``uv``, unit, shape (3,).
+    """Return the tangential part of a direction at ``uv``, a unit vector of shape (3,).
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    uv : array, shape (2,)
+        Parameters of the point.
+    direction : array, shape (3,)
+        Direction in the link frame.
 
     Raises
     ------
     InvalidPlan
-        If it has next to none.
+        If the direction is perpendicular to the surface.
     """
     normal, wanted = surface.normals(uv[None])[0], np.asarray(direction, float)
     tangent = wanted - (wanted @ normal) * normal
     if np.linalg.norm(tangent) < MIN_DIRECTION_SINE * np.linalg.norm(wanted) or not wanted.any():
         raise InvalidPlan(
-            f'"direction" {wanted.tolist()} stands upright on the surface at the origin; give one along the rows'
+            f'"direction" {wanted.tolist()} is perpendicular to the surface at the origin. Choose one along the rows'
         )
     return unit(tangent)
 
 
 def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array, centre: bool = False) -> Constraints:
-    """Hold the pinned node where it is, and the ways from it to those beside it, its x axis running ``along``.
+    """Return constraints that fix the pinned node and the rotation of the net about it.
+
+    Geodesics from the pinned node give the target positions of the adjacent nodes. The x axis of the net leaves the
+    pinned node in the direction ``along``.
 
     Parameters
     ----------
+    surface : BSplineSurface
+        The surface.
+    net : Net
+        The net.
     uv : array, shape (n, 2)
-        A first guess of all nodes.
+        First guess of all nodes.
     along : array, shape (3,)
         Unit tangent at the pinned node.
     centre : bool
-        Whether, instead of the node, the outermost nodes are held so that as much is free beyond one as the other.
+        Centre the net instead: fix the mean parameter of its outermost nodes along each open parameter.
+
+    Returns
+    -------
+    Constraints
     """
     pin, adjacent = net.pin, net.adjacent_to_pin
     r = surface.derivatives(uv[pin])[:, :, 0]
     here, across = r[0, 0], cross(unit(cross(r[1, 0], r[0, 1])), along)
     distances = np.linalg.norm(net.flat[adjacent], axis=1)
     headings = net.flat[adjacent] @ np.stack((along, across)) / distances[:, None]
-    # A geodesic turns on its way, by what its end tells.
+    # A geodesic rotates along its length; its tangent at the end gives the side vector.
     path, tangents = trace(
         surface,
         np.repeat(uv[[pin]], len(adjacent), axis=0),
@@ -113,20 +142,29 @@ def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array, 
 
 
 def centring(surface: BSplineSurface, uv: Array, axis: int) -> tuple[IntArray, float]:
-    """The outermost nodes of a net along an open parameter, and by how much it is to grow for the net to be centred.
+    r"""Return the outermost nodes along an open parameter, and the shift of their parameters that centres the net.
 
-    Centred is a net with as much of the surface free beyond the one as beyond the other, to the lengths of the
-    coordinate lines through them. A Newton step: of a net that is nearly centred the rest is nothing.
+    A centred net leaves equal fractions of the surface free at both ends. The fractions are lengths of the coordinate
+    lines through the outermost nodes. With the fractions f of the lines before the two nodes, the shift is one Newton
+    step:
+
+    .. math:: \Delta = \frac{1 - f_1 - f_2}{f_1' + f_2'}
 
     Parameters
     ----------
+    surface : BSplineSurface
+        The surface.
     uv : array, shape (n, 2)
+        Parameters of the nodes.
     axis : int
+        0 for u, 1 for v.
 
     Returns
     -------
     ends : array of int, shape (2,)
+        The outermost nodes.
     shift : float
+        Shift of the parameter; zero for a centred net.
     """
     ends = np.array((np.argmin(uv[:, axis]), np.argmax(uv[:, axis])))
     load_fractions, growth = length_fractions(surface, uv[ends], axis, HALF_LINE)
@@ -134,17 +172,40 @@ def centring(surface: BSplineSurface, uv: Array, axis: int) -> tuple[IntArray, f
 
 
 def rigid_loads(net: Net, x_axis: Array, y_axis: Array) -> Array:
-    """Forces on all nodes that push a net along its x and y axes, and that turn it, shape (3, n, 3)."""
+    """Return the loads on all nodes that push a net along x and y, and rotate it, shape (3, n, 3).
+
+    Parameters
+    ----------
+    net : Net
+        The net.
+    x_axis, y_axis : array, shape (n, 3)
+        Directions of the flat axes at each node.
+    """
     x, y = (net.flat - net.load_fractions @ net.flat).T / max(float(np.ptp(net.flat)), net.pitch)
     return np.stack((x_axis, y_axis, x[:, None] * y_axis - y[:, None] * x_axis)) * net.load_fractions[:, None]
 
 
 def flat_axes(surface: BSplineSurface, net: Net, uv: Array) -> tuple[Array, Array]:
-    """Where the axes of the flat net point at each node, unit, shapes (n, 3): as the pairs there say on the mean."""
+    """Return the directions of the flat axes at each node: the mean over the pairs of the node.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    net : Net
+        The net.
+    uv : array, shape (n, 2)
+        Parameters of the nodes.
+
+    Returns
+    -------
+    x_axis, y_axis : array, shape (n, 3)
+        Unit tangents.
+    """
     r = surface.derivatives(uv)
     points, normals = r[0, 0], unit(cross(r[1, 0], r[0, 1]))
     chords = points[net.pairs[:, 1]] - points[net.pairs[:, 0]]
     x, y = (part @ chords for part in net.incident_vectors)
-    x_axis = x - cross(normals, y)  # each chord, turned back by the angle of its arm
+    x_axis = x - cross(normals, y)  # each chord, rotated back by the angle of its flat vector
     x_axis = unit(x_axis - (x_axis * normals).sum(axis=1, keepdims=True) * normals)
     return x_axis, cross(normals, x_axis)

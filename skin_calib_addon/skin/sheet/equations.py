@@ -1,4 +1,4 @@
-"""Newton's equations of a net: a banded matrix, for only nodes beside each other meet, and the ties that hold it."""
+"""Newton's equations of a net with constraints: a banded matrix, as only adjacent nodes interact."""
 
 from functools import lru_cache
 
@@ -8,12 +8,27 @@ from scipy.linalg import LinAlgError, solve, solveh_banded
 from ...common.arrays import Array
 from .net import Net
 
-# Share of the mean stiffness that nodes have against any move: what hangs on one pair alone is free to swing about it.
+# Stiffness of every node, as a fraction of the mean stiffness. A node with a single pair could otherwise rotate freely.
+# Larger: more stable, and slower convergence.
 STABILIZING_FRACTION = 1e-9
 
 
 class NetEquations:
-    """Newton's equations of a net that ties hold in place."""
+    r"""Newton's equations of a net with constraints.
+
+    The unknowns are the steps dx of the parameters (u, v) of all nodes, and one multiplier per constraint:
+
+    .. math::
+        H\,dx = -J^T e + Q^T \lambda, \qquad C\,dx = -c
+
+    - e are the strains of the pairs, with the Jacobian J;
+    - H = J^T J + T is the stiffness; T is the part from the rotation of the pairs (zero for Gauss-Newton);
+    - c are the violations of the constraints, with the Jacobian C;
+    - Q are the distributed forces that keep the constraints.
+
+    H is banded and can be singular: a sheet slides on a cylinder without strain. Springs at two nodes make it regular.
+    The Schur complement removes the springs again.
+    """
 
     def __init__(self, net: Net):
         self.order, self.size = net.order, 2 * len(net.flat)
@@ -23,8 +38,7 @@ class NetEquations:
         self.unknowns = unknowns
         self.width = int((row - column).max(initial=0)) + 1
         self.entry = ((row - column) * self.size + column)[self.lower]
-        # Two nodes held by springs, which are taken back below, keep the matrix from being singular: a sheet on a
-        # cylinder slides and turns at no cost.
+        # Springs at two nodes: the pinned one and the farthest one. They prevent sliding and rotation.
         far = int(np.argmax((net.flat**2).sum(axis=1)))
         self.fixed = (2 * net.order[[net.pin, far], None] + np.arange(2)).ravel()[: 2 if far == net.pin else 4]
 
@@ -38,21 +52,25 @@ class NetEquations:
         violation: Array,
         loads: Array,
     ) -> Array | None:
-        """Step of the parameters of all nodes, shape (n, 2); None if the matrix is not positive definite.
+        """Return the step of the parameters of all nodes, shape (n, 2); None if H is not positive definite.
 
         Parameters
         ----------
-        along, sideways : array, shape (e, 2, 2)
-            How the strain of each pair, and its turn, change with the parameters of its two nodes.
-        stretch : array, shape (e,), or None
-            Stiffness against turning; None leaves it out (Gauss-Newton).
+        strain_slopes : array, shape (e, 2, 2)
+            Derivatives of the strain of each pair with respect to (u, v) of its two nodes.
+        turn_slopes : array, shape (e, 2, 2)
+            Derivatives of the displacement across each pair, divided by its length, with respect to the same
+            parameters.
+        turn_stiffness : array, shape (e,), or None
+            Stiffness of each pair against rotation. None omits the term (Gauss-Newton).
         strain : array, shape (e,)
-        rows : array, shape (k, n, 2)
-            How each tie changes with the parameters.
-        off : array, shape (k,)
-            By how much each tie is not kept.
+            Strains e.
+        jacobian : array, shape (k, n, 2)
+            Derivatives C of the constraints with respect to the parameters.
+        violation : array, shape (k,)
+            Violations c of the constraints.
         loads : array, shape (k, n, 2)
-            The forces that may keep the ties, as they act on the parameters.
+            Forces Q that keep the constraints, as they act on the parameters.
         """
         strain_slopes, turns = strain_slopes.reshape(-1, 4), turn_slopes.reshape(-1, 4)
         blocks = strain_slopes[:, :, None] * strain_slopes[:, None]
@@ -72,11 +90,12 @@ class NetEquations:
         right[self.fixed, 1 + k + np.arange(len(self.fixed))] = spring
         try:
             answers = solveh_banded(band, right, overwrite_ab=True, lower=True, check_finite=False)
-            # The step is answers @ (1, forces, steps of the held nodes); it keeps the ties, and is what it says.
+            # The step is answers @ (1, multipliers, steps of the spring nodes). The constraints must be kept, and the
+            # steps of the spring nodes must agree with the step itself.
             violations = np.concatenate((self._in_order(jacobian) @ answers, answers[self.fixed]))
             violations[k:, 1 + k :] -= np.eye(len(self.fixed))
             violations[:k, 0] += violation
-            largest = np.abs(violations[:, 1:]).max(axis=0)  # a force that meets little stiffness moves much
+            largest = np.abs(violations[:, 1:]).max(axis=0)  # scaling: displacements differ by orders
             multipliers = solve(violations[:, 1:] / largest, -violations[:, 0], check_finite=False) / largest
         except (LinAlgError, ValueError):
             return None
@@ -84,7 +103,7 @@ class NetEquations:
         return step.reshape(-1, 2)[self.order] if np.isfinite(step).all() else None
 
     def _in_order(self, values: Array) -> Array:
-        """Values of nodes as values of unknowns, shape (k, 2 n)."""
+        """Return values of nodes in the order of the unknowns, shape (k, 2 n)."""
         ordered = np.empty_like(values)
         ordered[:, self.order] = values
         return ordered.reshape(len(values), -1)
@@ -92,5 +111,5 @@ class NetEquations:
 
 @lru_cache(maxsize=8)
 def equations_of(net: Net) -> NetEquations:
-    """The equations of a net, made once while it is dragged about."""
+    """Return the equations of a net; they are cached for repeated solutions with one net."""
     return NetEquations(net)

@@ -8,53 +8,60 @@ from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.distance import footpoints
 from ..lattice import ROUNDING
 
-# Parts into which a step along a geodesic is divided until its speed keeps within this of one, and the surface turns by
-# no more than this in each [rad].
-SUBSTEPS, SPEED_TOLERANCE, MAX_SUBSTEP_TURN = (1, 2, 4, 16), 0.03, 0.6
+# Numbers of substeps of one step, tried in this order.
+SUBSTEPS = (1, 2, 4, 16)
+# Largest deviation of the speed from one that a step may leave. Larger: faster, and less exact.
+SPEED_TOLERANCE = 0.03
+# Largest rotation of the normal in one substep [rad]. Larger: a step may jump over a sharp edge.
+MAX_SUBSTEP_TURN = 0.6
 
 
 def unroll(surface: BSplineSurface, flat: Array, uv: Array, along: Array, step: float) -> Array:
-    """Lay flat points on a surface: along a geodesic from ``uv``, and along geodesics that leave it at right angles.
+    """Place flat points on a surface along geodesics.
 
-    On a developable surface the image is isometric; elsewhere it is a first guess.
+    One geodesic starts at ``uv`` along the x axis. Others leave it at right angles. On a developable surface the result
+    is isometric. On other surfaces it is a first guess.
 
     Parameters
     ----------
+    surface : BSplineSurface
+        The surface.
     flat : array, shape (n, 2)
-        From the point at ``uv``, x along the first geodesic [m].
+        Flat points relative to the point at ``uv``, x along the first geodesic [m].
     uv : array, shape (2,)
+        Parameters of the start.
     along : array, shape (3,)
-        Unit tangent there.
+        Unit tangent at the start.
     step : float
-        Between the points of the geodesics, which the others lie between [m].
+        Distance between the computed points of the geodesics; the others are interpolated [m].
 
     Returns
     -------
     array, shape (n, 2)
-        Parameters, which go on over a seam.
+        Parameters, continuous over a seam.
     """
     (left, below), (right, above) = (
         np.maximum(np.ceil(extent / step - ROUNDING), 1).astype(int) for extent in (-flat.min(axis=0), flat.max(axis=0))
     )
-    row, tangents = trace_both(surface, uv[None], along[None], step, left, left + right + 1)
+    row, tangents = _trace_both(surface, uv[None], along[None], step, left, left + right + 1)
     row, tangents = row[:, 0], tangents[:, 0]
     across = cross(surface.normals(row), tangents)
-    grid = trace_both(surface, row, across, step, below, below + above + 1)[0]
+    grid = _trace_both(surface, row, across, step, below, below + above + 1)[0]
     y, x = step * np.arange(-below, above + 1), step * np.arange(-left, right + 1)
     splines = [RectBivariateSpline(y, x, grid[..., k], kx=min(3, len(y) - 1), ky=min(3, len(x) - 1)) for k in (0, 1)]
     return np.column_stack([spline.ev(flat[:, 1], flat[:, 0]) for spline in splines])
 
 
-def trace_both(
+def _trace_both(
     surface: BSplineSurface, uv: Array, tangents: Array, step: float, before: int, count: int
 ) -> tuple[Array, Array]:
-    """Geodesics through each ``uv``, with ``before`` of their ``count`` points on the side it comes from.
+    """Trace geodesics through each ``uv`` in both directions, with ``before`` of their ``count`` points before it.
 
     Returns
     -------
     path : array, shape (count, k, 2)
     tangents : array, shape (count, k, 3)
-        Unit, in the direction of growing index.
+        Unit, in the direction of increasing index.
     """
     k = len(uv)
     extent = max(before, count - 1 - before)
@@ -67,18 +74,32 @@ def trace_both(
 
 
 def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: Array | float, count: int) -> tuple[Array, Array]:
-    """Follow geodesics: ``count`` steps of ``step`` metres, one for all or (k, 1), from each ``uv`` along its tangent.
+    """Trace geodesics by ``count`` steps from each start.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    uv : array, shape (k, 2)
+        Parameters of the starts.
+    tangents : array, shape (k, 3)
+        Unit tangents at the starts.
+    step : float or array, shape (k, 1)
+        Length of one step [m].
+    count : int
+        Number of steps.
 
     Returns
     -------
     path : array, shape (count + 1, k, 2)
+        Parameters, continuous over a seam.
     tangents : array, shape (count + 1, k, 3)
-        Unit.
+        Unit tangents.
     """
     path, headings = [uv], [tangents]
     steps = np.broadcast_to(step, (len(uv), 1))
     r = surface.derivatives(uv, order=2)
-    state = np.stack((uv, in_basis(r[1, 0], r[0, 1], tangents)), axis=1)
+    state = np.stack((uv, _in_basis(r[1, 0], r[0, 1], tangents)), axis=1)
     for _ in range(count):
         state, r, tangents = _advance(surface, state, r, steps)
         path.append(state[:, 0])
@@ -87,25 +108,28 @@ def trace(surface: BSplineSurface, uv: Array, tangents: Array, step: Array | flo
 
 
 def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tuple[Array, Array, Array]:
-    """One step along geodesics (Runge-Kutta 4), in more parts where the surface bends sharply.
+    """Advance one step along geodesics (Runge-Kutta 4), with substeps where the curvature is high.
 
-    A geodesic keeps its unit speed: where the speed has changed, the step was too long for the bend. What no number of
-    parts brings over a bend goes on straight and comes down on the nearest point of the surface.
+    A geodesic has unit speed. A change of the speed shows that the step is too long. If the largest number of substeps
+    is not enough, the step goes straight ahead and ends at the footpoint on the surface.
 
     Parameters
     ----------
+    surface : BSplineSurface
+        The surface.
     start : array, shape (k, 2, 2)
-        Parameters, and their speed.
+        Parameters and their rates at the start.
     r : array, shape (3, 3, k, 3)
         Derivatives of the surface there.
     step : array, shape (k, 1)
+        Lengths of the steps [m].
 
     Returns
     -------
     state, r : array
         The same at the end.
     tangents : array, shape (k, 3)
-        Unit, at the end.
+        Unit tangents at the end.
     """
     first, up = r, unit(cross(r[1, 0], r[0, 1]))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -125,23 +149,23 @@ def _advance(surface: BSplineSurface, start: Array, r: Array, step: Array) -> tu
             if accurate.all():
                 state[:, 1] /= speed
                 return state, r, velocity / speed
-        tangents = unit(velocity)  # of those that are lost anything
+        tangents = unit(velocity)  # arbitrary where the integration failed
     return _step_straight(surface, start, first, step, state, tangents, ~accurate)
 
 
 def _step_straight(
     surface: BSplineSurface, start: Array, first: Array, step: Array, state: Array, tangents: Array, lost: BoolArray
 ) -> tuple[Array, Array, Array]:
-    """The end of a step where what is ``lost`` goes straight ahead."""
+    """Return the end of a step; the ``lost`` ones go straight ahead, to the footpoint."""
     uv = start[lost, 0]
     ahead = first[1, 0, lost] * start[lost, 1, :1] + first[0, 1, lost] * start[lost, 1, 1:]
     found = footpoints(surface, first[0, 0, lost] + step[lost] * ahead)[0]
-    # Footpoints lie in [0, 1]; paths go on over a seam.
+    # Footpoints are in [0, 1]; paths are continuous over a seam.
     state[lost, 0] = found + np.where(surface.closed, np.rint(uv - found), 0.0)
     r = surface.derivatives(state[:, 0], order=2)
     normals = unit(cross(r[1, 0, lost], r[0, 1, lost]))
     tangents[lost] = unit(ahead - (ahead * normals).sum(axis=1, keepdims=True) * normals)
-    state[:, 1] = in_basis(r[1, 0], r[0, 1], tangents)
+    state[:, 1] = _in_basis(r[1, 0], r[0, 1], tangents)
     return state, r, tangents
 
 
@@ -150,17 +174,23 @@ def _rate_at(surface: BSplineSurface, state: Array) -> Array:
 
 
 def _rate(r: Array, state: Array) -> Array:
-    """Rate of parameters and of their speed on a geodesic: its acceleration has no part in the surface."""
+    r"""Return the rates of the parameters and of their rates on a geodesic.
+
+    The acceleration of a geodesic has no tangential part:
+
+    .. math::
+        S_u \ddot u + S_v \ddot v = -(S_{uu} \dot u^2 + 2 S_{uv} \dot u \dot v + S_{vv} \dot v^2)_{tangential}
+    """
     du, dv = state[:, 1, :1], state[:, 1, 1:]
     bend = r[2, 0] * du**2 + 2 * r[1, 1] * du * dv + r[0, 2] * dv**2
     slope = np.empty_like(state)
     slope[:, 0] = state[:, 1]
-    slope[:, 1] = -in_basis(r[1, 0], r[0, 1], bend)
+    slope[:, 1] = -_in_basis(r[1, 0], r[0, 1], bend)
     return slope
 
 
-def in_basis(a: Array, b: Array, vectors: Array) -> Array:
-    """Components of the tangential part of vectors in the basis (a, b), shape (k, 2)."""
+def _in_basis(a: Array, b: Array, vectors: Array) -> Array:
+    """Return the components of the tangential part of vectors in the basis (a, b), shape (k, 2)."""
     basis = np.empty((len(a), 3, 3))
     basis[:, 0], basis[:, 1], basis[:, 2] = a, b, vectors
     gram = np.matmul(basis[:, :2], basis.transpose(0, 2, 1))

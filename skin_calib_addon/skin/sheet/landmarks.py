@@ -1,4 +1,4 @@
-"""Landmarks: cells of a sheet that the author pins to points of the mesh."""
+"""Landmarks: cells of a sheet that the author fixes to points of the mesh."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,13 +14,16 @@ from .constraints import Constraints, flat_axes, rigid_loads
 from .geodesic import unroll
 from .net import Net
 
-# Rounds in which a sheet turns to its landmarks before it is laid.
+# Iterations in which a sheet is rotated towards its landmarks before the placement. Larger: better for a direction that
+# is far off.
 ROTATION_ITERATIONS = 4
+# Rotation of the finite difference [rad]. Larger: less exact; much smaller: rounding.
+ROTATION_STEP = 1e-3
 
 
 @dataclass(frozen=True)
 class Landmark:
-    """A cell of a sheet, and the point of the mesh that its centre lies on."""
+    """A cell of a sheet, and the point of the mesh for its centre."""
 
     cell: tuple[int, int]
     point: tuple[float, float, float]  # [m]
@@ -28,39 +31,68 @@ class Landmark:
 
 @dataclass(frozen=True, eq=False)
 class LandmarkTargets:
-    """Where two or more cells are to lie; the first of them is the pinned node of every net."""
+    """Targets of two or more cells; the first of them is the pinned node of every net."""
 
     layer: BSplineSurface
-    flat: Array  # (k, 2) flat places of the cells from the first [m]
+    flat: Array  # (k, 2) flat positions of the cells relative to the first [m]
     uv: Array  # (k, 2) parameters of their landmarks
-    cell_sides: Array  # (2,) sides of a cell, along its row and across [m]
+    cell_sides: Array  # (2,) sides of a cell, along the row and across [m]
 
     @classmethod
     def of(
         cls, surface: BSplineSurface, layer: BSplineSurface, lattice: SheetLattice, landmarks: Sequence[Landmark]
     ) -> "LandmarkTargets":
-        """The goal that some landmarks set.
+        """Return the targets for some landmarks.
+
+        Parameters
+        ----------
+        surface : BSplineSurface
+            The fitted surface.
+        layer : BSplineSurface
+            Surface of the neutral layer, with the same parameters.
+        lattice : SheetLattice
+            The flat sheet.
+        landmarks : sequence of Landmark
+            Two or more.
+
+        Returns
+        -------
+        LandmarkTargets
 
         Raises
         ------
         InvalidPlan
-            If one is not in the sheet, or two are of one cell or one place.
+            If two landmarks have the same cell or the same point.
         """
         for k, landmark in enumerate(landmarks):
             for other in landmarks[:k]:
                 if other.cell == landmark.cell or other.point == landmark.point:
                     raise InvalidPlan(
-                        f"landmarks {landmarks.index(other)} and {k} share a cell or a point; give each cell its own"
+                        f"landmarks {landmarks.index(other)} and {k} have the same cell or the same point. Give each "
+                        "cell its own point"
                     )
         cells, points = (np.array([getattr(m, name) for m in landmarks], float) for name in ("cell", "point"))
         flat = (cells - cells[0])[:, ::-1] * (lattice.pitch[1], 2 * lattice.step[0])
         return cls(layer, flat, footpoints(surface, points)[0], np.array(lattice.pitch[::-1]))
 
     def heading(self, along: Array, step: float) -> Array:
-        """The tangent ``along`` at the first landmark, turned until the rest lies nearest to its landmarks."""
+        """Rotate the tangent ``along`` at the first landmark until the other cells are nearest to their landmarks.
+
+        Parameters
+        ----------
+        along : array, shape (3,)
+            First guess, a unit tangent.
+        step : float
+            Distance between the computed points of geodesics [m].
+
+        Returns
+        -------
+        array, shape (3,)
+            Unit tangent.
+        """
         start, aims = self.uv[0], self.layer.points(self.uv[1:])
         normal = self.layer.normals(start[None])[0]
-        ROTATION_STEP = 1e-3
+
         turned = self.flat[1:] + ROTATION_STEP * np.column_stack((-self.flat[1:, 1], self.flat[1:, 0]))
         for _ in range(ROTATION_ITERATIONS):
             uv = unroll(self.layer, np.concatenate((self.flat[1:], turned)), start, along, step)
@@ -71,13 +103,25 @@ class LandmarkTargets:
         return along
 
     def constraints(self, net: Net, uv: Array) -> Constraints:
-        """What holds a net to the landmarks: two turn it, more of them stretch it."""
+        """Return the constraints of a net: two landmarks rotate it, more of them stretch it.
+
+        Parameters
+        ----------
+        net : Net
+            The net.
+        uv : array, shape (n, 2)
+            First guess of its nodes.
+
+        Returns
+        -------
+        Constraints
+        """
         nodes = np.array([int(np.argmin(((net.flat - place) ** 2).sum(axis=1))) for place in self.flat])
         targets = self.uv + np.where(self.layer.closed, np.rint(uv[nodes] - self.uv), 0.0)
         x_axis, y_axis = flat_axes(self.layer, net, uv)
         if len(nodes) == 2:
             return self._rotating(net, nodes, targets, x_axis, y_axis)
-        # Each force is spread over the cells around its own: upon one node it would pull a spike.
+        # Each force is distributed over the adjacent cells. A force on one node would make a spike.
         near = (
             np.maximum(1 - np.abs(net.flat - net.flat[nodes][:, None]) / self.cell_sides, 0).prod(axis=2)
             * net.load_fractions
@@ -88,6 +132,7 @@ class LandmarkTargets:
         return Constraints(_twice(nodes), targets, net.pin, np.zeros(0, np.int64), no_vectors, no_vectors, loads)
 
     def _rotating(self, net: Net, nodes: IntArray, targets: Array, x_axis: Array, y_axis: Array) -> Constraints:
+        """Return constraints that fix the first landmark and the direction to the second."""
         second = nodes[1]
         arm = net.flat[second]
         side = (arm[0] * y_axis[second] - arm[1] * x_axis[second]) / (arm @ arm)

@@ -1,4 +1,4 @@
-"""Surfaces parallel to another: where the neutral layer of a skin with a thickness lies."""
+"""Parallel surfaces: the neutral layer of a skin with a thickness."""
 
 import numpy as np
 
@@ -8,19 +8,34 @@ from ...geometry.sampling.basis import spline_sites
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.distance import sample_lines
 
-# Samples along each span of a parallel surface, and of the surface where it is looked at for folds.
+# Samples along each span of a parallel surface, and of the surface that is checked for folds. Larger: more exact, and
+# slower.
 PER_SPAN = 2
 
 
 def offset_surface(surface: BSplineSurface, distance: float) -> BSplineSurface:
-    """The surface at a distance outward, with the same parameters.
+    r"""Return the parallel surface at a distance outward, with the same parameters.
 
-    A spline through its points, with twice the spans: the parallel of a spline is none.
+    .. math:: S_h(u, v) = S(u, v) + h\,n(u, v) \quad [m]
+
+    The parallel surface of a spline is not a spline. The result approximates it with twice the spans.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    distance : float
+        Height h above the surface, positive outward [m].
+
+    Returns
+    -------
+    BSplineSurface
+        The surface itself if the distance is zero.
 
     Raises
     ------
     InvalidPlan
-        If the surface bends so tightly that its parallel folds; the place is named.
+        If the radius of curvature is smaller than the distance, so that the parallel surface folds.
     """
     if distance == 0:
         return surface
@@ -51,13 +66,14 @@ def _check_folds(surface: BSplineSurface, distance: float) -> None:
     normals = unit(np.cross(r[1, 0], r[0, 1]))
     E, F, G = ((a * b).sum(axis=1) for a, b in ((r[1, 0], r[1, 0]), (r[1, 0], r[0, 1]), (r[0, 1], r[0, 1])))
     L, M, N = ((second * normals).sum(axis=1) for second in (r[2, 0], r[1, 1], r[0, 2]))
-    # Eigenvalues of 1 - distance * (second fundamental form / first): by how much the parallel is longer.
+    # The eigenvalues of I - distance * (first fundamental form)^-1 (second) are the stretch of the parallel surface in
+    # the principal directions. Both must be positive: test trace and determinant.
     trace = 2 - distance * (E * N - 2 * F * M + G * L) / (E * G - F**2)
     both = ((E - distance * L) * (G - distance * N) - (F - distance * M) ** 2) / (E * G - F**2)
     folded = np.flatnonzero((both <= 0) | (trace <= 0))
     if len(folded):
         place = ", ".join(f"{x * 1e3:.1f}" for x in r[0, 0, folded[0]])
         raise InvalidPlan(
-            f"a skin {distance * 1e3:g} mm above the surface folds near ({place}) mm, where the surface bends more "
-            "tightly than that; lessen the offset, or fit a smoother surface"
+            f"a skin {distance * 1e3:g} mm above the surface folds near ({place}) mm: the radius of curvature there is "
+            "smaller than the offset. Reduce the offset, or fit a smoother surface"
         )

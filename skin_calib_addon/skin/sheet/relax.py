@@ -1,4 +1,4 @@
-"""Bring a net to rest on a surface: the least strain that its ties allow."""
+"""Minimization of the strain of a net on a surface, subject to constraints."""
 
 import numpy as np
 
@@ -9,13 +9,14 @@ from .constraints import Constraints
 from .equations import equations_of
 from .net import Net
 
+# Limit of the Newton steps; 3 to 10 are usual. Larger: more time where a net oscillates.
 MAX_NEWTON_STEPS = 30
-# A step that raises the sum of squares by more than this is taken back. Less is no sign of harm: the pulls are those of
-# geodesics, the lengths those of cubics, and the rest of the one is not quite the least of the other.
+# A step that increases the energy by more than this factor is halved. A small increase is harmless: the gradients are
+# those of geodesics, the lengths are those of cubics, and their minima differ slightly. Larger: may diverge.
 MAX_ENERGY_RATIO = 1.01
-# Ties that are off by less, in parameters or radians, are kept.
+# Violation up to which a constraint is met, in parameters or radians. Larger: constraints are met less exactly.
 CONSTRAINT_TOLERANCE = 1e-6
-# Where nothing else is said, a step is the last when the next would move no node by more than this share of the pitch.
+# Default tolerance of the movement of the nodes, as a fraction of the pitch. Larger: fewer steps, less exact positions.
 STEP_TOLERANCE = 1e-4
 
 
@@ -27,19 +28,29 @@ def relax(
     weights: Array | None = None,
     step_tolerance: float = STEP_TOLERANCE,
 ) -> Array:
-    """Newton's method on the parameters of the nodes until their strains have the least sum of squares.
+    r"""Return the parameters of the nodes that minimize the strain of a net (Newton's method with constraints).
 
-    A step that raises the sum much, and not to keep the ties, is taken back, and the next one leaves the strains' own
-    stiffness out (Gauss-Newton).
+    .. math::
+        \min_{(u, v)} \sum_e w_e \left(\frac{\ell_e(u, v)}{L_e} - 1\right)^2 \quad \text{subject to} \quad c(u, v) = 0
+
+    L are the flat lengths of the pairs and l their lengths on the surface [m]; w are the weights and c the constraints.
+    Constraint forces act as distributed loads, see :class:`Constraints`. A step that increases the energy is halved,
+    unless it reduces the violation of the constraints. After it, the steps are Gauss-Newton steps.
 
     Parameters
     ----------
+    surface : BSplineSurface
+        The surface.
+    net : Net
+        Flat nodes and pairs.
     uv : array, shape (n, 2)
-        A first guess.
+        First guess of the parameters of the nodes.
+    constraints : Constraints
+        What fixes the net.
     weights : array, shape (e,), optional
-        Of the strain of each pair.
-    settled : float
-        A step is the last when the next would move no node by more than this share of the pitch.
+        Weight w of each pair; by default 1.
+    step_tolerance : float
+        The last step is the one after which no node would move by more than this fraction of the pitch.
 
     Returns
     -------
@@ -48,7 +59,7 @@ def relax(
     Raises
     ------
     InvalidPlan
-        If the surface is too sharply bent for the net to come to rest.
+        If the equations have no solution: the curvature of the surface is too high.
     """
     system, (start, stop) = equations_of(net), net.pairs.T
     scale = np.ones(len(net.pairs)) if weights is None else np.sqrt(weights)
@@ -72,25 +83,25 @@ def relax(
             float(np.abs(violations).max()),
         )
         ends = np.stack((basis[start], basis[stop]), axis=1)
-        slopes = np.matmul(ends, pull[..., None])[..., 0] * per_length
+        strain_slopes = np.matmul(ends, pull[..., None])[..., 0] * per_length
         across = cross(np.stack((normals[start], normals[stop]), axis=1), pull)
-        sideways = np.matmul(ends, across[..., None])[..., 0] * per_length
+        turn_slopes = np.matmul(ends, across[..., None])[..., 0] * per_length
         loads = np.matmul(basis, constraints.loads[..., None])[..., 0]
         rows = constraints.rows(basis)
         step = None
         if use_turn_stiffness:
-            step = system.step(slopes, sideways, 1 - net.lengths / measured, strain, rows, violations, loads)
-        if step is None:  # compressed beyond what keeps it flat: without its own stiffness it has a way down
+            step = system.step(strain_slopes, turn_slopes, 1 - net.lengths / measured, strain, rows, violations, loads)
+        if step is None:  # a compressed net buckles: its stiffness against rotation makes H indefinite
             use_turn_stiffness = False
-            step = system.step(slopes, sideways, None, strain, rows, violations, loads)
+            step = system.step(strain_slopes, turn_slopes, None, strain, rows, violations, loads)
         if step is None:
             raise InvalidPlan(
-                "the skin finds no rest on this surface, which is folded or too sharply bent under it; fit a smoother "
-                "surface, or lay the skin elsewhere"
+                "the placement did not converge on this surface: the surface is folded under the skin, or its "
+                "curvature is too high. Fit a smoother surface, or move the skin"
             )
         x = x + step
         moved = float(np.linalg.norm(np.matmul(step[:, None], basis)[:, 0], axis=1).max())
-        # The next step is to this one what this one is to the last, or less: the first to a pitch.
+        # Linear convergence predicts the next step from the ratio of the last two; the first ratio is to the pitch.
         if moved * min(moved / last_move, 1.0) < step_tolerance * net.pitch:
             break
         last_move = moved
@@ -98,14 +109,29 @@ def relax(
 
 
 def pair_lengths(points: Array, normals: Array, pairs: IntArray, straight: bool = False) -> tuple[Array, Array]:
-    """Distances between pairs of points of a surface, and how they change when an end moves.
+    r"""Return the distances of pairs of points on a surface, and their gradients.
 
-    Along the surface a chord is lengthened to the arc of the cubic that leaves and meets the surface at the ends'
-    slopes: for slopes s and t it is longer by the share (2 s^2 - s t + 2 t^2) / 30.
+    Along the surface, the length of a pair is the arc of the cubic that has the slopes of the surface at both ends:
+
+    .. math:: \ell = c \left(1 + \frac{2 s^2 - s t + 2 t^2}{30}\right) \quad [m]
+
+    with the chord c [m] and its slopes s and t against the surface at the two ends [rad].
+
+    Parameters
+    ----------
+    points : array, shape (n, 3)
+        Points of the surface [m].
+    normals : array, shape (n, 3)
+        Unit normals there.
+    pairs : array of int, shape (e, 2)
+        Rows of the points.
+    straight : bool
+        Measure the chord through space instead.
 
     Returns
     -------
-    lengths : array, shape (e,) [m]
+    lengths : array, shape (e,)
+        Lengths [m].
     pull : array, shape (e, 2, 3)
         Gradient of each length with respect to its two ends.
     """

@@ -1,4 +1,4 @@
-"""What the author must look at: how a sheet is stretched, and how it closes round the link."""
+"""Quality of a placed sheet: its strain, and the gaps where it closes around the link."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,20 @@ from ...geometry.surface.bspline import BSplineSurface
 from .relax import pair_lengths
 from .wrap import WrappedSheet
 
-# Share of a turn from which on a sheet goes round the link.
+# Smallest part of a full turn that a sheet covers if it closes around the link. Larger: no gaps for shorter sheets.
 MIN_TURN = 0.5
 
 
 def cell_strain(sheet: WrappedSheet) -> Array:
-    """Strain of each cell along its row, across the rows, and in shear [rad], shape (cells, 3)."""
+    r"""Return the strain of each cell along its row, across the rows, and in shear [rad], shape (cells, 3).
+
+    With the length a along the row, b across it, and the diagonals d on the surface, and the pitches p [m]:
+
+    .. math::
+        \varepsilon_u = a / p_u - 1, \quad \varepsilon_v = b / p_v - 1, \quad
+        \gamma = \arcsin\frac{d_1^2 - d_2^2}{4\,a\,b}
+
+    """
     lattice = sheet.lattice
     r = sheet.layer.derivatives(sheet.uv.reshape(-1, 2))
     normals = unit(cross(r[1, 0], r[0, 1]))
@@ -34,17 +42,17 @@ def cell_strain(sheet: WrappedSheet) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """How a sheet that goes round the link meets its own beginning."""
+    """Gaps of a sheet that closes around the link."""
 
-    of: str  # what goes round: "rows" or "columns"
-    gaps: Array  # (k,) of each: what is missing between its end and its beginning; negative where they overlap [m]
-    steps: Array  # (k,) by how much the beginning lies aside of the end, towards the next one [m]
+    of: str  # "rows" or "columns": which of them close around the link
+    gaps: Array  # (k,) distance along each from its end to its beginning; negative where they overlap [m]
+    steps: Array  # (k,) offset of the beginning from the end, towards the next row or column [m]
 
 
 def closure(sheet: WrappedSheet) -> Closure | None:
-    """How a sheet closes; None where it does not go round, or less than half.
+    """Return the gaps of a sheet around the link; None if it covers less than half of a turn.
 
-    Measured along the middle of each row, or column, from its last side to where its first side comes round again.
+    A gap is measured along the middle line of a row (or column), from its last side to its first side one turn later.
     """
     for axis, of in ((1, "rows"), (0, "columns")):
         lines = sheet.uv[1::2] if axis else sheet.uv[:, 1::2].transpose(1, 0, 2)
@@ -58,13 +66,13 @@ def closure(sheet: WrappedSheet) -> Closure | None:
 
 
 def _meeting(layer: BSplineSurface, line: Array, turn: Array) -> tuple[float, float]:
-    """Gap and step where the beginning of a line of nodes (k, 2) comes round again."""
+    """Return gap and step at the position where a line of nodes (k, 2) begins again after a turn."""
     again = line[0] + turn
     r = layer.derivatives(np.concatenate((line, again[None])))
     points, normals = r[0, 0], unit(cross(r[1, 0], r[0, 1]))
     segments = pair_lengths(points, normals, np.column_stack((np.arange(len(line) - 1), np.arange(1, len(line)))))[0]
     travelled = np.append(0.0, np.cumsum(segments))
-    # The node next to where it comes round, and the way from there.
+    # The node nearest to the second beginning, and the vector from there.
     lengths = np.linalg.norm(r[(1, 0), (0, 1), -1], axis=1)
     nearest = int(np.argmin(np.linalg.norm((line - again) * lengths, axis=1)))
     adjacent = nearest + (1 if nearest == 0 else -1)

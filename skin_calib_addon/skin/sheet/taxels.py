@@ -1,4 +1,4 @@
-"""From a wrapped lattice to taxels: positions, normals, frames, corners, areas and neighbours."""
+"""Taxels of a placed sheet: positions, normals, frames, corners, areas and neighbours."""
 
 import numpy as np
 
@@ -11,15 +11,27 @@ from .wrap import WrappedSheet
 
 
 def sheet_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> TaxelArray:
-    """Taxels at the cell centres of a wrapped sheet.
+    r"""Return the taxels at the cell centres of a placed sheet.
+
+    The area of a cell follows from the strains along the row and across the rows and from the shear angle:
+
+    .. math:: A = p_r p_c (1 + \varepsilon_u) (1 + \varepsilon_v) \cos\gamma \quad [m^2]
+
+    with the pitches p [m].
 
     Parameters
     ----------
     sheet : WrappedSheet
+        The placed sheet.
     name : str
         Name of the patch; ids read ``name.row.column``.
     first_channel : int
-        Channel of cell (0, 0); the others follow row by row. Cells that are trimmed keep theirs.
+        Channel of cell (0, 0); the others follow row by row. Cells outside the surface keep their channel.
+
+    Returns
+    -------
+    TaxelArray
+        In the link frame; ``quality`` has the strain and the size [m] of each cell.
     """
     surface, lattice, inside = sheet.surface, sheet.lattice, sheet.inside
     flat = sheet.uv.reshape(-1, 2)
@@ -52,6 +64,19 @@ def sheet_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Taxe
 
 
 def fan_areas(centres: Array, corners: Array) -> Array:
-    """Area of each cell: triangles from its centre to its sides, shape (n,) [m^2]."""
+    """Return the area of each cell as the sum of the triangles from its centre to its sides.
+
+    Parameters
+    ----------
+    centres : array, shape (n, 3)
+        Centres [m].
+    corners : array, shape (n, k, 3)
+        Corners in order [m].
+
+    Returns
+    -------
+    array, shape (n,)
+        Areas [m^2].
+    """
     arms = corners - centres[:, None]
     return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)), axis=2).sum(axis=1) / 2

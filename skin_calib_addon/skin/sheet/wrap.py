@@ -1,4 +1,4 @@
-"""Wrap a sheet on a surface with the least strain: it bends, it does not stretch."""
+"""Placement of a sheet on a surface with the least strain: the sheet bends, it does not stretch."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,38 +20,43 @@ from .net import Net, grid_net
 from .offset import offset_surface
 from .relax import STEP_TOLERANCE, relax
 
-# A first guess that lies beyond an edge by this share of the surface will not come back.
+# A first guess farther beyond an edge than this fraction of the surface is refused at once. Larger: refuses later,
+# after more time.
 MAX_GUESS_OVERSHOOT = 0.5
-# Of a sheet that is trimmed, weight of the strains beyond the edges of the surface.
+# Weight of the strain beyond the edges of the surface, for a sheet that is trimmed. Larger: the extrapolated surface
+# has more influence on the cells inside.
 OUTSIDE_WEIGHT = 1e-3
-# Rounds in which a sheet comes to rest, and by how much of its pitch its pinned node may still move in the last.
-CENTRING_ITERATIONS, CENTRING_TOLERANCE = 4, 0.01
-# Moves that end the rest of every second node: a share of the pitch.
+# Limit of the solutions of a centred sheet: a shift changes its direction and its outermost nodes.
+CENTRING_ITERATIONS = 4
+# Movement of the pinned node up to which a sheet is centred, as a fraction of the pitch. Larger: less exact.
+CENTRING_TOLERANCE = 0.01
+# Step tolerance of intermediate solutions, as a fraction of the pitch. Larger: faster previews, less exact.
 COARSE_STEP_TOLERANCE = 0.01
-# Where nodes between those at rest are this much of their distance too near or too far, the surface turns between them.
+# Relative error of a chord from which on a net may be folded. Larger: accepts folded nets.
 MAX_CHORD_ERROR = 0.5
-# A surface is like another on which no node of the sheet is further away than so many pitches.
+# Largest distance of the nodes between two surfaces for a start from the old nodes, in pitches. Larger: starts that are
+# too far away, and slow.
 MAX_START_DISTANCE = 2
-# Share of the surface by which a point on its edge may be beyond.
+# Parameters beyond an edge by this fraction of the surface are on the edge: rounding.
 PARAMETER_ROUNDING = 1e-9
-# Geodesics of a first guess have points no nearer than this share of the surface's size: they turn slowly.
+# Longest step of the geodesics of a first guess, as a fraction of the size of the surface. Larger: faster, less exact.
 GUESS_STEP = 0.1
-# Where they turn by more than this from one to the next [rad], the parameters between them are not told by cubics.
+# Largest rotation of the normal in such a step [rad]; beyond it cubics do not interpolate the parameters.
 MAX_GUESS_TURN = 1.0
-# By this factor more, on a way that should be short enough, it turns at an edge.
+# A shorter step that still exceeds this rotation by this factor crosses a sharp edge.
 EDGE_FACTOR = 1.2
 
 
 @dataclass(frozen=True, eq=False)
 class WrappedSheet:
-    """A sheet on its surface."""
+    """A sheet placed on a surface."""
 
     surface: BSplineSurface
-    offset: float  # height of the sheet's neutral layer above the surface [m]
-    layer: BSplineSurface  # where that layer lies, with the parameters of the surface
+    offset: float  # height of the neutral layer of the sheet above the surface [m]
+    layer: BSplineSurface  # surface of the neutral layer, with the same parameters
     lattice: SheetLattice
-    uv: Array  # (a, b, 2) of the nodes; not wrapped round, so that they are continuous over a seam
-    inside: BoolArray  # (cells,) which centres lie on the surface: all, unless the author asked to trim
+    uv: Array  # (a, b, 2) parameters of the nodes, continuous over a seam
+    inside: BoolArray  # (cells,) which centres are on the surface; all, unless the sheet is trimmed
 
 
 def wrap_sheet(
@@ -65,38 +70,45 @@ def wrap_sheet(
     trim: bool = False,
     near: WrappedSheet | None = None,
 ) -> WrappedSheet:
-    """Lay a sheet on a surface as isometrically as the surface allows.
+    """Place a sheet on a surface as isometrically as the surface allows.
 
-    On a developable surface this is the exact unrolling; on a doubly curved one the strains of all half-pitch edges
-    and diagonals have the least sum of squares.
+    On a developable surface the result is the exact unrolling. On a doubly curved surface it minimizes the sum of the
+    squared strains of all edges and diagonals between the nodes; see :func:`.relax.relax`.
 
     Parameters
     ----------
     surface : BSplineSurface
+        The surface, in the link frame.
     lattice : SheetLattice
+        The flat sheet.
     origin : array, shape (3,), or None
-        Where the centre of cell (0, 0) lies [m]; the nearest surface point is taken. None centres the sheet on the
-        surface: as much is left free, along the surface, at one open edge as at the other, and round a closed one its
-        middle lies half way from angle zero. That is up to the shape alone, not to where planes and lines are.
+        Position of the centre of cell (0, 0) [m]; its nearest surface point counts. None centres the sheet. A centred
+        sheet has the same free length at both open edges. Around a closed surface its middle is half a turn from angle
+        zero. The result depends on the shape of the surface, not on its planes and lines.
     direction : array, shape (3,)
-        Where the row of the origin runs to, in the link frame; its part in the surface counts.
+        Direction of the row at the origin, in the link frame; its tangential part counts.
     offset : float
-        Height of the sheet's neutral layer, which keeps its lengths, above the surface [m].
+        Height of the neutral layer, which keeps its lengths, above the surface [m].
     landmarks : sequence of Landmark
-        Instead of the origin: the first holds its cell, the second turns the sheet, and from three on it is stretched
-        to meet all of them.
+        They replace the origin. The first fixes its cell, the second the rotation. Three or more stretch the sheet to
+        meet all of them.
     trim : bool
-        Whether cells may lie off the surface; they are left out.
+        Whether cells may be outside the surface; they are left out.
     near : WrappedSheet, optional
-        This sheet on a surface much like this one: it comes to rest from there, to a hundredth of its pitch, in half
-        the time.
+        The same sheet on a similar surface, as a start. The result is exact to a hundredth of the pitch, in half the
+        time.
+
+    Returns
+    -------
+    WrappedSheet
 
     Raises
     ------
     InvalidPlan
-        If the direction stands upright on the surface, the offset folds it, or landmarks are the same.
+        If a cell is larger than the surface, the direction is perpendicular to the surface, the offset folds the
+        surface, two landmarks are equal, or the placement does not converge.
     OutsideSurface
-        Names the first cell whose centre lies off the surface.
+        If the centre of a cell is outside the surface; names the first cell.
     """
     check_size(surface, lattice.pitch)
     layer = offset_surface(surface, offset)
@@ -119,25 +131,31 @@ def wrap_sheet(
     def guess(step: float) -> Array:
         uv = unroll(layer, net.flat, start, along, step)
         if origin is None:
-            uv = uv + centring_shift(layer, uv)
+            uv = uv + _centring_shift(layer, uv)
         uv = uv.reshape(*lattice.node_shape, 2)
         if not trim:
-            check_inside(layer, lattice, uv, MAX_GUESS_OVERSHOOT)
+            _check_inside(layer, lattice, uv, MAX_GUESS_OVERSHOOT)
         return uv
 
-    start_nodes = None if near is None else moved_sheet(near, layer, net, start, origin is None)
-    uv = relax_sheet(layer, lattice, guess, step, pin, constrain, origin is None, trim, start_nodes)
+    start_nodes = None if near is None else _moved_sheet(near, layer, net, start, origin is None)
+    uv = _relax_sheet(layer, lattice, guess, step, pin, constrain, origin is None, trim, start_nodes)
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
-        check_inside(layer, lattice, uv)
+        _check_inside(layer, lattice, uv)
     return WrappedSheet(surface, offset, layer, lattice, uv, inside)
 
 
-def moved_sheet(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array, centre: bool) -> Array | None:
-    """The nodes of a sheet moved to where it starts on another layer, shape (n, 2); None where they are far away then.
+def _moved_sheet(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array, centre: bool) -> Array | None:
+    """Return the nodes of a sheet, shifted to its start on another layer, shape (n, 2); None if they are far from it.
 
     Parameters
     ----------
+    sheet : WrappedSheet
+        The sheet on its own layer.
+    layer : BSplineSurface
+        The other layer.
+    net : Net
+        The net of the sheet.
     start : array, shape (2,)
         Parameters of the pinned node.
     centre : bool
@@ -146,12 +164,12 @@ def moved_sheet(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Arr
     before = sheet.uv.reshape(-1, 2)
     uv = before + (start - before[net.pin])
     if centre:
-        uv = uv + centring_shift(layer, uv)
+        uv = uv + _centring_shift(layer, uv)
     far = np.linalg.norm(layer.points(uv) - sheet.layer.points(before), axis=1).max()
     return uv if far < MAX_START_DISTANCE * net.pitch else None
 
 
-def relax_sheet(
+def _relax_sheet(
     layer: BSplineSurface,
     lattice: SheetLattice,
     guess: Callable[[float], Array],
@@ -162,16 +180,26 @@ def relax_sheet(
     trim: bool,
     start_nodes: Array | None,
 ) -> Array:
-    """Bring the nodes to rest: every second of them, the pinned one among them, and then all, shape (a, b, 2).
+    """Return the nodes of least strain, shape (a, b, 2): first every second node with the pinned one, then all.
 
     Parameters
     ----------
+    layer : BSplineSurface
+        Surface of the neutral layer.
+    lattice : SheetLattice
+        The flat sheet.
     guess : function
-        Of a step between points on geodesics [m]: all nodes as these leave them.
+        Returns the first guess of all nodes for a step of the geodesics [m].
     step : float
-        For the first guess [m].
-    last : array, shape (n, 2), or None
-        The nodes on a surface much like this one, where they are known.
+        Step of the first guess [m].
+    pin : pair of int
+        Row and column of the pinned node.
+    constrain : function
+        Returns the constraints of a net at given parameters.
+    centre, trim : bool
+        As for :func:`wrap_sheet`.
+    start_nodes : array, shape (n, 2), or None
+        Nodes on a similar surface, if known.
     """
 
     def relaxed(
@@ -184,8 +212,8 @@ def relax_sheet(
             before, uv = uv[net.pin], relax(layer, net, uv, constrain(net, uv), weights, step_tolerance)
             if not centre or rounds == 1:
                 break
-            # Where a centred sheet has moved, its direction is another, and so may be its outermost nodes.
-            points = layer.points([before, uv[net.pin], uv[net.pin] + centring_shift(layer, uv)])
+            # A movement of a centred sheet changes its direction, and possibly its outermost nodes.
+            points = layer.points([before, uv[net.pin], uv[net.pin] + _centring_shift(layer, uv)])
             if np.linalg.norm(np.diff(points, axis=0), axis=1).max() < CENTRING_TOLERANCE * net.pitch:
                 break
         return uv
@@ -200,7 +228,7 @@ def relax_sheet(
     coarse = uv[first[0] :: 2, first[1] :: 2]
     if min(coarse.shape[:2]) > 1 and layer.turning(min(lattice.pitch)) < MAX_GUESS_TURN:
         coarse_net = grid_net(coarse.shape[:2], (2 * lattice.step[0], 2 * lattice.step[1]), (pin[0] // 2, pin[1] // 2))
-        uv = interpolated(
+        uv = _interpolated(
             relaxed(coarse_net, coarse.reshape(-1, 2), 1, COARSE_STEP_TOLERANCE).reshape(coarse.shape),
             first,
             lattice.node_shape,
@@ -211,25 +239,43 @@ def relax_sheet(
 
 
 def may_be_folded(layer: BSplineSurface, net: Net, uv: Array) -> bool:
-    """Whether nodes lie so much too near or too far from those beside them that the net may be folded."""
+    """Return whether a chord is so short or so long that the net may be folded.
+
+    Parameters
+    ----------
+    layer : BSplineSurface
+        Surface of the net.
+    net : Net
+        The net.
+    uv : array, shape (n, 2)
+        Parameters of its nodes.
+    """
     chords = np.linalg.norm(np.diff(layer.points(uv)[net.pairs], axis=1)[:, 0], axis=1)
     return bool(np.abs(chords / net.lengths - 1).max() > MAX_CHORD_ERROR)
 
 
-def centring_shift(layer: BSplineSurface, uv: Array) -> Array:
-    """By how much the parameters of all nodes are to grow for a sheet to be centred, shape (2,)."""
+def _centring_shift(layer: BSplineSurface, uv: Array) -> Array:
+    """Return the shift of the parameters of all nodes that centres a sheet, shape (2,)."""
     return np.array([0.0 if closed else centring(layer, uv, axis)[1] for axis, closed in enumerate(layer.closed)])
 
 
 def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
-    """Parameters of the surface point nearest to an origin, or of the surface's middle, shape (2,)."""
+    """Return the parameters, shape (2,), of the surface point nearest to an origin.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    origin : array, shape (3,), or None
+        Position [m]; None gives the middle of the surface.
+    """
     if origin is None:
         return np.array(surface_centre(surface))
     return footpoints(surface, np.asarray(origin, float)[None])[0][0]
 
 
-def interpolated(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
-    """All nodes of a grid from every second of them, which begin at ``first``, by cubics along both sides."""
+def _interpolated(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
+    """Interpolate all nodes of a grid from every second node, beginning at ``first``, by cubics in both directions."""
     for axis in (0, 1):
         n = uv.shape[axis]
         known = first[axis] + 2 * np.arange(n)
@@ -239,25 +285,54 @@ def interpolated(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> A
 
 
 def guess_step(surface: BSplineSurface, pitch: float) -> float:
-    """How far apart points on the geodesics of a first guess may be for those between them to lie near [m]."""
+    """Return the step of the geodesics of a first guess: short enough for cubics between the points [m].
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    pitch : float
+        Pitch of the cells [m].
+    """
     step = max(2 * pitch, GUESS_STEP * size_of(surface))
     step *= MAX_GUESS_TURN / max(surface.turning(step), MAX_GUESS_TURN)
-    # Over an edge the surface turns as much on a shorter way: there nodes go without any between.
+    # At a sharp edge the normal rotates as much over a shorter step: trace every node there.
     return pitch / 2 if surface.turning(step) > EDGE_FACTOR * MAX_GUESS_TURN else max(step, pitch / 2)
 
 
 def size_of(surface: BSplineSurface) -> float:
-    """Diagonal of the box of the control points [m]."""
+    """Return the diagonal of the bounding box of the control points [m]."""
     return float(np.linalg.norm(np.ptp(surface.control_net.reshape(-1, 3), axis=0)))
 
 
 def on_surface(surface: BSplineSurface, uv: Array) -> BoolArray:
-    """Whether parameters (..., 2) lie within the edges of the surface."""
+    """Return whether parameters (..., 2) are within the edges of the surface.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    uv : array, shape (..., 2)
+        Parameters.
+    """
     return (surface.closed | (np.abs(uv - 0.5) <= 0.5 + PARAMETER_ROUNDING)).all(axis=-1)
 
 
 def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
-    """Raise InvalidPlan for cells that are larger than the surface."""
+    """Check that a cell is not larger than the surface.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    pitch : pair of float
+        Sides of a cell [m].
+
+    Raises
+    ------
+    InvalidPlan
+        If it is.
+    """
     if max(pitch) > size_of(surface):
         raise InvalidPlan(
             f"a cell of {pitch[0] * 1e3:g} x {pitch[1] * 1e3:g} mm is larger than the whole surface, "
@@ -265,13 +340,10 @@ def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
         )
 
 
-def check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array, slack: float = 0.0) -> None:
-    """Raise OutsideSurface for the first cell whose centre is beyond an open edge of the surface.
+def _check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array, slack: float = 0.0) -> None:
+    """Raise OutsideSurface for the first cell whose centre is beyond an open edge.
 
-    Parameters
-    ----------
-    slack : float
-        By how much a cell must be beyond, as a share of the surface, before any is named.
+    Cells beyond it by up to ``slack``, as a fraction of the surface, are accepted if no cell is farther out.
     """
     centres = uv[1::2, 1::2].reshape(-1, 2)
     beyond = np.where(surface.closed, 0.0, np.abs(centres - 0.5) - 0.5).max(axis=1)
@@ -282,7 +354,7 @@ def check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array, slac
     gap, edge = beyond_edge(surface, centres[outside[0]])
     raise OutsideSurface(
         f"cell ({row}, {column}) lies {gap * 1e3:.1f} mm beyond the edge {edge} of the surface, the first of "
-        f"{len(outside)}; move the origin, turn the direction, or widen the grid",
+        f"{len(outside)}; move the origin, rotate the direction, or extend the grid",
         row=row,
         column=column,
         distance=gap,
@@ -290,7 +362,22 @@ def check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array, slac
 
 
 def beyond_edge(surface: BSplineSurface, uv: Array) -> tuple[float, str]:
-    """How far parameters (2,) lie beyond the edge of the surface that they are furthest beyond [m], and its name."""
+    """Return the distance of parameters (2,) beyond the farthest edge [m], and the name of the edge.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    uv : array, shape (2,)
+        Parameters outside the surface.
+
+    Returns
+    -------
+    gap : float
+        Distance [m].
+    edge : str
+        For example ``"u = 1"``.
+    """
     axis = int(np.argmax(np.where(surface.closed, 0.0, np.abs(uv - 0.5))))
     inner = uv.copy()
     inner[axis] = np.clip(uv[axis], 0, 1)

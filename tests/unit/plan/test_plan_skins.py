@@ -102,7 +102,7 @@ def test_defaults_of_a_skin_are_the_documented_ones():
         ),
         (BOARDS | {"cells": [[0, 0], [0, 0]]}, "skin 'sole' lists a cell twice"),
         (BOARDS | {"direction": [0, 0, 0]}, "the direction of skin 'sole' is zero"),
-        (BOARDS | {"gap": -0.03}, "hexagons with sides of 12 mm and gaps of -30 mm have no room"),
+        (BOARDS | {"gap": -0.03}, "hexagons with sides of 12 mm and gaps of -30 mm have no area or no pitch"),
     ],
 )
 def test_what_does_not_go_together_is_refused(document, message):

@@ -114,5 +114,5 @@ def test_landmarks_across_a_seam_and_from_a_rough_direction():
 )
 def test_landmarks_of_one_cell_or_one_point_are_refused(held):
     """Which two."""
-    with pytest.raises(InvalidPlan, match="landmarks 0 and [12] share a cell or a point"):
+    with pytest.raises(InvalidPlan, match="landmarks 0 and [12] have the same cell or the same point"):
         centres(WIDE, held)

@@ -73,5 +73,5 @@ def test_dome_too_sharp_for_the_offset_names_the_place():
     """Below a dome of a quarter of a metre in radius."""
     surface = fit_surface(dome(), AcrossGrid(6, 6, (0, 0, 1))).surface
     offset_surface(surface, -0.05)
-    with pytest.raises(InvalidPlan, match="where the surface bends more tightly than that"):
+    with pytest.raises(InvalidPlan, match="the radius of curvature there is smaller than the offset"):
         offset_surface(surface, -0.26)
