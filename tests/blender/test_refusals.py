@@ -179,7 +179,7 @@ BAD_LINKS = {
     no_cell: "skin 'band': '1;0' is no cell; write each as q,r",
     same_cells: "skin 'band' lists a cell twice",
     far_cell: r"board \[0, 40\] lies beyond the edge of the surface",
-    wide_boards: "no board with sides of 300 mm lies wholly in the region",
+    wide_boards: "no board with sides of 300 mm fits completely in the region",
     no_side: "the plan of arm is not valid: .*/skins/0/side",
     no_radius: "the plan of arm is not valid: .*/skins/0/excluded/0/radius",
     no_way: "the direction of skin 'band' is zero",

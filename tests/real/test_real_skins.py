@@ -60,7 +60,7 @@ def test_no_normal_of_a_real_link_is_flipped(path, lay):
     if isinstance(fit, SkinCalibError):
         pytest.skip(f"no surface to lay a skin on: {fit}")
     if lay is boards_on and path.stem in CROWDED:
-        with pytest.raises(InvalidPlan, match="no board with sides of 10 mm lies wholly in the region"):
+        with pytest.raises(InvalidPlan, match="no board with sides of 10 mm fits completely in the region"):
             lay(fit)
         return
     taxels = boards_on(fit, 0.005) if lay is boards_on and path.stem in NARROW else lay(fit)

@@ -1,4 +1,4 @@
-"""Where boards and the border of their region meet, or may come to: what bounds how the boards can move."""
+"""Contacts of boards with the border of their region: the bounds of their movement."""
 
 import numpy as np
 
@@ -9,18 +9,31 @@ Contacts = tuple[Array, Array, Array]  # points, normals, gaps
 
 
 def contacts(region: Region, centres: Array, corners: Array, within: float, step: float) -> Contacts:
-    """Where boards and the border of their region are, or come after a step, close to each other.
+    """Return the contacts of boards with the border of a region: where they touch, or may touch after a step.
 
-    A corner of a board meets an edge of the region, or a side of a board meets a reflex point of the region.
+    A corner of a board touches an edge of the region, or a side of a board touches a reflex point of the region.
+
+    Parameters
+    ----------
+    region : Region
+        The flat region.
+    centres : array, shape (n, 2)
+        Centres of the boards [m].
+    corners : array, shape (6, 2)
+        Corners relative to the centre [m].
+    within : float
+        Largest gap of a contact [m].
+    step : float
+        Length of a step [m].
 
     Returns
     -------
     points : array, shape (k, 2)
-        Where they touch, or would [m].
+        Positions of the contacts [m].
     normals : array, shape (k, 2)
-        Unit, where the board goes to get away.
+        Unit directions in which the board moves away.
     gaps : array, shape (k,)
-        How far they are apart, at most ``within``; negative where they cross [m].
+        Distances of board and border, at most ``within``; negative where they overlap [m].
     """
     at_edges = _corner_contacts(region, centres, corners, within, step)
     at_points = _point_contacts(region.points[region.is_reflex], centres, corners, within)
@@ -29,13 +42,13 @@ def contacts(region: Region, centres: Array, corners: Array, within: float, step
 
 
 def _corner_contacts(region: Region, centres: Array, corners: Array, within: float, step: float) -> Contacts:
-    """Contacts of the corners of boards with the edges of a region; boards lie on the side of their centres."""
+    """Return contacts of corners of boards with edges of a region; a board is on the side of its centre."""
     board, edge = np.nonzero(region.distances(centres) <= np.linalg.norm(corners[0]) + within)
     edges, outline = region.edges[edge], centres[board, None] + corners
     along = unit(edges[:, 1] - edges[:, 0])
     inward: Array = np.where(along_edges(centres[board], edges)[2] < 0, -1.0, 1.0)[:, None]
     apart, fraction, height = along_edges(outline, edges[:, None])
-    # Past a reflex end the line of an edge bounds nothing. Past a convex one it does, but further off may be anything.
+    # Beyond a reflex end the line of an edge is no bound. Beyond a convex end it is one, up to the length of a step.
     margin = np.where(region.is_reflex[region.ends[edge]], 0.0, step)
     length = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)[:, None]
     is_bound = (fraction * length >= -margin[:, :1]) & ((fraction - 1) * length <= margin[:, 1:])
@@ -46,7 +59,7 @@ def _corner_contacts(region: Region, centres: Array, corners: Array, within: flo
 
 
 def _point_contacts(points: Array, centres: Array, corners: Array, within: float) -> Contacts:
-    """Contacts of points (p, 2) with the sides of boards: with their lines from inside, with their ends from beyond."""
+    """Return contacts of points (p, 2) with the sides of boards: their lines inside, their ends outside."""
     side = np.linalg.norm(corners[0])
     arms = points - centres[:, None]
     board, point = np.nonzero(np.linalg.norm(arms, axis=2) <= side + within)

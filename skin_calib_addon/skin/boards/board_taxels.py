@@ -1,4 +1,4 @@
-"""From wrapped boards to taxels, and how well each board sits: its tilt, the gap under it, what it runs into."""
+"""Taxels of placed boards, and the fit of each board: tilt, gaps under it, collisions."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,17 +13,24 @@ from .wrap import WrappedBoards
 
 
 def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overhang: Array | None = None) -> TaxelArray:
-    """One taxel in the middle of each board.
+    """Return one taxel in the middle of each board.
 
     Parameters
     ----------
     boards : WrappedBoards
+        The placed boards.
     name : str
         Name of the patch; ids read ``name.q.r``.
     first_channel : int
         Channel of the first board; the others follow in the order of ``boards.cells``.
     overhang : array, shape (n,), optional
-        How far each board sticks out, where that is known [m].
+        Overhang of each board, if known [m].
+
+    Returns
+    -------
+    TaxelArray
+        In the link frame. ``quality`` has, for each board: the gap under its worst corner [m], the largest tilt to a
+        neighbour [rad], the largest pitch error [m], the deepest collision [m], and the overhang [m].
     """
     surface, lattice = boards.surface, boards.lattice
     normals = surface.normals(boards.uv)
@@ -62,7 +69,7 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
 
 
 def _ports(ids: tuple[str, ...], positions: Array, sides: Array, pairs: IntArray) -> tuple[tuple[str | None, ...], ...]:
-    """The board beside each side of each board; None where there is none."""
+    """Return the neighbour at each side of each board; None where there is none."""
     ports: list[list[str | None]] = [[None] * sides.shape[1] for _ in ids]
     ahead = np.einsum("pkc,pc->pk", (sides - positions[:, None])[pairs[:, 0]], np.diff(positions[pairs], axis=1)[:, 0])
     for (board, other), side in zip(pairs.tolist(), ahead.argmax(axis=1).tolist()):
@@ -75,25 +82,37 @@ def _distances(positions: Array, pairs: IntArray) -> Array:
 
 
 def angles(normals: Array, pairs: IntArray) -> Array:
-    """Between the normals of pairs of boards, shape (e,) [rad]; exact also where they are small."""
+    r"""Return the angles between the normals of pairs of boards, exact also for small angles.
+
+    .. math:: \alpha = 2 \arcsin(|n_a - n_b| / 2) \quad [rad]
+
+    Parameters
+    ----------
+    normals : array, shape (n, 3)
+        Unit normals.
+    pairs : array of int, shape (e, 2)
+        Rows of the boards.
+
+    Returns
+    -------
+    array, shape (e,)
+        Angles [rad].
+    """
     a, b = normals[pairs[:, 0]], normals[pairs[:, 1]]
     return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=1) / 2, 0, 1))
 
 
 def _largest_per_board(values: Array, pairs: IntArray, count: int) -> Array:
-    """The largest of the values of the pairs that begin at each board, zero where none does, shape (count,)."""
+    """Return the largest value of the pairs that begin at each board, zero without a pair, shape (count,)."""
     result = np.zeros(count)
     np.maximum.at(result, pairs[:, 0], values)
     return result
 
 
 def _corner_gaps(boards: WrappedBoards, corners: Array) -> Array:
-    """Height above the surface of the corner that is furthest off it, negative where it sinks in, shape (n,) [m].
+    """Return the signed height of the worst corner of each board above the surface, shape (n,) [m].
 
-    Parameters
-    ----------
-    corners : array, shape (n, 6, 3)
-        Of the planes that touch the surface in the middle of the boards [m].
+    ``corners`` (n, 6, 3) are those of the tangent planes [m].
     """
     points = corners.reshape(-1, 3)
     uv, _ = footpoints(boards.surface, points)
@@ -102,22 +121,22 @@ def _corner_gaps(boards: WrappedBoards, corners: Array) -> Array:
 
 
 def _collisions(boards: WrappedBoards, positions: Array, corners: Array, normals: Array) -> Array:
-    """How much deeper each board runs into another than in the flat lattice, shape (n,) [m].
+    """Return the penetration of each board into another, beyond that in the flat lattice, shape (n,) [m].
 
-    By the theorem of separating axes, in the plane of each board, for the upper and lower faces of boards whose middle
-    planes lie ``offset`` above the surface.
+    The separating axis theorem is applied in the plane of each board, for the upper and the lower face. The middle
+    planes of the boards are ``offset`` above the surface.
     """
     lattice, depth = boards.lattice, np.zeros(len(positions))
     apothem, flat_overlap = np.sqrt(0.75) * lattice.side, max(-lattice.gap, 0.0)
     pairs = cKDTree(positions).query_pairs(2 * lattice.side, output_type="ndarray")
     pairs = np.concatenate((pairs, pairs[:, ::-1]))
     a, b = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 0].T
-    side_normals = unit((corners + np.roll(corners, -1, axis=1)) / 2 - positions[:, None])  # out of each side
+    side_normals = unit((corners + np.roll(corners, -1, axis=1)) / 2 - positions[:, None])  # outward
     for height in {boards.offset, -boards.offset}:
         faces = corners + height * normals[:, None]
         middles = positions + height * normals
         apart = np.full(len(a), -np.inf)
-        for one, other in ((a, b), (b, a)):  # beyond any side of the one: apart
+        for one, other in ((a, b), (b, a)):  # separated by any side of one of them
             heights = np.einsum("pkc,psc->psk", faces[other] - middles[one][:, None], side_normals[one])
             apart = np.maximum(apart, (heights.min(axis=2) - apothem).max(axis=1))
         np.maximum.at(depth, a, -apart - flat_overlap)
@@ -125,14 +144,18 @@ def _collisions(boards: WrappedBoards, positions: Array, corners: Array, normals
 
 
 def board_at(taxels: TaxelArray, lattice: HexLattice, point: Array) -> tuple[int, int]:
-    """Axial coordinates of the board at a point: counted from the nearest board, over whose plane the lattice goes on.
+    """Return the axial coordinates of the board at a point of the link, whether the board exists or not.
+
+    The lattice continues in the plane of the nearest existing board.
 
     Parameters
     ----------
     taxels : TaxelArray
-        Of the boards that are there; ``index`` holds their axial coordinates.
+        Taxels of the existing boards; ``index`` has their axial coordinates.
+    lattice : HexLattice
+        Lattice of the boards.
     point : array, shape (3,)
-        On the link, or near it [m].
+        Point on the link, or near it [m].
     """
     arms = point - taxels.positions_link
     i = int(np.argmin((arms**2).sum(axis=1)))

@@ -1,4 +1,4 @@
-"""A first look at where boards fit: their rooms at many offsets and angles of the lattice, finer where it pays."""
+"""Candidate poses of a lattice: clearances of its boards at many offsets and angles, finer near the best ones."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,49 +12,58 @@ from ..lattice import PORTS, HexLattice
 from .pose_refinement import Pose
 from .region import Region
 
-# Boards that a survey looks at, about: offsets x angles x cells. It takes the same time for every region.
+# Number of evaluations (offsets x angles x cells). It defines the step, so that all regions take the same time. Larger:
+# finer steps, slower.
 MAX_EVALUATIONS = 2e6
-# A step is between these shares of the pitch: a shorter one finds nothing new, a longer one overlooks too much.
-MIN_STEP, MAX_STEP = 1 / 40, 1 / 6
-# From any pose it is this many steps to the nearest one of a survey at most: 0.58 for the shift, 0.5 for the turn.
+# Limits of a step, in pitches. A shorter step finds nothing new. A longer one misses poses.
+MIN_STEP = 1 / 40
+MAX_STEP = 1 / 6
+# Largest distance from any pose to the nearest candidate, in steps: 0.58 for the shift plus 0.5 for the rotation.
 SLACK_STEPS = 1.1
-# So many of the best poses are looked at in halves of a step, so many times over.
-MAX_CANDIDATES, HALVINGS = 300, 2
-# So many of them are handed out, each more than so many of the last steps from those before.
-MAX_STARTS, START_SEPARATION = 20, 4
-# Places are rounded to this part of a step; centres, shifts and corners together lose as much as this many parts.
-GRID_PARTS, ROUNDING_PARTS = 4, 1.5
-# Of the way from a board's centre to its corners: where discs stand that, with one about the centre, nearly fill it.
+# Number of the best poses that are refined with half of the step. Larger: misses fewer maxima, slower.
+MAX_CANDIDATES = 300
+# Number of halvings of the step. Larger: more exact starts, slower.
+HALVINGS = 2
+# Number of starts for the refinement. Larger: misses fewer maxima, slower.
+MAX_STARTS = 20
+# Smallest distance between two starts, in the last steps. Larger: starts that differ more.
+START_SEPARATION = 4
+# Parts of a step to which positions are rounded. Larger: more exact, more memory.
+GRID_PARTS = 4
+# Derived: rounding errors of centre, shift and corner together, in parts of a step.
+ROUNDING_PARTS = 1.5
+# Positions of discs on the line from the centre of a board to its corner, as fractions. With a disc about the centre
+# they nearly fill the board.
 DISC_POSITIONS = (1.0, 0.5, 0.75)
-# Turned by this about the centre of a cell, a lattice lies on itself.
+# Derived: rotation about a cell that maps the lattice onto itself [rad].
 LATTICE_PERIOD = np.pi / 3
 
 
 @dataclass(frozen=True, eq=False)
 class CandidatePoses:
-    """Poses of a lattice at steps of angle and offset, and the rooms of the boards there."""
+    """Poses of a lattice at steps of angle and offset, and the clearances of its boards there."""
 
     lattice: HexLattice
     depths: "Depths"
-    middle: Array  # (2,) about which the lattice is turned [m]
-    radius: float  # from there to the furthest point of the region [m]
+    middle: Array  # (2,) centre of rotation of the lattice [m]
+    radius: float  # distance from there to the farthest point of the region [m]
     step: float  # [m]
     angles: Array  # (a,) [rad]
     shifts: Array  # (s, 2) from the middle, on the lattice [m]
-    clearances: NDArray[np.float32]  # (a, s, n) largest first [m]; -inf for what lacks more than the slack
+    clearances: NDArray[np.float32]  # (a, s, n) largest first [m]; -inf below minus the slack
 
     @property
     def count(self) -> int:
-        """The most boards that fit at one of the poses, but for rounding."""
+        """Largest number of boards that fit at one of the poses, apart from rounding."""
         return int(np.count_nonzero(self.clearances >= 0, axis=-1).max())
 
     @property
     def slack(self) -> float:
-        """How much more room than at a start there may be beside it [m]."""
+        """Largest excess of the clearance near a start over that at the start [m]."""
         return _slack(self.step / 2**HALVINGS, self.step)
 
     def starts(self, count: int) -> Iterator[tuple[Pose, float]]:
-        """Poses where ``count`` boards have the most room, and about how much the tightest of them has [m]."""
+        """Yield the poses of largest clearance for ``count`` boards, and their approximate smallest clearance [m]."""
         angles, shifts, clearance = self.finest(count)
         for _ in range(MAX_STARTS):
             if not len(clearance):
@@ -66,7 +75,7 @@ class CandidatePoses:
             angles, shifts, clearance = angles[is_apart], shifts[is_apart], clearance[is_apart]
 
     def finest(self, count: int) -> tuple[Array, Array, Array]:
-        """Angles (k,), shifts (k, 2) and rooms (k,) of the best poses for so many boards, in parts of a step."""
+        """Return angles (k,), shifts (k, 2) and clearances (k,) of the best poses for ``count`` boards, after the halvings."""
         if count > self.clearances.shape[-1]:
             return np.empty(0), np.empty((0, 2)), np.empty(0)
         clearance, step = np.asarray(self.clearances[..., count - 1], float).ravel(), self.step
@@ -83,7 +92,22 @@ class CandidatePoses:
         return angles, shifts, clearance[best]
 
     def halved(self, angles: Array, shifts: Array, step: float) -> tuple[Array, Array]:
-        """Poses half a step to both sides of those given, in all that is free."""
+        """Return the poses half a step to both sides of the given ones, in all free directions.
+
+        Parameters
+        ----------
+        angles : array, shape (k,)
+            Angles [rad].
+        shifts : array, shape (k, 2)
+            Shifts on the lattice [m].
+        step : float
+            The halved step [m].
+
+        Returns
+        -------
+        angles, shifts : array
+            The new poses.
+        """
         free = np.array((len(self.shifts) > 1, len(self.shifts) > 1, len(self.angles) > 1))
         signs = np.unique((np.indices((2, 2, 2)).reshape(3, -1).T - 0.5) * free, axis=0)
         along_rows = signs[:, :2] @ axes(self.lattice) / self.lattice.pitch
@@ -91,7 +115,19 @@ class CandidatePoses:
         return turned.ravel(), (shifts[:, None] + step * along_rows).reshape(-1, 2)
 
     def clearance(self, angles: Array, shifts: Array, count: int, slack: float) -> Array:
-        """Room of the tightest of ``count`` boards at poses (k,), (k, 2), shape (k,) [m]; -inf if less than -slack."""
+        """Return the smallest clearance of the best ``count`` boards at poses, shape (k,) [m]; -inf below minus the slack.
+
+        Parameters
+        ----------
+        angles : array, shape (k,)
+            Angles [rad].
+        shifts : array, shape (k, 2)
+            Shifts on the lattice [m].
+        count : int
+            Number of boards.
+        slack : float
+            Limit of negative clearances [m].
+        """
         centres = self.lattice.centres(cells_within(self.lattice, self.radius))
         clearance = np.full(len(angles), -np.inf)
         for angle in np.unique(angles):
@@ -105,7 +141,23 @@ class CandidatePoses:
 
 
 def candidate_poses(region: Region, lattice: HexLattice, offset: Array | None, angle: float | None) -> CandidatePoses:
-    """Look at a region in steps that suit it. A given offset (2,) [m] or angle [rad] is kept."""
+    """Evaluate poses of a lattice in a region, in steps that suit its size.
+
+    Parameters
+    ----------
+    region : Region
+        The flat region.
+    lattice : HexLattice
+        Lattice of the boards.
+    offset : array, shape (2,), or None
+        Fixed position of cell (0, 0) [m]; None leaves it free.
+    angle : float or None
+        Fixed angle of the rows [rad]; None leaves it free.
+
+    Returns
+    -------
+    CandidatePoses
+    """
     middle = region.box.mean(axis=0) if offset is None else offset
     radius = region.radius_about(middle)
     step = _suitable_step(region, lattice, radius, offset is None, angle is None)
@@ -125,7 +177,7 @@ def candidate_poses(region: Region, lattice: HexLattice, offset: Array | None, a
 
 
 def _suitable_step(region: Region, lattice: HexLattice, radius: float, shifts: bool, turns: bool) -> float:
-    """The step [m] that spends the budget where the lattice is free to shift and to turn, within its bounds."""
+    """Return the step [m] for the limit of evaluations, where the lattice can shift and rotate."""
     cell = np.sqrt(0.75) * lattice.pitch**2
     boards = np.prod(np.ptp(region.box, axis=0)) / cell
     work = boards * (cell if shifts else 1.0) * (LATTICE_PERIOD * radius if turns else 1.0)
@@ -134,24 +186,32 @@ def _suitable_step(region: Region, lattice: HexLattice, radius: float, shifts: b
 
 
 def _slack(step: float, first: float) -> float:
-    """Room that boards may lack at a pose of a survey, when they fit at one that is less than a step away [m]."""
+    """Return the clearance that boards may lack at a candidate less than a step away from a valid pose [m]."""
     return SLACK_STEPS * step + ROUNDING_PARTS * first / GRID_PARTS
 
 
 def axes(lattice: HexLattice) -> Array:
-    """From a cell to the next in q, and in r, shape (2, 2) [m]."""
+    """Return the vectors from a cell to the next in q and in r, shape (2, 2) [m]."""
     return lattice.centres(np.eye(2, dtype=np.int64))
 
 
 def _lattice_shifts(lattice: HexLattice, parts: int) -> Array:
-    """All shifts by ``parts`` of the pitch that differ on the lattice, each as short as can be, (parts**2, 2) [m]."""
+    """Return all different shifts by ``parts`` of the pitch, each as short as possible, shape (parts**2, 2) [m]."""
     fraction = np.stack(np.meshgrid(np.arange(parts), np.arange(parts)), axis=-1).reshape(-1, 1, 2) / parts
     same = (fraction - np.rint(fraction) + np.array(((0, 0), *PORTS))) @ axes(lattice)
     return same[np.arange(len(same)), np.linalg.norm(same, axis=2).argmin(axis=1)]
 
 
 def cells_within(lattice: HexLattice, radius: float) -> IntArray:
-    """Cells (n, 2) whose centres are not further than this from the centre of (0, 0), by r, then q."""
+    """Return the cells, shape (n, 2), with centres within a radius of the centre of (0, 0), by r, then q.
+
+    Parameters
+    ----------
+    lattice : HexLattice
+        Lattice of the boards.
+    radius : float
+        Radius [m].
+    """
     most = int(radius / (np.sqrt(0.75) * lattice.pitch)) + 1
     r, q = (a.ravel() - most for a in np.indices((2 * most + 1, 2 * most + 1)))
     cells = np.column_stack((q, r))
@@ -159,33 +219,33 @@ def cells_within(lattice: HexLattice, radius: float) -> IntArray:
 
 
 def _best(clearance: Array, slack: float) -> IntArray:
-    """Rows of the poses (k,) with the most room, best first, without those that lack more than the slack."""
+    """Return the rows of the poses with the largest clearance, best first, without those below minus the slack."""
     rows = np.flatnonzero(clearance >= -slack)
     return rows[np.argsort(-clearance[rows], kind="stable")[:MAX_CANDIDATES]]
 
 
 @dataclass(frozen=True, eq=False)
 class Depths:
-    """How far inside a region the nodes of a grid lie, row after row along x; negative outside."""
+    """Depths of the nodes of a grid inside a region, row after row along x; negative outside."""
 
     values: NDArray[np.float32]  # (rows * columns,) [m]
     columns: int
-    low: Array  # (2,) place of the first [m]
+    low: Array  # (2,) position of the first node [m]
     spacing: float  # [m]
 
     @property
     def size(self) -> Array:
-        """From the first to the last node (2,) [m]."""
+        """Vector from the first to the last node, shape (2,) [m]."""
         return self.spacing * (np.array((self.columns, len(self.values) // self.columns)) - 1)
 
     def index(self, vectors: Array) -> IntArray:
-        """How many nodes further ``vectors`` (..., 2) lead, rounded; those from ``low`` on lead to ``values``."""
+        """Return the difference of node numbers for ``vectors`` (..., 2), rounded; vectors from ``low`` give numbers."""
         nodes = np.rint(vectors / self.spacing).astype(np.int64)
         return nodes[..., 1] * self.columns + nodes[..., 0]
 
 
 def _depth_grid(region: Region, margin: float, step: float) -> Depths:
-    """Depths up to ``margin`` around a region, found at every step and interpolated between."""
+    """Return depths up to ``margin`` around a region: exact at every step, interpolated between."""
     low = region.box[0] - margin
     columns, rows = (np.ceil((region.box[1] + margin - low) / step) + 1).astype(int)
     nodes = low + step * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
@@ -196,7 +256,7 @@ def _depth_grid(region: Region, margin: float, step: float) -> Depths:
 
 
 def _border_points(region: Region, step: float) -> Array:
-    """Points on the border of a region, no further from each other than a step, (n, 2) [m]."""
+    """Return points on the border of a region with distances of at most a step, shape (n, 2) [m]."""
     start, along = region.edges[:, 0], region.edges[:, 1] - region.edges[:, 0]
     counts = np.ceil(np.linalg.norm(along, axis=1) / step).astype(int)
     edge = np.repeat(np.arange(len(along)), counts)
@@ -205,7 +265,7 @@ def _border_points(region: Region, step: float) -> Array:
 
 
 def _finer(rows: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Rows with others between them, as many as parts of a step ask for."""
+    """Interpolate rows: ``GRID_PARTS`` parts per step."""
     between = [rows[:-1] + np.float32(i / GRID_PARTS) * (rows[1:] - rows[:-1]) for i in range(GRID_PARTS)]
     return np.concatenate((np.stack(between, axis=1).reshape(-1, rows.shape[1]), rows[-1:]))
 
@@ -213,10 +273,10 @@ def _finer(rows: NDArray[np.float32]) -> NDArray[np.float32]:
 def _board_clearances(
     depths: Depths, lattice: HexLattice, pose: Pose, shifts: Array, centres: Array, slack: float
 ) -> NDArray[np.float32]:
-    """Rooms of the boards with ``centres`` (n, 2) under all ``shifts`` (s, 2), shape (s, m) [m].
+    """Return clearances of the boards with ``centres`` (n, 2) at all ``shifts`` (s, 2), shape (s, m) [m].
 
-    The m that may fit are left; -inf stands for less room than minus the slack. A board is taken for discs that touch
-    its sides from inside, and has as much room as the least of them.
+    Only the m boards that may fit remain; -inf is a clearance below minus the slack. Discs that touch the sides of a
+    board from inside stand for it. Its clearance is the smallest of theirs.
     """
     corners, apothem = pose.turn(lattice.corners), np.sqrt(0.75) * lattice.side
     points = pose.to_plane(centres) - depths.low

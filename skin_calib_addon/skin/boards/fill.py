@@ -1,4 +1,4 @@
-"""Fill a flat region with as many rigid boards as fit: where their lattice lies best."""
+"""Placement of the largest number of rigid boards in a flat region."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,24 +13,26 @@ from .candidate_poses import LATTICE_PERIOD, CandidatePoses, axes, candidate_pos
 from .pose_refinement import Pose, PoseRefinement
 from .region import Region
 
-# Room below zero at which two outlines still touch and do not cross [m]: a nanometre is far less than boards are cut
-# to, and far more than rounding makes of boards that fill a region to its edges.
+# Negative clearance [m] at which two outlines still touch without overlap. It is far above rounding and far below the
+# precision of boards. Larger: accepts boards that overlap the border.
 TOUCH_TOLERANCE = 1e-9
-# The longest move while boards settle, in steps of the survey, and in pitches while they share their play, which is
-# less than a pitch or one more would fit.
-MAX_MOVE_STEPS, MAX_PLAY_MOVE = 0.5, 1 / 8
-# Rooms [m] and turns [rad] that differ by less are the same to an author.
+# Limit of a move during the refinement, in steps of the candidate poses. Larger: may leave the local maximum.
+MAX_MOVE_STEPS = 0.5
+# Limit of a move that balances the clearances, in pitches. The play is below a pitch, or one more board would fit.
+MAX_PLAY_MOVE = 1 / 8
+# Clearances and distances [m] and rotations [rad] that differ by less are equal for an author. Larger: other choices
+# among nearly equal poses.
 EQUAL_TOLERANCE = 1e-6
-# Cells in a circle over the region, beyond which its lengths are hardly metres, and a search would take minutes.
+# Limit of the cells of the lattice over the region. More of them mean wrong units; the search would take minutes.
 MAX_CELLS = 5000
 
 
 @dataclass(frozen=True, eq=False)
 class LatticePlacement:
-    """A lattice in the plane of a region, and those of its cells that lie wholly inside."""
+    """A lattice in the plane of a region, and its cells that are completely inside."""
 
     lattice: HexLattice
-    offset: Array  # (2,) centre of cell (0, 0) [m]
+    offset: Array  # (2,) position of the centre of cell (0, 0) [m]
     angle: float  # from x to the rows [rad]
     cells: IntArray  # (n, 2) axial, by r, then q
 
@@ -39,32 +41,38 @@ class LatticePlacement:
 
     @property
     def centres(self) -> Array:
-        """Centres of the boards, shape (n, 2) [m]."""
+        """Centres of the boards in the plane, shape (n, 2) [m]."""
         return Pose(self.offset, self.angle).to_plane(self.lattice.centres(self.cells))
 
     @property
     def corners(self) -> Array:
-        """Corners of the boards, counter-clockwise, shape (n, 6, 2) [m]."""
+        """Corners of the boards in the plane, counter-clockwise, shape (n, 6, 2) [m]."""
         return self.centres[:, None] + Pose(self.offset, self.angle).turn(self.lattice.corners)
 
 
 def fill(
     region: Region, lattice: HexLattice, offset: ArrayLike | None = None, angle: float | None = None
 ) -> LatticePlacement:
-    """Place the most boards of a lattice that lie wholly inside a region; they may touch its border.
+    """Place the largest number of boards of a lattice completely inside a region; they may touch its border.
 
-    Of placements with as many boards, the one where the tightest board has the most room is taken, then the one with
-    the least turn, then the least offset. Boards that can still move lie in the middle of their play.
+    Among placements with equal numbers of boards, the one with the largest of the smallest clearances is taken. Then
+    the smallest rotation and the smallest offset decide. Boards that can still move are in the middle of their play.
 
     Parameters
     ----------
     region : Region
+        The flat region.
     lattice : HexLattice
+        Lattice of the boards.
     offset : array, shape (2,), or None
-        Where the centre of cell (0, 0) is to lie [m]. None leaves it free; then cell (0, 0) is the board nearest to the
+        Position of the centre of cell (0, 0) [m]. None leaves it free. Then cell (0, 0) is the board nearest to the
         centroid of the region.
     angle : float or None
-        The angle from x to the rows [rad]. None leaves it free; it is then within 30 degrees of zero.
+        Angle from x to the rows [rad]. None leaves it free. Then it is within 30 degrees of zero.
+
+    Returns
+    -------
+    LatticePlacement
 
     Raises
     ------
@@ -73,7 +81,7 @@ def fill(
     """
     given = np.append(np.zeros(2) if offset is None else offset, angle or 0.0).astype(float)
     if given.shape != (3,) or not np.isfinite(given).all():
-        raise InvalidPlan(f"no lattice has offset {offset!r} and angle {angle}; give x and y [m], and radians")
+        raise InvalidPlan(f"invalid offset {offset!r} or angle {angle} of a lattice; give x and y [m], and radians")
     pose = Pose(given[:2], float(given[2]))
     _check_size(region, lattice, region.box.mean(axis=0) if offset is None else pose.offset)
     if offset is None or angle is None:
@@ -83,32 +91,32 @@ def fill(
         raise _nothing_fits(region, lattice)
     if offset is None:
         distances = np.linalg.norm(pose.to_plane(lattice.centres(cells)) - region.centroid, axis=1)
-        root = cells[(distances < distances.min() + EQUAL_TOLERANCE).argmax()]  # the first of those that are as near
+        root = cells[(distances < distances.min() + EQUAL_TOLERANCE).argmax()]  # the first of the nearest ones
         pose, cells = Pose(pose.to_plane(lattice.centres(root[None]))[0], pose.angle), cells - root
     return LatticePlacement(lattice, pose.offset, pose.angle, cells)
 
 
 def _check_size(region: Region, lattice: HexLattice, middle: Array) -> None:
-    """Raise InvalidPlan if the region and the boards cannot both be in metres, or the offset lies far off."""
+    """Raise InvalidPlan if the units of region and boards do not match, or the offset is far outside."""
     radius = region.radius_about(middle)
     if np.pi * radius**2 > MAX_CELLS * abs(np.linalg.det(axes(lattice))):
         raise InvalidPlan(
-            f"the region reaches {radius:.3g} m from the middle of the lattice, too far for boards with a pitch of "
+            f"the region extends {radius:.3g} m from the middle of the lattice, too far for boards with a pitch of "
             f"{lattice.pitch * 1e3:g} mm; give the region in metres, and an offset in it"
         )
 
 
 def _nothing_fits(region: Region, lattice: HexLattice) -> InvalidPlan:
-    """The error for a region without a board."""
+    """Return the error for a region in which no board fits."""
     width, height = np.ptp(region.box, axis=0) * 1e3
     return InvalidPlan(
-        f"no board with sides of {lattice.side * 1e3:g} mm lies wholly in the region, which is {width:.1f} x "
-        f"{height:.1f} mm over all; widen it, take smaller boards, or leave offset and angle free"
+        f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} x "
+        f"{height:.1f} mm over all; extend it, use smaller boards, or leave offset and angle free"
     )
 
 
 def _cells_inside(region: Region, lattice: HexLattice, pose: Pose) -> IntArray:
-    """Axial coordinates of the boards that lie wholly inside, by r, then q, shape (n, 2)."""
+    """Return the axial coordinates of the boards that are completely inside, by r, then q, shape (n, 2)."""
     middle, apothem = region.box.mean(axis=0), np.sqrt(0.75) * lattice.side
     root = np.rint(np.linalg.solve(pose.turn(axes(lattice)).T, middle - pose.offset)).astype(np.int64)
     cells = root + cells_within(lattice, region.radius_about(middle) + lattice.pitch)
@@ -120,27 +128,39 @@ def _cells_inside(region: Region, lattice: HexLattice, pose: Pose) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """From the best poses of a survey on, for the one in which most boards fit."""
+    """Search for the pose with the largest number of boards, from candidate poses."""
 
     candidates: CandidatePoses
     refinement: PoseRefinement
-    centres: Array  # (n, 2) of the boards to choose from, on the lattice [m]
+    centres: Array  # (n, 2) centres of the boards to choose from, on the lattice [m]
 
     @classmethod
     def of(cls, region: Region, lattice: HexLattice, offset: Array | None, angle: float | None) -> "Search":
-        """A search that keeps what is given: an offset (2,) [m], an angle [rad]."""
+        """Prepare a search.
+
+        Parameters
+        ----------
+        region : Region
+            The flat region.
+        lattice : HexLattice
+            Lattice of the boards.
+        offset : array, shape (2,), or None
+            Fixed position of cell (0, 0) [m].
+        angle : float or None
+            Fixed angle of the rows [rad].
+        """
         candidates = candidate_poses(region, lattice, offset, angle)
         is_free = (offset is None, offset is None, angle is None)
         refinement = PoseRefinement(region, lattice, MAX_MOVE_STEPS * candidates.step, is_free)
         return cls(candidates, refinement, lattice.centres(cells_within(lattice, candidates.radius)))
 
     def best(self) -> Pose:
-        """The pose in which most boards fit, and have the most room.
+        """Return the pose with the largest number of boards and the largest clearance.
 
         Raises
         ------
         InvalidPlan
-            If not one fits.
+            If no board fits.
         """
         count = max(self.candidates.count, 1)
         while count and not self.fits(count):
@@ -157,11 +177,11 @@ class Search:
         return centred if clearance > max(largest - EQUAL_TOLERANCE, -TOUCH_TOLERANCE) else pose
 
     def fits(self, count: int) -> bool:
-        """Whether so many boards fit."""
+        """Return whether this number of boards fits."""
         return any(True for _ in self.refined_poses(count))
 
     def refined_poses(self, count: int) -> Iterator[tuple[Pose, float]]:
-        """Poses in which so many boards fit, and the room of the tightest [m]: as much as in those before, or more."""
+        """Yield poses for this number of boards with their smallest clearance [m]; it does not decrease."""
         floor = -TOUCH_TOLERANCE
         for start, clearance in self.candidates.starts(count):
             if clearance < floor - self.candidates.slack:
@@ -173,12 +193,12 @@ class Search:
 
 
 def _with_least_rotation(pose: Pose) -> Pose:
-    """The same lattice, turned by as little as can be: more than -30 degrees, and not more than 30."""
+    """Return the same lattice with an equivalent angle above -30 and up to 30 degrees."""
     return Pose(
         pose.offset, float(pose.angle - LATTICE_PERIOD * np.ceil(pose.angle / LATTICE_PERIOD - 0.5 - EQUAL_TOLERANCE))
     )
 
 
 def _preference(pose: Pose) -> tuple[float, ...]:
-    """What decides between poses that are as good as each other."""
+    """Return the sort key of equally good poses: rotation, then offset."""
     return tuple(np.round((abs(pose.angle), *pose.offset), 6).tolist())

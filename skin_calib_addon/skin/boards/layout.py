@@ -1,4 +1,4 @@
-"""Which boards lie on a surface, and where: as many as fit, all that fit as it lies, or those the author chose."""
+"""Choice of the boards on a surface: as many as fit, all that fit at a given position, or a list of the author."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,11 +24,12 @@ from .region import Region
 from .wrap import WrappedBoards, relax_boards, unroll_boards
 
 Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
-# The map that lays a surface flat has no more nodes than this to its size.
+# Largest number of nodes of the flat map along the size of the surface. Larger: more exact for small boards, slower.
 MAX_MAP_NODES = 30
-# Nodes of the map that geodesics have brought this much of a pitch too near or too far are led astray.
+# Relative pitch error of two nodes of the map from which on their geodesics are wrong. Larger: keeps wrong nodes.
 MAX_MAP_PITCH_ERROR = 0.3
-# How far boards on a bent surface may stick out because their lattice strains, and still count as inside [m].
+# Overhang up to which a board that "fill" or "all" chose is kept: on a doubly curved surface the lattice strains [m].
+# Larger: keeps boards that protrude.
 FILL_OVERHANG_LIMIT = 5e-4
 
 
@@ -43,32 +44,41 @@ def lay_boards(
     fit: SurfaceFit | None = None,
     excluded: Sequence[Zone] = (),
 ) -> tuple[WrappedBoards, Array]:
-    """Choose boards and lay them on a surface.
+    """Choose boards and place them on a surface.
 
     Parameters
     ----------
-    choice : "fill", "all" or cells
-        "fill" takes the offset and rotation of the lattice with which most boards fit; "all" leaves the root at the
-        origin and its row along the direction, and takes all boards that fit; cells are axial coordinates.
+    surface : BSplineSurface
+        The surface, in the link frame.
+    lattice : HexLattice
+        The flat lattice.
+    choice : "fill", "all" or sequence of (q, r)
+        "fill" chooses offset and rotation of the lattice for the largest number of boards. "all" puts the root at the
+        origin and its row along the direction, and takes all boards that fit. A sequence gives axial coordinates.
     origin : array, shape (3,), or None
-        Where the root cell (0, 0) lies, or near which it lies if the lattice is free [m]. None: the middle.
+        Position of the root cell (0, 0), or near it for "fill" [m]. None takes the middle of the surface.
     direction : array, shape (3,), or None
-        Where the row of the root runs to, or nearly so if the lattice is free. None: along the surface's v.
+        Direction of the row at the root, or nearly so for "fill". None takes the direction of v.
+    offset : float
+        Height of the middle planes of the boards above the surface [m].
     fit : SurfaceFit, optional
-        What the surface comes from: boards keep to where its mesh has faces.
+        Fit of the surface: boards stay where its mesh has faces.
     excluded : sequence of Zone
-        Places that boards keep clear of.
+        Zones without boards.
 
     Returns
     -------
     boards : WrappedBoards
+        The placed boards.
     overhang : array, shape (n,)
-        How far each board sticks out over an edge of the surface or the mesh, or into an excluded zone [m].
+        Protrusion of each board over an edge of the surface or the mesh, or into an excluded zone [m].
 
     Raises
     ------
     InvalidPlan
         If no board fits.
+    OutsideSurface
+        If a board of the given sequence is outside the surface.
     """
     layer, start = offset_surface(surface, offset), root_of(surface, origin)
     if direction is None:
@@ -99,16 +109,16 @@ def lay_boards(
                 f"{np.count_nonzero(~inside)}; leave it out, or move the origin"
             )
         return boards, overhang
-    # On a surface bent both ways boards keep their pitch and leave their flat places: what sticks out goes.
+    # On a doubly curved surface boards keep their pitch and leave their flat positions. Remove those that protrude.
     inside &= overhang <= FILL_OVERHANG_LIMIT
     if not inside.any():
-        raise InvalidPlan("no board fits on this surface, which is bent too much for them; take smaller ones")
+        raise InvalidPlan("no board fits on this surface: the curvature is too high for this size. Use smaller boards")
     kept = replace(boards, cells=boards.cells[inside], uv=boards.uv[inside], tangents=boards.tangents[inside])
     return kept, overhang[inside]
 
 
 def _with_root_at_origin(placement: LatticePlacement) -> LatticePlacement:
-    """The same boards, counted from the cell next to the flat origin."""
+    """Return the same boards; the root is the cell nearest to the flat origin."""
     distances = np.linalg.norm(placement.centres, axis=1)
     root = placement.cells[np.flatnonzero(distances < distances.min() + EQUAL_TOLERANCE)[0]]
     centre = placement.centres[(placement.cells == root).all(axis=1)][0]
@@ -116,7 +126,7 @@ def _with_root_at_origin(placement: LatticePlacement) -> LatticePlacement:
 
 
 def _overhangs(region: Region, placement: LatticePlacement, centres: Array) -> Array:
-    """How far each board, its centre laid flat, sticks out of the region, shape (n,) [m]."""
+    """Return the protrusion of each board out of the region, with its flat centre, shape (n,) [m]."""
     turn = np.array(
         ((np.cos(placement.angle), np.sin(placement.angle)), (-np.sin(placement.angle), np.cos(placement.angle)))
     )
@@ -127,14 +137,17 @@ def _overhangs(region: Region, placement: LatticePlacement, centres: Array) -> A
 def _flat_map(
     layer: BSplineSurface, lattice: HexLattice, fit: SurfaceFit | None, start: Array, direction: ArrayLike
 ) -> FlatMap:
-    """A flat map of all of a surface that the mesh covers, by boards as large as these where they are not too many."""
+    """Return a flat map of the part of a surface that the mesh covers.
+
+    Its nodes are boards of the lattice, or larger ones if there would be too many.
+    """
     size = size_of(layer)
     if lattice.pitch < size / MAX_MAP_NODES:
         lattice = HexLattice(size / MAX_MAP_NODES / np.sqrt(3), 0.0)
     grid = layer.grid_points(np.linspace(0, 1, 33), np.linspace(0, 1, 33))
     length, breadth = (float(np.linalg.norm(np.diff(grid, axis=k), axis=2).sum(axis=k).max()) for k in (0, 1))
     radius = float(np.hypot(length, breadth / 2 if layer.closed[1] else breadth))
-    if fit is not None:  # a surface may go far astray where it has no mesh
+    if fit is not None:  # without a mesh the surface may be far off
         radius = min(radius, (2.0 if layer.closed[1] else 1.0) * fit.mesh.size)
     count = int(np.ceil(radius / lattice.row_step)) + 1
     r, q = np.indices((2 * count + 1, 2 * count + 1)).reshape(2, -1) - count
@@ -146,7 +159,7 @@ def _flat_map(
         kept &= fit.is_trusted(layer.wrap(np.where(kept[:, None], uv, start)))
     kept |= (cells == 0).all(axis=1)
     cells, points = cells[kept], layer.points(uv[kept])
-    # Of these, what hangs together with the root: geodesics that have left the mesh may come back anywhere.
+    # Keep the cells connected to the root: a geodesic that has left the mesh may return at a wrong position.
     pairs = board_net(lattice, cells).pairs
     pairs = pairs[
         np.abs(np.linalg.norm(np.diff(points[pairs], axis=1)[:, 0], axis=1) / lattice.pitch - 1) < MAX_MAP_PITCH_ERROR

@@ -1,4 +1,4 @@
-"""The part of a surface that boards may lie on, laid flat: edges of the mesh, holes, a seam."""
+"""Outline of the part of a surface that boards may cover, in a flat map: edges of the mesh, holes, a seam."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,39 +15,43 @@ from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.distance import footpoints
 
-# The outline is followed in steps of this share of the size of the mesh; a face between the rays is met where the ray
-# next to it ends within such a step.
+# Step along an outline, as a fraction of the size of the mesh. It is also the largest distance of a face from the end
+# of the adjacent ray. Larger: a coarser outline.
 OUTLINE_STEP = 0.01
-# Cosine of the angle that a face of the surface may have with it, and rays in each direction that look for faces.
-MIN_FACING_COSINE, MIN_RAYS = 0.5, 200
-# Points along each side of the border of a surface.
+# Smallest cosine of the angle between a face and the surface. Larger: leaves out more oblique faces.
+MIN_FACING_COSINE = 0.5
+# Smallest number of rays in each direction that look for faces. Larger: detects smaller holes, slower.
+MIN_RAYS = 200
+# Points along each side of the border of a surface. Larger: more exact, slower.
 BORDER_POINTS = 100
-# Nodes whose maps are blended to lay a point flat.
+# Nodes whose maps are blended at a point. Larger: a smoother map.
 BLENDED_NODES = 4
-# Steps in which the parameters of a flat place are found; the slope is that of the node next to it.
+# Iterations that find the parameters of a flat point with the slope at the nearest node. Larger: more exact, slower.
 INVERSE_ITERATIONS = 6
+# Sides of the polygon around an excluded disc. Larger: a tighter polygon.
+DISC_SIDES = 48
 
 
 @dataclass(frozen=True)
 class Zone:
-    """A disc that boards must keep clear of: a screw, a cable outlet."""
+    """A disc without boards: a screw, a cable outlet."""
 
-    point: tuple[float, float, float]  # its middle, on or near the mesh [m]
+    point: tuple[float, float, float]  # its centre, on or near the mesh [m]
     radius: float  # [m]
 
 
 @dataclass(frozen=True, eq=False)
 class FlatMap:
-    """Lays points of a surface flat, by the nodes of a net that lies on it."""
+    """A map from points of a surface to the plane, given by the nodes of a net on the surface."""
 
     surface: BSplineSurface
-    flat: Array  # (n, 2) of the nodes [m]
-    uv: Array  # (n, 2)
-    x_axes: Array  # (n, 3) where the flat x axis points, unit
+    flat: Array  # (n, 2) flat positions of the nodes [m]
+    uv: Array  # (n, 2) their parameters
+    x_axes: Array  # (n, 3) direction of the flat x axis at the nodes, unit
 
     @cached_property
     def points(self) -> Array:
-        """The nodes, shape (n, 3) [m]."""
+        """Points of the nodes, shape (n, 3) [m]."""
         return self.surface.points(self.uv)
 
     @cached_property
@@ -57,17 +61,26 @@ class FlatMap:
 
     @cached_property
     def axes(self) -> Array:
-        """Where the flat axes point at the nodes, shape (n, 2, 3)."""
+        """Directions of the flat axes at the nodes, shape (n, 2, 3)."""
         return np.stack((self.x_axes, np.cross(self.normals, self.x_axes)), axis=1)
 
     def __call__(self, points: Array, uv: Array) -> Array:
-        """Flat places of points (k, 3) on or near the surface, whose parameters are ``uv``; shape (k, 2) [m].
+        r"""Return the flat positions, shape (k, 2) [m], of points on or near the surface.
 
-        Exact on a plane; elsewhere blended from the nodes next to each point, as far from each as the arc is long that
-        the slope of the chord implies.
+        The result is exact on a plane. Elsewhere it blends the maps of the nearest nodes. The distance from each node
+        is the arc that belongs to the slope s of the chord c:
+
+        .. math:: \ell = c\,(1 + s^2 / 6) \quad [m]
+
+        Parameters
+        ----------
+        points : array, shape (k, 3)
+            Points [m].
+        uv : array, shape (k, 2)
+            Their parameters.
         """
         count = np.arange(1, min(BLENDED_NODES, len(self.flat)) + 1)
-        if any(self.surface.closed):  # what is near through a seam is far in the flat
+        if any(self.surface.closed):  # neighbours across a seam are far apart in the plane
             near = cKDTree(self.uv * self._lengths).query(uv * self._lengths, k=count)[1]
         else:
             near = cKDTree(self.points).query(points, k=count)[1]
@@ -83,12 +96,27 @@ class FlatMap:
 
     @cached_property
     def _lengths(self) -> Array:
-        """How long the parameters are, shape (2,) [m]."""
+        """Mean lengths of a unit of each parameter, shape (2,) [m]."""
         r = self.surface.derivatives(self.uv)
         return np.array((np.linalg.norm(r[1, 0], axis=1).mean(), np.linalg.norm(r[0, 1], axis=1).mean()))
 
     def at(self, flat_points: Array, angle: float) -> tuple[Array, Array]:
-        """The parameters that lie at flat places (k, 2), and unit tangents there at an angle to the flat x axis."""
+        """Return the surface parameters and a tangent at flat positions.
+
+        Parameters
+        ----------
+        flat_points : array, shape (k, 2)
+            Flat positions [m].
+        angle : float
+            Angle of the tangents to the flat x axis [rad].
+
+        Returns
+        -------
+        uv : array, shape (k, 2)
+            Parameters.
+        tangents : array, shape (k, 3)
+            Unit tangents.
+        """
         node = cKDTree(self.flat).query(flat_points)[1]
         uv = self.uv[node].copy()
         for _ in range(INVERSE_ITERATIONS):
@@ -109,14 +137,18 @@ class Polyline:
 
 
 def outline(surface: BSplineSurface, fit: SurfaceFit | None, middle: float) -> list[Polyline]:
-    """Polylines that enclose, by the rule of even and odd, the part of a surface where its mesh is; they share ends.
+    """Return polylines around the part of a surface that its mesh covers, by the even-odd rule.
+
+    The polylines have common ends.
 
     Parameters
     ----------
+    surface : BSplineSurface
+        The surface.
     fit : SurfaceFit, or None
-        What the surface comes from. None: all of it counts.
+        Fit of the surface. None: the complete surface counts.
     middle : float
-        Parameter v opposite of which a closed surface is cut open.
+        Parameter v of the middle; a closed surface is cut open on the opposite side.
     """
     if fit is None:
         return [_border(surface, middle)]
@@ -125,7 +157,7 @@ def outline(surface: BSplineSurface, fit: SurfaceFit | None, middle: float) -> l
     lines = _sampled_edges(surface, mesh, edges, step, middle)
     if not surface.closed[1]:
         return lines
-    # The ends of a tube are those of the surface; only what lies wholly between them is a hole.
+    # The ends of a tube are the ends of the surface. Only a loop completely between them is a hole.
     inside = [
         not ((p.uv[:, 0] <= 0) | (p.uv[:, 0] >= 1)).any() and np.abs(np.diff(p.uv[:, 1])).max() < 0.5 for p in lines
     ]
@@ -136,7 +168,7 @@ def outline(surface: BSplineSurface, fit: SurfaceFit | None, middle: float) -> l
 
 
 def _border(surface: BSplineSurface, middle: float) -> Polyline:
-    """All round the parameters of a surface, cut open where it is closed."""
+    """Return the border of the parameter domain; a closed surface is cut open."""
     box = np.array(((0.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)))
     if surface.closed[1]:
         box[:, 1] += middle - 0.5
@@ -146,13 +178,13 @@ def _border(surface: BSplineSurface, middle: float) -> Polyline:
 
 
 def _outer_faces(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolArray:
-    """Which faces the rays of the fit meet, or would if they were not too small, and look the surface's way."""
+    """Return which faces the rays of the fit hit and that face outward; also small faces between the rays."""
     mesh, spans = fit.mesh, min(size - degree for size, degree in zip(fit.offsets.shape, surface.degree))
     samples = fit.resampled(-(-MIN_RAYS // spans))[1]
     met = samples.residuals
     is_known = ~np.isnan(met)
     faces = samples.faces[is_known]
-    # A face between the rays counts where the ray next to its middle ends at its height, not before it.
+    # A face between the rays counts if the ray nearest to its centroid ends at its height.
     small = np.setdiff1d(np.arange(len(mesh.faces)), faces)
     centres = mesh.triangles[small].mean(axis=1)
     uv, _ = footpoints(surface, centres)
@@ -172,7 +204,7 @@ def _outer_faces(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolA
 
 
 def _rim(mesh: TriangleMesh, chosen: BoolArray) -> IntArray:
-    """Edges with a chosen face on one side only, or an odd number of them, shape (e, 2)."""
+    """Return the edges with an odd number of chosen faces, shape (e, 2)."""
     faces = mesh.faces[chosen]
     edges = np.sort(np.concatenate((faces[:, :2], faces[:, 1:], faces[:, ::2])), axis=1)
     found, times = np.unique(edges, axis=0, return_counts=True)
@@ -182,14 +214,14 @@ def _rim(mesh: TriangleMesh, chosen: BoolArray) -> IntArray:
 def _sampled_edges(
     surface: BSplineSurface, mesh: TriangleMesh, edges: IntArray, step: float, middle: float
 ) -> list[Polyline]:
-    """Edges of a mesh, in steps, with the parameters of the surface next to them."""
+    """Return samples along edges of a mesh, with their surface parameters."""
     if len(edges) == 0:
         return []
     ends = mesh.vertices[edges]
     parts = np.maximum(np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / step), 1).astype(int)
     points = [a + np.linspace(0, 1, k + 1)[:, None] * (b - a) for (a, b), k in zip(ends, parts)]
     for line, (_, b) in zip(points, ends):
-        line[-1] = b  # to the bit: ends that are shared are equal
+        line[-1] = b  # exactly: common ends are equal
     uv = footpoints(surface, np.concatenate(points))[0]
     if surface.closed[1]:
         uv[:, 1] += np.rint(middle - uv[:, 1])
@@ -197,9 +229,21 @@ def _sampled_edges(
 
 
 def flat_loops(to_flat: FlatMap, lines: Sequence[Polyline]) -> list[Array]:
-    """Loops (k, 2) that enclose, by the rule of even and odd, what polylines enclose laid flat [m].
+    """Return loops in the plane that enclose the map of what the polylines enclose, by the even-odd rule.
 
-    Each becomes a fan to one point, and the sides that two fans share cancel.
+    Each polyline becomes a fan to one point. The common sides of two fans cancel.
+
+    Parameters
+    ----------
+    to_flat : FlatMap
+        The map.
+    lines : sequence of Polyline
+        Polylines with common ends.
+
+    Returns
+    -------
+    list of array, shape (k, 2)
+        Loops [m].
     """
     both = np.concatenate([np.column_stack((line.points, line.uv)) for line in lines])
     is_known, back = np.unique(both, axis=0, return_inverse=True)
@@ -210,6 +254,19 @@ def flat_loops(to_flat: FlatMap, lines: Sequence[Polyline]) -> list[Array]:
 
 
 def disc(centre: Array, radius: float) -> Array:
-    """A polygon around a disc, shape (48, 2) [m]."""
-    angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
-    return centre + radius / np.cos(np.pi / 48) * np.column_stack((np.cos(angles), np.sin(angles)))
+    """Return a polygon around a disc.
+
+    Parameters
+    ----------
+    centre : array, shape (2,)
+        Centre [m].
+    radius : float
+        Radius [m].
+
+    Returns
+    -------
+    array, shape (DISC_SIDES, 2)
+        Corners [m].
+    """
+    angles = np.linspace(0, 2 * np.pi, DISC_SIDES, endpoint=False)
+    return centre + radius / np.cos(np.pi / DISC_SIDES) * np.column_stack((np.cos(angles), np.sin(angles)))

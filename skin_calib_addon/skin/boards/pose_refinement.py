@@ -1,4 +1,4 @@
-"""Move a lattice of boards in a region until they have the most room: a sequence of linear programmes."""
+"""Refinement of the pose of a lattice in a region: maximum clearance by a sequence of linear programs."""
 
 from dataclasses import dataclass
 
@@ -10,68 +10,83 @@ from ..lattice import HexLattice
 from .board_contacts import contacts
 from .region import Region
 
+# Limit of the moves of one refinement. Larger: more clearance in difficult regions, slower.
 MAX_MOVES = 12
-# What may bound the room after a move is no further off than this many steps: both sides of a gap go less than 2.5.
+# Contacts within this number of steps can bound the clearance after a move: both sides of a gap move by less than 2.5.
+# Larger: larger linear programs.
 HORIZON_STEPS = 5
-# By this share of a step the room after a move may differ from what its linear programme says: boards turn on circles.
+# Error of the linear program, as a fraction of a step: rotations move boards on circles. Larger: accepts worse moves.
 LINEARIZATION_TOLERANCE = 0.05
-# Lengths below this are nothing to a board that settles [m].
+# Smallest gain or movement of a refinement [m]. Larger: stops earlier.
 MOVE_TOLERANCE = 1e-11
-# A price above this says that a row bounds the room.
+# Smallest multiplier of an active constraint of the linear program. Larger: misses active constraints.
 MIN_MULTIPLIER = 1e-6
-# Slopes that differ by less than this are the same.
+# Largest difference of slopes that are equal. Larger: fixes more boards.
 PARALLEL_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """How a lattice lies in the plane: the centre of cell (0, 0) [m], and the angle of its rows to x [rad]."""
+    """Pose of a lattice in the plane: position of the centre of cell (0, 0) [m], angle from x to the rows [rad]."""
 
     offset: Array  # (2,)
     angle: float
 
     def turn(self, vectors: Array) -> Array:
-        """Vectors (..., 2) of the lattice, turned with it."""
+        """Return vectors (..., 2) of the lattice, rotated into the plane."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         return vectors @ np.array(((c, s), (-s, c)))
 
     def to_plane(self, points: Array) -> Array:
-        """Points (..., 2) of the lattice, where they lie in the plane [m]."""
+        """Return points (..., 2) of the lattice in the plane [m]."""
         return self.offset + self.turn(points)
 
 
 @dataclass(frozen=True, eq=False)
 class PoseRefinement:
-    """Boards in a region that look for room."""
+    """Refinement of the pose of boards in a region."""
 
     region: Region
     lattice: HexLattice
-    step: float  # the longest move along x, along y, and of the region's furthest point in a turn [m]
-    is_free: tuple[bool, bool, bool]  # along x, along y, to turn
+    step: float  # limit of a move along x, along y, and of the farthest point of the region in a rotation [m]
+    is_free: tuple[bool, bool, bool]  # translation along x, along y, rotation
 
     def clearances(self, pose: Pose, centres: Array) -> Array:
-        """Room of boards with ``centres`` (n, 2) on the lattice, shape (n,) [m]."""
+        """Return the clearances of boards, shape (n,) [m].
+
+        Parameters
+        ----------
+        pose : Pose
+            Pose of the lattice.
+        centres : array, shape (n, 2)
+            Centres of the boards on the lattice [m].
+        """
         return self.region.clearances(pose.to_plane(centres), pose.turn(self.lattice.corners))
 
     def refine(
         self, pose: Pose, centres: Array, count: int, floor: float = -np.inf, balance: bool = False
     ) -> tuple[Pose, float]:
-        """Turn and shift the lattice until the ``count`` roomiest boards have as much room as they find near here.
+        """Rotate and shift the lattice to a local maximum of the smallest clearance of the best ``count`` boards.
 
         Parameters
         ----------
+        pose : Pose
+            Start.
         centres : array, shape (n, 2)
-            The boards to choose from, on the lattice [m].
+            Centres of the boards to choose from, on the lattice [m].
+        count : int
+            Number of boards that must fit.
         floor : float
-            Where they cannot get that much room [m], they are left early.
-        even : bool
-            Once the least room is the largest, let the boards that can still move share what room they have.
+            The refinement stops when no further move can give this clearance [m].
+        balance : bool
+            After the smallest clearance, maximize those of the boards that can still move.
 
         Returns
         -------
         pose : Pose
-        room : float
-            The least room of the boards there [m].
+            The refined pose.
+        clearance : float
+            Smallest clearance of the boards there [m].
         """
         clearances, step = self.clearances(pose, centres), self.step
         clearance = np.partition(clearances, -count)[-count]
@@ -92,7 +107,7 @@ class PoseRefinement:
             new_clearance = np.partition(new_clearances, -count)[-count]
             if new_clearance > clearance - (LINEARIZATION_TOLERANCE * step if balance else 0):
                 pose, clearances, clearance = moved, new_clearances, new_clearance
-                step = min(step, 2 * length)  # a short move has been told to a share of the step only
+                step = min(step, 2 * length)  # the error of a short move is a fraction of the step
             else:
                 step /= 4
         return pose, float(clearance)
@@ -100,13 +115,29 @@ class PoseRefinement:
     def best_move(
         self, pose: Pose, centres: Array, clearance: float, step: float, balance: bool
     ) -> tuple[Pose, float, float]:
-        """The move within a step that gives these boards the most room, if outlines moved straight on.
+        """Return the move within a step that maximizes the smallest clearance, with linear motion of the outlines.
+
+        Parameters
+        ----------
+        pose : Pose
+            Pose of the lattice.
+        centres : array, shape (n, 2)
+            Centres of the boards that count, on the lattice [m].
+        clearance : float
+            Their smallest clearance [m].
+        step : float
+            Limit of the move [m].
+        balance : bool
+            As for :meth:`refine`.
 
         Returns
         -------
         pose : Pose
-        way, gain : float
-            How far this leads, and by how much the least room grows [m].
+            The new pose.
+        length : float
+            Length of the move [m].
+        gain : float
+            Predicted increase of the smallest clearance [m].
         """
         within = max(clearance, 0) + HORIZON_STEPS * step
         points, normals, gaps = contacts(
@@ -115,33 +146,35 @@ class PoseRefinement:
         x, y = (points - pose.offset).T
         radius = self.region.radius_about(pose.offset)
         slopes = np.column_stack((normals, (normals[:, 1] * x - normals[:, 0] * y) / radius))
-        length, gain = _largest_gap_move(slopes, (gaps - clearance) / step, self.is_free, balance)
-        moved = Pose(pose.offset + step * length[:2], float(pose.angle + step * length[2] / radius))
-        return moved, step * np.abs(length).max(), step * gain
+        move, gain = _largest_gap_move(slopes, (gaps - clearance) / step, self.is_free, balance)
+        moved = Pose(pose.offset + step * move[:2], float(pose.angle + step * move[2] / radius))
+        return moved, step * np.abs(move).max(), step * gain
 
 
 def _largest_gap_move(slopes: Array, gaps: Array, is_free: tuple[bool, ...], balance: bool) -> tuple[Array, float]:
-    """The ``way`` within [-1, 1] that makes the least of ``gaps + slopes @ way`` the largest, and that least gap.
+    r"""Return the move that maximizes the smallest gap, and that gap.
 
-    With ``even``, the gaps that this leaves no play keep their sizes, then the least of the others is made the largest,
-    and so on.
+    .. math:: \max_{d, t} t \quad \text{subject to} \quad g_i + s_i \cdot d \ge t, \quad |d_j| \le 1
+
+    The gaps g are in steps, and the slopes s are their derivatives. With ``balance``, the gaps that bound t are fixed;
+    then the smallest of the others is maximized, and so on.
     """
-    is_fixed, sizes, length = np.zeros(len(gaps), bool), np.zeros(len(gaps)), np.zeros(3)
+    is_fixed, sizes, move = np.zeros(len(gaps), bool), np.zeros(len(gaps)), np.zeros(3)
     bounds = [(-free, free) for free in map(int, is_free)] + [(None, HORIZON_STEPS)]
     while not is_fixed.all():
         table: Array = np.column_stack((-slopes, (~is_fixed).astype(float)))
         found = linprog(np.array((0, 0, 0, -1.0)), A_ub=table, b_ub=gaps - sizes, bounds=bounds, method="highs-ds")
-        if found.status != 0 or found.x is None:  # rounding has closed what was held: the last round is good enough
+        if found.status != 0 or found.x is None:  # rounding has made the fixed gaps infeasible: keep the last move
             break
-        length = found.x[:3]
+        move = found.x[:3]
         tight = ~is_fixed & (found.ineqlin.marginals < -MIN_MULTIPLIER)
         if not balance or not tight.any():
             break
-        # Where gaps bound each other nothing moves along their slopes; those with slopes in the same span stay as well.
+        # No move along the slopes of the active gaps is left. Gaps with slopes in their span are fixed, too.
         span = slopes[is_fixed | tight]
         is_fixed = (
             np.linalg.norm(slopes - slopes @ np.linalg.pinv(span, rcond=PARALLEL_TOLERANCE) @ span, axis=1)
             < PARALLEL_TOLERANCE
         )
-        sizes = np.where(is_fixed, gaps + slopes @ length, 0.0)
-    return length, float((gaps + slopes @ length).min(initial=HORIZON_STEPS))
+        sizes = np.where(is_fixed, gaps + slopes @ move, 0.0)
+    return move, float((gaps + slopes @ move).min(initial=HORIZON_STEPS))

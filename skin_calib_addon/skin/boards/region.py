@@ -1,4 +1,4 @@
-"""Flat regions with holes, and how much room hexagonal boards have in them."""
+"""Flat regions with holes, and the clearance of hexagonal boards in them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -10,39 +10,39 @@ from numpy.typing import ArrayLike
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidPlan
 
-# Pairs of points and edges that are held against each other at a time, to keep the memory small.
+# Pairs of points and edges in one block. Larger: more memory.
 MAX_PAIRS = 2**20
-# Digits of a point that count: what is closer than a picometre is the same.
+# Decimals [m] to which points are rounded: points closer than a picometre are equal.
 POINT_DECIMALS = 12
-# Places of a zone's edge where its sides are looked at.
+# Samples of each edge of an excluded zone: is it a border of the region there? Larger: detects shorter parts, slower.
 ZONE_EDGE_SAMPLES = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """What lies inside an odd number of ``loops``: outlines, islands and holes, in any order, wound either way.
+    """The points inside an odd number of ``loops``: outlines, islands and holes, in any order and orientation.
 
-    Each loop is an array of shape (k, 2) [m] whose end joins its start. Points that repeat and edges without length
-    count for nothing, and so does an edge that is there twice: a bridge from an outline to a hole, or the common side
-    of two loops that lie beside each other. So the triangles of a flat mesh are a region too.
+    Each loop is an array of shape (k, 2) [m]; its last point joins the first. Repeated points and edges without length
+    have no effect. An edge that occurs twice has no effect either: a bridge from an outline to a hole, or the common
+    side of two adjacent loops. Therefore the triangles of a flat mesh are a region too.
     """
 
     loops: tuple[Array, ...]
-    excluded: tuple[Array, ...] = ()  # loops whose inside is none of the region, wherever they lie
+    excluded: tuple[Array, ...] = ()  # loops whose inside is not part of the region
 
     def __post_init__(self):
         for name in ("loops", "excluded"):
             object.__setattr__(self, name, _checked_loops(getattr(self, name)))
         if not len(self.edges):
-            raise InvalidPlan("the region is empty: none of its loops encloses anything; give three points or more")
+            raise InvalidPlan("the region is empty: no loop encloses an area. Give at least three points")
 
     @cached_property
     def edges(self) -> Array:
-        """Ends of the edges that part inside from outside, shape (e, 2, 2) [m]."""
+        """Ends of the edges between inside and outside, shape (e, 2, 2) [m]."""
         outline, *zones = self._loop_edges
         if not zones:
             return outline
-        # What of a zone lies outside, or in another one, parts nothing.
+        # Edges of a zone outside of the loops, or inside another zone, have the same on both sides.
         edges = np.concatenate(zones)
         along = edges[:, 1] - edges[:, 0]
         aside = 1e-6 * np.ptp(edges.reshape(-1, 2), axis=0).max() * unit(np.column_stack((-along[:, 1], along[:, 0])))
@@ -54,31 +54,31 @@ class Region:
 
     @cached_property
     def _loop_edges(self) -> list[Array]:
-        """Edges of all loops, and then of each zone."""
+        """Edges of all loops together, then of each zone."""
         return [_edges_of(self.loops), *(_edges_of((zone,)) for zone in self.excluded)]
 
     @cached_property
     def points(self) -> Array:
-        """Ends of the edges, each once, shape (p, 2) [m]."""
+        """Ends of the edges, without repetition, shape (p, 2) [m]."""
         return np.unique(self.edges.reshape(-1, 2), axis=0)
 
     @cached_property
     def ends(self) -> IntArray:
-        """Rows of ``points`` in which each edge begins and ends, shape (e, 2)."""
+        """Rows of ``points`` at the two ends of each edge, shape (e, 2)."""
         return np.unique(self.edges.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
 
     @cached_property
     def box(self) -> Array:
-        """Least and largest coordinates, shape (2, 2) [m]."""
+        """Smallest and largest coordinates, shape (2, 2) [m]."""
         return np.stack((self.points.min(axis=0), self.points.max(axis=0)))
 
     def radius_about(self, point: Array) -> float:
-        """Distance from a point (2,) to the furthest of the region [m]."""
+        """Return the distance from a point (2,) to the farthest point of the region [m]."""
         return float(np.linalg.norm(self.points - point, axis=1).max())
 
     @cached_property
     def centroid(self) -> Array:
-        """Middle of the area, shape (2,) [m], if no loop crosses itself or another; else somewhere about it."""
+        """Centroid of the area, shape (2,) [m]; approximate if loops cross."""
         middle = self.box.mean(axis=0)
         start, stop = self.edges[:, 0] - middle, self.edges[:, 1] - middle
         along = unit(stop - start)
@@ -90,7 +90,7 @@ class Region:
 
     @cached_property
     def is_reflex(self) -> BoolArray:
-        """Which of the ``points`` poke into the region: more than half of what is around them is inside; shape (p,)."""
+        """Which of the ``points`` are reflex: the interior angle is above 180 degrees; shape (p,)."""
         along = unit(self.edges[:, 1] - self.edges[:, 0])
         towards = np.zeros_like(self.points)
         np.add.at(towards, self.ends[:, 0], along)
@@ -99,11 +99,11 @@ class Region:
 
     @property
     def probe_distance(self) -> float:
-        """A small distance from an edge or a point, to ask what is there [m]."""
+        """Distance of a probe from an edge or a point [m]."""
         return 1e-6 * float(np.ptp(self.box, axis=0).max())
 
     def contains(self, points: Array) -> BoolArray:
-        """Which points of shape (n, 2) lie inside, shape (n,)."""
+        """Return which points (n, 2) [m] are inside, shape (n,)."""
         points = np.asarray(points, float)
         outline, *zones = self._loop_edges
         inside = _encloses(outline, points)
@@ -112,15 +112,22 @@ class Region:
         return inside
 
     def distances(self, points: Array) -> Array:
-        """Distance of each of the points (n, 2) to each edge, shape (n, e) [m]."""
+        """Return the distance of each point (n, 2) to each edge, shape (n, e) [m]."""
         return along_edges(np.asarray(points, float)[:, None], self.edges)[0]
 
     def clearances(self, centres: Array, corners: Array) -> Array:
-        """Signed room of regular hexagons with ``corners`` (6, 2) about each of the ``centres`` (n, 2), shape (n,) [m].
+        """Return the signed clearance of regular hexagons in the region, shape (n,) [m].
 
-        Inside, it is the least distance between the outlines of the board and of the region. Elsewhere it is minus the
-        larger of how far a corner sticks out, and how deep an edge of the region pokes into the board. No room changes
-        by more than the board is moved.
+        Inside, the clearance is the smallest distance between the outlines of board and region. Otherwise it is
+        negative: the largest of the protrusion of a corner and the penetration of an edge of the region into the board.
+        A movement of the board by d changes its clearance by at most d.
+
+        Parameters
+        ----------
+        centres : array, shape (n, 2)
+            Centres of the hexagons [m].
+        corners : array, shape (6, 2)
+            Corners relative to the centre [m].
         """
         centres = np.asarray(centres, float)
         if not len(centres):
@@ -129,7 +136,7 @@ class Region:
         apothem = np.sqrt(0.75) * circumradius
         distances = self.distances(centres)
         nearest = distances.min(axis=1)
-        # The nearest edge bounds the room; what is further from the centre than this cannot be nearer to the outline.
+        # The nearest edge bounds the clearance. An edge farther from the centre than this cannot be the nearest one.
         is_clear = self.contains(centres) & (nearest >= apothem)
         board, edge = np.nonzero(
             distances <= (nearest + np.where(is_clear, circumradius - apothem, 2 * circumradius))[:, None]
@@ -146,19 +153,19 @@ class Region:
 
 
 def _checked_loops(loops: Iterable[ArrayLike]) -> tuple[Array, ...]:
-    """The loops as read-only arrays; raises InvalidPlan for one that is none."""
+    """Return the loops as read-only arrays; raise InvalidPlan for an invalid one."""
     checked = tuple(np.array(loop, float) for loop in loops)
     for number, loop in enumerate(checked):
         if loop.ndim != 2 or loop.shape[1] != 2:
             raise InvalidPlan(f"loop {number} of the region has shape {loop.shape}; give points (x, y) [m]")
         if not np.isfinite(loop).all():
-            raise InvalidPlan(f"loop {number} of the region holds a number that is not finite; leave the point out")
+            raise InvalidPlan(f"loop {number} of the region has a number that is not finite. Remove the point")
         loop.setflags(write=False)
     return checked
 
 
 def _edges_of(loops: Sequence[Array]) -> Array:
-    """Edges of loops, without those that are there twice, shape (e, 2, 2) [m]."""
+    """Return the edges of loops, without those that occur an even number of times, shape (e, 2, 2) [m]."""
     rounded = [np.round(loop, POINT_DECIMALS) + 0.0 for loop in loops if len(loop)]  # no minus zero
     pairs = np.concatenate([np.stack((a, np.roll(a, -1, axis=0)), axis=1) for a in rounded] or [np.empty((0, 2, 2))])
     pairs = pairs[(pairs[:, 0] != pairs[:, 1]).any(axis=1)]
@@ -170,7 +177,7 @@ def _edges_of(loops: Sequence[Array]) -> Array:
 
 
 def _encloses(edges: Array, points: Array) -> BoolArray:
-    """From which of the points (n, 2) a ray along x crosses an odd number of edges, shape (n,)."""
+    """Return which of the points (n, 2) are inside: a ray along x crosses an odd number of edges, shape (n,)."""
     (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
     rises = by > ay
     inside = np.empty(len(points), bool)
@@ -183,9 +190,23 @@ def _encloses(edges: Array, points: Array) -> BoolArray:
 
 
 def along_edges(points: Array, edges: Array) -> tuple[Array, Array, Array]:
-    """Distance of points (..., 2) to edges (..., 2, 2) [m], share of the edge at the foot, height left of its line [m].
+    """Return distance, fraction and height of points relative to edges.
 
-    The foot counts on the whole line: its share lies in [0, 1] where it is on the edge.
+    Parameters
+    ----------
+    points : array, shape (..., 2)
+        Points [m].
+    edges : array, shape (..., 2, 2)
+        Start and end of the edges [m].
+
+    Returns
+    -------
+    distance : array, shape (...)
+        Distance to the edge [m].
+    fraction : array, shape (...)
+        Position of the foot on the line, as a fraction of the edge; in [0, 1] on the edge.
+    height : array, shape (...)
+        Signed distance to the line, positive to its left [m].
     """
     x, y = points[..., 0] - edges[..., 0, 0], points[..., 1] - edges[..., 0, 1]
     dx, dy = edges[..., 1, 0] - edges[..., 0, 0], edges[..., 1, 1] - edges[..., 0, 1]
@@ -196,9 +217,10 @@ def along_edges(points: Array, edges: Array) -> tuple[Array, Array, Array]:
 
 
 def _deepest(edges: Array, corners: Array) -> Array:
-    """Points of edges (k, 2, 2) among which is the one deepest in, or nearest to, a hexagon about zero; (k, 5, 2).
+    """Return candidates for the deepest point of edges (k, 2, 2) in a hexagon about zero, shape (k, 5, 2).
 
-    Depth is linear between the lines from corner to corner, so it is greatest at an end or on one of the three.
+    The depth is linear between the lines through opposite corners. Its maximum is at an end of the edge or on one of
+    these three lines.
     """
     start, along = edges[:, :1], edges[:, 1:] - edges[:, :1]
     across = np.column_stack((-corners[:3, 1], corners[:3, 0]))
@@ -208,7 +230,7 @@ def _deepest(edges: Array, corners: Array) -> Array:
 
 
 def _hexagon_distances(points: Array, corners: Array) -> Array:
-    """Signed distances of points (..., 2) to a regular hexagon about zero, negative inside, shape (...) [m]."""
+    """Return signed distances of points (..., 2) to a regular hexagon about zero, negative inside, shape (...) [m]."""
     side = np.linalg.norm(corners[0])
     normals = unit(corners + np.roll(corners, -1, axis=0))
     out = (points @ normals.T).max(axis=-1)
@@ -218,6 +240,6 @@ def _hexagon_distances(points: Array, corners: Array) -> Array:
 
 
 def _chunks(rows: int, columns: int) -> Iterator[slice]:
-    """Slices of rows, each of so many that few pairs with the columns are held at a time."""
+    """Yield slices of the rows; the pairs of one slice with all columns fit the memory limit."""
     step = max(1, MAX_PAIRS // max(columns, 1))
     return (slice(start, start + step) for start in range(0, rows, step))

@@ -1,4 +1,4 @@
-"""Rigid hexagonal boards on the tangent planes of a surface, their pitch kept through space."""
+"""Placement of rigid hexagonal boards on the tangent planes of a surface; their pitch is kept through space."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from ..sheet.wrap import beyond_edge, check_size, guess_step, on_surface, root_o
 
 @dataclass(frozen=True, eq=False)
 class WrappedBoards:
-    """Boards on their surface; row i of every array is the board of ``cells[i]``."""
+    """Boards placed on a surface; row i of every array is the board of ``cells[i]``."""
 
     surface: BSplineSurface
     offset: float  # height of the boards' middle planes above the surface [m]
     lattice: HexLattice
     cells: IntArray  # (n, 2) axial coordinates
-    uv: Array  # (n, 2), not wrapped round
+    uv: Array  # (n, 2) parameters of the centres, continuous over a seam
     tangents: Array  # (n, 3) unit, along the rows of the lattice
 
 
@@ -41,28 +41,39 @@ def wrap_boards(
     *,
     offset: float = 0.0,
 ) -> WrappedBoards:
-    """Lay boards on the tangent planes of a surface so that neighbours keep their pitch.
+    r"""Place boards on the tangent planes of a surface so that neighbours keep their pitch.
 
-    On a plane and on a cylinder all of them do; elsewhere their pitches are off with the least sum of squares.
+    .. math:: \min \sum_{(a, b)} \left(\frac{|c_a - c_b|}{P} - 1\right)^2
+
+    with the centres c [m] and the pitch P [m]. The minimum is zero on a plane and on a cylinder.
 
     Parameters
     ----------
-    cells : sequence of pair of int
+    surface : BSplineSurface
+        The surface, in the link frame.
+    lattice : HexLattice
+        The flat lattice.
+    cells : sequence of (q, r)
         Axial coordinates of the boards.
     origin : array, shape (3,), or None
-        Where the centre of the root cell (0, 0) lies, whether it has a board or not [m]; the nearest surface point is
-        taken. None takes the middle of the surface: half way along, and half way across or round.
+        Position of the centre of the root cell (0, 0), with or without a board [m]; its nearest surface point counts.
+        None takes the middle of the surface.
     direction : array, shape (3,)
-        Where the row of the root runs to, in the link frame; its part in the surface counts.
+        Direction of the row at the root, in the link frame; its tangential part counts.
     offset : float
-        Height of the boards' middle planes above the surface [m].
+        Height of the middle planes of the boards above the surface [m].
+
+    Returns
+    -------
+    WrappedBoards
 
     Raises
     ------
     InvalidPlan
-        If the direction stands upright on the surface, or the offset folds it.
+        If the direction is perpendicular to the surface, the offset folds the surface, or the placement does not
+        converge.
     OutsideSurface
-        Names the first board whose centre lies off the surface.
+        If the centre of a board is outside the surface; names the first board.
     """
     check_size(surface, (lattice.pitch, lattice.pitch))
     layer, indices = offset_surface(surface, offset), np.array(cells, np.int64).reshape(-1, 2)
@@ -83,9 +94,29 @@ def wrap_boards(
 def relax_boards(
     layer: BSplineSurface, lattice: HexLattice, cells: IntArray, uv: Array, tangents: Array
 ) -> tuple[Array, Array]:
-    """Boards from a first guess of their parameters (n, 2) and row directions (n, 3) to rest: the same.
+    """Minimize the pitch errors of boards.
 
-    Boards that hang together find their places together; the one nearest to the root stays, and keeps its direction.
+    Boards that are connected by neighbours move together. The board nearest to the root is fixed, with its direction.
+
+    Parameters
+    ----------
+    layer : BSplineSurface
+        Surface of the middle planes.
+    lattice : HexLattice
+        The flat lattice.
+    cells : array of int, shape (n, 2)
+        Axial coordinates.
+    uv : array, shape (n, 2)
+        First guess of the parameters of the centres.
+    tangents : array, shape (n, 3)
+        First guess of the directions of the rows, unit.
+
+    Returns
+    -------
+    uv : array, shape (n, 2)
+        Parameters of the centres.
+    tangents : array, shape (n, 3)
+        Directions of the rows, unit.
     """
     flat, uv, tangents = lattice.centres(cells), uv.copy(), tangents.copy()
     net = board_net(lattice, cells)
@@ -104,12 +135,33 @@ def relax_boards(
 def unroll_boards(
     layer: BSplineSurface, lattice: HexLattice, cells: IntArray, start: Array, direction: ArrayLike
 ) -> tuple[Array, Array]:
-    """Where geodesics lead to cells, and how the rows run there: parameters (n, 2), unit vectors (n, 3)."""
+    """Place cells along geodesics.
+
+    Parameters
+    ----------
+    layer : BSplineSurface
+        The surface.
+    lattice : HexLattice
+        The flat lattice.
+    cells : array of int, shape (n, 2)
+        Axial coordinates.
+    start : array, shape (2,)
+        Parameters of the root.
+    direction : array, shape (3,)
+        Direction of the row at the root.
+
+    Returns
+    -------
+    uv : array, shape (n, 2)
+        Parameters of the centres.
+    tangents : array, shape (n, 3)
+        Directions of the rows, unit.
+    """
     flat, along = lattice.centres(cells), row_axis(layer, start, direction)
     half = np.array((lattice.pitch / 2, 0.0))
     uv = unroll(layer, np.concatenate((flat, flat - half, flat + half)), start, along, guess_step(layer, lattice.pitch))
     uv, before, after = np.split(uv, 3)
-    # Over a pitch: what lies between two geodesics is placed well, but leads aside where the surface wavers.
+    # Differences over a pitch: points between two geodesics are accurate, their derivatives are not on a wavy surface.
     vectors, normals = layer.points(after) - layer.points(before), layer.normals(uv)
     tangents = unit(vectors - (vectors * normals).sum(axis=1, keepdims=True) * normals)
     tangents[~flat.any(axis=1)] = along

@@ -207,7 +207,7 @@ def test_given_offset_and_angle_place_all_that_fit(seed, angle, q, r, sixths):
     far = turned(SMALL.centres(np.array([(x, y) for x in range(-12, 13) for y in range(-12, 13)])), angle) + offset
     fits = far[boards_inside(far, turned(SMALL.corners, angle), edges_of(region.loops))]
     if not len(fits):
-        with pytest.raises(InvalidPlan, match="no board with sides of 10 mm lies wholly in the region"):
+        with pytest.raises(InvalidPlan, match="no board with sides of 10 mm fits completely in the region"):
             fill(region, SMALL, offset, angle)
         return
     same = offset + turned(SMALL.centres(np.array([(q, r)])), angle)[0]
@@ -222,15 +222,15 @@ def test_given_offset_and_angle_place_all_that_fit(seed, angle, q, r, sixths):
         (
             rectangle(0.03, 0.03),
             {},
-            "no board with sides of 16.3 mm lies wholly in the region, which is 30.0 x 30.0 mm",
+            "no board with sides of 16.3 mm fits completely in the region, which is 30.0 x 30.0 mm",
         ),
-        (np.array(((0, 0), (0.1, 0), (0.04, 0))), {}, "no board .* 100.0 x 0.0 mm over all; widen it"),
+        (np.array(((0, 0), (0.1, 0), (0.04, 0))), {}, "no board .* 100.0 x 0.0 mm over all; extend it"),
         (rectangle(0.04, 0.04), {"offset": (0.02, 0), "angle": 0.0}, "leave offset and angle free"),
-        (rectangle(), {"offset": (0, np.nan)}, "no lattice has offset .*nan.* and angle None"),
-        (rectangle(), {"angle": np.inf}, "no lattice has offset None and angle inf"),
-        (rectangle(), {"offset": (0, 0, 0)}, "no lattice has offset"),
-        (rectangle(254.2, 130.5), {}, "reaches 143 m from the middle of the lattice, too far for .* pitch of 28.2"),
-        (rectangle(), {"offset": (5, 0)}, r"reaches 5.13 m from the middle of the lattice.*an offset in it"),
+        (rectangle(), {"offset": (0, np.nan)}, "invalid offset .*nan.* or angle None of a lattice"),
+        (rectangle(), {"angle": np.inf}, "invalid offset None or angle inf of a lattice"),
+        (rectangle(), {"offset": (0, 0, 0)}, "invalid offset"),
+        (rectangle(254.2, 130.5), {}, "extends 143 m from the middle of the lattice, too far for .* pitch of 28.2"),
+        (rectangle(), {"offset": (5, 0)}, r"extends 5.13 m from the middle of the lattice.*an offset in it"),
     ],
 )
 def test_what_cannot_be_filled_is_refused(loop, given, message):

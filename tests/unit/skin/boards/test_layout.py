@@ -135,7 +135,7 @@ def test_bent_surface_is_filled_within_its_edges():
 
 def test_no_board_fits():
     """A clear line, for boards wider than the cone is long."""
-    with pytest.raises(InvalidPlan, match="no board with sides of 40 mm lies wholly in the region"):
+    with pytest.raises(InvalidPlan, match="no board with sides of 40 mm fits completely in the region"):
         lay_boards(cone_surface(0.06, 0.06, 0.05), HexLattice(0.04, 0.0), "fill", None, (0, 1, 0))
 
 

@@ -133,7 +133,7 @@ def test_region_knows_its_middle_and_its_reflex_points():
         ((SQUARE, SQUARE), "the region is empty"),
         ((SQUARE[:2],), "the region is empty"),
         ((SQUARE, np.zeros((4, 3))), r"loop 1 of the region has shape \(4, 3\)"),
-        ((SQUARE + (0, np.nan),), "loop 0 of the region holds a number that is not finite"),
+        ((SQUARE + (0, np.nan),), "loop 0 of the region has a number that is not finite"),
     ],
 )
 def test_region_of_nothing_is_refused(loops, message):

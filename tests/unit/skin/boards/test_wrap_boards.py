@@ -141,5 +141,5 @@ def test_board_off_the_surface_is_named():
 @pytest.mark.parametrize(("side", "gap"), [(0.0, 0.001), (-0.01, 0.1), (0.01, -0.02)])
 def test_hexagons_without_room_are_refused(side, gap):
     """No side, or sides that reach over the next centre."""
-    with pytest.raises(InvalidPlan, match=r"hexagons with sides of .* have no room; lengths are in metres"):
+    with pytest.raises(InvalidPlan, match=r"hexagons with sides of .* have no area or no pitch; lengths are in metres"):
         HexLattice(side, gap)
