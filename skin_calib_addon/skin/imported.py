@@ -1,4 +1,4 @@
-"""Taxels that stand in a file already: their place on the fitted surface, their frames, cells and neighbours."""
+"""Taxels of a file on the fitted surface: footpoints, frames, cells and neighbours."""
 
 import json
 from collections.abc import Iterator
@@ -21,21 +21,29 @@ from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.distance import MeshDistance, footpoints
 from .sheet.taxels import fan_areas
 
-# A rotation that an author gives may be off by the rounding of this many decimals.
+# Largest deviation of a given matrix from a rotation; covers four decimals. Larger: accepts less exact matrices.
 ROTATION_TOLERANCE = 1e-3
-# A taxel further from the surface than this is none of its skin [m].
+# Largest distance of a taxel from its surface [m]. Larger: fewer warnings.
 MAX_SURFACE_DISTANCE = 0.01
-# A footpoint at an open edge from which the taxel does not stand upright by more than this is not its own [m].
+# Lateral distance from which on a taxel is beyond an open edge [m]. Larger: fewer warnings.
 LATERAL_TOLERANCE = 1e-6
-# Corners of an outline, and how far they may lie from the taxel, in pitches: as those of a square do.
-OUTLINE_SIDES, MAX_CELL_RADIUS = 16, 0.5**0.5
-MAX_MEAN_NEIGHBOURS = 200  # taxels about each on the mean; more share one place
-# Taxels nearer than this share of the pitch have one place; cells that touch within this share of it are ties.
-SAME_POINT_TOLERANCE, GABRIEL_TOLERANCE = 1e-3, 0.01
-# A tangent of the file within about a degree of the normal tells nothing.
+# Sides of the outline of a cell. Larger: rounder cells, larger files.
+OUTLINE_SIDES = 16
+# Derived: largest radius of a cell in pitches, that of the corners of a square.
+MAX_CELL_RADIUS = 0.5**0.5
+# Limit of the mean number of taxels near each taxel; protects the memory. More of them are at the same position.
+MAX_MEAN_NEIGHBOURS = 200
+# Taxels nearer than this fraction of the pitch are at the same position. Larger: merges more of them.
+SAME_POINT_TOLERANCE = 1e-3
+# Relative excess of a ball in which a third taxel still separates two cells. Larger: fewer neighbours.
+GABRIEL_TOLERANCE = 0.01
+# Smallest sine of the angle between a tangent of the file and the normal. Larger: replaces more tangents.
 MIN_TANGENT_SINE = 0.02
-POSITION_DECIMALS = 6  # decimals of a place [m]
-MAX_THIRD_TAXELS = 12  # taxels about the middle of two that may lie between them
+# Decimals of a position [m] that count for the pitch.
+POSITION_DECIMALS = 6
+# Number of taxels near the middle of a pair that may separate its cells. Larger: slower.
+MAX_THIRD_TAXELS = 12
+# Number of taxels that a warning names.
 MAX_TAXELS_NAMED = 5
 
 Frame = tuple[ArrayLike, ArrayLike]  # a rotation and a translation [m] into the link frame
@@ -43,7 +51,7 @@ Frame = tuple[ArrayLike, ArrayLike]  # a rotation and a translation [m] into the
 
 @dataclass(frozen=True)
 class Distances:
-    """How far taxels are from the surface, and from the mesh where there is one [m]."""
+    """Distances of taxels from the surface, and from the mesh if there is one [m]."""
 
     surface: DistanceStatistics
     mesh: DistanceStatistics | None
@@ -51,14 +59,14 @@ class Distances:
 
 @dataclass(frozen=True, eq=False)
 class ImportedTaxels:
-    """Taxels of a file on the fitted surface, and what a person should know about them."""
+    """Taxels of a file on the fitted surface, and the findings about them."""
 
     taxels: TaxelArray
-    pitch: float  # median distance from a taxel to the nearest other [m]
-    before: Distances  # of the places in the file
+    pitch: float  # median distance from a taxel to the nearest other one [m]
+    before: Distances  # of the positions in the file
     after: Distances  # of their footpoints on the surface
     fit: RigidFit | None  # the search for a better frame; None without a mesh
-    findings: tuple[Finding, ...]  # those of the file, then those of the place; an error if the frame is wrong
+    findings: tuple[Finding, ...]  # of the file, then of the positions; an error if the frame is wrong
 
 
 def imported_taxels(
@@ -73,35 +81,41 @@ def imported_taxels(
     farthest: float = MAX_SURFACE_DISTANCE,
     pitch: float | None = None,
 ) -> ImportedTaxels:
-    """Give each taxel of a file its footpoint on a surface, and from there its outward normal and its frame.
+    """Return the taxels of a file with footpoints, outward normals and frames of a surface.
 
-    Positions stay as they are, and ``quality["gap"]`` tells how far outside of the surface: skin has a thickness.
-    Normals of the file are compared, never used.
+    Positions do not change. ``quality["gap"]`` is the height of each taxel above the surface [m], as a skin has a
+    thickness. Normals of the file are compared with those of the surface, but not used.
 
     Parameters
     ----------
     taxel_set : TaxelSet
+        Taxels of the file.
     surface : BSplineSurface
+        The fitted surface, in the link frame.
     name : str
         Name of the patch; ids read ``name.label``.
     mesh : TriangleMesh, optional
-        To measure distances to, and to find the frame that the taxels are in.
+        Mesh of the link. It gives distances, and the frame of the taxels.
     frame : (rotation, translation), optional
-        From the set's frame into the link's, as `placed` takes it; by default the set is in the link frame.
+        Transform from the frame of the set to the link frame, see `placed`. By default the set is in the link frame.
     snap : bool
-        Whether to move every taxel to its footpoint; its gap still tells from how far.
+        Whether to move each taxel to its footpoint. The gap is that before the movement.
     tangent : "u" or "v"
-        Along which parameter of the surface tangents run, where the file has none.
+        Parameter that gives the direction of the tangents, if the file has none.
     farthest : float
-        Taxels further from the surface are named [m].
+        Limit of the distance from the surface; taxels beyond it are named [m].
     pitch : float, optional
-        Distance between neighbours, which bounds the cells [m]; by default the median of the set.
+        Distance between neighbours, which limits the cells [m]. By default the median of the set.
+
+    Returns
+    -------
+    ImportedTaxels
 
     Raises
     ------
     InvalidPlan
-        If the taxels all lie in one place, and no pitch is given, or so close together that cells mean nothing; or if
-        the rotation is none.
+        If all taxels have one position and no pitch is given, if they are too close together for the pitch, or if the
+        matrix is not a rotation.
     """
     taxel_set = taxel_set if frame is None else placed(taxel_set, *frame)
     ids = tuple(f"{name}.{label}" for label in taxel_set.labels)
@@ -143,12 +157,25 @@ def imported_taxels(
 
 
 def placed(taxel_set: TaxelSet, rotation: ArrayLike, translation: ArrayLike) -> TaxelSet:
-    """A set moved into the link frame by ``rotation @ p + translation`` [m], the rotation rounded as authors write it.
+    """Return a set in the link frame: ``rotation @ p + translation``.
+
+    Parameters
+    ----------
+    taxel_set : TaxelSet
+        Taxels of the file.
+    rotation : array, shape (3, 3)
+        Rotation; rounding by the author is removed.
+    translation : array, shape (3,)
+        Translation [m].
+
+    Returns
+    -------
+    TaxelSet
 
     Raises
     ------
     InvalidPlan
-        If the matrix is no rotation: it scales, shears or mirrors.
+        If the matrix is not a rotation: it scales, shears or mirrors.
     """
     return taxel_set.moved(_proper(rotation), np.asarray(translation, float))
 
@@ -157,36 +184,46 @@ def _proper(rotation: ArrayLike) -> Array:
     matrix = np.asarray(rotation, float)
     u, _, v = np.linalg.svd(matrix)
     if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROTATION_TOLERANCE:
-        raise InvalidPlan(f'"rotation" {np.round(matrix, 4).tolist()} is no rotation; rows must be unit, right-handed')
+        raise InvalidPlan(
+            f'"rotation" {np.round(matrix, 4).tolist()} is not a rotation; its rows must be orthogonal unit vectors, '
+            "right-handed"
+        )
     return u @ v
 
 
 def frame_on(taxel_set: TaxelSet, mesh: TriangleMesh, name: str, frame: Frame | None = None) -> Frame:
-    """The frame in which a set lies on a mesh, where one place alone fits.
+    """Return the frame in which a set lies on a mesh, if there is exactly one.
 
     Parameters
     ----------
-    taxel_set, mesh : TaxelSet, TriangleMesh
+    taxel_set : TaxelSet
+        Taxels of the file.
+    mesh : TriangleMesh
+        Mesh of the link.
     name : str
-        Of the taxels, for messages.
+        Name of the taxels, for messages.
     frame : (rotation, translation), optional
-        From the set's frame into the link's, as far as it is known.
+        Approximate transform from the frame of the set to the link frame.
+
+    Returns
+    -------
+    (rotation, translation)
 
     Raises
     ------
     InvalidPlan
-        If the set lies right already, in several places or in none; or if the rotation given is none.
+        If the set is on the mesh already, fits in several positions or in none, or if the matrix is not a rotation.
     """
     given = taxel_set if frame is None else placed(taxel_set, *frame)
     fit = find_frame(mesh, given.positions)
     if fit.verdict == "moved":
         return _after(fit, frame)
     messages = [finding.message for finding in _frame_findings(name, fit, frame)]
-    raise InvalidPlan(f"{name} {messages[0] if messages else 'lies on the mesh as it is; its frame needs no change'}")
+    raise InvalidPlan(f"{name} {messages[0] if messages else 'is on the mesh already; its frame needs no change'}")
 
 
 def _after(fit: RigidFit, frame: Frame | None) -> tuple[Array, Array]:
-    """A motion that follows the one into a frame."""
+    """Return the transform into a frame, followed by a fitted motion."""
     if frame is None:
         return fit.rotation, fit.translation
     rotation, translation = frame
@@ -194,31 +231,44 @@ def _after(fit: RigidFit, frame: Frame | None) -> tuple[Array, Array]:
 
 
 def median_pitch(positions: Array, name: str) -> float:
-    """Median distance from a taxel to the nearest one in another place [m].
+    """Return the median distance from a taxel to the nearest one at another position [m].
+
+    Parameters
+    ----------
+    positions : array, shape (n, 3)
+        Positions [m].
+    name : str
+        Name of the taxels, for messages.
 
     Raises
     ------
     InvalidPlan
-        If all lie in one place.
+        If all have one position.
     """
     points = positions[np.unique(np.round(positions, POSITION_DECIMALS), axis=0, return_index=True)[1]]
     if len(points) < 2:
-        raise InvalidPlan(f"the taxels of {name} lie in one place, so that their cells have no size; give a pitch")
+        raise InvalidPlan(f"the taxels of {name} have one position, so that their cells have no size; give a pitch")
     return float(np.median(np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]))
 
 
 def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray, max_radius: float) -> Array:
-    """What is nearer to a taxel than to any other in its tangent plane, as far as ``max_radius`` [m].
+    """Return the outlines of the cells: the points nearer to a taxel than to any other, in its tangent plane.
 
     Parameters
     ----------
+    positions : array, shape (n, 3)
+        Positions [m].
+    normals, tangents : array, shape (n, 3)
+        Unit vectors.
     pairs : array of int, shape (m, 2)
         Taxels that may bound each other.
+    max_radius : float
+        Largest radius of a cell [m].
 
     Returns
     -------
-    array, shape (n, SIDES, 3)
-        Corners from the tangent on, counter-clockwise seen from outside [m].
+    array, shape (n, OUTLINE_SIDES, 3)
+        Corners, beginning at the tangent, counter-clockwise seen from outside [m].
     """
     angles = 2 * np.pi * np.arange(OUTLINE_SIDES) / OUTLINE_SIDES
     rays = np.column_stack((np.cos(angles), np.sin(angles)))
@@ -226,8 +276,8 @@ def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray,
     a, b = np.concatenate((pairs, pairs[:, ::-1])).T
     gap = positions[b] - positions[a]
     flat = np.column_stack(((gap * tangents[a]).sum(axis=1), (gap * across[a]).sum(axis=1)))
-    length = np.linalg.norm(gap, axis=1)  # not that of its shadow: a neighbour round a bend is as far as it is
-    # One in the same place, or straight above, bounds nothing.
+    length = np.linalg.norm(gap, axis=1)  # in space, not in the tangent plane: exact around a bend
+    # A taxel at the same position, or straight above, is no bound.
     apart = np.linalg.norm(flat, axis=1) > np.maximum(SAME_POINT_TOLERANCE * max_radius, SAME_POINT_TOLERANCE * length)
     a, flat, length = a[apart], unit(flat[apart]), length[apart]
     cosine = flat @ rays.T
@@ -239,9 +289,22 @@ def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray,
 
 
 def gabriel(positions: Array, normals: Array, pairs: IntArray) -> IntArray:
-    """The pairs of taxels whose cells touch half-way: no third one lies in the ball between them (Gabriel, 1969).
+    """Return the pairs of taxels whose cells touch: no third one is in the ball between them (Gabriel, 1969).
 
-    Of four in a square, those across a corner are none: the others lie on the ball.
+    The diagonals of a square are not pairs, as the other two corners are on the ball.
+
+    Parameters
+    ----------
+    positions : array, shape (n, 3)
+        Positions [m].
+    normals : array, shape (n, 3)
+        Unit normals.
+    pairs : array of int, shape (m, 2)
+        Candidates.
+
+    Returns
+    -------
+    array of int, shape (k, 2)
     """
     a, b = pairs.T
     middle, radius = (positions[a] + positions[b]) / 2, np.linalg.norm(positions[a] - positions[b], axis=1) / 2
@@ -258,18 +321,40 @@ def gabriel(positions: Array, normals: Array, pairs: IntArray) -> IntArray:
 
 
 def near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntArray:
-    """Pairs of taxels at most ``far`` apart [m] that do not face apart, as on two sides of something thin."""
+    """Return the pairs of near taxels with an angle below 90 degrees between their normals.
+
+    Parameters
+    ----------
+    positions : array, shape (n, 3)
+        Positions [m].
+    normals : array, shape (n, 3)
+        Unit normals.
+    far : float
+        Largest distance [m].
+    name : str
+        Name of the taxels, for messages.
+
+    Returns
+    -------
+    array of int, shape (m, 2)
+
+    Raises
+    ------
+    InvalidPlan
+        If the taxels are too close together for the distance.
+    """
     tree = cKDTree(positions)
     if tree.count_neighbors(tree, far) > MAX_MEAN_NEIGHBOURS * len(positions):
         raise InvalidPlan(
-            f"the taxels of {name} lie too close together for a pitch of {far / 2 / MAX_CELL_RADIUS * 1e3:.3g} mm"
+            f"the taxels of {name} are too close together for a pitch of {far / 2 / MAX_CELL_RADIUS * 1e3:.3g} mm. "
+            "Give a smaller pitch"
         )
     pairs = tree.query_pairs(far, output_type="ndarray").astype(np.int64)
     return pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 0]
 
 
 def _at_ports(taxel_set: TaxelSet) -> IntArray:
-    """The pairs of neighbours that a file names."""
+    """Return the pairs of neighbours that a file states."""
     row_of = {label: row for row, label in enumerate(taxel_set.labels)}
     named = enumerate(taxel_set.neighbours or ())
     pairs = [(row, row_of[label]) for row, labels in named for label in labels if row_of.get(label, row) != row]
@@ -277,7 +362,7 @@ def _at_ports(taxel_set: TaxelSet) -> IntArray:
 
 
 def _symmetric(ids: tuple[str, ...], pairs: IntArray) -> tuple[tuple[str, ...], ...]:
-    """Ids of the neighbours of each taxel; who has one is one."""
+    """Return the ids of the neighbours of each taxel; a neighbour in one direction is one in both."""
     adjacent: list[set[int]] = [set() for _ in ids]
     for a, b in pairs.tolist():
         adjacent[a].add(b)
@@ -286,7 +371,7 @@ def _symmetric(ids: tuple[str, ...], pairs: IntArray) -> tuple[tuple[str, ...], 
 
 
 def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: Array, along: str) -> Array:
-    """Unit tangents at a right angle to the normals: the file's where it has some, else along the surface."""
+    """Return unit tangents perpendicular to the normals: those of the file, or else along the surface."""
     r = surface.derivatives(uv)
     wanted = r[1, 0] if along == "u" else r[0, 1]
     if taxel_set.tangents is not None:
@@ -303,7 +388,7 @@ def _distances(distance: Array, points: Array, exact: MeshDistance | None) -> Di
 
 
 def _named(code: str, ids: tuple[str, ...], chosen: BoolArray, where: str) -> Iterator[Finding]:
-    """One warning that names the first of the chosen taxels; its value names all."""
+    """Yield one warning with the first of the chosen taxels; its value names all."""
     names = [ids[i] for i in np.flatnonzero(chosen)]
     if names:
         shown = ", ".join(names[:MAX_TAXELS_NAMED]) + (", ..." if len(names) > MAX_TAXELS_NAMED else "")
@@ -321,25 +406,23 @@ def _flipped(name: str, taxel_set: TaxelSet, normals: Array) -> Iterator[Finding
 
 
 def _frame_findings(name: str, fit: RigidFit | None, given: Frame | None) -> Iterator[Finding]:
-    """Whether the taxels are in the link frame, and what would bring them there in place of the frame given."""
+    """Yield a finding if the taxels are not in the link frame, with the frame that fits instead of the given one."""
     if fit is None or fit.before.mean <= ON_MESH_DISTANCE:
         return
     off, left = f"{fit.before.mean * 1e3:.1f} mm", f"{fit.after.mean * 1e3:.1f} mm"
     rotation, translation = (np.round(part, 9).tolist() for part in _after(fit, given))
     frame = {"rotation": rotation, "translation": translation}
     if fit.verdict == "moved":
-        message = f"lies {off} off the mesh on the mean, and {left} in another frame, which may slide by "
+        message = f"is {off} off the mesh on average, and {left} in another frame, which may slide by "
         message += f'{fit.slack * 1e3:.0f} mm; if that is right, give it "frame": {json.dumps(frame)}'
         yield error("wrong-frame", name, message, frame)
     elif fit.verdict == "ambiguous":
-        message = f"lies {off} off the mesh on the mean; it would lie on it in several places, so give its frame, as "
+        message = f"is {off} off the mesh on average; it fits the mesh in several positions, so give its frame, as "
         message += f"in {json.dumps(frame)} ({left})"
         yield error("wrong-frame", name, message, frame)
     elif fit.verdict == "lost":
-        message = (
-            f"lies {off} off the mesh on the mean, and no motion brings it nearer than {left}; check link and unit"
-        )
+        message = f"is {off} off the mesh on average, and no motion brings it nearer than {left}; check link and unit"
         yield (error if fit.before.mean > MAX_SURFACE_DISTANCE else warning)("off-mesh", name, message, fit.before.mean)
     else:
-        message = f"lies {off} off the mesh on the mean, and no motion brings it much nearer: is the skin so thick?"
+        message = f"is {off} off the mesh on average, and no motion brings it much nearer: is the skin so thick?"
         yield warning("off-mesh", name, message, fit.before.mean)

@@ -129,7 +129,7 @@ def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tm
         before = list(skin.rotation), list(skin.translation), guess
         bpy.ops.ed.undo_push(message="guess")
         with pytest.raises(
-            RuntimeError, match="Error: skin 'worn', taxels.csv: lies .* off the mesh .*; if that is right, press Find"
+            RuntimeError, match="Error: skin 'worn', taxels.csv: is .* off the mesh .*; if that is right, press Find"
         ):
             bpy.ops.skin_calib.fit()
         assert bpy.ops.skin_calib.frame_find("EXEC_DEFAULT", True, skin=0) == {"FINISHED"}
@@ -141,7 +141,7 @@ def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tm
         bpy.ops.ed.redo()
         assert bpy.context.object.skin_calib.skins[0].framed
     state = scene_state(bpy, addon)
-    with pytest.raises(RuntimeError, match="Error: worn lies on the mesh as it is; its frame needs no change"):
+    with pytest.raises(RuntimeError, match="Error: worn is on the mesh already; its frame needs no change"):
         bpy.ops.skin_calib.frame_find(skin=0)
     assert scene_state(bpy, addon) == state
 

@@ -42,7 +42,7 @@ def arm(tmp_path_factory):
 def test_arm_in_a_wrong_frame_is_laid_where_its_refusal_says(arm):
     """Told with the frame that fits; with it the taxels lie on the link, and their file passes its check."""
     out, refusal = arm
-    assert "lies 31.6 mm off the mesh on the mean, and 0.4 mm in another frame" in refusal
+    assert "is 31.6 mm off the mesh on average, and 0.4 mm in another frame" in refusal
     assert main(["check", str(out)]) == 0
     (patch,) = load_calibration(out).patches
     assert len(patch.taxels.ids) == 350 and np.median(np.abs(patch.taxels.quality["gap"])) < 1e-3

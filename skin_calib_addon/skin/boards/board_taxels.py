@@ -69,7 +69,7 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
 
 
 def _ports(ids: tuple[str, ...], positions: Array, sides: Array, pairs: IntArray) -> tuple[tuple[str | None, ...], ...]:
-    """Return the neighbour at each side of each board; None where there is none."""
+    """Return the neighbour at each side of each board; None without a neighbour."""
     ports: list[list[str | None]] = [[None] * sides.shape[1] for _ in ids]
     ahead = np.einsum("pkc,pc->pk", (sides - positions[:, None])[pairs[:, 0]], np.diff(positions[pairs], axis=1)[:, 0])
     for (board, other), side in zip(pairs.tolist(), ahead.argmax(axis=1).tolist()):

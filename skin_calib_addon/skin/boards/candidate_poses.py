@@ -63,7 +63,7 @@ class CandidatePoses:
         return _slack(self.step / 2**HALVINGS, self.step)
 
     def starts(self, count: int) -> Iterator[tuple[Pose, float]]:
-        """Yield the poses of largest clearance for ``count`` boards, and their approximate smallest clearance [m]."""
+        """Yield poses with large clearance for ``count`` boards, and the approximate smallest clearance [m]."""
         angles, shifts, clearance = self.finest(count)
         for _ in range(MAX_STARTS):
             if not len(clearance):
@@ -75,7 +75,7 @@ class CandidatePoses:
             angles, shifts, clearance = angles[is_apart], shifts[is_apart], clearance[is_apart]
 
     def finest(self, count: int) -> tuple[Array, Array, Array]:
-        """Return angles (k,), shifts (k, 2) and clearances (k,) of the best poses for ``count`` boards, after the halvings."""
+        """Return angles (k,), shifts (k, 2), clearances (k,) of the best poses for ``count`` boards."""
         if count > self.clearances.shape[-1]:
             return np.empty(0), np.empty((0, 2)), np.empty(0)
         clearance, step = np.asarray(self.clearances[..., count - 1], float).ravel(), self.step
@@ -115,7 +115,7 @@ class CandidatePoses:
         return turned.ravel(), (shifts[:, None] + step * along_rows).reshape(-1, 2)
 
     def clearance(self, angles: Array, shifts: Array, count: int, slack: float) -> Array:
-        """Return the smallest clearance of the best ``count`` boards at poses, shape (k,) [m]; -inf below minus the slack.
+        """Return the smallest clearance of the best ``count`` boards at poses, shape (k,) [m]; -inf for misfits.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class CandidatePoses:
         count : int
             Number of boards.
         slack : float
-            Limit of negative clearances [m].
+            A clearance below minus the slack is a misfit [m].
         """
         centres = self.lattice.centres(cells_within(self.lattice, self.radius))
         clearance = np.full(len(angles), -np.inf)
@@ -239,7 +239,7 @@ class Depths:
         return self.spacing * (np.array((self.columns, len(self.values) // self.columns)) - 1)
 
     def index(self, vectors: Array) -> IntArray:
-        """Return the difference of node numbers for ``vectors`` (..., 2), rounded; vectors from ``low`` give numbers."""
+        """Return rounded differences of node numbers for ``vectors`` (..., 2); from ``low`` they are numbers."""
         nodes = np.rint(vectors / self.spacing).astype(np.int64)
         return nodes[..., 1] * self.columns + nodes[..., 0]
 

@@ -137,7 +137,7 @@ class Polyline:
 
 
 def outline(surface: BSplineSurface, fit: SurfaceFit | None, middle: float) -> list[Polyline]:
-    """Return polylines around the part of a surface that its mesh covers, by the even-odd rule.
+    """Return polylines around the part of a surface that its mesh covers, by the parity rule.
 
     The polylines have common ends.
 
@@ -204,7 +204,7 @@ def _outer_faces(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolA
 
 
 def _rim(mesh: TriangleMesh, chosen: BoolArray) -> IntArray:
-    """Return the edges with an odd number of chosen faces, shape (e, 2)."""
+    """Return the edges with an uneven number of chosen faces, shape (e, 2)."""
     faces = mesh.faces[chosen]
     edges = np.sort(np.concatenate((faces[:, :2], faces[:, 1:], faces[:, ::2])), axis=1)
     found, times = np.unique(edges, axis=0, return_counts=True)
@@ -229,7 +229,7 @@ def _sampled_edges(
 
 
 def flat_loops(to_flat: FlatMap, lines: Sequence[Polyline]) -> list[Array]:
-    """Return loops in the plane that enclose the map of what the polylines enclose, by the even-odd rule.
+    """Return loops in the plane that enclose the map of what the polylines enclose, by the parity rule.
 
     Each polyline becomes a fan to one point. The common sides of two fans cancel.
 

@@ -20,7 +20,7 @@ ZONE_EDGE_SAMPLES = 3
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The points inside an odd number of ``loops``: outlines, islands and holes, in any order and orientation.
+    """The points inside an uneven number of ``loops``: outlines, islands and holes, in any order and orientation.
 
     Each loop is an array of shape (k, 2) [m]; its last point joins the first. Repeated points and edges without length
     have no effect. An edge that occurs twice has no effect either: a bridge from an outline to a hole, or the common
@@ -177,7 +177,7 @@ def _edges_of(loops: Sequence[Array]) -> Array:
 
 
 def _encloses(edges: Array, points: Array) -> BoolArray:
-    """Return which of the points (n, 2) are inside: a ray along x crosses an odd number of edges, shape (n,)."""
+    """Return which of the points (n, 2) are inside: a ray along x crosses an uneven number of edges, shape (n,)."""
     (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
     rises = by > ay
     inside = np.empty(len(points), bool)

@@ -172,7 +172,7 @@ def test_import_picks_and_places(tmp_path, capsys):
     assert taxels.labels == ("skin_0",) and taxels.frame is None
     assert_allclose(taxels.positions, [[0, 0.1, 0.5]], rtol=0, atol=1e-12)
     capsys.readouterr()
-    assert_refused(capsys, 1, "is no rotation", *words, json.dumps(frame | {"rotation": [[1, 0, 0]] * 3}))
+    assert_refused(capsys, 1, "is not a rotation", *words, json.dumps(frame | {"rotation": [[1, 0, 0]] * 3}))
 
 
 def test_import_on_a_plan_is_a_calibration(folder, capsys):  # noqa: F811

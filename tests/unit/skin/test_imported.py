@@ -301,7 +301,7 @@ def test_wrong_frame_is_an_error_that_proposes_the_right_one():
     result = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist())
     (found,) = (f for f in result.findings if f.severity == "error")
     assert found.code == "wrong-frame" and result.fit.verdict == "moved"
-    assert re.match(r"lies [0-9.]+ mm off the mesh on the mean, and 0\.0 mm in another frame", found.message)
+    assert re.match(r"is [0-9.]+ mm off the mesh on average, and 0\.0 mm in another frame", found.message)
     again = placed(taxel_set(positions), **found.value)
     right = imported_taxels(again, wrist_surface(), "skin", wrist())
     assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
@@ -325,13 +325,13 @@ def test_frame_is_found_where_one_place_fits():
     for given in (None, (wrong.rotation, wrong.shift)):
         there = placed(taxel_set(positions), *frame_on(taxel_set(positions), wrist(), "skin", given))
         assert np.linalg.norm(there.positions - on_wrist(), axis=1).max() < 2e-4
-    with pytest.raises(InvalidPlan, match="skin lies on the mesh as it is; its frame needs no change"):
+    with pytest.raises(InvalidPlan, match="skin is on the mesh already; its frame needs no change"):
         frame_on(there, wrist(), "skin")
     on_tube = Motion(3).points(rolled(lattice(8, 36, "triangle")))
     with pytest.raises(InvalidPlan, match="skin lies .* in several places, so give its frame"):
         frame_on(taxel_set(on_tube), cylinder(), "skin")
     scattered = np.random.default_rng(0).uniform(-0.2, 0.2, (80, 3))
-    with pytest.raises(InvalidPlan, match="skin lies .* and no motion brings it nearer"):
+    with pytest.raises(InvalidPlan, match="skin is .* and no motion brings it nearer"):
         frame_on(taxel_set(scattered), cylinder(), "skin")
 
 
@@ -344,7 +344,7 @@ def test_frame_is_found_where_one_place_fits():
             cone_surface(RADIUS, RADIUS),
             "wrong-frame",
             "error",
-            "it would lie on it in several places, so give its frame, as in",
+            "it fits the mesh in several positions, so give its frame, as in",
         ),
         (
             np.random.default_rng(0).uniform(-0.2, 0.2, (80, 3)),
@@ -360,7 +360,7 @@ def test_frame_is_found_where_one_place_fits():
             cone_surface(RADIUS, RADIUS),
             "off-mesh",
             "warning",
-            "lies 6.0 mm off the mesh on the mean, and no motion brings it much nearer",
+            "is 6.0 mm off the mesh on average, and no motion brings it much nearer",
         ),
     ],
 )
@@ -379,14 +379,14 @@ def test_placed_takes_a_rotation_rounded_by_hand():
     gaps = [np.linalg.norm(p[:, None] - p, axis=2) for p in (positions, here.positions)]
     assert_allclose(gaps[1], gaps[0], rtol=0, atol=1e-15)
     for wrong in (2 * np.eye(3), np.diag((1, 1, -1)), np.zeros((3, 3)), np.eye(3) + 0.01):
-        with pytest.raises(InvalidPlan, match='"rotation" .* is no rotation; rows must be unit, right-handed'):
+        with pytest.raises(InvalidPlan, match='"rotation" .* is not a rotation; its rows must be orthogonal unit vectors, right-handed'):
             placed(taxel_set(positions), wrong, (0, 0, 0))
 
 
 def test_taxels_without_spacing_need_a_pitch():
     """One alone, or all in one place, has no spacing; with a pitch its cell is round."""
     for positions in (flat(np.zeros((1, 2))), flat(np.zeros((3, 2)))):
-        with pytest.raises(InvalidPlan, match="the taxels of s lie in one place, so .* have no size; give a pitch"):
+        with pytest.raises(InvalidPlan, match="the taxels of s have one position, so .* have no size; give a pitch"):
             imported_taxels(taxel_set(positions), plane_surface(), "s")
         taxels = imported_taxels(taxel_set(positions), plane_surface(), "s", pitch=0.01).taxels
         arms = taxels.corners_link - positions[:, None]
@@ -398,7 +398,7 @@ def test_heap_of_taxels_is_refused():
     """Thousands in one place beside a lattice would be neighbours of each other: refused before that fills memory."""
     heap = np.tile((0.05, 0.05, 0), (3000, 1)) + np.random.default_rng(0).normal(scale=1e-8, size=(3000, 3))
     positions = np.vstack((flat(lattice(8, 8, "square")), heap))
-    with pytest.raises(InvalidPlan, match="the taxels of s lie too close together for a pitch of 6 mm"):
+    with pytest.raises(InvalidPlan, match="the taxels of s are too close together for a pitch of 6 mm"):
         imported_taxels(taxel_set(positions), plane_surface(), "s")
 
 
