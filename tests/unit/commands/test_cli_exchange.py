@@ -199,7 +199,7 @@ def test_wrong_frame_is_refused_and_its_proposal_works(folder, capsys):  # noqa:
     turned = positions @ matrix(30, "x").T + (0.2, 0.1, 0.0)
     (folder / "cuff.csv").write_text(csv_text(turned))
     words = ["import", str(folder / "cuff.csv"), "--plan", str(folder / "tube.plan.json"), "-o", str(folder / "c.json")]
-    assert_refused(capsys, 1, "off the mesh on the mean", *words)
+    assert_refused(capsys, 1, "off the mesh on average", *words)
     assert not (folder / "c.json").exists()
     main(words)
     message = capsys.readouterr().err

@@ -328,7 +328,7 @@ def test_frame_is_found_where_one_place_fits():
     with pytest.raises(InvalidPlan, match="skin is on the mesh already; its frame needs no change"):
         frame_on(there, wrist(), "skin")
     on_tube = Motion(3).points(rolled(lattice(8, 36, "triangle")))
-    with pytest.raises(InvalidPlan, match="skin lies .* in several places, so give its frame"):
+    with pytest.raises(InvalidPlan, match="skin is .* in several positions, so give its frame"):
         frame_on(taxel_set(on_tube), cylinder(), "skin")
     scattered = np.random.default_rng(0).uniform(-0.2, 0.2, (80, 3))
     with pytest.raises(InvalidPlan, match="skin is .* and no motion brings it nearer"):
