@@ -1,4 +1,6 @@
-"""The cases in which ``constants.py`` looks for effects of constants: fits, skins, imports, touches, recordings.
+"""The cases in which ``constants.py`` looks for effects of constants: their list, and those of fits and skins.
+
+``constant_cases_files.py`` has the cases of files, ``constant_cases_runtime.py`` those of the runtime.
 
 Each case runs commands of ``skin-calib``, or public functions, in a folder with prepared inputs. It returns a
 dictionary: whole numbers (counts), arrays (errors, positions, outputs) and texts (warnings, without their numbers).
@@ -23,6 +25,7 @@ Array = np.ndarray
 Result = dict[str, Any]
 CASES: dict[str, Callable[[Path], Result]] = {}
 NEEDS_DATA: set[str] = set()
+PREPARATIONS: list[Callable[[Path], None]] = []  # each writes inputs of some cases
 MEANT_FOR: dict[str, tuple[str, ...]] = {}
 
 
@@ -56,6 +59,12 @@ def is_present(name: str) -> bool:
 def is_meant_for(name: str, file: str) -> bool:
     """Whether a case is run for the constants of a file, a path within the package."""
     return file.startswith(MEANT_FOR[name])
+
+
+def prepare(folder: Path) -> None:
+    """Write meshes, calibrations, measurements and recordings that the cases read."""
+    for preparation in PREPARATIONS:
+        preparation(folder)
 
 
 def load_package() -> None:
@@ -106,6 +115,14 @@ def calibrated(folder: Path, name: str, plan: dict[str, Any] | Path) -> Result:
     return result
 
 
+def several(folder: Path, plans: dict[str, dict[str, Any]]) -> Result:
+    """Fit several plans and return their results under their names."""
+    result: Result = {}
+    for name, plan in plans.items():
+        result |= {f"{key}, {name}": value for key, value in calibrated(folder, f"several_{name}", plan).items()}
+    return result
+
+
 def contents(path: Path) -> Result:
     """Return what a calibration file contains."""
     document = json.loads(path.read_text())
@@ -127,6 +144,12 @@ def contents(path: Path) -> Result:
             if key in taxels:
                 result[f"{key} of {name}"] = np.array(taxels[key], float)
     return result
+
+
+def write_csv(path: Path, header: tuple[str, ...], rows: Array) -> None:
+    """Write a table of numbers."""
+    lines = [",".join(header), *(",".join(f"{x!r}" for x in row) for row in rows.tolist())]
+    path.write_text("\n".join(lines) + "\n")
 
 
 # Meshes from formulas
@@ -171,10 +194,36 @@ def dome(angle: Array, height: Array) -> Array:
     return np.column_stack((radius * np.cos(angle), 0.8 * radius * np.sin(angle), 0.03 - 10 * radius**2))
 
 
-def prepare(folder: Path) -> None:
-    """Write meshes, calibrations, measurements and recordings that the cases read."""
-    from skin_calib_addon.calibration import load_calibration
+def ring(angle: Array, height: Array) -> Array:
+    """A short wide tube: 80 mm wide, 25 mm long."""
+    return np.column_stack((0.04 * np.cos(angle), 0.036 * np.sin(angle), 0.025 * height))
 
+
+def slight_bend(angle: Array, height: Array) -> Array:
+    """A tube along an arc of 30 degrees."""
+    turn, radius = 0.5 * height, 0.24 + (0.02 + 0.003 * np.cos(3 * angle)) * np.cos(angle)
+    return np.column_stack((radius * np.cos(turn), radius * np.sin(turn), 0.02 * np.sin(angle)))
+
+
+def plate(angle: Array, height: Array) -> Array:
+    """A tube with a flat section, 60 mm wide and 10 mm thick."""
+    return np.column_stack((0.03 * np.cos(angle), 0.005 * np.sin(angle), 0.1 * height))
+
+
+# Names, vertices around and along, noise of the vertices [m].
+SCANS = (("scan", 160, 90, 0.0004), ("fine_scan", 220, 120, 0.0001), ("coarse_scan", 70, 36, 0.0008))
+SIZES = (0.01, 0.03, 0.08, 20.0, 60.0)  # times the size of a forearm
+# Names, taxels, height above the surface [m] and noise [m] of clouds in another frame.
+CLOUDS = (
+    ("moved", slice(None), 0.0, 0.0001),
+    ("half", slice(0, 60), 0.002, 0.0003),
+    ("rough", slice(None, None, 2), 0.006, 0.002),
+)
+
+
+@PREPARATIONS.append
+def meshes(folder: Path) -> None:
+    """Write the meshes."""
     rng = np.random.default_rng(0)
     tube(bent_tube, 60, 50).export(folder / "bent.ply")
     tube(square_tube, 144, 20).export(folder / "square.ply")
@@ -182,87 +231,34 @@ def prepare(folder: Path) -> None:
     hole = np.array((-0.036, 0.0, 0.06))
     open_tube = tube(round_tube, 60, 30, lambda centres: np.linalg.norm(centres - hole, axis=1) > 0.012)
     open_tube.export(folder / "open.ply")
-    scan = tube(round_tube, 160, 90)
-    scan.vertices += rng.normal(0, 0.0004, scan.vertices.shape)
-    scan.export(folder / "scan.ply")
     millimetres = tube(round_tube, 40, 10)
     millimetres.apply_scale(1e3)
     millimetres.export(folder / "millimetres.ply")
     turned = tube(round_tube, 60, 30)
     turned.faces[::20] = turned.faces[::20, ::-1]
     turned.export(folder / "turned.ply")
-
+    for name, around, along, noise in SCANS:
+        scan = tube(round_tube, around, along)
+        scan.vertices += rng.normal(0, noise, scan.vertices.shape)
+        scan.export(folder / f"{name}.ply")
+    tube(round_tube, 12, 6).export(folder / "twelve_sides.ply")
+    tube(ring, 72, 9).export(folder / "ring.ply")
+    tube(slight_bend, 48, 40).export(folder / "slight_bend.ply")
+    tube(plate, 48, 12).export(folder / "plate.ply")
+    for factor in SIZES:
+        scaled = tube(round_tube, 40, 10)
+        scaled.apply_scale(factor)
+        scaled.export(folder / f"size_{factor:g}.ply")
     wrist = folder / "wrist.calibration.json"
     command("fit", SAMPLES / "wrist.plan.json", "-o", wrist)
-    perturbed(wrist, folder / "perturbed.calibration.json", rng)
-    taxels = load_calibration(wrist).patches[0].taxels
-    rows = np.column_stack((taxels.positions_link, taxels.normals_link))
-    rows += rng.normal(0, 1e-4, rows.shape)
-    write_csv(folder / "taxels.csv", ("x", "y", "z", "nx", "ny", "nz"), rows)
+    taxels = json.loads(wrist.read_text())["patches"][0]["taxels"]
+    positions, normals = np.array(taxels["position"]), np.array(taxels["normal"])
+    write_csv(folder / "taxels.csv", ("x", "y", "z", "nx", "ny", "nz"), np.hstack((positions, normals)).round(4))
     turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
-    moved = rows[:, :3] @ turn.T + (0.02, -0.03, 0.05)
-    write_csv(folder / "moved.csv", ("x", "y", "z"), moved)
-    forces = rng.uniform(0, 15, 400)
-    exact = 255 * (1 - (1 - np.minimum(forces, 20) / 20) ** 3)
-    readings = np.clip(np.rint(exact + rng.normal(0, 1.5, 400) + 3 * (np.arange(400) % 2)), 0, 240)
-    write_csv(folder / "measurements.csv", ("reading", "force"), np.column_stack((readings, forces)))
-    some = np.column_stack((np.rint(np.linspace(0, 200, 24)), np.linspace(0, 6, 24) ** 1.3))
-    write_csv(folder / "few.csv", ("reading", "force"), some[[0, 1, 2, 3, 5, 9, 15, 23]])
-    for name in ("foot_flat", "foot_beam12", "forearm_single"):
-        if SHARED.is_dir():
-            recording(folder, name, load_calibration(wrist).surfaces)
-
-
-def write_csv(path: Path, header: tuple[str, ...], rows: Array) -> None:
-    """Write a table of numbers."""
-    lines = [",".join(header), *(",".join(f"{x!r}" for x in row) for row in rows.tolist())]
-    path.write_text("\n".join(lines) + "\n")
-
-
-def perturbed(source: Path, target: Path, rng: np.random.Generator) -> None:
-    """Write a calibration whose numbers are wrong by amounts of all sizes, from 1e-12 to 1 of them."""
-    document = json.loads(source.read_text())
-    taxels = document["patches"][0]["taxels"]
-    for key in ("normal", "tangent", "area", "position", "corners"):
-        values = np.array(taxels[key], float)
-        factors = 1 + 10.0 ** rng.uniform(-12, 0.5, len(values))
-        taxels[key] = (values * factors.reshape(-1, *[1] * (values.ndim - 1))).tolist()
-    target.write_text(json.dumps(document))
-
-
-def recording(folder: Path, name: str, surfaces: tuple) -> None:
-    """Write the calibration of a simulated skin, and a recording of it; the runtime does not read its surface."""
-    from skin_calib_addon.calibration import LinkCalibration, MeshSource, Patch, Response, TaxelArray, save_calibration
-
-    data = np.load(SHARED / "truth" / f"{name}.npz")
-    arm = name.startswith("forearm")
-    layout = json.loads((SHARED / "truth" / f"layout_{'forearm' if arm else 'left_sole'}.json").read_text())["taxels"]
-    positions, normals, corners = (np.array([t[key] for t in layout]) for key in ("position", "normal", "corners"))
-    corners = corners[:, ::-1]  # counter-clockwise seen from outside
-    normals = normals if arm else -normals  # the sole's normals point into the robot
-    apart = np.linalg.norm(positions[:, None] - positions, axis=2)
-    ids = tuple(f"t{i}" for i in range(len(positions)))
-    near = [np.flatnonzero((row > 0) & (row < (0.0115 if arm else 0.0285))) for row in apart]
-    across = np.cross(normals, np.where(np.abs(normals[:, 1:2]) > 0.9, (1.0, 0, 0), (0, 1.0, 0)))
-    turns = np.cross(corners[:, 1:-1] - corners[:, :1], corners[:, 2:] - corners[:, :1]).sum(axis=1)
-    taxels = TaxelArray(
-        ids,
-        np.arange(len(ids)),
-        np.column_stack((np.zeros(len(ids), int), np.arange(len(ids)))),
-        np.zeros((len(ids), 2)),
-        positions,
-        normals,
-        across / np.linalg.norm(across, axis=1)[:, None],
-        corners,
-        np.linalg.norm(turns, axis=1) / 2,
-        tuple(tuple(ids[j] for j in row) for row in near),
-    )
-    patch = Patch(name, "imported", surfaces[0].name, (1, len(ids)), (0.01, 0.01), taxels)
-    response = Response((0.0, 0.05)) if arm else Response((0.0, float(data["lsb12"])))
-    mesh = MeshSource(f"{name}.stl", "0" * 64, 0, 0)
-    save_calibration(LinkCalibration(name, mesh, surfaces, (patch,), response), folder / f"{name}.calibration.json")
-    readings = data["raw_u8" if arm else "raw_u12"][::4]
-    np.savez(folder / f"{name}.npz", time=0.01 * np.arange(len(readings)), readings=readings)
+    for name, chosen, height, noise in CLOUDS:
+        cloud = (positions + height * normals)[chosen]
+        cloud = (cloud + rng.normal(0, noise, cloud.shape)) @ turn.T + (0.02, -0.03, 0.05)
+        write_csv(folder / f"{name}.csv", ("x", "y", "z"), cloud)
 
 
 # Surfaces and skins
@@ -319,10 +315,77 @@ def hand_placed(folder: Path) -> Result:
     return calibrated(folder, "square", {"mesh": "square.ply", "grid": grid, "skins": [sheet]})
 
 
-@case("noisy scan")
+@case("noisy scan", only=("geometry/fit", "geometry/sampling", "common"))
 def noisy_scan(folder: Path) -> Result:
     """Stiffness and sites for noise."""
     return calibrated(folder, "scan", {"mesh": "scan.ply", "grid": {"kind": "tube", "n": 8, "m": 8}, "skins": []})
+
+
+@case("other scans", only=("geometry/fit", "geometry/sampling"))
+def other_scans(folder: Path) -> Result:
+    """A fine scan with little noise, and a coarse one with much."""
+    grid = {"kind": "tube", "n": 8, "m": 6}
+    plans = {name: {"mesh": f"{name}.ply", "grid": grid, "skins": []} for name in ("fine_scan", "coarse_scan")}
+    return several(folder, plans)
+
+
+@case("chords of coarse meshes", only=("geometry/fit", "geometry/mesh"))
+def coarse_chords(folder: Path) -> Result:
+    """Corners on the true surface: a tube with twelve sides, and a shape with steps, where chords would do harm."""
+    grid = {"kind": "tube", "n": 6, "m": 6, "margin": 0.004}
+    plans = {
+        name: {"mesh": f"{name}.ply", "grid": grid, "chords": True, "skins": []} for name in ("twelve_sides", "square")
+    }
+    return several(folder, plans)
+
+
+@case("automatic axes", only=("geometry/grid", "geometry/mesh", "geometry/sampling", "geometry/fit/surface_fit"))
+def automatic_axes(folder: Path) -> Result:
+    """A short wide ring, a flat section, a slight bend."""
+    grid = {"kind": "tube", "n": 6, "m": 6}
+    return several(
+        folder, {name: {"mesh": f"{name}.ply", "grid": grid, "skins": []} for name in ("ring", "plate", "slight_bend")}
+    )
+
+
+@case("sizes of meshes", only=("geometry/mesh",))
+def sizes(folder: Path) -> Result:
+    """Meshes of 1 mm to 7 m."""
+    grid = {"kind": "tube", "n": 5, "m": 5}
+    return several(folder, {f"{x:g}": {"mesh": f"size_{x:g}.ply", "grid": grid, "skins": []} for x in SIZES})
+
+
+@case("smallest nets, samples", only=("geometry/fit/auto", "geometry/fit/proof", "geometry/grid"))
+def smallest_of_samples(folder: Path) -> Result:
+    """Tight, loose and impossible tolerances; a patch between two angles."""
+    wrist, edge = str(SAMPLES / "wrist.ply"), str(SAMPLES / "edge.ply")
+    grids = {
+        "tight": (wrist, {"tolerance": 2e-5}),
+        "loose": (wrist, {"tolerance": 1e-3, "measure": "max"}),
+        "impossible": ("square.ply", {"tolerance": 1e-8}),
+        "steps": (edge, {"tolerance": 2e-4, "measure": "max"}),
+        "sector": (wrist, {"tolerance": 5e-5, "from": -1.2, "to": 1.2}),
+    }
+    return several(
+        folder,
+        {name: {"mesh": mesh, "grid": {"kind": "auto", **size}, "skins": []} for name, (mesh, size) in grids.items()},
+    )
+
+
+@case("smallest nets, real links", real=True, only=("geometry/fit/auto", "geometry/fit/proof", "geometry/grid"))
+def smallest_of_links(folder: Path) -> Result:
+    """Three links of robots, two of them whole."""
+    axis = {"point": [-0.0016, -0.0027, -0.1908], "direction": [0.0174, -0.0167, 0.9997]}
+    grids = {
+        "hrp4c_r_wrist_y_cover_only": {"tolerance": 1e-4, "axis": axis, "margin": 0.007},
+        "talos_arm_5_forearm_collision": {"tolerance": 4e-4},
+        "g1_left_wrist_roll": {"tolerance": 1e-3, "axis": {"point": [0, 0, 0], "direction": [1, 0, 0]}},
+    }
+    plans = {
+        name: {"mesh": str(SHARED / "meshes" / f"{name}.stl"), "grid": {"kind": "auto", **size}, "skins": []}
+        for name, size in grids.items()
+    }
+    return several(folder, plans)
 
 
 @case("tube with a hole, chords")
@@ -352,7 +415,6 @@ def smallest_tube(folder: Path) -> Result:
 @case("meshes with errors")
 def with_errors(folder: Path) -> Result:
     """Wrong unit, faces turned inwards, a sheet that does not fit."""
-    result: Result = {}
     tube_grid = {"kind": "tube", "n": 6, "m": 5}
     big = {"name": "big", "kind": "sheet", "rows": 20, "columns": 40, "pitch": [0.01, 0.01]}
     big |= {"origin": "center", "direction": [0, 1, 0]}
@@ -362,9 +424,7 @@ def with_errors(folder: Path) -> Result:
         "margin": {"mesh": "square.ply", "grid": {**tube_grid, "margin": 0.049}, "skins": []},
         "sheet": {"mesh": "square.ply", "grid": tube_grid, "skins": [big]},
     }
-    for name, plan in plans.items():
-        result |= {f"{key}, {name}": value for key, value in calibrated(folder, f"bad_{name}", plan).items()}
-    return result
+    return several(folder, plans)
 
 
 @case("imported taxels")
@@ -379,6 +439,12 @@ def in_another_frame(folder: Path) -> Result:
     return calibrated(folder, "moved", taxel_plan("moved.csv"))
 
 
+@case("other clouds in another frame", only=("geometry/registration",))
+def other_clouds(folder: Path) -> Result:
+    """Half of the taxels, and few with noise under a thick cover."""
+    return several(folder, {name: taxel_plan(f"{name}.csv") for name, *_ in CLOUDS[1:]})
+
+
 def taxel_plan(file: str) -> dict[str, Any]:
     """Return the plan of the wrist sample with imported taxels."""
     plan = json.loads((SAMPLES / "wrist.plan.json").read_text()) | {"mesh": str(SAMPLES / "wrist.ply")}
@@ -391,7 +457,7 @@ def hrp4c_wrist(folder: Path) -> Result:
     return calibrated(folder, "hrp4c", ROOT / "examples" / "hrp4c_wrist.plan.json")
 
 
-@case("TALOS forearm, boards", real=True, only=("skin", "geometry/mesh"))
+@case("TALOS forearm, boards", real=True, only=("skin/boards", "geometry/mesh"))
 def talos_forearm(folder: Path) -> Result:
     """A link with steps between two cuts, filled with boards between two angles."""
     cuts = [{"point": [0, 0, 0.045], "normal": [0, 0, 1]}, {"point": [0, 0, 0.165], "normal": [0, 0, -1]}]
@@ -418,187 +484,3 @@ def jvrc_forearm(folder: Path) -> Result:
     """A coarse link as a whole: axis, span and net found automatically."""
     mesh = str(SHARED / "meshes" / "jvrc1_r_elbow_p.stl")
     return calibrated(folder, "jvrc", {"mesh": mesh, "grid": {"kind": "auto", "tolerance": 5e-4}, "skins": []})
-
-
-# Touches, responses, checks, other formats
-
-
-@case("touches", only=("skin", "validation", "pipeline", "common"))
-def touches(folder: Path) -> Result:
-    """Measured touches compared with the wrist sample, and the plan refined by them."""
-    output = folder / "refined.plan.json"
-    output.unlink(missing_ok=True)
-    files = SAMPLES / "wrist.plan.json", ROOT / "examples" / "wrist_touches.csv"
-    code, messages = command("touches", *files, "--refine", "-o", output)
-    return {
-        "exit code": code,
-        "warnings": without_numbers(messages),
-        "numbers": numbers(messages.replace(str(folder), "")),
-        "plan": numbers(output.read_text()) if output.exists() else np.zeros(0),
-    }
-
-
-@case("responses")
-def responses(folder: Path) -> Result:
-    """Responses fitted to measurements with noise, saturation and hysteresis, and to few measurements."""
-    result: Result = {}
-    for name in ("measurements", "few"):
-        output = folder / f"{name}.response.json"
-        output.unlink(missing_ok=True)
-        code, messages = command("response", folder / "wrist.calibration.json", folder / f"{name}.csv", "-o", output)
-        result |= {f"exit code, {name}": code, f"warnings, {name}": without_numbers(messages)}
-        if output.exists():
-            response = json.dumps(json.loads(output.read_text())["response"])
-            result |= {f"kind, {name}": re.sub(r"[\d.e-]+", "#", response)[:40], f"response, {name}": numbers(response)}
-    return result
-
-
-@case("checks")
-def checks(folder: Path) -> Result:
-    """Findings in a calibration with errors of all sizes."""
-    code, messages = command("check", folder / "perturbed.calibration.json")
-    return {"exit code": code, "findings": re.sub(r"-?\d+(\.\d+)?(e-?\d+)?", "#", messages), "all": numbers(messages)}
-
-
-@case("other formats")
-def other_formats(folder: Path) -> Result:
-    """The wrist sample in each format, and read again."""
-    from skin_calib_addon.calibration.exchange.formats import FORMATS
-
-    result: Result = {}
-    for name, form in FORMATS.items():
-        path, back = folder / f"exported_{name}{form.ending}", folder / "read_again.csv"
-        back.unlink(missing_ok=True)
-        path.unlink(missing_ok=True)
-        code, _ = command("export", folder / "wrist.calibration.json", "--to", name, "-o", path)
-        is_text = path.exists() and form.ending != ".npz"
-        text = path.read_bytes().decode("utf-8", "replace") if is_text else ""
-        result |= {f"exit code, {name}": code, f"size, {name}": len(text), f"text, {name}": text}
-        if form.readable and path.exists():
-            code, messages = command("import", path, "--from", name, "-o", back)
-            result |= {f"exit code, from {name}": code, f"messages, from {name}": without_numbers(messages)}
-            result[f"text, from {name}"] = back.read_text() if back.exists() else ""
-    return result
-
-
-@case("recorded taxel files", real=True)
-def recorded_files(folder: Path) -> Result:
-    """Files of taxels that other programs wrote."""
-    result: Result = {}
-    for path in (SHARED / "taxels" / "raw" / "tum_patch2.xml", SHARED / "taxels" / "raw" / "icub_left_leg_upper.txt"):
-        back = folder / "raw.csv"
-        back.unlink(missing_ok=True)
-        code, messages = command("import", path, "-o", back)
-        result |= {f"exit code, {path.stem}": code, f"messages, {path.stem}": without_numbers(messages)}
-        result[f"text, {path.stem}"] = back.read_text() if back.exists() else ""
-    return result
-
-
-# The runtime
-
-
-def replayed(folder: Path, calibration: Path, readings: Path, *words: str) -> Result:
-    """Replay a recording and return its contacts, CoP and polygons."""
-    output = folder / "replayed.jsonl"
-    output.unlink(missing_ok=True)
-    code, messages = command("replay", calibration, readings, "-o", output, *words)
-    frames = [json.loads(line) for line in output.read_text().splitlines()] if output.exists() else []
-    contacts = [contact for frame in frames for contact in frame["contacts"]]
-    polygons = [np.array(corners) for frame in frames for corners in frame["polygon"].values()]
-    return {
-        "exit code": code,
-        "warnings": without_numbers(messages),
-        "flags": [flag for frame in frames for flag in frame["flags"]],
-        "reasons": [str(frame["reason"]) for frame in frames],
-        "contacts": len(contacts),
-        "forces": np.array([contact["force"] for contact in contacts]),
-        "peak pressures": np.array([contact["peak_pressure"] for contact in contacts]),
-        "contact positions": np.array([contact["position"] for contact in contacts]),
-        "wrenches": np.array([frame["wrench"] or [np.nan] * 6 for frame in frames]),
-        "CoP": np.array([frame["cop"] or [np.nan] * 2 for frame in frames]),
-        "ZMP": np.array([frame["zmp"] or [np.nan] * 2 for frame in frames]),
-        "areas": np.array([area(corners) for corners in polygons]),
-    }
-
-
-def area(corners: Array) -> float:
-    """Area of a polygon [m^2]."""
-    if len(corners) < 3:
-        return 0.0
-    x, y = (corners - corners[0]).T
-    return float(x[1:-1] @ y[2:] - x[2:] @ y[1:-1]) / 2
-
-
-@case("recording of the wrist sample")
-def wrist_recording(folder: Path) -> Result:
-    """The recording of the examples, with its first frames as rest."""
-    recorded = ROOT / "examples" / "wrist_recording.csv"
-    return replayed(folder, folder / "wrist.calibration.json", recorded, "--tare", "2")
-
-
-@case("simulated foot on flat ground", real=True)
-def foot_flat(folder: Path) -> Result:
-    """A sole with 42 boards."""
-    return replayed(folder, folder / "foot_flat.calibration.json", folder / "foot_flat.npz")
-
-
-@case("simulated foot on a beam", real=True)
-def foot_beam(folder: Path) -> Result:
-    """A sole in partial contact."""
-    return replayed(folder, folder / "foot_beam12.calibration.json", folder / "foot_beam12.npz", "--on", "1.5")
-
-
-@case("simulated forearm", real=True)
-def forearm(folder: Path) -> Result:
-    """Contacts on a curved skin, with offsets taken off by the first frames."""
-    return replayed(folder, folder / "forearm_single.calibration.json", folder / "forearm_single.npz", "--tare", "5")
-
-
-@case("two feet", real=True)
-def two_feet(folder: Path) -> Result:
-    """Two soles on flat ground, one a little higher and inclined, with readings that stop, jump and get stuck."""
-    from skin_calib_addon.runtime import Body, load
-
-    recorded = np.load(folder / "foot_flat.npz")["readings"]
-    body = Body({side: load(folder / "foot_flat.calibration.json") for side in ("left", "right")})
-    frames = []
-    for k in range(60):
-        pose, other = np.eye(4), np.eye(4)
-        pose[:3, 3], other[:3, 3] = (0.0, 0.1, 0.0), (0.05, -0.1, 2e-4 * k)
-        tilt = 0.0015 * k
-        other[:3, :3] = [[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]]
-        readings = {"left": recorded[k], "right": recorded[-1 - (k if k < 30 else 30)].copy()}
-        if k in (10, 11):
-            readings["right"] = readings["right"][:-1]
-        time = 0.02 * k + (k > 20) * 0.03 + (k > 40) * 1.2 + (k > 50) * 40
-        frames.append(body.update(readings, time, {"left": pose, "right": other}))
-    return {
-        "flags": [str(sorted(frame.flags)) for frame in frames],
-        "reasons": [str(frame.reason) for frame in frames],
-        "standing": [len(frame.standing) for frame in frames],
-        "CoP": np.array([(np.nan, np.nan) if frame.cop is None else frame.cop for frame in frames]),
-        "ZMP": np.array([(np.nan, np.nan) if frame.zmp is None else frame.zmp for frame in frames]),
-        "areas": np.array([frame.polygon.nominal.area for frame in frames]),
-        "observable": body.observable.tolist(),
-    }
-
-
-@case("balance")
-def balance(folder: Path) -> Result:
-    """Shapes in and round polygons, cones of wrenches, fractions of a foothold."""
-    from skin_calib_addon.runtime import convex_hull
-    from skin_calib_addon.runtime.balance import cone, foothold, inscribed, walking
-
-    rng, areas, margins = np.random.default_rng(3), [], []
-    for count in (3, 4, 6, 12, 40):
-        for stretch in (1.0, 1e-3, 1e-8):
-            polygon = convex_hull(rng.normal(size=(count, 2)) * (0.1, 0.1 * stretch))
-            names = "smallest_rectangle smallest_parallelogram largest_triangle largest_box largest_parallelogram"
-            shapes = [getattr(inscribed, name)(polygon) for name in names.split()]
-            areas.append([np.nan if shape is None else shape.area for shape in shapes])
-            rows = cone.wrench_cone(polygon, 0.6)
-            margins.append(np.nan if rows is None else cone.margin(rows, (1, 2, 30, 0.1, 0.2, 0.05)))
-            shares = foothold.foothold_fractions(polygon, 0.002, polygon.inset(0.002), 0.03)
-            margins += [polygon.margin((0.01, 0.0)), *(float(x) for x in vars(shares).values())]
-    frequency = np.array([walking.pendulum_frequency(0.8)])
-    return {"areas": np.array(areas), "margins": np.array(margins), "pendulum frequency": frequency}

@@ -7,7 +7,7 @@ tuple of numbers. One whose comment has "Derived:", "Format:" or "Contract:" is 
 others, from a file format, or from a documented promise.
 
 For each other constant a new process loads the package with the value multiplied, in every module that uses it, and
-runs the cases of ``constant_cases.py``. A case that executes no line with the constant is left out: its result cannot
+runs the cases of ``constant_cases*.py``. A case that executes no line with the constant is left out: its result cannot
 change. The table is sorted by effect. "inert": the lines run, and no result changes by more than rounding. "not run":
 no case executes a line with the constant. Time counts as a change from a factor of 1.5 on, and only for constants with
 no other effect. A limit is inert where no case comes near it: see what it protects before you delete it.
@@ -36,6 +36,8 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # the same rounding in each run, and one core per process
 
 import constant_cases  # noqa: E402
+import constant_cases_files  # noqa: E402, F401  adds its cases, as the next one
+import constant_cases_runtime  # noqa: E402, F401
 import numpy as np  # noqa: E402
 import scipy.spatial  # noqa: E402, F401  loaded once here, for every process, as the next two
 import scipy.stats  # noqa: E402, F401
@@ -448,7 +450,7 @@ def vary(constant: Constant, factor: float, folder: Path, baseline: dict, times:
 def digest() -> str:
     """Fingerprint of the package and the cases."""
     sha = hashlib.sha256()
-    for file in (*sorted(PACKAGE.rglob("*.py")), Path(constant_cases.__file__), Path(__file__)):
+    for file in (*sorted(PACKAGE.rglob("*.py")), *sorted((ROOT / "benchmarks").glob("constant*.py"))):
         if "blender" not in file.relative_to(ROOT).parts:
             sha.update(file.read_bytes())
     return sha.hexdigest()
