@@ -134,7 +134,7 @@ def to_document(calibration: LinkCalibration) -> Document:
 
 
 def from_document(document: Document) -> LinkCalibration:
-    """Convert a document in which `validate` finds no error to a calibration."""
+    """Convert a document without errors (see `validate`) to a calibration."""
     mesh = document["mesh"]
     return LinkCalibration(
         link=document["link"],

@@ -19,9 +19,9 @@ MAX_MAGNITUDE = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """Readings and forces of one taxel (or of all taxels: ``taxel`` is None), in the order of the file."""
+    """Readings and forces of one taxel, or of all taxels together, in the order of the file."""
 
-    taxel: str | None
+    taxel: str | None  # id; None for all taxels
     readings: Array  # (n,)
     forces: Array  # (n,) [N]
 

@@ -1,4 +1,7 @@
-"""Check the taxels of one patch."""
+"""Check the taxels of one patch.
+
+The arguments of a check are the patch and its members that `needs` names.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -17,13 +20,13 @@ UNIT_TOLERANCE = 1e-9
 AREA_TOLERANCE = 0.2
 # Ratio of these areas from which the unit is wrong; square centimetres give 10 000. Larger: wrong units pass.
 AREA_UNIT_RATIO = 100.0
-MAX_PITCH = 1.0  # [m]. Larger: a pitch in millimetres passes.
+MAX_PITCH = 1.0  # [m]. Larger: a pitch in millimetres is accepted.
 # Smallest and largest distances of neighbours, and of corners from the centre (0.7 for squares, 0.6 for hexagons), in
 # pitches. A wider range: wrong units pass.
 DISTANCE_IN_PITCHES = (0.1, 10.0)
 
 
-def columns_are_parallel(patch: Part) -> Iterator[Finding]:
+def _columns_are_parallel(patch: Part) -> Iterator[Finding]:
     """Check that all columns have as many rows as the ids (or as the first column, if the ids are invalid)."""
     names = sorted(patch.columns, key=lambda name: name != "id")
     for name in names[1:]:
@@ -35,7 +38,7 @@ def columns_are_parallel(patch: Part) -> Iterator[Finding]:
 
 
 @needs("corners")
-def corners_are_rectangular(patch: Part, corners: list[Any]) -> Iterator[Finding]:
+def _corners_are_rectangular(patch: Part, corners: list[Any]) -> Iterator[Finding]:
     for row, polygon in enumerate(corners):
         if len(polygon) != len(corners[0]):
             message = f"has {len(polygon)} corners, but the first cell has {len(corners[0])}"
@@ -43,12 +46,12 @@ def corners_are_rectangular(patch: Part, corners: list[Any]) -> Iterator[Finding
 
 
 @needs("normal")
-def normals_are_unit(patch: Part, normal: Array) -> Iterator[Finding]:
+def _normals_are_unit(patch: Part, normal: Array) -> Iterator[Finding]:
     yield from _not_unit(patch, "normal", normal)
 
 
 @needs("tangent")
-def tangents_are_unit(patch: Part, tangent: Array) -> Iterator[Finding]:
+def _tangents_are_unit(patch: Part, tangent: Array) -> Iterator[Finding]:
     yield from _not_unit(patch, "tangent", tangent)
 
 
@@ -60,7 +63,7 @@ def _not_unit(patch: Part, name: str, vectors: Array) -> Iterator[Finding]:
 
 
 @needs("normal", "tangent")
-def tangents_are_perpendicular(patch: Part, normal: Array, tangent: Array) -> Iterator[Finding]:
+def _tangents_are_perpendicular(patch: Part, normal: Array, tangent: Array) -> Iterator[Finding]:
     cosine = (normal * tangent).sum(1) / (np.linalg.norm(normal, axis=1) * np.linalg.norm(tangent, axis=1))
     for row in np.flatnonzero(np.abs(cosine) > UNIT_TOLERANCE):  # a zero vector is reported as not unit
         message = f"is not perpendicular to the normal (cosine {cosine[row]:.3g})"
@@ -68,7 +71,7 @@ def tangents_are_perpendicular(patch: Part, normal: Array, tangent: Array) -> It
 
 
 @needs("normal", "corners")
-def normals_are_outward(patch: Part, normal: Array, corners: Array) -> Iterator[Finding]:
+def _normals_are_outward(patch: Part, normal: Array, corners: Array) -> Iterator[Finding]:
     """Check that the corners are counter-clockwise about the normal, which points outwards."""
     for row in np.flatnonzero((_fan(corners).sum(1) * normal).sum(1) < 0):
         message = "points inwards according to the order of its corners; reverse the normal, or the corners"
@@ -76,7 +79,7 @@ def normals_are_outward(patch: Part, normal: Array, corners: Array) -> Iterator[
 
 
 @needs("area", "corners")
-def areas_fit_corners(patch: Part, area: Array, corners: Array) -> Iterator[Finding]:
+def _areas_fit_corners(patch: Part, area: Array, corners: Array) -> Iterator[Finding]:
     spanned = np.linalg.norm(_fan(corners), axis=2).sum(1)
     ratio = float(np.min(area / np.where(spanned > 0, spanned, np.inf)))
     if ratio > AREA_UNIT_RATIO:
@@ -91,7 +94,7 @@ def areas_fit_corners(patch: Part, area: Array, corners: Array) -> Iterator[Find
 
 
 @needs("ports", "neighbours")
-def ports_are_neighbours(patch: Part, ports: list[Any], neighbours: list[Any]) -> Iterator[Finding]:
+def _ports_are_neighbours(patch: Part, ports: list[Any], neighbours: list[Any]) -> Iterator[Finding]:
     for row, (sides, near) in enumerate(zip(ports, neighbours)):
         for side, other in enumerate(sides):
             if other is not None and other not in near:
@@ -100,7 +103,7 @@ def ports_are_neighbours(patch: Part, ports: list[Any], neighbours: list[Any]) -
 
 
 @needs("position")
-def positions_are_in_metres(patch: Part, position: Array) -> Iterator[Finding]:
+def _positions_are_in_metres(patch: Part, position: Array) -> Iterator[Finding]:
     distance = np.linalg.norm(position, axis=1)
     row = int(np.argmax(distance))
     if distance[row] > MAX_DISTANCE:
@@ -109,14 +112,14 @@ def positions_are_in_metres(patch: Part, position: Array) -> Iterator[Finding]:
 
 
 @needs("pitch")
-def pitch_is_in_metres(patch: Part, pitch: Array) -> Iterator[Finding]:
+def _pitch_is_in_metres(patch: Part, pitch: Array) -> Iterator[Finding]:
     if pitch.max() > MAX_PITCH:
         message = f"is {pitch.max():.6g} m; divide lengths by 1000 if they are in millimetres"
         yield error("units", patch.at("pitch"), message, pitch.tolist())
 
 
 @needs("pitch", "position", "corners")
-def corners_fit_pitch(patch: Part, pitch: Array, position: Array, corners: Array) -> Iterator[Finding]:
+def _corners_fit_pitch(patch: Part, pitch: Array, position: Array, corners: Array) -> Iterator[Finding]:
     distance = float(np.median(np.linalg.norm(corners - position[:, None], axis=2)))
     low, high = DISTANCE_IN_PITCHES
     if not low * pitch.min() <= distance <= high * pitch.max():
@@ -125,7 +128,7 @@ def corners_fit_pitch(patch: Part, pitch: Array, position: Array, corners: Array
 
 
 @needs("id", "neighbours", "position", "pitch")
-def neighbours_fit_pitch(
+def _neighbours_fit_pitch(
     patch: Part, ids: list[str], neighbours: list[Any], position: Array, pitch: Array
 ) -> Iterator[Finding]:
     """Check that the distance of neighbours is about a pitch; neighbours in other patches are ignored."""
@@ -149,16 +152,16 @@ def _fan(corners: Array) -> Array:
     return np.cross(spokes, np.roll(spokes, -1, axis=1)) / 2
 
 
-SHAPE_CHECKS = (columns_are_parallel, corners_are_rectangular)
+SHAPE_CHECKS = (_columns_are_parallel, _corners_are_rectangular)
 CHECKS = (
-    ports_are_neighbours,
-    normals_are_unit,
-    tangents_are_unit,
-    tangents_are_perpendicular,
-    normals_are_outward,
-    areas_fit_corners,
-    positions_are_in_metres,
-    pitch_is_in_metres,
-    corners_fit_pitch,
-    neighbours_fit_pitch,
+    _ports_are_neighbours,
+    _normals_are_unit,
+    _tangents_are_unit,
+    _tangents_are_perpendicular,
+    _normals_are_outward,
+    _areas_fit_corners,
+    _positions_are_in_metres,
+    _pitch_is_in_metres,
+    _corners_fit_pitch,
+    _neighbours_fit_pitch,
 )

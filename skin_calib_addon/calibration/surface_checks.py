@@ -1,4 +1,7 @@
-"""Check one surface of a calibration."""
+"""Check one surface of a calibration.
+
+The arguments of a check are the surface and its members that `needs` names.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -17,7 +20,7 @@ SUM_TOLERANCE = 1e-9  # relative rounding error of distances, which depends on t
 
 
 @needs("control_net")
-def net_is_rectangular(surface: Part, net: list[Any]) -> Iterator[Finding]:
+def _net_is_rectangular(surface: Part, net: list[Any]) -> Iterator[Finding]:
     for index, row in enumerate(net):
         if len(row) != len(net[0]):
             message = f"contains {len(row)} control points, but the first row has {len(net[0])}"
@@ -25,7 +28,7 @@ def net_is_rectangular(surface: Part, net: list[Any]) -> Iterator[Finding]:
 
 
 @needs("degree", "knots", "control_net")
-def knots_fit(surface: Part, degree: Array, knots: list[list[float]], net: Array) -> Iterator[Finding]:
+def _knots_fit(surface: Part, degree: Array, knots: list[list[float]], net: Array) -> Iterator[Finding]:
     """Check that the number of knots matches net and degree, that they do not decrease, and their domain [0, 1]."""
     for axis, (d, n, row) in enumerate(zip(degree.astype(int), net.shape, knots)):
         where = surface.at("knots", axis)
@@ -46,7 +49,7 @@ def knots_fit(surface: Part, degree: Array, knots: list[list[float]], net: Array
 
 
 @needs("degree", "closed", "control_net")
-def closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Array) -> Iterator[Finding]:
+def _closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Array) -> Iterator[Finding]:
     size = np.ptp(net.reshape(-1, 3), axis=0).max()
     for axis, d in enumerate(degree.astype(int)):
         along = np.moveaxis(net, axis, 0)
@@ -60,7 +63,7 @@ def closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Arra
 
 
 @needs("control_net")
-def net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
+def _net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
     farthest = np.abs(net).max()
     if farthest > MAX_DISTANCE:
         message = f"has points {farthest:.6g} m from the link frame; divide lengths by 1000 if they are in millimetres"
@@ -68,7 +71,7 @@ def net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
 
 
 @needs("errors")
-def errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
+def _errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
     """Check mean <= rms <= max, and that the Hausdorff distance is the larger maximum."""
     for name in ("mesh_to_surface", "surface_to_mesh"):
         mean, rms, most = (errors[name][key] for key in ("mean", "rms", "max"))
@@ -82,7 +85,7 @@ def errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
 
 
 @needs("control_net", "errors")
-def errors_are_in_metres(surface: Part, net: Array, errors: dict[str, Any]) -> Iterator[Finding]:
+def _errors_are_in_metres(surface: Part, net: Array, errors: dict[str, Any]) -> Iterator[Finding]:
     """Check that the distance between mesh and surface is smaller than the surface."""
     size = float(np.linalg.norm(np.ptp(net.reshape(-1, 3), axis=0)))
     if errors["hausdorff"] > size:
@@ -90,5 +93,5 @@ def errors_are_in_metres(surface: Part, net: Array, errors: dict[str, Any]) -> I
         yield error("units", surface.at("errors", "hausdorff"), message, errors["hausdorff"])
 
 
-SHAPE_CHECKS = (net_is_rectangular,)
-CHECKS = (knots_fit, closed_is_closed, net_is_in_metres, errors_agree, errors_are_in_metres)
+SHAPE_CHECKS = (_net_is_rectangular,)
+CHECKS = (_knots_fit, _closed_is_closed, _net_is_in_metres, _errors_agree, _errors_are_in_metres)

@@ -110,6 +110,6 @@ def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, run, tmp_p
         assert bpy.ops.skin_calib.export_taxels(filepath=str(button), format=name) == {"FINISHED"}
         run("-m", "skin_calib_addon", "export", calibration, "--to", name, "-o", plain)
         assert button.read_bytes() == plain.read_bytes(), name
-    with pytest.raises(RuntimeError, match='patch "wrist" is bent'):
+    with pytest.raises(RuntimeError, match='patch "wrist" is not flat'):
         bpy.ops.skin_calib.export_taxels(filepath=str(tmp_path / "none.rsdf"), format="rsdf")
     assert not (tmp_path / "none.rsdf").exists()

@@ -1,4 +1,4 @@
-"""Taxel sets in the files of other programs: read as they are, and written from a calibration. NumPy only."""
+"""Read taxels from the files of other programs, and write calibrations to them. NumPy only."""
 
 from .formats import FORMATS, WRITABLE, Format
 from .link_taxels import only_patches

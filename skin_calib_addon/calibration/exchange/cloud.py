@@ -1,4 +1,4 @@
-"""What PLY and PCD have in common: points with named numbers, as text or as bytes."""
+"""Common parts of PLY and PCD: points with named columns, as text or binary data."""
 
 from collections.abc import Iterable, Sequence
 
@@ -13,19 +13,27 @@ from .table import NORMAL, POSITION
 from .taxel_set import Draft, line
 
 CHANNEL = "channel"
-MARK, LINK = "taxel ", "link "  # begin comments: channel and id of a taxel, name of the link
+MARK, LINK = "taxel ", "link "  # prefixes of comments with channel and id of a taxel, and with the link name
 
 
 class CloudError(ValueError):
-    """A file cannot be used; ``finding`` says why."""
+    """A point cloud is invalid; ``finding`` states why."""
 
-    def __init__(self, code: str, place: str, message: str):
+    def __init__(self, code: str, location: str, message: str):
         super().__init__(message)
-        self.finding = error(code, place, message)
+        self.finding = error(code, location, message)
 
 
 def parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
-    """The label of each channel that comments tell; the link goes into the draft."""
+    """Return the label of each channel in the comments, and set the link of the draft.
+
+    Parameters
+    ----------
+    draft : Draft
+        Receives the name of the link.
+    comments : iterable of str
+        Comments of the header.
+    """
     labels = {}
     for comment in comments:
         if comment.startswith(LINK):
@@ -38,73 +46,130 @@ def parse_comments(draft: Draft, comments: Iterable[str]) -> dict[int, str]:
 
 
 def parse_text(names: Sequence[str], rows: Sequence[tuple[int, str]]) -> dict[str, list[float]]:
-    """The columns of rows of text, each with its number in the file."""
-    places = {name: names.index(name) for name in _wanted(names)}
-    columns: dict[str, list[float]] = {name: [] for name in places}
+    """Parse points that are written as text.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of all columns.
+    rows : sequence of (int, str)
+        Line number and text of each point.
+
+    Returns
+    -------
+    dict of list
+        The columns that are used, by name.
+
+    Raises
+    ------
+    CloudError
+        If a row has another number of columns, or a value is not a finite number.
+    """
+    positions = {name: names.index(name) for name in _used_names(names)}
+    columns: dict[str, list[float]] = {name: [] for name in positions}
     for number, content in rows:
         words = content.split(None, len(names))
         if len(words) != len(names):
             have = f"more than {len(names)}" if len(words) > len(names) else str(len(words))
-            raise CloudError("row", line(number), f"has {have} numbers; the header names {len(names)}")
+            raise CloudError("row", line(number), f"has {have} numbers, but the header names {len(names)}")
         try:
-            for name, place in places.items():
-                columns[name].append(real(words[place]))
+            for name, position in positions.items():
+                columns[name].append(real(words[position]))
         except NumberError as problem:
             raise CloudError(problem.code, line(number), str(problem)) from problem
     return columns
 
 
 def parse_bytes(names: Sequence[str], types: Sequence[str], data: bytes, count: int) -> dict[str, list[float]]:
-    """The columns of ``count`` points in bytes; ``types`` are NumPy's, in the order of the names."""
+    """Parse points that are written as binary data.
+
+    Parameters
+    ----------
+    names, types : sequence of str
+        Name and NumPy type of each column.
+    data : bytes
+        Starts with the first point.
+    count : int
+        Number of points.
+
+    Returns
+    -------
+    dict of list
+        The columns that are used, by name.
+
+    Raises
+    ------
+    CloudError
+        If data are missing, or a value is not finite.
+    """
     kind = np.dtype([(f"{i}", type_) for i, type_ in enumerate(types)])
     if len(data) < kind.itemsize * count:
-        raise CloudError("size", "", f"holds {len(data) // kind.itemsize} of its {count} points; it is cut off")
+        raise CloudError(
+            "size", "", f"is truncated: the header announces {count} points, {len(data) // kind.itemsize} were found"
+        )
     table = np.frombuffer(data, kind, count)
-    columns = {name: table[str(names.index(name))].astype(float) for name in _wanted(names)}
+    columns = {name: table[str(names.index(name))].astype(float) for name in _used_names(names)}
     for column in columns.values():
-        lost = np.flatnonzero(~np.isfinite(column))
-        if len(lost):
+        invalid = np.flatnonzero(~np.isfinite(column))
+        if len(invalid):
             raise CloudError(
-                "not-finite", point(int(lost[0])), "has a coordinate that is no finite number; remove the point"
+                "not-finite", point(int(invalid[0])), "has a coordinate that is not finite; remove the point"
             )
     return {name: column.tolist() for name, column in columns.items()}
 
 
 def point(index: int) -> str:
-    """A place in a file of bytes, for a finding; points count from zero."""
+    """Return the location of a binary point for a finding; the first is point 0."""
     return f"point {index}"
 
 
-def _wanted(names: Sequence[str]) -> list[str]:
-    """The names that mean something here; the first of those alike."""
+def _used_names(names: Sequence[str]) -> list[str]:
+    """Return the names of the columns that are used; of synonyms only the first."""
     found = [next((name for name in alike if name in names), None) for alike in (*POSITION, *NORMAL)]
     for name, alike in zip(found[:3], POSITION):
         if name is None:
-            raise CloudError("missing-column", "", f"names no {show(alike[0])} among {show(' '.join(names))}")
+            raise CloudError(
+                "missing-column", "", f"has no column {show(alike[0])}; its columns are {show(' '.join(names))}"
+            )
     normal = found[3:] if None not in found[3:] else []
     return [name for name in (*found[:3], *normal, CHANNEL if CHANNEL in names else None) if name is not None]
 
 
 def fill_draft(draft: Draft, columns: dict[str, list[float]], labels: dict[int, str]) -> None:
-    """Put the columns into the draft; without a channel a point's place is it, and without a label its channel."""
+    """Copy the columns into the draft.
+
+    Parameters
+    ----------
+    draft : Draft
+        ``lines`` must be complete.
+    columns : dict of list
+        Position, and optionally normal and channel. Without a channel, the index of the point is the channel.
+    labels : dict of str
+        By channel. Without a label, the channel is the label.
+
+    Raises
+    ------
+    CloudError
+        If a channel is not an integer in the allowed range.
+    """
     values = list(columns.values())
     count = len(values[0])
     draft.positions = list(zip(*values[:3]))
     draft.normals = list(zip(*values[3:6])) if len(values) >= 6 else None
     numbers = columns.get(CHANNEL, range(count))
-    for place, number in enumerate(numbers):
+    for row, number in enumerate(numbers):
         if number != int(number) or not 0 <= number <= MAX_CHANNEL:
             raise CloudError(
-                "channel", draft.at(draft.lines[place]), f"has the channel {number!r}; use 0 to {MAX_CHANNEL}"
+                "channel", draft.at(draft.lines[row]), f"has the channel {number!r}; use 0 to {MAX_CHANNEL}"
             )
     draft.channels = [int(number) for number in numbers]
     draft.labels = [labels.get(channel, str(channel)) for channel in draft.channels]
     if not draft.labels:
-        draft.findings.append(error("no-taxels", "", "holds no point; check that it is the right file"))
+        draft.findings.append(error("no-taxels", "", "contains no point; check that it is the correct file"))
 
 
 def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str]]:
-    """The comments that name the taxels, and a line of text for each: position, normal, channel."""
+    """Return comments with the ids of the taxels, and a row of text for each: position, normal, channel."""
     taxels = taxels_of(calibration)
     refuse_labels((taxels.link,), "the link name")
     refuse_labels(taxels.ids, "the id")
@@ -116,29 +181,51 @@ def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str]]:
 
 
 def rows_of(text: str, first: int, count: int) -> list[tuple[int, str]]:
-    """The first lines that are not empty, numbered from ``first``.
+    """Return the first lines that are not empty, with their line numbers.
+
+    Parameters
+    ----------
+    text : str
+        The part of the file after the header.
+    first : int
+        Number of its first line.
+    count : int
+        Number of points.
 
     Raises
     ------
     CloudError
-        If there are less than ``count``.
+        If there are fewer than ``count`` lines.
     """
     rows = [(number, content) for number, content in enumerate(text.split("\n"), first) if content.strip()]
     if len(rows) < count:
-        raise CloudError("size", "", f"holds {len(rows)} of its {count} points; it is cut off")
+        raise CloudError("size", "", f"is truncated: the header announces {count} points, {len(rows)} were found")
     return rows[:count]
 
 
 def lines_of(data: bytes) -> str:
-    """Text with one kind of line ends."""
+    """Decode text, with line feeds as the only line ends."""
     try:
         return decoded(data).replace("\r\n", "\n").replace("\r", "\n")
     except DecodingError as problem:
-        raise CloudError("encoding", "", f"has text that {problem}") from problem
+        raise CloudError("encoding", "", f"contains text that {problem}") from problem
 
 
 def count_of(word: str, number: int) -> int:
-    """How many points a header promises."""
+    """Return the number of points that a header announces.
+
+    Parameters
+    ----------
+    word : str
+        The number as text.
+    number : int
+        Line number, for messages.
+
+    Raises
+    ------
+    CloudError
+        If it is not a number, or is larger than `MAX_TAXELS`.
+    """
     if not word.isdecimal() or len(word) > 9 or int(word) > MAX_TAXELS:
-        raise CloudError("size", line(number), f"promises {shown(word)} points; at most {MAX_TAXELS} are read")
+        raise CloudError("size", line(number), f"announces {shown(word)} points; the limit is {MAX_TAXELS}")
     return int(word)

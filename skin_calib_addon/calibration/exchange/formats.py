@@ -1,4 +1,4 @@
-"""The formats of other programs that are read and written here, and what each is for."""
+"""List the formats of other programs that can be read or written."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,32 +18,34 @@ from .urdf import write_frames, write_sensors
 
 @dataclass(frozen=True)
 class Format:
-    """A format of another program; whoever writes refuses what it cannot hold (CalibrationFormatError)."""
+    """A format of another program; ``write`` raises CalibrationFormatError for content that it cannot represent."""
 
     name: str
     ending: str  # of its files
     what: str  # program and content
-    labels: str  # what stands there for a taxel's id
+    labels: str  # what identifies a taxel in the file
     write: Callable[[LinkCalibration], bytes]
 
     @property
     def readable(self) -> bool:
-        """Whether ``import`` takes it."""
+        """Return whether ``import`` can read the format."""
         return self.name in READABLE
 
 
 _TABLE = (
-    Format("csv", ".csv", "table of everything about each taxel", "the id", write_table),
+    Format("csv", ".csv", "table of all data of each taxel", "the id", write_table),
     Format("gentact", ".csv", "table of GenTact", "the channel", write_gentact),
     Format("icub", ".txt", "positions of iCub and YARP skin", "the channel, which is the row", write_icub),
-    Format("tum", ".xml", "skin patch of TUM's driver", "the channel and one", write_tum),
-    Format("urdf", ".urdf", "frames fixed to the link", "the id; channels only by their order", write_frames),
+    Format("tum", ".xml", "skin patch of the TUM driver", "the channel plus one", write_tum),
+    Format("urdf", ".urdf", "frames fixed to the link", "the id; the order gives the channels", write_frames),
     Format("urdf-tactile", ".urdf", "tactile sensors of tactile_toolbox", "patch.channel", write_sensors),
     Format("mjcf", ".xml", "MuJoCo: touch sensors and tactile meshes", "the id", write_mjcf),
     Format("npz", ".npz", "poses for Isaac Lab (DEX-01)", "the id", write_npz),
     Format("ply", ".ply", "point cloud with normals", "the id, in a comment", write_ply),
     Format("pcd", ".pcd", "point cloud of PCL with normals", "the id, in a comment", write_pcd),
-    Format("rsdf", ".rsdf", "planar surfaces of mc_rtc, for flat patches", "none: it holds patches", write_rsdf),
+    Format(
+        "rsdf", ".rsdf", "planar surfaces of mc_rtc, for flat patches", "none: the file contains patches", write_rsdf
+    ),
 )
 FORMATS = {format.name: format for format in _TABLE}
 WRITABLE = tuple(FORMATS)

@@ -1,4 +1,4 @@
-"""Positions of iCub skin parts: ``app/skinGui/conf/positions/*.txt``, metres in the frame of a link."""
+"""Read and write positions of iCub skin (``app/skinGui/conf/positions/*.txt``) in metres, in a link frame."""
 
 import re
 from collections.abc import Iterator
@@ -14,24 +14,26 @@ from .taxel_set import Draft, line
 
 BLOCK = "[calibration]"
 TABLE = "taxel2Repr"
-UNUSED, THERMAL_PAD = -1, -2  # in the table
+# Format: entries of the table for rows without taxel
+UNUSED = -1
+THERMAL_PAD = -2
 Lines = list[tuple[int, str]]  # numbered
-_WORD = re.compile(r"""[^\s#()\[\]{}"'\\]+""")  # what YARP takes for one word
+_WORD = re.compile(r"""[^\s#()\[\]{}"'\\]+""")  # a word without quotes in YARP
 
 
 def read_icub(text: str) -> Draft:
-    """Rows ``x y z nx ny nz`` of the block; the channel of a row is its index among all rows, those of zeros included.
+    """Read the rows ``x y z nx ny nz`` of the block; the channel of a row is its index, rows of zeros included.
 
-    The table ``taxel2Repr`` is only held against the rows: in files that are in use it is too short or too long, and
-    upstream takes every row that is not zero for a taxel.
+    The table ``taxel2Repr`` is only compared with the rows. In published files it is too short or too long, and the
+    iCub software uses each row that is not zero as a taxel.
     """
     draft = Draft(normals=[])
     header, rows = _sections(text)
     words = dict(content.split(None, 1) for _, content in header if len(content.split(None, 1)) == 2)
     draft.frame = words.get("frame", words.get("name"))
     if not rows:
-        draft.findings.append(error("no-taxels", "", f"has no row below {BLOCK}; check that it is the right file"))
-    draft.findings += first(_take(draft, rows))
+        draft.findings.append(error("no-taxels", "", f"has no row below {BLOCK}; check that it is the correct file"))
+    draft.findings += first(_read_rows(draft, rows))
     for number, content in header:
         if not draft.broken and content.startswith(TABLE):
             draft.findings += _compare_table(draft, number, content)
@@ -39,7 +41,7 @@ def read_icub(text: str) -> Draft:
 
 
 def _sections(text: str) -> tuple[Lines, Lines]:
-    """The lines before the block, and those within it; comments and empty lines are left out."""
+    """Return the lines before the block and in it, without comments and empty lines."""
     header: Lines = []
     rows: Lines = []
     section = None
@@ -52,17 +54,17 @@ def _sections(text: str) -> tuple[Lines, Lines]:
     return header, rows
 
 
-def _take(draft: Draft, rows: Lines) -> Iterator[Finding]:
-    """Put the rows into the draft; what is wrong with one."""
+def _read_rows(draft: Draft, rows: Lines) -> Iterator[Finding]:
+    """Copy the rows into the draft, and yield errors."""
     if len(rows) > MAX_TAXELS:
-        yield error("size", line(rows[MAX_TAXELS][0]), f"is one row too many; at most {MAX_TAXELS} are read")
+        yield error("size", line(rows[MAX_TAXELS][0]), f"exceeds the limit of {MAX_TAXELS} rows")
         return
     assert draft.normals is not None
     for index, (number, content) in enumerate(rows):
         words = content.split(None, 6)
         if len(words) != 6:
             have = "more than 6" if len(words) > 6 else len(words)
-            yield error("row", line(number), f"has {have} numbers; a row of {BLOCK} is x y z nx ny nz", content)
+            yield error("row", line(number), f"has {have} numbers; a row of {BLOCK} has x y z nx ny nz", content)
             continue
         try:
             numbers = tuple(real(word) for word in words)
@@ -77,10 +79,10 @@ def _take(draft: Draft, rows: Lines) -> Iterator[Finding]:
 
 
 def _compare_table(draft: Draft, number: int, content: str) -> Iterator[Finding]:
-    """What the table says otherwise than the rows."""
+    """Yield the differences between the table and the rows."""
     words = content.removeprefix(TABLE).replace("(", " ").replace(")", " ").split(None, MAX_TAXELS)
     if len(words) > MAX_TAXELS:
-        yield error("size", line(number), f"has more than {MAX_TAXELS} entries in {TABLE}")
+        yield error("size", line(number), f"has more than {MAX_TAXELS} entries in {TABLE}, which is the limit")
         return
     try:
         table = np.array([whole(word) for word in words], np.int64)
@@ -90,9 +92,9 @@ def _compare_table(draft: Draft, number: int, content: str) -> Iterator[Finding]
     rows = len(draft.positions)
     taxel = np.array(draft.positions).any(axis=1) | np.array(draft.normals).any(axis=1)
     if len(table) != rows:
-        bare = int(np.count_nonzero(taxel[len(table) :]))
+        without = int(np.count_nonzero(taxel[len(table) :]))
         message = f"has {len(table)} entries in {TABLE} for {rows} rows"
-        message += f"; {bare} taxels have none, and are taken as well" if bare else ""
+        message += f"; {without} taxels without entry are used, too" if without else ""
         yield warning("table-length", line(number), message, [len(table), rows])
     table, taxel = table[:rows], taxel[: len(table)]
     for code, mark, what in (("thermal-pad", THERMAL_PAD, "thermal pads"), ("unused", UNUSED, "unused")):
@@ -101,36 +103,39 @@ def _compare_table(draft: Draft, number: int, content: str) -> Iterator[Finding]
             count, kept = int(np.count_nonzero(marked)), np.flatnonzero(marked & taxel)
             message = f"marks {count} rows as {what} ({mark})"
             if len(kept):
-                message += f"; {len(kept)} have a position and are kept, the first on {line(draft.lines[kept[0]])}"
+                message += (
+                    f"; {len(kept)} of them have a position and are used, the first in {line(draft.lines[kept[0]])}"
+                )
             yield warning(code, line(number), message, count)
-    lost = np.flatnonzero(~taxel & (table >= 0))
-    if len(lost):
-        message = f"marks {len(lost)} rows as taxels that have no position, the first on {line(draft.lines[lost[0]])}"
-        yield warning("no-position", line(number), message, len(lost))
+    missing = np.flatnonzero(~taxel & (table >= 0))
+    if len(missing):
+        first_line = line(draft.lines[missing[0]])
+        message = f"marks {len(missing)} rows without position as taxels, the first in {first_line}"
+        yield warning("no-position", line(number), message, len(missing))
 
 
 def write_icub(calibration: LinkCalibration) -> bytes:
-    """A row for each channel, zeros where it has no taxel; each taxel stands for itself.
+    """Write one row for each channel, with zeros for channels without taxel.
 
-    The reader of the skin drops the last row, so that one of zeros follows the taxels, and it looks up every row in the
-    table, so that the table has an entry for that one too.
+    The iCub software ignores the last row, and needs an entry in the table for each row. A row of zeros with an
+    entry therefore follows the taxels.
 
     Raises
     ------
     CalibrationFormatError
-        If the link's name is more than one plain word, or channels run too high for a row each.
+        If the link name is not a single plain word, or a channel is too high for one row per channel.
     """
     taxels = taxels_of(calibration)
     if not _WORD.fullmatch(taxels.link):
         raise CalibrationFormatError(
-            f"the link name {show(taxels.link)} cannot be written: positions files take one word without quotes, "
-            "brackets or '#'; rename the link"
+            f"the link name {show(taxels.link)} cannot be written: it must be one word without quotes, brackets "
+            "or '#'. Rename the link."
         )
     count = int(taxels.channels[-1]) + 1
     if count >= MAX_TAXELS:
         raise CalibrationFormatError(
-            f"channel {count - 1} needs {count} rows in a positions file, which has one for each channel; at most "
-            f"{MAX_TAXELS - 1} are written. Use lower channels."
+            f"channel {count - 1} needs {count} rows in a positions file, one for each channel. The limit is "
+            f"{MAX_TAXELS - 1} rows. Use lower channels."
         )
     rows = np.zeros((count + 1, 6))
     rows[taxels.channels] = np.column_stack((taxels.positions, taxels.normals))

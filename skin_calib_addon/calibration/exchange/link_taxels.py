@@ -1,4 +1,4 @@
-"""All taxels of a calibration in one record, in the order of their channels: what every writer begins with."""
+"""Collect all taxels of a calibration in one record, ordered by channel, for the writers."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -16,20 +16,20 @@ from .taxel_set import MAX_LABEL_LENGTH
 
 @dataclass(frozen=True, eq=False)
 class LinkTaxels:
-    """Taxels of a link; row i of every field is the same taxel."""
+    """Taxels of a link; row i of each field belongs to the same taxel."""
 
     link: str
     ids: tuple[str, ...]
     channels: IntArray  # (n,) ascending
-    patches: tuple[str, ...]  # name of the patch that each is of
-    pixels: IntArray  # (n, 2) row and column in a picture of all patches, one below the other
+    patches: tuple[str, ...]  # name of the patch of each taxel
+    pixels: IntArray  # (n, 2) row and column in an image of all patches, one below the other
     positions: Array  # (n, 3) [m]
     axes: Array  # (n, 3, 3) columns: tangent, normal x tangent, normal
     areas: Array  # (n,) [m^2]
-    sizes: Array  # (n, 2) extent of the cell along the tangent and across [m]
-    square: BoolArray  # (n,) whether a cell has four corners
+    sizes: Array  # (n, 2) extents of the cell along and across the tangent [m]
+    square: BoolArray  # (n,) True for cells with four corners
     neighbours: tuple[tuple[str, ...], ...]
-    ports: tuple[tuple[str | None, ...], ...]  # the boards at the sides of a board; empty for other taxels
+    ports: tuple[tuple[str | None, ...], ...]  # adjacent boards at the sides of a board; empty for other taxels
 
     def __post_init__(self):
         n = len(self.ids)
@@ -38,32 +38,32 @@ class LinkTaxels:
 
     @property
     def normals(self) -> Array:
-        """Unit normals, shape (n, 3)."""
+        """Return unit normals, shape (n, 3)."""
         return self.axes[:, :, 2]
 
     @property
     def tangents(self) -> Array:
-        """Unit tangents, shape (n, 3)."""
+        """Return unit tangents, shape (n, 3)."""
         return self.axes[:, :, 0]
 
     def of(self, patch: str) -> IntArray:
-        """The rows of the taxels of a patch."""
+        """Return the rows of the taxels of a patch."""
         return np.flatnonzero(np.array(self.patches) == patch)
 
 
 def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
-    """The taxels of all patches.
+    """Return the taxels of all patches.
 
     Raises
     ------
     CalibrationFormatError
-        If there is none, or more than any reader takes.
+        If there is no taxel, or more than `MAX_TAXELS`.
     """
     parts = [patch.taxels for patch in calibration.patches]
     count = sum(len(part.ids) for part in parts)
     if not 0 < count <= MAX_TAXELS:
         raise CalibrationFormatError(
-            f"link {show(calibration.link)} has {count} taxels; 1 to {MAX_TAXELS} can be written"
+            f"link {show(calibration.link)} has {count} taxels; files may have 1 to {MAX_TAXELS}"
         )
     channels = np.concatenate([part.channels for part in parts])
     order = np.argsort(channels, kind="stable")
@@ -94,14 +94,14 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
 
 
 def _extents(taxels: TaxelArray) -> Array:
-    """How far the corners of each cell reach along its tangent and across, shape (n, 2) [m]."""
+    """Return the extents of the corners of each cell along and across its tangent, shape (n, 2) [m]."""
     arms = taxels.corners_link - taxels.positions_link[:, None]
     sides = np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
     return np.ptp(np.einsum("nkc,nsc->nks", arms, sides), axis=1)
 
 
 def _pixels(indices: Sequence[IntArray]) -> IntArray:
-    """Rows and columns from zero on, each patch below the one before."""
+    """Return rows and columns, counted from zero, with each patch below the previous one."""
     below, pixels = 0, []
     for index in indices:
         pixels.append(index - index.min(axis=0) + (below, 0))
@@ -110,47 +110,68 @@ def _pixels(indices: Sequence[IntArray]) -> IntArray:
 
 
 def only_patches(calibration: LinkCalibration, names: Sequence[str]) -> LinkCalibration:
-    """The calibration with the patches of these names alone.
+    """Return a calibration with only the named patches.
+
+    Parameters
+    ----------
+    calibration : LinkCalibration
+        It stays unchanged.
+    names : sequence of str
+        Patches to keep.
 
     Raises
     ------
     CalibrationFormatError
-        If it has no patch of such a name.
+        If there is no patch of such a name.
     """
     known = [patch.name for patch in calibration.patches]
     for name in names:
         if name not in known:
             listed = ", ".join(map(show, known))
             raise CalibrationFormatError(
-                f"no patch {show(name)} in this calibration; it has {listed}{did_you_mean(name, known)}"
+                f"the calibration has no patch {show(name)}; it has {listed}{did_you_mean(name, known)}"
             )
     return replace(calibration, patches=tuple(patch for patch in calibration.patches if patch.name in names))
 
 
 def refuse_labels(labels: Iterable[str], what: str) -> None:
-    """Refuse names that our own readers would not take back.
+    """Reject names that the readers of this package would reject or change.
+
+    Parameters
+    ----------
+    labels : iterable of str
+        The names.
+    what : str
+        Description of a name, for messages.
 
     Raises
     ------
     CalibrationFormatError
-        If one is too long, is not printable, or begins or ends with a space.
+        If a name is too long, is not printable, or begins or ends with a space.
     """
     for label in labels:
         if not label or len(label) > MAX_LABEL_LENGTH or not label.isprintable() or label != label.strip():
             allowed = f"1 to {MAX_LABEL_LENGTH} printable characters without spaces at the ends"
-            raise CalibrationFormatError(f"{what} {show(label)} cannot be written: use {allowed}; rename it")
+            raise CalibrationFormatError(f"{what} {show(label)} cannot be written: names have {allowed}. Rename it.")
 
 
 def refuse_repeats(names: Iterable[str], format: str) -> None:
-    """Refuse two things of one name in a format that has one list of names.
+    """Reject equal names in a format in which all names must differ.
+
+    Parameters
+    ----------
+    names : iterable of str
+        All names of a file.
+    format : str
+        Name of the format, for messages.
 
     Raises
     ------
     CalibrationFormatError
-        If a name comes twice.
+        If two names are equal.
     """
     again = [name for name, times in Counter(names).items() if times > 1]
     if again:
         raise CalibrationFormatError(
-            f"two things would be called {show(again[0])} in {format}; rename the patch or the link"
+            f"the name {show(again[0])} would occur twice in {format}. Rename the patch or the link."
         )

@@ -1,4 +1,4 @@
-"""MuJoCo models of a skin: a site with a touch sensor for each taxel, a mesh with a tactile sensor for each patch."""
+"""Write MuJoCo models: a touch sensor for each taxel, and a tactile sensor for each patch."""
 
 from collections.abc import Iterator
 
@@ -9,24 +9,25 @@ from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, refuse_repeats, taxels_of
 from .xml_text import HEAD, numbers, quoted
 
-MIN_VERTICES = 4  # vertices of a mesh
-CELL_THICKNESS = 0.002  # thickness of the cells that are touched [m]
-SITE_HALF_HEIGHT = 0.5  # half height of a site, as a share of its cell's smaller side: contacts lie a little inside
-# A mesh whose triangles span less than this share of the square of its size has no area that a sensor could use.
+MIN_VERTICES = 4  # Format: MuJoCo accepts no smaller mesh
+GEOM_THICKNESS = 0.002  # of the cells that make contact [m]. Larger: contacts of deeper bodies are found.
+# Half height of a site, as a fraction of the smaller side of its cell. Larger: contacts farther from the skin count.
+SITE_HALF_HEIGHT = 0.5
+# Area of the triangles of a mesh, as a fraction of its squared size. Larger: narrow patches have no tactile sensor.
 MIN_AREA_FRACTION = 1e-6
 
 
 def write_mjcf(calibration: LinkCalibration) -> bytes:
-    """A model that stands by itself: a body with thin cells that are touched, and what feels it.
+    """Write a complete model: one body with a thin geom and a touch sensor for each taxel.
 
-    Vertex i of a patch's mesh is its i-th taxel in the order of channels; the tactile sensor tells the depth at all of
-    them, and then the slip along tangent and across. Patches of less than four taxels, or of taxels in a straight line,
-    make no mesh, and have touch sensors alone.
+    Each patch has a tactile sensor on a mesh. Vertex i of the mesh is the i-th taxel of the patch in the order of
+    channels. The tactile sensor outputs the depth of all vertices, then the slip along and across the tangent. A patch
+    with fewer than four taxels, or with taxels on a line, has no mesh and only touch sensors.
 
     Raises
     ------
     CalibrationFormatError
-        If two sensors or two patches would have one name.
+        If two sensors or two patches would have the same name.
     """
     taxels = taxels_of(calibration)
     patches = [patch.name for patch in calibration.patches]
@@ -58,14 +59,16 @@ def write_mjcf(calibration: LinkCalibration) -> bytes:
 
 
 def _mesh(taxels: LinkTaxels, patch: str) -> str:
-    """The mesh whose vertices are the taxels of a patch; empty if they make none."""
+    """Return the mesh whose vertices are the taxels of a patch; empty if they span no area."""
     rows = taxels.of(patch)
     positions, axes = taxels.positions[rows], taxels.axes[rows]
     faces = triangles(taxels, rows)
     size = float(np.linalg.norm(np.ptp(positions, axis=0)))
     if len(rows) < MIN_VERTICES or _area(positions[faces]) < MIN_AREA_FRACTION * size**2:
         return ""
-    frames = np.stack((axes[:, :, 2], axes[:, :, 0], axes[:, :, 1]), axis=1)  # of a vertex: normal, tangent, across
+    frames = np.stack(
+        (axes[:, :, 2], axes[:, :, 0], axes[:, :, 1]), axis=1
+    )  # columns of a vertex: normal, tangent, across
     return (
         f'<mesh name={quoted(patch)} inertia="shell" vertex="{numbers(positions)}"\nnormal="{numbers(frames)}"\n'
         f'face="{" ".join(map(str, faces.ravel().tolist()))}"/>'
@@ -73,27 +76,27 @@ def _mesh(taxels: LinkTaxels, patch: str) -> str:
 
 
 def _area(corners: Array) -> float:
-    """Of all triangles (m, 3, 3) together [m^2]."""
+    """Return the total area of triangles (m, 3, 3) [m^2]."""
     sides = corners[:, 1:] - corners[:, :1]
     return float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()) / 2
 
 
 def _cells(taxels: LinkTaxels) -> Iterator[str]:
-    """A thin box or disc under each taxel, flush with it."""
-    depth = np.minimum(CELL_THICKNESS, taxels.sizes.min(axis=1))
+    """Yield a thin box or disc for each taxel, with its upper side at the taxel."""
+    depth = np.minimum(GEOM_THICKNESS, taxels.sizes.min(axis=1))
     centres = taxels.positions - depth[:, None] / 2 * taxels.normals
     for row, shape in enumerate(_shapes(taxels, depth / 2)):
         yield f'<geom {shape} pos="{numbers(centres[row])}" {_turn(taxels, row)}/>'
 
 
 def _sites(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
-    """The volume in which a contact belongs to a taxel: its cell, and as far out and in."""
+    """Yield the volume in which contacts belong to a taxel: its cell, extended outwards and inwards."""
     for row, shape in enumerate(_shapes(taxels, SITE_HALF_HEIGHT * taxels.sizes.min(axis=1))):
         yield f'<site name={ids[row]} {shape} pos="{numbers(taxels.positions[row])}" {_turn(taxels, row)}/>'
 
 
 def _shapes(taxels: LinkTaxels, half: Array) -> Iterator[str]:
-    """Type and size of cells of these half heights (n,) [m]: a box where they have four corners, else a disc."""
+    """Yield type and size of cells with half heights (n,) [m]: boxes for four corners, else discs."""
     radii = np.sqrt(taxels.areas / np.pi)
     for row, square in enumerate(taxels.square.tolist()):
         if square:
@@ -107,13 +110,26 @@ def _turn(taxels: LinkTaxels, row: int) -> str:
 
 
 def triangles(taxels: LinkTaxels, rows: IntArray) -> IntArray:
-    """Triangles between taxels that are neighbours, counter-clockwise seen from outside, shape (m, 3); places in rows.
+    """Return triangles of neighbouring taxels.
 
-    Round each taxel, two neighbours that follow one another make one with it where they are neighbours themselves, and
-    two with the taxel across where they share one. Taxels without such neighbours are chained as they come.
+    Neighbours that follow each other around a taxel form one triangle with it if they are neighbours themselves. If
+    they are not, but have another common neighbour, the four taxels form two triangles. Taxels without any such
+    neighbours form a chain of triangles.
+
+    Parameters
+    ----------
+    taxels : LinkTaxels
+        All taxels of the link.
+    rows : array, shape (n,)
+        Rows of one patch.
+
+    Returns
+    -------
+    array, shape (m, 3)
+        Positions in ``rows``, counter-clockwise seen from outside.
     """
-    place = {taxels.ids[row]: k for k, row in enumerate(rows.tolist())}
-    near = [{place[other] for other in taxels.neighbours[row] if other in place} for row in rows.tolist()]
+    position = {taxels.ids[row]: k for k, row in enumerate(rows.tolist())}
+    near = [{position[other] for other in taxels.neighbours[row] if other in position} for row in rows.tolist()]
     found: dict[frozenset[int], tuple[int, int, int]] = {}
     for k, row in enumerate(rows.tolist()):
         around = sorted(near[k])
@@ -124,7 +140,7 @@ def triangles(taxels: LinkTaxels, rows: IntArray) -> IntArray:
             a, b = around[i], around[j]
             across = min(near[a] & near[b] - {k} - near[k], default=-1)
             if not 0 < (angles[j] - angles[i]) % (2 * np.pi) < np.pi:
-                continue  # nothing lies between them: an edge of the patch
+                continue  # no triangle: an edge of the patch is between them
             if b in near[a]:
                 found.setdefault(frozenset((k, a, b)), (k, a, b))
             elif k < min(across, a, b):

@@ -1,4 +1,4 @@
-"""Poses of taxels for Isaac Lab: the NPZ of a DEX-01 ``CustomPatternCfg``, metres."""
+"""Write poses of taxels for Isaac Lab: the NPZ file of a DEX-01 ``CustomPatternCfg``, in metres."""
 
 import io
 
@@ -9,9 +9,10 @@ from .link_taxels import taxels_of
 
 
 def write_npz(calibration: LinkCalibration) -> bytes:
-    """``poses`` (n, 3, 4), whose third column is the normal and whose last is the position, and ``taxel2pixel`` (n, 2).
+    """Write ``poses`` (n, 3, 4) and ``taxel2pixel`` (n, 2).
 
-    A pixel is row and column of a cell, the patches one below the other. ``channel`` and ``id`` tell the taxels.
+    The columns of a pose are tangent, normal x tangent, normal, and position. A pixel is row and column of the cell,
+    with the patches one below the other. ``channel`` and ``id`` identify the taxels.
     """
     taxels = taxels_of(calibration)
     file = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Point clouds of PCL: points with normals, metres; as text or as bytes."""
+"""Read and write PCD point clouds of PCL, with normals, in metres, as text or binary data."""
 
 from dataclasses import dataclass, field
 
@@ -18,30 +18,30 @@ from .cloud import (
 )
 from .taxel_set import Draft, line
 
-FIRST_LINES = (b"# .PCD", b"VERSION", b"FIELDS")  # one of these begins a file
+FIRST_LINES = (b"# .PCD", b"VERSION", b"FIELDS")  # possible first lines of a file
 TYPES = {"I": "i", "U": "u", "F": "f"}
 SIZES = {"I": "1248", "U": "1248", "F": "48"}
-IDENTITY_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]  # the viewpoint of points in their own frame
+IDENTITY_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]  # Format: position and quaternion without transformation
 
 
 @dataclass
 class Header:
-    """What the header says about the points."""
+    """Entries of the header."""
 
     words: dict[str, list[str]] = field(default_factory=dict)
-    numbers: dict[str, int] = field(default_factory=dict)  # the line of each
+    numbers: dict[str, int] = field(default_factory=dict)  # line number of each entry
     comments: list[str] = field(default_factory=list)
     lines: int = 0
 
     def entry(self, name: str) -> list[str]:
-        """The words of an entry."""
+        """Return the words of an entry, which must exist."""
         if not self.words.get(name):
-            raise CloudError("syntax", "", f"has a header without {name}; export it anew")
+            raise CloudError("syntax", "", f"has a header without {name}; export the file again")
         return self.words[name]
 
 
 def read_pcd(data: bytes) -> Draft:
-    """The points of a file. A viewpoint is not applied: it says where they were seen from."""
+    """Read the points; a viewpoint (the pose of the camera) is not applied."""
     draft = Draft()
     try:
         header, stop = _header(data)
@@ -55,11 +55,11 @@ def read_pcd(data: bytes) -> Draft:
             draft.lines, draft.at = list(range(count)), point
             columns = parse_bytes(names, types, data[stop:], count)
         else:
-            message = f"holds {show(form)} data; save it as ascii or binary (pcl_convert_pcd_ascii_binary)"
+            message = f"contains {show(form)} data; save it as ascii or binary (pcl_convert_pcd_ascii_binary)"
             raise CloudError("syntax", line(header.numbers["DATA"]), message)
         fill_draft(draft, columns, parse_comments(draft, header.comments))
         if _numbers(header.words.get("VIEWPOINT", [])) not in ([], IDENTITY_VIEWPOINT):
-            message = "has a viewpoint, which is not applied: positions are taken as they stand"
+            message = "has a viewpoint, which is not applied: positions are used unchanged"
             draft.findings.append(warning("unused-transform", line(header.numbers["VIEWPOINT"]), message))
     except CloudError as problem:
         draft.findings.append(problem.finding)
@@ -67,7 +67,7 @@ def read_pcd(data: bytes) -> Draft:
 
 
 def _header(data: bytes) -> tuple[Header, int]:
-    """The header, and where in the file its data begin."""
+    """Return the header, and the position of the first byte after it."""
     header, start = Header(), 0
     while start < len(data):
         stop = data.find(b"\n", start) + 1 or len(data)
@@ -80,23 +80,23 @@ def _header(data: bytes) -> tuple[Header, int]:
         header.words[name], header.numbers[name] = words, header.lines
         if name == "DATA":
             return header, start
-    raise CloudError("syntax", "", "has no line DATA; it is cut off, or no PCD file")
+    raise CloudError("syntax", "", "has no line DATA; it is truncated, or not a PCD file")
 
 
 def _columns(header: Header) -> tuple[list[str], list[str]]:
-    """Name and NumPy type of every number of a point; a field of several numbers has a name for each."""
+    """Return name and NumPy type of each number of a point; fields with several numbers have several names."""
     fields = [name.lower() for name in header.entry("FIELDS")]
     counts = header.words.get("COUNT") or ["1"] * len(fields)
     names, types = [], []
     entries = (fields, header.entry("SIZE"), header.entry("TYPE"), counts)
     if len({len(entry) for entry in entries}) > 1:
         raise CloudError(
-            "syntax", line(header.numbers["FIELDS"]), "names other fields than SIZE, TYPE and COUNT describe"
+            "syntax", line(header.numbers["FIELDS"]), "has another number of fields than SIZE, TYPE or COUNT"
         )
     for name, size, kind, count in zip(*entries):
         if size not in SIZES.get(kind, ()) or not count.isdecimal() or not 1 <= int(count[:9]) <= 1000:
             message = f"has the field {show(name)} of type {show(kind)}, size {show(size)}, count {show(count)}"
-            raise CloudError("syntax", line(header.numbers["FIELDS"]), f"{message}, which PCD does not have")
+            raise CloudError("syntax", line(header.numbers["FIELDS"]), f"{message}, which is invalid in PCD")
         names += [name, *(f"{name} {i}" for i in range(1, int(count)))]
         types += int(count) * [f"<{TYPES[kind]}{size}"]
     return names, types
@@ -110,14 +110,15 @@ def _numbers(words: list[str]) -> list[float] | None:
 
 
 def write_pcd(calibration: LinkCalibration) -> bytes:
-    """A point for each taxel with its normal and its channel; ids are told in comments.
+    """Write a point for each taxel with normal and channel; comments contain the ids.
 
-    Fields are declared in single precision, which programs want, and written with all digits, which ours reads.
+    Fields are declared in single precision, which other programs require. The text has all digits, which the reader
+    of this package uses.
 
     Raises
     ------
     CalibrationFormatError
-        If a name would not come back as it is.
+        If a name would not be read back unchanged.
     """
     comments, rows = cloud_of(calibration)
     lines = [

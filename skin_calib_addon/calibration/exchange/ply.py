@@ -1,4 +1,4 @@
-"""Point clouds in PLY: vertices with normals, metres; as text or as bytes of either order."""
+"""Read and write PLY point clouds with normals, in metres, as text or binary data of both byte orders."""
 
 from dataclasses import dataclass, field
 
@@ -36,27 +36,27 @@ ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 @dataclass
 class Header:
-    """What the header says about the vertices."""
+    """Entries of the header about the vertices."""
 
-    order: str | None = None  # of bytes; empty for text
+    order: str | None = None  # byte order; empty for text
     count: int | None = None
     names: list[str] = field(default_factory=list)
     types: list[str] = field(default_factory=list)
     comments: list[str] = field(default_factory=list)
-    faces: tuple[int, str] | None = None  # the line that promises them, and how many
+    faces: tuple[int, str] | None = None  # line and number of the faces
 
 
 def read_ply(data: bytes) -> Draft:
-    """The vertices of a file, which must come first; faces and other elements are left alone."""
+    """Read the vertices, which must be the first element; faces and other elements are ignored."""
     draft = Draft()
     try:
         stop = data.find(b"\n", max(data.find(b"\n" + END), 0) + 1) + 1 or len(data)
         if not data.startswith(MAGIC):
-            raise CloudError("syntax", "", "does not begin with ply; check that it is the right file")
+            raise CloudError("syntax", "", "does not begin with ply; check that it is the correct file")
         head = lines_of(data[:stop]).split("\n")
         header = _header(head)
         if header.order is None or header.count is None or not header.names:
-            raise CloudError("syntax", "", "has a header that names no format or no vertices; export it anew")
+            raise CloudError("syntax", "", "has a header without format or vertices; export the file again")
         if header.order:
             types = [header.order + kind for kind in header.types]
             draft.lines, draft.at = list(range(header.count)), point
@@ -67,7 +67,7 @@ def read_ply(data: bytes) -> Draft:
             columns = parse_text(header.names, rows)
         fill_draft(draft, columns, parse_comments(draft, header.comments))
         if header.faces is not None:
-            message = f"promises {shown(header.faces[1])} faces: if this is a mesh, its vertices are taken for taxels"
+            message = f"announces {shown(header.faces[1])} faces: if this is a mesh, its vertices are read as taxels"
             draft.findings.append(warning("faces", line(header.faces[0]), message))
     except CloudError as problem:
         draft.findings.append(problem.finding)
@@ -90,27 +90,29 @@ def _header(lines: list[str]) -> Header:
                     header.faces = (number, amount) if amount != "0" else None
                 elif header.count is None:
                     raise CloudError(
-                        "syntax", line(number), f"names {show(element)} before the vertices; put these first"
+                        "syntax",
+                        line(number),
+                        f"names {show(element)} before the vertices; move the vertices to the front",
                     )
             case ["property", "list", *_] if element == "vertex":
-                raise CloudError("syntax", line(number), "gives vertices a list; export them with plain numbers")
+                raise CloudError("syntax", line(number), "defines a list for vertices; export them with plain numbers")
             case ["property", kind, name] if element == "vertex":
                 if kind not in KINDS:
-                    raise CloudError("syntax", line(number), f"has the type {show(kind)}, which PLY does not have")
+                    raise CloudError("syntax", line(number), f"has the type {show(kind)}, which is invalid in PLY")
                 header.names.append(name.lower())
                 header.types.append(KINDS[kind])
             case ["end_header"]:
                 return header
-    raise CloudError("syntax", "", "has a header without end; it is cut off")
+    raise CloudError("syntax", "", "has a header without end; the file is truncated")
 
 
 def write_ply(calibration: LinkCalibration) -> bytes:
-    """A vertex for each taxel with its normal and its channel; ids are told in comments.
+    """Write a vertex for each taxel with normal and channel; comments contain the ids.
 
     Raises
     ------
     CalibrationFormatError
-        If a name would not come back as it is.
+        If a name would not be read back unchanged.
     """
     comments, rows = cloud_of(calibration)
     lines = [

@@ -1,4 +1,4 @@
-"""Read the taxels of a file, whatever program wrote it."""
+"""Read the taxels of a file in any supported format."""
 
 import os
 import re
@@ -29,29 +29,30 @@ READABLE = (*READERS, *CLOUDS)
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
-ROOT_SEARCH_LENGTH = 2**16  # characters among which the root element is looked for
+ROOT_SEARCH_LENGTH = 2**16  # characters that are searched for the root element. Larger: slower for other files.
 
 
 def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: str | None = None) -> TaxelSet:
-    """Read a file of taxels as it is: nothing is moved, turned round or made up.
+    """Read a file of taxels without any change: positions and normals are not transformed or completed.
 
     Parameters
     ----------
     path : path
+        File to read.
     format : one of `READABLE`, optional
-        Else the content tells.
+        Default: detected from the content.
     only : str, optional
-        A pattern of file names, as in a shell: taxels whose label does not match are left out.
+        A shell pattern. Taxels whose label does not match are left out.
 
     Raises
     ------
     CalibrationFormatError
-        If the file cannot be read, or anything in it makes it unusable; ``findings`` has everything found.
+        If the file cannot be read or is invalid; ``findings`` lists all problems.
     """
     if format is not None and format not in READABLE:
         known = ", ".join(READABLE)
         raise CalibrationFormatError(
-            f"no format '{format}' of taxels; use one of {known}{did_you_mean(format, READABLE)}"
+            f"unknown taxel format '{format}'. Supported: {known}{did_you_mean(format, READABLE)}"
         )
     data = read(path)
     check_size(data, path)
@@ -63,13 +64,13 @@ def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: s
         format = format or format_of(text)
         if format is None and text.lstrip().startswith("{"):
             raise CalibrationFormatError(
-                f"'{path}' is JSON, no taxel file: export writes those of a calibration, fit makes one from a plan"
+                f"'{path}' is a JSON file, not a taxel file. For a calibration, use a file that export wrote."
             )
         if format is None:
             raise CalibrationFormatError(
-                f"'{path}' is no taxel file that is known here: a positions file has a line {BLOCK}, a patch or a "
-                "robot is XML, a table begins with a header that names x, y and z, a cloud is PLY or "
-                "PCD; export it anew, or name its format"
+                f"the taxel format of '{path}' is unknown. Supported: positions files with a line {BLOCK}, XML of a "
+                "patch or a robot, tables whose header names x, y and z, and PLY or PCD point clouds. "
+                "Export the file again, or state its format."
             )
         draft = READERS[format](text)
     taxels, findings = finished(draft, only)
@@ -79,14 +80,14 @@ def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: s
 
 
 def cloud_format_of(data: bytes) -> str | None:
-    """The format of a cloud that bytes are, or None."""
+    """Return the point cloud format of a file, or None."""
     if data.split(b"\n", 1)[0].strip() == MAGIC:
         return "ply"
     return "pcd" if data.startswith(FIRST_LINES) else None
 
 
 def format_of(text: str) -> str | None:
-    """The format that a text is in, or None."""
+    """Return the format of a text, or None."""
     if text.lstrip().startswith("<"):
         root = _ELEMENT.search(_COMMENT.sub("", text[:ROOT_SEARCH_LENGTH]))
         return "urdf" if root and root[1] == ROOT else "tum"

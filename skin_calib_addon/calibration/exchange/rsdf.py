@@ -1,4 +1,4 @@
-"""Planar surfaces of a robot for mc_rtc: the outline of a sole, metres and radians."""
+"""Write planar surfaces of a robot for mc_rtc, such as the outline of a sole, in metres and radians."""
 
 import numpy as np
 
@@ -8,20 +8,21 @@ from ...common.findings import show
 from ..model import LinkCalibration, Patch
 from .xml_text import HEAD, numbers, quoted, rpy
 
-FLATNESS_TOLERANCE = 0.02  # how far corners may stand off the plane, as a share of the patch's size
-MIN_MEAN_LENGTH = 1e-6  # of a mean direction: below, the taxels look all ways
+# Distance of corners from the plane, as a fraction of the patch size. Larger: more curved patches are written.
+FLATNESS_TOLERANCE = 0.02
+MIN_MEAN_LENGTH = 1e-6  # of a mean unit vector; a shorter one has no direction. Larger: more patches are rejected.
 
 
 def write_rsdf(calibration: LinkCalibration) -> bytes:
-    """A surface for each patch: the convex outline of its cells, counter-clockwise.
+    """Write a surface for each patch: the convex outline of its cells, counter-clockwise.
 
-    The z axis of its frame leads **into** the robot, so that it stands upright under a foot on the ground; x runs along
-    the tangents.
+    The z axis of its frame points **into** the robot, and therefore upwards for a foot on the ground. The x axis is
+    parallel to the tangents.
 
     Raises
     ------
     CalibrationFormatError
-        If a patch is bent: a planar surface would not be where the skin is.
+        If a patch is curved, because a plane would deviate from the skin.
     """
     link = quoted(calibration.link)
     lines = [f"{HEAD}<robot name={link}>"]
@@ -38,7 +39,7 @@ def write_rsdf(calibration: LinkCalibration) -> bytes:
 
 
 def _plane(patch: Patch) -> tuple[Array, Array, Array]:
-    """Origin (3,) [m] and axes (3, 3) of the plane of a patch, and the outline in it (k, 2) [m]."""
+    """Return origin (3,) [m] and axes (3, 3) of the plane of a patch, and its outline in the plane (k, 2) [m]."""
     taxels = patch.taxels
     inwards, along = -taxels.normals_link.mean(axis=0), taxels.tangents_link.mean(axis=0)
     z = unit(inwards)
@@ -52,8 +53,8 @@ def _plane(patch: Patch) -> tuple[Array, Array, Array]:
         or off > FLATNESS_TOLERANCE * size
     ):
         raise CalibrationFormatError(
-            f"patch {show(patch.name)} is bent: its cells stand up to {off * 1e3:.1f} mm off their plane, and rsdf "
-            "holds planar surfaces; name the flat patches (--patch)"
+            f"patch {show(patch.name)} is not flat: its cells deviate up to {off * 1e3:.1f} mm from their plane, and "
+            "rsdf contains only planar surfaces. Select the flat patches (--patch)."
         )
     x = unit(x)
     axes = np.stack((x, np.cross(z, x), z), axis=1)
@@ -61,7 +62,7 @@ def _plane(patch: Patch) -> tuple[Array, Array, Array]:
 
 
 def hull(points: Array) -> Array:
-    """The convex outline of points (n, 2), counter-clockwise, without points on its sides."""
+    """Return the convex hull of points (n, 2), counter-clockwise, without points on its edges."""
     chains: list[list[Array]] = [[], []]
     order = points[np.lexsort((points[:, 1], points[:, 0]))]
     tiny = 1e-12 * float(np.ptp(points, axis=0).max()) ** 2
@@ -74,5 +75,5 @@ def hull(points: Array) -> Array:
 
 
 def _turn(a: Array, b: Array, c: Array) -> float:
-    """Twice the area of a triangle: positive where it turns left."""
+    """Return twice the signed area of a triangle, positive for a left turn."""
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

@@ -1,4 +1,4 @@
-"""Tables of taxels with a header: CSV as spreadsheets, GenTact and scripts write it, metres."""
+"""Read and write CSV tables of taxels, from spreadsheets, GenTact or scripts, in metres."""
 
 import csv
 import io
@@ -14,21 +14,21 @@ from ..model import LinkCalibration
 from .link_taxels import refuse_labels, taxels_of
 from .taxel_set import Draft, TaxelSet, line
 
-# Names of each column, in small letters; the first that the header has is taken.
+# Accepted names of each column, in lower case; the first name in the header is used.
 POSITION = (("x",), ("y",), ("z",))
 NORMAL = tuple((f"n{c}", f"norm{c}", f"normal_{c}") for c in "xyz")
 TANGENT = tuple((f"t{c}", f"tangent_{c}") for c in "xyz")
 CHANNEL = ("channel", "row", "index")
 LABEL = ("id", "label")
 FRAME = ("frame", "link", "parent")
-NEIGHBOURS = ("neighbours",)  # channels of the neighbours, with spaces between
+NEIGHBOURS = ("neighbours",)  # channels of the neighbours, separated by spaces
 GENTACT = ("Index", "X", "Y", "Z", "NormX", "NormY", "NormZ", "Radius", "Parent", "Object Name in Blender")
-PLACE = ("x", "y", "z", "nx", "ny", "nz", "tx", "ty", "tz")
+VECTORS = ("x", "y", "z", "nx", "ny", "nz", "tx", "ty", "tz")
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Where in a row everything stands; None for what the table does not have."""
+    """Positions of all columns in a row; None for columns that do not exist."""
 
     position: tuple[int, ...]
     normal: tuple[int, ...] | None
@@ -40,9 +40,10 @@ class Columns:
 
 
 def read_table(text: str) -> Draft:
-    """Rows below a header; its names, in any order and case, say what a column is, and other columns are left alone.
+    """Read rows below a header.
 
-    Without a channel, a row's index counts; without a label, its channel is its name.
+    The names in the header may have any order and case. Unknown columns are ignored. Without a channel, the index of
+    the row is the channel. Without a label, the channel is the label.
     """
     draft = Draft()
     rows = read_rows(text)
@@ -52,16 +53,16 @@ def read_table(text: str) -> Draft:
         if columns is not None:
             draft.normals = None if columns.normal is None else []
             draft.tangents = None if columns.tangent is None else []
-            draft.findings += first(_take(draft, columns, rows, len(header)))
+            draft.findings += first(_read_rows(draft, columns, rows, len(header)))
     except TableError as problem:
         draft.findings.append(error("syntax", line(problem.line), str(problem)))
     if not draft.lines and not draft.broken:
-        draft.findings.append(error("no-taxels", "", "has no row below its header; check that it is the right file"))
+        draft.findings.append(error("no-taxels", "", "has no row below its header; check that it is the correct file"))
     return draft
 
 
 def has_header(text: str) -> bool:
-    """Whether a text begins with a header that names x, y and z."""
+    """Return whether a text begins with a header that contains x, y and z."""
     try:
         _, header = next(read_rows(text), (1, [""]))
     except TableError:
@@ -70,44 +71,44 @@ def has_header(text: str) -> bool:
 
 
 def _columns(draft: Draft, number: int, header: list[str]) -> Columns | None:
-    """Find the columns; what is wrong with the header goes into the draft."""
+    """Find the columns; errors of the header go into the draft."""
     for name in sorted({name for name in header if name and header.count(name) > 1}):
         draft.findings.append(error("duplicate-column", line(number), f"names the column {show(name)} twice", name))
 
-    def place(names: tuple[str, ...]) -> int | None:
+    def column(names: tuple[str, ...]) -> int | None:
         return next((header.index(name) for name in names if name in header), None)
 
     def vector(names: tuple[tuple[str, ...], ...], needed: bool) -> tuple[int, ...] | None:
-        places = [place(alike) for alike in names]
-        if all(at is None for at in places) and not needed:
+        found = [column(synonyms) for synonyms in names]
+        if all(k is None for k in found) and not needed:
             return None
-        for at, alike in zip(places, names):
-            if at is None:
-                message = f"names no column {show(alike[0])}{did_you_mean(alike[0], header)}"
+        for k, synonyms in zip(found, names):
+            if k is None:
+                message = f"has no column {show(synonyms[0])}{did_you_mean(synonyms[0], header)}"
                 draft.findings.append(error("missing-column", line(number), message, header[:100]))
-        return tuple(at for at in places if at is not None)
+        return tuple(k for k in found if k is not None)
 
     position, normal, tangent = vector(POSITION, True), vector(NORMAL, False), vector(TANGENT, False)
     if draft.broken or position is None:
         return None
-    return Columns(position, normal, tangent, place(CHANNEL), place(LABEL), place(FRAME), place(NEIGHBOURS))
+    return Columns(position, normal, tangent, column(CHANNEL), column(LABEL), column(FRAME), column(NEIGHBOURS))
 
 
-def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]], width: int) -> Iterator[Finding]:
-    """Put the rows into the draft; what is wrong with one."""
+def _read_rows(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]], width: int) -> Iterator[Finding]:
+    """Copy the rows into the draft, and yield errors."""
     frames: dict[str, int] = {}
     neighbours: list[list[int]] = []
     for index, (number, row) in enumerate(rows):
         if index == MAX_TAXELS:
-            yield error("size", line(number), f"is one row too many; at most {MAX_TAXELS} are read")
+            yield error("size", line(number), f"exceeds the limit of {MAX_TAXELS} rows")
             return
         if len(row) != width:
             yield error("row", line(number), f"has {len(row)} columns, but the header has {width}")
             continue
         try:
             vectors = [
-                None if places is None else tuple(real(row[i].strip()) for i in places)
-                for places in (columns.position, columns.normal, columns.tangent)
+                None if cells is None else tuple(real(row[i].strip()) for i in cells)
+                for cells in (columns.position, columns.normal, columns.tangent)
             ]
             channel = index if columns.channel is None else whole(row[columns.channel].strip())
             others = [] if columns.neighbours is None else [whole(word) for word in row[columns.neighbours].split()]
@@ -128,29 +129,31 @@ def _take(draft: Draft, columns: Columns, rows: Iterator[tuple[int, list[str]]],
         yield from _name_neighbours(draft, neighbours)
     if len(frames) > 1:
         number = sorted(frames.values())[1]
-        message = f"is in another frame than the rows before; the {len(frames)} frames named are read as if it were one"
+        message = f"has another frame than the previous rows; the {len(frames)} frames are treated as one"
         yield warning("frames", line(number), message, len(frames))
 
 
 def _name_neighbours(draft: Draft, neighbours: list[list[int]]) -> Iterator[Finding]:
-    """Put the labels of the neighbours into the draft; what is wrong with their channels."""
+    """Copy the labels of the neighbours into the draft, and yield a warning for unknown channels."""
     label = dict(zip(draft.channels, draft.labels))
     draft.neighbours = [tuple(label[other] for other in others if other in label) for others in neighbours]
-    lost = [
+    missing = [
         (number, other) for number, others in zip(draft.lines, neighbours) for other in others if other not in label
     ]
-    if lost:
-        message = f"names neighbours that are not all in this file; {len(lost)} are not, channel {lost[0][1]} the first"
-        yield warning("unknown-neighbour", line(lost[0][0]), message, len(lost))
+    if missing:
+        message = (
+            f"names a neighbour outside this file; {len(missing)} are missing, the first is channel {missing[0][1]}"
+        )
+        yield warning("unknown-neighbour", line(missing[0][0]), message, len(missing))
 
 
 def write_table(calibration: LinkCalibration) -> bytes:
-    """Everything about a taxel in a row, to the last bit.
+    """Write all data of each taxel in one row, without loss of digits.
 
     Raises
     ------
     CalibrationFormatError
-        If a name would not come back as it is.
+        If a name would not be read back unchanged.
     """
     taxels = taxels_of(calibration)
     refuse_labels(taxels.ids, "the id")
@@ -163,17 +166,17 @@ def write_table(calibration: LinkCalibration) -> bytes:
         (number, name, *numbers, taxels.link, *rest)
         for number, name, numbers, *rest in zip(taxels.channels.tolist(), taxels.ids, vectors, *columns)
     )
-    return _bytes(("channel", "id", *PLACE, "link", "patch", "area", "neighbours"), rows)
+    return _csv_bytes(("channel", "id", *VECTORS, "link", "patch", "area", "neighbours"), rows)
 
 
 def write_taxel_set(taxels: TaxelSet) -> bytes:
-    """What is known of the taxels of a file, in the same columns: those that it does not tell are left out."""
+    """Write the taxels of a file in the same columns; unknown columns are left out."""
     given = [vectors for vectors in (taxels.positions, taxels.normals, taxels.tangents) if vectors is not None]
     names = [
         axis
         for i, vectors in enumerate((taxels.positions, taxels.normals, taxels.tangents))
         if vectors is not None
-        for axis in PLACE[3 * i : 3 * i + 3]
+        for axis in VECTORS[3 * i : 3 * i + 3]
     ]
     header = ["channel", "id", *names]
     columns: list[Iterable[object]] = []
@@ -185,16 +188,18 @@ def write_taxel_set(taxels: TaxelSet) -> bytes:
         channel = dict(zip(taxels.labels, taxels.channels.tolist()))
         columns.append(" ".join(str(channel[i]) for i in row if i in channel) for row in taxels.neighbours)
     rows = zip(taxels.channels.tolist(), taxels.labels, np.column_stack(given).tolist(), *columns)
-    return _bytes(header, ((number, name, *numbers, *rest) for number, name, numbers, *rest in rows))
+    return _csv_bytes(header, ((number, name, *numbers, *rest) for number, name, numbers, *rest in rows))
 
 
 def write_gentact(calibration: LinkCalibration) -> bytes:
-    """The table that GenTact writes: the radius is that of a disc as large as the cell, the object is the patch.
+    """Write a GenTact table.
+
+    The radius is that of a disc with the area of the cell. The object is the patch.
 
     Raises
     ------
     CalibrationFormatError
-        If a name would not come back as it is.
+        If a name would not be read back unchanged.
     """
     taxels = taxels_of(calibration)
     refuse_labels((taxels.link,), "the link name")
@@ -203,10 +208,10 @@ def write_gentact(calibration: LinkCalibration) -> bytes:
         (number, *numbers, taxels.link, patch)
         for number, numbers, patch in zip(taxels.channels.tolist(), vectors, taxels.patches)
     )
-    return _bytes(GENTACT, rows)
+    return _csv_bytes(GENTACT, rows)
 
 
-def _bytes(header: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
+def _csv_bytes(header: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

@@ -1,4 +1,4 @@
-"""Patches of hexagonal skin cells: the ``SkinConfig`` XML of TUM's skin driver, metres and rotation matrices."""
+"""Read and write patches of hexagonal boards: the ``SkinConfig`` XML of the TUM skin driver, in metres."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -17,55 +17,56 @@ from .xml_text import HEAD, quoted
 
 ROOT = "SkinConfig"
 ROOT_TO_BASE, BASE_TO_DH = "tf_rootCell_base", "tf_base_dh"
-NO_NEIGHBOUR = (0, 16383)  # ids at a port without a neighbour
-ROTATION_TOLERANCE = 1e-4  # how far a matrix may be off a rotation: files give six decimals and more
+NO_NEIGHBOUR = (0, 16383)  # Format: ids at a port without neighbour
+# Deviation of R R^T from the identity: files have six decimals or more. Larger: sheared matrices pass.
+ROTATION_TOLERANCE = 1e-4
 Pose = tuple[Array, Array]  # translation (3,) [m] and rotation (3, 3)
 
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """One board, in the frame of its patch's root cell."""
+    """One board, in the frame of the root cell of its patch."""
 
     line: int
     id: int
     patch: str
     pose: Pose
-    ports: tuple[int, ...]  # ids of its neighbours
+    ports: tuple[int, ...]  # ids of the neighbours
 
 
 @dataclass
 class Patches:
-    """What is said of all patches of a file."""
+    """Data of all patches of a file."""
 
     cells: list[Cell] = field(default_factory=list)
     frames: dict[str, str] = field(default_factory=dict)  # base frame of each patch
-    bases: dict[str, Pose] = field(default_factory=dict)  # of its root cell in that frame
+    bases: dict[str, Pose] = field(default_factory=dict)  # pose of the root cell in the base frame
 
 
 def read_tum(text: str) -> Draft:
-    """Cells in the base frame: position, z axis as normal, x axis as tangent, neighbours at the ports.
+    """Read cells in the base frame: position, normal (z axis), tangent (x axis) and neighbours.
 
-    The channel of a cell is its place among the cells of the file.
+    The channel of a cell is its index in the file.
     """
     draft, patches = Draft(normals=[], tangents=[], neighbours=[]), Patches()
     try:
         for node in children_of_root(text, ROOT):
-            draft.findings += _take(patches, node)
+            draft.findings += _read_node(patches, node)
     except XmlError as problem:
         draft.findings.append(problem.finding)
     if not patches.cells and not draft.broken:
-        draft.findings.append(error("no-taxels", "", "has no cell; check that it is the right file"))
+        draft.findings.append(error("no-taxels", "", "has no cell; check that it is the correct file"))
     if not draft.broken:
-        _place(draft, patches)
+        _fill_draft(draft, patches)
         draft.findings += _missing_references(patches)
     return draft
 
 
-def _take(patches: Patches, node: Node) -> Iterator[Finding]:
-    """Put a child of the root into the patches."""
+def _read_node(patches: Patches, node: Node) -> Iterator[Finding]:
+    """Copy a child of the root element into the patches."""
     if node.tag == "cell":
         if len(patches.cells) == MAX_TAXELS:
-            raise XmlError("size", node.line, f"opens one cell too many; at most {MAX_TAXELS} are read")
+            raise XmlError("size", node.line, f"exceeds the limit of {MAX_TAXELS} cells")
         ports = tuple(port.whole("id") for port in node.child("neighbors").children)
         cell = Cell(node.line, node.whole("id"), node.attributes.get("patch", ""), _pose(node), ports)
         patches.cells.append(cell)
@@ -75,12 +76,12 @@ def _take(patches: Patches, node: Node) -> Iterator[Finding]:
         patches.bases[patch] = _pose(node.child(ROOT_TO_BASE))
         shift, turn = _pose(node.child(BASE_TO_DH))
         if shift.any() or (turn != np.eye(3)).any():
-            message = f"opens patch {patch}, whose {BASE_TO_DH} is not applied: its cells are given in the base frame"
+            message = f"starts patch {patch}, whose {BASE_TO_DH} is not applied: the cells stay in the base frame"
             yield warning("unused-transform", line(node.line), message)
 
 
-def _place(draft: Draft, patches: Patches) -> None:
-    """Put the cells into the draft, in the base frame of their patch."""
+def _fill_draft(draft: Draft, patches: Patches) -> None:
+    """Copy the cells into the draft, in the base frame of their patch."""
     assert draft.normals is not None and draft.tangents is not None and draft.neighbours is not None
     names = set(patches.frames.values())
     draft.frame = names.pop() or None if len(names) == 1 else None
@@ -100,62 +101,64 @@ def _place(draft: Draft, patches: Patches) -> None:
 
 
 def _missing_references(patches: Patches) -> Iterator[Finding]:
-    """Neighbours that the file does not hold, and patches whose place it does not tell."""
+    """Yield warnings for unknown neighbours, patches without pose, and different base frames."""
     known = {cell.id for cell in patches.cells}
-    beyond = [cell for cell in patches.cells if set(cell.ports) - known - set(NO_NEIGHBOUR)]
-    if beyond:
-        ids = sorted({i for cell in beyond for i in cell.ports} - known - set(NO_NEIGHBOUR))
-        message = f"opens a cell whose neighbours are not all in this file; {len(ids)} are not, cell {ids[0]} the first"
-        yield warning("unknown-neighbour", line(beyond[0].line), message, len(ids))
-    lost = [cell for cell in patches.cells if cell.patch not in patches.bases]
-    if lost:
-        message = "opens a cell of a patch without patchExtrinsics: it stays in the frame of its root cell"
-        yield warning("no-frame", line(lost[0].line), message, len(lost))
+    incomplete = [cell for cell in patches.cells if set(cell.ports) - known - set(NO_NEIGHBOUR)]
+    if incomplete:
+        ids = sorted({i for cell in incomplete for i in cell.ports} - known - set(NO_NEIGHBOUR))
+        message = (
+            f"starts a cell with a neighbour outside this file; {len(ids)} are missing, the first is cell {ids[0]}"
+        )
+        yield warning("unknown-neighbour", line(incomplete[0].line), message, len(ids))
+    without = [cell for cell in patches.cells if cell.patch not in patches.bases]
+    if without:
+        message = "starts a cell of a patch without patchExtrinsics: it stays in the frame of its root cell"
+        yield warning("no-frame", line(without[0].line), message, len(without))
     frames = sorted(set(patches.frames.values()))
     if len(frames) > 1:
-        yield warning(
-            "frames", "", f"has patches in {len(frames)} base frames; they are read as if it were one", frames
-        )
+        yield warning("frames", "", f"has patches in {len(frames)} base frames; they are treated as one", frames)
 
 
 def _pose(node: Node) -> Pose:
-    """Position and rotation that a node holds."""
+    """Return position and rotation of a node."""
     shift, turn = _matrix(node, "pos", 1)[:, 0], _matrix(node, "rot", 3)
-    with np.errstate(all="ignore"):  # absurd numbers overflow, and are no rotation
+    with np.errstate(all="ignore"):  # huge numbers overflow, and are not a rotation
         proper = np.abs(turn @ turn.T - np.eye(3)).max() <= ROTATION_TOLERANCE and np.linalg.det(turn) > 0
     if not proper:
-        raise XmlError("rotation", node.child("rot").line, "opens a rot that is no rotation; export it again")
+        raise XmlError(
+            "rotation", node.child("rot").line, "has a matrix rot that is not a rotation; export the file again"
+        )
     return shift, turn
 
 
 def _matrix(node: Node, name: str, columns: int) -> Array:
-    """The numbers of a matrix of three rows."""
+    """Return the numbers of a matrix with three rows."""
     found = np.full((3, columns), np.nan)
     holder = node.child(name).child("matrix")
     for element in holder.children:
         i, j = element.whole("row"), element.whole("col")
         if not (0 <= i < 3 and 0 <= j < columns):
-            raise XmlError("size", element.line, f"holds element ({i}, {j}) of a {name}, which is 3 x {columns}")
+            raise XmlError("size", element.line, f"contains element ({i}, {j}) of {name}, which is 3 x {columns}")
         try:
             found[i, j] = real(element.text.strip())
         except NumberError as problem:
             raise XmlError(problem.code, element.line, str(problem)) from problem
     if np.isnan(found).any():
         i, j = (int(k) for k in np.argwhere(np.isnan(found))[0])
-        raise XmlError("missing", holder.line, f"opens a matrix without element ({i}, {j})")
+        raise XmlError("missing", holder.line, f"starts a matrix without element ({i}, {j})")
     return found
 
 
 def write_tum(calibration: LinkCalibration) -> bytes:
-    """One patch of all taxels as cells: its root cell is the first, its base frame is that of the link.
+    """Write all taxels as the cells of one patch, because the driver reads one patch from a file.
 
-    The id of a cell is its channel and one, for 0 stands for no neighbour. Boards have the six ports of their sides;
-    what else is beside a taxel follows. The driver takes one patch from a file.
+    The root cell is the first cell, and the base frame is the link frame. The id of a cell is its channel plus one,
+    because 0 means no neighbour. A board has the six ports of its sides. Other neighbours follow.
 
     Raises
     ------
     CalibrationFormatError
-        If channels run too high for the ids of cells.
+        If a channel is too high for the id of a cell.
     """
     taxels = taxels_of(calibration)
     if taxels.channels[-1] + 1 >= NO_NEIGHBOUR[1]:
@@ -175,16 +178,16 @@ def write_tum(calibration: LinkCalibration) -> bytes:
         f"<{BASE_TO_DH}>{_pose_text(np.zeros(3), np.eye(3))}</{BASE_TO_DH}>",
         "</patchExtrinsics>",
     ]
-    for cell, beside, shift, rotation in zip(ids, _sides(taxels), shifts, turns):
-        ports = "".join(f'<neighbor port="{port}" id="{other}"/>' for port, other in enumerate(beside, 1))
+    for cell, others, shift, rotation in zip(ids, _sides(taxels), shifts, turns):
+        ports = "".join(f'<neighbor port="{port}" id="{other}"/>' for port, other in enumerate(others, 1))
         lines.append(f'<cell id="{cell}" patch="1" segment="1"><rootCellId>{ids[0]}</rootCellId>')
-        lines.append(f'<neighbors id="{cell}" size="{len(beside)}">{ports}</neighbors>')
+        lines.append(f'<neighbors id="{cell}" size="{len(others)}">{ports}</neighbors>')
         lines.append(f"{_pose_text(shift, rotation)}</cell>")
     return ("\n".join(lines) + "\n</SkinConfig>\n").encode()
 
 
 def _sides(taxels: LinkTaxels) -> Iterator[list[int]]:
-    """The cells at the ports of each: 0 where there is none, and those of patches that are not written are none."""
+    """Yield the cells at the ports of each taxel: 0 without neighbour, or if its patch is not written."""
     number = {taxel: channel + 1 for taxel, channel in zip(taxels.ids, taxels.channels.tolist())}
     for ports, neighbours in zip(taxels.ports, taxels.neighbours):
         others = [other for other in neighbours if other not in ports and other in number]

@@ -1,4 +1,4 @@
-"""URDF: taxels as frames fixed to a link, or in the ``<sensor><tactile>`` of tactile_toolbox; metres and radians."""
+"""Read and write URDF: taxels as fixed frames, or as ``<sensor><tactile>`` of tactile_toolbox; metres, radians."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,10 +15,12 @@ from .xml_nodes import Node, XmlError, children_of_root
 from .xml_text import HEAD, numbers, quoted, rotations, rpy
 
 ROOT = "robot"
-MAX_NODES_PER_SENSOR = 5 * MAX_TAXELS  # in one sensor: a taxel with a mesh has three
-BODY_ELEMENTS = ("visual", "collision", "inertial")  # a link with one of these is more than a frame
-CELL_THICKNESS = 0.001  # thickness of a cell that is drawn [m]
-UPDATE_RATE = 100  # of a sensor [Hz]: its element needs one
+MAX_NODES_PER_SENSOR = (
+    5 * MAX_TAXELS
+)  # XML elements; a taxel with a mesh has three. Larger: more memory for a malicious file.
+BODY_ELEMENTS = ("visual", "collision", "inertial")  # a link with one of these is not only a frame
+SHAPE_THICKNESS = 0.001  # of the drawn cells [m]. Larger: thicker drawings.
+UPDATE_RATE = 100  # of a sensor [Hz], which its element requires. Larger: the driver publishes more often.
 
 Pose = tuple[Array, Array]  # translation (3,) [m] and rotation (3, 3)
 NOWHERE: Pose = (np.zeros(3), np.eye(3))
@@ -26,7 +28,7 @@ NOWHERE: Pose = (np.zeros(3), np.eye(3))
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """What holds a link."""
+    """The joint between a link and its parent."""
 
     line: int
     parent: str
@@ -36,35 +38,35 @@ class Joint:
 
 @dataclass
 class Robot:
-    """What is of interest in a URDF."""
+    """The relevant content of a URDF."""
 
-    links: dict[str, bool] = field(default_factory=dict)  # whether each has a body
-    joints: dict[str, Joint] = field(default_factory=dict)  # by the link that is held
+    links: dict[str, bool] = field(default_factory=dict)  # True for links with a body
+    joints: dict[str, Joint] = field(default_factory=dict)  # by child link
     sensors: list[Node] = field(default_factory=list)  # with a tactile element
 
 
 def read_urdf(text: str) -> Draft:
-    """The taxels of all tactile sensors; without one, every frame that is fixed to a link and bears nothing.
+    """Read the taxels of all tactile sensors; without sensors, all frames that are fixed to a link and have no child.
 
-    Taxels of sensors are called ``sensor.idx``, and idx is the channel. Frames keep their names, and their order tells
-    the channels. Each is placed in the nearest link that has a body or a joint that moves, past frames between.
+    The label of a taxel of a sensor is ``sensor.idx``, and its channel is idx. Frames keep their names, and their order
+    gives the channels. Poses refer to the nearest parent link that has a body or a movable joint.
     """
     draft, robot = Draft(normals=[], tangents=[]), Robot()
     try:
         for node in children_of_root(text, ROOT, MAX_NODES_PER_SENSOR):
-            _take(robot, node)
+            _read_node(robot, node)
         for taxel in (_of_sensors if robot.sensors else _of_frames)(robot):
-            _put(draft, *taxel)
+            _add_taxel(draft, *taxel)
     except XmlError as problem:
         draft.findings.append(problem.finding)
     if not draft.labels and not draft.broken:
-        message = "has no tactile sensor and no frame fixed to a link; check that it is the right file"
+        message = "has no tactile sensor and no frame fixed to a link; check that it is the correct file"
         draft.findings.append(error("no-taxels", "", message))
     return draft
 
 
-def _take(robot: Robot, node: Node) -> None:
-    """Put a child of the root into the robot."""
+def _read_node(robot: Robot, node: Node) -> None:
+    """Copy a child of the root element into the robot."""
     if node.tag == "link":
         name = node.attribute("name")
         if name in robot.links:
@@ -73,7 +75,9 @@ def _take(robot: Robot, node: Node) -> None:
     elif node.tag == "joint":
         child = node.child("child").attribute("link")
         if child in robot.joints:
-            raise XmlError("syntax", node.line, f"holds the link {show(child)} a second time; a link has one joint")
+            raise XmlError(
+                "syntax", node.line, f"is a second joint of the link {show(child)}; a link has one parent joint"
+            )
         fixed = node.attribute("type") == "fixed"
         origin = next((part for part in node.children if part.tag == "origin"), None)
         pose = NOWHERE if origin is None or not fixed else _pose(origin)
@@ -82,7 +86,7 @@ def _take(robot: Robot, node: Node) -> None:
         robot.sensors.append(node)
 
 
-Taxel = tuple[int, str, int | None, str, Pose]  # line, label, channel if it has one, link, pose in that link
+Taxel = tuple[int, str, int | None, str, Pose]  # line, label, channel or None, link, pose in the link
 
 
 def _of_sensors(robot: Robot) -> Iterator[Taxel]:
@@ -91,7 +95,7 @@ def _of_sensors(robot: Robot) -> Iterator[Taxel]:
         base = next((_pose(part) for part in sensor.children if part.tag == "origin"), NOWHERE)
         for node in sensor.child("tactile").children:
             if node.tag == "array":
-                message = "opens an array, whose taxels are not read; list them one by one as taxel elements"
+                message = "starts an array, which is not supported; list its taxels one by one as taxel elements"
                 raise XmlError("array", node.line, message)
             if node.tag == "taxel":
                 channel = node.whole("idx")
@@ -99,28 +103,28 @@ def _of_sensors(robot: Robot) -> Iterator[Taxel]:
 
 
 def _of_frames(robot: Robot) -> Iterator[Taxel]:
-    bearing = {joint.parent for joint in robot.joints.values()}
+    parents = {joint.parent for joint in robot.joints.values()}
     for name, joint in robot.joints.items():
         if name not in robot.links or joint.parent not in robot.links:
             unknown = name if name not in robot.links else joint.parent
             raise XmlError("missing", joint.line, f"names the link {show(unknown)}, which the file does not have")
-        if joint.fixed and name not in bearing and not robot.links[name]:
-            yield joint.line, name, None, *_base(robot, name)
+        if joint.fixed and name not in parents and not robot.links[name]:
+            yield joint.line, name, None, *_base_link(robot, name)
 
 
-def _base(robot: Robot, name: str) -> tuple[str, Pose]:
-    """The link that bears a frame, past frames between, and the pose in it."""
+def _base_link(robot: Robot, name: str) -> tuple[str, Pose]:
+    """Return the nearest parent link that is not only a frame, and the pose in it."""
     joint = robot.joints[name]
-    pose, passed = joint.pose, {name}
+    pose, visited = joint.pose, {name}
     while not robot.links[joint.parent]:
         above = robot.joints.get(joint.parent)
         if above is None or not above.fixed:
             break
-        if joint.parent in passed:
+        if joint.parent in visited:
             raise XmlError(
-                "syntax", above.line, f"holds the link {show(joint.parent)} by itself, round a loop of joints"
+                "syntax", above.line, f"is part of a loop of joints at the link {show(joint.parent)}; remove the loop"
             )
-        passed.add(joint.parent)
+        visited.add(joint.parent)
         if above.parent not in robot.links:
             message = f"names the link {show(above.parent)}, which the file does not have"
             raise XmlError("missing", above.line, message)
@@ -128,10 +132,10 @@ def _base(robot: Robot, name: str) -> tuple[str, Pose]:
     return joint.parent, pose
 
 
-def _put(draft: Draft, number: int, label: str, channel: int | None, link: str, pose: Pose) -> None:
+def _add_taxel(draft: Draft, number: int, label: str, channel: int | None, link: str, pose: Pose) -> None:
     assert draft.normals is not None and draft.tangents is not None
     if len(draft.labels) == MAX_TAXELS:
-        raise XmlError("size", number, f"opens one taxel too many; at most {MAX_TAXELS} are read")
+        raise XmlError("size", number, f"exceeds the limit of {MAX_TAXELS} taxels")
     draft.lines.append(number)
     draft.labels.append(label)
     if channel is not None:
@@ -143,8 +147,8 @@ def _put(draft: Draft, number: int, label: str, channel: int | None, link: str, 
 
 
 def _compose(a: Pose, b: Pose) -> Pose:
-    """The pose b, given in the frame a, in the frame that a is given in."""
-    with np.errstate(all="ignore"):  # absurd numbers are found where all taxels are looked at
+    """Return the product a b of two poses: b in the frame in which a is given."""
+    with np.errstate(all="ignore"):  # huge numbers are reported later, by the checks of all taxels
         return a[1] @ b[0] + a[0], a[1] @ b[1]
 
 
@@ -153,10 +157,10 @@ def _pose(node: Node) -> Pose:
 
 
 def _three(node: Node, name: str) -> Array:
-    """The three numbers of an attribute; zeros where there is none."""
+    """Return the three numbers of an attribute; zeros without the attribute."""
     words = node.attributes.get(name, "0 0 0").split(None, 3)
     if len(words) != 3:
-        raise XmlError("number", node.line, f"has {len(words)} numbers in {name}; three are needed")
+        raise XmlError("number", node.line, f"has {len(words)} numbers in {name}; it must have three")
     try:
         return np.array([real(word) for word in words])
     except NumberError as problem:
@@ -164,14 +168,15 @@ def _three(node: Node, name: str) -> Array:
 
 
 def write_frames(calibration: LinkCalibration) -> bytes:
-    """A frame for each taxel, its z axis along the normal, fixed to the frame of its patch, which is fixed to the link.
+    """Write a frame for each taxel, with the z axis along the normal, in the order of channels.
 
-    The frame of a patch is that of its taxel nearest to its middle. Taxels stand in the order of their channels.
+    The frame of a taxel is fixed to the frame of its patch, and that frame is fixed to the link. The frame of a patch
+    is at its taxel closest to the mean position.
 
     Raises
     ------
     CalibrationFormatError
-        If a name would not come back as it is, or two frames would have the same.
+        If a name would not be read back unchanged, or if two frames would have the same name.
     """
     taxels = taxels_of(calibration)
     patches = [patch.name for patch in calibration.patches]
@@ -182,8 +187,8 @@ def write_frames(calibration: LinkCalibration) -> bytes:
     shifts, turns = np.empty_like(taxels.positions), np.empty_like(taxels.axes)
     for patch in patches:
         rows = taxels.of(patch)
-        away = np.linalg.norm(taxels.positions[rows] - taxels.positions[rows].mean(axis=0), axis=1)
-        at, turn = taxels.positions[rows[away.argmin()]], taxels.axes[rows[away.argmin()]]
+        distance = np.linalg.norm(taxels.positions[rows] - taxels.positions[rows].mean(axis=0), axis=1)
+        at, turn = taxels.positions[rows[distance.argmin()]], taxels.axes[rows[distance.argmin()]]
         lines.append(_fixed(taxels.link, patch, at, rpy(turn[None])[0]))
         shifts[rows], turns[rows] = (taxels.positions[rows] - at) @ turn, turn.T @ taxels.axes[rows]
     lines += map(_fixed, taxels.patches, taxels.ids, shifts, rpy(turns))
@@ -191,7 +196,7 @@ def write_frames(calibration: LinkCalibration) -> bytes:
 
 
 def _fixed(parent: str, name: str, position: Array, angles: Array) -> str:
-    """A frame that is fixed to a link."""
+    """Return a link and the joint that fixes it to its parent."""
     return (
         f'<link name={quoted(name)}/>\n<joint name={quoted(name + "_fixed_joint")} type="fixed">'
         f'<origin xyz="{numbers(position)}" rpy="{numbers(angles)}"/>'
@@ -200,14 +205,14 @@ def _fixed(parent: str, name: str, position: Array, angles: Array) -> str:
 
 
 def write_sensors(calibration: LinkCalibration) -> bytes:
-    """A sensor for each patch, all on the data channel that has the link's name: ``idx`` is the place in a reading.
+    """Write a sensor for each patch; all use the data channel with the name of the link.
 
-    A taxel is drawn as its cell, or as a disc of its area.
+    ``idx`` is the position in a reading. The shape of a taxel is its cell, or a disc of its area.
 
     Raises
     ------
     CalibrationFormatError
-        If a name would not come back as it is.
+        If a name would not be read back unchanged.
     """
     taxels = taxels_of(calibration)
     patches = [patch.name for patch in calibration.patches]
@@ -231,8 +236,8 @@ def _sensing(taxels: LinkTaxels, patch: str) -> Iterator[str]:
     rows = taxels.of(patch)
     for i, angles in zip(rows.tolist(), rpy(taxels.axes[rows])):
         if taxels.square[i]:
-            shape = f'<box size="{numbers(taxels.sizes[i])} {CELL_THICKNESS!r}"/>'
+            shape = f'<box size="{numbers(taxels.sizes[i])} {SHAPE_THICKNESS!r}"/>'
         else:
-            shape = f'<cylinder radius="{float(np.sqrt(taxels.areas[i] / np.pi))!r}" length="{CELL_THICKNESS!r}"/>'
-        place = f'xyz="{numbers(taxels.positions[i])}" rpy="{numbers(angles)}"'
-        yield f'<taxel idx="{taxels.channels[i]}" {place}><geometry>{shape}</geometry></taxel>'
+            shape = f'<cylinder radius="{float(np.sqrt(taxels.areas[i] / np.pi))!r}" length="{SHAPE_THICKNESS!r}"/>'
+        origin = f'xyz="{numbers(taxels.positions[i])}" rpy="{numbers(angles)}"'
+        yield f'<taxel idx="{taxels.channels[i]}" {origin}><geometry>{shape}</geometry></taxel>'

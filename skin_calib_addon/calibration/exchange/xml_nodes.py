@@ -1,4 +1,4 @@
-"""The children of an XML document's root, one small tree after the other, with lines; no entities, no surprises."""
+"""Parse XML strictly: yield the children of the root one by one, with line numbers and without entities."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -8,14 +8,15 @@ from ...common.findings import error, show
 from ...common.text import NumberError, whole
 from .taxel_set import line
 
-MAX_XML_DEPTH = 16
-MAX_NODES = 1000  # in one child of the root, if not told: a cell has about 25
-MAX_TEXT_LENGTH = 64  # characters of text that are kept of a node: it holds a number
-CHUNK_LENGTH = 2**16  # characters that are parsed at once
+# Larger values of the next three: more memory for a malicious file.
+MAX_XML_DEPTH = 16  # nesting levels
+MAX_NODES = 1000  # in one child of the root, by default; a cell has about 25
+MAX_TEXT_LENGTH = 64  # characters of text that a node keeps; it contains one number
+CHUNK_LENGTH = 2**16  # characters that are parsed at once. Larger: more nodes wait in memory.
 
 
 class XmlError(Exception):
-    """The document cannot be used; ``finding`` says why, and in which line."""
+    """The document is invalid; ``finding`` states reason and line."""
 
     def __init__(self, code: str, number: int, message: str):
         super().__init__(message)
@@ -24,7 +25,7 @@ class XmlError(Exception):
 
 @dataclass
 class Node:
-    """An element with what is in it."""
+    """An element with its content."""
 
     tag: str
     attributes: dict[str, str]
@@ -33,20 +34,20 @@ class Node:
     text: str = ""
 
     def child(self, tag: str) -> "Node":
-        """The first child of that name; XmlError if there is none."""
+        """Return the first child with this tag; raise XmlError without one."""
         for node in self.children:
             if node.tag == tag:
                 return node
-        raise XmlError("missing", self.line, f"opens a {self.tag} without {tag}")
+        raise XmlError("missing", self.line, f"starts an element {self.tag} without {tag}")
 
     def attribute(self, name: str) -> str:
-        """What an attribute holds; XmlError if it is missing."""
+        """Return the value of an attribute; raise XmlError if it is missing."""
         if name not in self.attributes:
-            raise XmlError("missing", self.line, f"opens a {self.tag} without the attribute {name}")
+            raise XmlError("missing", self.line, f"starts an element {self.tag} without the attribute {name}")
         return self.attributes[name]
 
     def whole(self, name: str) -> int:
-        """The integer that an attribute holds; XmlError if it holds none."""
+        """Return the value of an attribute as integer; raise XmlError if it is not an integer."""
         try:
             return whole(self.attribute(name).strip())
         except NumberError as problem:
@@ -54,7 +55,16 @@ class Node:
 
 
 def children_of_root(text: str, root: str, most_nodes: int = MAX_NODES) -> Iterator[Node]:
-    """Each child of the root element, as soon as it is read; one may hold ``most_nodes`` elements.
+    """Yield each child of the root element as soon as it is parsed.
+
+    Parameters
+    ----------
+    text : str
+        The document.
+    root : str
+        Required tag of the root element.
+    most_nodes : int
+        Limit of elements in one child.
 
     Raises
     ------
@@ -64,20 +74,18 @@ def children_of_root(text: str, root: str, most_nodes: int = MAX_NODES) -> Itera
     path: list[Node] = []
     done: list[Node] = []
     nodes = 0
-    parser = expat.ParserCreate()  # given text, not bytes, it does not heed the encoding that is declared
+    parser = expat.ParserCreate()  # for text, it ignores the declared encoding
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal nodes
         node = Node(tag, attributes, parser.CurrentLineNumber)
         nodes = nodes + 1 if len(path) > 1 else 0
         if not path and tag != root:
-            raise XmlError("syntax", node.line, f"opens {show(tag)}; a {root} is needed")
+            raise XmlError("syntax", node.line, f"starts {show(tag)}; the root element must be {root}")
         if len(path) == MAX_XML_DEPTH:
-            raise XmlError("depth", node.line, f"nests more than {MAX_XML_DEPTH} levels")
+            raise XmlError("depth", node.line, f"has more than {MAX_XML_DEPTH} nesting levels")
         if nodes > most_nodes:
-            raise XmlError(
-                "size", node.line, f"opens element {nodes} in one {path[1].tag}; at most {most_nodes} are read"
-            )
+            raise XmlError("size", node.line, f"starts element {nodes} in one {path[1].tag}; the limit is {most_nodes}")
         if len(path) > 1:
             path[-1].children.append(node)
         path.append(node)
@@ -92,7 +100,7 @@ def children_of_root(text: str, root: str, most_nodes: int = MAX_NODES) -> Itera
             path[-1].text = (path[-1].text.lstrip() + piece)[:MAX_TEXT_LENGTH]
 
     def entity(*_: object) -> None:
-        raise XmlError("entity", parser.CurrentLineNumber, "declares an entity; write the document without")
+        raise XmlError("entity", parser.CurrentLineNumber, "declares an entity; remove it from the document")
 
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, data
     parser.EntityDeclHandler = entity

@@ -1,4 +1,4 @@
-"""Pieces of XML documents that every reader takes: names escaped, numbers to the last bit."""
+"""Write parts of XML documents: escaped names, and numbers with all digits."""
 
 import re
 from collections.abc import Iterable
@@ -10,45 +10,57 @@ from ...common.arrays import Array
 from ...common.errors import CalibrationFormatError
 from ...common.findings import show
 
-# What XML 1.0 cannot hold, escaped or not.
+# Characters that XML 1.0 forbids, escaped or not.
 _FORBIDDEN = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 
 def quoted(value: str) -> str:
-    """A text as the value of an attribute, with its quotation marks.
+    """Return a text as the value of an attribute, with quotation marks.
 
     Raises
     ------
     CalibrationFormatError
-        If it holds a character that XML does not have.
+        If it contains a character that XML forbids.
     """
     found = _FORBIDDEN.search(value)
     if found:
-        raise CalibrationFormatError(f"the name {show(value)} holds U+{ord(found[0]):04X}, which XML cannot; rename it")
+        raise CalibrationFormatError(
+            f"the name {show(value)} contains U+{ord(found[0]):04X}, which XML forbids. Rename it."
+        )
     return quoteattr(value, {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 
 
 def numbers(values: Iterable[float] | Array) -> str:
-    """Numbers to the last bit, with spaces between, without quotation marks."""
+    """Return numbers with all digits, separated by spaces, without quotation marks."""
     return " ".join(map(repr, np.asarray(values, float).ravel().tolist()))
 
 
 def rpy(axes: Array) -> Array:
-    """Angles about the fixed x, y and z axes of URDF for rotations (n, 3, 3), shape (n, 3) [rad].
+    """Return the URDF angles (roll, pitch, yaw about fixed x, y, z axes) of rotations.
 
-    The roll is taken after the yaw is undone: where the pitch is a right angle, and the yaw is what rounding says, the
-    three still give the rotation.
+    The roll is computed after the yaw is removed. The three angles therefore give the rotation even at a pitch of 90
+    degrees, where the yaw is arbitrary.
+
+    Parameters
+    ----------
+    axes : array, shape (n, 3, 3)
+        Rotation matrices.
+
+    Returns
+    -------
+    array, shape (n, 3)
+        [rad]
     """
     yaw = np.arctan2(axes[:, 1, 0], axes[:, 0, 0])
     pitch = np.arctan2(-axes[:, 2, 0], np.hypot(axes[:, 0, 0], axes[:, 1, 0]))
-    y_unturned = -np.sin(yaw)[:, None] * axes[:, 0, 1:] + np.cos(yaw)[:, None] * axes[:, 1, 1:]
-    roll = np.arctan2(-y_unturned[:, 1], y_unturned[:, 0])
+    y_without_yaw = -np.sin(yaw)[:, None] * axes[:, 0, 1:] + np.cos(yaw)[:, None] * axes[:, 1, 1:]
+    roll = np.arctan2(-y_without_yaw[:, 1], y_without_yaw[:, 0])
     return np.column_stack((roll, pitch, yaw))
 
 
 def rotations(angles: Array) -> Array:
-    """The rotations of such angles (n, 3) [rad], shape (n, 3, 3)."""
+    """Return the rotation matrices (n, 3, 3) of URDF angles (n, 3) [rad]."""
     (a, b, c), (A, B, C) = np.cos(angles).T, np.sin(angles).T
     rows = (
         (c * b, c * B * A - C * a, c * B * a + C * A),

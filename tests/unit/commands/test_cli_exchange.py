@@ -59,7 +59,7 @@ def test_export_takes_patches_by_name(flat, tmp_path, capsys):
     assert main([*words, "boards", "--patch", "flower"]) == 0
     assert len(read_taxels(out).labels) == 9
     capsys.readouterr()
-    assert_refused(capsys, 1, 'no patch "bord" in this calibration; it has "flower", "boards"', *words, "bord")
+    assert_refused(capsys, 1, 'the calibration has no patch "bord"; it has "flower", "boards"', *words, "bord")
 
 
 def test_failed_export_leaves_the_old_file(tmp_path, capsys):
@@ -68,7 +68,7 @@ def test_failed_export_leaves_the_old_file(tmp_path, capsys):
     (tmp_path / "broken.json").write_text("{}")
     out = tmp_path / "out"
     out.write_text("old")
-    for name, message in (("bent", "is bent"), ("broken", "broken.json' has"), ("none", "No such file")):
+    for name, message in (("bent", "is not flat"), ("broken", "broken.json' has"), ("none", "No such file")):
         assert_refused(capsys, 1, message, "export", tmp_path / f"{name}.json", "--to", "rsdf", "-o", out)
     assert out.read_text() == "old" and len(list(tmp_path.iterdir())) == 3
 
@@ -147,7 +147,7 @@ def test_import_tells_what_is_strange(tmp_path, capsys):
     ("content", "message"),
     [
         ("x,y,z\n1,2\n", "line 2 has 2 columns, but the header has 3"),
-        ("hello", "is no taxel file that is known here"),
+        ("hello", "is unknown. Supported"),
         ("<robot><link name='a'/></robot>", "has no tactile sensor and no frame"),
         (None, "cannot read"),
     ],

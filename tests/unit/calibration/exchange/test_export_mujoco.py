@@ -135,7 +135,7 @@ def test_names_of_sensors_must_differ():
     """A patch that is called as one of its taxels is refused before MuJoCo does."""
     patch = sheet(2, 2, 0.01)
     object.__setattr__(patch, "name", "s0.1")
-    with pytest.raises(CalibrationFormatError, match='two things would be called "s0.1" in MuJoCo; rename'):
+    with pytest.raises(CalibrationFormatError, match='the name "s0.1" would occur twice in MuJoCo. Rename'):
         FORMATS["mjcf"].write(small_calibration(patches=(patch,)))
 
 
