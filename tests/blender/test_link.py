@@ -70,7 +70,11 @@ def test_unreadable_mesh_is_refused(bpy, addon, tmp_path):
     (tmp_path / "text.stl").write_text("no mesh")
     (tmp_path / "link.dae").write_text("<COLLADA/>")
     before = scene_state(bpy, addon)
-    for name, words in (("none.ply", "no mesh file"), ("text.stl", "text.stl"), ("link.dae", "cannot read link.dae")):
+    for name, words in (
+        ("none.ply", "no mesh file"),
+        ("text.stl", "text.stl"),
+        ("link.dae", "link.dae has an unknown format"),
+    ):
         with pytest.raises(RuntimeError, match=f"Error: .*{words}"):
             bpy.ops.skin_calib.import_mesh(filepath=str(tmp_path / name))
     assert scene_state(bpy, addon) == before
@@ -293,7 +297,7 @@ def test_mesh_without_faces_cannot_be_checked(bpy, addon):
     """One line, and no check is stored."""
     bare = bare_object(bpy)
     for press in (bpy.ops.skin_calib.diagnose, bpy.ops.skin_calib.show_defects):
-        with pytest.raises(RuntimeError, match="Error: bare: the mesh has no faces"):
+        with pytest.raises(RuntimeError, match="Error: bare: The mesh has no faces"):
             press()
     assert not bare.skin_calib.diagnosis.key
 

@@ -162,14 +162,14 @@ def no_tolerance(bpy, link):
 
 
 BAD_LINKS = {
-    no_faces: "arm: the mesh has no faces",
-    not_finite: "arm: vertex 3 of the mesh is not finite",
+    no_faces: "arm: The mesh has no faces",
+    not_finite: "arm: Vertex 3 of the mesh is not finite",
     in_millimetres: "arm is .* m across in this scene; set the object's scale, or the scene's unit scale",
     too_few_planes: "Degree 3 needs at least 4 u-planes, but the grid has 3",
     too_few_lines: "Degree 3 needs at least 4 .*lines, but the grid has 3",
     wide_margin: "margin 50 mm at both ends leaves nothing of the .* mm along the axis",
-    far_cut: "cut 0 removes the whole mesh",
-    zero_cut: "the normal of cut 0 is zero",
+    far_cut: "Cut 0 removes the whole mesh",
+    zero_cut: "The normal of cut 0 is zero",
     no_planes: "the plan of arm is not valid: .*/grid/u must",
     same_names: "two skins have the name 'band'",
     shared_channels: "skins 'band' and 'other' both have channel 0",
@@ -216,9 +216,9 @@ BAD_PLANS = {
     "misspelt": ({"gird": PLAN["grid"]}, "arm.plan.json is not a valid plan: .*/gird"),
     "unknown kind": ({"grid": {"kind": "ball"}}, "arm.plan.json is not a valid plan: .*/grid"),
     "other unit": ({"unit": "inch"}, "arm.plan.json is not a valid plan: .*/unit"),
-    "wrong unit": ({"unit": "mm"}, 'arm.stl is .* m across when read in "mm"; it is likely in m'),
+    "wrong unit": ({"unit": "mm"}, 'arm.stl has a diameter of .* m when read in "mm". It is probably in m'),
     "no mesh": ({"mesh": "leg.stl"}, "no mesh file at .*leg.stl"),
-    "no mesh format": ({"mesh": "arm.plan.json"}, "cannot read arm.plan.json: use one of"),
+    "no mesh format": ({"mesh": "arm.plan.json"}, "arm.plan.json has an unknown format. Use one of"),
     "channels": ({"skins": [PLAN["skins"][0] | {"first_channel": 2**31}]}, "the highest is 2147483647"),
     "huge response": ({"response": {"kind": "polynomial", "coefficients": [1e300]}}, "the plan holds 1e.300"),
 }

@@ -1,4 +1,4 @@
-"""From a link's mesh to its cover: cut with planes, then keep the shells that one sees from outside."""
+"""From a link's mesh to its cover: cut it with planes, then keep the shells that are visible from outside."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,8 @@ from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from .triangle_mesh import TriangleMesh, weld
 
-# A shell with more of its area than this inside the hull of the shells kept so far is an inner part.
+# [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.
+# Larger: more inner parts are kept.
 INNER_AREA_FRACTION = 0.5
 
 
@@ -26,14 +27,26 @@ class Cut:
 
 @dataclass(frozen=True)
 class CoverSpec:
-    """What of the mesh is covered with skin."""
+    """The part of the mesh that the skin covers."""
 
     shell: str = "outer"  # or "all"
     cuts: tuple[Cut, ...] = ()
 
 
 def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
-    """The part of a mesh that the skin covers.
+    """Return the part of a mesh that the skin covers.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh of the link.
+    spec : CoverSpec
+        The cuts, and which shells are kept.
+
+    Returns
+    -------
+    TriangleMesh
+        In metres in the link frame.
 
     Raises
     ------
@@ -43,12 +56,13 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
     for i, cut in enumerate(spec.cuts):
         normal = unit(cut.normal)
         if not normal.any():
-            raise InvalidPlan(f"the normal of cut {i} is zero; give the direction of the side to keep")
+            raise InvalidPlan(f"The normal of cut {i} is zero. Give the direction of the side to keep.")
         try:
             mesh = weld(*one_side(mesh, np.asarray(cut.point, float), normal))
         except InvalidMesh as error:
             raise InvalidPlan(
-                f"cut {i} removes the whole mesh; a cut keeps the side that its normal points to: turn it round?"
+                f"Cut {i} removes the whole mesh. A cut keeps the side to which its normal points. "
+                "Reverse the normal, or move the plane."
             ) from error
     if spec.shell == "all":
         return mesh
@@ -56,19 +70,36 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
 
 
 def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, IntArray]:
-    """Vertices and faces of what lies on the side of a plane to which its unit normal points; perhaps none."""
+    """Return the part of a mesh on the side of a plane to which its normal points; it may be empty.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh to cut.
+    point : array, shape (3,)
+        Of the plane [m].
+    normal : array, shape (3,)
+        Unit normal of the plane.
+
+    Returns
+    -------
+    vertices : array, shape (v, 3)
+        [m]
+    faces : array of int, shape (f, 3)
+        Indices of vertices.
+    """
     vertices, faces, _ = slice_faces_plane(mesh.vertices, mesh.faces, plane_normal=normal, plane_origin=point)
     return vertices, faces
 
 
 def outer_shells(mesh: TriangleMesh) -> TriangleMesh:
-    """Drop the inner parts: shells that lie mostly inside the convex hull of larger ones."""
+    """Remove the inner parts: shells that are mostly inside the convex hull of larger ones."""
     kept = is_seen(mesh)
     return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
 
 
 def is_seen(mesh: TriangleMesh) -> BoolArray:
-    """Whether each face belongs to an outer shell, shape (f,)."""
+    """Return whether each face belongs to an outer shell, shape (f,)."""
     shell = shells(mesh)
     largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")
     kept = shell == largest
@@ -83,14 +114,28 @@ def is_seen(mesh: TriangleMesh) -> BoolArray:
 
 
 def fraction_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
-    """Share of the area of some faces that lies inside a hull; 1 for faces without area."""
+    """Return the fraction of the area of some faces that is inside a convex hull; 1 for faces without area.
+
+    Parameters
+    ----------
+    hull : array, shape (k, 4)
+        Outward normals and offsets, as of ``hull_planes``.
+    mesh : TriangleMesh
+        The mesh of the faces.
+    faces : array of int, shape (n,)
+        Indices of the faces.
+
+    Returns
+    -------
+    float
+    """
     centres, areas = mesh.triangles[faces].mean(axis=1), mesh.face_areas[faces]
     inside = (centres @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1) & (len(hull) > 0)
     return float(areas[inside].sum() / areas.sum()) if areas.sum() > 0 else 1.0
 
 
 def shells(mesh: TriangleMesh) -> IntArray:
-    """Number of the shell of each face, shape (f,): faces are joined over edges that exactly two of them share."""
+    """Return the number of the shell of each face, shape (f,): an edge connects faces if it belongs to exactly two."""
     count = len(mesh.faces)
     a, b = mesh.adjacency
     return connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1].astype(
@@ -99,7 +144,7 @@ def shells(mesh: TriangleMesh) -> IntArray:
 
 
 def hull_planes(points: Array) -> Array:
-    """Outward normal and offset of each facet of the convex hull, shape (k, 4); none if the points are flat."""
+    """Return outward normals and offsets of the facets of the convex hull, shape (k, 4); empty if points are flat."""
     try:
         return ConvexHull(points).equations
     except QhullError:

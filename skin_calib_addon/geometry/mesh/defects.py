@@ -1,4 +1,4 @@
-"""What is odd about a mesh before anything is fitted to it: parts, holes, edges, winding, and what of it matters."""
+"""Defects of a mesh before anything is fitted to it: parts, holes, edges and winding, and which of them matter."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,36 +13,37 @@ from ...common.warnings import Warning
 from .cover import is_seen, shells
 from .triangle_mesh import TriangleMesh, weld
 
-# A face that is lower than this share of the mesh's size has no side to look to.
+# [1] height of a face to the mesh size below which its normal is only rounding. Larger: more faces are reported as
+# flat.
 FLAT_FACE_RATIO = 1e-7
-# A part whose faces look, in the mean, by more than this towards its middle is inside out; a flat one does neither.
+# [cosine] A part whose faces point inward by more than this on average is inside out. Larger: fewer parts are reported.
 INWARD_COSINE = 0.2
-# The two ends of a tube; each hole beyond them is one in the skin.
+# [1] open ends of a tube; more holes give a warning.
 TUBE_ENDS = 2
-# Faces back to back do no harm where they are less than this share of the area.
+# [fraction of the area] Faces back to back give a warning above this fraction. Larger: fewer warnings.
 MAX_DOUBLED_FRACTION = 0.01
-# Holes that are listed one by one.
+# [1] holes that are listed one by one in a message.
 MAX_LISTED_HOLES = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What was found on a mesh. A part is what is joined over edges of two faces, as the cover takes it."""
+    """The findings on a mesh. A part is connected over edges with two faces, as in the cover."""
 
     mesh: TriangleMesh
-    dropped: int  # faces with two equal corners, and repeated ones: reading leaves them out
-    flat: int  # faces without a height
-    doubled: BoolArray  # (f,) whether a face has another one on its back
+    dropped: int  # faces with two equal corners, and repeated faces; reading removes them
+    flat: int  # faces with nearly no height
+    doubled: BoolArray  # (f,) whether another face has the same corners
     part: IntArray  # (f,) number of the part of each face
-    seen: BoolArray  # (f,) whether the part of a face is seen from outside; others are inner parts
-    joined: int  # parts there would be if every shared edge joined
-    rims: IntArray  # (e, 2) edges of one face: vertices
-    rim_face: IntArray  # (e,) that face
-    hole: IntArray  # (e,) number of the hole of each rim; holes that touch are one
-    branching: IntArray  # (b, 2) edges of more than two faces
-    flipped: BoolArray  # (f,) whether a face looks the other way than most of its part
-    turned: tuple[int, ...]  # parts that are seen and look inward as a whole
-    one_sided: int  # parts that have no outside, like a Moebius strip
+    seen: BoolArray  # (f,) whether the part of a face is visible from outside; others are inner parts
+    joined: int  # number of parts if every edge connected all its faces
+    rims: IntArray  # (e, 2) vertices of the edges with one face
+    rim_face: IntArray  # (e,) the face of each rim
+    hole: IntArray  # (e,) number of the hole of each rim; holes with a common vertex are one
+    branching: IntArray  # (b, 2) vertices of the edges with more than two faces
+    flipped: BoolArray  # (f,) whether a normal is opposite to most of its part
+    inward: tuple[int, ...]  # visible parts with inward normals
+    one_sided: int  # number of parts without an outside, like a Moebius strip
 
     def __post_init__(self):
         faces, rims = len(self.mesh.faces), len(self.rims)
@@ -51,27 +52,27 @@ class Diagnosis:
 
     @property
     def parts(self) -> int:
-        """How many parts there are."""
+        """Return the number of parts."""
         return int(self.part.max()) + 1
 
     @property
     def inner(self) -> int:
-        """How many of them lie inside others."""
+        """Return the number of parts that are inside others."""
         return len(np.unique(self.part[~self.seen]))
 
     def holes(self) -> Array:
-        """Length of the rim of each hole in what is seen, the longest first [m]."""
+        """Return the length of the rim of each visible hole, the longest first [m]."""
         ends = self.mesh.vertices[self.rims]
         lengths = np.bincount(self.hole, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
         outer = np.bincount(self.hole, self.seen[self.rim_face]) > 0
         return np.sort(lengths[outer])[::-1]
 
     def edges(self) -> IntArray:
-        """What to look at: rims of holes in what is seen, and edges of more than two faces, shape (k, 2)."""
+        """Return the edges to highlight: rims of visible holes, and edges with more than two faces, shape (k, 2)."""
         return np.concatenate((self.rims[self.seen[self.rim_face]], self.branching))
 
     def findings(self) -> tuple[Warning, ...]:
-        """Return everything that was found; a warning affects the fit, a note does not."""
+        """Return all findings; a warning affects the fit, a note does not."""
         return (*self._size(), *self._parts(), *self._holes(), *self._edges(), *self._winding(), *self._faces())
 
     def _size(self) -> Iterator[Warning]:
@@ -114,8 +115,8 @@ class Diagnosis:
         flipped = int((self.flipped & self.seen).sum())
         if flipped:
             yield _finding("flipped-faces", f"{count(flipped, 'face')} with a flipped normal", True, advice)
-        if self.turned:
-            yield _finding("inward-part", f"{count(len(self.turned), 'part')} with inward normals", True, advice)
+        if self.inward:
+            yield _finding("inward-part", f"{count(len(self.inward), 'part')} with inward normals", True, advice)
         if self.one_sided:
             what = f"{count(self.one_sided, 'part')} with one side only"
             yield _finding("one-sided-part", what, True, "It has no outside, like a Moebius strip: cut it open.")
@@ -137,13 +138,19 @@ def _finding(code: str, message: str, affects_fit: bool = False, advice: str = "
 
 
 def diagnose(vertices: Any, faces: Any) -> Diagnosis:
-    """Look at a mesh as it came, before equal vertices are merged and useless faces dropped.
+    """Diagnose a mesh as it was read, before equal vertices are merged and useless faces are removed.
 
     Parameters
     ----------
     vertices : array, shape (v, 3)
         [m], link frame.
     faces : array of int, shape (f, 3)
+        Indices of vertices.
+
+    Returns
+    -------
+    Diagnosis
+        The findings.
 
     Raises
     ------
@@ -174,15 +181,26 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
         hole=_holes(len(mesh.vertices), rims),
         branching=edges[faces_at > 2],
         flipped=flipped,
-        turned=_turned(mesh, part, seen, flipped),
+        inward=_inward(mesh, part, seen, flipped),
         one_sided=one_sided,
     )
 
 
 def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
-    """Which edges (e, 2) between vertices (v, 3) have both ends where an edge of ``places`` (k, 2, 3) has, shape (e,).
+    """Return which edges have their ends at the ends of a segment, to the bit.
 
-    Places are the same to the bit, or another.
+    Parameters
+    ----------
+    segments : array, shape (k, 2, 3)
+        Ends of the segments [m].
+    vertices : array, shape (v, 3)
+        [m]
+    edges : array of int, shape (e, 2)
+        Indices of vertices.
+
+    Returns
+    -------
+    array of bool, shape (e,)
     """
     points = np.concatenate((np.asarray(segments).reshape(-1, 3), vertices)) + 0.0  # no minus zero
     vertex = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
@@ -192,7 +210,19 @@ def edges_at(segments: Array, vertices: Array, edges: IntArray) -> BoolArray:
 
 
 def count(number: int, thing: str) -> str:
-    """ "1 face", "2 faces"."""
+    """Return a number and its noun, such as "1 face" or "2 faces".
+
+    Parameters
+    ----------
+    number : int
+        The number.
+    thing : str
+        The noun in the singular.
+
+    Returns
+    -------
+    str
+    """
     return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
@@ -203,7 +233,7 @@ def _is_flat(mesh: TriangleMesh) -> BoolArray:
 
 
 def _doubled(faces: IntArray) -> BoolArray:
-    """Faces whose three corners are those of another one, which must look the other way: equal ones were merged."""
+    """Return the faces that have the corners of another face; the normals are opposite, as equal faces were merged."""
     corners = np.sort(faces, axis=1)
     order = np.lexsort(corners.T)
     same = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
@@ -213,7 +243,7 @@ def _doubled(faces: IntArray) -> BoolArray:
 
 
 def _joined(faces: int, edge: IntArray, face: IntArray) -> int:
-    """Parts where every edge joins all its faces."""
+    """Return the number of parts if every edge connected all its faces."""
     order = np.argsort(edge, kind="stable")
     edge, face = edge[order], face[order]
     same = edge[1:] == edge[:-1]
@@ -221,7 +251,7 @@ def _joined(faces: int, edge: IntArray, face: IntArray) -> int:
 
 
 def _holes(vertices: int, rims: IntArray) -> IntArray:
-    """Number of the hole of each rim: rims that share a vertex belong to one."""
+    """Return the number of the hole of each rim: rims with a common vertex belong to one hole."""
     labels = _components(vertices, rims[:, 0], rims[:, 1])[1][rims[:, 0]]
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)
 
@@ -229,11 +259,10 @@ def _holes(vertices: int, rims: IntArray) -> IntArray:
 def _sides(
     mesh: TriangleMesh, part: IntArray, half: IntArray, edge: IntArray, face: IntArray, faces_at: IntArray
 ) -> tuple[BoolArray, int]:
-    """Which faces look the other way than most of their part (by area), and how many parts have one side only.
+    """Return which faces have a normal opposite to most of their part (by area), and the number of one-sided parts.
 
-    Neighbours agree where they run along their edge in opposite directions. Each face stands for two nodes, as it is
-    and turned over; what agrees is joined, and a part whose two nodes are joined to each other has one side.
-    """
+    Adjacent faces agree if they traverse their edge in opposite directions. Each face has two nodes: as it is, and
+    reversed. Nodes that agree are connected. A part whose two nodes are connected to each other has one side only."""
     n = len(mesh.faces)
     order = np.argsort(edge, kind="stable")
     order = order[faces_at[edge[order]] == 2].reshape(-1, 2)
@@ -244,19 +273,19 @@ def _sides(
     label = _components(2 * n, first, second)[1]
     _, root = np.unique(part, return_index=True)
     one_sided = label[:n] == label[n:]
-    turned = (label[:n] != label[root][part]) & ~one_sided
-    turned_area, area = np.bincount(part, mesh.face_areas * turned), np.bincount(part, mesh.face_areas)
-    return turned ^ ((turned_area > area / 2)[part] & ~one_sided), len(np.unique(part[one_sided]))
+    reversed_ = (label[:n] != label[root][part]) & ~one_sided
+    reversed_area, area = np.bincount(part, mesh.face_areas * reversed_), np.bincount(part, mesh.face_areas)
+    return reversed_ ^ ((reversed_area > area / 2)[part] & ~one_sided), len(np.unique(part[one_sided]))
 
 
-def _turned(mesh: TriangleMesh, part: IntArray, seen: BoolArray, flipped: BoolArray) -> tuple[int, ...]:
-    """Parts that are seen and whose faces, the flipped ones turned back, look towards their middle."""
+def _inward(mesh: TriangleMesh, part: IntArray, seen: BoolArray, flipped: BoolArray) -> tuple[int, ...]:
+    """Return the visible parts whose faces point to their centre, after flipped faces are reversed."""
     areas, centres = mesh.face_areas, mesh.triangles.mean(axis=1)
     area = np.maximum(np.bincount(part, areas), np.finfo(float).tiny)
     centre = np.column_stack([np.bincount(part, areas * x) for x in centres.T]) / area[:, None]
     outward = (unit(centres - centre[part]) * mesh.face_normals).sum(axis=1) * np.where(flipped, -1, 1)
-    look = np.bincount(part, areas * outward) / area
-    return tuple(np.flatnonzero((look < -INWARD_COSINE) & (np.bincount(part, seen) > 0)).tolist())
+    mean_cosine = np.bincount(part, areas * outward) / area
+    return tuple(np.flatnonzero((mean_cosine < -INWARD_COSINE) & (np.bincount(part, seen) > 0)).tolist())
 
 
 def _components(nodes: int, first: IntArray, second: IntArray) -> tuple[int, IntArray]:

@@ -18,15 +18,16 @@ from ...common.errors import InvalidMesh
 
 FORMATS = ("stl", "ply", "obj", "off")
 METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
-# Where the head of a file tells how many faces follow.
+# Regular expressions for the number of faces that the header of a file announces.
 FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
-# A robot link is larger than a fingertip and smaller than a room; outside of this the unit is wrong.
-MIN_MESH_SIZE, MAX_MESH_SIZE = 2e-3, 5.0
+# [m] least and largest size of the mesh of a link; outside of this range the unit is wrong. Wider: wrong units pass.
+MIN_MESH_SIZE = 2e-3
+MAX_MESH_SIZE = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """Vertices [m] in the link frame and the triangles between them; build it with :func:`weld`."""
+    """Vertices [m] in the link frame and the triangles between them; :func:`weld` builds it."""
 
     vertices: Array  # (v, 3) [m], no two equal
     faces: IntArray  # (f, 3)
@@ -36,31 +37,31 @@ class TriangleMesh:
 
     @cached_property
     def size(self) -> float:
-        """Diameter of the ball about the middle of all vertices that holds them [m]; tolerances are fractions of it.
+        """Return the diameter of the ball about the mean of the vertices that contains them [m].
 
-        A box along the link's axes would make fits depend on how the link lies in its frame.
+        Tolerances are fractions of it. A box along the axes of the link frame would make fits depend on this frame.
         """
         return 2 * float(np.linalg.norm(self.vertices - self.vertices.mean(axis=0), axis=1).max())
 
     @cached_property
     def corners(self) -> tuple[IntArray, IntArray, IntArray]:
-        """First, second and third vertex of each face, shape (f,) each, as arrays of their own."""
+        """Return the first, second and third vertex of each face as separate arrays, shape (f,) each."""
         a, b, c = np.ascontiguousarray(self.faces.T)
         return a, b, c
 
     @cached_property
     def triangles(self) -> Array:
-        """Corners of each face, shape (f, 3, 3) [m]."""
+        """Return the corners of each face, shape (f, 3, 3) [m]."""
         return self.vertices[self.faces]
 
     @cached_property
     def face_normals(self) -> Array:
-        """Unit normals by the winding of each face, shape (f, 3)."""
+        """Return the unit normals by the winding of each face, shape (f, 3)."""
         return to_unit(self._cross)
 
     @cached_property
     def face_areas(self) -> Array:
-        """Shape (f,) [m^2]."""
+        """Return the area of each face, shape (f,) [m^2]."""
         return np.linalg.norm(self._cross, axis=1) / 2
 
     @cached_property
@@ -70,7 +71,7 @@ class TriangleMesh:
 
     @cached_property
     def adjacency(self) -> tuple[IntArray, IntArray]:
-        """Pairs of faces that share an edge with each other and no third one, shape (e,) each."""
+        """Return the pairs of faces with a common edge that belongs to no third face, shape (e,) each."""
         edges = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         face = np.repeat(np.arange(len(self.faces)), 3)
         order = np.lexsort(edges.T)
@@ -81,14 +82,14 @@ class TriangleMesh:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the geometry; the same whatever file format or order of vertices and faces it came in."""
+        """Return a hash of the geometry; it is independent of file format and of the order of vertices and faces."""
         digest = hashlib.sha256(np.ascontiguousarray(self.vertices, "<f8").tobytes())
         digest.update(np.ascontiguousarray(self.faces, "<i8").tobytes())
         return digest.hexdigest()
 
 
 def weld(vertices: Any, faces: Any) -> TriangleMesh:
-    """Merge equal vertices, drop degenerate and repeated faces, and sort both.
+    """Merge equal vertices, remove degenerate and repeated faces, and sort both.
 
     The result depends on the set of triangles alone, not on the order in which a file or a scene lists them.
 
@@ -97,25 +98,31 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
     vertices : array, shape (v, 3)
         [m], link frame.
     faces : array of int, shape (f, 3)
+        Indices of vertices.
+
+    Returns
+    -------
+    TriangleMesh
+        In metres in the link frame.
 
     Raises
     ------
     InvalidMesh
         If there is no face, an index is out of range, or a coordinate is not finite.
     """
-    vertices = np.asarray(vertices, float).reshape(-1, 3) + 0.0  # -0.0 becomes 0.0: they are the same place
+    vertices = np.asarray(vertices, float).reshape(-1, 3) + 0.0  # -0.0 becomes 0.0: both are the same point
     faces = np.asarray(faces, np.int64).reshape(-1, 3)
     if len(faces) == 0:
-        raise InvalidMesh("the mesh has no faces; it must be a surface of triangles")
+        raise InvalidMesh("The mesh has no faces. It must be a surface of triangles.")
     if faces.min() < 0 or faces.max() >= len(vertices):
         wrong = faces.min() if faces.min() < 0 else faces.max()
         raise InvalidMesh(
-            f"a face refers to vertex {wrong}, but the mesh has {len(vertices)} vertices; export it again"
+            f"A face refers to vertex {wrong}, but the mesh has {len(vertices)} vertices. Export it again."
         )
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         raise InvalidMesh(
-            f"vertex {bad[0]} of the mesh is not finite ({len(bad)} such); remove it or export again",
+            f"Vertex {bad[0]} of the mesh is not finite ({len(bad)} such). Remove it, or export the mesh again.",
             vertex=int(bad[0]),
         )
     order = np.lexsort(vertices.T[::-1])
@@ -126,7 +133,7 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
     faces = place[faces]
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     if len(faces) == 0:
-        raise InvalidMesh("every face of the mesh is degenerate (two equal corners); export it again")
+        raise InvalidMesh("Every face of the mesh is degenerate (two equal corners). Export it again.")
     lowest = np.argmin(faces, axis=1)[:, None]
     faces = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
     faces = faces[np.lexsort(faces.T[::-1])]
@@ -147,10 +154,15 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
     unit : "m" or "mm"
         Unit of the numbers in the file.
 
+    Returns
+    -------
+    TriangleMesh
+        In metres in the link frame.
+
     Raises
     ------
     InvalidMesh
-        If the file is missing, unreadable or no surface, or its size says that the unit is wrong.
+        If the file is missing, unreadable or without a surface, or if its size shows that the unit is wrong.
     """
     raw = read_mesh(path)
     mesh = TriangleMesh(raw.vertices * METRES_PER_UNIT[unit], raw.faces)
@@ -159,25 +171,27 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:
-    """Read a mesh file with its numbers as they stand there.
+    """Read a mesh file without conversion of its numbers.
 
     Raises
     ------
     InvalidMesh
-        If the file is missing, unreadable or no surface.
+        If the file is missing, unreadable or without a surface.
     """
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
     if not os.path.isfile(path):  # Path.is_file raises where a name is too long
-        raise InvalidMesh(f"no mesh file at {path}; a plan names it relative to its own folder", path=str(path))
+        raise InvalidMesh(
+            f"There is no mesh file at {path}. The path in a plan is relative to the plan's folder.", path=str(path)
+        )
     if kind not in FORMATS:
-        raise InvalidMesh(f"cannot read {path.name}: use one of {', '.join(FORMATS)}", path=str(path))
+        raise InvalidMesh(f"{path.name} has an unknown format. Use one of {', '.join(FORMATS)}.", path=str(path))
     try:
-        # As a real path: trimesh strikes out "link/..", which is another folder than the one that links lead to.
+        # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
         raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
         vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
-    except Exception as error:  # the readers behind trimesh raise anything at all on a broken file
-        raise InvalidMesh(f"cannot read {path.name} as {kind.upper()}: {error}", path=str(path)) from error
+    except Exception as error:  # the readers of trimesh raise many types of exceptions for broken files
+        raise InvalidMesh(f"{path.name} is not a valid {kind.upper()} file: {error}", path=str(path)) from error
     check_face_count(path, kind, len(faces))
     try:
         return weld(vertices, faces)
@@ -186,26 +200,45 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 
 
 def check_face_count(path: Path, kind: str, faces: int) -> None:
-    """Refuse a text file that was cut off: the readers take what there is.
+    """Check that a text file is not truncated; the readers do not report this.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : str
+        Its suffix without the dot.
+    faces : int
+        Number of faces that were read.
 
     Raises
     ------
     InvalidMesh
-        If there are fewer faces than the head of the file tells.
+        If there are fewer faces than the header of the file announces.
     """
     with open(path, "rb") as file:
         announced = re.search(FACE_COUNTS[kind], file.read(2**16)) if kind in FACE_COUNTS else None
     if announced and faces < int(announced[1]):
-        raise InvalidMesh(f"{path.name} has {faces} of the {int(announced[1])} faces that it tells of; export it again")
+        raise InvalidMesh(
+            f"{path.name} is truncated: its header announces {int(announced[1])} faces, but {faces} were found. "
+            "Export it again."
+        )
 
 
 def save_mesh(mesh: TriangleMesh, path: str | Path) -> None:
     """Write a binary PLY file in double precision, so that reading it gives the same numbers, to the bit.
 
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh to write.
+    path : path
+        The file.
+
     Raises
     ------
     OutputError
-        If the file cannot be written; an old one is then whole.
+        If the file cannot be written; an old file is then unchanged.
     """
     header = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
@@ -218,15 +251,24 @@ def save_mesh(mesh: TriangleMesh, path: str | Path) -> None:
 
 
 def check_size(mesh: TriangleMesh, unit: str, name: str) -> None:
-    """Refuse a mesh whose size says that its unit was taken for another one.
+    """Check that the size of a mesh fits its unit.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        In metres.
+    unit : "m" or "mm"
+        The unit of the file.
+    name : str
+        Of the file, for the message.
 
     Raises
     ------
     InvalidMesh
-        If the mesh is larger than a room or smaller than a fingertip.
+        If the mesh is larger or smaller than any robot link.
     """
     if MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
         return
     other = {"m": "mm", "mm": "m"}[unit] if (mesh.size > MAX_MESH_SIZE) == (unit == "m") else None
-    advice = f'it is likely in {other}: set "unit": "{other}"' if other else "scale it to its real size"
-    raise InvalidMesh(f'{name} is {mesh.size:.4g} m across when read in "{unit}"; {advice}', size=mesh.size)
+    advice = f'It is probably in {other}: set "unit": "{other}".' if other else "Scale it to its real size."
+    raise InvalidMesh(f'{name} has a diameter of {mesh.size:.4g} m when read in "{unit}". {advice}', size=mesh.size)

@@ -145,14 +145,18 @@ def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
         *("a.calibration.json", "a.report.json", "c.calibration.json", "c.report.json", "sources.json")
     ]
     assert (folder / "out" / "a.calibration.json").read_bytes() == (folder / "out" / "c.calibration.json").read_bytes()
-    assert err.count("\n") == 1 and err.startswith("skin-calib: b: no mesh file at ") and len(out.splitlines()) == 4
+    assert (
+        err.count("\n") == 1
+        and err.startswith("skin-calib: b: There is no mesh file at ")
+        and len(out.splitlines()) == 4
+    )
 
 
 MESHES = {
     "missing": (None, "no mesh file at"),
     "garbage": (b"\x00\x01garbage", "bad.stl"),
     "empty": (b"", "bad.stl"),
-    "no faces": (b"\0" * 84, "bad.stl: the mesh has no faces"),
+    "no faces": (b"\0" * 84, "bad.stl: The mesh has no faces"),
 }
 
 
@@ -171,7 +175,7 @@ def test_mesh_with_a_vertex_that_is_no_number_is_refused(folder, capsys):
     """NaN in the file."""
     lines = ["OFF", "3 1 0", "0 0 0", "nan 0 0", "0 1 0", "3 0 1 2"]
     (folder / "nan.off").write_text("\n".join(lines))
-    message = "nan.off: vertex 1 of the mesh is not finite"
+    message = "nan.off: Vertex 1 of the mesh is not finite"
     assert_refused(capsys, 1, message, "fit", write_plan(folder, mesh="nan.off"), "-o", folder / "out.json")
     assert not (folder / "out.json").exists()
 
@@ -195,7 +199,7 @@ BAD_PLANS = {
     "huge number": ({"skins": [SHEET | {"name": "a", "origin": [0, 1e300, 0]}]}, "/skins/0/origin/1 must be at most"),
     "cut of everything": (
         {"cover": {"cuts": [{"point": [0, 0, 1], "normal": [0, 0, 1]}]}},
-        "cut 0 removes the whole mesh",
+        "Cut 0 removes the whole mesh",
     ),
     "cell off": ({"skins": [SHEET | {"name": "a", "rows": 30}]}, "cell (0, 0) lies"),
     "upright rows": (
@@ -450,7 +454,7 @@ def test_check_says_when_the_mesh_is_another(folder, capsys):
     write_plan(folder, degree=[3, 4])
     assert "warning: the document was made from ../tube.plan.json, which has changed since" in check(out)
     (folder / "tube.ply").write_bytes(b"ply")
-    assert "warning: /mesh/sha256 cannot be compared: cannot read tube.ply" in check(out)
+    assert "warning: /mesh/sha256 cannot be compared: tube.ply is not a valid PLY file" in check(out)
     (folder / "tube.ply").unlink()
     assert check(out).endswith("mesh tube.ply not found and not compared: name it with --mesh\n")
     save_mesh(cylinder(around=24, along=8), folder / "kept.ply")

@@ -199,7 +199,7 @@ def test_bad_link_does_not_stop_the_others(robot, capsys, jobs):
     assert fit(robot, "--jobs", jobs) == 1
     out, err = capsys.readouterr()
     rows = out.splitlines()
-    assert rows[0].startswith("arm  failed      no mesh file at ") and rows[0].endswith("is of an earlier fit")
+    assert rows[0].startswith("arm  failed      There is no mesh file at ") and rows[0].endswith("is of an earlier fit")
     assert rows[1].startswith("bad  failed      bad.plan.json is not a valid plan: ") and "earlier" not in rows[1]
     assert rows[-1] == "4 links: 2 up to date, 2 failed"
     assert sorted(line.split()[1] for line in err.splitlines()) == ["arm:", "bad:"]
@@ -298,7 +298,7 @@ def test_progress_is_for_a_terminal(robot, capsys, monkeypatch):
     shown = capsys.readouterr().err.split("\r\x1b[K")
     assert [part.split()[-1] for part in shown if part.startswith("[")] == ["0/3", "1/3", "2/3", "3/3"]
     assert shown[1] == f"[{'.' * 30}] 0/3" and shown[-2] == f"[{'#' * 30}] 3/3" and shown[-1] == ""
-    assert shown[4].startswith("skin-calib: leg: no mesh file") and shown[4].endswith("\n")
+    assert shown[4].startswith("skin-calib: leg: There is no mesh file") and shown[4].endswith("\n")
 
 
 def test_damaged_notes_are_refused(robot, capsys):

@@ -125,7 +125,12 @@ BAD = {
     ),
     "two numbers": ((shape("package://bot/meshes/pin.ply", scale="1 1"),), "arm", CalibrationFormatError, "2 numbers"),
     "no size": ((shape("package://bot/meshes/pin.ply", scale="0 1 1"),), "arm", InvalidMesh, "scaled to nothing"),
-    "no format": ((shape("bot.urdf"),), "arm", InvalidMesh, "cannot read bot.urdf: use one of stl, ply, obj, off"),
+    "no format": (
+        (shape("bot.urdf"),),
+        "arm",
+        InvalidMesh,
+        "bot.urdf has an unknown format. Use one of stl, ply, obj, off",
+    ),
 }
 
 

@@ -105,7 +105,7 @@ def test_turned_faces_are_found(seed):
     chosen = np.random.default_rng(seed).random(len(mesh.faces)) < 0.2
     spoilt = turned(mesh, chosen)
     found = seen(spoilt)
-    assert found.flipped.sum() == chosen.sum() and found.turned == ()
+    assert found.flipped.sum() == chosen.sum() and found.inward == ()
     assert findings(found)[f"{chosen.sum()} faces with a flipped normal"] is True
     assert not seen(turned(spoilt, found.flipped)).flipped.any()
 
@@ -117,22 +117,22 @@ TURNED = {"box": BLOCK, "tube": cylinder(), "wrist": wrist()}
 def test_part_that_looks_inward_is_found(name):
     """Closed or open, however it lies in its frame; the right way round nothing is said."""
     mesh = Motion(3).mesh(TURNED[name])
-    assert seen(mesh).turned == ()
+    assert seen(mesh).inward == ()
     inward = seen(turned(mesh, np.ones(len(mesh.faces), bool)))
-    assert inward.turned == (0,) and not inward.flipped.any() and findings(inward)["1 part with inward normals"] is True
+    assert inward.inward == (0,) and not inward.flipped.any() and findings(inward)["1 part with inward normals"] is True
 
 
 def test_flat_part_looks_neither_way():
     """Nothing tells the sides of a plate apart, and little those of one that is slightly bent."""
     for plate in (sheet(lambda x, y: 0 * x), dome()):
-        assert seen(plate).turned == seen(turned(plate, np.ones(len(plate.faces), bool))).turned == ()
+        assert seen(plate).inward == seen(turned(plate, np.ones(len(plate.faces), bool))).inward == ()
 
 
 def test_inner_part_may_look_either_way():
     """The wall of a cavity looks inward, and rightly."""
     cavity = turned(INNER, np.ones(12, bool))
     found = seen(together(cylinder(), cavity))
-    assert found.turned == () and found.inner == 1 and not found.flipped.any()
+    assert found.inward == () and found.inner == 1 and not found.flipped.any()
 
 
 def test_moebius_strip_has_one_side():
