@@ -6,7 +6,9 @@ import sys
 
 import pytest
 
+from skin_calib_addon import cli
 from tests.blender.conftest import BOARDS, CLEAR, LEFT, PINNED, ROOT
+from tests.examples import slow
 
 SAMPLES = ROOT / "sample_scenes"
 
@@ -24,7 +26,7 @@ def run(tmp_path):
     return run
 
 
-@pytest.mark.parametrize("name", ["wrist", "sole", "edge"])
+@pytest.mark.parametrize("name", [slow("wrist"), slow("sole"), "edge"])
 def test_sample_gives_the_same_bytes_at_every_door(bpy, addon, run, tmp_path, name):
     """Operator, command inside Blender, batch process and command line agree on each sample."""
     button, command, batch, plain = (tmp_path / f"{door}.json" for door in ("button", "command", "batch", "plain"))
@@ -37,6 +39,7 @@ def test_sample_gives_the_same_bytes_at_every_door(bpy, addon, run, tmp_path, na
     assert button.read_bytes() == command.read_bytes() == batch.read_bytes() == plain.read_bytes()
 
 
+@pytest.mark.slow
 def test_skins_of_all_sorts_give_the_same_bytes_at_every_door(bpy, addon, run, plan_file, fit_plainly, tmp_path):
     """Boards, excluded zones, a left hand, an offset, trimming and landmarks go through each door unchanged."""
     button, command, batch = (tmp_path / f"{door}.json" for door in ("button", "command", "batch"))
@@ -66,6 +69,7 @@ def test_sample_opens_ready_to_fit(bpy, name):
     assert view.clip_start < 0.1 * size < 10 * size < view.clip_end
 
 
+@pytest.mark.slow
 def test_batch_without_links_says_so(bpy, tmp_path):
     """An empty scene is wrong data: one line, code 1, no file."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "empty.blend"))
@@ -98,7 +102,7 @@ def test_command_takes_plan_files_too(addon, plan_file, fit_plainly, tmp_path, c
     assert addon.command.main(["check", str(tmp_path / "out.json")]) == 0
 
 
-def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, run, tmp_path):
+def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
     """Every format, byte for byte what ``skin-calib export`` makes; one that cannot hold the skin says why."""
     bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / "wrist.blend"))
     calibration = tmp_path / "wrist.json"
@@ -108,7 +112,7 @@ def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, run, tmp_p
     for name in set(formats) - {"rsdf"}:
         button, plain = tmp_path / "button", tmp_path / "plain"
         assert bpy.ops.skin_calib.export_taxels(filepath=str(button), format=name) == {"FINISHED"}
-        run("-m", "skin_calib_addon", "export", calibration, "--to", name, "-o", plain)
+        assert cli.main(["export", str(calibration), "--to", name, "-o", str(plain)]) == 0
         assert button.read_bytes() == plain.read_bytes(), name
     with pytest.raises(RuntimeError, match='patch "wrist" is not flat'):
         bpy.ops.skin_calib.export_taxels(filepath=str(tmp_path / "none.rsdf"), format="rsdf")

@@ -60,6 +60,7 @@ def bare_python(extension, tmp_path):
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform not in PLATFORMS, reason="no zip is built for this platform")
 def test_zip_installs_and_fits_in_a_fresh_blender(bare_python, tmp_path):
     """Installed, enabled, fitted, exported; the libraries are the extension's, the numbers those of this Python."""

@@ -9,6 +9,7 @@ import pytest
 
 from tests.blender.conftest import BAND, look, modules, oval
 from tests.blender.test_refusals import scene_state
+from tests.examples import slow
 
 TURN, SHIFT = [[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]], [0.25, -0.125, 0.5]
 FRAME = {"rotation": TURN, "translation": SHIFT}
@@ -114,7 +115,7 @@ def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd):
         assert [skin.name for skin in bpy.context.object.skin_calib.skins] == left
 
 
-@pytest.mark.parametrize("unit_scale", [1.0, 0.001])
+@pytest.mark.parametrize("unit_scale", [1.0, slow(0.001)])
 def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tmp_path, unit_scale):
     """From nothing and from a wrong guess; the taxels then lie where they did, and undo takes the frame back."""
     bpy.context.scene.unit_settings.scale_length = unit_scale

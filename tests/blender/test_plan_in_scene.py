@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from tests.blender.conftest import BOARDS, CLEAR, LANDMARKS, LEFT, LISTED, PINNED, PLAN
 from tests.blender.test_link_frame import frame_for
+from tests.examples import slow
 
 TUBE = PLAN["grid"]
 CUT = {"point": [0.0, 0.0, 0.0331], "normal": [0.0, 0.125, 1.0]}
@@ -41,9 +42,17 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("unit_scale", [1.0, 0.001])
-@pytest.mark.parametrize("numbers_in", ["m", "mm"])
-@pytest.mark.parametrize("change", CHANGES)
+UNITS = [("m", 1.0), ("mm", 1.0), ("m", 0.001), ("mm", 0.001)]  # of the plan, and of the scene [m]
+
+
+@pytest.mark.parametrize(
+    ("change", "numbers_in", "unit_scale"),
+    [
+        (change, *units) if i % len(UNITS) == k else slow(change, *units)
+        for i, change in enumerate(CHANGES)
+        for k, units in enumerate(UNITS)
+    ],
+)
 def test_plan_in_and_out_gives_the_same_bytes(
     bpy, plan_file, fit_plainly, fit_scene, tmp_path, change, numbers_in, unit_scale
 ):
@@ -198,6 +207,7 @@ def test_export_is_of_the_plan_as_it_is_now(bpy, link, fit_scene, tmp_path):
     assert len(json.loads((tmp_path / "out.json").read_text())["surfaces"][0]["control_net"]) == 6
 
 
+@pytest.mark.slow
 def test_filled_boards_are_the_same_at_every_door(bpy, plan_file, fit_plainly, fit_scene, tmp_path):
     """So is the skin after them, whose channels follow however many boards there are."""
     source = plan_file(skins=[BOARDS | {"excluded": CLEAR, "first_channel": 2}, BAND])

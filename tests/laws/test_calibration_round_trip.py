@@ -26,7 +26,7 @@ from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.common.findings import child
 from skin_calib_addon.common.schema_check import check
 from skin_calib_addon.common.strict_json import parse
-from tests.examples import examples
+from tests.examples import examples, slow
 from tests.samples import boards, sheet, small_calibration
 
 OWN = (Response((0.0, 0.5), (0.0, 250.0)), ResponseTable((0.0, 100.0, 250.0), (16.0, 1.0, 0.0)))
@@ -174,10 +174,24 @@ def assert_handled(document):
         assert validate(to_document(from_document(document))) == findings
 
 
-@pytest.mark.parametrize("value", [..., None, True, -1, 1.5, 1e308, "1.5", "s0.0", [], {}, [[0.0, 0.0, 0.0]]], ids=repr)
+CHANGED = [..., None, True, -1, 1.5, 1e308, "1.5", "s0.0", [], {}, [[0.0, 0.0, 0.0]]]
+
+
+@pytest.mark.parametrize("value", [slow(value) for value in CHANGED], ids=repr)
 def test_no_change_of_a_node_escapes(value):
     """Each node of a document removed or replaced in turn: findings or a calibration, never a traceback."""
-    for pointer in NODES:
+    assert_none_escapes(NODES, value)
+
+
+@pytest.mark.parametrize("i", range(len(CHANGED)), ids=[repr(value) for value in CHANGED])
+def test_no_change_of_some_nodes_escapes(i):
+    """Each node changed once: each of these changes on another part of the nodes."""
+    assert_none_escapes(NODES[i :: len(CHANGED)], CHANGED[i])
+
+
+def assert_none_escapes(pointers, value):
+    """Findings or a calibration for each of these nodes removed or replaced, never a traceback."""
+    for pointer in pointers:
         document = mutated(SMALL, pointer, value)
         if isinstance(document, dict) and "checksum" in document and pointer != "/checksum":
             document["checksum"] = checksum(document)

@@ -1,6 +1,7 @@
 """What holds for any cloud that lies on a mesh: its place is found, wherever both are and however they are listed."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -43,6 +44,7 @@ def test_noise_moves_the_place_by_no_more_than_the_slack(seed, noise):
     assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).mean() <= fit.slack
 
 
+@pytest.mark.slow
 @examples(3)
 @given(seed=seeds)
 def test_moving_the_mesh_moves_the_cloud(seed):
@@ -54,6 +56,7 @@ def test_moving_the_mesh_moves_the_cloud(seed):
     assert_allclose(there.slack, here.slack, rtol=1e-2)
 
 
+@pytest.mark.slow
 @examples(2)
 @given(seed=seeds)
 def test_order_and_repetition_do_not_matter(seed):

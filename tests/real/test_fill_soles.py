@@ -23,6 +23,7 @@ def sole(path):
     return Region(tuple(mesh.triangles[(mesh.face_normals[:, 2] < -0.9) & low][:, :, :2]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "count"), [("g1_left_ankle_roll_foot", 7), ("hrp4c_r_ankle_r_foot", 26)])
 def test_real_sole_is_filled(name, count):
     """Two pads under one foot, an oval under the other: brute force, by a millimetre and a degree, finds no more."""

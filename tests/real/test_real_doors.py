@@ -14,7 +14,10 @@ from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.cli import main
 from tests.real.test_real_skin import MESHES, TAXELS
 
-pytestmark = pytest.mark.skipif(not TAXELS.is_dir(), reason=f"no real taxels here: {TAXELS} is missing")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not TAXELS.is_dir(), reason=f"no real taxels here: {TAXELS} is missing"),
+]
 
 ARM = TAXELS / "raw" / "icub_right_arm_wrong_frame.txt"
 RAW = sorted((TAXELS / "raw").glob("*")) if TAXELS.is_dir() else []

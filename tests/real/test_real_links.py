@@ -28,7 +28,10 @@ WRIST_PLAN = ROOT / "examples" / "hrp4c_wrist.plan.json"
 
 UP = (0.0, 0.0, 1.0)
 
-pytestmark = pytest.mark.skipif(not MESHES, reason=f"no real links here: {DATA} has no STL file")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not MESHES, reason=f"no real links here: {DATA} has no STL file"),
+]
 
 # What each is: a limb to go round, or a face to lie on, which looks along this direction.
 FACES = {

@@ -21,7 +21,10 @@ from tests.shapes import Motion
 DATA = (Path(__file__).parents[2] / ".." / "shared" / "data").resolve()
 TAXELS, MESHES = DATA / "taxels", DATA / "meshes"
 
-pytestmark = pytest.mark.skipif(not TAXELS.is_dir(), reason=f"no real taxels here: {TAXELS} is missing")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not TAXELS.is_dir(), reason=f"no real taxels here: {TAXELS} is missing"),
+]
 
 FOREARM = Axis((0.044, -0.0017, 0.0053), (0.93, 0.0, 0.366))
 

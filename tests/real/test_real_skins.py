@@ -11,7 +11,10 @@ from skin_calib_addon.geometry.surface.distance import MeshDistance, closest_on_
 from skin_calib_addon.skin import HexLattice, SheetLattice, board_taxels, lay_boards, sheet_taxels, wrap_sheet
 from tests.real.test_real_links import DATA, FACES, MESHES, fit_of
 
-pytestmark = pytest.mark.skipif(not MESHES, reason=f"no real links here: {DATA} has no STL file")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not MESHES, reason=f"no real links here: {DATA} has no STL file"),
+]
 
 # Links without room for a board of 2 cm: pins all over a palm.
 CROWDED = {"g1_left_palm_force_sensor"}

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -71,11 +72,17 @@ def sources(root):
         yield from sorted((root / folder).rglob("*.py"))
 
 
+@cache
+def nodes_of(text):
+    """All nodes of a source; several rules ask for them."""
+    return list(ast.walk(ast.parse(text)))
+
+
 def imports(root, path):
     """All imports of a file, also those inside functions and under ``TYPE_CHECKING``."""
     shown = path.relative_to(root)
     package = shown.with_suffix("").parts[:-1]
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in nodes_of(path.read_text("utf-8")):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield Import(shown.as_posix(), node.lineno, alias.name, False)

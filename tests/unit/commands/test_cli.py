@@ -14,6 +14,7 @@ from skin_calib_addon.calibration import Response, ResponseTable, load_calibrati
 from skin_calib_addon.cli import main
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from skin_calib_addon.plan import load_plan
+from tests.examples import slow
 from tests.samples import boards, plane, small_calibration
 from tests.samples import cylinder as surface_tube
 from tests.shapes import LENGTH, RADIUS, box, cylinder, together
@@ -132,7 +133,7 @@ def test_fit_writes_report_and_picture(folder, capsys):
     assert f"mean {there.mean * 1e3:.4f}, rms {there.rms * 1e3:.4f}, max {there.max * 1e3:.4f} mm" in out
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", ["1", slow("2")])
 def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
     """Files are named for their plans; one bad plan spoils its own only, and the code."""
     (folder / "out").mkdir()
@@ -224,7 +225,12 @@ def test_bad_plan_is_refused(folder, capsys, case):
 
 
 @pytest.mark.parametrize(
-    ("case", "message"), [("plane misses", "misses the mesh"), ("one plane", "4 u-planes"), ("cell off", "cell (0, 0)")]
+    ("case", "message"),
+    [
+        ("plane misses", "misses the mesh"),
+        slow("one plane", "4 u-planes"),
+        slow("cell off", "cell (0, 0)"),
+    ],
 )
 def test_bad_plan_is_one_line_for_a_user_too(folder, case, message):
     """In a process of its own, where warnings of NumPy would show: one line, code 1."""
@@ -562,7 +568,10 @@ def test_output_that_is_full_is_one_line(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a shell that closes handles")
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed",
+    [slow(">&-"), slow("2>&-"), "<&- >&- 2>&-"],
+)
 def test_closed_output_is_nothing_to_stumble_over(folder, closed):
     """As where a service starts the program: it does its work and ends with its code."""
     words = f"{sys.executable} -m skin_calib_addon fit a.plan.json b.plan.json -o {folder} --jobs 2"

@@ -233,6 +233,7 @@ def test_want_of_memory_is_told_and_stops_one_link(robot, capsys, monkeypatch):
     assert capsys.readouterr().err.startswith("skin-calib: there is not enough memory for this; ")
 
 
+@pytest.mark.slow
 def test_process_that_dies_does_not_stop_the_others(robot, capsys, monkeypatch):
     """The system may end one that takes too much memory; its link is told, and the same call goes on from there."""
 
@@ -255,6 +256,7 @@ def test_process_that_dies_does_not_stop_the_others(robot, capsys, monkeypatch):
     assert capsys.readouterr().out.splitlines()[-1] == "3 links: 1 fitted, 2 up to date"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
 def test_interrupted_call_leaves_whole_files(robot, capsys):
     """Ctrl+C while processes are busy: what was fitted is kept, nothing else is left, and the same call goes on."""

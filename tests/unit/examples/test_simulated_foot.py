@@ -19,6 +19,7 @@ def simulated():
     return module.runs(6)
 
 
+@pytest.mark.slow
 def test_foot_of_our_own_skin_agrees_with_the_simulator(simulated):
     """Loads agree to 3 %, CoPs to a tenth of a cell on plain ground; every guaranteed polygon is in the true region."""
     for run in simulated:

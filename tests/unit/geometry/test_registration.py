@@ -15,6 +15,7 @@ from skin_calib_addon.geometry.registration import (
     find_frame,
 )
 from skin_calib_addon.geometry.surface.distance import MeshDistance, mesh_samples
+from tests.examples import slow
 from tests.oracles import nearest_on_triangle
 from tests.shapes import Motion, box, cylinder, sheet, together, wrist
 
@@ -36,7 +37,7 @@ def assert_consistent(fit, mesh, points):
         assert_allclose((told.mean, told.max), (distance.mean(), distance.max()), rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, slow(1), slow(2)])
 def test_cloud_in_another_frame_is_brought_back(seed):
     """Turned and moved by a metre: the inverse motion is found to a micrometre, and no other place fits."""
     points, motion = on_wrist(), Motion(seed)
@@ -47,7 +48,7 @@ def test_cloud_in_another_frame_is_brought_back(seed):
     assert_consistent(fit, wrist(), motion.points(points))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, slow(1), slow(2)])
 def test_inner_parts_do_not_catch_a_piece(seed):
     """A small piece of the shell of a link with boxes in it, which stand between its middle and the piece's place."""
     low, high = wrist().vertices.min(axis=0), wrist().vertices.max(axis=0)
@@ -83,6 +84,7 @@ def test_cloud_a_little_aside_stays():
     )
 
 
+@pytest.mark.slow
 def test_thick_skin_stays():
     """All round a tube, 6 mm above it: no motion brings it much nearer, so it lies where it should."""
     points = on_wrist(count=300)
@@ -117,7 +119,7 @@ def test_few_points_are_ambiguous(count):
     assert find_frame(wrist(), on_wrist(count=count) + 0.3).verdict == "ambiguous"
 
 
-@pytest.mark.parametrize("size", [0.04, 0.1])
+@pytest.mark.parametrize("size", [0.04, slow(0.1)])
 def test_noise_is_refused(size):
     """Points anywhere in a box lie on no mesh; the nearest place still leaves them far off, in right numbers."""
     points = np.random.default_rng(1).uniform(-size / 2, size / 2, (150, 3)) + 0.2
@@ -126,6 +128,7 @@ def test_noise_is_refused(size):
     assert_consistent(fit, wrist(), points)
 
 
+@pytest.mark.slow
 def test_cloud_of_another_link_is_refused():
     """Taxels of a tube of another radius."""
     other = cylinder(radius=0.05).vertices[::16]

@@ -20,6 +20,7 @@ from skin_calib_addon.pipeline.refine import refine
 from skin_calib_addon.plan import Plan, load_plan, save_plan
 from skin_calib_addon.plan.document import skins_from
 from skin_calib_addon.validation import Touches
+from tests.examples import slow
 from tests.shapes import Z_AXIS, cone
 from tests.unit.pictures.test_picture import read_png
 
@@ -69,10 +70,15 @@ def moved_away(plan, result):
 
 @pytest.mark.parametrize(
     "skin",
-    [CENTRED, SHEET | PLACED, SHEET | HIGH | {"hand": "left", "offset": 0.002}, SHEET | {"landmarks": MARKS}]
-    + [BOARDS | {"cells": "fill"}, BOARDS | {"cells": [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}]
-    + [BOARDS | {"cells": [[1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}],
-    ids=["centred", "placed", "left", "landmarks", "fill", "listed", "rootless"],
+    [
+        pytest.param(CENTRED, id="centred"),
+        pytest.param(SHEET | PLACED, id="placed"),
+        pytest.param(SHEET | HIGH | {"hand": "left", "offset": 0.002}, id="left"),
+        pytest.param(SHEET | {"landmarks": MARKS}, id="landmarks"),
+        slow(BOARDS | {"cells": "fill"}, id="fill"),
+        pytest.param(BOARDS | {"cells": [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}, id="listed"),
+        slow(BOARDS | {"cells": [[1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}, id="rootless"),
+    ],
 )
 def test_skin_moves_to_where_it_was_touched(fitted, skin):
     """From exact touches of every cell: within a hundredth of a millimetre of where the skin lies."""

@@ -22,6 +22,7 @@ from skin_calib_addon.skin.imported import (
     placed,
 )
 from skin_calib_addon.skin.sheet.taxels import fan_areas
+from tests.examples import slow
 from tests.samples import ERRORS
 from tests.shapes import RADIUS, Motion, cone_surface, cylinder, plane_surface, sheet, wrist, wrist_surface
 
@@ -327,6 +328,11 @@ def test_frame_is_found_where_one_place_fits():
         assert np.linalg.norm(there.positions - on_wrist(), axis=1).max() < 2e-4
     with pytest.raises(InvalidPlan, match="skin is on the mesh already; its frame needs no change"):
         frame_on(there, wrist(), "skin")
+
+
+@pytest.mark.slow
+def test_frame_is_refused_where_several_places_fit_or_none():
+    """A tube round a tube may turn; points at random lie on no mesh."""
     on_tube = Motion(3).points(rolled(lattice(8, 36, "triangle")))
     with pytest.raises(InvalidPlan, match="skin is .* in several positions, so give its frame"):
         frame_on(taxel_set(on_tube), cylinder(), "skin")
@@ -346,7 +352,7 @@ def test_frame_is_found_where_one_place_fits():
             "error",
             "it fits the mesh in several positions, so give its frame, as in",
         ),
-        (
+        slow(
             np.random.default_rng(0).uniform(-0.2, 0.2, (80, 3)),
             cylinder(),
             cone_surface(RADIUS, RADIUS),

@@ -20,6 +20,7 @@ from skin_calib_addon.geometry.grid.error_model import ErrorModel
 from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
 from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
 from skin_calib_addon.plan import plan_from
+from tests.examples import slow
 from tests.shapes import Z_AXIS, cone, cylinder, dome, keep, sheet, welded, wrist
 
 UP = (0.0, 0.0, 1.0)
@@ -278,7 +279,7 @@ TUBE = {"axis": Z_AXIS, "margin": 0.004}
 @pytest.mark.parametrize(
     ("mesh", "where", "off"),
     [
-        pytest.param(wrist(), TUBE, 0.1, id="wrist"),
+        slow(wrist(), TUBE, 0.1, id="wrist"),
         pytest.param(cylinder(around=48), TUBE, 0.1, id="cylinder"),
         pytest.param(cone(0.045, 0.03), TUBE, 0.1, id="cone"),
         pytest.param(*CASES[0].values, 0.2, id="sector"),

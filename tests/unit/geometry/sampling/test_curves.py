@@ -11,6 +11,7 @@ from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface
 from skin_calib_addon.geometry.sampling.curves import curves, fold_distances, short_runs
 from skin_calib_addon.geometry.sampling.rays import RayCaster
 from skin_calib_addon.geometry.surface.distance import MeshDistance
+from tests.examples import slow
 from tests.shapes import TURN, Z_AXIS, box, cylinder, keep, together, welded
 
 CENTRE = np.zeros((1, 2))
@@ -83,13 +84,14 @@ def test_fold_is_followed_in_order():
     assert 0.01 < folded.mean() < 0.1 and (distance <= outermost + 1e-12).all()
 
 
-def test_fold_keeps_the_area():
+@pytest.mark.parametrize(("corners", "rays"), [(600, 4000), slow(3000, 20000)])
+def test_fold_keeps_the_area(corners, rays):
     """Area by angle of the distances followed in order is the area of the folded curve."""
-    segments = fold(1.2, 3000)
-    distance, _ = cast(segments, 20000)
+    segments = fold(1.2, corners)
+    distance, _ = cast(segments, rays)
     a, b = segments[:, 0], segments[:, 1]
     area = 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
-    outermost = RayCaster(np.zeros(len(segments), int), segments, 1).cast(0 * fan(20000), fan(20000))[0]
+    outermost = RayCaster(np.zeros(len(segments), int), segments, 1).cast(0 * fan(rays), fan(rays))[0]
     # Out and back and out again is linear in the distances; the area, in squares, keeps up to the fold's own depth.
     assert abs(0.5 * TURN * (distance**2).mean() - area) < 0.2 * abs(0.5 * TURN * (outermost**2).mean() - area)
 

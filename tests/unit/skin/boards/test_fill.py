@@ -12,7 +12,7 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.skin.boards.fill import TOUCH_TOLERANCE, fill
 from skin_calib_addon.skin.boards.region import Region
 from skin_calib_addon.skin.lattice import HexLattice
-from tests.examples import examples
+from tests.examples import examples, slow
 from tests.oracles import all_offsets, boards_inside, edges_of, is_inside, most_boards, points_on
 from tests.unit.skin.boards.test_region import random_loops, turned
 
@@ -69,7 +69,16 @@ def sees_inside(outline, loops):
 
 
 @pytest.mark.parametrize(
-    ("name", "lattice"), [*((name, "boards") for name in REGIONS), ("rectangle", "tight"), ("corner", "tight")]
+    ("name", "lattice"),
+    [
+        ("rectangle", "boards"),
+        ("corner", "boards"),
+        ("corner", "tight"),
+        *(
+            slow(*case)
+            for case in [("rectangle", "tight"), *((name, "boards") for name in ("oval", "sole", "screws", "islands"))]
+        ),
+    ],
 )
 def test_brute_force_finds_no_more(name, lattice):
     """All offsets in steps of a millimetre, all angles in degrees, every board cut with every edge."""
@@ -163,6 +172,7 @@ def test_boards_of_a_lopsided_region_move_with_it():
         assert len(there.cells) == len(here.cells) and apart.max() < 2e-6
 
 
+@pytest.mark.slow
 @examples(3)
 @given(seed=seeds, growth=st.floats(1, 1.2))
 def test_larger_region_never_holds_fewer(seed, growth):
