@@ -70,6 +70,17 @@ def test_plane_coordinates_give_the_points_back():
             Plane.through((0, 0, 0), up, forward)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_wrench_in_a_plane_is_that_of_the_force_at_its_point(seed):
+    """A force at a point, both in coordinates of the plane, has the wrench of the plane."""
+    rng = np.random.default_rng(seed)
+    force, point, origin = rng.normal(size=(3, 3))
+    axes = rotation(seed)
+    moved, pushed = axes @ (point - origin), axes @ force
+    found = Plane(origin, axes).wrench(np.concatenate((force, np.cross(point, force))))
+    assert_allclose(found, np.concatenate((pushed, np.cross(moved, pushed))), rtol=0, atol=1e-14)
+
+
 @given(forces=loads, seed=st.integers(0, 99))
 def test_cop_and_zmp_of_a_flat_sole_are_one_point(forces, seed):
     """For coplanar normal forces both definitions agree (Sardain & Bessonnet 2004), at any pose of the sole."""

@@ -1,5 +1,7 @@
 """The constrained fit on shapes whose answer is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -181,6 +183,28 @@ def decimated():
     coarse = cone(0.037, 0.034, around=14, along=5)
     bent = coarse.vertices + 0.004 * np.sin(40 * coarse.vertices[:, [2]]) * (1, 0, 0)
     return bent * (1, 0.8, 1), coarse.faces
+
+
+@pytest.mark.parametrize("side", ["first row", "last row", "first column", "last column", "all"])
+def test_distances_are_weighted_with_the_area_of_each_site(side):
+    """A surface over a flat mesh, with one side of it raised: mean and rms are those of the areas between sites.
+
+    A quarter of each quad between four sites belongs to each of its corners.
+    """
+    fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(6, 5, (0, 0, 1), margin=0.004))
+    raised = {"first row": np.s_[0], "last row": np.s_[-1], "first column": np.s_[:, 0], "last column": np.s_[:, -1]}
+    offsets = fit.offsets.copy()
+    offsets[raised.get(side, np.s_[:])] += 0.001
+    fit = replace(fit, offsets=offsets)
+    arms, samples = fit.resampled(3)
+    points = samples.origins + arms
+    diagonals = points[1:, 1:] - points[:-1, :-1], points[1:, :-1] - points[:-1, 1:]
+    quads = np.pad(np.linalg.norm(np.cross(*diagonals), axis=2) / 2, 1)
+    areas = (quads[1:, 1:] + quads[:-1, 1:] + quads[1:, :-1] + quads[:-1, :-1]) / 4
+    told, heights = fit.distances(3), np.abs(points[..., 2])
+    assert_allclose(told.mean, np.average(heights, weights=areas), rtol=0.01)
+    assert_allclose(told.rms, np.sqrt(np.average(heights**2, weights=areas)), rtol=0.01)
+    assert_allclose(told.max, heights.max(), rtol=1e-9)
 
 
 def test_residuals_are_distances_along_the_sample_rays():

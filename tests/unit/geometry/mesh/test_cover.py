@@ -67,6 +67,14 @@ def test_cover_keeps_what_one_sees_from_outside():
     assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
 
 
+def test_part_between_two_outer_shells_is_an_inner_part():
+    """It is outside the hull of the tube, and inside the hull of the tube and its bracket."""
+    between = box((0.045, -0.003, 0.045), (0.048, 0.003, 0.055))
+    assert same_mesh(cut_cover(together(cylinder(), between), CoverSpec("outer")), together(cylinder(), between))
+    expected = together(cylinder(), BESIDE)
+    assert same_mesh(cut_cover(together(expected, between), CoverSpec("outer")), expected)
+
+
 def test_cover_isolates_shells_after_the_cut():
     """A bar that reaches out of the tube is inside of it once its end is cut away."""
     mesh = together(cylinder(), box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.3)))

@@ -52,6 +52,17 @@ def test_tangents_run_along_the_rows(taxels):
     assert ((up * across[:-1]).sum(axis=2) > 0.97 * np.linalg.norm(up, axis=2)).all()
 
 
+@pytest.mark.parametrize("surface", [plane_surface(), wrist_surface()], ids=["plane", "wrist"])
+def test_size_of_a_cell_is_along_the_row_and_across(surface):
+    """The distances to the next cell of the row and to the next row, which are chords, to 2 %."""
+    taxels = wrapped(surface, (4, 5), (0.006, 0.011))
+    places = taxels.positions_link.reshape(4, 5, 3)
+    size = taxels.quality["size"].reshape(4, 5, 2)
+    along, across = (np.linalg.norm(np.diff(places, axis=axis), axis=2) for axis in (1, 0))
+    assert_allclose((size[:, 1:, 0] + size[:, :-1, 0]) / 2, along, rtol=0.02)
+    assert_allclose((size[1:, :, 1] + size[:-1, :, 1]) / 2, across, rtol=0.02)
+
+
 def test_normals_look_out_of_the_tube():
     """On a cylinder exactly away from the axis, on the wrist away from its middle line: none is flipped."""
     cylinder = wrapped(cone_surface(RADIUS, RADIUS), (6, 22))
