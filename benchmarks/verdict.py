@@ -76,7 +76,7 @@ def verdict(rows: list[Row]) -> str:
                 best[r.method] = r, nearer
         if best:
             names = "; ".join(f"{named(r)} {result(r)}, {nearer}" for r, nearer in best.values())
-            text.append(f"| {mine.link} | {mine.n} x {mine.m} | {mine.method}: {result(mine)} | {names} |")
+            text.append(f"| {mine.link} | {mine.n} x {mine.m:g} | {mine.method}: {result(mine)} | {names} |")
     text.append("")
     for mode in MODES:
         places = {(r.link, r.n, r.m) for r in rows if r.method == mode and has_peers(r, rows)}
@@ -96,7 +96,7 @@ def verdict(rows: list[Row]) -> str:
             best_of[r.method] = r
     for (link, n, m), best_of in front.items():
         names = "; ".join(f"{named(r)} {result(r)}, {r.control_points}" for r in best_of.values())
-        text.append(f"| {link} | {n} x {m} | {names} |")
+        text.append(f"| {link} | {n} x {m:g} | {names} |")
     if not front:
         text.append("| all | all | none |")
     return "\n".join(text)
