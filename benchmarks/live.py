@@ -33,7 +33,7 @@ def main():
     link = bpy.context.object
     plan = link.skin_calib
     bpy.ops.skin_calib.fit()
-    plan.live, live.REST = True, 1e9
+    plan.live, live.FIT_DELAY = True, 1e9
     print(f"Blender {bpy.app.version_string}, previews in ms: median, best")
     for what, change in CHANGES.items():
         if what.startswith("hand"):
@@ -41,9 +41,9 @@ def main():
         seconds = []
         for k in range(REPEATS):
             change(plan, k)
-            while live.tick() == live.POLL:
+            while live.tick() == live.POLL_INTERVAL:
                 pass
-            seconds.append(live.told[link.name].seconds * 1e3)
+            seconds.append(live.reports[link.name].seconds * 1e3)
         print(f"{what:32} {statistics.median(seconds[3:]):6.1f} {min(seconds[3:]):6.1f}", flush=True)
     addon_utils.disable(name, default_set=True)
 

@@ -177,11 +177,11 @@ class SKIN_OT_diagnose(OnMesh, bpy.types.Operator):
     def execute(self, context):
         link = context.object
         try:
-            found = diagnoses.look(link, context)
+            found = diagnoses.examine(link, context)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        diagnoses.keep(link, found)
+        diagnoses.store(link, found)
         serious = [finding.message for finding in found.findings() if finding.severity != "note"]
         self.report({"INFO"}, f"{link.name}: {'; '.join(serious) or 'found nothing that affects the fit'}")
         return {"FINISHED"}
@@ -203,7 +203,7 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
         if link.mode == "EDIT":
             link.update_from_editmode()
         try:
-            found = diagnoses.look(link, context)
+            found = diagnoses.examine(link, context)
             vertices, edges = scene.read_edges(link, context)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))

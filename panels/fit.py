@@ -14,13 +14,13 @@ class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("skin_calib.fit", icon="SURFACE_DATA")
         row.prop(plan, "live", toggle=True, icon="PLAY")
-        result, told = plan.result, live.told.get(plan.id_data.name)
-        if told and told.problem:
-            show_text(layout, told.problem, "ERROR")
+        result, note = plan.result, live.reports.get(plan.id_data.name)
+        if note and note.problem:
+            show_text(layout, note.problem, "ERROR")
         if not result.key:
             return
-        if told and not told.problem:
-            layout.label(text=f"Mean {told.mean * 1e3:.4f} mm on the rays, {told.seconds * 1e3:.0f} ms", icon="PLAY")
+        if note and not note.problem:
+            layout.label(text=f"Mean {note.mean * 1e3:.4f} mm on the rays, {note.seconds * 1e3:.0f} ms", icon="PLAY")
         elif result.outdated:
             layout.label(text="The plan has changed: fit again", icon="INFO")
         column = layout.column(align=True)

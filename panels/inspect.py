@@ -124,7 +124,7 @@ class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
         column.prop(record, "share", slider=True)
         column.prop(record, "frame")
         column.prop(record, "speed")
-        for line in replay.told.get(record.token, ()):
+        for line in replay.messages.get(record.token, ()):
             show_text(layout, line, "NONE")
 
 

@@ -59,7 +59,7 @@ class SKIN_PT_mesh(SkinPanel, bpy.types.Panel):
         layout.operator("skin_calib.diagnose", icon="VIEWZOOM")
         if not found.key:
             return
-        if plan.id_data.name in diagnoses.doubted:
+        if plan.id_data.name in diagnoses.unverified:
             layout.label(text="The mesh has changed: check again", icon="INFO")
         for finding in found.findings:
             show_warning(layout, finding)

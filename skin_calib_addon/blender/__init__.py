@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between scene and arrays: the only place in the package that knows Blender."""
+"""Everything that uses Blender: scene, properties, drawing, handles."""

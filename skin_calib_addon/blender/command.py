@@ -15,7 +15,7 @@ _commands: list[Any] = []
 
 
 def scene_plans() -> list[tuple[Plan, TriangleMesh]]:
-    """Plan and mesh of every link in the open scene."""
+    """Return plan and mesh of every link in the open scene."""
     context = bpy.context
     return [(read_plan(link, context.scene), read_mesh(link, context)) for link in links(context)]
 
@@ -26,11 +26,11 @@ def main(argv: Sequence[str]) -> int:
 
 
 def register() -> None:
-    """Add the command; the ``bpy`` module has no command line and lets this pass."""
+    """Add the command. The ``bpy`` module has no command line and ignores this."""
     _commands.append(bpy.utils.register_cli_command("skin_calib", main))
 
 
 def unregister() -> None:
-    """Take the command away."""
+    """Remove the command."""
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Register everything that Blender sees, in the order in which parts need each other."""
+"""Register all parts of the extension, in the order in which they depend on each other."""
 
 from importlib import import_module
 from types import ModuleType
 
 from . import command
-from .handles import handles, skin_handles
+from .handles import plane_handles, skin_handles
 from .inspection import replay
 from .live import diagnoses, live
 from .overlay import overlay
@@ -16,21 +16,21 @@ _modules: list[ModuleType] = []
 
 
 def register(package: str) -> None:
-    """Add properties, operators, panels, overlay and command.
+    """Add properties, operators, panels, overlay, handles and command.
 
     Parameters
     ----------
     package : str
-        Name of the extension's package, under which ``operators`` and ``panels`` lie beside this one.
+        Name of the extension's package, which contains ``operators`` and ``panels``.
     """
     outside = [import_module(f"{package}.{name}") for name in ("operators", "panels")]
-    for module in (properties, *outside, overlay, live, diagnoses, handles, skin_handles, replay, command):
+    for module in (properties, *outside, overlay, live, diagnoses, plane_handles, skin_handles, replay, command):
         module.register()
         _modules.append(module)
 
 
 def unregister() -> None:
-    """Take everything away in the opposite order."""
+    """Remove everything in the opposite order."""
     while _modules:
         _modules.pop().unregister()
     results.clear()

@@ -122,7 +122,7 @@ def fit_scene(addon, tmp_path):
 
 def look(live):
     """Let the timer draw what has changed."""
-    while live.tick() == live.POLL:
+    while live.tick() == live.POLL_INTERVAL:
         pass
 
 

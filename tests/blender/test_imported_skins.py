@@ -182,7 +182,7 @@ def test_live_follows_a_frame_that_changes(bpy, addon, worn, live):
     assert np.allclose(cells(addon, worn).mean(axis=0) - before.mean(axis=0), (0, 0, 0.001), atol=1e-4)
     skin.translation = (0.3, 0, 0)
     look(live)
-    assert live.told[worn.name].problem.endswith("if that is right, press Find Frame")
+    assert live.reports[worn.name].problem.endswith("if that is right, press Find Frame")
 
 
 def cells(addon, link):

@@ -96,15 +96,15 @@ def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan
     grey = (layers["STRAIN"].colours[::7] == (0.5, 0.5, 0.5, 1)).all(axis=1)
     assert grey.tolist() == [False] * 6 + [True] * 2
     strain = result.calibration.patches[0].taxels.quality["strain"][:, :2]
-    assert_allclose(layers["STRAIN"].legend.most, np.abs(strain).max())
+    assert_allclose(layers["STRAIN"].legend.maximum, np.abs(strain).max())
     tilt = max(t.quality["tilt"].max() for t in [result.calibration.patches[1].taxels])
-    assert layers["TILT"].legend.most >= tilt > 0
+    assert layers["TILT"].legend.maximum >= tilt > 0
 
 
 def test_error_is_told_in_the_scenes_units(ours, result):
     """The legend ends at the largest distance along the rays."""
     layer = by_name(ours.layers.layers_of(result))["ERROR"]
-    assert_allclose(layer.legend.most, np.nanmax(np.abs(result.fit.residuals)))
+    assert_allclose(layer.legend.maximum, np.nanmax(np.abs(result.fit.residuals)))
     k, l = result.fit.residuals.shape
     assert layer.colours.shape == (k * (l + 1), 4) and layer.indices.max() == k * (l + 1) - 1
 
@@ -112,7 +112,7 @@ def test_error_is_told_in_the_scenes_units(ours, result):
 @pytest.mark.parametrize("signed, ends", [(False, (0.0, 2.0)), (True, (-2.0, 2.0))])
 def test_colours_run_over_the_scale(ours, signed, ends):
     """From its first colour to its last; what is not known is grey, and a skin without any value too."""
-    legend = ours.scales.Legend("Strain", "SHARE", 2.0, signed)
+    legend = ours.scales.Legend("Strain", "FRACTION", 2.0, signed)
     colours = legend.colours(np.array((*ends, np.mean(ends), np.nan)))
     assert_allclose(colours[:3, :3], legend.scale[[0, -1, 2]], atol=1e-7)
     assert colours[3].tolist() == [0.5, 0.5, 0.5, 1.0]
@@ -125,7 +125,7 @@ NUMBERS = [
     ("LENGTH", "METRIC", "ADAPTIVE", 0.001, (0.0, 0.125), (["0", "125"], "mm")),
     ("LENGTH", "IMPERIAL", "INCHES", 1.0, (0.0254,), (["1"], "in")),
     ("LENGTH", "NONE", "METERS", 0.001, (0.0125,), (["12.5"], "")),
-    ("SHARE", "METRIC", "METERS", 1.0, (-0.016, -0.0, 0.016), (["-1.6", "0", "1.6"], "%")),
+    ("FRACTION", "METRIC", "METERS", 1.0, (-0.016, -0.0, 0.016), (["-1.6", "0", "1.6"], "%")),
     ("FORCE", "METRIC", "METERS", 1.0, (2.5,), (["2.5"], "N")),
     ("ANGLE", "METRIC", "METERS", 1.0, (np.pi / 2,), (["90"], "°")),
 ]
@@ -147,8 +147,8 @@ def test_normals_follow_the_cells_unless_a_length_is_given(ours, fitted, result)
     taxels = result.calibration.patches[0].taxels
     assert_allclose(layer.length, 0.6 * np.sqrt(np.median(taxels.areas)))
     assert_allclose(layer.points[1::2], taxels.positions_link, atol=1e-7)
-    assert_allclose(layer.ways[1::2], taxels.normals_link, atol=1e-6)
-    assert not layer.ways[::2].any()
+    assert_allclose(layer.directions[1::2], taxels.normals_link, atol=1e-6)
+    assert not layer.directions[::2].any()
 
 
 def test_layers_are_switched_by_the_link(ours, fitted):
@@ -159,12 +159,12 @@ def test_layers_are_switched_by_the_link(ours, fitted):
     looks.heat, looks.labels = "TILT", "ID"
     assert [a.what for a in ours.overlay.shown_layers(fitted)] == ["TILT", "NET", "CELLS", "LABELS"]
     own = ours.layers.Layer("OTHER", np.zeros((2, 3), np.float32))
-    ours.overlay.hand_over("planes", fitted.name, (own,))
+    ours.overlay.set_layers("planes", fitted.name, (own,))
     assert list(ours.overlay.shown_layers(fitted))[-1] is own
     ours.overlay.previews[fitted.name] = (own,)
     assert list(ours.overlay.shown_layers(fitted)) == [own, own]
     del ours.overlay.previews[fitted.name]
-    ours.overlay.take_back("planes", fitted.name)
+    ours.overlay.remove_layers("planes", fitted.name)
     assert "PLANES" not in {a.what for a in ours.overlay.shown_layers(fitted)}
 
 
@@ -173,12 +173,12 @@ def test_names_that_have_no_room_are_left_out(ours):
     rng = np.random.default_rng(3)
     pixels, room = rng.uniform(0, 900, (3000, 2)), np.array((60.0, 14.0))
     order = rng.permutation(3000)
-    kept = ours.labels.thinned(pixels, order, room)
+    kept = ours.labels.without_overlap(pixels, order, room)
     gap = np.abs(pixels[kept][:, None] - pixels[kept][None]) / room
     assert ((gap >= 1).any(axis=2) | np.eye(len(kept), dtype=bool)).all()
     assert kept[0] == order[0] and len(kept) > 300
-    assert sorted(ours.labels.thinned(pixels[:200] * 30, range(200), room)) == list(range(200))
-    assert ours.labels.thinned(pixels, [], room) == []
+    assert sorted(ours.labels.without_overlap(pixels[:200] * 30, range(200), room)) == list(range(200))
+    assert ours.labels.without_overlap(pixels, [], room) == []
 
 
 def test_names_are_written_at_taxels_that_face_the_viewer(bpy, ours, plan_file):
@@ -245,7 +245,7 @@ def test_taxels_of_a_link_without_a_result_are_not_there(bpy, ours, link):
     """The button says so; so does a name that is typed after a file was opened."""
     assert not bpy.ops.skin_calib.taxel.poll()
     link.skin_calib.inspect.taxel.wanted = "band.0.0"
-    assert "arm was not fitted since this file was opened" in link.skin_calib.inspect.taxel.problem
+    assert "arm has no result since this file was opened. Fit it first" in link.skin_calib.inspect.taxel.problem
 
 
 def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, result):

@@ -217,52 +217,52 @@ def modify(bpy, link):
 @pytest.mark.parametrize("change", [move_vertex, scale, modify], ids=lambda f: f.__name__)
 def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change):
     """Told at once, and after a rest still; a new check is of the new mesh."""
-    monkeypatch.setattr(addon.diagnoses, "REST", 0)
+    monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     link = shown(TUBE)
     bpy.ops.skin_calib.diagnose()
     bpy.context.view_layer.update()
-    addon.diagnoses.settle()
-    assert not addon.diagnoses.doubted
+    addon.diagnoses.verify()
+    assert not addon.diagnoses.unverified
     change(bpy, link)
     bpy.context.view_layer.update()
     for _ in range(2):
         assert "The mesh has changed: check again" in draw(bpy, "mesh")
-        addon.diagnoses.settle()
+        addon.diagnoses.verify()
     bpy.ops.skin_calib.diagnose()
     assert "The mesh has changed: check again" not in draw(bpy, "mesh")
 
 
 def test_pose_of_the_frame_outdates_no_check(bpy, addon, shown, monkeypatch):
     """Doubted for a moment, and then not: the link is the same wherever its parent stands."""
-    monkeypatch.setattr(addon.diagnoses, "REST", 0)
+    monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     link = shown(TUBE)
     frame = frame_for(bpy, link)
     bpy.ops.skin_calib.diagnose()
     frame.location = (1, 2, 3)
     bpy.context.view_layer.update()
-    assert addon.diagnoses.doubted == {"arm"}
-    addon.diagnoses.settle()
-    assert not addon.diagnoses.doubted
+    assert addon.diagnoses.unverified == {"arm"}
+    addon.diagnoses.verify()
+    assert not addon.diagnoses.unverified
 
 
 def test_undo_and_reload_compare_the_check_with_the_mesh(bpy, addon, shown, monkeypatch, tmp_path):
     """A check that undo brings back with another mesh is doubted; in a saved file it is what it was."""
-    monkeypatch.setattr(addon.diagnoses, "REST", 0)
+    monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     shown(TUBE)
     bpy.ops.ed.undo_push(message="start")
     bpy.ops.skin_calib.diagnose("EXEC_DEFAULT", True)
     bpy.context.object.scale = (1.1, 1.1, 1.1)
     bpy.ops.ed.undo_push(message="scaled")
     bpy.ops.ed.undo()
-    addon.diagnoses.settle()
-    assert bpy.context.object.skin_calib.diagnosis.key and not addon.diagnoses.doubted
+    addon.diagnoses.verify()
+    assert bpy.context.object.skin_calib.diagnosis.key and not addon.diagnoses.unverified
     bpy.ops.ed.redo()
-    addon.diagnoses.settle()
-    assert addon.diagnoses.doubted == {"arm"}
+    addon.diagnoses.verify()
+    assert addon.diagnoses.unverified == {"arm"}
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "arm.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
-    addon.diagnoses.settle()
-    assert addon.diagnoses.doubted == {"arm"} and len(said(bpy.context.object)) == 3
+    addon.diagnoses.verify()
+    assert addon.diagnoses.unverified == {"arm"} and len(said(bpy.context.object)) == 3
 
 
 def selected(link):

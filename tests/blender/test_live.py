@@ -18,7 +18,7 @@ def following(bpy, link, addon):
 def rest(live, monkeypatch):
     """Let the plan rest: the timer draws, then finishes."""
     while live.tick() is not None:
-        monkeypatch.setattr(live, "REST", 0.0)
+        monkeypatch.setattr(live, "FIT_DELAY", 0.0)
 
 
 def test_surface_and_skin_follow_a_change(bpy, addon, live, following, monkeypatch):
@@ -29,9 +29,9 @@ def test_surface_and_skin_follow_a_change(bpy, addon, live, following, monkeypat
     assert plan.result.outdated and bpy.app.timers.is_registered(live.tick)
     look(live)
     assert following.name in addon.overlay.previews and plan.result.key == before
-    assert 0 < live.told[following.name].mean < 1e-3
+    assert 0 < live.reports[following.name].mean < 1e-3
     rest(live, monkeypatch)
-    assert not addon.overlay.previews and not live.told and not plan.result.outdated
+    assert not addon.overlay.previews and not live.reports and not plan.result.outdated
     followed = plan.result.key, plan.result.mean
     bpy.ops.skin_calib.fit()
     assert (plan.result.key, plan.result.mean) == followed and followed[0] != before
@@ -77,10 +77,10 @@ def test_plan_that_cannot_be_fitted_says_why_and_recovers(live, following, monke
     key = plan.result.key
     plan.skins[0].rows = 900
     rest(live, monkeypatch)
-    assert "beyond the edge" in live.told[following.name].problem and plan.result.key == key and plan.result.outdated
+    assert "beyond the edge" in live.reports[following.name].problem and plan.result.key == key and plan.result.outdated
     plan.skins[0].rows = 2
     rest(live, monkeypatch)
-    assert not live.told and not plan.result.outdated
+    assert not live.reports and not plan.result.outdated
 
 
 def test_link_that_does_not_follow_is_left_alone(bpy, live, link):
@@ -127,7 +127,7 @@ def test_new_file_forgets_what_waits(bpy, addon, live, following):
     following.skin_calib.grid.n += 1
     look(live)
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert not addon.overlay.previews and not live.told and live.tick() is None
+    assert not addon.overlay.previews and not live.reports and live.tick() is None
 
 
 OTHER = {
@@ -171,11 +171,11 @@ def test_fit_goes_on_beside_the_window(bpy, live, following, monkeypatch):
     monkeypatch.setattr(live.results, "fit", slowly)
     plan.grid.n = 8
     look(live)
-    monkeypatch.setattr(live, "REST", 0.0)
-    assert live.tick() == live.POLL and begun.is_set()
+    monkeypatch.setattr(live, "FIT_DELAY", 0.0)
+    assert live.tick() == live.POLL_INTERVAL and begun.is_set()
     plan.grid.n = 12
     look(live)
-    assert live.told[following.name].mean > 0, "the new plan is drawn while the old fit still runs"
+    assert live.reports[following.name].mean > 0, "the new plan is drawn while the old fit still runs"
     go_on.set()
     rest(live, monkeypatch)
     assert not plan.result.outdated and plan.result.control_points == 12 * 12
@@ -185,7 +185,7 @@ def test_link_that_does_not_follow_is_never_fitted(bpy, live, link, monkeypatch)
     """Its cuts are sketched; however slow the window is, its author fits it."""
     bpy.ops.skin_calib.fit()
     key = link.skin_calib.result.key
-    monkeypatch.setattr(live, "REST", 0.0)
+    monkeypatch.setattr(live, "FIT_DELAY", 0.0)
     bpy.context.scene.cursor.location = (0, 0, 0.03)
     bpy.ops.skin_calib.cut_add()
     rest(live, monkeypatch)
@@ -200,11 +200,11 @@ def test_mesh_that_is_touched_by_looking_at_it_is_looked_at_once(bpy, live, link
     def touching(link, context, real=live.scene.read_facets):
         looks.append(link.name)
         assert len(looks) < 9, "it looks for ever"
-        live._touched.add(link.name)
+        live._possibly_changed.add(link.name)
         return real(link, context)
 
     monkeypatch.setattr(live.scene, "read_facets", touching)
     link.location = (0.001, 0, 0)
     bpy.context.view_layer.update()
-    live._look_at_touched()
+    live._check_possibly_changed()
     assert looks == ["arm"] and link.skin_calib.result.outdated

@@ -126,9 +126,9 @@ def test_what_can_be_moved_has_a_handle(addon, with_skins):
     """Landmarks take the place of the origin; taxels of a file lie where that says."""
     handles = importlib.import_module(addon.scene.__name__.replace(".scene.scene", ".handles.skin_handles"))
     plan = with_skins.skin_calib
-    sheet = [("way", 0, 0), ("landmark", 0, 0)]
-    assert handles.targets_of(plan) == [*sheet, ("origin", 1, 0), ("way", 1, 0), ("zone", 1, 0)]
+    sheet = [("direction", 0, 0), ("landmark", 0, 0)]
+    assert handles.targets_of(plan) == [*sheet, ("origin", 1, 0), ("direction", 1, 0), ("zone", 1, 0)]
     plan.skins[1].kind = "imported"
     assert handles.targets_of(plan) == sheet
     plan.skins[0].landmarks.clear()
-    assert handles.targets_of(plan) == [("origin", 0, 0), ("way", 0, 0)]
+    assert handles.targets_of(plan) == [("origin", 0, 0), ("direction", 0, 0)]

@@ -85,10 +85,10 @@ def test_planes_that_are_wrong_are_told_while_they_are_placed(bpy, placed, live)
         cut.point, cut.normal = point, normal
     look(live)
     wrong = live.sketches[placed.name].wrong
-    assert wrong["U", 4].startswith("misses the mesh, by 9") and wrong["V", 0] == "has a normal of length zero"
-    assert wrong["U", 2] == "does not lie beyond u-plane 1"
-    assert wrong["CUT", 0] == "removes the whole mesh: turn it round"
-    assert wrong["CUT", 1].startswith("cuts nothing off, by 1")
+    assert wrong["U", 4].startswith("misses the mesh; distance 9") and wrong["V", 0] == "has a normal of length zero"
+    assert wrong["U", 2] == "is not beyond u-plane 1"
+    assert wrong["CUT", 0] == "removes the complete mesh. Flip its normal"
+    assert wrong["CUT", 1].startswith("removes nothing; distance 1")
 
 
 def test_cut_shows_what_it_takes_away(bpy, addon, live, link):
@@ -97,11 +97,11 @@ def test_cut_shows_what_it_takes_away(bpy, addon, live, link):
     cut = link.skin_calib.cover.cuts[0]
     cut.point, cut.normal = (0, 0, 0.06), (0, 0, -1)
     look(live)
-    removed = next(a for a in addon.overlay.added["planes"][link.name] if a.colours is not None)
+    removed = next(a for a in addon.overlay.additional["planes"][link.name] if a.colours is not None)
     assert removed.points[:, 2].min() > 0.06 - 1e-6 and removed.points[:, 2].max() > 0.09
     bpy.ops.skin_calib.cut_remove(index=0)
     look(live)
-    assert link.name not in addon.overlay.added["planes"]
+    assert link.name not in addon.overlay.additional["planes"]
 
 
 def test_axis_goes_through_two_sections(bpy, link):

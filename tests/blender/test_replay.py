@@ -56,11 +56,11 @@ def test_cells_show_the_forces_of_the_frame(bpy, ours, shown):
     assert shown.skin_calib.inspect.heat == "FORCE" and pressed(ours, shown) == [0]
     record.frame = 3
     layers = drawn(ours, shown)
-    assert pressed(ours, shown) == [3] and layers["FORCE"].legend.most == 6.0
+    assert pressed(ours, shown) == [3] and layers["FORCE"].legend.maximum == 6.0
     taxels = ours.results.find(shown.skin_calib.result.key).calibration.patches[0].taxels
     assert_allclose(layers["CONTACTS"].points[::2], taxels.corners_link[3], atol=1e-7)
     assert_allclose(layers["COP"].points[4], taxels.positions_link[3], atol=1e-6)
-    assert ours.replay.told[record.token] == ("0.300 s: 1 contact, 4.00 N",)
+    assert ours.replay.messages[record.token] == ("0.300 s: 1 contact, 4.00 N",)
     record.frame = 999
     assert record.frame == 5 and record.share == 100
     record.share = 41
@@ -85,7 +85,7 @@ def test_flat_skin_shows_cop_and_polygons(bpy, ours, record, tmp_path):
     assert_allclose((low[:2], high[:2]), (loaded[:, :2].min(axis=0), loaded[:, :2].max(axis=0)), atol=1e-4)
     cop = next(a for a in layers if a.what == "COP" and a.on_top).points
     assert_allclose(cop[:2].mean(axis=0)[:2], loaded[:, :2].mean(axis=0), atol=1e-3)
-    assert "2 contacts, 48.00 N" in ours.replay.told[link.skin_calib.inspect.replay.token][0]
+    assert "2 contacts, 48.00 N" in ours.replay.messages[link.skin_calib.inspect.replay.token][0]
     link.skin_calib.inspect.heat = "TILT"
     assert not {"POLYGONS", "COP", "CONTACTS", "FORCE"} & set(drawn(ours, link))
 
@@ -180,7 +180,7 @@ def test_playing_ends_with_what_it_plays_on(bpy, ours, shown, clock, record):
         end()
         assert ours.replay.tick() is None
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert not ours.replay._replays and not ours.replay.told
+    assert not ours.replay._replays and not ours.replay.messages
 
 
 def test_recording_of_another_fit_is_not_drawn(bpy, ours, shown):
@@ -214,4 +214,4 @@ def test_example_recording_plays_on_the_sample(bpy, ours):
         link.skin_calib.inspect.replay.frame = k
         place = drawn(ours, link)["COP"].points[4]
         assert np.linalg.norm(place - [truth[f"true_{axis}"][k] for axis in "xyz"]) < 2e-3
-    assert "120 of 124 numbers used" in ours.replay.told[link.skin_calib.inspect.replay.token]
+    assert "120 of 124 numbers used" in ours.replay.messages[link.skin_calib.inspect.replay.token]

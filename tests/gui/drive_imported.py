@@ -59,7 +59,7 @@ def chooses_the_file(gui, path):
 def is_told_of_the_frame(gui):
     """Live says why the taxels cannot be laid, and goes on when they can."""
     yield from follow(gui)
-    told = ours("live").told
+    told = ours("live").reports
     yield from gui.wait(lambda: any("off the mesh" in t.problem for t in told.values()), 60, "the refusal")
     yield from hover_view(gui)
     yield from gui.redraw(3)

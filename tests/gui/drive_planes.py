@@ -76,7 +76,7 @@ def tells_of_a_plane_that_misses(gui):
     yield from gui.wait(lambda: ("U", 9) in ours("live").sketches[link().name].wrong, 20, "the plane that misses")
     yield from gui.redraw(3)
     yield from gui.shot("missed.png")
-    assert ours("live").sketches[link().name].wrong["U", 9].startswith("misses the mesh, by ")
+    assert ours("live").sketches[link().name].wrong["U", 9].startswith("misses the mesh; distance ")
     yield from undo(gui)
     yield from gui.wait(lambda: not ours("live").sketches[link().name].wrong, 20, "the plane to be back")
 
@@ -86,7 +86,7 @@ def tells_of_a_plane_out_of_order(gui):
     x, y = gui.at(handle("u", 4))
     yield from gui.drag((x, y), (x, y + 45), mods=())
     yield from gui.wait(lambda: ours("live").sketches[link().name].wrong, 20, "the order to be told")
-    assert ours("live").sketches[link().name].wrong == {("U", 5): "does not lie beyond u-plane 4"}
+    assert ours("live").sketches[link().name].wrong == {("U", 5): "is not beyond u-plane 4"}
     yield from undo(gui)
     yield from gui.wait(lambda: not ours("live").sketches[link().name].wrong, 20, "the plane to be back")
 
@@ -113,15 +113,15 @@ def follows_live(gui):
     yield from follow(gui)
     yield from gui.wait(lambda: plan().result.key and not plan().result.outdated, 30, "the first result")
     before = plan().result.key
-    ours("live").REST = 60.0  # a software renderer rests between two moves
+    ours("live").FIT_DELAY = 60.0  # a software renderer rests between two moves
     x, y = gui.at(handle("u", 6))
     yield from gui.drag((x, y), (x, y + 15), mods=(), release=False)
     yield from gui.wait(lambda: link().name in ours("overlay").previews, 20, "a preview under the drag")
     yield from gui.redraw()
     yield from gui.shot("followed.png")
-    print("preview", ours("live").told[link().name])
+    print("preview", ours("live").reports[link().name])
     yield from gui.release()
-    ours("live").REST = 0.4
+    ours("live").FIT_DELAY = 0.4
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
     assert plan().result.key != before
 

@@ -34,13 +34,13 @@ def slides_the_origin(gui):
     """The ball follows the mouse over the link, the sheet follows the ball; Ctrl-Z brings both back."""
     start = gui.at(basis("origin").translation)
     goal = start[0] - 40, start[1] + 15
-    ours("live").REST = 60.0  # a software renderer rests between two moves
+    ours("live").FIT_DELAY = 60.0  # a software renderer rests between two moves
     yield from gui.drag(start, goal, mods=(), release=False)
     yield from gui.wait(lambda: link().name in ours("overlay").previews, 20, "a preview under the drag")
     yield from gui.redraw(3)
     yield from gui.shot("slid.png")
     yield from gui.release()
-    ours("live").REST = 0.4
+    ours("live").FIT_DELAY = 0.4
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
     yield from gui.redraw(3)
     x, y = gui.at(basis("origin").translation)
@@ -73,7 +73,7 @@ def turns_the_direction(gui):
 
 def ahead(gui, share):
     """Window pixel on the arrow, at a share of its length of 75 pixels."""
-    place = basis("way")
+    place = basis("direction")
     foot, tip = Vector(gui.at(place.translation)), Vector(gui.at(place.translation + 0.001 * place.to_3x3().col[2]))
     scale = bpy.context.preferences.view.gizmo_size * bpy.context.preferences.system.ui_scale
     return tuple(foot + share * scale * (tip - foot).normalized())

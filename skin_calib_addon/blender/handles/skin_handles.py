@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles in the 3D view for skins: origins, landmarks and excluded zones slide over the link, directions turn."""
+"""Handles in the 3D view for skins: origins, landmarks and excluded zones move over the link, directions turn."""
 
 from typing import Any
 
@@ -11,26 +11,29 @@ from mathutils.geometry import intersect_line_plane
 from ..overlay import overlay
 from ..scene.scene import link_frame, metres_per_unit
 from ..scene.skins import hold, point_of, put_point, root_row
-from .handles import is_shown, let_go, placed, undo_drags
-from .view import place_under, ray_under
+from .plane_handles import basis_at, end_drag, is_shown, undo_drags
+from .view import point_and_normal_under, ray_under
 
 COLOURS = {
     "origin": (1.0, 0.85, 0.2),
-    "way": (1.0, 0.85, 0.2),
+    "direction": (1.0, 0.85, 0.2),
     "landmark": (0.2, 0.9, 1.0),
     "zone": (1.0, 0.35, 0.2),
 }
-RADIUS, SIDES = 0.09, 12  # of a ball, and of everything round, in handles of one unit
-REACH, TIP = 1.0, 0.3  # of an arrow, and of its tip
+# Sizes of the handles, in units of the handle size of Blender's preferences. Larger: larger handles.
+BALL_RADIUS = 0.09
+BALL_SIDES = 12  # of balls, stems and tips. Larger: rounder and slower
+ARROW_LENGTH = 1.0
+ARROW_TIP = 0.3  # length of the tip
 
-Target = tuple[str, int, int]  # what it is, of which skin, and which of the skin's landmarks or zones
+Target = tuple[str, int, int]  # kind, index of the skin, index of its landmark or zone
 
 
 def ball() -> list[Vector]:
-    """Triangles of a ball."""
-    turns, rises = np.linspace(0, 2 * np.pi, SIDES + 1), np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)
+    """Return the triangles of a ball."""
+    turns, rises = np.linspace(0, 2 * np.pi, BALL_SIDES + 1), np.linspace(-np.pi / 2, np.pi / 2, BALL_SIDES // 2 + 1)
     rings = [
-        [RADIUS * Vector((np.cos(rise) * np.cos(a), np.cos(rise) * np.sin(a), np.sin(rise))) for a in turns]
+        [BALL_RADIUS * Vector((np.cos(rise) * np.cos(a), np.cos(rise) * np.sin(a), np.sin(rise))) for a in turns]
         for rise in rises
     ]
     quads = [(*low, *high) for one, other in zip(rings, rings[1:]) for low, high in zip(pairs(one), pairs(other))]
@@ -38,19 +41,22 @@ def ball() -> list[Vector]:
 
 
 def pairs(ring: list[Vector]) -> list[tuple[Vector, Vector]]:
-    """Points and those after them."""
+    """Return each point with the next one."""
     return list(zip(ring, ring[1:]))
 
 
 def arrow() -> list[Vector]:
-    """Triangles of an arrow along z; near its foot there is room for the ball."""
+    """Return the triangles of an arrow along z; it starts outside the ball."""
     found = []
-    for radius, low, high in ((0.025, 2 * RADIUS, REACH - TIP), (0.09, REACH - TIP, REACH)):
-        turns = np.linspace(0, 2 * np.pi, SIDES + 1)
+    for radius, low, high in (
+        (0.025, 2 * BALL_RADIUS, ARROW_LENGTH - ARROW_TIP),
+        (0.09, ARROW_LENGTH - ARROW_TIP, ARROW_LENGTH),
+    ):
+        turns = np.linspace(0, 2 * np.pi, BALL_SIDES + 1)
         foot = [Vector((radius * np.cos(a), radius * np.sin(a), low)) for a in turns]
         for a, b in pairs(foot):
             found += [a, b, Vector((0, 0, high))]
-            if high < REACH:  # a stem
+            if high < ARROW_LENGTH:  # a stem
                 rise = Vector((0, 0, high - low))
                 found[-1:] = [a + rise, b, b + rise, a + rise]
     return found
@@ -67,9 +73,9 @@ class SKIN_GT_spot(bpy.types.Gizmo):
         self.target, self.shape = None, None
 
     def aim(self, target: Target) -> None:
-        """Say what is moved."""
-        if self.target is None or (self.target[0] == "way") != (target[0] == "way"):
-            self.shape = self.new_custom_shape("TRIS", arrow() if target[0] == "way" else ball())
+        """Set what the handle moves."""
+        if self.target is None or (self.target[0] == "direction") != (target[0] == "direction"):
+            self.shape = self.new_custom_shape("TRIS", arrow() if target[0] == "direction" else ball())
         self.target = target
         self.color, self.color_highlight = COLOURS[target[0]], (1.0, 1.0, 1.0)
         self.alpha = self.alpha_highlight = 0.9
@@ -86,30 +92,30 @@ class SKIN_GT_spot(bpy.types.Gizmo):
         return {"RUNNING_MODAL"}
 
     def begin(self, context):
-        """Let a skin that chose its own place keep the one it has, to be moved from there."""
+        """Fix the current position of a skin that was placed automatically, so that the drag starts there."""
         plan, (what, skin, _) = context.object.skin_calib, self.target
         patches = overlay.patches_of(context.object)
-        if what in ("origin", "way") and len(patches) == len(plan.skins):
+        if what in ("origin", "direction") and len(patches) == len(plan.skins):
             hold(plan.skins[skin], patches[skin].taxels, metres_per_unit(context.scene))
             self.normal = Vector(patches[skin].taxels.normals_link[root_row(patches[skin].taxels)])
 
     def modal(self, context, event, _tweak):
         if event.type != "MOUSEMOVE":
             return {"RUNNING_MODAL"}
-        if not self.has_moved:  # a mere click changes nothing
+        if not self.has_moved:  # a click without motion changes nothing
             self.has_moved = True
             self.begin(context)
         plan, (what, skin, index) = context.object.skin_calib, self.target
-        if what == "way":
-            way = way_under(context, event.mouse_x, event.mouse_y, self.matrix_basis)
-            if way is not None:
-                plan.skins[skin].direction, plan.skins[skin].auto_direction = way, False
+        if what == "direction":
+            direction = direction_under(context, event.mouse_x, event.mouse_y, self.matrix_basis)
+            if direction is not None:
+                plan.skins[skin].direction, plan.skins[skin].auto_direction = direction, False
             return {"RUNNING_MODAL"}
-        place = place_under(context, event.mouse_x, event.mouse_y)
-        if place is not None:
-            point, normal = place
+        met = point_and_normal_under(context, event.mouse_x, event.mouse_y)
+        if met is not None:
+            point, normal = met
             put_point(plan, what, skin, index, point)
-            if what == "origin" and self.normal is not None:  # its rows go on in the same sense over the link's bend
+            if what == "origin" and self.normal is not None:  # the rows keep their direction on the curved link
                 turn = self.normal.rotation_difference(normal)
                 plan.skins[skin].direction = turn @ Vector(plan.skins[skin].direction)
                 self.normal = normal
@@ -121,13 +127,29 @@ class SKIN_GT_spot(bpy.types.Gizmo):
             for group, name, value in self.before:
                 setattr(group, name, value)
         else:
-            let_go(self)
+            end_drag(self)
 
 
 def state(plan: Any, skin: int, what: str, index: int) -> list[tuple[Any, str, Any]]:
-    """What a drag may change: each group of properties, a name there, and its value."""
-    owner, name = point_of(plan, "origin" if what == "way" else what, skin, index)
-    names = (name,) if what not in ("origin", "way") else ("origin", "centred", "direction", "auto_direction", "choice")
+    """Return what a drag can change: each group of properties, the name of the property, and its value.
+
+    Parameters
+    ----------
+    plan : property group
+        Of the link.
+    skin : int
+        Index of the skin.
+    what : str
+        "origin", "direction", "landmark" or "zone".
+    index : int
+        Of the landmark or zone.
+    """
+    owner, name = point_of(plan, "origin" if what == "direction" else what, skin, index)
+    names = (
+        (name,)
+        if what not in ("origin", "direction")
+        else ("origin", "centred", "direction", "auto_direction", "choice")
+    )
     found = []
     for changed in names:
         value = getattr(owner, changed)
@@ -135,8 +157,18 @@ def state(plan: Any, skin: int, what: str, index: int) -> list[tuple[Any, str, A
     return found
 
 
-def way_under(context: bpy.types.Context, x: int, y: int, basis: Matrix) -> Vector | None:
-    """From the foot of an arrow to the mouse, on the plane that it turns in: in the link frame, of length one."""
+def direction_under(context: bpy.types.Context, x: int, y: int, basis: Matrix) -> Vector | None:
+    """Return the unit vector from the foot of an arrow to the mouse, in its plane and in the link frame.
+
+    Parameters
+    ----------
+    context : Context
+        Of Blender.
+    x, y : int
+        Pixel of the window.
+    basis : Matrix
+        Of the arrow in the world.
+    """
     ray = ray_under(context, x, y)
     if ray is None:
         return None
@@ -148,7 +180,7 @@ def way_under(context: bpy.types.Context, x: int, y: int, basis: Matrix) -> Vect
 
 
 class SKIN_GGT_skins(bpy.types.GizmoGroup):
-    """Moves and turns skins, their landmarks and what keeps them away."""
+    """Moves and turns skins, their landmarks and excluded zones."""
 
     bl_idname = "SKIN_GGT_skins"
     bl_label = "Skin Places"
@@ -165,7 +197,7 @@ class SKIN_GGT_skins(bpy.types.GizmoGroup):
         self.refresh(context)
 
     def refresh(self, context):
-        """As many handles as there are places."""
+        """Make as many handles as there are targets."""
         targets = targets_of(context.object.skin_calib)
         while len(self.spots) < len(targets):
             spot = self.gizmos.new(SKIN_GT_spot.bl_idname)
@@ -183,14 +215,14 @@ class SKIN_GGT_skins(bpy.types.GizmoGroup):
 
 
 def targets_of(plan: Any) -> list[Target]:
-    """All that can be moved of the skins of a plan."""
+    """Return everything of the skins of a plan that can be moved."""
     found: list[Target] = []
     for k, skin in enumerate(plan.skins):
         if skin.kind == "imported":
             continue
         if skin.kind == "hexagons" or not skin.landmarks:
             found.append(("origin", k, 0))
-        found.append(("way", k, 0))
+        found.append(("direction", k, 0))
         if skin.kind == "sheet":
             found += [("landmark", k, i) for i in range(len(skin.landmarks))]
         else:
@@ -199,14 +231,21 @@ def targets_of(plan: Any) -> list[Target]:
 
 
 def basis_of(context: bpy.types.Context, target: Target) -> Matrix | None:
-    """Where a handle is, in the world; an arrow's z axis is its way and its x axis stands upright on the link.
+    """Return the transform of a handle in the world; None before the first placement of the skin, if it is needed.
 
-    None for a way, or the origin of a centred skin, before the skin has been laid.
+    The z axis of an arrow is its direction, its x axis is the normal of the link.
+
+    Parameters
+    ----------
+    context : Context
+        Of Blender.
+    target : Target
+        What the handle moves.
     """
     what, skin, index = target
     if what in ("landmark", "zone") or what == "origin" and not context.object.skin_calib.skins[skin].centred:
         owner, name = point_of(context.object.skin_calib, what, skin, index)
-        return placed(context, Vector(getattr(owner, name)), Vector((0, 0, 1)))
+        return basis_at(context, Vector(getattr(owner, name)), Vector((0, 0, 1)))
     patches = overlay.patches_of(context.object)
     if len(patches) != len(context.object.skin_calib.skins):
         return None
@@ -227,6 +266,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them away."""
+    """Remove the handles."""
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is under the mouse in a 3D view."""
+"""Find what is under the mouse in a 3D view."""
 
 from typing import Any
 
@@ -11,19 +11,48 @@ from ..scene.scene import met_by
 
 
 def point_under(context: bpy.types.Context, x: int, y: int) -> Vector | None:
-    """Where the active link is under a pixel of the window, in its frame in Blender units; None where it is not."""
-    place = place_under(context, x, y)
-    return place[0] if place else None
+    """Return the point of the active link under a pixel of the window; None if it is not there.
+
+    Parameters
+    ----------
+    context : Context
+        Of Blender.
+    x, y : int
+        Pixel of the window.
+
+    Returns
+    -------
+    Vector or None
+        In the link frame, in Blender units.
+    """
+    met = point_and_normal_under(context, x, y)
+    return met[0] if met else None
 
 
-def place_under(context: bpy.types.Context, x: int, y: int) -> tuple[Vector, Vector] | None:
-    """The same point, and the unit normal of the face there, towards the eye."""
+def point_and_normal_under(context: bpy.types.Context, x: int, y: int) -> tuple[Vector, Vector] | None:
+    """Return the point under a pixel, and the unit normal of the face there, towards the eye.
+
+    Parameters
+    ----------
+    context : Context
+        Of Blender.
+    x, y : int
+        Pixel of the window.
+    """
     ray = ray_under(context, x, y)
     return met_by(context.object, context.evaluated_depsgraph_get(), *ray) if ray else None
 
 
 def ray_under(context: bpy.types.Context, x: int, y: int) -> tuple[Vector, Vector] | None:
-    """Start and way, in the world, of the ray from the eye through a pixel of the window; None outside of 3D views."""
+    """Return start and direction, in the world, of the ray from the eye through a pixel; None outside of 3D views.
+
+    Parameters
+    ----------
+    context : Context
+        Of Blender.
+    x, y : int
+        Pixel of the window.
+    """
     region = view_at(context.window, x, y)
     if region is None:
         return None
@@ -32,11 +61,19 @@ def ray_under(context: bpy.types.Context, x: int, y: int) -> tuple[Vector, Vecto
 
 
 def view_at(window: bpy.types.Window, x: int, y: int) -> Any:
-    """The region of a 3D view that a pixel of the window shows; None under a sidebar or a header, and outside."""
+    """Return the region of a 3D view that contains a pixel of the window; None for sidebars, headers and other areas.
+
+    Parameters
+    ----------
+    window : Window
+        Of Blender.
+    x, y : int
+        Pixel of the window.
+    """
     for area in window.screen.areas:
         if area.type == "VIEW_3D":
             under = [r for r in area.regions if 0 <= x - r.x < r.width and 0 <= y - r.y < r.height]
             views = [r for r in under if r.type == "WINDOW"]
-            if views and all(r.type in ("WINDOW", "TOOLS") for r in under):  # the tools' region is mostly empty
+            if views and all(r.type in ("WINDOW", "TOOLS") for r in under):  # the region of the tools is mostly empty
                 return views[0]
     return None

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The taxels of a link beside those of a file: figures on its object, lines in the view; nothing enters the plan."""
+"""Compare the taxels of a link with those of a file.
+
+Values on its object, lines in the view; the plan does not change.
+"""
 
 import hashlib
 from pathlib import Path
@@ -15,11 +18,21 @@ from .taxels import result_of, taxels_of
 
 TAXEL_ENDINGS = tuple(sorted({form.ending for form in FORMATS.values() if form.readable}))
 ENDINGS = (".json", *TAXEL_ENDINGS)
-MOST_TOLD = 6
+# Notes of a comparison in the panel. Larger: a longer panel.
+MAX_NOTES = 6
 
 
 def compare_with(link: bpy.types.Object, path: str, scene: bpy.types.Scene) -> Comparison:
-    """Compare the last result of a link with the taxels of a file, and keep what came out.
+    """Compare the last result of a link with the taxels of a file, and store the result of the comparison.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    path : str
+        Of the file.
+    scene : Scene
+        With the unit of length.
 
     Raises
     ------
@@ -32,7 +45,7 @@ def compare_with(link: bpy.types.Object, path: str, scene: bpy.types.Scene) -> C
     record, key = settings.inspect.comparison, settings.result.key
     record.file, record.key = path, key
     record.token = "comparison " + hashlib.sha256(key.encode() + found.ends.tobytes()).hexdigest()
-    overlay.keep(record.token, comparison_of(taxels, found))
+    overlay.cache(record.token, comparison_of(taxels, found))
     overlay.redraw()
     return found
 
@@ -45,9 +58,9 @@ def _write(record: bpy.types.PropertyGroup, found: Comparison, metre: float) -> 
     record.has_angles = found.angles is not None
     if found.angles is not None:
         record.mean_angle, record.max_angle = found.angles.mean(), found.angles.max()
-    record.told = "\n".join(found.notes[:MOST_TOLD])
+    record.told = "\n".join(found.notes[:MAX_NOTES])
 
 
 def name_of(path: str) -> str:
-    """Of a file, without its folder."""
+    """Return the name of a file without its folder."""
     return Path(path).name

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A recorded reading over the skin: forces on the cells, contacts, CoP and polygons; frame by frame, or played.
+"""Replay a recording over the skin: forces on the cells, contacts, CoP and polygons, frame by frame or in motion.
 
-An object holds which recording it shows and which frame. While it plays a timer moves on another one, which no property
-knows: Blender would evaluate the link's mesh anew for each. That ends with undo, another file, another fit, the object.
+The properties of an object contain the recording and the displayed frame. During playback a timer changes the frame,
+and no property: for each property change Blender would evaluate the mesh of the link again. Playback ends with undo,
+another file, another fit, or the removal of the object.
 """
 
 from dataclasses import dataclass
@@ -21,27 +22,28 @@ from ..overlay.layers import Layer, heat_layer, replay_lines
 from ..overlay.scales import Legend
 from .taxels import result_of
 
-KEPT = 4
-REST = 1 / 60  # between two calls of the timer [s]
+# Stored recordings. Larger: more memory; smaller: undo does not show older ones again.
+MAX_RECORDINGS = 4
+TIMER_INTERVAL = 1 / 60  # [s] between two calls of the timer. Larger: playback is less smooth
 
 
 @dataclass
 class Playing:
-    """Where in the recording it was played from, and when; and the frame that is shown."""
+    """Start of the playback in the recording, its time, and the displayed frame."""
 
     seconds: float
     clock: float
     frame: int
 
 
-told: dict[str, tuple[str, ...]] = {}  # what the panel says of the frame that is shown, by token
+messages: dict[str, tuple[str, ...]] = {}  # lines of the panel for the displayed frame, by token
 _replays: dict[str, Replay] = {}  # by token
 _playing: dict[str, Playing] = {}  # by the object's name
 _count = count()
 
 
 def find(link: bpy.types.Object) -> Replay | None:
-    """The recording that an object shows, if it is still kept and of the last fit."""
+    """Return the recording of an object, if it is still stored and belongs to the last fit."""
     record = link.skin_calib.inspect.replay
     return _replays.get(record.token) if record.key == link.skin_calib.result.key else None
 
@@ -49,41 +51,48 @@ def find(link: bpy.types.Object) -> Replay | None:
 def open_recording(link: bpy.types.Object, path: str) -> Replay:
     """Show the first frame of a recording over the last result of a link.
 
+    Parameters
+    ----------
+    link : Object
+        The link.
+    path : str
+        Of the recording.
+
     Raises
     ------
     SkinCalibError
-        If there is no result, or the recording is none of this skin.
+        If there is no result, or the recording does not belong to this skin.
     """
-    looks, key = link.skin_calib.inspect, link.skin_calib.result.key
+    settings, key = link.skin_calib.inspect, link.skin_calib.result.key
     replay = Replay.read(result_of(link).calibration, path)
     stop(link)
     token = f"replay {next(_count)} of {key}"
     _replays[token] = replay
-    while len(_replays) > KEPT:
+    while len(_replays) > MAX_RECORDINGS:
         _forget(next(iter(_replays)))
-    record = looks.replay
-    record.file, record.key, record.token, record.chosen, looks.heat = path, key, token, 0, "FORCE"
+    record = settings.replay
+    record.file, record.key, record.token, record.chosen, settings.heat = path, key, token, 0, "FORCE"
     show(link)
     return replay
 
 
 def close(link: bpy.types.Object) -> None:
-    """Show no recording any more."""
-    looks = link.skin_calib.inspect
+    """Remove the recording from the view."""
+    settings = link.skin_calib.inspect
     stop(link)
-    looks.property_unset("replay")
-    if looks.heat == "FORCE":
-        looks.heat = "NONE"
+    settings.property_unset("replay")
+    if settings.heat == "FORCE":
+        settings.heat = "NONE"
 
 
 def show(link: bpy.types.Object) -> None:
-    """Prepare what is drawn and said of the frame that an object shows."""
+    """Prepare the layers and messages of the displayed frame of an object."""
     replay, record = find(link), link.skin_calib.inspect.replay
     if replay is None:
         return
     frame = replay.frame(frame_of(record))
-    overlay.keep(record.token, (_forces(replay, frame), *replay_lines(replay.taxels, frame)))
-    told[record.token] = tuple(_in_words(replay, frame))
+    overlay.cache(record.token, (_forces(replay, frame), *replay_lines(replay.taxels, frame)))
+    messages[record.token] = tuple(_message_lines(replay, frame))
     overlay.redraw()
 
 
@@ -93,8 +102,8 @@ def _forces(replay: Replay, frame: Any) -> Layer:
     return heat_layer("FORCE", replay.taxels, np.where(frame.known, frame.forces, np.nan), legend)
 
 
-def _in_words(replay: Replay, frame: Any) -> Any:
-    """Lines for the panel."""
+def _message_lines(replay: Replay, frame: Any) -> Any:
+    """Yield the lines of the panel."""
     contacts = f"{len(frame.contacts)} contact" + ("" if len(frame.contacts) == 1 else "s")
     yield f"{frame.time:.3f} s: {contacts}, {sum(c.force for c in frame.contacts):.2f} N"
     if frame.cop is not None:
@@ -105,17 +114,25 @@ def _in_words(replay: Replay, frame: Any) -> Any:
     if frame.problem:
         yield frame.problem
     if frame.flags:
-        yield "Doubts: " + ", ".join(sorted(frame.flags))
+        yield "Flags: " + ", ".join(sorted(frame.flags))
 
 
 def frame_of(record: Any) -> int:
-    """The frame that is shown."""
+    """Return the displayed frame."""
     playing = _playing.get(record.id_data.name)
     return playing.frame if playing else record.chosen
 
 
 def choose(record: Any, frame: int) -> None:
-    """Show another frame, the last one at most; what plays goes on from there."""
+    """Show another frame; playback continues from there.
+
+    Parameters
+    ----------
+    record : property group
+        Of the recording.
+    frame : int
+        Number of the frame; limited to the last one.
+    """
     link = record.id_data
     replay = find(link)
     record.chosen = frame if replay is None else min(frame, len(replay) - 1)
@@ -125,18 +142,26 @@ def choose(record: Any, frame: int) -> None:
 
 
 def paced(record: Any, _context: Any) -> None:
-    """Another speed: go on from here with it."""
+    """Continue playback at another speed.
+
+    Parameters
+    ----------
+    record : property group
+        Of the recording.
+    _context : Context
+        Of Blender.
+    """
     if record.id_data.name in _playing:
         _begin(record.id_data, frame_of(record))
 
 
 def is_playing(link: bpy.types.Object) -> bool:
-    """Whether the recording of an object moves on."""
+    """Return whether the recording of an object is playing."""
     return link.name in _playing
 
 
 def play(link: bpy.types.Object) -> None:
-    """Let the recording of an object move on from where it is; from its beginning at its end."""
+    """Play the recording of an object from the displayed frame; from the start if that is the last one."""
     replay, frame = find(link), frame_of(link.skin_calib.inspect.replay)
     if replay is None:
         return
@@ -152,14 +177,14 @@ def _begin(link: bpy.types.Object, frame: int) -> None:
 
 
 def stop(link: bpy.types.Object) -> None:
-    """Let the recording of an object stand still at the frame that is shown."""
+    """Stop playback at the displayed frame."""
     playing = _playing.pop(link.name, None)
     if playing:
         link.skin_calib.inspect.replay.chosen = playing.frame
 
 
 def tick() -> float | None:
-    """Move on what plays. The seconds to the next call, none when nothing plays."""
+    """Show the next frames; return the seconds to the next call, None if nothing is playing."""
     for name, playing in list(_playing.items()):
         link = bpy.data.objects.get(name)
         replay = find(link) if link else None
@@ -176,18 +201,18 @@ def tick() -> float | None:
         if is_over:
             stop(link)
     if not _playing:
-        overlay.redraw()  # the button changes
-    return REST if _playing else None
+        overlay.redraw()  # for the button
+    return TIMER_INTERVAL if _playing else None
 
 
 def _forget(token: str) -> None:
     _replays.pop(token, None)
-    told.pop(token, None)
+    messages.pop(token, None)
 
 
 @persistent
-def _went_back(*_: Any) -> None:
-    """After undo or redo nothing plays, and the frame that came back is drawn."""
+def _undone(*_: Any) -> None:
+    """Stop playback after undo or redo, and draw the restored frame."""
     _playing.clear()
     for link in bpy.data.objects:
         if link.skin_calib.inspect.replay.token:
@@ -196,21 +221,21 @@ def _went_back(*_: Any) -> None:
 
 @persistent
 def _opened(*_: Any) -> None:
-    """Another file: its objects have recordings of their own."""
+    """Remove all recordings after another file was opened."""
     _playing.clear()
     _replays.clear()
-    told.clear()
+    messages.clear()
 
 
-HANDLERS = {"undo_post": _went_back, "redo_post": _went_back, "load_post": _opened}
+HANDLERS = {"undo_post": _undone, "redo_post": _undone, "load_post": _opened}
 
 
 def register() -> None:
-    """Notice when time goes back."""
+    """Listen to undo and files."""
     events.listen(HANDLERS)
 
 
 def unregister() -> None:
-    """Play nothing any more."""
+    """Stop listening and playback."""
     events.ignore(HANDLERS, (tick,))
     _opened()

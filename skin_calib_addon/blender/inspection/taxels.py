@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The numbers of one taxel, kept on its object and marked in the view."""
+"""Store the values of one taxel on its object, and mark the taxel in the view."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -17,42 +17,59 @@ from ..scene.scene import link_frame, metres_per_unit, point_on
 
 
 def result_of(link: bpy.types.Object) -> Calibrated:
-    """The last result of a link.
+    """Return the last result of a link.
 
     Raises
     ------
     SkinCalibError
-        If there is none here: a file keeps no surface.
+        If the link was not fitted in this session: files do not contain surfaces.
     """
     found = results.find(link.skin_calib.result.key)
     if found is None:
-        raise SkinCalibError(f"{link.name} was not fitted since this file was opened: fit it first")
+        raise SkinCalibError(f"{link.name} has no result since this file was opened. Fit it first")
     return found
 
 
 def taxels_of(link: bpy.types.Object) -> AllTaxels:
-    """The taxels of the last result of a link; raises as :func:`result_of` does."""
+    """Return the taxels of the last result of a link; raises as :func:`result_of` does."""
     return overlay.prepare(link.skin_calib.result.key, result_of(link)).taxels
 
 
 def token_of(key: str, taxel: str) -> str:
-    """Under which the mark of a taxel of a result is kept."""
+    """Return the token under which the mark of a taxel is stored.
+
+    Parameters
+    ----------
+    key : str
+        Of the result.
+    taxel : str
+        Id.
+    """
     return f"taxel {taxel} of {key}"
 
 
 def read_taxel(link: bpy.types.Object, word: str, scene: bpy.types.Scene) -> str:
-    """Keep the numbers of a taxel, named by id or channel, on its object, and mark it; its id.
+    """Store the values of a taxel on its object, mark it, and return its id.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    word : str
+        Id or channel of the taxel.
+    scene : Scene
+        With the unit of length.
 
     Raises
     ------
     SkinCalibError
-        If there is no such taxel.
+        If the taxel does not exist.
     """
     taxels, key = taxels_of(link), link.skin_calib.result.key
     row = taxels.row_of(word)
     _write(link.skin_calib.inspect.taxel, taxels, row, metres_per_unit(scene))
     link.skin_calib.inspect.taxel.key = key
-    overlay.keep(token_of(key, taxels.ids[row]), mark_of(taxels, row))
+    overlay.cache(token_of(key, taxels.ids[row]), mark_of(taxels, row))
     overlay.redraw()
     return taxels.ids[row]
 
@@ -71,14 +88,24 @@ def _known(values: Iterable[float]) -> list[float]:
     return [0.0 if np.isnan(value) else float(value) for value in values]
 
 
-def taxel_on_ray(link: bpy.types.Object, context: bpy.types.Context, start: Any, way: Any) -> str | None:
-    """The id of the taxel that a ray in the world meets before the link hides it; None where it meets none."""
+def taxel_on_ray(link: bpy.types.Object, context: bpy.types.Context, start: Any, direction: Any) -> str | None:
+    """Return the id of the first taxel on a ray that the link does not hide, or None.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    context : Context
+        Of Blender.
+    start, direction : Vector
+        Of the ray, in the world.
+    """
     taxels, to_link = taxels_of(link), link_frame(link).inverted()
-    eye, ahead = to_link @ start, to_link.to_3x3() @ way
+    eye, ahead = to_link @ start, to_link.to_3x3() @ direction
     metre, farthest = metres_per_unit(context.scene), np.inf
     if link.mode == "OBJECT" and link.visible_get():
-        met = point_on(link, context.evaluated_depsgraph_get(), start, way)
-        if met is not None:  # cells may lie a little below what one sees
+        met = point_on(link, context.evaluated_depsgraph_get(), start, direction)
+        if met is not None:  # cells can be slightly below the visible surface
             farthest = ((met - eye).length + taxels.width / metre) / ahead.length
     row = taxels.under(metre * np.array(eye), metre * np.array(ahead), farthest)
     return None if row is None else taxels.ids[row]

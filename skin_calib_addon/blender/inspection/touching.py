@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Touches of known places beside the taxels that felt them: words on the object, lines in the view."""
+"""Compare touches at known points with the taxels that felt them: messages on the object, lines in the view."""
 
 import hashlib
 
@@ -17,7 +17,14 @@ from .taxels import result_of
 
 
 def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
-    """Compare the last result of a link with a table of touches, and keep what came out.
+    """Compare the last result of a link with a table of touches, and store the result of the comparison.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    path : str
+        Of the table.
 
     Raises
     ------
@@ -33,23 +40,30 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     write_warnings(record.warnings, (warning for p in found for warning in p.warnings()))
     places = np.concatenate([p.places for p in found])
     record.token = "touches " + hashlib.sha256(key.encode() + places.tobytes()).hexdigest()
-    overlay.keep(record.token, touches_of(found))
+    overlay.cache(record.token, touches_of(found))
     overlay.redraw()
     return found
 
 
 def _named(placement: Placement, line: str, many: bool) -> str:
-    """A line about a patch, with its name where there are several."""
+    """Return a line about a patch, with its name if there are several."""
     return f"{placement.patch.name}: {line}" if many else line[0].upper() + line[1:]
 
 
 def move_to_touches(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
-    """Move the skins of a plan to where the touches that are shown say that they lie.
+    """Move the skins of a plan to their measured placement, from the displayed touches.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    scene : Scene
+        With the plan.
 
     Raises
     ------
     SkinCalibError
-        If the last result is of another plan, the table cannot be read, or the touches do not say where a skin lies.
+        If the last result is of another plan, the table cannot be read, or the touches do not determine a placement.
     """
     settings, result = link.skin_calib, result_of(link)
     touches = read_touches(settings.inspect.touches.file, result.calibration)
@@ -61,5 +75,5 @@ def move_to_touches(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
 
 
 def forget(link: bpy.types.Object) -> None:
-    """Show no touches any more."""
+    """Remove the touches from the view."""
     link.skin_calib.inspect.property_unset("touches")

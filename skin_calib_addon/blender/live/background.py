@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Computations beside Blender's main thread, so that the window stays alive: arrays in, arrays out, nothing of bpy."""
+"""Run computations in a thread, so that the window does not freeze: arrays in, arrays out, without bpy."""
 
 from collections.abc import Callable
 from threading import Thread
@@ -7,17 +7,17 @@ from typing import Any
 
 
 class Stopped(Exception):
-    """Nobody waits for the result any more."""
+    """The result of the computation is not needed any more."""
 
 
 class Work:
-    """One computation in a thread of its own.
+    """One computation in its own thread.
 
     Parameters
     ----------
     task : function
-        What is computed; it gets a function to call with the name of each stage that begins, which ends it there
-        once it has been stopped.
+        The computation. Its argument is a function, which it calls with the name of each stage that starts. This call
+        raises :class:`Stopped` if the computation was stopped.
     """
 
     def __init__(self, task: Callable[[Callable[[str], None]], Any]):
@@ -31,7 +31,7 @@ class Work:
     def _run(self, task: Callable[[Callable[[str], None]], Any]) -> None:
         try:
             self._result = task(self._begin)
-        except Exception as error:  # it is raised where the result is asked for
+        except Exception as error:  # result() raises it
             self._error = error
 
     def _begin(self, stage: str) -> None:
@@ -40,21 +40,21 @@ class Work:
         self.stage = stage
 
     def stop(self) -> None:
-        """End it where its next stage would begin."""
+        """Stop the computation when its next stage starts."""
         self._is_stopped = True
 
     def is_done(self, wait: float = 0.0) -> bool:
-        """Whether it has ended, after at most ``wait`` seconds."""
+        """Return whether the computation has ended, after at most ``wait`` seconds."""
         self._thread.join(wait)
         return not self._thread.is_alive()
 
     def result(self) -> Any:
-        """What was computed, once it is done.
+        """Return the result, once the computation is done.
 
         Raises
         ------
         Exception
-            What ended the computation: a SkinCalibError where the plan or the mesh is wrong.
+            The error of the computation: a SkinCalibError if the plan or the mesh is wrong.
         """
         if self._error is not None:
             raise self._error

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was found on the meshes of links, and whether they are still those meshes.
+"""Store what was found on the meshes of links, and whether the meshes have changed since.
 
-A diagnosis keeps the hash of its mesh. When Blender tells that an object may look otherwise, it is doubted at once, and
-cleared once things have rested if the mesh turns out to be the same: nothing about that is stored, so undo cannot lie.
+A diagnosis contains the hash of its mesh. When Blender reports a change of an object, its diagnosis becomes unverified
+at once. After a short time without changes the mesh is compared. If it is the same, the diagnosis is verified. This
+state is not stored in the file, so that undo cannot make it wrong.
 """
 
 from time import perf_counter
@@ -18,19 +19,28 @@ from ..scene import scene
 from ..scene.warnings import write_warnings
 from . import events
 
-REST = 0.3  # [s] without a change, after which a mesh is compared with the one that was looked at
+# [s] Time without a change after which a mesh is compared with the diagnosed one. Larger: the note stays longer;
+# smaller: large meshes are compared while they change.
+CHECK_DELAY = 0.3
 
-doubted: set[str] = set()  # objects, by name, whose mesh may be another than the one that was looked at
-_changed: dict[str, float] = {}  # those that are to be compared, and when they changed
+unverified: set[str] = set()  # names of objects whose mesh may differ from the diagnosed one
+_changed: dict[str, float] = {}  # objects to be compared, and the time of their change
 
 
-def look(link: bpy.types.Object, context: bpy.types.Context) -> Diagnosis:
-    """Look at the mesh of a link as it is seen.
+def examine(link: bpy.types.Object, context: bpy.types.Context) -> Diagnosis:
+    """Diagnose the mesh of a link as it is displayed, with modifiers.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    context : Context
+        Of Blender.
 
     Raises
     ------
     InvalidMesh
-        If it is no surface, or cannot be read.
+        If it is not a surface, or cannot be read.
     """
     facets = scene.read_facets(link, context)
     try:
@@ -39,75 +49,94 @@ def look(link: bpy.types.Object, context: bpy.types.Context) -> Diagnosis:
         raise InvalidMesh(f"{link.name}: {error}", **error.numbers) from error
 
 
-def keep(link: bpy.types.Object, found: Diagnosis) -> None:
-    """Write what was found on the object."""
+def store(link: bpy.types.Object, found: Diagnosis) -> None:
+    """Write a diagnosis to the properties of the object.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    found : Diagnosis
+        Of its mesh.
+    """
     record = link.skin_calib.diagnosis
     record.key, record.inner, record.edges = found.mesh.sha256, found.inner, len(found.edges())
     write_warnings(record.findings, found.findings())
-    doubted.discard(link.name)
+    unverified.discard(link.name)
     _changed.pop(link.name, None)
 
 
 def is_current(link: bpy.types.Object, context: bpy.types.Context) -> bool:
-    """Whether the mesh is the one that was looked at."""
+    """Return whether the mesh is the diagnosed one.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    context : Context
+        Of Blender.
+    """
     try:
         return scene.read_facets(link, context).welded().sha256 == link.skin_calib.diagnosis.key
     except SkinCalibError:
         return False
 
 
-def settle() -> float | None:
-    """Compare what has rested; the seconds to the next call, none when nothing is left."""
+def verify() -> float | None:
+    """Compare the meshes that have not changed for a while.
+
+    Return the seconds to the next call, None if none are left.
+    """
     for name, since in list(_changed.items()):
         link = bpy.data.objects.get(name)
         if link is None or not link.skin_calib.diagnosis.key:
-            doubted.discard(name)
-        elif perf_counter() - since < REST:
+            unverified.discard(name)
+        elif perf_counter() - since < CHECK_DELAY:
             continue
         elif is_current(link, bpy.context):
-            doubted.discard(name)
+            unverified.discard(name)
         _changed.pop(name)
     overlay.redraw()
-    return REST if _changed else None
+    return CHECK_DELAY if _changed else None
 
 
-def _doubt(link: bpy.types.Object) -> None:
-    """The mesh of an object may be another one."""
+def _mark_unverified(link: bpy.types.Object) -> None:
+    """Mark the diagnosis of an object, because its mesh may have changed."""
     if not link.skin_calib.diagnosis.key:
         return
-    doubted.add(link.name)
+    unverified.add(link.name)
     _changed[link.name] = perf_counter()
-    if not bpy.app.background:  # no timer runs there, but exit waits for it
-        events.wake(settle, REST)
+    if not bpy.app.background:  # without a window timers do not run, but the exit waits for them
+        events.wake(verify, CHECK_DELAY)
 
 
 @persistent
 def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Objects whose mesh or place was evaluated anew."""
+    """Mark the objects whose mesh or position Blender has evaluated again."""
     for update in depsgraph.updates:
         if isinstance(update.id, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform):
-            _doubt(update.id.original)
+            _mark_unverified(update.id.original)
 
 
 @persistent
-def _went_back(*_: Any) -> None:
-    """After undo, redo, or another file, every diagnosis is compared."""
-    doubted.clear()
+def _scene_replaced(*_: Any) -> None:
+    """Compare every diagnosis after undo, redo, or the opening of a file."""
+    unverified.clear()
     _changed.clear()
     for link in bpy.data.objects:
-        _doubt(link)
+        _mark_unverified(link)
 
 
-HANDLERS = dict.fromkeys(events.TIME_TRAVEL, _went_back) | {"depsgraph_update_post": _updated}
+HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {"depsgraph_update_post": _updated}
 
 
 def register() -> None:
-    """Notice changes."""
+    """Listen to changes."""
     events.listen(HANDLERS)
 
 
 def unregister() -> None:
-    """Notice nothing any more."""
-    events.ignore(HANDLERS, (settle,))
-    doubted.clear()
+    """Stop listening."""
+    events.ignore(HANDLERS, (verify,))
+    unverified.clear()
     _changed.clear()

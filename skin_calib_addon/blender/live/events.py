@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is called when Blender tells that something has changed, and what is called after a while."""
+"""Call functions when Blender reports a change, and after a delay."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import bpy
 
-TIME_TRAVEL = ("undo_post", "redo_post", "load_post")  # after these the scene is another one
+SCENE_REPLACED = ("undo_post", "redo_post", "load_post")  # events after which all objects can be different
 
 Handlers = dict[str, Callable[..., Any]]  # by the name of the event in bpy.app.handlers
-Timer = Callable[[], float | None]  # gives the seconds to its next call, None to end
+Timer = Callable[[], float | None]  # returns the seconds to its next call, None to end
 
 
 def listen(handlers: Handlers) -> None:
@@ -19,7 +19,15 @@ def listen(handlers: Handlers) -> None:
 
 
 def ignore(handlers: Handlers, timers: Iterable[Timer]) -> None:
-    """Call the handlers no more, nor the timers that wait."""
+    """Remove the handlers, and the timers that wait.
+
+    Parameters
+    ----------
+    handlers : dict
+        As for :func:`listen`.
+    timers : iterable of function
+        As for :func:`wake`.
+    """
     for name, handler in handlers.items():
         getattr(bpy.app.handlers, name).remove(handler)
     for timer in timers:
@@ -28,6 +36,14 @@ def ignore(handlers: Handlers, timers: Iterable[Timer]) -> None:
 
 
 def wake(timer: Timer, seconds: float = 0.0) -> None:
-    """Call a timer after a while, if it does not wait for its call already."""
+    """Call a timer after a delay, if it does not wait already.
+
+    Parameters
+    ----------
+    timer : function
+        Returns the seconds to its next call, or None to end.
+    seconds : float
+        Delay [s].
+    """
     if not bpy.app.timers.is_registered(timer):
         bpy.app.timers.register(timer, first_interval=seconds)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is drawn while a plan changes: planes placed by hand, and where the author wants that surface and skin.
+"""Update what is drawn while a plan changes: hand-placed planes, and with Live on, surface and skin.
 
-A change only asks for a look; a timer begins it between two draws, so that many changes in one go make one, and it is
-computed beside the main thread. What is drawn meanwhile is a preview, which no file and no undo step knows. Once the
-plan has rested, the fit that the button makes takes its place.
+A change only requests an update. A timer starts it between two redraws, so that many changes at a time make one update.
+A thread computes it. The result is a preview, which is not part of the file and of undo. After a short time without
+changes, a complete fit replaces the preview.
 """
 
 from collections.abc import Callable
@@ -22,90 +22,110 @@ from ..scene.plane_lists import read_hand_planes
 from ..scene.skins import in_window
 from . import events
 from .background import Work
-from .preview import Asked, Kept, Look, Told, look
+from .preview import Preview, PreviewInput, PreviewReport, StepCache, compute_preview
 from .sketch import Sketch
 
-REST = 0.4  # [s] without a change, after which the fit is finished
-FRAME = 0.03  # [s] for which a preview is waited for, before the window goes on without it
-POLL = 0.01  # [s]
+# [s] Time without a change after which the complete fit starts. Larger: the exact errors come later; smaller: fits
+# start between two steps of a drag.
+FIT_DELAY = 0.4
+# [s] Time for which the window waits for a preview. Larger: the window freezes longer; smaller: the preview comes one
+# redraw later.
+PREVIEW_WAIT = 0.03
+POLL_INTERVAL = 0.01  # [s] between two checks of a running job. Larger: results are drawn later
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What is being computed for which object."""
+    """A running computation for an object."""
 
     name: str
-    since: float  # of the change that it answers
+    since: float  # time of the change that it follows [s]
     work: Work
-    take: Callable[[bpy.types.Object, Any], None]
+    use: Callable[[bpy.types.Object, Any], None]
     is_final: bool
 
 
-told: dict[str, Told] = {}  # by the object's name
+reports: dict[str, PreviewReport] = {}  # by the object's name
 sketches: dict[str, Sketch] = {}
-_changed: dict[str, float] = {}  # objects whose plan changed since their last fit, and when
-_drawn: set[str] = set()  # those whose preview shows the last change
-_touched: set[str] = set()  # those whose mesh or place may have changed
-_seen: dict[str, Facets] = {}  # that were fitted last
-_kept: dict[str, Kept] = {}
+_changed: dict[str, float] = {}  # time of the last change of objects without a new fit
+_previewed: set[str] = set()  # objects whose preview shows the last change
+_possibly_changed: set[str] = set()  # objects whose mesh or position may have changed
+_fitted_facets: dict[str, Facets] = {}  # facets of the last fit
+_caches: dict[str, StepCache] = {}
 _job: Job | None = None
-_last_final: Work | None = None  # may go on for a while after nobody waits for it
+_last_final: Work | None = None  # can still run after it was stopped
 
 
 def request(link: bpy.types.Object) -> None:
-    """A plan or its mesh has changed: look at it soon."""
+    """Request an update, because a plan or its mesh has changed."""
     global _job
     if _job is not None and _job.is_final and _job.name == link.name:
         _job.work.stop()
         _job = None
     _changed[link.name] = perf_counter()
-    _drawn.discard(link.name)
+    _previewed.discard(link.name)
     events.wake(tick)
 
 
 def changed(result: Any, _context: Any) -> None:
-    """The result of a link is outdated, or no longer."""
+    """Request an update of a link whose result has become outdated.
+
+    Parameters
+    ----------
+    result : property group
+        Of the link.
+    _context : Context
+        Of Blender.
+    """
     if result.outdated:
         request(result.id_data)
 
 
 def switched(plan: Any, _context: Any) -> None:
-    """A link begins to follow, or stops."""
+    """Start or stop live updates of a link.
+
+    Parameters
+    ----------
+    plan : property group
+        Of the link.
+    _context : Context
+        Of Blender.
+    """
     forget(plan.id_data.name)
     request(plan.id_data)
 
 
 def facets_of(link: bpy.types.Object) -> Facets:
-    """The facets of an object that is going to be fitted; others will outdate its result."""
-    _seen[link.name] = scene.read_facets(link, bpy.context)
-    return _seen[link.name]
+    """Return the facets of an object that is to be fitted; its result becomes outdated when they change."""
+    _fitted_facets[link.name] = scene.read_facets(link, bpy.context)
+    return _fitted_facets[link.name]
 
 
 def tick() -> float | None:
-    """Begin what has changed, draw what is done, finish what has rested. The seconds to the next call, if any."""
+    """Start, draw and finish updates; return the seconds to the next call, None if nothing is left."""
     global _job
-    _look_at_touched()
+    _check_possibly_changed()
     if _job is None:
         _begin()
-    if _job is not None and _job.work.is_done(FRAME):
+    if _job is not None and _job.work.is_done(PREVIEW_WAIT):
         job, _job = _job, None
-        _take(job)
+        _use_result(job)
     overlay.redraw()
     if _job is not None:
-        return POLL
+        return POLL_INTERVAL
     return 0.05 if _changed else None
 
 
-def _look_at_touched() -> None:
-    """Results whose mesh is another one now are outdated."""
-    names = tuple(_touched)
-    _touched.clear()
+def _check_possibly_changed() -> None:
+    """Mark results as outdated whose mesh has changed."""
+    names = tuple(_possibly_changed)
+    _possibly_changed.clear()
     for name in names:  # not those that reading and writing touch: a property of an object with nodes touches it again
         link = bpy.data.objects.get(name)
-        if link is None or name not in _seen or scene.why_not(link):
+        if link is None or name not in _fitted_facets or scene.why_not(link):
             continue
         try:
-            is_same = scene.read_facets(link, bpy.context).is_same(_seen[name])
+            is_same = scene.read_facets(link, bpy.context).is_same(_fitted_facets[name])
         except SkinCalibError:
             is_same = False
         if not is_same and not link.skin_calib.result.outdated:
@@ -113,19 +133,21 @@ def _look_at_touched() -> None:
 
 
 def _begin() -> None:
-    """Begin the next job."""
+    """Start the next job."""
     for name in list(_changed):
         link = bpy.data.objects.get(name)
         if link is None or scene.why_not(link):
             forget(name)
             continue
-        if name not in _drawn:
-            _drawn.add(name)
+        if name not in _previewed:
+            _previewed.add(name)
             _start(link, _preview, _show, False)
         elif (
-            follows(link) and perf_counter() - _changed[name] >= REST and (_last_final is None or _last_final.is_done())
+            follows(link)
+            and perf_counter() - _changed[name] >= FIT_DELAY
+            and (_last_final is None or _last_final.is_done())
         ):
-            _start(link, _finish, _keep, True)
+            _start(link, _finish, _store, True)
         if _job is not None:
             return
         if name in _changed and not follows(link):
@@ -133,44 +155,44 @@ def _begin() -> None:
 
 
 def follows(link: bpy.types.Object) -> bool:
-    """Whether the author wants surface and skin of a link to follow, and they do not yet."""
+    """Return whether Live is on for a link and its result is outdated."""
     plan = link.skin_calib
     return bool(plan.live and plan.link and (plan.result.outdated or results.find(plan.result.key) is None))
 
 
-def _start(link: bpy.types.Object, make: Callable[..., Any], take: Callable[..., None], is_final: bool) -> None:
-    """Read the scene, and compute what ``make`` says beside the main thread."""
+def _start(link: bpy.types.Object, make: Callable[..., Any], use: Callable[..., None], is_final: bool) -> None:
+    """Read the scene, and start the task of ``make`` in a thread."""
     global _job, _last_final
     try:
         task = make(link)
     except SkinCalibError as error:
-        _tell(link, in_window(error))
+        _report_problem(link, in_window(error))
         return
     if task is not None:
-        _job = Job(link.name, _changed[link.name], Work(task), take, is_final)
+        _job = Job(link.name, _changed[link.name], Work(task), use, is_final)
         _last_final = _job.work if is_final else _last_final
 
 
-def _take(job: Job) -> None:
-    """Draw or keep what has been computed, if its object is still there and nobody has gone back in time."""
+def _use_result(job: Job) -> None:
+    """Draw or store the result of a job, if its object exists and its plan has not been replaced by undo."""
     link = bpy.data.objects.get(job.name)
     if link is None or job.name not in _changed:
         return
     try:
-        job.take(link, job.work.result())
+        job.use(link, job.work.result())
     except SkinCalibError as error:
-        _tell(link, in_window(error))
+        _report_problem(link, in_window(error))
 
 
-def _tell(link: bpy.types.Object, problem: str) -> None:
-    """The plan cannot be carried out; the last result stays, and nothing more is tried before the next change."""
-    told[link.name] = Told(problem=problem)
+def _report_problem(link: bpy.types.Object, problem: str) -> None:
+    """Report why a plan cannot be computed. The last result stays until the next change."""
+    reports[link.name] = PreviewReport(problem=problem)
     _changed.pop(link.name, None)
-    _drawn.discard(link.name)
+    _previewed.discard(link.name)
 
 
-def _preview(link: bpy.types.Object) -> Callable[..., Look] | None:
-    """Sketch the planes; where the author wants it, fit and lay without the exact errors."""
+def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
+    """Return the task of a preview: planes only, or surface and skin without exact errors if Live is on."""
     planes = read_hand_planes(link, bpy.context.scene)
     plan, problem, start = None, "", perf_counter()
     if follows(link):
@@ -179,34 +201,34 @@ def _preview(link: bpy.types.Object) -> Callable[..., Look] | None:
         except SkinCalibError as error:
             problem = in_window(error)
     elif not planes.are_there:
-        _forget_sketch(link.name)
+        _remove_sketch(link.name)
         return None
-    asked = Asked(start, facets_of(link), planes, plan, problem, overlay.switched_on(link))
-    kept = _kept.setdefault(link.name, Kept())
-    return lambda begin: look(kept, asked)
+    given = PreviewInput(start, facets_of(link), planes, plan, problem, overlay.switched_on(link))
+    cache = _caches.setdefault(link.name, StepCache())
+    return lambda begin: compute_preview(cache, given)
 
 
-def _show(link: bpy.types.Object, seen: Look) -> None:
+def _show(link: bpy.types.Object, preview: Preview) -> None:
     """Draw a preview."""
-    sketches[link.name] = seen.sketch
-    overlay.hand_over("planes", link.name, tuple(seen.sketch.layers))
-    told.pop(link.name, None)
-    if seen.told is None:
+    sketches[link.name] = preview.sketch
+    overlay.set_layers("planes", link.name, tuple(preview.sketch.layers))
+    reports.pop(link.name, None)
+    if preview.report is None:
         return
-    if seen.told.problem:
-        _tell(link, seen.told.problem)
+    if preview.report.problem:
+        _report_problem(link, preview.report.problem)
     else:
-        told[link.name], overlay.previews[link.name] = seen.told, seen.layers
+        reports[link.name], overlay.previews[link.name] = preview.report, preview.layers
 
 
 def _finish(link: bpy.types.Object) -> Callable[..., Any]:
-    """The fit that the button makes."""
+    """Return the task of a complete fit."""
     plan, facets = scene.read_plan(link, bpy.context.scene), facets_of(link)
     return lambda begin: results.fit(plan, facets.mesh(), begin)
 
 
-def _keep(link: bpy.types.Object, fitted: Any) -> None:
-    """Keep the result."""
+def _store(link: bpy.types.Object, fitted: Any) -> None:
+    """Store the result of a complete fit."""
     key, result = fitted
     overlay.prepare(key, result)
     scene.write_result(link, bpy.context.scene, result, key)
@@ -214,25 +236,25 @@ def _keep(link: bpy.types.Object, fitted: Any) -> None:
 
 
 def forget(name: str) -> None:
-    """Nothing of an object is waiting any more, and its preview is gone; what its planes do stays drawn."""
+    """Remove the requests and the preview of an object; the sketch of its planes stays."""
     _changed.pop(name, None)
-    _drawn.discard(name)
+    _previewed.discard(name)
     overlay.previews.pop(name, None)
-    told.pop(name, None)
+    reports.pop(name, None)
     if name not in bpy.data.objects:
-        _forget_sketch(name)
-        _kept.pop(name, None)
-        _seen.pop(name, None)
+        _remove_sketch(name)
+        _caches.pop(name, None)
+        _fitted_facets.pop(name, None)
 
 
-def _forget_sketch(name: str) -> None:
+def _remove_sketch(name: str) -> None:
     sketches.pop(name, None)
-    overlay.take_back("planes", name)
+    overlay.remove_layers("planes", name)
 
 
 @persistent
-def _went_back(*_: Any) -> None:
-    """After undo, redo, or another file, what was drawn is of another plan; all links are looked at anew."""
+def _scene_replaced(*_: Any) -> None:
+    """Update all links after undo, redo, or the opening of a file: the drawn previews are of other plans."""
     _clear()
     for link in bpy.data.objects:
         if link.type == "MESH" and (link.skin_calib.live or link.skin_calib.link):
@@ -241,34 +263,43 @@ def _went_back(*_: Any) -> None:
 
 @persistent
 def _updated(_scene: Any, depsgraph: bpy.types.Depsgraph) -> None:
-    """A mesh, a modifier or a place may have changed from which something was made."""
+    """Remember objects whose mesh, modifiers or position may have changed."""
     for update in depsgraph.updates:
         is_other = update.is_updated_geometry or update.is_updated_transform
-        if is_other and isinstance(update.id, bpy.types.Object) and update.id.name in _seen:
-            _touched.add(update.id.name)
+        if is_other and isinstance(update.id, bpy.types.Object) and update.id.name in _fitted_facets:
+            _possibly_changed.add(update.id.name)
             events.wake(tick)
 
 
 def _clear() -> None:
-    """Wait for nothing any more, and draw no previews."""
+    """Stop all updates, and remove all previews."""
     global _job
     if _job is not None:
         _job.work.stop()
         _job = None
-    for of_names in (_changed, _drawn, _touched, _seen, _kept, told, sketches, overlay.previews):
+    for of_names in (
+        _changed,
+        _previewed,
+        _possibly_changed,
+        _fitted_facets,
+        _caches,
+        reports,
+        sketches,
+        overlay.previews,
+    ):
         of_names.clear()
-    overlay.take_back("planes")
+    overlay.remove_layers("planes")
 
 
-HANDLERS = dict.fromkeys(events.TIME_TRAVEL, _went_back) | {"depsgraph_update_post": _updated}
+HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {"depsgraph_update_post": _updated}
 
 
 def register() -> None:
-    """Notice when time goes back, and when meshes change."""
+    """Listen to undo, redo and changes of meshes."""
     events.listen(HANDLERS)
 
 
 def unregister() -> None:
-    """Notice nothing any more."""
+    """Stop listening."""
     events.ignore(HANDLERS, (tick,))
     _clear()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What planes placed by hand do to a mesh, drawn before any fit: what cuts remove, sections, planes that miss."""
+"""Sketch hand-placed planes before any fit: removed parts, sections, planes that do not intersect the mesh."""
 
 from dataclasses import dataclass, field
 
@@ -16,25 +16,34 @@ from ..overlay.layers import Layer
 from ..scene.plane_lists import FAMILIES, HandPlanes
 
 COLOURS = {"CUT": (1.0, 0.3, 0.9, 1.0), "U": (1.0, 0.65, 0.1, 1.0), "V": (0.3, 0.9, 0.4, 1.0)}
-REMOVED, MISSED = (0.9, 0.1, 0.1, 0.35), (1.0, 0.0, 0.0, 1.0)
-# Half a side of the square that stands for a plane without a section, as a share of the mesh's size.
+REMOVED = (0.9, 0.1, 0.1, 0.35)
+MISSED = (1.0, 0.0, 0.0, 1.0)
+# Half side of the square that shows a plane without a section, relative to the size of the mesh.
 SQUARE = 0.3
 
-Named = tuple[str, int]  # a plane: "CUT", "U" or "V", and its place in that list
+Named = tuple[str, int]  # a plane: "CUT", "U" or "V", and its index in that list
 
 
 @dataclass(eq=False)
 class Sketch:
-    """What is drawn of planes, what is wrong with them, and where their handles are."""
+    """Layers of the planes, what is wrong with them, and the positions of their handles."""
 
     layers: list[Layer] = field(default_factory=list)
-    wrong: dict[Named, str] = field(default_factory=dict)  # what is said of it, after its name
+    wrong: dict[Named, str] = field(default_factory=dict)  # message, which follows the name of the plane
     centres: dict[Named, Array] = field(default_factory=dict)  # of the sections [m]
-    arms: dict[Named, Array] = field(default_factory=dict)  # from a plane's point to its handle, in the plane [m]
+    arms: dict[Named, Array] = field(default_factory=dict)  # from the point of a plane to its handle, in the plane [m]
 
 
 def sketch_of(mesh: TriangleMesh, planes: HandPlanes) -> Sketch:
-    """Cut the mesh and draw the section of each plane; nothing where there are no planes."""
+    """Cut the mesh and draw the section of each plane; the sketch is empty without planes.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Of the link.
+    planes : HandPlanes
+        Cuts, u-planes and v-planes.
+    """
     sketch = Sketch()
     if not planes.are_there:
         return sketch
@@ -51,55 +60,55 @@ def sketch_of(mesh: TriangleMesh, planes: HandPlanes) -> Sketch:
 
 
 def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes) -> None:
-    """Find the first plane whose section does not lie beyond that of the one before it."""
+    """Find the first plane whose section is not beyond that of the plane before it."""
     cut = [i for i in range(len(planes.points[family])) if (family, i) in sketch.arms]
     try:
         check_order(np.array([sketch.centres[family, i] for i in cut]).reshape(-1, 3), family.lower(), mesh.size)
     except InvalidPlan as error:
         k = error.numbers["plane"]
-        sketch.wrong[family, cut[k]] = f"does not lie beyond {family.lower()}-plane {cut[k - 1]}"
+        sketch.wrong[family, cut[k]] = f"is not beyond {family.lower()}-plane {cut[k - 1]}"
 
 
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh:
-    """What cuts and shells leave of the mesh; what they take away is drawn."""
-    gone, sound = [], [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
-    _draw(sketch, "CUT", mesh, planes, "cuts nothing off")
-    for i in sound:
+    """Return the mesh without the cut parts and inner shells; draw the removed parts."""
+    removed, valid = [], [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
+    _draw(sketch, "CUT", mesh, planes, "removes nothing")
+    for i in valid:
         point, normal = planes.points["CUT"][i], unit(planes.normals["CUT"][i])
         try:
             kept = weld(*one_side(mesh, point, normal))
         except InvalidMesh:
-            sketch.wrong["CUT", i] = "removes the whole mesh: turn it round"
+            sketch.wrong["CUT", i] = "removes the complete mesh. Flip its normal"
             continue
         vertices, faces = one_side(mesh, point, -normal)
-        gone.append(vertices[faces])
+        removed.append(vertices[faces])
         mesh = kept
     if planes.shell == "outer":
         seen = is_seen(mesh)
         if not seen.all():
-            gone.append(mesh.triangles[~seen])
+            removed.append(mesh.triangles[~seen])
             mesh = weld(mesh.vertices, mesh.faces[seen])
-    if sum(map(len, gone)):
-        corners = np.concatenate(gone).reshape(-1, 3).astype(np.float32)
+    if sum(map(len, removed)):
+        corners = np.concatenate(removed).reshape(-1, 3).astype(np.float32)
         sketch.layers.append(Layer("PLANES", corners, np.tile(np.float32(REMOVED), (len(corners), 1))))
     return mesh
 
 
 def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, missing: str) -> None:
-    """Sections of the planes of a family, and a square for each that has none."""
+    """Draw the sections of a family of planes, and a square for each plane without a section."""
     points, normals = planes.points[family], unit(planes.normals[family])
-    sound = [i for i in range(len(points)) if (family, i) not in sketch.wrong]
-    if not sound:
+    valid = [i for i in range(len(points)) if (family, i) not in sketch.wrong]
+    if not valid:
         return
-    sections = cut_sections(mesh, Planes(points[sound], normals[sound]))
+    sections = cut_sections(mesh, Planes(points[valid], normals[valid]))
     squares = []
-    for k, i in enumerate(sound):
+    for k, i in enumerate(valid):
         ends = sections.ends[sections.plane == k].reshape(-1, 3)
         if len(ends):
             sketch.arms[family, i], sketch.centres[family, i] = _arm(points[i], normals[i], ends), ends.mean(axis=0)
         else:
             gap = np.abs((mesh.vertices - points[i]) @ normals[i]).min()
-            sketch.wrong[family, i] = f"{missing}, by {gap * 1e3:.1f} mm"
+            sketch.wrong[family, i] = f"{missing}; distance {gap * 1e3:.1f} mm"
             squares.append(_square(points[i], normals[i], SQUARE * mesh.size))
     sketch.layers.append(Layer("PLANES", sections.ends.reshape(-1, 3).astype(np.float32), colour=COLOURS[family]))
     if squares:
@@ -107,13 +116,13 @@ def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, m
 
 
 def _arm(point: Array, normal: Array, ends: Array) -> Array:
-    """From a plane's point to the end of its section that is furthest along a direction shared by parallel planes."""
+    """Return the vector from a plane's point to the outermost point of its section, equal in parallel planes."""
     rim = ends[np.argmax(ends @ perpendicular(normal))]
     return rim - point - ((rim - point) @ normal) * normal
 
 
 def _square(point: Array, normal: Array, half: float) -> Array:
-    """Segments of a square in a plane, shape (8, 3)."""
+    """Return the segments of a square in a plane, shape (8, 3)."""
     a = perpendicular(normal)
     b = np.cross(normal, a)
     corners = point + half * np.array((a + b, a - b, -a - b, b - a))

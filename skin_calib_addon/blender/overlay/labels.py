@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ids or channels of the taxels, written over the 3D view at those that face the viewer, as far as there is room."""
+"""Write ids or channels of taxels over the 3D view, for taxels that face the viewer, without overlaps."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,32 +10,57 @@ import numpy as np
 
 from .layers import Labels
 
-FACING = 0.2  # cosine between the normal and the way to the eye from which on a taxel is read
-ROOM = (1.1, 1.3)  # of the widest name and of the letters' height
-MOST = 1500  # names at a time
-KEPT = 32  # views and objects whose names stay placed
-MOST_ROOMS = 2**20  # beside each other in a region
-_placed: dict[Any, tuple[Any, list[tuple[str, float, float]]]] = {}
+# Cosine of the angle between a normal and the direction to the eye from which on a taxel has a label.
+# Larger: fewer labels at the border of the link.
+MIN_FACING = 0.2
+# Width and height of a label's cell, relative to the widest label and to the text size. Larger: fewer labels.
+LABEL_SPACING = (1.1, 1.3)
+# Larger: slower redraw; smaller: labels are missing in large views.
+MAX_LABELS = 1500
+# Pairs of views and objects whose labels are stored. Larger: more memory; smaller: computed again in each redraw.
+MAX_CACHED = 32
+MAX_COLUMNS = 2**20  # Derived: more than the cells in a row of any region
+_stored: dict[Any, tuple[Any, list[tuple[str, float, float]]]] = {}
 
 
-def write(name: str, layer: Labels, looks: Any, frame: Any) -> None:
-    """Write the names of an object's taxels in the region that is being drawn."""
+def write(name: str, layer: Labels, settings: Any, frame: Any) -> None:
+    """Write the labels of an object's taxels in the region that Blender draws now.
+
+    Parameters
+    ----------
+    name : str
+        Of the object.
+    layer : Labels
+        Positions, ids and channels of its taxels.
+    settings : property group
+        Choice and size of the labels.
+    frame : Matrix
+        From metres in the link frame to the world.
+    """
     context = bpy.context
     region, view = context.region, context.region_data
-    texts = layer.ids if looks.labels == "ID" else layer.channels
-    letters = looks.text_size * context.preferences.system.ui_scale
-    blf.size(0, letters)
-    state = (layer, looks.labels, letters, region.width, region.height, _flat(view.perspective_matrix), _flat(frame))
+    texts = layer.ids if settings.labels == "ID" else layer.channels
+    text_size = settings.text_size * context.preferences.system.ui_scale
+    blf.size(0, text_size)
+    state = (
+        layer,
+        settings.labels,
+        text_size,
+        region.width,
+        region.height,
+        _flat(view.perspective_matrix),
+        _flat(frame),
+    )
     where = (region.as_pointer(), name)
-    if _placed.get(where, (None,))[0] != state:
-        if len(_placed) > KEPT:
+    if _stored.get(where, (None,))[0] != state:
+        if len(_stored) > MAX_CACHED:
             forget()
         widest = blf.dimensions(0, max(texts, key=len, default=""))[0]
-        room = np.array((widest * ROOM[0], letters * ROOM[1]))
+        size = np.array((widest * LABEL_SPACING[0], text_size * LABEL_SPACING[1]))
         pixels, eligible = on_screen(layer, frame, view, (region.width, region.height))
-        rows = thinned(pixels, layer.order[eligible[layer.order]], room)
-        _placed[where] = (state, [_centred(texts[row], pixels[row], letters) for row in rows])
-    _write(_placed[where][1])
+        rows = without_overlap(pixels, layer.order[eligible[layer.order]], size)
+        _stored[where] = (state, [_centred(texts[row], pixels[row], text_size) for row in rows])
+    _write(_stored[where][1])
 
 
 def _write(names: list[tuple[str, float, float]]) -> None:
@@ -48,8 +73,8 @@ def _write(names: list[tuple[str, float, float]]) -> None:
     blf.disable(0, blf.SHADOW)
 
 
-def _centred(text: str, pixel: np.ndarray, letters: float) -> tuple[str, float, float]:
-    return text, float(pixel[0]) - blf.dimensions(0, text)[0] / 2, float(pixel[1]) - letters / 3
+def _centred(text: str, pixel: np.ndarray, text_size: float) -> tuple[str, float, float]:
+    return text, float(pixel[0]) - blf.dimensions(0, text)[0] / 2, float(pixel[1]) - text_size / 3
 
 
 def _flat(matrix: Any) -> tuple[float, ...]:
@@ -57,34 +82,63 @@ def _flat(matrix: Any) -> tuple[float, ...]:
 
 
 def on_screen(layer: Labels, frame: Any, view: Any, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Where the taxels are in a region (n, 2) [pixels], and which of them are in it and face the viewer (n,)."""
+    """Return the positions of the taxels in a region, and which of them are visible.
+
+    Parameters
+    ----------
+    layer : Labels
+        Positions and normals of the taxels.
+    frame : Matrix
+        From metres in the link frame to the world.
+    view : RegionView3D
+        Of the region.
+    size : tuple of int
+        Width and height of the region [pixels].
+
+    Returns
+    -------
+    pixels : array, shape (n, 2)
+        [pixels] from the lower left corner.
+    visible : array of bool, shape (n,)
+        Whether the taxel is in the region and faces the viewer.
+    """
     to_clip = np.array(view.perspective_matrix @ frame, np.float32)
     clip = layer.points @ to_clip[:, :3].T + to_clip[:, 3]
     depth = clip[:, 3]
     ahead = depth > 0
     flat = clip[:, :2] / np.where(ahead, depth, 1.0)[:, None]
     to_link = frame.inverted() @ view.view_matrix.inverted()
-    if view.window_matrix[3][3] == 0:  # in perspective
-        ways = np.array(to_link.translation, np.float32) - layer.points
-        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    if view.window_matrix[3][3] == 0:  # perspective view
+        to_eye = np.array(to_link.translation, np.float32) - layer.points
+        to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
     else:
-        ways = np.array(to_link.to_3x3().col[2].normalized(), np.float32)
-    facing = (layer.normals * ways).sum(axis=1) > FACING
+        to_eye = np.array(to_link.to_3x3().col[2].normalized(), np.float32)
+    facing = (layer.normals * to_eye).sum(axis=1) > MIN_FACING
     pixels = (flat + 1) / 2 * np.array(size, np.float32)
     return pixels, ahead & facing & (np.abs(flat) < 1).all(axis=1)
 
 
-def thinned(pixels: np.ndarray, rows: Iterable[int], room: np.ndarray) -> list[int]:
-    """The first of some rows whose names, each with its room (2,) [pixels], do not cover those before."""
+def without_overlap(pixels: np.ndarray, rows: Iterable[int], size: np.ndarray) -> list[int]:
+    """Return the rows whose labels do not cover a label before them.
+
+    Parameters
+    ----------
+    pixels : array, shape (n, 2)
+        Positions of all taxels [pixels].
+    rows : iterable of int
+        Candidates, the most important ones first.
+    size : array, shape (2,)
+        Of the largest label, with its margin [pixels].
+    """
     rows = np.asarray(rows, int)
-    places = pixels[rows] / room
-    i, j = places.astype(np.int64).T
-    firsts = np.sort(np.unique(i * MOST_ROOMS + j, return_index=True)[1])  # at most one in each room
+    cells = pixels[rows] / size
+    i, j = cells.astype(np.int64).T
+    firsts = np.sort(np.unique(i * MAX_COLUMNS + j, return_index=True)[1])  # at most one in each cell
     kept: list[int] = []
     taken: dict[tuple[int, int], tuple[float, float]] = {}
-    for row, x, y in zip(rows[firsts].tolist(), *places[firsts].T.tolist()):
+    for row, x, y in zip(rows[firsts].tolist(), *cells[firsts].T.tolist()):
         i, j = int(x), int(y)
-        if len(kept) == MOST:
+        if len(kept) == MAX_LABELS:
             break
         near = (taken.get((i + a, j + b)) for a in (-1, 0, 1) for b in (-1, 0, 1))
         if all(other is None or abs(other[0] - x) >= 1 or abs(other[1] - y) >= 1 for other in near):
@@ -94,5 +148,5 @@ def thinned(pixels: np.ndarray, rows: Iterable[int], room: np.ndarray) -> list[i
 
 
 def forget() -> None:
-    """Let go of what was written."""
-    _placed.clear()
+    """Remove the stored labels."""
+    _stored.clear()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The colour bar in the corner of a 3D view: what the colours of a heat map stand for."""
+"""Draw colour bars in the corner of a 3D view: the meaning of the colours of heat maps."""
 
 from typing import Any
 
@@ -12,47 +12,62 @@ from mathutils import Matrix
 from ..scene.units import written
 from .scales import STOPS, Legend
 
-# In pixels of a screen with usual density.
-BAR, LINE, EDGE, LETTERS = (150, 12), 16, 14, 11
-INK, SHADE = (1.0, 1.0, 1.0, 1.0), (0.05, 0.05, 0.05, 0.6)
-TICKS = 3
+# Sizes in pixels of a screen with standard density. Larger: larger legends.
+BAR_SIZE = (150, 12)
+LINE_HEIGHT = 16
+MARGIN = 14  # to the edges of the region
+TEXT_SIZE = 11
+TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
+BACKGROUND = (0.05, 0.05, 0.05, 0.6)
+TICKS = 3  # numbers under a colour bar; more than three overlap
 _batches: dict[Any, Any] = {}
 
 
-class Place:
-    """Where in a region legends go: beside each other in its lower left corner, clear of tools and redo panel."""
+class LegendArea:
+    """Position of the legends in a region.
+
+    A row at the lower left corner, next to the tools and above the redo panel.
+    """
 
     def __init__(self, context: Any):
         self.context = context
         self.pixel = context.preferences.system.ui_scale
         right, top = _covered(context)
-        self.left, self.low = EDGE * self.pixel + right, EDGE * self.pixel + top
+        self.left, self.low = MARGIN * self.pixel + right, MARGIN * self.pixel + top
 
     def draw(self, legend: Legend, link: str) -> None:
-        """Draw a legend, and go on to its right."""
-        height = 3 * LINE + BAR[1] + (LINE if legend.note else 0)
-        numbers, unit = written(np.linspace(legend.least, legend.most, TICKS).tolist(), legend.kind, _units(self))
-        has_scale = legend.most > 0
+        """Draw a legend, and move to the right of it.
+
+        Parameters
+        ----------
+        legend : Legend
+            Title, unit and colours.
+        link : str
+            Name of the link, above the title.
+        """
+        height = 3 * LINE_HEIGHT + BAR_SIZE[1] + (LINE_HEIGHT if legend.note else 0)
+        numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, _units(self))
+        has_scale = legend.maximum > 0
         words = [link, f"{legend.title} [{unit}]" if unit else legend.title]
-        width = max(BAR[0], *(_width(word, self.pixel) / self.pixel for word in (*words, legend.note)))
+        width = max(BAR_SIZE[0], *(_width(word, self.pixel) / self.pixel for word in (*words, legend.note)))
         self._fill((-6, -6), (width + 12, height + 8), "shade")
-        y = LINE if legend.note else 0
+        y = LINE_HEIGHT if legend.note else 0
         if legend.note:
-            self._say(legend.note, 0, 0)
+            self._text(legend.note, 0, 0)
         if has_scale:
-            self._fill((0, y + LINE), BAR, legend.signed)
+            self._fill((0, y + LINE_HEIGHT), BAR_SIZE, legend.signed)
             for k, number in enumerate(numbers):
-                share = k / (TICKS - 1)
-                self._say(number, share * (BAR[0] - _width(number, self.pixel) / self.pixel), y)
+                fraction = k / (TICKS - 1)
+                self._text(number, fraction * (BAR_SIZE[0] - _width(number, self.pixel) / self.pixel), y)
         else:
-            self._say("all zero" if not legend.note else "nothing is known", 0, y)
+            self._text("all zero" if not legend.note else "no values", 0, y)
         for k, word in enumerate(reversed(words)):
-            self._say(word, 0, y + LINE + BAR[1] + 5 + k * LINE)
+            self._text(word, 0, y + LINE_HEIGHT + BAR_SIZE[1] + 5 + k * LINE_HEIGHT)
         self.left += (width + 24) * self.pixel
 
-    def _say(self, text: str, x: float, y: float) -> None:
-        blf.size(0, LETTERS * self.pixel)
-        blf.color(0, *INK)
+    def _text(self, text: str, x: float, y: float) -> None:
+        blf.size(0, TEXT_SIZE * self.pixel)
+        blf.color(0, *TEXT_COLOUR)
         blf.position(0, self.left + x * self.pixel, self.low + y * self.pixel, 0)
         blf.draw(0, text)
 
@@ -70,29 +85,29 @@ class Place:
 
 
 def _strip(shader: Any, what: Any) -> Any:
-    """A square from 0 to 1 in the colours of a scale, or all in shade."""
+    """Return a unit square in the colours of a scale, or in the background colour."""
     x = np.repeat(np.linspace(0, 1, STOPS), 2)
     points = np.column_stack((x, np.tile((0.0, 1.0), STOPS), 0 * x)).astype(np.float32)
     if what == "shade":
-        colours = np.tile(np.array(SHADE, np.float32), (len(points), 1))
+        colours = np.tile(np.array(BACKGROUND, np.float32), (len(points), 1))
     else:
         colours = np.repeat(
-            Legend("", "SHARE", 1.0, what).colours(np.linspace(-1.0 if what else 0.0, 1, STOPS)), 2, axis=0
+            Legend("", "FRACTION", 1.0, what).colours(np.linspace(-1.0 if what else 0.0, 1, STOPS)), 2, axis=0
         )
     return batch_for_shader(shader, "TRI_STRIP", {"pos": points, "color": colours})
 
 
 def _width(text: str, pixel: float) -> float:
-    blf.size(0, LETTERS * pixel)
+    blf.size(0, TEXT_SIZE * pixel)
     return blf.dimensions(0, text)[0]
 
 
-def _units(place: Place) -> Any:
-    return place.context.scene.unit_settings
+def _units(area: LegendArea) -> Any:
+    return area.context.scene.unit_settings
 
 
 def _covered(context: Any) -> tuple[float, float]:
-    """How far the tools cover a view from its left edge, and the panel of the last operator from its lower one."""
+    """Return the width that the tools cover at the left, and the height of the panel of the last operator below."""
     if not context.preferences.system.use_region_overlap:
         return 0.0, 0.0
     view = context.region
@@ -103,5 +118,5 @@ def _covered(context: Any) -> tuple[float, float]:
 
 
 def forget() -> None:
-    """Let go of what was drawn with."""
+    """Remove the batches."""
     _batches.clear()

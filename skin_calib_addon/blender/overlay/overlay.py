@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws the layers of the fitted links over the 3D view."""
+"""Draw the layers of the fitted links over the 3D view."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
@@ -16,8 +16,9 @@ from ..scene.scene import link_frame, metres_per_unit
 from . import labels, legend
 from .layers import Labels, Layer, Layers, layers_of
 
-# Lines are drawn nearer to the eye by this share of their distance, so that the facets they lie on do not hide them.
-NEARER = 0.004
+# Distance by which lines are drawn nearer to the eye, relative to their distance from it.
+# Larger: lines behind thin parts are visible; smaller: the facets hide their own lines.
+LINE_OFFSET = 0.004
 COLOURS = {
     "SECTIONS": (1.0, 0.6, 0.1, 0.9),
     "LINES": (0.3, 0.85, 0.4, 0.8),
@@ -27,27 +28,36 @@ COLOURS = {
     "NORMALS": (0.95, 0.2, 0.2, 1.0),
 }
 WIDTHS = {"SECTIONS": 2.0, "LINES": 1.5, "NET": 1.0, "SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0}
-# So many ends of segments are drawn as plain lines, one pixel wide, unless the author wants more than so many pixels:
-# without a graphics card wide lines of 10 000 cells alone take longer than a thirtieth of a second.
-MANY, THIN = 10000, 2.0
-HEATS = {"ERROR", "STRAIN", "TILT", "FORCE"}
-OF_FORCE = {"CONTACTS", "COP", "POLYGONS"}  # drawn with the forces
-SWITCHED = HEATS | OF_FORCE | COLOURS.keys() | {"PLANES"}  # drawn only where the author wants them
-KEPT = 64  # marks and comparisons
+# Ends of segments from which on a layer has lines of one pixel. Larger: without a graphics card the window gets slow.
+MAX_WIDE_POINTS = 10000
+# Line width [pixels] from which on wide lines are drawn nevertheless. Larger: wide lines of large layers stay thin.
+MAX_PLAIN_WIDTH = 2.0
+HEAT_MAPS = {"ERROR", "STRAIN", "TILT", "FORCE"}
+FORCE_LAYERS = {"CONTACTS", "COP", "POLYGONS"}  # drawn with the forces
+SWITCHABLE = HEAT_MAPS | FORCE_LAYERS | COLOURS.keys() | {"PLANES"}  # drawn only if they are switched on
+MAX_CACHED = 64  # marks and comparisons; smaller: undo over many steps does not show them again
 
 Drawn = Layers | tuple[Layer, ...]
 
-# Layers drawn in place of an object's result while its plan changes, by the object's name.
+# Layers drawn in area of an object's result while its plan changes, by the object's name.
 previews: dict[str, Drawn] = {}
-# Layers drawn besides: by who hands them over, then by the object's name.
-added: dict[str, dict[str, tuple[Layer, ...]]] = {}
+# Additional layers: by source, then by the object's name.
+additional: dict[str, dict[str, tuple[Layer, ...]]] = {}
 _handles: list[Any] = []
 _prepared: dict[str, Layers] = {}
-_kept: dict[str, tuple[Layer, ...]] = {}
+_cached: dict[str, tuple[Layer, ...]] = {}
 
 
 def prepare(key: str, result: Calibrated) -> Layers:
-    """Take a result to be drawn; its layers."""
+    """Prepare a result for drawing and return its layers.
+
+    Parameters
+    ----------
+    key : str
+        Of the result.
+    result : Calibrated
+        Surface and calibration.
+    """
     for old in [k for k in _prepared if results.find(k) is None]:
         del _prepared[old]
     if key not in _prepared:
@@ -55,60 +65,86 @@ def prepare(key: str, result: Calibrated) -> Layers:
     return _prepared[key]
 
 
-def keep(token: str, layers: tuple[Layer, ...]) -> None:
-    """Layers that are drawn of any link whose properties name the token: undo brings both back."""
-    _kept.pop(token, None)
-    _kept[token] = layers
-    while len(_kept) > KEPT:
-        del _kept[next(iter(_kept))]
+def cache(token: str, layers: tuple[Layer, ...]) -> None:
+    """Store layers under a token; a link whose properties contain the token shows them, also after undo.
+
+    Parameters
+    ----------
+    token : str
+        Unique name.
+    layers : tuple of Layer
+        Marks, comparisons, touches or forces.
+    """
+    _cached.pop(token, None)
+    _cached[token] = layers
+    while len(_cached) > MAX_CACHED:
+        del _cached[next(iter(_cached))]
 
 
-def hand_over(source: str, name: str, layers: tuple[Layer, ...]) -> None:
-    """Draw layers of an object besides its result, in place of those that this source gave before."""
-    added.setdefault(source, {})[name] = layers
+def set_layers(source: str, name: str, layers: tuple[Layer, ...]) -> None:
+    """Draw layers of an object in addition to its result; they replace earlier ones of the same source.
+
+    Parameters
+    ----------
+    source : str
+        Who provides the layers.
+    name : str
+        Of the object.
+    layers : tuple of Layer
+        To be drawn.
+    """
+    additional.setdefault(source, {})[name] = layers
 
 
-def take_back(source: str, name: str | None = None) -> None:
-    """Draw no more what a source handed over, of one object or of all."""
+def remove_layers(source: str, name: str | None = None) -> None:
+    """Remove the layers of a source, for one object or for all.
+
+    Parameters
+    ----------
+    source : str
+        Who provided the layers.
+    name : str, optional
+        Of the object.
+    """
     if name is None:
-        added.pop(source, None)
+        additional.pop(source, None)
     else:
-        added.get(source, {}).pop(name, None)
+        additional.get(source, {}).pop(name, None)
 
 
 def shown_layers(link: Any) -> Iterator[Layer]:
-    """What is drawn of an object now, the lowest first."""
+    """Yield what is drawn of an object now, the lowest layer first."""
     plan, shown = link.skin_calib, switched_on(link)
-    kept = [layer for token in plan.inspect.tokens() for layer in _chosen(_kept.get(token, ()), shown)]
-    yield from (layer for layer in kept if layer.what in HEATS)  # lines lie over colours
+    cached = [layer for token in plan.inspect.tokens() for layer in _chosen(_cached.get(token, ()), shown)]
+    yield from (layer for layer in cached if layer.what in HEAT_MAPS)  # lines are drawn over colours
     yield from _chosen(previews.get(link.name) or _prepared.get(plan.result.key, ()), shown)
-    for source in added.values():
+    for source in additional.values():
         yield from _chosen(source.get(link.name, ()), shown)
-    yield from (layer for layer in kept if layer.what not in HEATS)
+    yield from (layer for layer in cached if layer.what not in HEAT_MAPS)
 
 
 def patches_of(link: Any) -> Sequence[Patch]:
-    """The patches that are drawn of an object now, one for each of its skins; none before the first fit."""
+    """Return the patches that are drawn of an object now, one for each of its skins; none before the first fit."""
     drawn = previews.get(link.name) or _prepared.get(link.skin_calib.result.key)
     return drawn.patches if isinstance(drawn, Layers) else ()
 
 
 def switched_on(link: Any) -> set[str]:
-    """Names of the layers that the author wants to see of an object."""
+    """Return the names of the layers that are switched on for an object."""
     plan = link.skin_calib
     labels = {"LABELS"} if plan.inspect.labels != "NONE" else set()
-    felt = OF_FORCE if plan.inspect.heat == "FORCE" else set()
-    return plan.layers | {plan.inspect.heat} | labels | felt
+    force_layers = FORCE_LAYERS if plan.inspect.heat == "FORCE" else set()
+    return plan.layers | {plan.inspect.heat} | labels | force_layers
 
 
 def _chosen(layers: Layers | Iterable[Layer], shown: set[str]) -> Iterator[Layer]:
     if isinstance(layers, Layers):
         return layers.shown(shown)
-    return (layer for layer in layers if layer.what in shown or layer.what not in SWITCHED)
+    return (layer for layer in layers if layer.what in shown or layer.what not in SWITCHABLE)
 
 
-def _seen() -> Iterator[tuple[Any, list[Layer]]]:
-    """Objects in this view, each with its layers."""
+def _visible_links() -> Iterator[tuple[Any, list[Layer]]]:
+    """Yield the objects in this view, each with its layers."""
     context = bpy.context
     if not context.space_data.overlay.show_overlays:
         return
@@ -120,15 +156,15 @@ def _seen() -> Iterator[tuple[Any, list[Layer]]]:
 
 
 def _draw() -> None:
-    """In the space of the scene."""
+    """Draw lines and surfaces in the space of the scene."""
     context = bpy.context
     view, unit = context.region_data, Matrix.Scale(1 / metres_per_unit(context.scene), 4)
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_mask_set(False)  # the link hides lines behind it; lines do not hide each other
     try:
-        for link, layers in _seen():
+        for link, layers in _visible_links():
             with gpu.matrix.push_pop():
-                gpu.matrix.load_matrix(_nearer(view) @ view.view_matrix @ link_frame(link) @ unit)
+                gpu.matrix.load_matrix(_offset(view) @ view.view_matrix @ link_frame(link) @ unit)
                 _draw_layers(layers, link.skin_calib.inspect)
     finally:
         gpu.state.blend_set("NONE")
@@ -137,28 +173,28 @@ def _draw() -> None:
 
 
 def _write() -> None:
-    """In pixels, over everything."""
+    """Draw labels and legends in pixels, over everything."""
     context = bpy.context
-    unit, place = Matrix.Scale(1 / metres_per_unit(context.scene), 4), legend.Place(context)
-    for link, layers in _seen():
-        looks = link.skin_calib.inspect
+    unit, area = Matrix.Scale(1 / metres_per_unit(context.scene), 4), legend.LegendArea(context)
+    for link, layers in _visible_links():
+        settings = link.skin_calib.inspect
         for layer in layers:
             if isinstance(layer, Labels):
-                labels.write(link.name, layer, looks, link_frame(link) @ unit)
+                labels.write(link.name, layer, settings, link_frame(link) @ unit)
             if layer.legend:
-                place.draw(layer.legend, link.skin_calib.link)
+                area.draw(layer.legend, link.skin_calib.link)
 
 
-def _nearer(view: Any) -> Matrix:
-    """Towards the eye: about it in perspective, which leaves the picture as it is; straight in a parallel view."""
+def _offset(view: Any) -> Matrix:
+    """Return the transform that moves lines towards the eye, without a change of the picture."""
     if view.window_matrix[3][3] == 0:
-        return Matrix.Scale(1 - NEARER, 4)
-    return Matrix.Translation((0, 0, NEARER * view.view_distance))
+        return Matrix.Scale(1 - LINE_OFFSET, 4)
+    return Matrix.Translation((0, 0, LINE_OFFSET * view.view_distance))
 
 
-def _draw_layers(layers: list[Layer], looks: Any) -> None:
+def _draw_layers(layers: list[Layer], settings: Any) -> None:
     size = (bpy.context.region.width, bpy.context.region.height)
-    thickness = looks.line_width * bpy.context.preferences.system.pixel_size
+    thickness = settings.line_width * bpy.context.preferences.system.pixel_size
     metre = metres_per_unit(bpy.context.scene)
     for layer in layers:
         if isinstance(layer, Labels) or not len(layer.points):
@@ -169,16 +205,16 @@ def _draw_layers(layers: list[Layer], looks: Any) -> None:
         else:
             shader = gpu.shader.from_builtin("SMOOTH_COLOR")
         length = 0.0
-        if layer.ways is not None:
-            length = layer.length if looks.auto_length else looks.length * metre
+        if layer.directions is not None:
+            length = layer.length if settings.auto_length else settings.length * metre
         if layer.batch is None or layer.drawn_length != length:
             layer.batch, layer.drawn_length = _batch(layer, shader, length), length
         layer.batch.draw(shader)
 
 
 def _line_shader(layer: Layer, size: tuple[int, int], width: float) -> Any:
-    """What draws the lines of a layer, with its colour and width set."""
-    is_plain = len(layer.points) > MANY and width <= THIN
+    """Return the shader for the lines of a layer, with its colour and width."""
+    is_plain = len(layer.points) > MAX_WIDE_POINTS and width <= MAX_PLAIN_WIDTH
     shader = gpu.shader.from_builtin("UNIFORM_COLOR" if is_plain else "POLYLINE_UNIFORM_COLOR")
     shader.uniform_float("color", COLOURS.get(layer.what) or layer.colour or (1.0, 1.0, 1.0, 1.0))
     if not is_plain:
@@ -191,12 +227,12 @@ def _batch(layer: Layer, shader: Any, length: float) -> Any:
     if layer.colours is not None:
         arrays = {"pos": layer.points, "color": layer.colours}
         return batch_for_shader(shader, "TRIS", arrays, indices=layer.indices)
-    points = layer.points if layer.ways is None else layer.points + length * layer.ways
+    points = layer.points if layer.directions is None else layer.points + length * layer.directions
     return batch_for_shader(shader, "LINES", {"pos": points})
 
 
 def redraw() -> None:
-    """Let every 3D view draw again."""
+    """Make every 3D view draw again."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
@@ -211,10 +247,10 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop drawing, and forget the arrays."""
+    """Stop drawing, and remove all arrays."""
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
-    for kept in (_prepared, _kept, previews, added):
-        kept.clear()
+    for cached in (_prepared, _cached, previews, additional):
+        cached.clear()
     labels.forget()
     legend.forget()

@@ -27,13 +27,13 @@ def unit_of(kind: str, largest: float, settings: Any) -> tuple[float, str]:
 
     Parameters
     ----------
-    kind : "LENGTH" [m], "ANGLE" [rad], "SHARE" or "FORCE" [N]
+    kind : "LENGTH" [m], "ANGLE" [rad], "FRACTION" or "FORCE" [N]
     largest : float
         The largest of them, which tells the unit where the scene leaves it open.
     settings : UnitSettings
         Of the scene.
     """
-    if kind == "SHARE":
+    if kind == "FRACTION":
         return 100.0, "%"
     if kind == "FORCE":
         return 1.0, "N"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles in the 3D view for planes placed by hand: each can be moved, and the chosen one tilted.
+"""Handles in the 3D view for hand-placed planes: each plane can be moved, and the selected one can be tilted.
 
-Handles look their plane up each time: a plane that a handle held on to would be other memory after an undo.
+Handles look up their plane in each call: after an undo, a stored reference would point to other memory.
 """
 
 from functools import partial
@@ -18,20 +18,38 @@ DIAL_COLOURS = ((0.9, 0.3, 0.3), (0.3, 0.5, 1.0))
 
 
 def listed(plan: Any, family: str) -> Any:
-    """The list of planes of a family."""
+    """Return the list of planes of a family.
+
+    Parameters
+    ----------
+    plan : property group
+        Of the link.
+    family : str
+        "CUT", "U" or "V".
+    """
     if family == "CUT":
         return plan.cover.cuts
     return getattr(plan.grid, family.lower()) if plan.grid.kind == "planes" else ()
 
 
 def chosen(plan: Any) -> tuple[str, int]:
-    """The plane that has the handles to tilt it."""
+    """Return the plane that has the handles for tilting."""
     owner, name = (plan.cover, "cut_index") if plan.held == "CUT" else (plan.grid, f"{plan.held.lower()}_index")
     return plan.held, getattr(owner, name)
 
 
 def choose(plan: Any, family: str, index: int) -> None:
-    """Give a plane the handles to tilt it."""
+    """Give the handles for tilting to a plane.
+
+    Parameters
+    ----------
+    plan : property group
+        Of the link.
+    family : str
+        "CUT", "U" or "V".
+    index : int
+        Of the plane in its list.
+    """
     if chosen(plan) == (family, index):
         return
     if family == "CUT":
@@ -41,7 +59,7 @@ def choose(plan: Any, family: str, index: int) -> None:
 
 
 class SKIN_GGT_planes(bpy.types.GizmoGroup):
-    """Moves and tilts planes placed by hand."""
+    """Moves and tilts hand-placed planes."""
 
     bl_idname = "SKIN_GGT_planes"
     bl_label = "Skin Planes"
@@ -59,7 +77,17 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         self.refresh(context)
 
     def add(self, kind, change, colour):
-        """A handle that tells how far it has been moved or turned since it was taken."""
+        """Add a handle that measures how far it has been moved or turned since the start of the drag.
+
+        Parameters
+        ----------
+        kind : str
+            Type of the gizmo.
+        change : function
+            Called with the handle and its value.
+        colour : tuple of float
+            Red, green, blue.
+        """
         handle = self.gizmos.new(kind)
         handle.target_set_handler("offset", get=lambda: self.moved(handle), set=lambda value: change(handle, value))
         handle.color, handle.color_highlight = colour, (1.0, 1.0, 1.0)
@@ -68,7 +96,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         return handle
 
     def refresh(self, context):
-        """As many arrows as there are planes."""
+        """Make as many arrows as there are planes."""
         count = sum(len(listed(context.object.skin_calib, family)) for family in FAMILIES)
         while len(self.arrows) < count:
             index = len(self.arrows)
@@ -76,7 +104,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
 
     def draw_prepare(self, context):
         if self.dragged is not None and not self.dragged.is_modal:
-            self.let_go()
+            self.end_drag()
         plan, names = context.object.skin_calib, self.names(context.object.skin_calib)
         for k, arrow in enumerate(self.arrows):
             arrow.hide = k >= len(names)
@@ -87,14 +115,28 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
             dial.hide = held not in names
             if not dial.hide and dial is not self.dragged:
                 plane = listed(plan, held[0])[held[1]]
-                dial.matrix_basis = placed(context, Vector(plane.point), self.tilt_axes(plan, plane)[k])
+                dial.matrix_basis = basis_at(context, Vector(plane.point), self.tilt_axes(plan, plane)[k])
 
     def names(self, plan):
-        """Family and place of each plane, in the order of the arrows."""
+        """Return family and index of each plane, in the order of the arrows."""
         return [(family, i) for family in FAMILIES for i in range(len(listed(plan, family)))]
 
     def draw_arrow(self, context, arrow, plan, family, i):
-        """At the rim of the plane's section; on the chosen plane an arrow, else a box."""
+        """Place an arrow at the border of the plane's section; it has the shape of a box if the plane is not selected.
+
+        Parameters
+        ----------
+        context : Context
+            Of Blender.
+        arrow : Gizmo
+            The handle.
+        plan : property group
+            Of the link.
+        family : str
+            "CUT", "U" or "V".
+        i : int
+            Index of the plane in its list.
+        """
         plane, metre = listed(plan, family)[i], metres_per_unit(context.scene)
         sketch = live.sketches.get(context.object.name)
         arm = sketch.arms.get((family, i), (0, 0, 0)) if sketch else (0, 0, 0)
@@ -103,10 +145,18 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         arrow.draw_style = "NORMAL" if is_chosen else "BOX"
         arrow.length = 0.8 if is_chosen else 0.0
         arrow.color = (MISSED if is_wrong else COLOURS[family])[:3]
-        arrow.matrix_basis = placed(context, Vector(plane.point) + Vector(arm) / metre, Vector(plane.normal))
+        arrow.matrix_basis = basis_at(context, Vector(plane.point) + Vector(arm) / metre, Vector(plane.normal))
 
     def tilt_axes(self, plan, plane):
-        """Two axes in a plane about which it is turned; a v-plane's first is where the link runs."""
+        """Return two axes in a plane about which it can be turned; the first axis of a v-plane is along the link.
+
+        Parameters
+        ----------
+        plan : property group
+            Of the link.
+        plane : property group
+            Point and normal.
+        """
         normal = Vector(plane.normal).normalized()
         along = sum((Vector(u.normal) for u in plan.grid.u), Vector()) if plan.held == "V" else Vector()
         along -= along.dot(normal) * normal
@@ -116,49 +166,95 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
         return along, normal.cross(along)
 
     def plane_of(self, plan, index):
-        """The plane that an arrow moves."""
+        """Return the plane that an arrow moves, and select it.
+
+        Parameters
+        ----------
+        plan : property group
+            Of the link.
+        index : int
+            Of the arrow.
+        """
         family, i = self.names(plan)[index]
         choose(plan, family, i)
         return listed(plan, family)[i]
 
-    def take(self, handle, plane, axis):
-        """Remember where a drag began."""
+    def begin_drag(self, handle, plane, axis):
+        """Store the start of a drag.
+
+        Parameters
+        ----------
+        handle : Gizmo
+            That is dragged.
+        plane : property group
+            That it changes.
+        axis : Vector or None
+            About which the plane turns.
+        """
         if self.dragged is not handle:
             self.dragged = handle
             self.start = Vector(plane.point), Vector(plane.normal), axis
             self.value = 0.0
 
     def moved(self, handle):
-        """How far a handle has been dragged."""
+        """Return how far a handle has been dragged."""
         return self.value if self.dragged is handle else 0.0
 
     def move(self, index, handle, value):
-        """Move a plane along its normal by Blender units of the world."""
+        """Move a plane along its normal.
+
+        Parameters
+        ----------
+        index : int
+            Of the arrow.
+        handle : Gizmo
+            That is dragged.
+        value : float
+            Distance in Blender units of the world.
+        """
         plane = self.plane_of(bpy.context.object.skin_calib, index)
-        self.take(handle, plane, None)
+        self.begin_drag(handle, plane, None)
         point, normal, _ = self.start
         self.value = value
         plane.point = point + value * normal.normalized()
 
     def tilt(self, k, handle, value):
-        """Turn the chosen plane by an angle about an axis through its point."""
+        """Turn the selected plane about an axis through its point.
+
+        Parameters
+        ----------
+        k : int
+            Number of the axis.
+        handle : Gizmo
+            That is dragged.
+        value : float
+            Angle [rad].
+        """
         plan = bpy.context.object.skin_calib
         family, i = chosen(plan)
         plane = listed(plan, family)[i]
         if self.dragged is not handle:
-            self.take(handle, plane, self.tilt_axes(plan, plane)[k])
+            self.begin_drag(handle, plane, self.tilt_axes(plan, plane)[k])
         _, normal, axis = self.start
         self.value = value
         plane.normal = Quaternion(axis, value) @ normal
 
-    def let_go(self):
-        """A drag has ended."""
-        let_go(self.dragged)
+    def end_drag(self):
+        """End a drag. Before Blender 5.2 a drag is not an undo step by itself."""
+        end_drag(self.dragged)
         self.dragged = None
 
 
 def is_shown(context: bpy.types.Context, layer: str) -> bool:
-    """Whether a layer of the link's overlay is drawn in this view, so that its handles are wanted."""
+    """Return whether a layer of the link's overlay is drawn in this view, so that its handles are needed.
+
+    Parameters
+    ----------
+    context : Context
+        Of Blender.
+    layer : str
+        Name of the layer.
+    """
     if why_no_link(context) or not context.space_data.overlay.show_overlays:
         return False
     plan = context.object.skin_calib
@@ -166,26 +262,36 @@ def is_shown(context: bpy.types.Context, layer: str) -> bool:
 
 
 def undo_drags(handle: bpy.types.Gizmo) -> None:
-    """Draw a handle while it is dragged, and make each drag a step of undo."""
+    """Draw a handle while it is dragged, and make each drag an undo step."""
     handle.use_draw_modal = True
     if hasattr(handle, "use_undo"):
         handle.use_undo = True
 
 
-def let_go(handle: bpy.types.Gizmo) -> None:
-    """A drag has ended; before Blender 5.2 it is no step of undo by itself."""
+def end_drag(handle: bpy.types.Gizmo) -> None:
+    """End a drag. Before Blender 5.2 a drag is not an undo step by itself."""
     if not hasattr(handle, "use_undo"):
         bpy.app.timers.register(push_undo)
 
 
 def push_undo() -> None:
-    """Make a step of undo of what a handle has changed."""
+    """Make an undo step of the change of a handle."""
     bpy.ops.ed.undo_push(message="Move Handle")
 
 
-def placed(context: bpy.types.Context, point: Vector, way: Vector) -> Matrix:
-    """A place in the link frame in Blender units, with the z axis along a direction, in the world."""
-    return link_frame(context.object) @ Matrix.Translation(point) @ way.to_track_quat("Z", "Y").to_matrix().to_4x4()
+def basis_at(context: bpy.types.Context, point: Vector, direction: Vector) -> Matrix:
+    """Return the transform in the world of a handle at a point, with its z axis along a direction.
+
+    Parameters
+    ----------
+    context : Context
+        Of Blender.
+    point, direction : Vector
+        In the link frame, in Blender units.
+    """
+    return (
+        link_frame(context.object) @ Matrix.Translation(point) @ direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
+    )
 
 
 def register() -> None:
@@ -194,5 +300,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them away."""
+    """Remove the handles."""
     bpy.utils.unregister_class(SKIN_GGT_planes)
