@@ -4,9 +4,10 @@ import math
 
 # [periods] A longer gap between two frames counts as lost frames. Larger: single lost frames are not reported.
 DROPPED_PERIODS = 1.75
-# [s] and [periods] A gap longer than both is a jump: the skin forgets the contacts before it.
+# [s] A gap longer than this and than JUMP_PERIODS is a jump: the skin forgets the contacts before it.
 # Larger: contacts survive longer interruptions, and may be confused with new ones.
 JUMP_TIME = 1.0
+# [periods] As JUMP_TIME, for slow clocks.
 JUMP_PERIODS = 50.0
 
 
