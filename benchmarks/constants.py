@@ -1,16 +1,18 @@
 """Vary every numeric constant of the package by 0.5 and 2, and print what changes in a fixed set of cases.
 
-    python benchmarks/constants.py [--only geometry] [--list] [--old FOLDER]
+    python benchmarks/constants.py [--only geometry] [--full] [--list] [--old FOLDER]
 
 A constant is a name in capitals that a module of ``skin_calib_addon`` (without ``blender``) sets to a number or to a
 tuple of numbers. One whose comment has "Derived:", "Format:" or "Contract:" is not varied: its value follows from
 others, from a file format, or from a documented promise.
 
 For each other constant a new process loads the package with the value multiplied, in every module that uses it, and
-runs the cases of ``constant_cases*.py``. A case that executes no line with the constant is left out: its result cannot
-change. The table is sorted by effect. "inert": the lines run, and no result changes by more than rounding. "not run":
-no case executes a line with the constant. Time counts as a change from a factor of 1.5 on, and only for constants with
-no other effect. A limit is inert where no case comes near it: see what it protects before you delete it.
+runs the cases of ``constant_cases*.py``, the fastest first. A case that executes no line with the constant is left out:
+its result cannot change. After an effect of 10 % or 0.1 mm the other cases are run with ``--full`` only.
+
+The table is sorted by effect. "inert": the lines run, and no result changes by more than rounding. "not run": no case
+executes a line with the constant. Time counts as a change from a factor of 1.5 on, and only for constants with no other
+effect. A limit is inert where no case comes near it: see what it protects before you delete it.
 
 Results are kept in ``out/constants.json`` as they arrive, so that a run which was interrupted continues. They are
 discarded when a file of the package or of the cases has changed.
@@ -27,7 +29,7 @@ import os
 import re
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
@@ -54,6 +56,7 @@ TIME_LIMIT = 60.0  # [s] for all cases of one variation; a process that takes lo
 ROUNDING = 1e-9  # change of a position [m], or relative change of another result, up to which it counts as none
 MOST_NAMED = 3  # changes that the table names of one case
 SLOWER = 1.5  # factor of the time that counts as a change,
+DECISIVE = 0.1  # relative change, or change of a position [mm], after which other cases are run with --full only
 NOTICED = 0.3  # [s] if the difference is larger than this too
 
 
@@ -244,8 +247,8 @@ def run_cases(connection, folder: str, names: list[str], constant: Constant | No
     connection.close()
 
 
-def in_new_process(target, *arguments) -> tuple[dict, dict]:
-    """Return results and seconds by case; a case that did not end within the limit has failed."""
+def in_new_process(target, *arguments, enough: Callable[[str, dict], bool] | None = None) -> tuple[dict, dict]:
+    """Return results and seconds by case, up to the first that is ``enough``, or that does not end within the limit."""
     context = multiprocessing.get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=target, args=(sender, *arguments))
@@ -255,6 +258,8 @@ def in_new_process(target, *arguments) -> tuple[dict, dict]:
     try:
         while receiver.poll(TIME_LIMIT):
             name, results[name], seconds[name] = receiver.recv()
+            if enough is not None and enough(name, results[name]):
+                break
     except EOFError:
         pass
     process.kill()
@@ -426,11 +431,21 @@ def judge(constant: Constant, kept: dict) -> Effect:
     return Effect(constant, max(sizes), (words[0], words[1]))
 
 
-def vary(constant: Constant, factor: float, folder: Path, baseline: dict, times: dict, names: list[str]) -> dict:
-    """Run the cases with the constant multiplied and return what changes most."""
-    results, seconds = in_new_process(run_cases, str(folder), names, constant, factor)
+def vary(
+    constant: Constant, factor: float, folder: Path, baseline: dict, times: dict, names: list[str], decisive: float
+) -> dict:
+    """Run the cases with the constant multiplied, the fastest first, and return what changes most.
+
+    After an effect of the decisive size the other cases are not run.
+    """
+    names = sorted(names, key=lambda name: times[name])
+    results, seconds = in_new_process(
+        run_cases, str(folder), names, constant, factor, enough=lambda n, r: changes(baseline[n], r)[0] >= decisive
+    )
     size, found = 0.0, {}
     for name in names:
+        if name not in results and size >= decisive:
+            break
         amount, words = (100.0, ["does not end"]) if name not in results else changes(baseline[name], results[name])
         if amount > 0:
             size = max(size, amount)
@@ -483,6 +498,7 @@ def main() -> None:
     parser.add_argument(
         "--old", type=Path, metavar="FOLDER", help="print the counts of another copy of the package too"
     )
+    parser.add_argument("--full", action="store_true", help="run all cases after a decisive effect, too")
     parser.add_argument("--timings", action="store_true", help="print the time of each case, vary nothing")
     options = parser.parse_args()
     for package in filter(None, (options.old, PACKAGE)):
@@ -513,6 +529,7 @@ def main() -> None:
     lines = {name: in_new_process(executed_lines, str(folder), [name])[0].get(name, set()) for name in names}
 
     kept, used = load_results(), uses(every)
+    decisive = np.inf if options.full else DECISIVE
     for constant in chosen:
         if not constant.varied:
             continue
@@ -525,7 +542,7 @@ def main() -> None:
         for factor in FACTORS:
             key = f"{constant.key}*{factor}"
             if concerned and key not in kept:
-                kept[key] = vary(constant, factor, folder, baseline, times, concerned)
+                kept[key] = vary(constant, factor, folder, baseline, times, concerned, decisive)
                 RESULTS.write_text(json.dumps(kept, indent=1))
                 print(f"{key}: {kept[key]['words']}", file=sys.stderr, flush=True)
     effects = [judge(constant, kept) for constant in chosen if constant.varied]
