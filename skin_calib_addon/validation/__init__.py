@@ -1,4 +1,4 @@
-"""Calibrations held against what was measured on the robot."""
+"""Comparison of calibrations with touches measured on the robot."""
 
 from .placement import Motion, Placement, placements
 from .summary import summarize

@@ -1,7 +1,7 @@
-"""Where touches say that a skin lies: how far each taxel is off, and the slide of the skin that explains most of it.
+"""Deviation of taxels from measured touches, and the motion of the skin that explains most of it.
 
-A touch tells no more than that its place lies in the cell of the taxel that felt it: single distances of half a cell
-are no error. Their mean over many touches is.
+The position of a touch can be anywhere in the cell of the taxel that felt it. A single distance of half a cell is
+therefore no error, but a mean over many touches is.
 """
 
 from collections.abc import Iterator
@@ -15,38 +15,48 @@ from ..common.arrays import Array, IntArray
 from ..common.warnings import Place, Warning
 from .touches import Touches
 
-# Distances of so many times what the size of the cells gives count half; steps until the weights have settled.
-ROBUST_SCALE, REWEIGHTING_STEPS = 2.0, 30
-MIN_TOUCHES = 4  # touches of a patch that tell how it lies
-MIN_INCIDENCE_SINE = 0.17  # sine of the least angle between a line of action and the skin that it meets
-MIN_SIGNIFICANCE = 2.0  # standard errors beyond which a slide is more than chance
-# A touch that is off by so many times what is usual, and by more than so many cells, has another taxel's name.
-OUTLIER_FACTOR, OUTLIER_CELLS = 3.0, 1.5
-ORDER_GAIN = 0.5  # another order of the channels that leaves less than this share of the distances is the right one
-MAX_TOUCHES_NAMED = 3  # touches, at most, that a doubt names
-HEIGHT_LIMIT = 0.01  # over or below the taxels of a skin nothing touches it [m]
+# Distance with weight one half in the robust fit, in units of the expected rms. Larger: outliers have more influence.
+ROBUST_SCALE = 2.0
+# Iterations of the weights. Larger: more exact.
+REWEIGHTING_STEPS = 30
+# Smallest number of touches for a motion. Larger: no motion for fewer touches.
+MIN_TOUCHES = 4
+# Smallest sine of the angle between a line of action and the skin. Larger: leaves out more touches.
+MIN_INCIDENCE_SINE = 0.17
+# Standard errors from which on a motion is significant. Larger: fewer significant motions.
+MIN_SIGNIFICANCE = 2.0
+# A touch farther off than this multiple of the usual distance is an outlier, ...
+OUTLIER_FACTOR = 3.0
+# ... if it is farther off than this number of cells, too. Larger: fewer outliers.
+OUTLIER_CELLS = 1.5
+# Another order of the channels is right if it leaves less than this fraction of the distances. Larger: accepts more.
+ORDER_GAIN = 0.5
+# Number of touches that a warning names.
+MAX_TOUCHES_NAMED = 3
+# Height of touches above or below the taxels from which on a warning is given [m]. Larger: fewer warnings.
+HEIGHT_LIMIT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A slide of a skin on its surface, turned about the middle of its touches."""
+    """Translation of a skin on its surface, and rotation about the mean position of its touches."""
 
-    middle: Array  # (2,) of the touched cells, along and across the rows, as the flat skin has them [m]
+    middle: Array  # (2,) mean flat position of the touched cells, along and across the rows [m]
     shift: Array  # (2,) along and across the rows [m]
     turn: float  # counter-clockwise seen from outside [rad]
     shift_error: Array  # (2,) standard errors [m]
-    turn_error: float  # [rad]; infinite where the touches are too near to each other to tell
+    turn_error: float  # standard error [rad]; infinite if the touches are too near to each other
 
     @property
     def is_certain(self) -> bool:
-        """Whether it is more than chance."""
+        """Whether the motion is significant."""
         return (
             bool((np.abs(self.shift) > MIN_SIGNIFICANCE * self.shift_error).any())
             or abs(self.turn) > MIN_SIGNIFICANCE * self.turn_error
         )
 
     def at(self, flat: Array) -> Array:
-        """By how much cells at places (k, 2) of the flat skin move along and across the rows, shape (k, 2) [m]."""
+        """Return the displacement of flat positions (k, 2) along and across the rows, shape (k, 2) [m]."""
         arm = flat - self.middle
         return self.shift + self.turn * np.stack((-arm[:, 1], arm[:, 0]), axis=1)
 
@@ -56,57 +66,64 @@ class Placement:
     """The touches of one patch; row i of every array is the same touch."""
 
     patch: Patch
-    lines: IntArray  # (m,) of the file
-    rows: IntArray  # (m,) of the taxels in the patch
-    places: Array  # (m, 3) that were touched, in the link frame [m]
-    off: Array  # (m, 3) from the taxel to the place: along its row, across it, outward [m]; no height (NaN) of a line
-    passing: IntArray  # lines of the file whose line of action passes along the skin, and tells no place
+    lines: IntArray  # (m,) lines of the file
+    rows: IntArray  # (m,) rows of the taxels in the patch
+    places: Array  # (m, 3) positions of the touches, in the link frame [m]
+    off: Array  # (m, 3) from the taxel to the touch: along the row, across it, outward (NaN for a wrench) [m]
+    passing: IntArray  # lines of the file whose line of action is nearly parallel to the skin; they are left out
 
     @cached_property
     def distances(self) -> Array:
-        """Along the skin, of each touch (m,) [m]."""
+        """Distance of each touch from its taxel along the skin, shape (m,) [m]."""
         return np.linalg.norm(self.off[:, :2], axis=1)
 
     @cached_property
     def heights(self) -> Array:
-        """Of the places over the taxels' tangent planes [m], those that are told."""
+        """Heights of the touches above the tangent planes of their taxels, as far as they are known [m]."""
         return self.off[~np.isnan(self.off[:, 2]), 2]
 
     @property
     def expected_rms(self) -> float:
-        """Root of the mean square of distances that the size of the cells alone gives [m]."""
-        return float(np.sqrt(self.patch.taxels.areas.mean() / 6))  # of squares; of hexagons 2 % less
+        """Root mean square of the distances that follows from the size A of the cells alone: sqrt(A / 6) [m].
+
+        It is exact for squares. For hexagons it is 2 % smaller.
+        """
+        return float(np.sqrt(self.patch.taxels.areas.mean() / 6))
 
     @cached_property
     def flat(self) -> Array:
-        """Where the touched cells lie in the flat skin (m, 2) [m]."""
+        """Flat positions of the touched cells, shape (m, 2) [m]."""
         return flat_places(self.patch, self.patch.taxels.index[self.rows])
 
     @cached_property
     def motion(self) -> Motion | None:
-        """What slide of the skin the touches ask for; None of imported taxels, and of too few touches.
+        """Motion of the skin that explains the touches; None for imported taxels, and for too few touches.
 
-        Distances along the skin are explained by ``shift + turn x arm``; what is far off counts little.
+        A robust least-squares fit of shift s and rotation r explains the distances d along the skin:
+
+            d_i = s + r * (-y_i, x_i)    [m]
+
+        with the flat positions (x, y) relative to their mean [m]. Distant touches have a small weight.
         """
         if self.patch.kind == "imported" or len(self.rows) < MIN_TOUCHES:
             return None
         middle = self.flat.mean(axis=0)
         x, y = (self.flat - middle).T
-        turns = bool(np.hypot(x, y).max() > self.expected_rms)  # else all touched one cell
-        directions = np.stack((np.column_stack((x * 0 + 1, x * 0, -y)), np.column_stack((x * 0, x * 0 + 1, x))), axis=1)
-        found, errors = _robust(directions[..., : 3 if turns else 2], self.off[:, :2], ROBUST_SCALE * self.expected_rms)
+        turns = bool(np.hypot(x, y).max() > self.expected_rms)  # otherwise all touches are in one cell
+        design = np.stack((np.column_stack((x * 0 + 1, x * 0, -y)), np.column_stack((x * 0, x * 0 + 1, x))), axis=1)
+        found, errors = _robust(design[..., : 3 if turns else 2], self.off[:, :2], ROBUST_SCALE * self.expected_rms)
         turn, turn_error = (float(found[2]), float(errors[2])) if turns else (0.0, np.inf)
         return Motion(middle, found[:2], turn, errors[:2], turn_error)
 
     @cached_property
     def residuals(self) -> Array:
-        """Distances (m,) once the skin has slid so [m]."""
+        """Distances along the skin after the motion, shape (m,) [m]."""
         if self.motion is None:
             return self.distances
         return np.linalg.norm(self.off[:, :2] - self.motion.at(self.flat), axis=1)
 
     def warnings(self) -> Iterator[Warning]:
-        """Yield what the author should look at."""
+        """Yield warnings for the author: order of channels, grazing touches, wrong taxels, height."""
         name, place = self.patch.name, Place(skin=self.patch.name)
         order = other_order(self)
         if order:
@@ -141,7 +158,7 @@ class Placement:
 
     @cached_property
     def outliers(self) -> IntArray:
-        """Touches (k,) that no slide of the skin explains: most likely a wrong channel."""
+        """Touches (k,) that no motion of the skin explains, most probably with a wrong channel."""
         if len(self.rows) == 0:
             return self.rows
         height = np.nan_to_num(self.off[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0))
@@ -150,7 +167,7 @@ class Placement:
         return np.flatnonzero((far > OUTLIER_FACTOR * usual) & (far > OUTLIER_CELLS * max(self.patch.pitch)))
 
     def _other_taxel(self, i: int) -> str:
-        """A touch that is astray, and which taxel lies where it was."""
+        """Describe an outlier, and the taxel at its position."""
         taxels = self.patch.taxels
         directions = np.linalg.norm(taxels.positions_link - self.places[i], axis=1)
         mine = int(self.rows[i])
@@ -161,7 +178,19 @@ class Placement:
 
 
 def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement]:
-    """Touches beside the taxels that felt them, for each patch that was touched; a taxel of no patch is left out."""
+    """Return the touches of each touched patch, compared with its taxels; taxels without a patch are left out.
+
+    Parameters
+    ----------
+    calibration : LinkCalibration
+        Calibration of the link.
+    touches : Touches
+        Measured touches.
+
+    Returns
+    -------
+    list of Placement
+    """
     found = []
     for patch in calibration.patches:
         row_of = {name: row for row, name in enumerate(patch.taxels.ids)}
@@ -173,7 +202,7 @@ def placements(calibration: LinkCalibration, touches: Touches) -> list[Placement
 
 
 def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, directions: Array) -> Placement:
-    """Places (m, 3), and lines where there are ways (m, 3), beside taxels: a line is met in the tangent plane."""
+    """Compare touches (m, 3) of a patch with their taxels; a line of action is intersected with the tangent plane."""
     centres, normals, tangents = (
         part[rows] for part in (patch.taxels.positions_link, patch.taxels.normals_link, patch.taxels.tangents_link)
     )
@@ -187,26 +216,33 @@ def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, dir
     return Placement(patch, lines[known], rows[known], places[known], off[known], lines[~known])
 
 
-def _robust(directions: Array, off: Array, far: float) -> tuple[Array, Array]:
-    """The parameters (k,) of ``off (m, 2) = ways (m, 2, k) @ parameters`` and their standard errors.
+def _robust(design: Array, off: Array, far: float) -> tuple[Array, Array]:
+    """Solve ``off (m, 2) = design (m, 2, k) @ parameters`` robustly for parameters (k,) and standard errors.
 
-    Least squares in which a pair that is left off by ``far`` counts half (Cauchy's weights), from the medians on.
+    Iteratively reweighted least squares with Cauchy's weights, from the medians:
+
+        w_i = 1 / (1 + |residual_i|^2 / far^2)
     """
-    found = np.zeros(directions.shape[2])
+    found = np.zeros(design.shape[2])
     found[:2] = np.median(off, axis=0)
     for _ in range(REWEIGHTING_STEPS):
-        squares = ((off - directions @ found) ** 2).sum(axis=1)
+        squares = ((off - design @ found) ** 2).sum(axis=1)
         weights = 1 / (1 + squares / far**2)
-        normal = np.einsum("mik,m,mil->kl", directions, weights, directions)
-        found = np.linalg.solve(normal, np.einsum("mik,m,mi->k", directions, weights, off))
+        normal = np.einsum("mik,m,mil->kl", design, weights, design)
+        found = np.linalg.solve(normal, np.einsum("mik,m,mi->k", design, weights, off))
     spread = (weights * squares).sum() / max(2 * len(off) - len(found), 1)
     return found, np.sqrt(spread * np.diag(np.linalg.inv(normal)))
 
 
 def flat_places(patch: Patch, cells: IntArray) -> Array:
-    """Where cells (n, 2) of a sheet or of boards lie before these are laid on a link (n, 2) [m]: x along the rows.
+    """Return the positions of cells in the flat skin, x along the rows, shape (n, 2) [m].
 
-    Cells are named as in the patch's ``index``, whether the patch has them or not.
+    Parameters
+    ----------
+    patch : Patch
+        A sheet or boards.
+    cells : array of int, shape (n, 2)
+        Cells as in the ``index`` of the patch; the patch need not have them.
     """
     i, j = cells.T.astype(float)
     if patch.kind == "hexagons":
@@ -215,20 +251,20 @@ def flat_places(patch: Patch, cells: IntArray) -> Array:
 
 
 def _hand(patch: Patch) -> float:
-    """1 where the next row of a sheet lies to the left of a row, -1 where it lies to the right."""
+    """Return 1 if the next row of a sheet is to the left of a row, -1 if it is to the right."""
     taxels = patch.taxels
     row_of = {cell: row for row, cell in enumerate(map(tuple, taxels.index.tolist()))}
     pairs = [(row, row_of[i + 1, j]) for (i, j), row in row_of.items() if (i + 1, j) in row_of]
     if not pairs:
         return 1.0
     here, there = np.array(pairs).T
-    residuals = np.cross(taxels.normals_link[here], taxels.tangents_link[here])
+    left = np.cross(taxels.normals_link[here], taxels.tangents_link[here])
     rows_apart = taxels.positions_link[there] - taxels.positions_link[here]
-    return 1.0 if (residuals * rows_apart).sum() > 0 else -1.0
+    return 1.0 if (left * rows_apart).sum() > 0 else -1.0
 
 
 def other_order(placement: Placement) -> str | None:
-    """In words, the order in which a sheet's channels run if the touches fit that instead; None if not."""
+    """Describe the order of the channels of a sheet that fits the touches better; None if there is no better one."""
     patch = placement.patch
     rows, columns = patch.shape
     taxels = patch.taxels

@@ -1,4 +1,4 @@
-"""What touches say of a patch, in words and millimetres."""
+"""Summary of the touches of a patch in words."""
 
 from collections.abc import Iterator
 
@@ -9,23 +9,23 @@ from .placement import Motion, Placement
 
 
 def summarize(placement: Placement) -> Iterator[str]:
-    """A few lines: how far off, how high, which slide explains it, and what that leaves."""
+    """Yield lines: distances, heights, the motion that explains them, and the residuals."""
     if len(placement.rows) == 0:
         return
     off = placement.distances * 1e3
     yield (
         f"{len(off)} touches, off along the skin: mean {off.mean():.2f}, rms {_rms(off):.2f}, max {off.max():.2f} mm; "
-        f"rms {placement.expected_rms * 1e3:.2f} mm from the size of the cells alone"
+        f"rms {placement.expected_rms * 1e3:.2f} mm is expected from the size of the cells"
     )
     if len(placement.heights):
         heights = placement.heights * 1e3
-        yield f"{heights.mean():.2f} mm over the taxels on the mean, {np.std(heights):.2f} mm about it"
+        yield f"height above the taxels: mean {heights.mean():.2f}, standard deviation {np.std(heights):.2f} mm"
     if placement.motion is None:
         return
     yield _motion(placement.motion)
     residuals = np.delete(placement.residuals, placement.outliers)
     without = f", without {len(placement.outliers)} far from their taxels" if len(placement.outliers) else ""
-    yield f"rms {_rms(residuals) * 1e3:.2f} mm once that is made up for{without}"
+    yield f"rms {_rms(residuals) * 1e3:.2f} mm after this correction{without}"
 
 
 def _motion(motion: Motion) -> str:
@@ -34,7 +34,7 @@ def _motion(motion: Motion) -> str:
     if np.isfinite(motion.turn_error):
         turn = np.round(np.rad2deg(motion.turn), 2) + 0.0
         turned = f", turned {turn:.2f} +- {np.rad2deg(motion.turn_error):.2f} degrees"
-    verdict = "" if motion.is_certain else ": no more than chance"
+    verdict = "" if motion.is_certain else ": not significant"
     return f"shifted {x:.2f} +- {dx:.2f} mm along the rows, {y:.2f} +- {dy:.2f} mm across{turned}{verdict}"
 
 

@@ -1,4 +1,4 @@
-"""Touches of a known place: the taxel that felt each most, and where the probe was, from a CSV file."""
+"""Touches at known positions, from a CSV file: the strongest taxel, and the position of the probe."""
 
 import os
 from collections.abc import Sequence
@@ -14,21 +14,23 @@ from ..common.text import read_text
 
 POINT = ("x", "y", "z")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
-MAX_COORDINATE = 10.0  # of a point from the link's origin [m]: what is further is in millimetres
-MIN_FORCE = 0.1  # force whose line of action a sensor still tells [N]
+# Largest coordinate of a point [m]. A larger one is in millimetres.
+MAX_COORDINATE = 10.0
+# Smallest force with a reliable line of action [N]. Larger: refuses more touches.
+MIN_FORCE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Touches:
-    """Places that were touched, in the link frame; row i of every field is the same touch.
+    """Positions of touches, in the link frame; row i of every field is the same touch.
 
-    A place is a point, or a line along which something pressed: then its ``way`` is not zero.
+    A touch is a point, or the line of action of a wrench. Only a line has a direction.
     """
 
-    taxels: tuple[str, ...]  # ids of those that felt most
-    lines: IntArray  # (n,) of the file
-    points: Array  # (n, 3) where the probe's tip was, or a point of the line [m]
-    directions: Array  # (n, 3) along the line, unit; zero for a point
+    taxels: tuple[str, ...]  # ids of the taxels with the largest reading
+    lines: IntArray  # (n,) lines of the file
+    points: Array  # (n, 3) tip of the probe, or a point of the line [m]
+    directions: Array  # (n, 3) unit direction of the line; zero for a point
 
     def __post_init__(self):
         n = len(self.taxels)
@@ -38,21 +40,30 @@ class Touches:
 def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> Touches:
     """Read a table of touches.
 
-    Its header names ``taxel`` or ``channel``, and either ``x``, ``y``, ``z``: the tip of the probe in the link frame
-    [m]; or ``fx``, ``fy``, ``fz``, ``tx``, ``ty``, ``tz``: the wrench about the link's origin that a force-torque
-    sensor measured [N, N m], whose line of action goes through the place. Names may stand in any order and case, other
-    columns are left alone.
+    The header has ``taxel`` or ``channel``, and one of two sets of columns:
+
+    - ``x``, ``y``, ``z``: the tip of the probe in the link frame [m];
+    - ``fx``, ``fy``, ``fz``, ``tx``, ``ty``, ``tz``: the wrench about the origin of the link, measured by a
+    force-torque
+      sensor [N, N m].
+
+    The order and the case of the names are free. Other columns are ignored.
 
     Parameters
     ----------
     path : path
+        A CSV file.
     calibration : LinkCalibration
-        Whose taxels a row may name.
+        Calibration with the taxels that a row may name.
+
+    Returns
+    -------
+    Touches
 
     Raises
     ------
     CalibrationFormatError
-        Names file, line and column of the first thing that is wrong.
+        If the table is invalid; names file, line and column of the first error.
     """
     ids = [name for patch in calibration.patches for name in patch.taxels.ids]
     by_channel = {
@@ -83,13 +94,17 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
 
 
 def _columns(header: Sequence[str], line: int) -> list[int]:
-    """Where the three coordinates stand, or the six components of a wrench."""
+    """Return the columns of the three coordinates, or of the six components of a wrench."""
     wanted = WRENCH if "fx" in header and "x" not in header else POINT
     return [find_column(list(header), name, line) for name in wanted]
 
 
 def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]:
-    """Point and way of one touch."""
+    """Return point and direction of one touch.
+
+    The line of action of a wrench (f, t) goes through the point (f x t) / |f|^2 (equations 6 to 9 of the paper, without
+    their division of zero by zero).
+    """
     numbers = np.array([number_in(row, column, line) for column in columns])
     if len(columns) == len(POINT):
         far = int(np.abs(numbers).argmax())
@@ -108,4 +123,4 @@ def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]
             f"{MIN_FORCE:g} N"
         )
         raise CellError(line, columns[0] + 1, message)
-    return np.cross(force / strength, moment / strength), unit(force)  # the paper's (6) to (9) without its 0/0
+    return np.cross(force / strength, moment / strength), unit(force)

@@ -155,7 +155,7 @@ def test_command_compares_and_refines(folder, capsys):
     assert touches(folder, "cone.json", "--picture", folder / "t.png") == 0
     out, err = capsys.readouterr()
     assert "touches          48, of 48 taxels" in out and err == ""
-    assert "band             shifted 2.0" in out and "no more than chance" not in out
+    assert "band             shifted 2.0" in out and "not significant" not in out
     assert (read_png(folder / "t.png").min(axis=2) < 0.9).mean() > 0.03
     moved = folder / "sub" / "moved.plan.json"
     assert touches(folder, "cone.plan.json", "--refine", "-o", moved) == 0
