@@ -1,1 +1,1 @@
-"""Values of taxels to look at: numbers by layer, comparison with a file, replay of a recording."""
+"""Inspection of taxels: values of layers, comparison with a file, replay of a recording."""

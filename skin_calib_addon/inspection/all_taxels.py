@@ -1,4 +1,4 @@
-"""The taxels of all patches of a link side by side, to be looked at: found by name, by a ray, by their sides."""
+"""Taxels of all patches of a link in common arrays; search by name, by ray, and by common sides."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,16 +12,18 @@ from ..common.arrays import Array, IntArray, cross
 from ..common.errors import UnknownTaxel
 from ..common.findings import did_you_mean
 
-# Middles of two sides nearer than this share of the shorter side are one side.
+# Largest distance between the middles of two sides that are one side, as a fraction of the shorter one. Larger: bridges
+# wider gaps.
 SHARED_SIDE_TOLERANCE = 0.3
-# A ray slips through between two triangles no wider apart than this share of them, which is rounding.
+# Barycentric coordinate of a ray outside a triangle that is rounding. Larger: a wider border.
 BARYCENTRIC_ROUNDING = 1e-9
-MAX_CHANNEL_DIGITS = 12  # digits of a channel
+# Number of digits that a channel can have.
+MAX_CHANNEL_DIGITS = 12
 
 
 @dataclass(frozen=True, eq=False)
 class AllTaxels:
-    """Taxels of all patches; row i of every field is the same taxel. Link frame and SI units."""
+    """Taxels of all patches, in the link frame and SI units; row i of every field is the same taxel."""
 
     ids: tuple[str, ...]
     channels: IntArray  # (n,)
@@ -32,11 +34,11 @@ class AllTaxels:
     areas: Array  # (n,) [m^2]
     neighbours: tuple[tuple[str, ...], ...]
     strain: Array  # (n, 3) along the row, across the rows, shear [rad]; NaN where a patch has none
-    stored_tilt: Array  # (n,) as the patch knows it [rad]; NaN where it does not
+    stored_tilt: Array  # (n,) of the patch [rad]; NaN where it has none
 
     @classmethod
     def of(cls, patches: Sequence[Patch]) -> "AllTaxels":
-        """Those of some patches, one after another."""
+        """Return the taxels of some patches, one patch after another."""
         taxels = [patch.taxels for patch in patches]
         most = max((t.corners_link.shape[1] for t in taxels), default=3)
 
@@ -63,15 +65,15 @@ class AllTaxels:
 
     @cached_property
     def rows(self) -> dict[str, int]:
-        """The row of each id."""
+        """Row of each id."""
         return {name: row for row, name in enumerate(self.ids)}
 
     @cached_property
     def tilt(self) -> Array:
-        """Largest angle to a neighbour (n,) [rad], whatever the skin is made of; NaN where there is none."""
+        """Largest angle to a neighbour, shape (n,) [rad], for all kinds of skins; NaN without a neighbour."""
         ends = [(row, self.rows[other]) for row, others in enumerate(self.neighbours) for other in others]
         a, b = np.array(ends, np.int64).reshape(-1, 2).T
-        # Half the angle from half the difference: exact where the normals are nearly the same.
+        # Half of the angle from half of the difference: exact for nearly equal normals.
         gap = np.linalg.norm(self.normals[a] - self.normals[b], axis=1)
         angle = 2 * np.arcsin(np.clip(gap / 2, 0, 1))
         found = np.full(len(self.ids), -1.0)
@@ -80,17 +82,17 @@ class AllTaxels:
 
     @property
     def stretch(self) -> Array:
-        """The larger one of the strains along and across the rows (n,), with its sign; NaN where there is none."""
+        """Strain along or across the rows, the one with the larger magnitude, with sign, shape (n,); NaN if unknown."""
         along, across = self.strain[:, 0], self.strain[:, 1]
         return np.where(np.abs(along) >= np.abs(across), along, across)
 
     def row_of(self, word: str) -> int:
-        """The row of a taxel that is named by its id, or by its channel.
+        """Return the row of a taxel, by its id or its channel.
 
         Raises
         ------
         UnknownTaxel
-            If there is none; says what there is.
+            If there is no such taxel; the message lists similar ids and the range of the channels.
         """
         word = word.strip()
         if word in self.rows:
@@ -105,20 +107,22 @@ class AllTaxels:
         raise UnknownTaxel(f"no taxel {word!r} here; {channels}, ids from {self.ids[0]}{did_you_mean(word, self.ids)}")
 
     def under(self, start: Array, direction: Array, farthest: float = np.inf) -> int | None:
-        """The taxel whose cell a ray meets first from outside, None where it meets none.
+        """Return the row of the taxel whose cell a ray hits first from outside; None without a hit.
 
         Parameters
         ----------
-        start, way : array, shape (3,)
-            Of the ray [m].
+        start : array, shape (3,)
+            Start of the ray [m].
+        direction : array, shape (3,)
+            Direction of the ray; its length is the unit of ``farthest``.
         farthest : float
-            Where the ray ends, in lengths of ``way``.
+            End of the ray, in lengths of ``direction``.
         """
         a = self.positions[:, None]
         u, v = self.corners - a, np.roll(self.corners, -1, axis=1) - a
         p = cross(np.broadcast_to(direction, v.shape), v)
         volume = (u * p).sum(axis=2)
-        facing = volume > 0  # corners turn counter-clockwise as seen from outside
+        facing = volume > 0  # corners are counter-clockwise seen from outside
         scale = np.where(facing, volume, 1.0)
         t = np.broadcast_to(start - a, u.shape)
         q = cross(t, u)
@@ -137,7 +141,7 @@ class AllTaxels:
 
     @cached_property
     def adjacent(self) -> IntArray:
-        """The taxel on the other side of each side of each cell (n, k); -1 where there is none."""
+        """Taxel on the other side of each side of each cell, shape (n, k); -1 without one."""
         n, k = self.corners.shape[:2]
         ends = np.roll(self.corners, -1, axis=1)
         middle, length = ((self.corners + ends) / 2).reshape(-1, 3), np.linalg.norm(ends - self.corners, axis=2).ravel()
@@ -157,7 +161,7 @@ class AllTaxels:
         return found.reshape(n, k)
 
     def outline(self, rows: IntArray) -> Array:
-        """Sides (s, 2, 3) of some cells that none of the others lies beside [m]."""
+        """Return the sides of some cells that are not common to two of them, shape (s, 2, 3) [m]."""
         chosen = np.zeros(len(self.ids) + 1, bool)  # -1 is the last
         chosen[rows] = True
         ends = np.stack((self.corners[rows], np.roll(self.corners[rows], -1, axis=1)), axis=2)
@@ -166,7 +170,7 @@ class AllTaxels:
 
     @property
     def width(self) -> float:
-        """Side of a square of the middle area of a cell [m]; 0 where there is no cell."""
+        """Side of a square with the median area of the cells [m]; 0 without cells."""
         return float(np.sqrt(np.median(self.areas))) if len(self.areas) else 0.0
 
 

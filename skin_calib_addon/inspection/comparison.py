@@ -1,4 +1,4 @@
-"""The taxels of a link beside those of a file: how far each is from its own, and whether another frame is why."""
+"""Comparison of the taxels of a link with those of a file: distances, angles, and a possible error of the frame."""
 
 import os
 from collections.abc import Iterator
@@ -18,32 +18,34 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import MAX_REMAINING_RATIO, ON_MESH_DISTANCE, find_frame
 from .all_taxels import AllTaxels
 
-# From this mean distance on [m] it is asked whether one motion would take most of it away.
+# Mean distance from which on a motion between the two sets is tested [m]. Larger: fewer notes.
 MIN_MOTION_DISTANCE = 5e-4
-MIN_ROTATION = 0.05  # that is told [degrees]
+# Smallest rotation that a note states [degrees]. Larger: fewer rotations.
+MIN_ROTATION = 0.05
+# Number of ids that a note names.
 MAX_IDS_NAMED = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Pairs of a taxel of ours and one of a file; row i of every array is the same pair."""
+    """Pairs of a taxel of the link ("ours") and a taxel of a file ("theirs"); row i of every array is the same pair."""
 
     by: Literal["id", "nearest"]
     ours: IntArray  # (m,) rows
     theirs: IntArray  # (m,) rows
     ends: Array  # (m, 2, 3) from ours to theirs [m]
     angles: Array | None  # (m,) between the normals [rad]; None where the file has none
-    worst: str  # of ours, the id of the one that is furthest off
-    notes: tuple[str, ...]  # what else a person should know, the frame first
+    worst: str  # id of our taxel with the largest distance
+    notes: tuple[str, ...]  # further notes for a person, the frame first
 
     @property
     def distances(self) -> Array:
-        """Of each pair (m,) [m]."""
+        """Distance of each pair, shape (m,) [m]."""
         return np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
 
 
 def read_others(path: str | os.PathLike[str]) -> TaxelSet:
-    """Taxels of a calibration, or of a file of another program in any format that can be read.
+    """Read the taxels of a calibration, or of a file of another program in any readable format.
 
     Raises
     ------
@@ -60,18 +62,22 @@ def read_others(path: str | os.PathLike[str]) -> TaxelSet:
 
 
 def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str = "") -> Comparison:
-    """Pair taxels with those of a file: by id where most agree, else each of the file with the nearest of ours.
+    """Pair taxels with those of a file: by id if most ids agree, otherwise each of the file with the nearest of ours.
 
     Parameters
     ----------
     taxels : AllTaxels
-        Ours, at least one.
+        Our taxels, at least one.
     others : TaxelSet
-        Of the file, as it stands there.
+        Taxels of the file, in its frame.
     mesh : TriangleMesh
-        Of the link, on which taxels in its frame lie.
+        Mesh of the link, which defines the link frame.
     link : str
-        Its name, if the file may name another.
+        Name of the link, if the file may name another one.
+
+    Returns
+    -------
+    Comparison
     """
     known = [(taxels.rows[label], row) for row, label in enumerate(others.labels) if label in taxels.rows]
     is_named = 2 * len(known) >= min(len(taxels.ids), len(others.labels))
@@ -95,12 +101,12 @@ def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str =
 
 
 def _angles(a: Array, b: Array) -> Array:
-    """Angles between unit vectors (m, 3): exact also where they are nearly the same, or opposite."""
+    """Return angles between unit vectors (m, 3), exact also near 0 and 180 degrees."""
     return 2 * np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
 
 
 def _of_pairs(ends: Array) -> Iterator[str]:
-    """Whether one motion lays the taxels of the file on their own (Kabsch, 1976)."""
+    """Yield a note if one motion brings the taxels of the file to ours (Kabsch, 1976)."""
     ours, theirs = ends.transpose(1, 0, 2)
     before = float(np.linalg.norm(theirs - ours, axis=1).mean())
     if before < MIN_MOTION_DISTANCE or len(ends) < 3:
@@ -115,24 +121,24 @@ def _of_pairs(ends: Array) -> Iterator[str]:
 
 
 def _of_mesh(mesh: TriangleMesh, positions: Array) -> Iterator[str]:
-    """Whether the taxels of the file lie on the mesh, and what would bring them there."""
+    """Yield a note if the taxels of the file are not on the mesh, and the motion that brings them there."""
     fit = find_frame(mesh, positions)
     if fit.before.mean <= ON_MESH_DISTANCE:
         return
-    off = f"{_mm(fit.before.mean)} off the mesh on the mean"
+    off = f"{_mm(fit.before.mean)} off the mesh on average"
     if fit.verdict == "right":
-        yield f"It lies {off}, and no motion brings it much nearer"
+        yield f"It is {off}, and no motion brings it much nearer"
     elif fit.verdict == "lost":
         left = _mm(fit.after.mean)
-        yield f"It lies {off}, and no motion brings it nearer than {left}: another link, or another unit?"
+        yield f"It is {off}, and no motion brings it nearer than {left}: another link, or another unit?"
     else:
-        also = ", but it would lie there in other places too" if fit.verdict == "ambiguous" else ""
+        also = ", but other positions fit, too" if fit.verdict == "ambiguous" else ""
         motion = _motion(fit.rotation, fit.translation)
-        yield f"Another frame: it lies {off}; {motion} would bring it to {_mm(fit.after.mean)}{also}"
+        yield f"Another frame: it is {off}; {motion} would bring it to {_mm(fit.after.mean)}{also}"
 
 
 def _motion(turn: Array, shift: Array) -> str:
-    """A motion in words."""
+    """Describe a motion in words."""
     angle = np.rad2deg(np.linalg.norm(Rotation.from_matrix(turn).as_rotvec()))
     by = ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in shift.tolist())  # no minus zero
     turned = f"a turn by {angle:.1f}° and " if angle >= MIN_ROTATION else ""
@@ -146,16 +152,16 @@ def _mm(length: float) -> str:
 def _unpaired(
     by: str, ids: tuple[str, ...], labels: tuple[str, ...], ours: IntArray, theirs: IntArray
 ) -> Iterator[str]:
-    """Taxels that have no partner; by the nearest, also those that share one."""
+    """Yield notes on taxels without a partner, and on taxels with more than one."""
     alone = [ids[row] for row in np.setdiff1d(np.arange(len(ids)), ours)]
     others = [labels[row] for row in np.setdiff1d(np.arange(len(labels)), theirs)]
     repeated = len(ours) - len(np.unique(ours))
     if alone:
-        yield f"{_count(alone)} of ours without one in the file: {_named(alone)}"
+        yield f"{_count(alone)} of the link without a partner in the file: {_named(alone)}"
     if others:
-        yield f"{_count(others)} of the file without one of ours: {_named(others)}"
+        yield f"{_count(others)} of the file without a partner on the link: {_named(others)}"
     if by == "nearest" and repeated:
-        yield f"{repeated} of the file share the nearest of ours with another"
+        yield f"{repeated} of the file have the same nearest taxel of the link as another one"
 
 
 def _count(names: list[str]) -> str:
@@ -169,4 +175,4 @@ def _named(names: list[str]) -> str:
 def _inward(angles: Array | None) -> Iterator[str]:
     count = 0 if angles is None else int((angles > np.pi / 2).sum())
     if count:
-        yield f"{count} normals of the file look the other way"
+        yield f"{count} normals of the file point in the opposite direction"

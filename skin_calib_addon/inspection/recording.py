@@ -1,4 +1,4 @@
-"""Recorded readings: what a controller got, cycle after cycle, from a CSV or NPZ file."""
+"""Recorded readings of a controller, cycle by cycle, from a CSV or NPZ file."""
 
 import zipfile
 from collections.abc import Iterator
@@ -16,23 +16,24 @@ from ..runtime.balance.polygon import Polygon
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
 
-MAX_NUMBERS = 2**28  # of an NPZ file
+# Limit of the numbers in an NPZ file; protects the memory. Larger: accepts larger files.
+MAX_NUMBERS = 2**28
 
 
 def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
-    """Time [s] and reading of each frame of a recording.
+    """Yield time [s] and reading of each frame of a recording.
 
     Parameters
     ----------
     path : path
-        A CSV file whose header begins with ``time``, with a column for each channel in their order, where an empty cell
-        is a lost number; commas, semicolons or tabs separate columns. Or an NPZ file with arrays ``time`` (t,) and
-        ``readings`` (t, channels).
+        A CSV file or an NPZ file. The header of a CSV file begins with ``time`` and has a column for each channel, in
+        their order. Commas, semicolons or tabs separate the columns. An empty cell is a lost number. An NPZ file has
+        the arrays ``time`` (t,) and ``readings`` (t, channels).
 
     Raises
     ------
     CalibrationFormatError
-        Names the file, and line and column, of the first thing that is wrong.
+        If the file is invalid; names the file, and line and column of the first error.
     """
     path = Path(path)
     return _packed(path) if path.suffix.lower() == ".npz" else _table(path)
@@ -42,7 +43,7 @@ def _packed(path: Path) -> Iterator[tuple[float, Array]]:
     size_of(path)
     try:
         if not zipfile.is_zipfile(path):  # NumPy would take it for a pickle
-            raise CalibrationFormatError(f"cannot read '{path}': it is no NPZ file; save it with numpy.savez")
+            raise CalibrationFormatError(f"cannot read '{path}': it is not an NPZ file; save it with numpy.savez")
         with np.load(path, allow_pickle=False) as file:
             missing = [name for name in ("time", "readings") if name not in file.files]
             if missing:
@@ -88,9 +89,9 @@ def _number(cell: str, path: Path, line: int, column: int) -> float:
 
 
 def frame_document(frame: Frame) -> dict[str, Any]:
-    """A frame as JSON has it: SI units, contacts and wrench in the link frame, the rest in the ground's coordinates.
+    """Return a frame as JSON values in SI units.
 
-    What is not known is null, never a number.
+    Contacts and wrench are in the link frame, the rest is in coordinates of the ground. Unknown values are null.
     """
     return {
         "time": _known(frame.time),

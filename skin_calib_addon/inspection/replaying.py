@@ -1,4 +1,4 @@
-"""A recording on the skin of a link: any of its frames, in any order."""
+"""Replay of a recording on the skin of a link; frames are available in any order."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,26 +12,28 @@ from ..runtime import Frame, Skin
 from .all_taxels import AllTaxels
 from .recording import read_recording
 
-# Forces that are kept at most: a quarter of a gigabyte.
+# Limit of the numbers that a replay keeps: a quarter of a gigabyte. Larger: accepts longer recordings.
 MAX_FORCES = 2**25
-# Between frames of a recording whose times tell nothing [s].
+# Period of the frames if the times of a recording do not increase [s]. Larger: slower replay.
 DEFAULT_PERIOD = 0.01
 
 
 class Replay:
-    """Readings of a recording through the runtime.
+    """Readings of a recording, processed by the runtime.
 
     Parameters
     ----------
     calibration : LinkCalibration
+        Calibration of the skin.
     recorded : iterable of (time [s], reading)
+        Frames of the recording.
     name : str
-        Of the recording, for messages.
+        Name of the recording, for messages.
 
     Raises
     ------
     CalibrationFormatError
-        If it has no frame, or one that is no reading of this skin; says which, and why.
+        If there is no frame, or a frame is not a reading of this skin; names the first one.
     """
 
     def __init__(self, calibration: LinkCalibration, recorded: Iterable[tuple[float, Array]], name: str):
@@ -40,7 +42,7 @@ class Replay:
             raise CalibrationFormatError(f"{calibration.link} has no taxel that '{name}' could be shown on")
         self._skin = Skin(calibration)
         self._frames: list[Frame] = []
-        self.strongest = 0.0  # force on a taxel in any frame [N]
+        self.strongest = 0.0  # largest force on a taxel in any frame [N]
         self._readings: list[Array] = []
         times = []
         for time, reading in recorded:
@@ -49,15 +51,23 @@ class Replay:
         if not times:
             raise CalibrationFormatError(f"'{name}' holds no frame")
         self.times = np.array(times, float)  # (frames,) as recorded [s]
-        self.seconds = _since_start(self.times)  # (frames,) never going back
+        self.seconds = _since_start(self.times)  # (frames,) non-decreasing
 
     @classmethod
     def read(cls, calibration: LinkCalibration, path: str | Path) -> "Replay":
-        """A recording in a file, see `read_recording`."""
+        """Read a recording from a file, see `read_recording`.
+
+        Parameters
+        ----------
+        calibration : LinkCalibration
+            Calibration of the skin.
+        path : path
+            A CSV or NPZ file.
+        """
         return cls(calibration, read_recording(path), Path(path).name)
 
     def _take(self, reading: Array, name: str) -> None:
-        """Check a reading, and keep it."""
+        """Check a reading and store it."""
         if (len(self._readings) + 1) * len(self.taxels.ids) > MAX_FORCES:
             most = MAX_FORCES // len(self.taxels.ids)
             raise CalibrationFormatError(f"'{name}' has more than {most} frames, too many to keep: cut it into parts")
@@ -73,32 +83,35 @@ class Replay:
 
     @property
     def skin(self) -> Skin:
-        """The skin that feels the recording."""
+        """The skin that processes the recording."""
         return self._skin
 
     @property
     def numbers(self) -> int:
-        """How many numbers a frame of the recording has; the skin may need fewer."""
+        """Count of numbers in a frame of the recording; the skin may need fewer."""
         return len(self._readings[0])
 
     @property
     def duration(self) -> float:
-        """From the first frame to the end of the last [s]."""
+        """Time from the first frame to the end of the last one [s]."""
         return float(self.seconds[-1] + (self.seconds[-1] / (len(self) - 1) if len(self) > 1 else DEFAULT_PERIOD))
 
     def at(self, seconds: float) -> int:
-        """The frame that is felt so long after the first."""
+        """Return the frame at a time after the first one [s]."""
         return int(np.clip(np.searchsorted(self.seconds, seconds, side="right") - 1, 0, len(self) - 1))
 
     def frame(self, k: int) -> Frame:
-        """What the skin feels in frame k, after all those before: contacts keep their numbers."""
+        """Return the result of frame k after all frames before it: contacts keep their numbers."""
         for i in range(len(self._frames), k + 1):
             self._frames.append(self._skin.update(self._readings[i], self.times[i]))
         return self._frames[k]
 
 
 def _since_start(times: Array) -> Array:
-    """Seconds since the first time; one that is none, or goes back, is that before. Even steps where none goes on."""
+    """Return non-decreasing seconds since the first time; even steps if no time increases.
+
+    A time that is not finite, or smaller than the one before, is replaced by the one before.
+    """
     known = np.isfinite(times)
     since = np.where(known, times, 0.0) - times[known][:1].sum()
     seconds: Array = np.maximum.accumulate(np.where(known, since, 0.0).clip(0))

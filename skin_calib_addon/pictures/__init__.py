@@ -1,1 +1,1 @@
-"""Pictures that Matplotlib draws of calibrations, responses, touches and replays."""
+"""Pictures without Blender: calibrations, responses, touches and replayed recordings."""

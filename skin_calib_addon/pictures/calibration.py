@@ -1,4 +1,4 @@
-"""A picture of a calibration without OpenGL: faces are sorted by depth and drawn from the back."""
+"""Picture of a calibration without OpenGL: faces are sorted by depth and drawn from the back."""
 
 import io
 from dataclasses import dataclass
@@ -16,11 +16,13 @@ from ..geometry.sampling.planes import perpendicular
 from ..geometry.surface.distance import MeshDistance
 from ..pipeline.calibrate import surface_of
 
-QUAD_COUNTS = (60, 120)  # how finely a surface is drawn, along u and v
-LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # from the viewer's right and above
-NORMAL_LENGTH = 0.006  # [m]
-PLAIN = np.array((0.78, 0.80, 0.83))
-# What colours the cells, the first that there is: name, scale, least end of the bar, label.
+# Faces of a drawn surface along u and v. Larger: smoother, slower.
+QUAD_COUNTS = (60, 120)
+LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # direction of the light: from the right of the viewer and above
+# Length of a drawn normal [m].
+NORMAL_LENGTH = 0.006
+PLAIN = np.array((0.78, 0.80, 0.83))  # colour of faces without a value
+# Values that can colour the cells; the first available one is used: name, scale, smallest end of the bar, label.
 SHOWN = (
     ("strain", 100.0, 0.1, "strain of the cell [%]"),
     ("gap", 1e3, 0.1, "height of corners, or of the taxel [mm]"),
@@ -29,44 +31,58 @@ SHOWN = (
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """An orthographic view: rows are right, up and towards the viewer, in the link frame."""
+    """An orthographic view; the rows of ``axes`` point right, up and towards the viewer, in the link frame."""
 
     axes: Array
 
     def project(self, points: Array) -> Array:
-        """Points as right, up, towards the viewer [m]."""
+        """Return points as right, up, towards the viewer [m]."""
         return points @ self.axes.T
 
 
 def look_at(normals: Array, along: Array) -> Camera:
-    """A view that sees the mean of ``normals``, from a little above, with ``along`` upright."""
+    """Return a view along the mean of ``normals``, from slightly above, with ``along`` upright.
+
+    Parameters
+    ----------
+    normals : array, shape (n, 3)
+        Unit normals of the visible side.
+    along : array, shape (3,)
+        Unit vector that points up in the picture.
+
+    Returns
+    -------
+    Camera
+    """
     front = unit(normals.mean(axis=0)) if np.linalg.norm(normals.mean(axis=0)) > 0.1 else unit(normals[0])
     towards = unit(front + 0.35 * along)
     right = np.cross(along, towards)
-    right = unit(right) if np.linalg.norm(right) > 1e-6 else perpendicular(towards)  # along the view nothing is upright
+    right = unit(right) if np.linalg.norm(right) > 1e-6 else perpendicular(towards)  # the view is parallel to ``along``
     return Camera(np.array((right, np.cross(towards, right), towards)))
 
 
 def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: TriangleMesh | None = None) -> None:
-    """Draw mesh, fitted surface and taxels side by side into a PNG.
+    """Draw mesh, fitted surface and taxels side by side into a PNG file.
 
     Parameters
     ----------
     calibration : LinkCalibration
+        Calibration with a surface.
     path : path
+        The PNG file.
     mesh : TriangleMesh, optional
-        The cover; the surface is then coloured by its distance to it. Without it only surface and taxels are drawn.
+        The cover. It is drawn, and the surface is coloured by its distance from it.
 
     Raises
     ------
     SkinCalibError
-        If matplotlib is not there, or the calibration has no surface.
+        If matplotlib is missing, or the calibration has no surface.
     OutputError
         If the picture cannot be written.
     """
     if not calibration.surfaces:
         raise SkinCalibError(f"the calibration of '{calibration.link}' has no surface to draw; fit its plan")
-    figure = blank(1, 1)  # says what is missing before anything is computed
+    figure = blank(1, 1)  # raises before the computation if matplotlib is missing
     grids = [surface_of(s).grid_points(*(np.linspace(0, 1, k + 1) for k in QUAD_COUNTS)) for s in calibration.surfaces]
     grid, all_quads = grids[0], np.concatenate([_quads(grid) for grid in grids])
     quads, all_normals = _quads(grid), _quad_normals(all_quads)
@@ -88,7 +104,7 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
 
 
 def _quads(grid: Array) -> Array:
-    """The faces (k, 4, 3) between the points of a grid."""
+    """Return the faces (k, 4, 3) between the points of a grid."""
     return np.stack((grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]), axis=2).reshape(-1, 4, 3)
 
 
@@ -97,12 +113,17 @@ def _quad_normals(quads: Array) -> Array:
 
 
 def blank(width: float, height: float) -> Any:
-    """An empty figure of a size in inches, without a window.
+    """Return an empty figure without a window.
+
+    Parameters
+    ----------
+    width, height : float
+        Size [inches].
 
     Raises
     ------
     SkinCalibError
-        If matplotlib is not there.
+        If matplotlib is missing.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -117,14 +138,22 @@ def blank(width: float, height: float) -> Any:
 
 
 def save_png(figure: Any, path: str | Path) -> None:
-    """Write a figure, the same bytes for the same drawing."""
+    """Write a figure; the same drawing gives the same bytes.
+
+    Parameters
+    ----------
+    figure : matplotlib figure
+        The figure.
+    path : path
+        The PNG file.
+    """
     data = io.BytesIO()
     figure.savefig(data, format="png", metadata={"Software": None})
     write_bytes_safely(path, data.getvalue())
 
 
 def _visible_normals(calibration: LinkCalibration, normals: Array) -> Array:
-    """Normals of the side to look at: of an open surface its taxels, of a tube the side opposite its seam."""
+    """Return normals of the side to look at: the taxels of an open surface, the side of a tube opposite its seam."""
     taxels = [p.taxels.normals_link for p in calibration.patches]
     if taxels and not calibration.surfaces[0].closed[1]:
         return np.concatenate(taxels)
@@ -132,7 +161,7 @@ def _visible_normals(calibration: LinkCalibration, normals: Array) -> Array:
 
 
 class _Panel:
-    """One drawing: layers of polygons with normals, colours and outlines, and the bar that explains the colours."""
+    """One drawing: layers of polygons with normals, colours and outlines, and a colour bar."""
 
     title: str
     unit = ""
@@ -140,10 +169,10 @@ class _Panel:
     layers: list[Any]
 
     def decorate(self, axis: Any, camera: Camera) -> None:
-        """Draw what lies over the layers."""
+        """Draw what is above the layers."""
 
     def scale(self, name: str, largest: float) -> Any:
-        """Colours from zero to a largest value."""
+        """Return colours from zero to a largest value."""
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
@@ -164,10 +193,12 @@ class _ErrorPanel(_Panel):
         errors = calibration.surfaces[0].errors.surface_to_mesh
         self.title = f"surface: mean {errors.mean * 1e3:.3f} mm, max {errors.max * 1e3:.3f} mm"
         u, v = ((np.arange(k) + 0.5) / k for k in QUAD_COUNTS)
-        middles = surface_of(calibration.surfaces[0]).grid_points(u, v)  # on the surface; a quad is a chord of it
+        middles = surface_of(calibration.surfaces[0]).grid_points(
+            u, v
+        )  # points of the surface; a quad is a chord of it
         distance = MeshDistance(mesh)(middles.reshape(-1, 3))[0]
         scale = self.scale("turbo", 1e3 * min(errors.max, 5 * errors.rms))
-        beyond = distance > 2 * errors.max  # the surface goes on where the mesh has ended
+        beyond = distance > 2 * errors.max  # the surface extends beyond the mesh
         colours = np.where(beyond[:, None], PLAIN, scale.to_rgba(1e3 * distance)[:, :3])
         self.layers = [(quads, normals, colours, None)]
 
@@ -193,8 +224,8 @@ class _TaxelPanel(_Panel):
 def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
     """Draw layers of polygons (k, c, 3) with their normals and colours.
 
-    What faces away comes first, then layer by layer, the further ones first: a cell and the surface it lies on are
-    too close for their depths to tell which is in front.
+    Faces that point away are drawn first. Then the layers follow in order, each from far to near. The depths of a cell
+    and of the surface under it are too similar for a common order.
     """
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
@@ -228,7 +259,7 @@ def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
 
 
 def _draw_normals(axis: Any, camera: Camera, positions: Array, normals: Array) -> None:
-    """Sticks along the normals of the taxels that face the viewer."""
+    """Draw lines along the normals of the taxels that face the viewer."""
     from matplotlib.collections import LineCollection
 
     seen = normals @ camera.axes[2] > 0

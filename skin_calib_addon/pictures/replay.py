@@ -1,4 +1,4 @@
-"""A picture of a replayed recording: where the skin was pressed, how contacts moved, where a foot could stand."""
+"""Picture of a replayed recording: largest forces, paths of contacts, CoP and supporting polygons."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,19 +12,29 @@ from ..runtime.skin import Skin
 from .calibration import blank, save_png
 
 COLOURS = {"outer": "#9aa7b8", "nominal": "#1552c0", "guaranteed": "#1a9a3a"}
-MAX_POLYGONS = 6  # frames whose polygons are drawn
+# Number of frames with drawn polygons.
+MAX_POLYGONS = 6
 
 
 def draw_replay(skin: Skin, frames: Sequence[Frame], path: str | Path) -> None:
-    """Draw the skin with the largest force on each taxel, the contacts' ways, and forces over time, into a PNG.
+    """Draw the largest force on each taxel, the paths of the contacts, and forces over time into a PNG file.
 
-    A skin with a ground is seen on it, from the robot, with the CoP and some supporting polygons; another one patch by
-    patch in its rows and columns.
+    A skin with a ground is drawn on it, seen from the robot, with the CoP and some supporting polygons. Another skin is
+    drawn patch by patch in its rows and columns.
+
+    Parameters
+    ----------
+    skin : Skin
+        Skin that processed the recording.
+    frames : sequence of Frame
+        Its results, at least one.
+    path : path
+        The PNG file.
 
     Raises
     ------
     SkinCalibError
-        If matplotlib is not there.
+        If matplotlib is missing.
     OutputError
         If the picture cannot be written.
     """
@@ -35,7 +45,7 @@ def draw_replay(skin: Skin, frames: Sequence[Frame], path: str | Path) -> None:
     _draw_cells(figure, place, cells, peak)
     if skin.ground is None:
         _draw_paths(place, skin, frames)
-        place.set(title="largest force on each taxel, and the contacts' ways", xlabel="column", ylabel="row")
+        place.set(title="largest force on each taxel, and paths of the contacts", xlabel="column", ylabel="row")
     else:
         _draw_support(place, frames)
         place.set(title="largest force, CoP and supporting polygons", xlabel="x on the ground [mm]", ylabel="y [mm]")
@@ -46,14 +56,14 @@ def draw_replay(skin: Skin, frames: Sequence[Frame], path: str | Path) -> None:
 
 
 def _cells(skin: Skin) -> Array:
-    """Outlines (n, k, 2): on the ground [mm], or unit squares of rows and columns, patches one above the other."""
+    """Return outlines (n, k, 2): on the ground [mm], or unit squares in rows and columns, patch above patch."""
     if skin.ground is not None:
         return 1e3 * skin.ground.corners
     return _index(skin)[:, None, ::-1] + np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
 def _index(skin: Skin) -> Array:
-    """Row and column (n, 2) of each taxel, patches one above the other."""
+    """Return row and column (n, 2) of each taxel, patch above patch."""
     index = skin.geometry.index.astype(float)
     for patch in range(1, int(skin.geometry.patch.max(initial=0)) + 1):
         mine = skin.geometry.patch == patch
@@ -72,13 +82,13 @@ def _draw_cells(figure: Any, axes: Any, cells: Array, forces: Array) -> None:
 
 
 def _draw_paths(axes: Any, skin: Skin, frames: Sequence[Frame]) -> None:
-    """Where each contact went, in rows and columns."""
+    """Draw the path of each contact in rows and columns."""
     index = _index(skin)
     paths: dict[int, list[Array]] = {}
     for frame in frames:
         for contact in frame.contacts:
             strongest = contact.taxels[contact.forces.argmax()]
-            near = np.abs(index[contact.taxels] - index[strongest]).max(axis=1) < 8  # not over the seam
+            near = np.abs(index[contact.taxels] - index[strongest]).max(axis=1) < 8  # not across the seam
             paths.setdefault(contact.number, []).append(
                 contact.forces[near] @ index[contact.taxels[near]] / contact.forces[near].sum()
             )
@@ -89,7 +99,7 @@ def _draw_paths(axes: Any, skin: Skin, frames: Sequence[Frame]) -> None:
 
 
 def _draw_support(axes: Any, frames: Sequence[Frame]) -> None:
-    """The CoP's way, and polygons of some frames between the first and the last that stands."""
+    """Draw the path of the CoP, and the polygons of some frames."""
     standing = [frame for frame in frames if frame.cop is not None]
     if not standing:
         return
@@ -106,7 +116,7 @@ def _draw_support(axes: Any, frames: Sequence[Frame]) -> None:
 
 
 def _draw_forces(axes: Any, frames: Sequence[Frame]) -> None:
-    """Force of each contact over time, and when there were doubts."""
+    """Draw the force of each contact over time, and mark flagged frames."""
     courses: dict[int, list[tuple[float, float]]] = {}
     for frame in frames:
         for contact in frame.contacts:

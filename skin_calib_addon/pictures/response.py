@@ -1,4 +1,4 @@
-"""A picture of fitted responses: measurements, curves and residuals."""
+"""Picture of fitted responses: measurements, curves and residuals."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,17 +9,28 @@ from ..calibration.measurements import Measurements
 from ..calibration.response_fit import ResponseFit
 from .calibration import blank, save_png
 
-CURVE_POINTS = 400  # at which a curve is drawn
-MAX_CURVES_NAMED = 10  # as many curves have colours and names of their own
+# Points of a drawn curve. Larger: smoother.
+CURVE_POINTS = 400
+# Largest number of curves with their own colours and names.
+MAX_CURVES_NAMED = 10
 
 
 def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit], path: str | Path) -> None:
-    """Draw forces over readings with the curves, and beside them the residuals, into a PNG.
+    """Draw forces over readings with the fitted curves, and the residuals, into a PNG file.
+
+    Parameters
+    ----------
+    measured : sequence of Measurements
+        Measurements of each curve.
+    fits : sequence of ResponseFit
+        Their fits.
+    path : path
+        The PNG file.
 
     Raises
     ------
     SkinCalibError
-        If matplotlib is not there.
+        If matplotlib is missing.
     OutputError
         If the picture cannot be written.
     """
@@ -35,7 +46,7 @@ def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit]
         curves.plot(x, fit.response.newtons(x), color=colour, alpha=alpha, linewidth=1.3, label=label)
         errors.plot(one.readings[fit.used], fit.residuals, ".", color=colour, alpha=0.6 * alpha, markersize=4)
     errors.axhline(0.0, color="0.4", linewidth=0.8)
-    for axis, label in ((curves, "force [N]"), (errors, "residual, measured less told [N]")):
+    for axis, label in ((curves, "force [N]"), (errors, "residual, measured minus fitted [N]")):
         axis.set_xlabel("reading")
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)

@@ -1,4 +1,4 @@
-"""A picture of touches: over the flat skin, and all of them over one cell."""
+"""Picture of touches: on the flat skin, and all of them on one cell."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,22 +11,30 @@ from ..common.errors import SkinCalibError
 from ..validation.placement import Placement, flat_places
 from .calibration import blank, save_png
 
-FIGURE_WIDTH, PATCH_HEIGHT = 12.0, 4.8  # of a patch [inches]
+FIGURE_WIDTH = 12.0  # [inches]
+PATCH_HEIGHT = 4.8  # height of one patch [inches]
 
 
 def draw_touches(found: Sequence[Placement], path: str | Path) -> None:
-    """Draw each patch as it lies flat with its touches, and beside it the touches over one cell, into a PNG.
+    """Draw each flat patch with its touches, and all touches on one cell, into a PNG file.
+
+    Parameters
+    ----------
+    found : sequence of Placement
+        Touches of each patch.
+    path : path
+        The PNG file.
 
     Raises
     ------
     SkinCalibError
-        If matplotlib is not there, or no patch has a flat shape.
+        If matplotlib is missing, or no patch has a flat shape.
     OutputError
         If the picture cannot be written.
     """
     shown = [placement for placement in found if placement.patch.kind != "imported" and len(placement.rows)]
     if not shown:
-        raise SkinCalibError("the touches are on no sheet and no boards, whose flat shape could be drawn")
+        raise SkinCalibError("no picture: only touches on sheets and boards can be drawn, as these have a flat shape")
     figure = blank(FIGURE_WIDTH, PATCH_HEIGHT * len(shown))
     axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
     for (map_axis, cell_axis), placement in zip(axes, shown):
@@ -37,7 +45,7 @@ def draw_touches(found: Sequence[Placement], path: str | Path) -> None:
 
 
 def _draw_map(axis: Any, placement: Placement) -> None:
-    """The flat skin, and from each taxel to where it was touched."""
+    """Draw the flat skin, and lines from each taxel to its touches."""
     from matplotlib.collections import PolyCollection
 
     patch = placement.patch
@@ -64,7 +72,7 @@ def _draw_map(axis: Any, placement: Placement) -> None:
 
 
 def _draw_cell(axis: Any, placement: Placement) -> None:
-    """All touches over one cell, and where their middle is."""
+    """Draw all touches on one cell, and their mean."""
     from matplotlib.patches import Ellipse
 
     off, outline = placement.off[:, :2] * 1e3, _outlines(placement)[placement.rows[0]] * 1e3
@@ -92,12 +100,12 @@ def _draw_cell(axis: Any, placement: Placement) -> None:
 
 
 def _add_legend(axis: Any) -> None:
-    """What the colours are, below the drawing."""
+    """Add a legend below the drawing."""
     axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False)
 
 
 def _outlines(placement: Placement) -> Array:
-    """Corners of each cell about its taxel, along its row and across it (n, k, 2) [m]."""
+    """Return corners of each cell relative to its taxel, along its row and across it, shape (n, k, 2) [m]."""
     taxels = placement.patch.taxels
     arms = taxels.corners_link - taxels.positions_link[:, None]
     across = np.cross(taxels.normals_link, taxels.tangents_link)

@@ -66,8 +66,8 @@ def test_taxels_without_a_partner_are_told(taxels, same, wrist):
     labels = ("other", *same.labels[1:])
     notes = compare(taxels, replace(same, labels=labels), wrist.cover).notes
     assert notes == (
-        "1 taxel of ours without one in the file: wrist.0.0",
-        "1 taxel of the file without one of ours: other",
+        "1 taxel of the link without a partner in the file: wrist.0.0",
+        "1 taxel of the file without a partner on the link: other",
     )
 
 
@@ -82,8 +82,8 @@ def test_strange_names_are_paired_by_place(taxels, same, wrist):
     assert found.by == "nearest" and (found.ours == gaps.argmin(axis=1)).all() and found.angles is None
     assert_allclose(found.distances, gaps.min(axis=1))
     assert found.notes == (
-        "1 taxel of ours without one in the file: wrist.0.5",
-        "1 of the file share the nearest of ours with another",
+        "1 taxel of the link without a partner in the file: wrist.0.5",
+        "1 of the file have the same nearest taxel of the link as another one",
     )
 
 
@@ -100,14 +100,14 @@ def test_wrong_frame_is_told_with_the_motion(taxels, same, wrist):
     scattered = same.positions + np.random.default_rng(2).normal(0, 2e-3, (120, 3))
     assert compare(taxels, replace(same, positions=scattered), wrist.cover).notes == ()
     renamed = replace(moved, labels=tuple(f"t{k}" for k in range(120)))
-    assert compare(taxels, renamed, wrist.cover).notes[0].startswith("Another frame: it lies ")
+    assert compare(taxels, renamed, wrist.cover).notes[0].startswith("Another frame: it is ")
 
 
 def test_normals_that_look_inward_are_counted(taxels, same, wrist):
     """Of a file whose normals are turned round."""
     normals = np.where(np.arange(120)[:, None] < 30, -same.normals, same.normals)
     found = compare(taxels, replace(same, normals=normals), wrist.cover)
-    assert found.notes == ("30 normals of the file look the other way",)
+    assert found.notes == ("30 normals of the file point in the opposite direction",)
     assert_allclose(found.angles[:30], np.pi)
 
 

@@ -144,7 +144,7 @@ def test_file_that_is_no_archive_is_refused(tmp_path):
     path = tmp_path / "r.npz"
     path.write_bytes(bytes(range(256)) * 8)
     with pytest.raises(
-        CalibrationFormatError, match="cannot read .*r.npz': it is no NPZ file; save it with numpy.savez"
+        CalibrationFormatError, match="cannot read .*r.npz': it is not an NPZ file; save it with numpy.savez"
     ):
         list(read_recording(path))
 
