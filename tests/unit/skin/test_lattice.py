@@ -1,4 +1,4 @@
-"""Flat lattices: cells, nodes and what lies between them."""
+"""Flat lattices: cells and nodes."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,9 @@ lattices = st.builds(
 
 
 def flat_nodes(lattice):
-    """Where the nodes of the flat lattice lie: x along the rows, y from row to row, the first corner at the origin."""
+    """Positions of the nodes of the flat lattice: x along the rows, y from row to row, the first corner at the
+    origin.
+    """
     a, b = lattice.node_shape
     y, x = np.meshgrid(np.arange(a) * lattice.step[0], np.arange(b) * lattice.step[1], indexing="ij")
     return np.stack((x, y), axis=-1)
@@ -23,22 +25,22 @@ def flat_nodes(lattice):
 
 @given(lattice=lattices)
 def test_lattice_lists_its_cells_row_by_row(lattice):
-    """Every cell once, in the order of the channels."""
+    """Every cell occurs once, in the order of the channels."""
     expected = [[i, j] for i in range(lattice.rows) for j in range(lattice.columns)]
     assert lattice.index.tolist() == expected
 
 
 @given(lattice=lattices)
 def test_lattice_centres_are_half_a_pitch_in(lattice):
-    """The centre of cell (k, l) is at (k + 1/2, l + 1/2) pitches, not at a corner of it."""
+    """The centre of cell (k, l) is at (k + 1/2, l + 1/2) pitches, not at a corner."""
     centres = lattice.at_cells(flat_nodes(lattice), CENTRE)[:, 0]
     expected = (lattice.index[:, ::-1] + 0.5) * lattice.pitch[::-1]
     np.testing.assert_allclose(centres, expected, rtol=1e-14)
 
 
 @given(lattice=lattices)
-def test_lattice_corners_go_round_the_cell(lattice):
-    """Counter-clockwise, a whole cell in area, with the centre in their middle; edges lie between corners."""
+def test_lattice_corners_are_counter_clockwise(lattice):
+    """Corners are counter-clockwise around the centre and enclose a whole cell; edges are between corners."""
     nodes = flat_nodes(lattice)
     centres, corners, edges = (lattice.at_cells(nodes, offsets) for offsets in (CENTRE, CORNERS, EDGES))
     x, y = corners[..., 0], corners[..., 1]
@@ -54,14 +56,14 @@ def test_lattice_corners_go_round_the_cell(lattice):
     [(0, 3, (0.01, 0.01)), (3, -1, (0.01, 0.01)), (3, 3, (0.0, 0.01)), (3, 3, (0.01, -0.01))],
 )
 def test_lattice_without_area_is_refused(rows, columns, pitch):
-    """No rows, no columns, no width: the message has the numbers."""
+    """The message for no rows, no columns or no width has the numbers."""
     with pytest.raises(InvalidPlan, match=rf"a sheet of {rows} x {columns} cells with pitch \[.*\] has no area"):
         SheetLattice(rows, columns, pitch)
 
 
 @given(st.integers(-30, 30), st.integers(-30, 30), st.floats(0, 0.49), st.floats(0, 2 * np.pi))
-def test_place_belongs_to_the_cell_whose_centre_is_nearest(q, r, away, turn):
-    """Anywhere within half a pitch of a centre, whatever the gap."""
+def test_point_belongs_to_the_cell_with_the_nearest_centre(q, r, away, turn):
+    """A point within half a pitch of a centre belongs to its cell, with any gap."""
     lattice = HexLattice(0.0163, -0.0005)
     place = lattice.centres(np.array([[q, r]]))[0] + away * lattice.pitch * np.array((np.cos(turn), np.sin(turn)))
     assert lattice.cell_at(place) == (q, r)

@@ -1,4 +1,4 @@
-"""Filling flat regions with boards: none sticks out, none is left out, and no search by brute force finds more."""
+"""Boards in flat regions: they do not protrude, all are there, and brute force gives no better result."""
 
 from functools import cache
 
@@ -18,7 +18,7 @@ from tests.unit.skin.boards.test_region import random_loops, turned
 
 seeds = st.integers(0, 2**32 - 1)
 SIDE = 0.0163
-BOARDS = HexLattice(SIDE, 0.02775 - np.sqrt(3) * SIDE)  # those of the thesis: trimmed, so that they stand closer
+BOARDS = HexLattice(SIDE, 0.02775 - np.sqrt(3) * SIDE)  # those of the thesis: trimmed, with a negative gap
 TIGHT = HexLattice(SIDE, 0.0)
 LATTICES = {"boards": BOARDS, "tight": TIGHT}
 SMALL = HexLattice(0.01, 0.001)
@@ -26,18 +26,18 @@ DEGREES = np.deg2rad(np.arange(60))
 
 
 def rectangle(width=0.2542, height=0.1305):
-    """A loop about zero."""
+    """Return a loop about zero."""
     return np.array(((-1, -1), (1, -1), (1, 1), (-1, 1))) * (width / 2, height / 2)
 
 
 def ring(radius, x=0.0, y=0.0, count=8):
-    """A loop of many points about (x, y)."""
+    """Return a loop of many points about (x, y)."""
     angle = 2 * np.pi * np.arange(count) / count
     return radius * np.column_stack((np.cos(angle), np.sin(angle))) + (x, y)
 
 
 def sole(count=32, waist=0.45):
-    """The outline of a foot, which is narrower in its middle by the share ``waist``."""
+    """Return the outline of a foot, which is narrower in its middle by the fraction ``waist``."""
     angle = 2 * np.pi * (np.arange(count) + 0.3) / count
     x, y = 0.127 * np.cos(angle), 0.06 * np.sign(np.sin(angle)) * np.abs(np.sin(angle)) ** 0.7
     return np.column_stack((x, y * (1 - waist * np.exp(-(((x + 0.02) / 0.05) ** 2)))))
@@ -55,13 +55,15 @@ REGIONS = {
 
 @cache
 def filled(name, lattice):
-    """A region by its name, and its boards."""
+    """Return a region by its name, and its boards."""
     region = Region(REGIONS[name])
     return region, fill(region, lattice)
 
 
-def sees_inside(outline, loops):
-    """Whether points all along the outline, pulled in by a nanometre, lie inside, and no loop enters it."""
+def outline_is_inside(outline, loops):
+    """Return whether points along the outline, a nanometre inside of it, are in the region, and no loop enters the
+    outline.
+    """
     middle = outline.mean(axis=0)
     inner = middle + (1 - TOUCH_TOLERANCE / SIDE) * (points_on(outline, 12) - middle)
     entered = [np.linalg.norm(points_on(loop, 200) - middle, axis=1).min() < 0.8 * SIDE for loop in loops]
@@ -80,8 +82,10 @@ def sees_inside(outline, loops):
         ),
     ],
 )
-def test_brute_force_finds_no_more(name, lattice):
-    """All offsets in steps of a millimetre, all angles in degrees, every board cut with every edge."""
+def test_brute_force_gives_no_more_boards(name, lattice):
+    """All offsets in steps of a millimetre and all angles in degrees, with every board cut with every edge, give no
+    more.
+    """
     region, placement = filled(name, LATTICES[lattice])
     most = most_boards(edges_of(region.loops), placement.lattice, all_offsets(placement.lattice, 1e-3), DEGREES)
     assert len(placement.cells) - 4 <= most <= len(placement.cells)
@@ -89,9 +93,9 @@ def test_brute_force_finds_no_more(name, lattice):
 
 @pytest.mark.parametrize("name", REGIONS)
 def test_boards_inside_are_those_listed(name):
-    """Every board lies inside point by point, and no other cell of the lattice does; by r, then q."""
+    """Every board is inside point by point, and no other cell of the lattice is; they are sorted by r, then q."""
     region, placement = filled(name, TIGHT)
-    assert all(sees_inside(outline, region.loops) for outline in placement.corners)
+    assert all(outline_is_inside(outline, region.loops) for outline in placement.corners)
     r, q = (a.ravel() - 30 for a in np.indices((61, 61)))
     cells = np.column_stack((q, r))
     centres = placement.offset + turned(TIGHT.centres(cells), placement.angle)
@@ -102,7 +106,7 @@ def test_boards_inside_are_those_listed(name):
 
 @pytest.mark.parametrize("name", REGIONS)
 def test_root_is_the_board_in_the_middle(name):
-    """Cell (0, 0) is there, and no board is nearer to the centroid."""
+    """Cell (0, 0) has a board, and no board is nearer to the centroid."""
     region, placement = filled(name, BOARDS)
     away = np.linalg.norm(placement.centres - region.centroid, axis=1)
     assert away[placement.cells.tolist().index([0, 0])] < away.min() + 2e-6
@@ -114,7 +118,9 @@ def test_root_is_the_board_in_the_middle(name):
     [(9, 8, [9, 8, 9, 8, 9]), (8.5, 8, [8, 8, 8, 8, 8]), (1, 2, [1]), (2, 3.5, [2, 1])],
 )
 def test_boards_that_fill_a_rectangle_to_its_edges_are_found(width, height, rows):
-    """They touch all four sides, so that no step of a search meets the one pose; a micrometre less, and they do not."""
+    """The boards touch all four sides, so that no step of a search meets the single pose; they do not fit in a
+    micrometre less.
+    """
     side = np.sqrt(2 * 691e-6 / (3 * np.sqrt(3)))
     lattice, size = HexLattice(side, 0.0), (np.sqrt(3) * side * width, side * height)
     region = Region((turned(rectangle(*size), 0.2),))
@@ -130,29 +136,34 @@ def test_boards_that_fill_a_rectangle_to_its_edges_are_found(width, height, rows
 
 
 @pytest.mark.parametrize("size", [(0.2542, 0.1305), (0.2, 0.034), (0.05, 0.034)])
-def test_boards_lie_in_the_middle(size):
-    """As much is left at one side of a rectangle as at the other, also along it, where there is more."""
-    low, high = (getattr(fill(Region((rectangle(*size),)), TIGHT).corners, way)(axis=(0, 1)) for way in ("min", "max"))
+def test_boards_are_in_the_middle(size):
+    """The free lengths at both sides of a rectangle are equal, also along it, where they are longer."""
+    low, high = (
+        getattr(fill(Region((rectangle(*size),)), TIGHT).corners, direction)(axis=(0, 1))
+        for direction in ("min", "max")
+    )
     assert_allclose(low, -high, atol=1e-6)
 
 
-def test_of_poses_as_good_the_least_turned_is_taken():
-    """A board in a ring of twelve points has its room at every half of a sixth of a turn."""
+def test_smallest_rotation_of_equal_poses_is_taken():
+    """A board in a ring of twelve points has the same clearance every 30 degrees; the smallest rotation is taken."""
     assert_allclose(fill(Region((turned(ring(0.025, count=12), 0.1),)), TIGHT).angle, 0.1, atol=1e-6)
 
 
 @examples(4)
 @given(seed=seeds, angle=st.floats(-4, 4), x=st.floats(-1, 1), y=st.floats(-1, 1))
-def test_boards_go_where_the_region_goes(seed, angle, x, y):
-    """Turned and moved: the same number, and as much room."""
+def test_boards_move_with_the_region(seed, angle, x, y):
+    """The number of boards and the clearance are the same after a rigid motion of the region."""
     loops = random_loops(seed)
-    counts, rooms = zip(*(count_and_room(l) for l in (loops, [turned(loop, angle) + (x, y) for loop in loops])))
+    counts, clearances = zip(
+        *(count_and_clearance(l) for l in (loops, [turned(loop, angle) + (x, y) for loop in loops]))
+    )
     assert counts[0] == counts[1]
-    assert_allclose(*rooms, atol=2e-6)
+    assert_allclose(*clearances, atol=2e-6)
 
 
-def count_and_room(loops, lattice=SMALL):
-    """How many boards fit, and the room of the tightest; none at all is zero."""
+def count_and_clearance(loops, lattice=SMALL):
+    """Return the number of boards that fit, and the smallest clearance; zero without a board."""
     region = Region(tuple(loops))
     try:
         placement = fill(region, lattice)
@@ -161,8 +172,8 @@ def count_and_room(loops, lattice=SMALL):
     return len(placement.cells), region.clearances(placement.centres, placement.corners[0] - placement.centres[0]).min()
 
 
-def test_boards_of_a_lopsided_region_move_with_it():
-    """Only one placement is best: its boards go along one by one, however the region is turned."""
+def test_boards_of_an_asymmetric_region_move_with_it():
+    """With a single best placement, each board moves with the region, at any rotation."""
     loop = np.array(((0, 0), (0.13, 0.01), (0.11, 0.07), (0.03, 0.09)))
     here = fill(Region((loop,)), SMALL)
     for angle in (0.4, 2.0, -1.1):
@@ -175,17 +186,17 @@ def test_boards_of_a_lopsided_region_move_with_it():
 @pytest.mark.slow
 @examples(3)
 @given(seed=seeds, growth=st.floats(1, 1.2))
-def test_larger_region_never_holds_fewer(seed, growth):
-    """A star that grows from its middle keeps every board; and so does one whose holes are closed."""
+def test_larger_region_never_has_fewer_boards(seed, growth):
+    """A star that grows from its middle keeps every board; so does one with closed holes."""
     star, *holes = random_loops(seed)
     inside = [hole for hole in holes if all(is_inside(point, [star]) for point in points_on(hole, 20))][:1]
-    counts = [count_and_room(loops)[0] for loops in ((star, *inside), (star,), (growth * star,))]
+    counts = [count_and_clearance(loops)[0] for loops in ((star, *inside), (star,), (growth * star,))]
     assert counts == sorted(counts)
 
 
 @examples(4)
 @given(seed=seeds, angle=st.floats(-2, 2))
-def test_given_angle_is_kept_and_brute_force_finds_no_more(seed, angle):
+def test_given_angle_is_kept_and_brute_force_gives_no_more(seed, angle):
     """Only the offset is searched."""
     loops = (random_loops(seed)[0],)
     most = most_boards(edges_of(loops), SMALL, all_offsets(SMALL, 5e-4), [angle])
@@ -196,8 +207,8 @@ def test_given_angle_is_kept_and_brute_force_finds_no_more(seed, angle):
 
 @examples(4)
 @given(seed=seeds)
-def test_given_offset_is_kept_and_brute_force_finds_no_more(seed):
-    """Only the angle is searched; cell (0, 0) lies at the offset, whether it has a board or not."""
+def test_given_offset_is_kept_and_brute_force_gives_no_more(seed):
+    """Only the angle is searched; cell (0, 0) is at the offset, with or without a board."""
     loops = (random_loops(seed)[0],)
     offset = np.random.default_rng(seed).uniform(-0.03, 0.03, 2)
     middle = (loops[0].min(axis=0) + loops[0].max(axis=0)) / 2
@@ -211,7 +222,7 @@ def test_given_offset_is_kept_and_brute_force_finds_no_more(seed):
 
 @given(seed=seeds, angle=st.floats(-2, 2), q=st.integers(-3, 3), r=st.integers(-3, 3), sixths=st.integers(-6, 6))
 def test_given_offset_and_angle_place_all_that_fit(seed, angle, q, r, sixths):
-    """Nothing is searched; a step of the lattice and sixths of a turn place the same boards."""
+    """There is no search; a step of the lattice and rotations by 60 degrees place the same boards."""
     region, rng = Region(random_loops(seed)), np.random.default_rng(seed)
     offset = rng.uniform(-0.03, 0.03, 2)
     far = turned(SMALL.centres(np.array([(x, y) for x in range(-12, 13) for y in range(-12, 13)])), angle) + offset
@@ -244,6 +255,6 @@ def test_given_offset_and_angle_place_all_that_fit(seed, angle, q, r, sixths):
     ],
 )
 def test_what_cannot_be_filled_is_refused(loop, given, message):
-    """Too small, flat, nowhere, in millimetres, far away: the message says what to do."""
+    """The message for a region that is too small, flat, in millimetres or far away says what to do."""
     with pytest.raises(InvalidPlan, match=message):
         fill(Region((loop,)), TIGHT, **given)

@@ -1,4 +1,4 @@
-"""Which boards lie on a surface: as many as fit, all that fit as it lies, or those that the author chose."""
+"""Choice of boards on a surface: as many as fit, all at a given position, or those of the author."""
 
 import pathlib
 
@@ -21,18 +21,18 @@ FLOOR = plane_surface(0.1, 0.08)
 
 
 def corners(boards, lattice):
-    """Corners of flat boards that look up, shape (n, 6, 2)."""
+    """Corners of flat boards that face up, shape (n, 6, 2)."""
     axes = np.stack((boards.tangents, np.cross((0, 0, 1), boards.tangents)), axis=1)
     return boards.surface.points(boards.uv)[:, None, :2] + (lattice.corners @ axes)[..., :2]
 
 
 def flat_fit(mesh):
-    """A surface on a flat mesh that looks up."""
+    """Return a surface on a flat mesh that faces up."""
     return fit_surface(mesh, AcrossGrid(6, 6, (0, 0, 1), (1, 0, 0)))
 
 
 def test_all_keeps_the_origin_and_the_direction():
-    """Every board that fits and none besides, on a rectangle: by the corners of a large lattice."""
+    """Exactly the boards that fit are placed on a rectangle, by the corners of a large lattice."""
     origin, turn = np.array((0.047, 0.041)), 0.2
     boards, overhang = lay_boards(FLOOR, SMALL, "all", (*origin, 0), (np.cos(turn), np.sin(turn), 0))
     many = np.array([(q, r) for q in range(-15, 16) for r in range(-15, 16)])
@@ -44,8 +44,10 @@ def test_all_keeps_the_origin_and_the_direction():
     assert_allclose(np.sort(corners(boards, SMALL).ravel()), np.sort(places[fits].ravel()), rtol=0, atol=1e-9)
 
 
-def test_fill_finds_more_than_the_lattice_as_it_lies():
-    """Free to slide and turn: never fewer than from any origin and direction tried; the root near the origin."""
+def test_fill_gives_at_least_as_many_boards_as_any_given_pose():
+    """Free offset and rotation never give fewer boards than any tested origin and direction; the root is near the
+    origin.
+    """
     boards, _ = lay_boards(FLOOR, SMALL, "fill", (0.05, 0.04, 0), (1, 0, 0))
     found = corners(boards, SMALL)
     assert (found > -1e-8).all() and (found < np.array((0.1, 0.08)) + 1e-8).all()
@@ -59,16 +61,16 @@ def test_fill_finds_more_than_the_lattice_as_it_lies():
     assert (np.lexsort(boards.cells.T) == np.arange(len(boards.cells))).all()  # by r, then q
 
 
-def test_boards_keep_off_holes_edges_and_zones():
-    """A plate with a notch and a hole, and a screw to stay clear of: no outline over any."""
+def test_boards_avoid_holes_edges_and_zones():
+    """No outline is above a notch, a hole or an excluded zone of a plate."""
     mesh = sheet(lambda x, y: 0 * x, cells=(50, 40))
     mesh = with_hole(keep(mesh, lambda c: (c[:, 0] < 0.07) | (c[:, 1] < 0.05)), (0.03, 0.03, 0), 0.008)
     fit, screw = flat_fit(mesh), Zone((0.08, 0.02, 0.001), 0.007)
     for choice in ("all", "fill"):
         boards, _ = lay_boards(fit.surface, SMALL, choice, None, (1, 0, 0), fit=fit, excluded=(screw,))
         outlines = corners(boards, SMALL)
-        share = np.linspace(0, 1, 20)[:, None, None, None]
-        points = (outlines + share * (np.roll(outlines, -1, axis=1) - outlines)).reshape(-1, 2)
+        fraction = np.linspace(0, 1, 20)[:, None, None, None]
+        points = (outlines + fraction * (np.roll(outlines, -1, axis=1) - outlines)).reshape(-1, 2)
         assert not ((points[:, 0] > 0.0705) & (points[:, 1] > 0.0505)).any()
         for centre, radius in (((0.03, 0.03), 0.006), ((0.08, 0.02), 0.007 - 1e-6)):
             assert np.linalg.norm(points - centre, axis=1).min() > radius
@@ -78,8 +80,8 @@ def test_boards_keep_off_holes_edges_and_zones():
     assert set(map(tuple, kept.cells.tolist())) < set(map(tuple, bare.cells.tolist()))
 
 
-def test_zone_beyond_the_edge_makes_no_room():
-    """A zone that reaches over the rim takes boards away, and what of it lies outside takes none in."""
+def test_zone_beyond_the_edge_adds_no_area():
+    """A zone across the rim removes boards; its part outside adds none."""
     zone = Zone((0.1, 0.04, 0), 0.015)
     boards, _ = lay_boards(FLOOR, SMALL, "all", (0.05, 0.04, 0), (1, 0, 0), excluded=(zone,))
     found = corners(boards, SMALL)
@@ -88,7 +90,7 @@ def test_zone_beyond_the_edge_makes_no_room():
 
 
 def test_zone_over_a_hole_does_not_close_it():
-    """Holes and zones add up, wherever they overlap: no board comes to lie in both."""
+    """Holes and zones add up where they overlap: no board is in either."""
     hole = 0.006 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 40, endpoint=False)]) + 0.03
     plate = np.array(((0, 0), (0.06, 0), (0.06, 0.06), (0, 0.06)))
     zones = tuple(hole + shift for shift in ((0.003, 0.0), (0.0, 0.004), (0.031, 0.0)))
@@ -105,8 +107,8 @@ def test_zone_over_a_hole_does_not_close_it():
         assert not Path(loop).contains_points(boards.corners.reshape(-1, 2), radius=-1e-9).any()
 
 
-def test_boards_go_round_a_tube_and_end_at_a_seam():
-    """Opposite of the root; none over it twice, none over the rims, pitch kept."""
+def test_boards_on_a_tube_end_at_a_seam():
+    """Opposite of the root no board overlaps another or is beyond the rims, and the pitch is kept."""
     fit = fit_surface(cylinder(0.05, 0.2, 96, 30), TubeGrid(6, 24, Z_AXIS, margin=1e-3))
     boards, overhang = lay_boards(fit.surface, HexLattice(0.01, 0.0), "all", (0.05, 0, 0.1), (0, 1, 0), fit=fit)
     places = fit.surface.points(boards.uv)
@@ -116,37 +118,37 @@ def test_boards_go_round_a_tube_and_end_at_a_seam():
     assert places[:, 2].min() > 0.008 and places[:, 2].max() < 0.192
 
 
-def test_boards_by_hand_are_laid_and_their_overhang_told():
-    """Those named, in their order; one over the rim says how far it sticks out."""
+def test_given_boards_are_placed_and_their_overhang_returned():
+    """The named boards are placed in their order; the overhang of one beyond the rim is returned."""
     cells = ((0, 0), (3, 0), (4, 0))
     boards, overhang = lay_boards(FLOOR, SMALL, cells, (0.05, 0.04, 0), (1, 0, 0))
     assert boards.cells.tolist() == [[0, 0], [3, 0], [4, 0]]
-    reach = 0.05 + 4 * SMALL.pitch + SMALL.pitch / 2 - 0.1  # of its flat side
-    assert_allclose(overhang, (0, 0, max(reach, 0)), rtol=0, atol=1e-9)
+    protrusion = 0.05 + 4 * SMALL.pitch + SMALL.pitch / 2 - 0.1  # of its flat side
+    assert_allclose(overhang, (0, 0, max(protrusion, 0)), rtol=0, atol=1e-9)
     with pytest.raises(OutsideSurface, match=r"board \[9, 0\] lies beyond the edge of the surface, the first of 1"):
         lay_boards(FLOOR, SMALL, ((0, 0), (9, 0)), (0.05, 0.04, 0), (1, 0, 0))
 
 
-def test_bent_surface_is_filled_within_its_edges():
-    """A wrist, bent both ways: boards beyond the rim by more than half a millimetre are left out."""
+def test_curved_surface_is_filled_within_its_edges():
+    """Boards on a doubly curved wrist that protrude by more than half a millimetre are left out."""
     boards, overhang = lay_boards(wrist_surface(), HexLattice(0.008, 0.0), "fill", None, None)
     assert len(boards.cells) > 50 and overhang.max() <= 5e-4
 
 
 def test_no_board_fits():
-    """A clear line, for boards wider than the cone is long."""
+    """The message for boards wider than the length of the cone is clear."""
     with pytest.raises(InvalidPlan, match="no board with sides of 40 mm fits completely in the region"):
         lay_boards(cone_surface(0.06, 0.06, 0.05), HexLattice(0.04, 0.0), "fill", None, (0, 1, 0))
 
 
 @pytest.mark.parametrize("direction", [(1, 1, 0), (-0.49, -0.872, 0), (0.3, -1, 0)])
 @pytest.mark.parametrize("choice", ["all", [(0, 0), (1, 0), (0, 1)]])
-def test_row_of_the_root_runs_where_it_is_told_on_a_surface_that_wavers(direction, choice):
-    """A sole's surface is a guess beside its outline; the row is not led aside by that."""
+def test_row_of_the_root_keeps_its_direction_on_a_wavy_surface(direction, choice):
+    """The surface of a sole is an extrapolation outside its outline; it does not change the direction of the row."""
     plan = load_plan(SAMPLES / "sole.plan.json")
     cover = cut_cover(load_mesh(plan.mesh, plan.unit), plan.cover)
     fit = fit_grid(cover, plan.grid, plan.degree)
     boards, _ = lay_boards(fit.surface, HexLattice(0.0163, 0.0), choice, None, direction, fit=fit)
-    way = boards.tangents[np.flatnonzero(~boards.cells.any(axis=1))[0], :2]
-    turned = np.arctan2(way[1], way[0]) - np.arctan2(direction[1], direction[0])
+    vector = boards.tangents[np.flatnonzero(~boards.cells.any(axis=1))[0], :2]
+    turned = np.arctan2(vector[1], vector[0]) - np.arctan2(direction[1], direction[0])
     assert abs((turned + np.pi) % (2 * np.pi) - np.pi) < np.deg2rad(0.3)

@@ -1,4 +1,4 @@
-"""Flat regions: what lies inside, and how much room boards have there."""
+"""Flat regions: points inside, and clearances of boards."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ SQUARE = 0.1 * np.array(((0, 0), (1, 0), (1, 1), (0, 1.0)))
 
 
 def random_loops(seed):
-    """A star with three to nine points, and up to two loops anywhere near it; they may cross."""
+    """Return a star with three to nine points, and up to two loops near it; they may cross."""
     rng = np.random.default_rng(seed)
     angle = np.sort(rng.uniform(0, 2 * np.pi, rng.integers(3, 10)))
     star = rng.uniform(0.02, 0.1, (len(angle), 1)) * np.column_stack((np.cos(angle), np.sin(angle)))
@@ -26,13 +26,13 @@ def random_loops(seed):
 
 
 def turned(points, angle):
-    """Points turned about zero."""
+    """Return points rotated about zero."""
     return points @ np.array(((np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))))
 
 
 @given(seed=seeds)
-def test_region_is_what_an_odd_number_of_loops_encloses(seed):
-    """Outlines, holes, islands and loops that cross themselves, wound either way: counted edge by edge."""
+def test_region_follows_the_parity_rule(seed):
+    """Outlines, holes, islands and crossing loops of either orientation are counted edge by edge."""
     loops = random_loops(seed)
     points = np.random.default_rng(seed).uniform(-0.1, 0.1, (50, 2))
     region = Region(tuple(loop[:: (-1) ** k] for k, loop in enumerate(loops)))
@@ -40,8 +40,8 @@ def test_region_is_what_an_odd_number_of_loops_encloses(seed):
 
 
 @given(seed=seeds)
-def test_region_does_not_hang_on_how_its_loops_are_written(seed):
-    """Doubled points, points on an edge, another start, there and back again: the same inside, the same rooms."""
+def test_region_does_not_depend_on_the_form_of_its_loops(seed):
+    """Doubled points, points on an edge, another start and a bridge give the same inside and the same clearances."""
     loops, rng = random_loops(seed), np.random.default_rng(seed)
     a, b = loops[0][0], loops[0][1]
     bridge = np.concatenate((loops[0][:1], rng.uniform(-0.1, 0.1, (1, 2)), loops[0][:1]))
@@ -53,7 +53,7 @@ def test_region_does_not_hang_on_how_its_loops_are_written(seed):
 
 
 def test_triangles_of_a_flat_mesh_are_a_region():
-    """Edges that two triangles share part nothing: what is left is the outline, and a hole."""
+    """Common edges of two triangles have no effect: the outline and a hole remain."""
     hole = 0.05 + turned(0.01 * SQUARE / 0.1 - 0.005, 0.3)
     ring = [
         np.array(triangle)
@@ -66,20 +66,22 @@ def test_triangles_of_a_flat_mesh_are_a_region():
 
 @examples(25)
 @given(seed=seeds)
-def test_rooms_are_those_between_the_outlines(seed):
-    """Against all corners and points all along the edges; these lie up to half a step from the deepest one."""
+def test_clearances_are_those_between_the_outlines(seed):
+    """Clearances agree with all corners and with points along the edges, which are up to half a step from the deepest
+    one.
+    """
     loops, rng = random_loops(seed), np.random.default_rng(seed)
     region, outline = Region(loops), turned(BOARD, rng.uniform(0, 1))
     centres = rng.uniform(-0.08, 0.08, (3, 2))
     step = np.linalg.norm(np.diff(region.edges, axis=1), axis=2).max() / 30
-    for centre, room in zip(centres, region.clearances(centres, outline)):
+    for centre, clearance in zip(centres, region.clearances(centres, outline)):
         slow = room_of(centre + outline, loops, 30)
-        assert slow - 0.5 * step - 1e-12 < room < slow + 1e-12
+        assert slow - 0.5 * step - 1e-12 < clearance < slow + 1e-12
 
 
 @given(seed=seeds)
-def test_rooms_change_by_no_more_than_the_move(seed):
-    """From inside to outside and over holes: no jump."""
+def test_clearances_change_by_no_more_than_the_move(seed):
+    """Clearances are continuous from inside to outside and over holes."""
     rng = np.random.default_rng(seed)
     region, start = Region(random_loops(seed)), rng.uniform(-0.08, 0.08, (1, 2))
     path = start + np.arange(40)[:, None] * turned(np.array((0.001, 0)), rng.uniform(0, 7))
@@ -87,7 +89,7 @@ def test_rooms_change_by_no_more_than_the_move(seed):
 
 
 @pytest.mark.parametrize(
-    ("centre", "room"),
+    ("centre", "clearance"),
     [
         ((0.05, 0.05), 0.05 - 0.0163),  # a corner is nearest to the upper and the lower side
         ((0.05, 0.0163), 0.0),
@@ -95,26 +97,26 @@ def test_rooms_change_by_no_more_than_the_move(seed):
         ((0.05, -1.0), -1.0163),
     ],
 )
-def test_room_of_a_board_in_a_square(centre, room):
-    """Inside the distance of the outlines, outside how far the board sticks out."""
-    assert_allclose(Region((SQUARE,)).clearances(np.array([centre]), BOARD), room, atol=1e-15)
+def test_clearance_of_a_board_in_a_square(centre, clearance):
+    """Inside it is the distance of the outlines, outside the protrusion of the board."""
+    assert_allclose(Region((SQUARE,)).clearances(np.array([centre]), BOARD), clearance, atol=1e-15)
 
 
 @pytest.mark.parametrize(
-    ("thorn", "room"),
+    ("thorn", "clearance"),
     [
         ([(0.049, 0), (0.05, 0.04), (0.051, 0)], 0.01 - np.sqrt(0.75) * 0.0163),
         ([(0, 0.0499), (0.1, 0.0499), (0.1, 0.0501), (0, 0.0501)], 0.0001 - np.sqrt(0.75) * 0.0163),
     ],
 )
-def test_room_of_a_board_that_something_pokes_into(thorn, room):
-    """A thorn, and a slit that leaves no corner of either in the other: as deep as the region pokes into the board."""
+def test_clearance_of_a_board_with_a_penetration(thorn, clearance):
+    """A thorn, and a slit without a corner of either in the other: the clearance is the depth of the penetration."""
     region = Region((SQUARE, np.array(thorn)))
-    assert_allclose(region.clearances(np.array([(0.05, 0.05)]), turned(BOARD, np.pi / 6)), room, atol=1e-15)
+    assert_allclose(region.clearances(np.array([(0.05, 0.05)]), turned(BOARD, np.pi / 6)), clearance, atol=1e-15)
 
 
-def test_region_knows_its_middle_and_its_reflex_points():
-    """A square with a square hole in one corner: what is left weighs more on the other side."""
+def test_centroid_and_reflex_points_of_a_region():
+    """The centroid of a square with a square hole in one corner moves to the other side."""
     region = Region((SQUARE, (SQUARE / 5)[::-1] + 0.02))
     assert_allclose(region.centroid, (0.05 * 100 - 0.03 * 4) / 96 * np.ones(2), rtol=1e-12)
     assert sorted(map(tuple, region.points[region.is_reflex].round(6))) == [
@@ -136,7 +138,7 @@ def test_region_knows_its_middle_and_its_reflex_points():
         ((SQUARE + (0, np.nan),), "loop 0 of the region has a number that is not finite"),
     ],
 )
-def test_region_of_nothing_is_refused(loops, message):
-    """Empty, or no points of a plane: the message says which loop."""
+def test_region_without_area_is_refused(loops, message):
+    """The message for an empty or invalid loop says which loop."""
     with pytest.raises(InvalidPlan, match=message):
         Region(loops)

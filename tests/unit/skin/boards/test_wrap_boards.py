@@ -1,4 +1,4 @@
-"""Hexagonal boards on surfaces whose pitch, tilt and gaps are known."""
+"""Hexagonal boards on surfaces with known pitch, tilt and gaps."""
 
 import numpy as np
 import pytest
@@ -18,20 +18,20 @@ TUM = HexLattice(SIDE, GAP)
 BLOCK = np.array([(q, r) for r in range(-1, 3) for q in range(-2, 3)])
 
 
-def laid(surface, cells=BLOCK, lattice=TUM, origin=None, direction=(0, 1, 0), **options):
-    """Taxels of boards."""
+def placed(surface, cells=BLOCK, lattice=TUM, origin=None, direction=(0, 1, 0), **options):
+    """Return the taxels of boards."""
     return board_taxels(wrap_boards(surface, lattice, cells, origin, direction, **options), "b")
 
 
 def pitches(taxels):
-    """Distances between boards that are next to each other in the lattice [m]."""
+    """Distances between boards that are adjacent in the lattice [m]."""
     at = {tuple(cell): i for i, cell in enumerate(taxels.index.tolist())}
     pairs = [(i, at[q + a, r + b]) for (q, r), i in at.items() for a, b in PORTS[:3] if (q + a, r + b) in at]
     return np.array([np.linalg.norm(taxels.positions_link[i] - taxels.positions_link[j]) for i, j in pairs])
 
 
 def test_default_boards_are_those_of_the_tum_skin():
-    """Side 16.3 mm, 691 mm^2 to a square millimetre, 27.75 mm from one to the next."""
+    """The side is 16.3 mm, the area 691 mm^2 to a square millimetre, the pitch 27.75 mm."""
     assert TUM.side == 0.0163
     assert_allclose(TUM.pitch, 0.02775, rtol=1e-12)
     assert_allclose(TUM.area, 691e-6, atol=1e-6)
@@ -40,11 +40,11 @@ def test_default_boards_are_those_of_the_tum_skin():
 @examples(20)
 @given(heading=st.floats(-np.pi, np.pi), gap=st.floats(-0.001, 0.003))
 def test_plane_is_the_identity(heading, gap):
-    """Boards lie where the flat lattice has them, corners and all, without tilt, gap or collision."""
+    """Boards and corners keep their flat positions, without tilt, gap or collision."""
     lattice = HexLattice(0.006, gap)
     direction = np.array((np.cos(heading), np.sin(heading), 0))
     turn = np.stack((direction, np.cross((0, 0, 1), direction)))
-    taxels = laid(plane_surface(0.2, 0.2), lattice=lattice, origin=(0.1, 0.1, 0), direction=direction)
+    taxels = placed(plane_surface(0.2, 0.2), lattice=lattice, origin=(0.1, 0.1, 0), direction=direction)
     assert_allclose(taxels.positions_link, lattice.centres(BLOCK) @ turn + (0.1, 0.1, 0), rtol=0, atol=1e-12)
     expected = (lattice.centres(BLOCK)[:, None] + lattice.corners) @ turn + (0.1, 0.1, 0)
     assert_allclose(taxels.corners_link, expected, rtol=0, atol=1e-12)
@@ -55,41 +55,45 @@ def test_plane_is_the_identity(heading, gap):
 @pytest.mark.parametrize("radius", [0.04, 0.06, 0.1])
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0, 1, 0.5), (0, 0, 1)])
 def test_pitch_is_kept_on_cylinders(radius, direction):
-    """27.75 mm within a tenth of a millimetre, from a fitted mesh, whichever way the rows run."""
+    """The pitch is 27.75 mm within a tenth of a millimetre, on a fitted mesh, for any direction of the rows."""
     surface = fit_surface(cylinder(radius, 0.3, 128, 40), TubeGrid(8, 32, Z_AXIS, margin=1e-4)).surface
-    taxels = laid(surface, origin=(radius, 0, 0.15), direction=direction)
+    taxels = placed(surface, origin=(radius, 0, 0.15), direction=direction)
     found = pitches(taxels)
     assert np.abs(found - 0.02775).max() < 1e-4
     assert_allclose(taxels.quality["pitch_error"].max(), np.abs(found - 0.02775).max(), rtol=0, atol=1e-12)
 
 
 def test_tilt_and_gap_on_a_cylinder_are_those_of_tangent_planes():
-    """Rows round it: neighbours in a row tilt by the angle of their chord; corners stand off as the tangent does."""
+    """With rows around it, neighbours in a row tilt by the angle of their chord; the gap of corners is that of the
+    tangent.
+    """
     radius = 0.06
-    taxels = laid(cone_surface(radius, radius, 0.3), origin=(radius, 0, 0.15))
+    taxels = placed(cone_surface(radius, radius, 0.3), origin=(radius, 0, 0.15))
     assert_allclose(taxels.quality["tilt"], 2 * np.arcsin(TUM.pitch / 2 / radius), rtol=0, atol=2e-3)
-    reach = SIDE * np.cos(np.deg2rad(30))  # of the corners, round the cylinder
-    assert_allclose(taxels.quality["gap"], np.hypot(radius, reach) - radius, rtol=1e-3)
+    extent = SIDE * np.cos(np.deg2rad(30))  # of the corners, around the cylinder
+    assert_allclose(taxels.quality["gap"], np.hypot(radius, extent) - radius, rtol=1e-3)
 
 
-def test_boards_on_the_inside_of_a_bend_run_into_each_other():
-    """In a trough their upper edges meet, the more the thicker they are; on the flat, by no more than their lattice."""
+def test_boards_in_a_trough_collide():
+    """In a trough their upper faces collide, more so if they are thicker; on a plane only as much as in the flat
+    lattice.
+    """
     knots = plane_surface().knots_u
     net = plane_surface(0.2, 0.2).control_net.copy()
     net[..., 2] = 2 * (net[..., 0] - 0.1) ** 2
     trough = type(plane_surface())(net, knots, knots, (3, 3))
     thin, thick = (
-        laid(trough, origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=t).quality["collision"].max()
+        placed(trough, origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=t).quality["collision"].max()
         for t in (0.001, 0.004)
     )
     assert 0 < 4 * thin < thick < 0.004 * TUM.pitch / 0.25  # radius a quarter of a metre: the wedge between two
-    flat = laid(plane_surface(0.2, 0.2), origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=0.004)
+    flat = placed(plane_surface(0.2, 0.2), origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=0.004)
     assert_allclose(flat.quality["collision"], 0, atol=1e-9)
 
 
 def test_frames_are_right_handed_and_corners_lie_on_the_tangent_plane():
-    """Unit to 1e-12, the tangent along the rows, each board flat and as large as the lattice says."""
-    taxels = laid(wrist_surface(), BLOCK[(np.abs(BLOCK) <= 1).all(axis=1)])
+    """Vectors are unit to 1e-12, the tangent is along the rows, each board is flat and has the size of the lattice."""
+    taxels = placed(wrist_surface(), BLOCK[(np.abs(BLOCK) <= 1).all(axis=1)])
     normals, tangents = taxels.normals_link, taxels.tangents_link
     assert np.abs(np.linalg.norm(np.stack((normals, tangents)), axis=2) - 1).max() < 1e-12
     assert np.abs((normals * tangents).sum(axis=1)).max() < 1e-12
@@ -102,44 +106,46 @@ def test_frames_are_right_handed_and_corners_lie_on_the_tangent_plane():
     assert step @ tangents[at[0, 0]] > 0.8 * np.linalg.norm(step)
 
 
-def test_ports_name_the_board_beside_each_side():
-    """The lattice's neighbours, side by side; None where no board is; the other board names this one opposite."""
-    taxels = laid(plane_surface(0.2, 0.2), origin=(0.1, 0.1, 0), direction=(1, 0, 0))
+def test_ports_name_the_board_at_each_side():
+    """Ports are the neighbours in the lattice, None without a board; the other board names this one at the opposite
+    side.
+    """
+    taxels = placed(plane_surface(0.2, 0.2), origin=(0.1, 0.1, 0), direction=(1, 0, 0))
     cells = set(map(tuple, BLOCK.tolist()))
-    for (q, r), ports, beside in zip(taxels.index.tolist(), taxels.ports, taxels.neighbours):
+    for (q, r), ports, adjacent in zip(taxels.index.tolist(), taxels.ports, taxels.neighbours):
         expected = [f"b.{q + a}.{r + b}" if (q + a, r + b) in cells else None for a, b in PORTS]
         assert list(ports) == expected
-        assert set(beside) == set(expected) - {None}
+        assert set(adjacent) == set(expected) - {None}
 
 
 @pytest.mark.parametrize(
     "cells", [[(0, 0)], [(0, 0), (1, 0)], [(k, 0) for k in range(4)], [(-2, -1), (2, 2)], [(3, 0)]]
 )
-def test_few_boards_and_boards_apart_find_their_places(cells):
-    """One, a chain, two islands, none at the root: on a plane exactly, on a cylinder with the pitch kept."""
+def test_few_boards_and_separate_boards_are_placed(cells):
+    """One board, a chain and two islands without the root are exact on a plane, and keep the pitch on a cylinder."""
     lattice = HexLattice(0.006, 0.0)
-    flat = laid(plane_surface(0.2, 0.2), np.array(cells), lattice, (0.1, 0.1, 0), (1, 0, 0))
+    flat = placed(plane_surface(0.2, 0.2), np.array(cells), lattice, (0.1, 0.1, 0), (1, 0, 0))
     assert_allclose(flat.positions_link[:, :2], lattice.centres(np.array(cells)) + 0.1, rtol=0, atol=1e-12)
     assert_allclose(flat.tangents_link, np.broadcast_to((1, 0, 0), (len(cells), 3)), rtol=0, atol=1e-9)
-    round_ = laid(cone_surface(0.04, 0.04), np.array(cells), lattice, (0.04, 0, 0.05), (0, 1, 0.2))
+    round_ = placed(cone_surface(0.04, 0.04), np.array(cells), lattice, (0.04, 0, 0.05), (0, 1, 0.2))
     assert np.abs(pitches(round_) - lattice.pitch).max(initial=0) < 1e-6
 
 
 def test_offset_raises_the_boards_and_keeps_their_pitch_there():
-    """Middle planes 2 mm above a cylinder: that far from it, and a pitch apart."""
-    taxels = laid(cone_surface(0.05, 0.05, 0.3), origin=(0.05, 0, 0.15), offset=0.002)
+    """Middle planes 2 mm above a cylinder have that distance, and the pitch."""
+    taxels = placed(cone_surface(0.05, 0.05, 0.3), origin=(0.05, 0, 0.15), offset=0.002)
     assert_allclose(np.linalg.norm(taxels.positions_link[:, :2], axis=1), 0.052, rtol=0, atol=1e-6)
     assert np.abs(pitches(taxels) - TUM.pitch).max() < 1e-5
 
 
 def test_board_off_the_surface_is_named():
-    """The first whose centre lies beyond an edge, and by how much."""
+    """The error names the first board with its centre beyond an edge, and the distance."""
     with pytest.raises(OutsideSurface, match=r"board \[2, 2\] lies \d+\.\d mm beyond the edge u = 1 of the surface"):
-        laid(plane_surface(0.15, 0.15), origin=(0.075, 0.075, 0), direction=(1, 0, 0))
+        placed(plane_surface(0.15, 0.15), origin=(0.075, 0.075, 0), direction=(1, 0, 0))
 
 
 @pytest.mark.parametrize(("side", "gap"), [(0.0, 0.001), (-0.01, 0.1), (0.01, -0.02)])
-def test_hexagons_without_room_are_refused(side, gap):
-    """No side, or sides that reach over the next centre."""
+def test_hexagons_without_area_or_pitch_are_refused(side, gap):
+    """A side of zero, or sides longer than the pitch, are refused."""
     with pytest.raises(InvalidPlan, match=r"hexagons with sides of .* have no area or no pitch; lengths are in metres"):
         HexLattice(side, gap)

@@ -1,4 +1,4 @@
-"""Sheets that the author pins to points of the mesh."""
+"""Sheets with landmarks: cells that the author fixes to points of the mesh."""
 
 import numpy as np
 import pytest
@@ -17,24 +17,24 @@ WIDE = plane_surface(0.2, 0.2)
 
 
 def centres(surface, landmarks, direction=(1, 0, 0), lattice=LATTICE, **options):
-    """Centres of the cells of a sheet held by landmarks, shape (rows, columns, 3), and its strain."""
+    """Centres of the cells of a sheet with landmarks, shape (rows, columns, 3), and its strain."""
     sheet = wrap_sheet(surface, lattice, None, direction, landmarks=landmarks, **options)
     return sheet_taxels(sheet, "s").positions_link.reshape(lattice.rows, lattice.columns, 3), cell_strain(sheet)
 
 
 def flat(i, j, scale=(1.0, 1.0), turn=0.0, start=(0.05, 0.06)):
-    """Where cell (i, j) lies on the plane, stretched along its rows and across, and turned."""
+    """Position of cell (i, j) on the plane, stretched along its rows and across, and rotated."""
     x, y = 0.01 * j * scale[0], 0.01 * i * scale[1]
     return start[0] + np.cos(turn) * x - np.sin(turn) * y, start[1] + np.sin(turn) * x + np.cos(turn) * y, 0.0
 
 
 def pins(cells, **place):
-    """Landmarks of some cells."""
+    """Landmarks for some cells."""
     return tuple(Landmark(cell, flat(*cell, **place)) for cell in cells)
 
 
-def test_one_landmark_takes_the_part_of_the_origin():
-    """Any cell of it, not only the first."""
+def test_one_landmark_replaces_the_origin():
+    """Any cell can have it, not only the first."""
     found, _ = centres(WIDE, pins([(2, 3)]))
     expected = np.array([[flat(i, j) for j in range(8)] for i in range(5)])
     assert_allclose(found, expected, rtol=0, atol=1e-9)
@@ -43,7 +43,7 @@ def test_one_landmark_takes_the_part_of_the_origin():
 @examples(15)
 @given(turn=st.floats(-0.5, 0.5), longer=st.floats(0.9, 1.1))
 def test_two_landmarks_turn_the_sheet_and_do_not_stretch_it(turn, longer):
-    """The first is met, and the second as nearly as a sheet that keeps its lengths can."""
+    """The first is met exactly, the second as far as a sheet without strain can."""
     found, strain = centres(WIDE, pins([(1, 0), (3, 7)], turn=turn, scale=(longer, longer)))
     first = np.array(flat(1, 0, (longer, longer), turn))
     rest = np.array([[flat(i - 1, j, turn=turn, start=first[:2]) for j in range(8)] for i in range(5)])
@@ -53,8 +53,10 @@ def test_two_landmarks_turn_the_sheet_and_do_not_stretch_it(turn, longer):
 
 @examples(10)
 @given(turn=st.floats(-0.4, 0.4), scale=st.tuples(st.floats(0.96, 1.06), st.floats(0.96, 1.06)))
-def test_landmarks_that_ask_for_an_even_stretch_get_it(turn, scale):
-    """A dozen cells of a plane sheet pulled apart evenly: all met, and the cells in between stretched as much."""
+def test_landmarks_of_an_even_stretch_are_met(turn, scale):
+    """A dozen cells of a plane sheet are moved apart evenly: all landmarks are met, and the other cells are stretched
+    equally.
+    """
     cells = [(i, j) for i in (0, 2, 4) for j in (0, 2, 5, 7)]
     found, strain = centres(WIDE, pins(cells, turn=turn, scale=scale))
     for cell in cells:
@@ -66,12 +68,12 @@ def test_landmarks_that_ask_for_an_even_stretch_get_it(turn, scale):
 
 
 @pytest.mark.parametrize("surface", [cone_surface(RADIUS, RADIUS), wrist_surface()])
-def test_landmarks_where_the_cells_lie_change_nothing_much(surface):
-    """Three cells pinned to where they are: the sheet stays."""
+def test_landmarks_at_the_cells_change_little(surface):
+    """Three cells fixed at their own positions: the sheet does not move."""
     free = sheet_taxels(wrap_sheet(surface, LATTICE, None, (0, 1, 0)), "s").positions_link.reshape(5, 8, 3)
     held = tuple(Landmark(c, tuple(free[c])) for c in ((0, 0), (2, 7), (4, 1)))
     found, _ = centres(surface, held, (0, 1, 0))
-    # The free sheet is at rest but for the forces that hold it in the middle.
+    # The constraint forces that centre the free sheet are missing here.
     assert np.linalg.norm(found - free, axis=2).max() < 2e-4
     for landmark in held:
         assert_allclose(found[landmark.cell], landmark.point, rtol=0, atol=1e-9)
@@ -79,7 +81,7 @@ def test_landmarks_where_the_cells_lie_change_nothing_much(surface):
 
 @pytest.mark.parametrize("surface", [cone_surface(RADIUS, RADIUS), wrist_surface()])
 def test_stretch_to_a_landmark_is_smooth(surface):
-    """One of four landmarks 1 mm off: all are met, the strain is spread and no cell takes it alone."""
+    """One of four landmarks is 1 mm off: all are met, and the strain is distributed over many cells."""
     free = sheet_taxels(wrap_sheet(surface, LATTICE, None, (0, 1, 0)), "s")
     places = free.positions_link.reshape(5, 8, 3)
     moved = places[2, 4] + 0.001 * free.tangents_link.reshape(5, 8, 3)[2, 4]
@@ -92,7 +94,7 @@ def test_stretch_to_a_landmark_is_smooth(surface):
 
 
 def test_landmarks_across_a_seam_and_from_a_rough_direction():
-    """Round a cylinder past its seam, from a direction 40 degrees off: met all the same."""
+    """Landmarks on both sides of a seam are met, from a direction 40 degrees off."""
     surface, turns = cone_surface(RADIUS, RADIUS), np.array((0.0, 0.07, 0.15)) / RADIUS + 2.5
     cells = ((0, 0), (2, 7), (0, 15))
     heights = (0.04, 0.06, 0.04)
@@ -113,6 +115,6 @@ def test_landmarks_across_a_seam_and_from_a_rough_direction():
     ],
 )
 def test_landmarks_of_one_cell_or_one_point_are_refused(held):
-    """Which two."""
+    """The error names the two landmarks."""
     with pytest.raises(InvalidPlan, match="landmarks 0 and [12] have the same cell or the same point"):
         centres(WIDE, held)

@@ -16,7 +16,9 @@ UV = np.random.default_rng(0).random((2000, 2))
 @pytest.mark.parametrize("distance", [-0.002, 0.0005, 0.004])
 @pytest.mark.parametrize("degree", [(3, 3), (2, 4), (5, 2)])
 def test_parallel_surface_lies_at_the_distance(distance, degree):
-    """Along the normals of a wrist, at the same parameters, to a hundredth of the distance; it looks the same way."""
+    """The distance along the normals of a wrist is exact to two hundredths at equal parameters; the orientation is the
+    same.
+    """
     surface = fit_surface(wrist(), TubeGrid(12, 40, margin=0.002), degree).surface
     layer = offset_surface(surface, distance)
     expected = surface.points(UV) + distance * surface.normals(UV)
@@ -26,27 +28,29 @@ def test_parallel_surface_lies_at_the_distance(distance, degree):
 
 
 def test_parallel_of_a_plane_and_of_a_cylinder_is_one():
-    """Exact where a spline can be."""
+    """The parallel surface is exact where a spline can be."""
     assert_allclose(offset_surface(plane_surface(), 0.003).points(UV)[:, 2], 0.003, rtol=0, atol=1e-15)
     tube = offset_surface(cone_surface(RADIUS, RADIUS), 0.003).points(UV)
     assert_allclose(np.linalg.norm(tube[:, :2], axis=1), RADIUS + 0.003, rtol=0, atol=1e-7)
 
 
 def test_no_offset_is_the_surface_itself():
-    """Nothing is fitted again."""
+    """A zero offset makes no new fit."""
     assert offset_surface(wrist_surface(), 0.0) is wrist_surface()
 
 
 @pytest.mark.parametrize(("distance", "sign"), [(-0.04, "-40"), (-0.2, "-200")])
 def test_offset_beyond_the_radius_is_refused(distance, sign):
-    """Inside of a tube of 35 mm its parallel turns inside out; the place is named."""
+    """Inside a tube of 35 mm the parallel surface turns inside out; the error names the position."""
     with pytest.raises(InvalidPlan, match=rf"a skin {sign} mm above the surface folds near \(.*\) mm"):
         offset_surface(cone_surface(RADIUS, RADIUS), distance)
 
 
 @pytest.mark.parametrize("offset", [-0.001, 0.0005, 0.002])
 def test_sheet_keeps_its_lengths_at_its_neutral_layer(offset):
-    """Unrolled at the radius of the layer, not of the mesh: half a millimetre moves cells by more than a millimetre."""
+    """The sheet is unrolled at the radius of its layer: half a millimetre of offset moves cells by more than a
+    millimetre.
+    """
     lattice = SheetLattice(3, 22, (0.01, 0.01))
     surface = cone_surface(RADIUS, RADIUS)
     taxels = sheet_taxels(wrap_sheet(surface, lattice, (RADIUS, 0, 0.03), (0, 1, 0), offset=offset), "s")
@@ -61,7 +65,7 @@ def test_sheet_keeps_its_lengths_at_its_neutral_layer(offset):
 
 @pytest.mark.parametrize("surface", [wrist_surface(), cone_surface()])
 def test_taxels_stand_exactly_above_their_parameters(surface):
-    """Position = surface point + offset x normal, to the last bits, and the normal is the surface's."""
+    """Position = surface point + offset x normal, to rounding, and the normal is that of the surface."""
     sheet = wrap_sheet(surface, SheetLattice(4, 7, (0.01, 0.01)), None, (0, 1, 0), offset=0.0015)
     taxels = sheet_taxels(sheet, "s")
     expected = surface.points(taxels.uv) + 0.0015 * surface.normals(taxels.uv)
@@ -69,8 +73,8 @@ def test_taxels_stand_exactly_above_their_parameters(surface):
     assert_allclose(taxels.normals_link, surface.normals(taxels.uv), rtol=0, atol=1e-12)
 
 
-def test_dome_too_sharp_for_the_offset_names_the_place():
-    """Below a dome of a quarter of a metre in radius."""
+def test_offset_below_the_radius_of_a_dome_is_refused():
+    """The offset below a dome with a radius of a quarter of a metre is refused."""
     surface = fit_surface(dome(), AcrossGrid(6, 6, (0, 0, 1))).surface
     offset_surface(surface, -0.05)
     with pytest.raises(InvalidPlan, match="the radius of curvature there is smaller than the offset"):

@@ -1,4 +1,4 @@
-"""Taxels of wrapped sheets: frames, corners, areas, neighbours."""
+"""Taxels of placed sheets: frames, corners, areas, neighbours."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,9 @@ SHEETS = [
 
 @pytest.mark.parametrize("taxels", SHEETS)
 def test_frames_are_orthonormal(taxels):
-    """Normal and tangent are unit to 1e-12 and at a right angle: with their product, a right-handed frame."""
+    """Normal and tangent are unit vectors to 1e-12 and perpendicular; with their product they are a right-handed
+    frame.
+    """
     normals, tangents = taxels.normals_link, taxels.tangents_link
     for vectors in (normals, tangents):
         assert np.abs(np.linalg.norm(vectors, axis=1) - 1).max() < 1e-12
@@ -42,7 +44,7 @@ def test_frames_are_orthonormal(taxels):
 
 @pytest.mark.parametrize("taxels", SHEETS)
 def test_tangents_run_along_the_rows(taxels):
-    """From each taxel towards the next of its row; the next row lies where normal x tangent points."""
+    """The tangent points to the next taxel of the row; the next row is in the direction of normal x tangent."""
     columns = taxels.index[:, 1].max() + 1
     places = taxels.positions_link.reshape(-1, columns, 3)
     tangents = taxels.tangents_link.reshape(places.shape)
@@ -63,8 +65,8 @@ def test_size_of_a_cell_is_along_the_row_and_across(surface):
     assert_allclose((size[1:, :, 1] + size[:-1, :, 1]) / 2, across, rtol=0.02)
 
 
-def test_normals_look_out_of_the_tube():
-    """On a cylinder exactly away from the axis, on the wrist away from its middle line: none is flipped."""
+def test_normals_point_out_of_the_tube():
+    """The normals point away from the axis of a cylinder exactly, and from the middle line of the wrist."""
     cylinder = wrapped(cone_surface(RADIUS, RADIUS), (6, 22))
     assert_allclose(cylinder.normals_link, cylinder.positions_link * (1, 1, 0) / RADIUS, rtol=0, atol=1e-5)
     wrist = wrapped(wrist_surface(), (6, 22))
@@ -74,8 +76,10 @@ def test_normals_look_out_of_the_tube():
 
 
 @pytest.mark.parametrize("taxels", SHEETS)
-def test_corners_go_round_counter_clockwise(taxels):
-    """Seen from outside, starting where the sheet does; neighbouring cells share theirs to the bit."""
+def test_corners_are_counter_clockwise(taxels):
+    """Corners are counter-clockwise seen from outside, from the beginning of the sheet; those of adjacent cells are
+    identical.
+    """
     arms = taxels.corners_link - taxels.positions_link[:, None]
     turn = (np.cross(arms, np.roll(arms, -1, axis=1)) * taxels.normals_link[:, None]).sum(axis=2)
     assert (turn > 0).all()
@@ -88,7 +92,7 @@ def test_corners_go_round_counter_clockwise(taxels):
 
 
 def test_areas_are_those_of_the_cells():
-    """Exact on a plane, that of four chords on a cylinder; the strain shows in the sum on the wrist."""
+    """Areas are exact on a plane and those of four chords on a cylinder; the strain changes the sum on the wrist."""
     assert_allclose(wrapped(plane_surface(), (4, 5), (0.012, 0.009)).areas, 0.012 * 0.009, rtol=1e-9)
     half = 0.005 / RADIUS / 2
     expected = 0.01**2 * np.sin(half) / half * np.cos(half) ** 0
@@ -99,7 +103,7 @@ def test_areas_are_those_of_the_cells():
 
 
 def test_fan_areas_of_polygons_are_theirs():
-    """A unit square about its middle, and a hexagon."""
+    """The areas of a unit square about its middle and of a hexagon are exact."""
     square = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]]) / 2
     assert_allclose(fan_areas(np.zeros((1, 3)), square), 1)
     angle = np.arange(6) * np.pi / 3
@@ -108,7 +112,7 @@ def test_fan_areas_of_polygons_are_theirs():
 
 
 def test_taxels_are_numbered_row_by_row():
-    """Ids name patch, row and column; channels count on from the first; the index is the lattice's."""
+    """Ids name patch, row and column; channels continue from the first; the index is that of the lattice."""
     taxels = wrapped(plane_surface(), (2, 3), name="palm", first_channel=40)
     assert taxels.ids == ("palm.0.0", "palm.0.1", "palm.0.2", "palm.1.0", "palm.1.1", "palm.1.2")
     assert taxels.channels.tolist() == list(range(40, 46))
@@ -116,7 +120,7 @@ def test_taxels_are_numbered_row_by_row():
 
 
 def test_uv_leads_to_the_position():
-    """Within [0, 1) where the surface is closed, also for a sheet that crosses the seam more than once."""
+    """Parameters are in [0, 1) if the surface is closed, also for a sheet that crosses the seam more than once."""
     surface = cone_surface(RADIUS, RADIUS)
     taxels = wrapped(surface, (2, 50), origin=(-RADIUS, 0, 0.05))
     assert ((taxels.uv[:, 1] >= 0) & (taxels.uv[:, 1] < 1)).all()
@@ -125,7 +129,7 @@ def test_uv_leads_to_the_position():
 
 
 def lattice_neighbours(rows, columns, closed=False):
-    """Who shares a side, as a set of pairs."""
+    """The pairs of cells with a common side."""
     pairs = {((i, j), (i + 1, j)) for i in range(rows - 1) for j in range(columns)}
     pairs |= {((i, j), (i, j + 1)) for i in range(rows) for j in range(columns - 1)}
     if closed:
@@ -134,7 +138,7 @@ def lattice_neighbours(rows, columns, closed=False):
 
 
 def found_neighbours(taxels):
-    """The pairs in the taxels; each must be there from both sides."""
+    """The pairs in the taxels; each must occur in both directions."""
     directed = {(a, b) for a, others in zip(taxels.ids, taxels.neighbours) for b in others}
     assert directed == {(b, a) for a, b in directed} and all(a != b for a, b in directed)
     assert all(list(others) == sorted(set(others), key=taxels.ids.index) for others in taxels.neighbours)
@@ -148,8 +152,8 @@ def found_neighbours(taxels):
     pitch=st.tuples(st.floats(0.003, 0.012), st.floats(0.003, 0.012)),
     heading=st.floats(-0.3, 0.3),
 )
-def test_neighbours_share_a_side(rows, columns, pitch, heading):
-    """Exactly those of the lattice, for cells up to four times as long as wide, on a plane and on a cylinder."""
+def test_neighbours_have_a_common_side(rows, columns, pitch, heading):
+    """Neighbours are those of the lattice, for cells up to four times as long as wide, on a plane and on a cylinder."""
     direction = (np.cos(heading), np.sin(heading), 0.0)
     flat = wrapped(plane_surface(0.15, 0.15), (rows, columns), pitch, direction=direction)
     assert found_neighbours(flat) == lattice_neighbours(rows, columns)
@@ -158,29 +162,29 @@ def test_neighbours_share_a_side(rows, columns, pitch, heading):
 
 
 @pytest.mark.parametrize("gap", [-0.0045, -0.003, 0.0, 0.003, 0.0045])
-def test_neighbours_hold_over_the_seam(gap):
-    """The first and last of a row that closes round the link, that gapes, fits or overlaps by up to half a cell."""
+def test_neighbours_exist_across_the_seam(gap):
+    """The first and the last cell of a closed row are neighbours, with a gap or an overlap of up to half a cell."""
     radius = (0.22 + gap) / TURN
     taxels = wrapped(cone_surface(radius, radius), (4, 22))
     assert found_neighbours(taxels) == lattice_neighbours(4, 22, closed=True)
 
 
 def test_rows_that_end_far_apart_are_no_neighbours():
-    """A gap of a whole cell is no seam."""
+    """A gap of a whole cell is not a seam."""
     taxels = wrapped(cone_surface(RADIUS, RADIUS), (4, 20))
     assert found_neighbours(taxels) == lattice_neighbours(4, 20)
 
 
-def test_cells_on_two_sides_of_something_thin_are_no_neighbours():
-    """Back to back at the same place: they face apart."""
+def test_cells_on_two_sides_of_a_thin_part_are_no_neighbours():
+    """Cells at one position with opposite normals are not neighbours."""
     positions, normals = np.zeros((2, 3)), np.array(((0, 0, 1.0), (0, 0, -1.0)))
     corners = np.tile(0.005 * np.array(((1.0, -1, 0), (1, 1.0, 0), (-1.0, 1, 0), (-1, -1.0, 0))), (2, 1, 1))
     assert neighbours(("a", "b"), positions, normals, corners) == ((), ())
     assert neighbours(("a", "b"), positions, np.abs(normals), corners) == (("b",), ("a",))
 
 
-def test_neighbours_of_unlike_cells_know_each_other():
-    """A small cell beside a large one: it lies ahead of the large one's side, and is beside it from both views."""
+def test_cells_of_different_size_are_neighbours():
+    """A small cell ahead of the side of a large one is a neighbour in both directions."""
     sizes, positions = np.array((0.015, 0.004)), np.array(((0, 0, 0), (0.019, 0.005, 0)))
     normals = np.tile((0, 0, 1.0), (2, 1))
     square = np.array(((1.0, -1, 0), (1, 1.0, 0), (-1.0, 1, 0), (-1, -1.0, 0)))
@@ -190,7 +194,7 @@ def test_neighbours_of_unlike_cells_know_each_other():
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1)])
 def test_thin_sheets_have_taxels_too(shape):
-    """One cell, one row, one column."""
+    """Sheets of one cell, one row and one column work."""
     taxels = wrapped(cone_surface(), shape)
     assert len(taxels.ids) == shape[0] * shape[1]
     assert found_neighbours(taxels) == lattice_neighbours(*shape)

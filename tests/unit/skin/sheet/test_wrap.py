@@ -1,4 +1,4 @@
-"""Sheets wrapped on surfaces whose unrolling is known."""
+"""Sheets placed on surfaces with a known unrolling."""
 
 import sys
 
@@ -21,7 +21,7 @@ from tests.examples import examples
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, welded, wrist, wrist_surface
 
 SQUARE = (0.01, 0.01)
-# The arcs between nodes are taken for cubics: so much of a cell they are off where a surface bends by 17 degrees.
+# Error of a cell whose normal rotates by 17 degrees: the arcs between nodes are approximated by cubics.
 CLOSE = 5e-7  # [m]
 
 
@@ -31,7 +31,7 @@ def centres(sheet):
 
 
 def flat(lattice, heading):
-    """Flat places of the cells from that of cell (0, 0), rows turned by an angle: shape (rows, columns, 2)."""
+    """Flat positions of the cells relative to cell (0, 0), rows rotated by an angle: shape (rows, columns, 2)."""
     i, j = np.meshgrid(np.arange(lattice.rows), np.arange(lattice.columns), indexing="ij")
     x, y = j * lattice.pitch[1], i * lattice.pitch[0]
     c, s = np.cos(heading), np.sin(heading)
@@ -45,7 +45,7 @@ def flat(lattice, heading):
     tilt=st.floats(-3, 3),
 )
 def test_plane_is_the_identity(heading, pitch, shape, tilt):
-    """Cells lie on the plane as they lie in the lattice, in any direction; what of it leaves the plane is ignored."""
+    """The cells keep their flat positions on a plane, in any direction; the normal part of the direction is ignored."""
     lattice, origin = SheetLattice(*shape, pitch), np.array((0.03, 0.02, 0.001))
     sheet = wrap_sheet(plane_surface(), lattice, origin, (np.cos(heading), np.sin(heading), tilt))
     expected = flat(lattice, heading) + origin[:2]
@@ -57,7 +57,7 @@ def test_plane_is_the_identity(heading, pitch, shape, tilt):
 @examples(25)
 @given(heading=st.floats(-np.pi, np.pi), angle=st.floats(-3, 3), pitch=st.tuples(*2 * [st.floats(0.004, 0.012)]))
 def test_cylinder_is_unrolled(heading, angle, pitch):
-    """Arc lengths round the cylinder and heights along it are the flat places, for rows in any direction."""
+    """Arc lengths around the cylinder and heights along it are the flat positions, for rows in any direction."""
     lattice = SheetLattice(2, 4, pitch)
     normal, along = np.array((np.cos(angle), np.sin(angle), 0)), np.array((-np.sin(angle), np.cos(angle), 0))
     direction = np.cos(heading) * along + np.sin(heading) * np.array((0, 0, 1.0))
@@ -72,26 +72,28 @@ def test_cylinder_is_unrolled(heading, angle, pitch):
 @examples(25)
 @given(heading=st.floats(-np.pi, np.pi), angle=st.floats(-3, 3), ends=st.sampled_from(((0.045, 0.030), (0.03, 0.038))))
 def test_cone_is_unrolled(heading, angle, ends):
-    """A cone unrolls to a sector about its tip: distances from the tip and angles there are the flat ones."""
+    """A cone unrolls to a sector around its tip: distances from the tip and angles there are the flat ones."""
     lattice = SheetLattice(3, 4, SQUARE)
-    slope = np.arctan((ends[0] - ends[1]) / LENGTH)  # positive where the cone narrows upwards
+    slope = np.arctan((ends[0] - ends[1]) / LENGTH)  # positive if the cone narrows upwards
     start = ends[0] + (ends[1] - ends[0]) / 2
-    tip = start / np.sin(slope)  # from the origin of the sheet along the cone; below where negative
+    tip = start / np.sin(slope)  # from the origin of the sheet along the cone; negative: below
     up = np.array((-np.sin(slope) * np.cos(angle), -np.sin(slope) * np.sin(angle), np.cos(slope)))
     along = np.array((-np.sin(angle), np.cos(angle), 0))
     origin = np.array((start * np.cos(angle), start * np.sin(angle), LENGTH / 2))
     sheet = wrap_sheet(cone_surface(*ends), lattice, origin, np.cos(heading) * along + np.sin(heading) * up)
     x, y = np.moveaxis(flat(lattice, heading), -1, 0)
-    reach = np.sign(tip) * np.hypot(x, tip - y)
+    distance = np.sign(tip) * np.hypot(x, tip - y)
     turn = angle + np.arctan2(x, np.abs(tip - y)) / np.abs(np.sin(slope))
-    radius = reach * np.sin(slope)
-    height = LENGTH / 2 + (tip - reach) * np.cos(slope)
+    radius = distance * np.sin(slope)
+    height = LENGTH / 2 + (tip - distance) * np.cos(slope)
     expected = np.stack((radius * np.cos(turn), radius * np.sin(turn), height), axis=-1)
     assert_allclose(centres(sheet), expected, rtol=0, atol=CLOSE)
 
 
-def test_whole_sheet_is_unrolled_round_the_seam():
-    """6 x 22 cells that close round the cylinder, and 40 columns that wind nearly twice: the seam is no edge."""
+def test_whole_sheet_is_unrolled_over_the_seam():
+    """The seam is not an edge for 6 x 22 cells that close around the cylinder, and for 40 columns in nearly two
+    turns.
+    """
     for columns in (22, 40):
         lattice = SheetLattice(6, columns, SQUARE)
         sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), lattice, (-RADIUS, 0, 0.02), (0, -1, 0))
@@ -104,8 +106,10 @@ def test_whole_sheet_is_unrolled_round_the_seam():
 
 @pytest.mark.parametrize("surface", [plane_surface(0.3, 0.3), cone_surface(), wrist_surface()])
 @pytest.mark.parametrize("height", [0.0, 0.002])
-def test_origin_stays(surface, height):
-    """The centre of cell (0, 0) lies on the surface point nearest to the origin, and its row sets off as told."""
+def test_origin_is_the_centre_of_the_first_cell(surface, height):
+    """The centre of cell (0, 0) is the surface point nearest to the origin, and its row begins in the given
+    direction.
+    """
     start = np.array((0.4, 0.3))
     point, normal = surface.points(start)[0], surface.normals(start)[0]
     side = np.cross(normal, (0.3, 0.5, 0.8))
@@ -118,15 +122,15 @@ def test_origin_stays(surface, height):
 @pytest.mark.parametrize("shape", [(3, 7), (4, 6)])
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0, -1, 0.2)])
 def test_centred_sheet_leaves_both_edges_as_free(shape, direction):
-    """On a cylinder: as far from one open edge as from the other; on a plane from all four."""
+    """On a cylinder the free lengths at both open edges are equal; on a plane those at all four edges."""
     heights = centres(wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(*shape, SQUARE), None, direction))[..., 2]
     assert_allclose(heights.min(), LENGTH - heights.max(), rtol=0, atol=1e-6)
-    places = centres(wrap_sheet(plane_surface(0.2, 0.3), SheetLattice(*shape, SQUARE), None, direction)).reshape(-1, 3)
-    assert_allclose((places.min(axis=0) + places.max(axis=0))[:2], (0.2, 0.3), rtol=0, atol=1e-6)
+    points = centres(wrap_sheet(plane_surface(0.2, 0.3), SheetLattice(*shape, SQUARE), None, direction)).reshape(-1, 3)
+    assert_allclose((points.min(axis=0) + points.max(axis=0))[:2], (0.2, 0.3), rtol=0, atol=1e-6)
 
 
 def barrel():
-    """A closed surface bent both ways, like an egg."""
+    """A closed, doubly curved surface, like an egg."""
     surface = cone_surface(RADIUS, RADIUS)
     z = surface.control_net[..., 2:] / LENGTH - 0.5
     net = surface.control_net * np.concatenate((1 - 0.5 * z**2, 1 - 0.5 * z**2, np.ones_like(z)), axis=2)
@@ -134,13 +138,13 @@ def barrel():
 
 
 def test_strain_is_how_much_longer_cells_are():
-    """On an egg, against lengths measured along dense curves on the surface through each cell."""
+    """The strain on an egg agrees with lengths along dense curves on the surface through each cell."""
     sheet = wrap_sheet(barrel(), SheetLattice(5, 9, SQUARE), None, (0, 1, 0))
     assert 1e-4 < np.abs(cell_strain(sheet)).max() < 0.05
 
     def length(a, b):
-        share = np.linspace(0, 1, 200)[:, None]
-        return np.linalg.norm(np.diff(sheet.surface.points(a + share * (b - a)), axis=0), axis=1).sum()
+        fraction = np.linspace(0, 1, 200)[:, None]
+        return np.linalg.norm(np.diff(sheet.surface.points(a + fraction * (b - a)), axis=0), axis=1).sum()
 
     for (i, j), (along, across, _) in zip(sheet.lattice.index, cell_strain(sheet)):
         cell = sheet.uv[2 * i : 2 * i + 3, 2 * j : 2 * j + 3]
@@ -148,8 +152,8 @@ def test_strain_is_how_much_longer_cells_are():
         assert_allclose((length(cell[0, 1], cell[1, 1]) + length(cell[1, 1], cell[2, 1])) / 0.01 - 1, across, atol=2e-5)
 
 
-def test_strain_of_a_doubly_curved_surface_is_shared():
-    """Least squares: neither rows nor columns keep their length at the cost of the other, and both signs occur."""
+def test_strain_of_a_doubly_curved_surface_is_distributed():
+    """Rows and columns both change their length (least squares), with both signs."""
     strain = cell_strain(wrap_sheet(barrel(), SheetLattice(7, 15, SQUARE), None, (0, 1, 0)))
     assert (strain[:, :2].min(axis=0) < -1e-4).all() and (strain[:, :2].max(axis=0) > 1e-4).all()
     assert np.abs(strain.mean(axis=0)).max() < 0.1 * np.abs(strain).max()
@@ -157,13 +161,13 @@ def test_strain_of_a_doubly_curved_surface_is_shared():
 
 @given(map_=st.tuples(st.floats(0.95, 1.05), st.floats(0.95, 1.05), st.floats(-0.05, 0.05), st.floats(-0.05, 0.05)))
 def test_strain_of_a_linear_map_is_exact(map_):
-    """A lattice laid on a plane stretched and sheared by known amounts, in every cell the same."""
+    """A lattice on a plane, stretched and sheared by known amounts, has these strains in every cell."""
     lattice, surface = SheetLattice(3, 4, (0.008, 0.01)), plane_surface()
     stretch = np.array(((map_[0], map_[2]), (map_[3], map_[1])))
     a, b = lattice.node_shape
     y, x = np.meshgrid(np.arange(a) * 0.004, np.arange(b) * 0.005, indexing="ij")
-    places = 0.02 + np.stack((x, y), axis=-1) @ stretch.T
-    sheet = WrappedSheet(surface, 0.0, surface, lattice, places / (0.1, 0.08), np.ones(12, bool))
+    points = 0.02 + np.stack((x, y), axis=-1) @ stretch.T
+    sheet = WrappedSheet(surface, 0.0, surface, lattice, points / (0.1, 0.08), np.ones(12, bool))
     along, across, shear = cell_strain(sheet).T
     row, column = stretch.T
     assert_allclose(along, np.linalg.norm(row) - 1, rtol=0, atol=1e-12)
@@ -173,7 +177,9 @@ def test_strain_of_a_linear_map_is_exact(map_):
 
 @pytest.mark.parametrize(("rows", "first"), [(5, None), (6, 5)])
 def test_first_cell_off_the_surface_is_named(rows, first):
-    """Rows that climb a cylinder: the first cell beyond its rim, how far, and how many."""
+    """The error for rows along a cylinder names the first cell beyond the rim, its distance, and the number of such
+    cells.
+    """
     lattice, origin = SheetLattice(rows, 4, SQUARE), (RADIUS, 0, 0.0551)
     if first is None:
         wrap_sheet(cone_surface(RADIUS, RADIUS), lattice, origin, (0, 1, 0))
@@ -185,8 +191,8 @@ def test_first_cell_off_the_surface_is_named(rows, first):
     assert_allclose(caught.value.numbers["distance"], 0.0051, rtol=1e-4)
 
 
-def test_first_cell_beside_an_open_surface_is_named():
-    """Beyond the other kind of edge: a row that leaves the plane sideways."""
+def test_first_cell_beyond_a_side_edge_is_named():
+    """A row that leaves the plane at the other pair of edges is named, too."""
     with pytest.raises(
         OutsideSurface, match=r"cell \(0, 3\) lies 1\.0 mm beyond the edge v = 1 of the surface, .* of 3"
     ):
@@ -204,20 +210,20 @@ def test_first_cell_beside_an_open_surface_is_named():
     ],
 )
 def test_sheet_much_larger_than_the_surface_is_refused(surface, shape, origin, direction):
-    """One clear line, though the surface's straight continuation narrows to a tip and folds."""
+    """The error is clear although the straight continuation of the surface narrows to a tip and folds."""
     with pytest.raises(SkinCalibError, match=r"cell \(\d+, \d+\) lies .* beyond the edge"):
         wrap_sheet(surface, SheetLattice(*shape, SQUARE), origin, direction)
 
 
 @pytest.mark.parametrize("direction", [(1, 0, 0), (-2, 0.05, 0), (0, 0, 0)])
-def test_upright_direction_is_refused(direction):
-    """A direction along the normal, or none at all, says nothing of the rows."""
+def test_perpendicular_direction_is_refused(direction):
+    """A direction along the normal, or a zero vector, defines no rows."""
     with pytest.raises(InvalidPlan, match=r'"direction" \[.*\] is perpendicular to the surface at the origin'):
         wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(2, 2, SQUARE), (RADIUS, 0, 0.05), direction)
 
 
 def test_left_handed_sheet_is_the_mirror_image():
-    """The next row lies on the other side; the same cells, strains and areas on a mirrored surface."""
+    """The next row is on the other side; cells, strains and areas equal those on a mirrored surface."""
     right = wrap_sheet(plane_surface(0.3, 0.3), SheetLattice(3, 5, (0.01, 0.02)), (0.15, 0.15, 0), (1, 0.2, 0))
     left = wrap_sheet(plane_surface(0.3, 0.3), SheetLattice(3, 5, (0.01, 0.02), "left"), (0.15, 0.15, 0), (1, -0.2, 0))
     assert_allclose(centres(left) - 0.15, (centres(right) - 0.15) * (1, -1, 1), rtol=0, atol=1e-12)
@@ -227,12 +233,12 @@ def test_left_handed_sheet_is_the_mirror_image():
     tangent, bound = taxels.tangents_link[0], arms[0, 0]
     assert (
         bound @ tangent < 0 and np.cross((0, 0, 1), tangent) @ bound > 0
-    )  # the first corner is where the sheet begins
+    )  # the first corner is that of the beginning of the sheet
     assert taxels.neighbours == sheet_taxels(right, "s").neighbours
 
 
-def test_trimmed_sheet_leaves_out_what_lies_off_the_surface():
-    """Cells with their centre on a plane stay where they were, with their ids and channels."""
+def test_trimmed_sheet_leaves_out_cells_outside_the_surface():
+    """Cells with centres on a plane keep their positions, ids and channels."""
     lattice, plane = SheetLattice(9, 12, SQUARE), plane_surface()
     with pytest.raises(OutsideSurface):
         wrap_sheet(plane, lattice, (0.02, 0.03, 0), (1, 0, 0))
@@ -240,12 +246,12 @@ def test_trimmed_sheet_leaves_out_what_lies_off_the_surface():
     expected = [(i, j) for i in range(9) for j in range(12) if 0.02 + 0.01 * j <= 0.1 and 0.03 + 0.01 * i <= 0.08]
     assert taxels.index.tolist() == [list(cell) for cell in expected]
     assert taxels.channels.tolist() == [7 + 12 * i + j for i, j in expected]
-    places = [(0.02 + 0.01 * j, 0.03 + 0.01 * i, 0) for i, j in expected]
-    assert_allclose(taxels.positions_link, places, rtol=0, atol=1e-9)
+    points = [(0.02 + 0.01 * j, 0.03 + 0.01 * i, 0) for i, j in expected]
+    assert_allclose(taxels.positions_link, points, rtol=0, atol=1e-9)
 
 
-def test_trimmed_sheet_on_a_bent_surface_is_at_rest():
-    """What is left of a sheet taller than an egg lies as the sheet that fits does."""
+def test_trimmed_sheet_on_a_curved_surface_has_the_positions_of_a_whole_one():
+    """The remaining cells of a sheet taller than an egg have the positions of a sheet that fits."""
     small = centres(wrap_sheet(barrel(), SheetLattice(7, 9, SQUARE), None, (0, 1, 0)))
     sheet = wrap_sheet(barrel(), SheetLattice(13, 9, SQUARE), None, (0, 1, 0), trim=True)
     kept = sheet_taxels(sheet, "s")
@@ -256,7 +262,7 @@ def test_trimmed_sheet_on_a_bent_surface_is_at_rest():
 
 @pytest.mark.parametrize("columns", [20, 22, 24, 40])
 def test_closure_of_a_cylinder_is_its_circumference_less_the_rows(columns):
-    """A gap where the row is too short, an overlap where it is too long or winds again; no step."""
+    """A short row leaves a gap, a long row or a second turn an overlap; there is no step."""
     sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, columns, SQUARE), None, (0, 1, 0))
     found = closure(sheet)
     assert found.of == "rows"
@@ -266,7 +272,7 @@ def test_closure_of_a_cylinder_is_its_circumference_less_the_rows(columns):
 
 @pytest.mark.parametrize("hand", ["right", "left"])
 def test_closure_of_a_helix_has_a_step(hand):
-    """Rows that climb meet their beginning aside of their end: 33 mm aside, in one arc."""
+    """The beginning of an inclined row is 33 mm to the side of its end, along one arc."""
     climb, around = 0.15, 2 * np.pi * RADIUS
     lattice = SheetLattice(2, 21, SQUARE, hand)
     sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), lattice, None, (0, np.cos(climb), np.sin(climb)))
@@ -276,8 +282,8 @@ def test_closure_of_a_helix_has_a_step(hand):
     assert_allclose(found.steps, sign * around * np.sin(climb), rtol=0, atol=3e-4)
 
 
-def test_closure_where_columns_go_round_and_where_nothing_does():
-    """Rows along the axis: the columns close. On a cone the gap grows with the radius; a short sheet has none."""
+def test_closure_of_columns_and_of_a_short_sheet():
+    """With rows along the axis, the columns close. On a cone the gap grows with the radius; a short sheet has none."""
     sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(21, 4, SQUARE), None, (0, 0, 1))
     assert closure(sheet).of == "columns"
     assert_allclose(closure(sheet).gaps, 2 * np.pi * RADIUS - 0.21, rtol=0, atol=5e-6)
@@ -285,30 +291,32 @@ def test_closure_where_columns_go_round_and_where_nothing_does():
     assert closure(wrap_sheet(plane_surface(), SheetLattice(3, 4, SQUARE), None, (1, 0, 0))) is None
 
 
-def coarse_places(surface, fine, parts):
+def coarse_centres(surface, fine, parts):
     """Centres of cells ``parts`` times as large as those of a fine sheet, from its nodes."""
     points = surface.points(fine.uv.reshape(-1, 2)).reshape(*fine.lattice.node_shape, 3)
     return points[parts :: 2 * parts, parts :: 2 * parts]
 
 
 @pytest.mark.parametrize("origin", [None, (0.036, -0.004, 0.012)])
-def test_sheet_lies_where_a_four_times_finer_one_does(origin):
-    """On a wrist, bent both ways: within half a millimetre in the mean and one at most, centred and from a corner."""
+def test_sheet_agrees_with_a_four_times_finer_one(origin):
+    """On a doubly curved wrist, the mean difference is below 0.5 mm, the maximum below 1 mm, centred and from a
+    corner.
+    """
     surface = wrist_surface()
     coarse, fine = (SheetLattice(4 * k, 18 * k, (0.01 / k, 0.01 / k)) for k in (1, 4))
     start = None
     sheet = wrap_sheet(surface, coarse, origin, (0, 1, 0))
-    if origin is not None:  # its corner cell has its centre a little further in
+    if origin is not None:  # the centre of its corner cell is farther inside
         start = surface.points(sheet.uv[1:2, 1])[0]
         arm = surface.points(sheet.uv[[0, 1, 1, 2], [1, 0, 2, 1]])
         start = start + 0.375 * ((arm[0] - arm[3]) + (arm[1] - arm[2]))
-    moved = coarse_places(surface, wrap_sheet(surface, fine, start, (0, 1, 0)), 4) - centres(sheet)
+    moved = coarse_centres(surface, wrap_sheet(surface, fine, start, (0, 1, 0)), 4) - centres(sheet)
     away = np.linalg.norm(moved, axis=2)
     assert away.mean() < 5e-4 and away.max() < 1e-3
 
 
 def test_sheet_is_the_same_from_any_first_guess():
-    """Nodes thrown about by up to a millimetre come to rest at the same places."""
+    """Nodes displaced by up to a millimetre converge to the same positions."""
     surface, lattice = wrist_surface(), SheetLattice(5, 16, SQUARE)
     sheet = wrap_sheet(surface, lattice, (0.036, -0.004, 0.02), (0, 1, 0))
     net = grid_net(lattice.node_shape, lattice.step, (1, 1))
@@ -322,9 +330,10 @@ def test_sheet_is_the_same_from_any_first_guess():
         assert np.linalg.norm(surface.points(again) - surface.points(uv), axis=1).max() < 5e-5
 
 
-def test_first_guess_takes_long_steps_but_over_edges():
-    """Two cells on a cylinder and on a fit that follows facets; on a tight tube as far as it turns by one radian; from
-    node to node where the link has sharp edges, of which no step tells what lies between."""
+def test_first_guess_has_long_steps_except_at_edges():
+    """The step is two cells on a cylinder and on a fit that follows facets, a rotation of one radian on a narrow tube,
+    and one node where the link has sharp edges, as no step describes the surface between two nodes there.
+    """
     fine = fit_surface(wrist(), TubeGrid(20, 60, margin=1e-4)).surface
     for surface in (cone_surface(RADIUS, RADIUS), fine):
         assert_allclose(guess_step(surface, 0.01), 0.02, rtol=0.1)
@@ -333,22 +342,23 @@ def test_first_guess_takes_long_steps_but_over_edges():
     assert guess_step(sharp, 0.01) == 0.005
 
 
-@pytest.mark.parametrize(("moved", "astray"), [(0.0, False), (0.4, False), (0.6, True), (-0.6, True)])
-def test_net_with_a_node_out_of_place_strays(moved, astray):
-    """A node that has come more than half of the way to the next, or gone as far from it, may be a fold."""
+@pytest.mark.parametrize(("moved", "folded"), [(0.0, False), (0.4, False), (0.6, True), (-0.6, True)])
+def test_net_with_a_misplaced_node_may_be_folded(moved, folded):
+    """A node with less than half, or more than one and a half, of its distance to the next one may be a fold."""
     plane, lattice = plane_surface(), SheetLattice(2, 3, (0.01, 0.02))
     net = grid_net(lattice.node_shape, lattice.step, (0, 0))
-    places = 0.01 + net.flat
-    places[0, 0] += moved * lattice.step[1]
-    assert may_be_folded(plane, net, places / (0.1, 0.08)) == astray
+    points = 0.01 + net.flat
+    points[0, 0] += moved * lattice.step[1]
+    assert may_be_folded(plane, net, points / (0.1, 0.08)) == folded
 
 
 @pytest.mark.parametrize("ends", [(0.035, 0.035), (0.042, 0.030), (0.058, 0.026)])
 @pytest.mark.parametrize("chords", [False, True])
 @pytest.mark.parametrize("climb", [0.0, 0.3])
-def test_sheet_on_a_fitted_tube_lies_where_unrolling_puts_it(ends, chords, climb):
-    """From meshes of a cylinder and of cones of 4.3 and 11.3 degrees, by its corner cell: within 0.05 mm in the mean
-    and 0.1 at most; 0.02 and 0.05 where the facets are taken for chords."""
+def test_sheet_on_a_fitted_tube_agrees_with_the_unrolling(ends, chords, climb):
+    """On fits of a cylinder and of cones of 4.3 and 11.3 degrees the mean error is below 0.05 mm and the maximum below
+    0.1 mm, from the corner cell. With the chord correction they are 0.02 and 0.05 mm.
+    """
     length, lattice = 0.16, SheetLattice(6, 22, SQUARE)
     surface = fit_surface(cone(*ends, length, 96, 49), TubeGrid(20, 60, Z_AXIS, margin=1e-4), chords=chords).surface
     i, j = lattice.index.T
@@ -362,21 +372,23 @@ def test_sheet_on_a_fitted_tube_lies_where_unrolling_puts_it(ends, chords, climb
 
 
 def unrolled_from_the_middle(ends, length, flat_places, climb):
-    """Where flat places lie on a cone about z, unrolled from the middle of its line at y = 0, rows climbing so much."""
+    """Flat positions on a cone about z, unrolled from the middle of its line at y = 0, with inclined rows."""
     slope, radius = np.arctan((ends[0] - ends[1]) / length), (ends[0] + ends[1]) / 2
     c, s = np.cos(climb), np.sin(climb)
     x, y = (flat_places @ np.array(((c, s), (-s, c)))).T
     if slope == 0:
         return np.column_stack((radius * np.cos(x / radius), radius * np.sin(x / radius), length / 2 + y))
     tip = radius / np.sin(slope)
-    reach, turn = np.hypot(x, tip - y), np.arctan2(x, tip - y) / np.sin(slope)
-    away = reach * np.sin(slope)
-    return np.column_stack((away * np.cos(turn), away * np.sin(turn), length / 2 + (tip - reach) * np.cos(slope)))
+    distance, turn = np.hypot(x, tip - y), np.arctan2(x, tip - y) / np.sin(slope)
+    away = distance * np.sin(slope)
+    return np.column_stack((away * np.cos(turn), away * np.sin(turn), length / 2 + (tip - distance) * np.cos(slope)))
 
 
 @pytest.mark.parametrize("origin, trim", [(None, False), ((0.0, -0.035, 0.04), False), (None, True)])
-def test_sheet_comes_to_rest_sooner_from_where_it_lay_on_a_surface_alike(origin, trim, monkeypatch):
-    """To a hundredth of its pitch the same place, without a first guess; on a surface unlike it, from a first guess."""
+def test_sheet_converges_faster_from_a_similar_surface(origin, trim, monkeypatch):
+    """The position is the same to a hundredth of the pitch without a first guess; on a different surface, a first guess
+    is made.
+    """
     lattice = SheetLattice(6, 12, SQUARE)
     one, alike = (fit_surface(wrist(), TubeGrid(n, 20, Z_AXIS, 0.004)).surface for n in (8, 9))
     other = fit_surface(cone(), TubeGrid(8, 20, Z_AXIS, 0.004)).surface
