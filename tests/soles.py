@@ -35,7 +35,7 @@ def cell_patch(positions, normals, corners, name="sole", radius=0.03, index=None
 
 
 def sole_patch(rows=(8, 9, 8, 9, 8), side=SIDE, height=0.0, **options):
-    """Return rows of hexagons below a foot: x forward, z up into the robot, normals down."""
+    """Return hexagons in rows below a foot: x forward, z up into the robot, normals down."""
     wide, tall = np.sqrt(3) * side, 1.5 * side
     centres = [
         ((j - (count - 1) / 2) * wide, (i - (len(rows) - 1) / 2) * tall, height)
@@ -49,6 +49,6 @@ def sole_patch(rows=(8, 9, 8, 9, 8), side=SIDE, height=0.0, **options):
 
 
 def skin_of(*patches, newtons=(0.0, 1.0), link="left_sole", **options):
-    """Return a skin of these patches with a polynomial response in newtons."""
+    """Return a skin of these patches; a polynomial maps readings to newtons."""
     calibration = small_calibration(link=link, patches=patches, surfaces=(plane(),), response=Response(newtons))
     return Skin(calibration, **options)

@@ -1,4 +1,4 @@
-"""What holds for any sheet: it goes where the link goes, and hangs on the surface, not on how it was found."""
+"""Laws of any placement: it moves with the link, and depends on the surface, not on the method of its fit."""
 
 import numpy as np
 import pytest
@@ -17,19 +17,19 @@ SMALL = SheetLattice(3, 5, (0.01, 0.008))
 
 
 def taxels(surface, lattice=SHEET, origin=None, direction=(0, 1, 0)):
-    """Taxels of a sheet."""
+    """Return the taxels of a sheet."""
     return sheet_taxels(wrap_sheet(surface, lattice, origin, direction), "s")
 
 
 def scaled(lattice, scale):
-    """A sheet of larger cells."""
+    """Return a sheet of larger cells."""
     return SheetLattice(lattice.rows, lattice.columns, (lattice.pitch[0] * scale, lattice.pitch[1] * scale))
 
 
 @examples(5)
 @given(seed=seeds, scale=st.floats(0.3, 3), centred=st.booleans())
 def test_moving_the_mesh_moves_the_taxels(seed, scale, centred):
-    """From mesh to taxels: positions, normals, tangents and corners go along, neighbours and strain stay."""
+    """Positions, normals, tangents and corners move with the mesh; neighbours and strain are unchanged."""
     motion, mesh = Motion(seed, scale), wrist()
     grid = TubeGrid(8, 16, margin=0.002)
     origin, direction = None if centred else (0.036, -0.004, 0.03), (0.1, 1, 0.1)
@@ -49,13 +49,15 @@ def test_moving_the_mesh_moves_the_taxels(seed, scale, centred):
 
 
 def mirrored(surface):
-    """The surface with x turned round; v runs the other way, so that it still looks outward."""
+    """Return the surface with x reversed; v is reversed, too, so that the normals still point outward."""
     net, seam = surface.control_net[:, ::-1] * (-1, 1, 1), surface.seam * (-1, 1, 1)
     return BSplineSurface(net, surface.knots_u, surface.knots_v, surface.degree, surface.closed, seam)
 
 
 def test_mirrored_surface_has_the_mirrored_sheet():
-    """Rows run to the mirrored direction; as the next row lies on the left, the rows of the sheet change places."""
+    """Rows run in the mirrored direction; the next row is on the left, so that the rows of the sheet are in reverse
+    order.
+    """
     here, there = taxels(wrist_surface()), taxels(mirrored(wrist_surface()))
     swap = np.arange(132).reshape(6, 22)[::-1].ravel()
     assert_allclose(there.positions_link[swap], here.positions_link * (-1, 1, 1), rtol=0, atol=1e-7)
@@ -63,8 +65,8 @@ def test_mirrored_surface_has_the_mirrored_sheet():
     assert_allclose(there.quality["strain"][swap, :2], here.quality["strain"][:, :2], rtol=0, atol=1e-6)
 
 
-def test_sheet_does_not_see_the_parametrisation():
-    """The seam in another place, under the sheet: the same sheet."""
+def test_sheet_does_not_depend_on_the_parametrization():
+    """With the seam at another position, under the sheet, the sheet is the same."""
     surface = cone_surface(0.045, 0.035)
     rolled = np.roll(surface.control_net[:, :64], 20, axis=1)
     turned = BSplineSurface(
@@ -82,7 +84,7 @@ def test_sheet_does_not_see_the_parametrisation():
 @examples(8)
 @given(angle=st.floats(-3, 3), height=st.floats(0.03, 0.06))
 def test_turned_sheet_is_the_same_sheet(angle, height):
-    """Rows the other way, from the opposite corner: each cell lies where its opposite lay, with the same strain."""
+    """With reversed rows from the opposite corner, each cell has the position and the strain of its opposite cell."""
     surface, lattice = wrist_surface(), SheetLattice(3, 3, (0.01, 0.01))
     origin = surface.points([[height / LENGTH, angle / 7 % 1]])[0]
     here = taxels(
@@ -95,8 +97,8 @@ def test_turned_sheet_is_the_same_sheet(angle, height):
 
 
 @pytest.mark.parametrize("around", [48, 96, 192])
-def test_taxels_are_off_by_no_more_than_the_surface(around):
-    """From the mesh of a cylinder: the error of every taxel is of the size of the facets' sagitta."""
+def test_taxels_have_no_larger_error_than_the_surface(around):
+    """On the mesh of a cylinder, the error of every taxel has the size of the sagitta of the facets."""
     mesh = cylinder(around=around)
     sagitta = RADIUS * (1 - np.cos(np.pi / around))
     found = taxels(fit_surface(mesh, TubeGrid(8, 24, Z_AXIS)).surface, SMALL, (RADIUS, 0, 0.04))
@@ -106,9 +108,9 @@ def test_taxels_are_off_by_no_more_than_the_surface(around):
 
 
 def test_finer_fit_moves_the_taxels_by_no_more_than_its_error():
-    """Finer planes and lines: on the mean by less than the coarse fit's worst place is off, nowhere by twice that.
+    """The mean movement is below the maximum error of the coarse fit, the largest movement below twice of it.
 
-    A radius that is off changes lengths on the way to a cell too.
+    An error of the radius also changes the lengths between the origin and a cell.
     """
     fits = [fit_surface(wrist(), TubeGrid(n, lines, margin=0.002)) for n, lines in ((6, 12), (10, 20), (16, 32))]
     places = [taxels(fit.surface, SMALL, (0.036, -0.004, 0.03), (0, 1, 0)).positions_link for fit in fits]
@@ -119,7 +121,7 @@ def test_finer_fit_moves_the_taxels_by_no_more_than_its_error():
 
 
 def test_finer_lattice_of_the_same_sheet_agrees():
-    """Cells of half the pitch: each large cell has its corners, edges and centre where small ones have corners."""
+    """With cells of half the pitch, corners, edges and centres of the large cells are corners of small ones."""
     surface = wrist_surface()
     coarse, fine = (
         surface.points(wrap_sheet(surface, lattice, None, (0, 1, 0)).uv.reshape(-1, 2)).reshape(*lattice.node_shape, 3)
@@ -130,7 +132,7 @@ def test_finer_lattice_of_the_same_sheet_agrees():
 
 @pytest.mark.parametrize("weld_again", [False, True])
 def test_taxels_are_the_same_again(weld_again):
-    """Nothing random: the same arrays to the bit."""
+    """Nothing is random: the arrays are identical."""
     mesh = wrist()
     again = weld(mesh.vertices, mesh.faces) if weld_again else mesh
     found = [taxels(fit_surface(m, TubeGrid(8, 16, margin=0.002)).surface) for m in (mesh, again)]
@@ -142,7 +144,7 @@ def test_taxels_are_the_same_again(weld_again):
 @examples(4)
 @given(seed=seeds, scale=st.floats(0.3, 3))
 def test_moving_the_surface_moves_the_boards(seed, scale):
-    """The same boards, in the moved place, as well as before."""
+    """The boards move with the surface, with the same quality."""
     motion, surface = Motion(seed, scale), wrist_surface()
     moved = BSplineSurface(
         motion.points(surface.control_net), surface.knots_u, surface.knots_v, surface.degree, surface.closed
@@ -161,7 +163,7 @@ def test_moving_the_surface_moves_the_boards(seed, scale):
 
 
 def test_mirrored_surface_has_the_mirrored_boards():
-    """Rows along the mirror: each board has its image, on the other side of the root's row."""
+    """With rows along the mirror, each board has its image on the other side of the row of the root."""
     origin = wrist_surface().points([[0.5, 0.3]])[0]
     here, there = (
         wrap(surface, HexLattice(0.008, 0.0), origin * sign, (0, 1, 0), cells="all")

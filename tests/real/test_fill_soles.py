@@ -1,4 +1,4 @@
-"""The soles of real feet filled with boards; they are not part of the project, so the tests run where the data lies."""
+"""Boards in the soles of real feet; the data is not part of the project, so the tests run where it is."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ BOARDS = HexLattice(SIDE, 0.02775 - np.sqrt(3) * SIDE)
 
 
 def sole(path):
-    """The triangles that look down within a millimetre of the lowest, seen from above."""
+    """Return the triangles that face down within a millimetre of the lowest point, seen from above."""
     mesh = trimesh.load(path)
     low = mesh.triangles_center[:, 2] < mesh.bounds[0, 2] + 1e-3
     return Region(tuple(mesh.triangles[(mesh.face_normals[:, 2] < -0.9) & low][:, :, :2]))
@@ -26,7 +26,9 @@ def sole(path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "count"), [("g1_left_ankle_roll_foot", 7), ("hrp4c_r_ankle_r_foot", 26)])
 def test_real_sole_is_filled(name, count):
-    """Two pads under one foot, an oval under the other: brute force, by a millimetre and a degree, finds no more."""
+    """Two pads under one foot, an oval under the other: brute force, in millimetres and degrees, gives no more
+    boards.
+    """
     path = DATA / f"{name}.stl"
     if not path.exists():
         pytest.skip(f"no real foot here: {path} is missing")

@@ -1,4 +1,4 @@
-"""Taxels that people have, on the links that they are for; the data is no part of the project and may be absent."""
+"""Existing taxels on the links of their robots; the data is not part of the project and may be absent."""
 
 from dataclasses import replace
 from functools import cache
@@ -30,11 +30,11 @@ FOREARM = Axis((0.044, -0.0017, 0.0053), (0.93, 0.0, 0.366))
 
 
 def along_forearm(distance):
-    """A point on the axis of the forearm [m]."""
+    """Return a point on the axis of the forearm [m]."""
     return tuple(np.array(FOREARM.point) + distance * unit(FOREARM.direction))
 
 
-# What an author would choose: where the link is cut, and the planes of the part that wears the skin.
+# Choices of an author: the cut of the link, and the planes of the part with the skin.
 LINKS = {
     "l_upper_leg": (
         (Cut((0, 0, -0.118), (0, 0, 1)),),
@@ -60,25 +60,29 @@ SETS = [
 
 @cache
 def link(name):
-    """The whole link, its cover and the surface."""
+    """Return the complete link, its cover and the surface."""
     mesh = load_mesh(MESHES / f"icub27_{name}.stl")
     cuts, grid = LINKS[name]
     cover = cut_cover(mesh, CoverSpec(cuts=cuts))
     return mesh, cover, fit_surface(cover, grid)
 
 
-def looks_out(mesh, positions, normals):
-    """Whether a face beside each taxel looks its way: within a millimetre of the nearest, as inner walls poke out."""
+def points_outward(mesh, positions, normals):
+    """Return whether a face near each taxel has a similar normal: within a millimetre of the nearest, as inner
+    walls protrude.
+    """
     nearest = MeshDistance(mesh)(positions)[0]
     for p, n, least in zip(positions, normals, nearest):
         feet = closest_on_triangles(np.broadcast_to(p, (len(mesh.faces), 3)), mesh.triangles)
-        beside = np.linalg.norm(feet - p, axis=1) < least + 1e-3
-        yield (mesh.face_normals[beside] @ n > 0.5).any()
+        near_faces = np.linalg.norm(feet - p, axis=1) < least + 1e-3
+        yield (mesh.face_normals[near_faces] @ n > 0.5).any()
 
 
 @pytest.mark.parametrize(("file", "name", "count", "known"), SETS)
 def test_real_skin_gets_frames_on_its_link(file, name, count, known, tmp_path):
-    """All taxels, none moved, as far from the mesh as is known of them, all looking out; the file's checks agree."""
+    """All taxels keep their positions, have the known distance from the mesh, and point outward; the checks accept
+    the file.
+    """
     mesh, cover, fit = link(name)
     taxel_set = read_taxels(TAXELS / file)
     result = imported_taxels(taxel_set, fit.surface, "skin", mesh)
@@ -89,9 +93,9 @@ def test_real_skin_gets_frames_on_its_link(file, name, count, known, tmp_path):
     assert result.before.surface.mean < 0.7e-3 and result.after.mesh.mean < 0.5e-3
     assert result.fit.verdict == "right"
     assert not {"far", "beyond-edge", "wrong-frame", "off-mesh"} & {f.code for f in result.findings}
-    assert sum(not out for out in looks_out(mesh, taxels.positions_link, taxels.normals_link)) == 0
-    beside = np.array([len(row) for row in taxels.neighbours])
-    assert beside.min() >= 2 and beside.max() <= 6 and 4 < beside.mean() < 6
+    assert sum(not out for out in points_outward(mesh, taxels.positions_link, taxels.normals_link)) == 0
+    neighbour_counts = np.array([len(row) for row in taxels.neighbours])
+    assert neighbour_counts.min() >= 2 and neighbour_counts.max() <= 6 and 4 < neighbour_counts.mean() < 6
     s = fit.surface
     model = SurfaceModel("cover", s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
     patch = Patch("skin", "sheet", "cover", (count, 1), (result.pitch, result.pitch), taxels)
@@ -99,8 +103,10 @@ def test_real_skin_gets_frames_on_its_link(file, name, count, known, tmp_path):
     save_calibration(LinkCalibration(name, source, (model,), (patch,)), tmp_path / "c.json")
 
 
-def test_icub_file_tells_its_traps():
-    """The upper leg: 680 of 1344 rows, a table too short for 210 of them, placeholders; the same places as in pyCub."""
+def test_findings_of_the_icub_file():
+    """Upper leg: 680 of 1344 rows, a table that is too short for 210 of them, placeholders; the positions are those
+    of pyCub.
+    """
     taxels = read_taxels(TAXELS / "raw" / "icub_left_leg_upper.txt")
     assert {f.code: f.value for f in taxels.findings} == {
         "table-length": [960, 1344],
@@ -115,10 +121,10 @@ def test_icub_file_tells_its_traps():
     assert (again.positions == taxels.positions).all()
 
 
-def test_arm_in_a_wrong_frame_is_put_right():
-    """31.6 mm off as declared; the correction found lays it on the mesh as well as the one that is known of it.
+def test_arm_in_a_wrong_frame_is_corrected():
+    """The declared frame is 31.6 mm off; the proposed one is as near to the mesh as the known one.
 
-    The arm is nearly a tube: the two differ by how far the taxels may slide along it.
+    The arm is nearly a tube: the two frames differ by a possible slide along it.
     """
     points = read_taxels(TAXELS / "raw" / "icub_right_arm_wrong_frame.txt").positions
     mesh = load_mesh(MESHES / "icub27_r_upper_arm.stl")
@@ -135,7 +141,9 @@ def test_arm_in_a_wrong_frame_is_put_right():
 
 @pytest.mark.parametrize(("part", "name"), [("leg_upper", "l_upper_leg"), ("forearm", "l_forearm")])
 def test_real_skin_is_brought_back_from_any_frame(part, name):
-    """Moved at random: one pose whatever the start, no further off than where the taxels come from, and near there."""
+    """After a random motion the pose is unique, and the taxels are as near to the mesh as before, close to their
+    origin.
+    """
     mesh, _, _ = link(name)
     points = read_taxels(TAXELS / f"pycub_left_{part}.csv").positions
     known = MeshDistance(mesh)(points)[0].mean()
@@ -150,7 +158,7 @@ def test_real_skin_is_brought_back_from_any_frame(part, name):
 
 
 def test_wrong_frame_of_real_skin_is_an_error_with_a_proposal():
-    """The thigh's taxels as if in another frame: refused, with the frame that puts them right."""
+    """The taxels of the thigh in another frame are refused, with the correct frame as a proposal."""
     mesh, _, fit = link("l_upper_leg")
     taxel_set = read_taxels(TAXELS / "raw" / "icub_left_leg_upper.txt")
     moved = replace(taxel_set, positions=Motion(4).points(taxel_set.positions))
@@ -161,16 +169,16 @@ def test_wrong_frame_of_real_skin_is_an_error_with_a_proposal():
     assert right.fit.verdict == "right" and right.before.mesh.mean < 0.57e-3
 
 
-def test_flat_sole_cannot_be_found_again():
-    """Its taxels lie in a plane, and slide on the sole: that is said."""
+def test_flat_sole_has_no_unique_frame():
+    """Its taxels are in a plane and can slide on the sole: the finding says so."""
     mesh, _, _ = link("l_foot_sole")
     points = read_taxels(TAXELS / "pycub_left_foot.csv").positions
     fit = find_frame(mesh, Motion(0).points(points))
     assert fit.verdict == "ambiguous" and fit.after.mean < 0.1e-3
 
 
-def test_triangles_of_a_robot_description_look_out():
-    """24 frames on the forearm: their z axes are normals, none of which is flipped on the fitted surface."""
+def test_triangles_of_a_robot_description_point_outward():
+    """24 frames on the forearm have their normals as z axes; none of them is flipped on the fitted surface."""
     mesh, _, fit = link("l_forearm")
     taxel_set = read_taxels(TAXELS / "icub_urdf_triangles_l_forearm.csv")
     assert len(taxel_set.labels) == 24 and taxel_set.normals is not None
@@ -181,7 +189,9 @@ def test_triangles_of_a_robot_description_look_out():
 
 
 def test_boards_keep_their_pitch_and_ports():
-    """A patch of three: 27.75 mm from port to port, few degrees of tilt; full frames; a neighbour that is elsewhere."""
+    """A patch of three: 27.75 mm from port to port, few degrees of tilt, complete frames, a neighbour in another
+    patch.
+    """
     taxels = read_taxels(TAXELS / "raw" / "tum_patch2.xml")
     assert taxels.labels == ("5", "6", "7") and taxels.neighbours == (("6",), ("5", "7"), ("6",))
     steps = np.linalg.norm(np.diff(taxels.positions, axis=0), axis=1)
@@ -193,7 +203,7 @@ def test_boards_keep_their_pitch_and_ports():
 
 
 def test_every_set_is_read():
-    """All files of the folder, whatever is wrong with them: warnings, and taxels within a metre."""
+    """All files of the folder give taxels within a metre, and warnings."""
     files = sorted(p for p in TAXELS.rglob("*") if p.suffix in (".csv", ".txt", ".xml"))
     assert len(files) >= 9
     for path in files:

@@ -1,4 +1,4 @@
-"""Two sets of taxels side by side: pairs, distances, angles, and a wrong frame that is told."""
+"""Comparison of two sets of taxels: pairs, distances, angles, and notes on a wrong frame."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,24 +20,24 @@ from tests.samples import small_calibration
 
 @pytest.fixture(scope="module")
 def wrist():
-    """The sample wrist, calibrated."""
+    """Return the calibrated sample wrist."""
     return calibrate(load_plan(Path(__file__).parents[3] / "sample_scenes" / "wrist.plan.json"))
 
 
 @pytest.fixture(scope="module")
 def taxels(wrist):
-    """Its taxels."""
+    """Return its taxels."""
     return AllTaxels.of(wrist.calibration.patches)
 
 
 @pytest.fixture
 def same(taxels):
-    """A set with the same taxels, ids and all."""
+    """Return a set with the same taxels and ids."""
     return TaxelSet(taxels.positions, taxels.normals, taxels.ids, taxels.channels, None)
 
 
-def test_same_taxels_are_no_way_apart(taxels, same, wrist):
-    """By id, whatever their order; nothing is told."""
+def test_same_taxels_have_no_distance(taxels, same, wrist):
+    """Taxels in any order are paired by id, without a note."""
     order = np.random.default_rng(0).permutation(len(taxels.ids))
     mixed = TaxelSet(same.positions[order], same.normals[order], tuple(same.labels[i] for i in order), order, None)
     found = compare(taxels, mixed, wrist.cover)
@@ -47,7 +47,7 @@ def test_same_taxels_are_no_way_apart(taxels, same, wrist):
 
 
 def test_each_pair_has_its_distance_and_angle(taxels, same, wrist):
-    """Against numbers that were put there; the worst one is named."""
+    """Distances and angles are the known ones; the largest is named."""
     turn = Rotation.from_rotvec([0, 0, 0.02])
     shift = np.zeros((120, 3))
     shift[:, 2], shift[7, 2] = 1e-4, 4e-4
@@ -61,8 +61,8 @@ def test_each_pair_has_its_distance_and_angle(taxels, same, wrist):
     assert found.worst == taxels.ids[7] and found.notes == ()
 
 
-def test_taxels_without_a_partner_are_told(taxels, same, wrist):
-    """On both sides."""
+def test_taxels_without_a_partner_are_noted(taxels, same, wrist):
+    """Both sets are checked."""
     labels = ("other", *same.labels[1:])
     notes = compare(taxels, replace(same, labels=labels), wrist.cover).notes
     assert notes == (
@@ -71,9 +71,9 @@ def test_taxels_without_a_partner_are_told(taxels, same, wrist):
     )
 
 
-def test_strange_names_are_paired_by_place(taxels, same, wrist):
-    """Each with the nearest of ours; those that share one are counted."""
-    labels = ("wrist.5.5", *(f"t{k}" for k in range(119)))  # one that is known is no proof
+def test_unknown_names_are_paired_by_position(taxels, same, wrist):
+    """Each taxel is paired with the nearest of ours; repeated partners are counted."""
+    labels = ("wrist.5.5", *(f"t{k}" for k in range(119)))  # one known id is not enough
     rng = np.random.default_rng(1)
     near = same.positions + rng.uniform(-1, 1, (120, 3)) * 1e-3
     near[5] = near[6]
@@ -87,8 +87,8 @@ def test_strange_names_are_paired_by_place(taxels, same, wrist):
     )
 
 
-def test_wrong_frame_is_told_with_the_motion(taxels, same, wrist):
-    """By id from the pairs; by place from the mesh. What only scatters has no frame to blame."""
+def test_wrong_frame_is_noted_with_the_motion(taxels, same, wrist):
+    """The motion follows from the pairs by id, or from the mesh by position; scattered taxels have no motion."""
     turn, shift = Rotation.from_rotvec([0, 0.5, 0]), np.array((0.1, 0, 0.02))
     moved = same.moved(turn.as_matrix(), shift)
     notes = compare(taxels, moved, wrist.cover).notes
@@ -103,8 +103,8 @@ def test_wrong_frame_is_told_with_the_motion(taxels, same, wrist):
     assert compare(taxels, renamed, wrist.cover).notes[0].startswith("Another frame: it is ")
 
 
-def test_normals_that_look_inward_are_counted(taxels, same, wrist):
-    """Of a file whose normals are turned round."""
+def test_inward_normals_are_counted(taxels, same, wrist):
+    """The normals of the file are reversed."""
     normals = np.where(np.arange(120)[:, None] < 30, -same.normals, same.normals)
     found = compare(taxels, replace(same, normals=normals), wrist.cover)
     assert found.notes == ("30 normals of the file point in the opposite direction",)
@@ -112,7 +112,7 @@ def test_normals_that_look_inward_are_counted(taxels, same, wrist):
 
 
 def test_calibrations_and_files_of_others_are_read(taxels, same, wrist, tmp_path):
-    """By what they are; one that holds nothing, or is none, is refused."""
+    """The content decides; an empty or invalid file is refused."""
     save_calibration(wrist.calibration, tmp_path / "wrist.json")
     (tmp_path / "wrist.csv").write_bytes(write_taxel_set(same))
     for name in ("wrist.json", "wrist.csv"):

@@ -1,4 +1,4 @@
-"""Taxels side by side: found by name and by a ray, with their tilt, their sides and what lies around them."""
+"""Taxels of all patches: search by name and by ray, tilt, sides and outlines."""
 
 from dataclasses import replace
 
@@ -13,12 +13,12 @@ from tests.samples import RADIUS, boards, seven_boards, small_calibration
 
 @pytest.fixture
 def taxels():
-    """A sheet of 3 x 5 round a cylinder, and two boards on a plane."""
+    """Return a sheet of 3 x 5 around a cylinder, and two boards on a plane."""
     return AllTaxels.of(small_calibration(rows=3, columns=5).patches)
 
 
-def test_patches_stand_side_by_side(taxels):
-    """Every row is one taxel, whatever its patch has; what a patch does not have is not known."""
+def test_patches_are_in_common_arrays(taxels):
+    """Every row is one taxel of any patch; missing values are NaN."""
     assert taxels.ids[14:] == ("s2.4", "h0", "h1") and taxels.corners.shape == (17, 6, 3)
     assert (taxels.corners[0, 3:] == taxels.corners[0, 3]).all()
     assert np.isnan(taxels.strain[15:]).all() and not np.isnan(taxels.strain[:15]).any()
@@ -26,7 +26,7 @@ def test_patches_stand_side_by_side(taxels):
 
 
 def test_stretch_is_the_larger_strain_with_its_sign(taxels):
-    """Shear is none; a board has none."""
+    """Shear does not count; a board has no strain."""
     for row in range(15):
         along, across, _ = taxels.strain[row]
         assert taxels.stretch[row] == (along if abs(along) >= abs(across) else across)
@@ -34,7 +34,7 @@ def test_stretch_is_the_larger_strain_with_its_sign(taxels):
 
 
 def test_tilt_of_a_sheet_is_its_angle_to_the_next(taxels):
-    """Round a cylinder: the pitch over the radius, to every digit."""
+    """Around a cylinder it is the pitch divided by the radius, to every digit."""
     assert_allclose(taxels.tilt[:15], 0.01 / RADIUS, rtol=1e-12)
 
 
@@ -45,16 +45,16 @@ def test_taxel_is_found_by_id_and_by_channel(taxels):
 
 
 @pytest.mark.parametrize("word", ["s1.9", "17", "", "²"])
-def test_taxel_that_is_not_there_is_refused(taxels, word):
-    """The message says what there is."""
+def test_unknown_taxel_is_refused(taxels, word):
+    """The message says which taxels exist."""
     with pytest.raises(UnknownTaxel, match="channels go from 0 to 16, ids from s0.0"):
         taxels.row_of(word)
     with pytest.raises(UnknownTaxel, match="add a skin"):
         AllTaxels.of(()).row_of(word)
 
 
-def test_ray_from_outside_meets_the_cell_it_points_at(taxels):
-    """From any side, near its corner too; one that comes from inside, or ends before, meets none."""
+def test_ray_from_outside_hits_its_cell(taxels):
+    """A ray from any side hits it, also near its corner; a ray from inside, or one that ends before, hits nothing."""
     for row in range(17):
         inner = 0.9 * taxels.corners[row] + 0.1 * taxels.positions[row]
         for point in (taxels.positions[row], *inner):
@@ -64,8 +64,8 @@ def test_ray_from_outside_meets_the_cell_it_points_at(taxels):
             assert taxels.under(point - 0.01 * taxels.normals[row], 0.02 * taxels.normals[row]) is None
 
 
-def test_ray_meets_the_nearest_cell_first():
-    """A tube all round: the near side hides the far one."""
+def test_ray_hits_the_nearest_cell_first():
+    """The near side of a tube hides the far side."""
     columns = 21
     taxels = AllTaxels.of(small_calibration(rows=1, columns=columns, pitch=2 * np.pi * RADIUS / 21).patches[:1])
     for row in range(columns):
@@ -73,7 +73,7 @@ def test_ray_meets_the_nearest_cell_first():
 
 
 def test_cell_above_another_hides_it():
-    """Whichever patch comes first."""
+    """The order of the patches does not matter."""
     low = AllTaxels.of((boards(),))
     high = replace(low, positions=low.positions + [0, 0, 0.01], corners=low.corners + [0, 0, 0.01])
     names = ("positions", "normals", "corners", "channels", "index", "areas", "strain", "stored_tilt")
@@ -87,8 +87,8 @@ def test_cell_above_another_hides_it():
         assert both.under(low.positions[0] + [0, 0, 0.1], np.array((0, 0, -1.0))) == top
 
 
-def test_outline_of_cells_goes_round_them(taxels):
-    """All of a sheet: its edge. One cell: its sides. Boards: the sides that face no other."""
+def test_outline_of_cells_is_their_border(taxels):
+    """All cells of a sheet give its edge, one cell its sides, boards the sides without a neighbour."""
     assert len(taxels.outline(np.arange(15))) == 2 * (3 + 5)
     one = taxels.outline(np.array([7]))
     assert_allclose(one[:, 0], taxels.corners[7, [0, 1, 2, 5]])

@@ -1,4 +1,4 @@
-"""Recorded readings through the runtime, from the command line."""
+"""Recorded readings in the runtime, from the command line."""
 
 import json
 import os
@@ -19,7 +19,7 @@ N = 42
 
 @pytest.fixture
 def calibration(tmp_path):
-    """A sole's file, whose readings are newtons."""
+    """Write the file of a sole whose readings are newtons."""
     path = tmp_path / "sole.json"
     sole = small_calibration(
         link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=Response((0.0, 1.0)), extra={}
@@ -29,13 +29,13 @@ def calibration(tmp_path):
 
 
 def readings(frames=12):
-    """A press that walks over the sole."""
+    """Return a press that moves over the sole."""
     t = np.arange(frames) * 0.004
     return t, np.array([np.where(np.abs(np.arange(N) - 3 * k - 4) < 4, 5.0 + k, 0.0) for k in range(frames)])
 
 
 def as_csv(path, time, rows):
-    """A recording as a table."""
+    """Write a recording as a table."""
     lines = ["time," + ",".join(f"channel_{k}" for k in range(len(rows[0])))]
     lines += [",".join(map(repr, [float(t), *map(float, row)])) for t, row in zip(time, rows)]
     path.write_text("\n".join(lines) + "\n")
@@ -43,7 +43,7 @@ def as_csv(path, time, rows):
 
 
 def test_replay_is_what_the_runtime_gives(calibration, tmp_path, capsys):
-    """A line for each frame, the same from CSV and NPZ, with the numbers of the frame."""
+    """The output has a line for each frame with its values, the same from CSV and NPZ."""
     time, rows = readings()
     table, packed = as_csv(tmp_path / "r.csv", time, rows), tmp_path / "r.npz"
     np.savez(packed, time=time, readings=rows)
@@ -55,17 +55,17 @@ def test_replay_is_what_the_runtime_gives(calibration, tmp_path, capsys):
     assert "frames           12, 0.044 s" in said.out and said.err == ""
     skin = load(calibration)
     for line, t, row in zip(out.read_text().splitlines(), time, rows, strict=True):
-        told, frame = json.loads(line), skin.update(row, t)
-        assert told["time"] == t and told["flags"] == [] and told["touched"] is True
-        assert told["wrench"] == frame.wrench.tolist() and told["cop"] == frame.cop.tolist()
-        assert told["zmp"] == frame.zmp.tolist() and told["reason"] is None
-        assert told["polygon"]["outer"] == frame.polygon.outer.corners.tolist()
-        assert [c["number"] for c in told["contacts"]] == [c.number for c in frame.contacts]
-        assert [c["ids"] for c in told["contacts"]] == [list(c.ids) for c in frame.contacts]
+        frames_out, frame = json.loads(line), skin.update(row, t)
+        assert frames_out["time"] == t and frames_out["flags"] == [] and frames_out["touched"] is True
+        assert frames_out["wrench"] == frame.wrench.tolist() and frames_out["cop"] == frame.cop.tolist()
+        assert frames_out["zmp"] == frame.zmp.tolist() and frames_out["reason"] is None
+        assert frames_out["polygon"]["outer"] == frame.polygon.outer.corners.tolist()
+        assert [c["number"] for c in frames_out["contacts"]] == [c.number for c in frame.contacts]
+        assert [c["ids"] for c in frames_out["contacts"]] == [list(c.ids) for c in frame.contacts]
 
 
-def test_lost_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
-    """An empty cell, NaN, a short row: the frame says so, in null and flags, and the summary counts them."""
+def test_missing_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
+    """An empty cell, NaN and a short row give null and flags in the frame, and the summary counts them."""
     time, rows = readings(4)
     path = as_csv(tmp_path / "r.csv", time, rows)
     lines = path.read_text().splitlines()
@@ -75,15 +75,17 @@ def test_lost_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
     path.write_text("\n".join(lines))
     out = tmp_path / "out.jsonl"
     assert main(["replay", str(calibration), str(path), "-o", str(out)]) == 0
-    told = [json.loads(line) for line in out.read_text().splitlines()]
-    assert [t["flags"] for t in told] == [[], ["not_finite"], ["wrong_length"], ["dropped"]]
-    assert told[2]["wrench"] is None and told[2]["touched"] is None and "needs 42" in told[2]["reason"]
+    frames_out = [json.loads(line) for line in out.read_text().splitlines()]
+    assert [t["flags"] for t in frames_out] == [[], ["not_finite"], ["wrong_length"], ["dropped"]]
+    assert (
+        frames_out[2]["wrench"] is None and frames_out[2]["touched"] is None and "needs 42" in frames_out[2]["reason"]
+    )
     assert "warning: wrong_length in 1 of 4 frames" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_other_separators_and_comments_are_read(separator, tmp_path):
-    """As in every table here."""
+    """Recordings are tables as all others."""
     time, rows = readings(4)
     path = as_csv(tmp_path / "r.csv", time, rows)
     plain = list(read_recording(path))
@@ -93,7 +95,7 @@ def test_other_separators_and_comments_are_read(separator, tmp_path):
 
 
 def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
-    """The first frames are the baseline; a higher threshold sees less."""
+    """The first frames are the baseline; a higher threshold detects fewer contacts."""
     time, rows = readings()
     rows[:3] = 0.0
     path = as_csv(tmp_path / "r.csv", time, rows + 2.0)
@@ -113,8 +115,8 @@ def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
         ('time,a\n0,"1\n', "is not a row of a table"),
     ],
 )
-def test_bad_table_is_refused_with_its_place(text, message, tmp_path):
-    """File, line and column."""
+def test_bad_table_is_refused_with_its_position(text, message, tmp_path):
+    """The message names file, line and column."""
     path = tmp_path / "r.csv"
     path.write_text(text)
     with pytest.raises(CalibrationFormatError, match=message):
@@ -132,15 +134,15 @@ def test_bad_table_is_refused_with_its_place(text, message, tmp_path):
     ],
 )
 def test_bad_archive_is_refused(arrays, message, tmp_path):
-    """What is missing, or has the wrong shape; nothing in it is run."""
+    """The message names the missing array or the wrong shape; no content is executed."""
     path = tmp_path / "r.npz"
     np.savez(path, **arrays)
     with pytest.raises(CalibrationFormatError, match=message):
         list(read_recording(path))
 
 
-def test_file_that_is_no_archive_is_refused(tmp_path):
-    """In its own words, not in those of a library that advises to trust it."""
+def test_file_that_is_not_an_archive_is_refused(tmp_path):
+    """The message does not advise to trust the file, as that of the library does."""
     path = tmp_path / "r.npz"
     path.write_bytes(bytes(range(256)) * 8)
     with pytest.raises(
@@ -151,15 +153,15 @@ def test_file_that_is_no_archive_is_refused(tmp_path):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pipes of this kind")
 @pytest.mark.parametrize("name", ["r.npz", "r.csv"])
-def test_pipe_is_refused_and_not_waited_for(name, tmp_path):
-    """Nobody may ever write into it."""
+def test_pipe_is_refused_without_waiting(name, tmp_path):
+    """A reader could wait for a writer without end."""
     os.mkfifo(tmp_path / name)
     with pytest.raises(CalibrationFormatError, match=f"{name}': it is not a regular file. Name a file"):
         list(read_recording(tmp_path / name))
 
 
-def test_bad_calls_say_why_and_leave_nothing(calibration, tmp_path, capsys):
-    """Exit 1 for wrong data, 2 for a wrong call, one line, no file."""
+def test_bad_calls_give_a_reason_and_no_file(calibration, tmp_path, capsys):
+    """The exit code is 1 for wrong data and 2 for a wrong call, with one line and no file."""
     time, rows = readings()
     path, out = as_csv(tmp_path / "r.csv", time, rows[:, :5]), tmp_path / "out.jsonl"
     assert main(["replay", str(calibration), str(path), "-o", str(out)]) == 1

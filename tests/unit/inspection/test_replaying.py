@@ -1,4 +1,4 @@
-"""A recording on a skin: any frame at any time, refused where it is none of this skin."""
+"""A recording on a skin: any frame at any time; recordings of another skin are refused."""
 
 import dataclasses
 
@@ -14,17 +14,17 @@ from tests.samples import small_calibration
 
 @pytest.fixture
 def calibration():
-    """Of 8 taxels, whose force is 0.25 N for each unit that is read, and less."""
+    """Return a calibration of 8 taxels with 0.25 N per unit of reading."""
     return small_calibration()
 
 
 def recording(count=5, numbers=8):
-    """A press that goes from taxel to taxel."""
+    """Return a press that moves from taxel to taxel."""
     return [(0.1 * k, 4.0 * np.eye(1, numbers, k % 8)[0] + k) for k in range(count)]
 
 
-def test_frame_is_that_of_the_runtime_in_whatever_order_one_looks(calibration):
-    """Contacts keep the numbers that a controller would give them."""
+def test_frame_is_that_of_the_runtime_in_any_order(calibration):
+    """Contacts keep the numbers that a controller would see."""
     skin = Skin(calibration)
     expected = [skin.update(reading, time) for time, reading in recording()]
     replay = Replay(calibration, recording(), "r.csv")
@@ -36,7 +36,7 @@ def test_frame_is_that_of_the_runtime_in_whatever_order_one_looks(calibration):
 
 
 def test_frame_is_found_by_its_time(calibration):
-    """The last one that has begun; before the first and after the last those."""
+    """It is the last one that has begun, the first one before all, the last one after all."""
     replay = Replay(calibration, recording(), "r.csv")
     assert [replay.at(s) for s in (-1.0, 0.0, 0.05, 0.1, 0.35, 9.0)] == [0, 0, 0, 1, 3, 4]
     assert_allclose(replay.duration, 0.5)
@@ -54,15 +54,15 @@ TIMES = [
 
 
 @pytest.mark.parametrize("times, seconds", TIMES)
-def test_time_never_goes_back(calibration, times, seconds):
-    """Whatever was recorded; what tells nothing is played in even steps."""
+def test_time_never_decreases(calibration, times, seconds):
+    """Invalid times are replayed in even steps."""
     replay = Replay(calibration, [(time, np.ones(8)) for time in times], "r.csv")
     assert_allclose(replay.seconds, seconds, atol=1e-12)
     assert replay.duration > 0
 
 
-def test_longer_readings_are_taken_and_shorter_ones_refused(calibration):
-    """Electronics may send more than the skin has; the frame that lacks something is named."""
+def test_longer_readings_are_accepted_and_shorter_ones_refused(calibration):
+    """Electronics may send more values than the skin has; a frame with too few values is named."""
     assert Replay(calibration, recording(numbers=11), "r.csv").numbers == 11
     short = [*recording(), (1.0, np.ones(7))]
     with pytest.raises(CalibrationFormatError, match="'r.csv', frame 5: the reading has 7 channels, .* needs 8"):
@@ -75,14 +75,14 @@ def test_longer_readings_are_taken_and_shorter_ones_refused(calibration):
 
 
 def test_recording_that_is_too_long_is_refused(calibration, monkeypatch):
-    """Before the memory ends."""
+    """The limit protects the memory."""
     monkeypatch.setattr("skin_calib_addon.inspection.replaying.MAX_FORCES", 24)
     assert len(Replay(calibration, recording(3), "r.csv")) == 3
     with pytest.raises(CalibrationFormatError, match="more than 3 frames"):
         Replay(calibration, recording(4), "r.csv")
 
 
-def test_lost_numbers_are_no_peak(calibration):
-    """A reading that is not finite says nothing of the largest force."""
+def test_missing_numbers_are_no_peak(calibration):
+    """A reading that is not finite does not count for the largest force."""
     lost = np.where(np.arange(8) == 2, np.nan, 4.0)
     assert_allclose(Replay(calibration, [(0.0, lost)], "r.csv").strongest, 0.25 * 4 - 0.001 * 16)

@@ -1,4 +1,4 @@
-"""Pictures without OpenGL: a PNG is drawn wherever matplotlib is, and missed politely where it is not."""
+"""Pictures without OpenGL: a PNG with matplotlib, a clear message without it."""
 
 import builtins
 import os
@@ -32,26 +32,26 @@ FACE = {"kind": "patch", "n": 5, "lines": 5, "normal": [0, 0, 1]}
 
 
 def calibrated(mesh, grid, skins=(SHEET,)):
-    """A calibration made from a mesh at hand, with all that belongs to it."""
+    """Return a complete calibration made from a mesh."""
     head = {"format": "skin-plan", "version": 1, "link": "link", "mesh": "m.ply", "unit": "m"}
     return calibrate(plan_from(head | {"grid": grid, "skins": list(skins)}), mesh)
 
 
 def read_png(path):
-    """Pixels from 0 to 1, shape (height, width, 3)."""
+    """Return pixels from 0 to 1, shape (height, width, 3)."""
     assert Path(path).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     return imread(path)[..., :3]
 
 
 def drawn(pixels):
-    """Share of the pixels that are not white, of each panel."""
+    """Return the fraction of the pixels of each panel that are not white."""
     height, width, _ = pixels.shape
     panels = np.split(pixels, width // height, axis=1)
     return [float((panel.min(axis=2) < 0.97).mean()) for panel in panels]
 
 
 def test_picture_of_a_fit_has_three_panels(tmp_path):
-    """Cover, error and taxels side by side, each with a shape in it and its own colours."""
+    """Cover, error and taxels are side by side, each with a shape and its own colours."""
     result = calibrated(cylinder(around=24, along=8), TUBE)
     draw_calibration(result.calibration, tmp_path / "p.png", result.cover)
     pixels = read_png(tmp_path / "p.png")
@@ -71,13 +71,13 @@ def test_picture_of_a_file_has_the_taxels_only(tmp_path):
 
 @pytest.mark.parametrize("name", ["p.png", "p.pdf", "p", "p.unknown"])
 def test_picture_is_a_png_whatever_its_name(tmp_path, name):
-    """The command line promises a PNG."""
+    """The command line promises a PNG file."""
     draw_calibration(small_calibration(), tmp_path / name)
     assert read_png(tmp_path / name).shape == (550, 550, 3)
 
 
 def test_picture_is_the_same_again(tmp_path):
-    """No date, no program in it: the same bytes for the same calibration."""
+    """There is no date and no program name in it: the same calibration gives the same bytes."""
     for name in ("a.png", "b.png"):
         draw_calibration(small_calibration(), tmp_path / name)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
@@ -90,13 +90,13 @@ def test_picture_is_the_same_again(tmp_path):
     ids=["no patches", "boards"],
 )
 def test_picture_needs_no_sheet(tmp_path, calibration):
-    """A surface alone, and rigid boards without strain."""
+    """A surface alone, and rigid boards without strain, can be drawn."""
     draw_calibration(calibration, tmp_path / "p.png")
     assert drawn(read_png(tmp_path / "p.png"))[0] > 0.05
 
 
-def test_picture_takes_no_window_and_no_opengl(tmp_path):
-    """In a process without a display: no pyplot, no OpenGL, and the user's matplotlib settings are not touched."""
+def test_picture_needs_no_window_and_no_opengl(tmp_path):
+    """A process without a display uses neither pyplot nor OpenGL, and does not change the settings of matplotlib."""
     code = f"""
 import sys, matplotlib
 from tests.samples import small_calibration
@@ -114,7 +114,7 @@ assert dict.__eq__(matplotlib.rcParams, before)
 
 
 def test_missing_matplotlib_is_one_line(tmp_path, monkeypatch):
-    """What to install; nothing is written."""
+    """The message says what to install; no file is written."""
 
     def without(name, *rest, **more):
         if name.startswith("matplotlib"):
@@ -129,7 +129,7 @@ def test_missing_matplotlib_is_one_line(tmp_path, monkeypatch):
 
 
 def test_picture_into_a_missing_folder_is_refused(tmp_path):
-    """Like every other file."""
+    """The error is that of all other files."""
     with pytest.raises(OutputError, match="folder .* does not exist"):
         draw_calibration(small_calibration(), tmp_path / "none" / "p.png")
 
@@ -137,7 +137,7 @@ def test_picture_into_a_missing_folder_is_refused(tmp_path):
 @pytest.mark.parametrize("normals", [[(0, 0, 1.0)], [(1.0, 0, 0), (-1.0, 0, 0)], [(0.6, 0, 0.8), (0.8, 0, 0.6)]])
 @pytest.mark.parametrize("along", [(0, 1.0, 0), (0, 0, 1.0), (1.0, 0, 0)])
 def test_camera_is_a_right_handed_frame(normals, along):
-    """Whatever there is to see, along it or across, or to both sides."""
+    """It is for a view along the axis, across it, or to both sides."""
     axes = look_at(np.array(normals), np.array(along)).axes
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(axes), 1, rtol=1e-12)

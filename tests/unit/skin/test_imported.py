@@ -1,4 +1,4 @@
-"""Taxels of a file on a surface: where they lie, which way they look, what is theirs, and what is wrong with them."""
+"""Taxels of a file on a surface: positions, normals, cells, neighbours and findings."""
 
 import re
 
@@ -30,14 +30,14 @@ PITCH = 0.006
 
 
 def taxel_set(positions, **fields):
-    """A set of taxels with labels t0, t1, ... and channels 100, 101, ..."""
+    """Return a set of taxels with labels t0, t1, ... and channels 100, 101, ..."""
     n = len(positions)
     given = {"normals": None, "labels": tuple(f"t{i}" for i in range(n)), "channels": 100 + np.arange(n), "frame": None}
     return TaxelSet(positions=positions, **(given | fields))
 
 
 def lattice(rows, columns, kind, pitch=PITCH):
-    """Places in the plane in squares or in triangles, from the origin on, shape (rows * columns, 2)."""
+    """Return flat points in squares or triangles, from the origin, shape (rows * columns, 2)."""
     i, j = (k.ravel() for k in np.indices((rows, columns)))
     if kind == "square":
         return pitch * np.column_stack((j, i))
@@ -45,24 +45,24 @@ def lattice(rows, columns, kind, pitch=PITCH):
 
 
 def flat(places, height=0.0, corner=(0.02, 0.02)):
-    """Places of a lattice over the plane surface."""
+    """Return points of a lattice above the plane surface."""
     return np.column_stack((places + corner, np.full(len(places), height)))
 
 
 def rolled(places, radius=RADIUS, height=0.03):
-    """Places of a lattice round the cylinder, arc lengths kept at its own radius."""
+    """Return points of a lattice around the cylinder; arc lengths are kept at its own radius."""
     angle = places[:, 0] / RADIUS
     return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), height + places[:, 1]))
 
 
 def on_wrist():
-    """Places on the wrist's surface, its ends left free."""
+    """Return points on the surface of the wrist, without its ends."""
     uv = np.column_stack([k.ravel() for k in np.meshgrid(np.linspace(0.1, 0.9, 9), np.arange(24) / 24)])
     return wrist_surface().points(uv)
 
 
 def codes(result):
-    """What was found, and its value."""
+    """Return codes and values of the findings."""
     return {finding.code: finding.value for finding in result.findings}
 
 
@@ -74,8 +74,10 @@ PATCHES = [
 
 
 @pytest.mark.parametrize(("positions", "surface"), PATCHES)
-def test_frames_are_orthonormal_and_corners_run_round_them(positions, surface):
-    """Unit to 1e-12, a right angle, counter-clockwise outlines in the tangent plane, and areas that are theirs."""
+def test_frames_are_orthonormal_and_corners_counter_clockwise(positions, surface):
+    """Vectors are unit to 1e-12 and perpendicular; outlines are counter-clockwise in the tangent plane and have
+    their area.
+    """
     result = imported_taxels(taxel_set(positions), surface, "skin")
     taxels = result.taxels
     normals, tangents = taxels.normals_link, taxels.tangents_link
@@ -95,7 +97,7 @@ def test_frames_are_orthonormal_and_corners_run_round_them(positions, surface):
 
 @pytest.mark.parametrize(("positions", "surface"), PATCHES)
 def test_imported_patch_is_a_calibration(positions, surface, tmp_path):
-    """The file's own checks find nothing: ids, channels, unit vectors, corners, areas, neighbours."""
+    """The checks of a calibration file accept ids, channels, unit vectors, corners, areas and neighbours."""
     result = imported_taxels(taxel_set(positions), surface, "skin")
     s = surface
     model = SurfaceModel("cover", s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, ERRORS)
@@ -105,8 +107,8 @@ def test_imported_patch_is_a_calibration(positions, surface, tmp_path):
     assert result.taxels.ids[:2] == ("skin.t0", "skin.t1") and result.taxels.channels[0] == 100
 
 
-def test_positions_stay_and_gaps_tell_how_far_off_they_are():
-    """Above the plane by a skin's thickness, below it, on it; the parameters are those of the foot."""
+def test_positions_stay_and_gaps_are_their_heights():
+    """Taxels above the plane, below it and on it keep their positions; the parameters are those of the footpoint."""
     heights = np.array([0.005, -0.002, 0.0, 0.001])
     positions = np.column_stack(([0.02, 0.03, 0.05, 0.06], [0.03, 0.04, 0.05, 0.06], heights))
     result = imported_taxels(taxel_set(positions), plane_surface(), "skin")
@@ -120,8 +122,8 @@ def test_positions_stay_and_gaps_tell_how_far_off_they_are():
     assert_allclose(snapped.taxels.corners_link[..., 2], 0, rtol=0, atol=1e-9)
 
 
-def test_distances_are_told_before_and_after():
-    """To the surface and to the mesh: of the places in the file, and of their feet."""
+def test_distances_before_and_after_are_stated():
+    """The distances to surface and mesh are those of the positions in the file, and of their footpoints."""
     positions = flat(lattice(4, 5, "square"), 0.002)
     mesh = sheet(lambda x, y: 0 * x - 0.0005)
     result = imported_taxels(taxel_set(positions), plane_surface(), "skin", mesh)
@@ -137,8 +139,8 @@ def test_distances_are_told_before_and_after():
     assert bare.before.mesh is bare.after.mesh is bare.fit is None
 
 
-def test_normals_look_out_of_the_cylinder_whatever_the_file_says():
-    """Those of the file are compared: flipped ones are counted, and none is used."""
+def test_normals_point_out_of_the_cylinder_whatever_the_file_says():
+    """Normals of the file are compared and flipped ones counted, but they are not used."""
     positions = rolled(lattice(4, 30, "triangle"))
     outward = positions * (1, 1, 0) / RADIUS
     given = outward.copy()
@@ -151,7 +153,7 @@ def test_normals_look_out_of_the_cylinder_whatever_the_file_says():
 
 
 def test_tangents_run_along_the_surface_or_as_the_file_says():
-    """Along u or v; the file's own, turned into the tangent plane; along the surface where the file's stand upright."""
+    """Tangents are along u or v, or those of the file, projected; perpendicular ones of the file are replaced."""
     positions, surface = rolled(lattice(4, 30, "triangle")), cone_surface(RADIUS, RADIUS)
     r = surface.derivatives(imported_taxels(taxel_set(positions), surface, "s").taxels.uv)
     for name, along in (("u", r[1, 0]), ("v", r[0, 1])):
@@ -169,15 +171,17 @@ def test_tangents_run_along_the_surface_or_as_the_file_says():
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.3])
-@pytest.mark.parametrize(("kind", "share"), [("square", 0.944), ("triangle", 0.969)])
-def test_inner_cells_are_what_is_nearest(kind, share, turned):
-    """Of a square and a triangular lattice: within the true cell, most of it, or all where corners fall right."""
+@pytest.mark.parametrize(("kind", "fraction"), [("square", 0.944), ("triangle", 0.969)])
+def test_inner_cells_are_the_nearest_points(kind, fraction, turned):
+    """A cell of a square or triangular lattice is inside the true cell and covers most of it, or all for suitable
+    corners.
+    """
     places = lattice(7, 7, kind)
     tangents = np.tile((np.cos(turned), np.sin(turned), 0), (49, 1))
     taxels = imported_taxels(taxel_set(flat(places), tangents=tangents), plane_surface(), "skin").taxels
     inner = [24, 23, 17, 31]
     exact = PITCH**2 * (1 if kind == "square" else np.sqrt(0.75))
-    assert (taxels.areas[inner] <= exact * (1 + 1e-9)).all() and (taxels.areas[inner] >= share * exact).all()
+    assert (taxels.areas[inner] <= exact * (1 + 1e-9)).all() and (taxels.areas[inner] >= fraction * exact).all()
     if kind == "square" and not turned:
         assert_allclose(taxels.areas[inner], exact, rtol=1e-9)
     corners = taxels.corners_link[inner].reshape(-1, 3)[:, :2] - (0.02, 0.02)
@@ -188,19 +192,21 @@ def test_inner_cells_are_what_is_nearest(kind, share, turned):
 
 @pytest.mark.parametrize("kind", ["square", "triangle"])
 def test_border_cells_stay_compact(kind):
-    """At the rim and alone, a cell ends a bit beyond half a pitch: it does not run out to nowhere."""
+    """A cell at the border, or alone, ends a little beyond half a pitch."""
     positions = np.vstack((flat(lattice(5, 5, kind)), [[0.09, 0.07, 0]]))
     result = imported_taxels(taxel_set(positions), plane_surface(), "skin")
     assert_allclose(result.pitch, PITCH, rtol=1e-9)
-    reach = np.linalg.norm(result.taxels.corners_link - positions[:, None], axis=2)
-    assert_allclose(reach[25], MAX_CELL_RADIUS * PITCH, rtol=1e-9)
-    assert_allclose(reach.max(), MAX_CELL_RADIUS * PITCH, rtol=1e-9)
+    radii = np.linalg.norm(result.taxels.corners_link - positions[:, None], axis=2)
+    assert_allclose(radii[25], MAX_CELL_RADIUS * PITCH, rtol=1e-9)
+    assert_allclose(radii.max(), MAX_CELL_RADIUS * PITCH, rtol=1e-9)
     assert result.taxels.neighbours[25] == ()
 
 
 @pytest.mark.parametrize(("kind", "inner", "corner"), [("square", 4, 2), ("triangle", 6, 2)])
-def test_neighbours_touch_half_way(kind, inner, corner):
-    """Four in a square lattice, none across a corner; six in a triangular one; the same both ways."""
+def test_neighbours_touch_in_the_middle(kind, inner, corner):
+    """A taxel has four neighbours in a square lattice, without the diagonals, and six in a triangular one;
+    symmetric.
+    """
     taxels = imported_taxels(taxel_set(flat(lattice(5, 5, kind))), plane_surface(), "skin").taxels
     place = {name: row for row, name in enumerate(taxels.ids)}
     assert len(taxels.neighbours[12]) == inner and len(taxels.neighbours[0]) == corner
@@ -211,8 +217,8 @@ def test_neighbours_touch_half_way(kind, inner, corner):
             assert name in taxels.neighbours[place[other]]
 
 
-def test_neighbours_reach_over_the_seam_of_a_tube():
-    """A ring of taxels all round: each has two in its ring, one above and one below."""
+def test_neighbours_exist_across_the_seam_of_a_tube():
+    """Each taxel of a ring around the tube has two neighbours in its ring, one above and one below."""
     count = 36
     angle = 2 * np.pi * np.arange(count) / count
     ring = np.column_stack((RADIUS * np.cos(angle), RADIUS * np.sin(angle), 0 * angle))
@@ -225,20 +231,22 @@ def test_neighbours_reach_over_the_seam_of_a_tube():
     assert_allclose(taxels.areas[count : 2 * count], PITCH * 2 * RADIUS * np.pi / count, rtol=0.06)
 
 
-def test_two_sides_of_something_thin_are_no_neighbours():
-    """Those that face apart neither pair nor come between: a taxel of the back lies under the middle of two."""
+def test_two_sides_of_a_thin_part_are_no_neighbours():
+    """Taxels with opposite normals do not pair, and a taxel of the back under the middle of a pair does not
+    separate it.
+    """
     positions = 1e-3 * np.array([(0, 0, 0), (6, 0, 0), (3, 0, -0.5), (9, 0, -0.5)])
     normals = np.array([(0, 0, 1.0), (0, 0, 1), (0, 0, -1), (0, 0, -1)])
     pairs = near_pairs(positions, normals, 0.01, "s")
     assert sorted(map(tuple, np.sort(pairs, axis=1))) == [(0, 1), (2, 3)]
     assert sorted(map(tuple, np.sort(gabriel(positions, normals, pairs), axis=1))) == [(0, 1), (2, 3)]
-    normals[2] *= -1  # now it lies between
+    normals[2] *= -1  # now it is between them
     pairs = near_pairs(positions, normals, 0.01, "s")
     assert sorted(map(tuple, np.sort(gabriel(positions, normals, pairs), axis=1))) == [(0, 2), (1, 2)]
 
 
-def test_taxel_straight_above_bounds_nothing():
-    """Two layers: a direction that is rounding is none, and the cell below keeps its size."""
+def test_taxel_straight_above_is_no_bound():
+    """In two layers, the cell below keeps its size: a direction that is only rounding is not used."""
     positions = flat(lattice(5, 5, "square"))
     stacked = np.vstack((positions, positions[12] + (1e-12, 0, 0.002)))
     alone = imported_taxels(taxel_set(positions), plane_surface(), "s").taxels
@@ -247,15 +255,15 @@ def test_taxel_straight_above_bounds_nothing():
 
 
 def test_neighbours_of_the_file_are_kept():
-    """Ports say who hangs together, near or far; who is named by one only is a neighbour of it too."""
+    """The ports of the file give the neighbours, at any distance; a neighbour in one direction is one in both."""
     positions = flat(lattice(2, 3, "square"))
-    ports = (("t5",), ("t0", "gone"), (), ("t3",), (), ())
+    ports = (("t5",), ("t0", "missing"), (), ("t3",), (), ())
     taxels = imported_taxels(taxel_set(positions, neighbours=ports), plane_surface(), "s").taxels
     assert taxels.neighbours == (("s.t1", "s.t5"), ("s.t0",), (), (), (), ("s.t0",))
 
 
-def test_taxels_in_one_place_share_a_cell():
-    """Two in the place of one: neighbours of each other, with the outline that one alone would have."""
+def test_taxels_at_one_position_have_one_cell():
+    """Two taxels at one position are neighbours, with the outline of a single one."""
     positions = flat(lattice(5, 5, "square"))
     alone = imported_taxels(taxel_set(positions), plane_surface(), "s").taxels
     twins = imported_taxels(taxel_set(np.vstack((positions, positions[12]))), plane_surface(), "s").taxels
@@ -265,7 +273,7 @@ def test_taxels_in_one_place_share_a_cell():
 
 
 def test_taxels_off_the_surface_are_named():
-    """Beyond an open edge, and too far above: each is kept, and each is told once with all its like."""
+    """Taxels beyond an open edge or too far above are kept, and one finding names all of a kind."""
     positions = flat(lattice(4, 5, "square"))
     positions[3] = -0.002, 0.04, 0.001
     positions[[8, 9]] = (0.105, 0.03, 0), (0.109, 0.03, 0)
@@ -278,12 +286,12 @@ def test_taxels_off_the_surface_are_named():
     assert "s.t15 is where 1 taxel lies further than 10 mm from the surface" in texts[0]
     assert len(result.taxels.ids) == 20
     assert codes(imported_taxels(taxel_set(positions), plane_surface(), "s", farthest=0.03)).keys() == {"beyond-edge"}
-    round_it = rolled(lattice(3, 36, "triangle"))  # a closed surface has no edge at its seam
+    round_it = rolled(lattice(3, 36, "triangle"))  # the seam of a closed surface is not an edge
     assert imported_taxels(taxel_set(round_it), cone_surface(RADIUS, RADIUS), "s").findings == ()
 
 
 def test_findings_of_the_file_come_first():
-    """What the reader found is not lost."""
+    """Findings of the reader are kept."""
     found = (warning("no-taxel", "line 5", "is a row of zeros"),)
     positions = flat(lattice(3, 3, "square"), 0.02)
     result = imported_taxels(taxel_set(positions, findings=found), plane_surface(), "s")
@@ -291,13 +299,13 @@ def test_findings_of_the_file_come_first():
 
 
 def wrist_taxels():
-    """Taxels on the wrist that are in another frame, and the motion that brought them there."""
+    """Return taxels on the wrist in another frame, and the motion into that frame."""
     motion = Motion(11)
     return motion.points(on_wrist()), motion
 
 
 def test_wrong_frame_is_an_error_that_proposes_the_right_one():
-    """How far off, what is left, and numbers that, given back, put the taxels on the mesh without a finding."""
+    """The message has the distance before and after, and a frame that gives no finding."""
     positions, _ = wrist_taxels()
     result = imported_taxels(taxel_set(positions), wrist_surface(), "skin", wrist())
     (found,) = (f for f in result.findings if f.severity == "error")
@@ -308,8 +316,8 @@ def test_wrong_frame_is_an_error_that_proposes_the_right_one():
     assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
 
 
-def test_proposal_takes_the_place_of_the_frame_that_was_given():
-    """Not that of what is left to do after it: the proposal is to be copied in its stead."""
+def test_proposal_replaces_the_given_frame():
+    """The proposal replaces the given frame; it is not a motion after it."""
     positions, _ = wrist_taxels()
     wrong = Motion(5)
     given = wrong.rotation, wrong.shift
@@ -320,8 +328,10 @@ def test_proposal_takes_the_place_of_the_frame_that_was_given():
     assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
 
 
-def test_frame_is_found_where_one_place_fits():
-    """From the file's own frame or from a wrong one; where it fits already, several places do or none, it is told."""
+def test_frame_is_found_if_one_position_fits():
+    """The frame is found from that of the file or a wrong one; none, several or no needed frames are refused with a
+    reason.
+    """
     positions, wrong = wrist_taxels()[0], Motion(5)
     for given in (None, (wrong.rotation, wrong.shift)):
         there = placed(taxel_set(positions), *frame_on(taxel_set(positions), wrist(), "skin", given))
@@ -370,14 +380,16 @@ def test_frame_is_refused_where_several_places_fit_or_none():
         ),
     ],
 )
-def test_what_no_motion_settles_is_told(positions, mesh, surface, code, severity, words):
-    """A symmetric link needs the author's word; what fits nowhere is refused; a thick skin is only told of."""
+def test_a_frame_that_no_motion_corrects_is_a_finding(positions, mesh, surface, code, severity, words):
+    """A symmetric link needs a decision of the author, a set that fits nowhere is refused, a thick skin gives a
+    warning.
+    """
     found = {f.code: f for f in imported_taxels(taxel_set(positions), surface, "s", mesh).findings}
     assert found[code].severity == severity and words in found[code].message and found[code].pointer == "s"
 
 
 def test_placed_takes_a_rotation_rounded_by_hand():
-    """Four decimals are enough, and no shear is left of them; what is no rotation is refused."""
+    """Four decimals are sufficient, and no shear remains; a matrix that is not a rotation is refused."""
     motion = Motion(1)
     positions = flat(lattice(3, 3, "square"))
     here = placed(taxel_set(positions), motion.rotation.round(4), motion.shift)
@@ -391,7 +403,7 @@ def test_placed_takes_a_rotation_rounded_by_hand():
 
 
 def test_taxels_without_spacing_need_a_pitch():
-    """One alone, or all in one place, has no spacing; with a pitch its cell is round."""
+    """A single taxel, or taxels at one position, have no spacing; with a pitch the cell is round."""
     for positions in (flat(np.zeros((1, 2))), flat(np.zeros((3, 2)))):
         with pytest.raises(InvalidPlan, match="the taxels of s have one position, so .* have no size; give a pitch"):
             imported_taxels(taxel_set(positions), plane_surface(), "s")
@@ -401,8 +413,8 @@ def test_taxels_without_spacing_need_a_pitch():
         assert_allclose(taxels.areas, fan_areas(positions, taxels.corners_link), rtol=1e-12)
 
 
-def test_heap_of_taxels_is_refused():
-    """Thousands in one place beside a lattice would be neighbours of each other: refused before that fills memory."""
+def test_many_taxels_at_one_position_are_refused():
+    """Thousands of taxels at one position next to a lattice are refused before their pairs fill the memory."""
     heap = np.tile((0.05, 0.05, 0), (3000, 1)) + np.random.default_rng(0).normal(scale=1e-8, size=(3000, 3))
     positions = np.vstack((flat(lattice(8, 8, "square")), heap))
     with pytest.raises(InvalidPlan, match="the taxels of s are too close together for a pitch of 6 mm"):
@@ -410,13 +422,13 @@ def test_heap_of_taxels_is_refused():
 
 
 def test_pitch_is_the_median_of_the_spacing():
-    """Of places, not of taxels: those that share one do not count twice, and a lone one does not matter."""
+    """It is the median over positions, not taxels: equal positions count once, and an isolated one has no influence."""
     positions = np.vstack((flat(lattice(5, 5, "triangle")), [[0.09, 0.07, 0]]))
     assert_allclose(median_pitch(np.repeat(positions, 2, axis=0), "s"), PITCH, rtol=1e-9)
 
 
 def test_moving_everything_moves_the_taxels():
-    """Surface, mesh and file elsewhere: positions, normals, tangents and corners go along, the rest stays."""
+    """Positions, normals, tangents and corners move with surface, mesh and file; the rest is unchanged."""
     motion, s = Motion(21), wrist_surface()
     moved = type(s)(motion.points(s.control_net), s.knots_u, s.knots_v, s.degree, s.closed)
     raised = on_wrist() + 0.001 * s.normals(imported_taxels(taxel_set(on_wrist()), s, "s").taxels.uv)

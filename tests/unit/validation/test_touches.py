@@ -1,4 +1,4 @@
-"""Touches of known places: read, compared with the taxels that felt them, and what they say of where a skin lies."""
+"""Touches at known positions: reading, comparison with the taxels, and the motion of the skin."""
 
 import dataclasses
 
@@ -17,21 +17,21 @@ CALIBRATION = small_calibration(patches=(SHEET,))
 
 
 def on_sheet(along, across, height=0.0):
-    """Points over `SHEET` laid flat: its rows run round the cylinder, and the next row lies to their left."""
+    """Points above the flat `SHEET`: its rows run around the cylinder, and the next row is to their left."""
     angle = along / RADIUS
     out = np.stack((np.cos(angle), np.sin(angle), 0 * angle), axis=1)
     return (RADIUS + height) * out + np.array((0, 0, 1.0)) * (across + PITCH / 2)[:, None]
 
 
 def touched(calibration, rows, points, directions=None, patch=0):
-    """Touches of some taxels of a patch."""
+    """Return touches of some taxels of a patch."""
     ids = calibration.patches[patch].taxels.ids
     directions = np.zeros((len(rows), 3)) if directions is None else directions
     return Touches(tuple(ids[row] for row in rows), np.arange(len(rows)) + 2, points, directions)
 
 
-def slid(rows, shift, turn, spread, seed=0, height=0.0):
-    """Points that cells of `SHEET` would feel if it had slid and turned about its middle, thrown about in the cells."""
+def points_after_motion(rows, shift, turn, spread, seed=0, height=0.0):
+    """Points that cells of `SHEET` would feel after a motion of the sheet, with random offsets in the cells."""
     flat, rng = flat_places(SHEET, SHEET.taxels.index[rows]), np.random.default_rng(seed)
     middle = flat.mean(axis=0)
     flat = flat + rng.uniform(-0.5, 0.5, flat.shape) * spread
@@ -40,26 +40,26 @@ def slid(rows, shift, turn, spread, seed=0, height=0.0):
     return on_sheet(along, across, height)
 
 
-def test_slide_of_a_sheet_is_found():
-    """From exact places the slide and the turn; the height of the probe is told apart."""
+def test_motion_of_a_sheet_is_found():
+    """Exact touches give shift and rotation; the height of the probe is separate."""
     rows = np.arange(ROWS * COLUMNS)
     (found,) = placements(
-        CALIBRATION, touched(CALIBRATION, rows, slid(rows, (0.0012, -0.0008), 0.01, 0.0, height=5e-4))
+        CALIBRATION, touched(CALIBRATION, rows, points_after_motion(rows, (0.0012, -0.0008), 0.01, 0.0, height=5e-4))
     )
     motion = found.motion
-    assert_allclose(motion.shift, (0.0012, -0.0008), rtol=0, atol=3e-5)  # a tangent plane is not the cylinder
+    assert_allclose(motion.shift, (0.0012, -0.0008), rtol=0, atol=3e-5)  # the tangent plane differs from the cylinder
     assert_allclose(motion.turn, 0.01, rtol=0, atol=2e-4)
     assert_allclose(found.heights, 5e-4, rtol=0, atol=1e-4)
     assert motion.is_certain and list(found.warnings()) == []
     assert found.residuals.max() < 5e-5 < 9e-4 < found.distances.min()
 
 
-def test_standard_errors_are_honest():
-    """Of two hundred sets of touches anywhere in their cells the errors are as large as they say; few look certain."""
+def test_standard_errors_have_the_right_size():
+    """For two hundred random sets the errors have the size of the standard errors; few motions are significant."""
     off, certain = [], 0
     for seed in range(200):
         rows = np.random.default_rng(1000 + seed).integers(0, ROWS * COLUMNS, 40)
-        (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, PITCH, seed)))
+        (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, points_after_motion(rows, 0.0, 0.0, PITCH, seed)))
         motion = found.motion
         off.append((*(motion.shift / motion.shift_error), motion.turn / motion.turn_error))
         certain += motion.is_certain
@@ -69,19 +69,19 @@ def test_standard_errors_are_honest():
     assert certain < 0.25 * 200
 
 
-def test_left_handed_sheet_turns_the_same_way():
-    """Where the next row lies to the right of a row the turn keeps its sense."""
+def test_left_handed_sheet_has_the_same_sign_of_rotation():
+    """The rotation keeps its sign if the next row is to the right of a row."""
     mirrored = dataclasses.replace(
         SHEET, taxels=dataclasses.replace(SHEET.taxels, index=SHEET.taxels.index * (-1, 1) + (ROWS - 1, 0))
     )
     rows = np.arange(ROWS * COLUMNS)
     calibration = small_calibration(patches=(mirrored,))
-    (found,) = placements(calibration, touched(calibration, rows, slid(rows, 0.0, 0.02, 0.0)))
+    (found,) = placements(calibration, touched(calibration, rows, points_after_motion(rows, 0.0, 0.02, 0.0)))
     assert_allclose(found.motion.turn, 0.02, rtol=0, atol=5e-4)
 
 
-def test_boards_slide_on_their_lattice():
-    """Hexagons have places of their own in the flat skin."""
+def test_motion_of_boards_is_found_on_their_lattice():
+    """Hexagons have their own flat positions."""
     patch = seven_boards()
     calibration = small_calibration(patches=(patch,))
     arm = patch.taxels.positions_link - patch.taxels.positions_link[0]
@@ -93,9 +93,9 @@ def test_boards_slide_on_their_lattice():
 
 
 def test_lines_of_action_are_met_in_the_tangent_plane(tmp_path):
-    """A force-torque sensor tells a line; where it passes along the skin it tells nothing, and that is said."""
+    """A force-torque sensor gives a line; a line nearly parallel to the skin gives no position, but a warning."""
     rows = np.arange(0, ROWS * COLUMNS, 5)
-    points = slid(rows, (0.001, 0.0005), 0.0, 0.0)
+    points = points_after_motion(rows, (0.001, 0.0005), 0.0, 0.0)
     taxels = SHEET.taxels
     forces = -4 * taxels.normals_link[rows] + 1.5 * taxels.tangents_link[rows]
     forces[3] = 4 * taxels.tangents_link[rows[3]]
@@ -113,11 +113,11 @@ def test_lines_of_action_are_met_in_the_tangent_plane(tmp_path):
 
 
 def test_a_wrong_channel_is_named_and_counts_little():
-    """Two taxels changed about: both are named, with the taxel that lies there; the slide is hardly moved."""
+    """Two swapped taxels are named, each with the taxel at its position; the motion changes little."""
     rows = np.arange(ROWS * COLUMNS)
     swapped = rows.copy()
     swapped[[7, 40]] = 40, 7
-    points = slid(rows, (0.001, 0.0), 0.0, PITCH, seed=3)
+    points = points_after_motion(rows, (0.001, 0.0), 0.0, PITCH, seed=3)
     (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
     (found,) = placements(CALIBRATION, touched(CALIBRATION, swapped, points))
     assert found.outliers.tolist() == [7, 40] and fine.outliers.tolist() == []
@@ -129,10 +129,12 @@ def test_a_wrong_channel_is_named_and_counts_little():
     assert np.abs(found.motion.shift - fine.motion.shift).max() < 2.5e-4
 
 
-def test_what_is_far_off_counts_little():
-    """Four of fifty touches 40 mm along the rows: the shift is off by less than half a millimetre, not by three."""
+def test_distant_touches_count_little():
+    """Four of fifty touches are 40 mm off along the rows: the error of the shift is below half a millimetre, not
+    three.
+    """
     rows = np.random.default_rng(5).integers(0, ROWS * COLUMNS, 50)
-    points = slid(rows, 0.0, 0.0, PITCH)
+    points = points_after_motion(rows, 0.0, 0.0, PITCH)
     outliers = np.flatnonzero(rows % COLUMNS < COLUMNS - 4)[:4]
     felt = rows.copy()
     felt[outliers] += 4
@@ -157,45 +159,49 @@ def by_columns(i, j):
     ],
 )
 def test_another_order_of_the_channels_is_named(number, words):
-    """The most common mistake of all: the electronics count another way than the plan."""
+    """The most common mistake: the electronics count in another order than the plan."""
     i, j = SHEET.taxels.index.T
     cells = np.random.default_rng(1).integers(0, len(i), 40)
-    points = slid(cells, 0.0, 0.0, PITCH)
+    points = points_after_motion(cells, 0.0, 0.0, PITCH)
     (found,) = placements(CALIBRATION, touched(CALIBRATION, number(i[cells], j[cells]), points))
     (warning,) = found.warnings()
     assert warning.code == "channel-order"
     assert warning.message == f"The touches of sheet fit another order of its channels: {words}."
 
 
-def test_few_touches_tell_no_slide():
-    """Three are too few; many of one cell tell no turn; imported taxels have no flat shape."""
-    (few,) = placements(CALIBRATION, touched(CALIBRATION, [0, 5, 9], slid(np.array([0, 5, 9]), 0.0, 0.0, 0.0)))
+def test_few_touches_give_no_motion():
+    """Three touches are too few; many in one cell give no rotation; imported taxels have no flat shape."""
+    (few,) = placements(
+        CALIBRATION, touched(CALIBRATION, [0, 5, 9], points_after_motion(np.array([0, 5, 9]), 0.0, 0.0, 0.0))
+    )
     assert few.motion is None and (few.residuals == few.distances).all()
     rows = np.full(6, 14)
-    (one,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, PITCH)))
+    (one,) = placements(CALIBRATION, touched(CALIBRATION, rows, points_after_motion(rows, 0.0, 0.0, PITCH)))
     assert one.motion.turn == 0 and one.motion.turn_error == np.inf
     imported = small_calibration(patches=(dataclasses.replace(SHEET, kind="imported"),))
     rows = np.arange(20)
-    (found,) = placements(imported, touched(imported, rows, slid(rows, 0.0, 0.0, PITCH)))
+    (found,) = placements(imported, touched(imported, rows, points_after_motion(rows, 0.0, 0.0, PITCH)))
     assert found.motion is None
 
 
 def test_touches_of_another_frame_are_a_warning():
-    """Centimetres below the skin nothing touches it; and where every line passes along the skin nothing is told."""
+    """Touches centimetres below the skin, and only lines parallel to the skin, give warnings and no motion."""
     rows = np.arange(20)
-    (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0, height=-0.012)))
+    (found,) = placements(
+        CALIBRATION, touched(CALIBRATION, rows, points_after_motion(rows, 0.0, 0.0, 0.0, height=-0.012))
+    )
     (warning,) = found.warnings()
     assert warning.message == "The touches of sheet are 12.0 mm below its taxels." and warning.code == "touch-height"
     along = SHEET.taxels.tangents_link[rows]
-    (none,) = placements(CALIBRATION, touched(CALIBRATION, rows, slid(rows, 0.0, 0.0, 0.0), along))
+    (none,) = placements(CALIBRATION, touched(CALIBRATION, rows, points_after_motion(rows, 0.0, 0.0, 0.0), along))
     assert len(none.rows) == len(none.outliers) == 0 and none.motion is None
     (warning,) = none.warnings()
     assert warning.code == "grazing-touch" and warning.value == 20
     assert warning.message.endswith("are left out: line 2; line 3; line 4; and 17 more.")
 
 
-def test_touches_go_to_their_patches():
-    """Each patch has its own; one that was not touched is left out."""
+def test_touches_belong_to_their_patches():
+    """Each patch has its own touches; an untouched patch is left out."""
     calibration = small_calibration(patches=(SHEET, boards(first_channel=ROWS * COLUMNS)))
     points = np.array([[0.03, 0.05, -0.1], [0.03, 0.051, -0.1]])
     (found,) = placements(calibration, touched(calibration, [0, 0], points, patch=1))
@@ -204,14 +210,14 @@ def test_touches_go_to_their_patches():
 
 
 def read(folder, table, ending="\n"):
-    """A table, written and read."""
+    """Write and read a table."""
     path = folder / "t.csv"
     path.write_text(ending.join(",".join(map(str, row)) for row in table) + ending)
     return read_touches(path, CALIBRATION)
 
 
 def test_tables_are_read_by_their_names(tmp_path):
-    """In any order and case, with other columns and comments, by id or channel."""
+    """Columns have any order and case, with other columns and comments, by id or channel."""
     found = read(tmp_path, [("# robot 3",), ("note", "Z", "x", "Y", "Taxel"), ("a", 0.3, 0.1, 0.2, "s1.2")])
     assert found.taxels == ("s1.2",) and found.lines.tolist() == [3]
     assert found.points.tolist() == [[0.1, 0.2, 0.3]] and not found.directions.any()
@@ -236,7 +242,7 @@ def test_tables_are_read_by_their_names(tmp_path):
         ([("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), ("s1.2", 0, 0, 0.01, 0, 0, 0)], "has a force of 0.01 N"),
     ],
 )
-def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, table, message):
+def test_error_of_a_table_is_one_line(tmp_path, table, message):
     with pytest.raises(CalibrationFormatError) as caught:
         read(tmp_path, table)
     assert message in str(caught.value) and "t.csv" in str(caught.value)
