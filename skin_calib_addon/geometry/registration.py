@@ -1,4 +1,4 @@
-"""The rigid motion that lays a cloud of points on a mesh, whatever frame the cloud comes in."""
+"""The rigid motion that registers a cloud of points to a mesh, from any initial frame."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,42 +15,62 @@ from ..common.surface_errors import DistanceStatistics
 from .mesh.triangle_mesh import TriangleMesh
 from .surface.distance import MeshDistance, closest_on_triangles, split_faces
 
-# A cloud this near on the mean lies where it should: taxels stand off a mesh by the thickness of a cover [m].
+# [m] mean distance below which a cloud is on the mesh: the thickness of a cover separates taxels from the mesh. Larger:
+# wrong frames of less than this distance are not found.
 ON_MESH_DISTANCE = 3e-3
-# One that no motion brings to less than this share of its mean distance does too, up to the thickest of skins [m].
-MAX_REMAINING_RATIO, MAX_SKIN_THICKNESS = 0.5, 1e-2
-# Shares of the cloud's size: a cloud further off than the first does not lie on the mesh; poses that move its points
-# further apart than the second lie in two places.
-MAX_MEAN_FRACTION, DISTINCT_FRACTION = 0.01, 0.1
-# Another pose whose mean distance exceeds the best one's by no more than this factor fits as well as it does; nor do
-# distances below this share of the cloud's size tell two poses apart.
-RIVAL_RATIO, RESOLUTION_FRACTION = 1.5, 5e-4
-MIN_CLOUD_SIZE = 1e-6  # size of a cloud that has none [m]
+# [1] ratio of the mean distances after and before a motion. If no motion gets below it, a cloud is on the mesh too, up
+# to ``MAX_SKIN_THICKNESS``. Larger: motions with less effect are proposed.
+MAX_REMAINING_RATIO = 0.5
+MAX_SKIN_THICKNESS = 1e-2  # [m] of the thickest skin. Larger: thicker skins stay, wrong frames are missed
+# [fraction of the cloud size] mean distance above which a cloud is not on the mesh. Larger: worse poses are accepted.
+MAX_MEAN_FRACTION = 0.01
+# [fraction of the cloud size] mean distance between the points of two poses above which they are at different places.
+# Larger: fewer ambiguous results.
+DISTINCT_FRACTION = 0.1
+# [1] ratio of the mean distances of another pose and the best pose below which both fit. Larger: more ambiguous
+# results.
+RIVAL_RATIO = 1.5
+# [fraction of the cloud size] mean distances that differ by less are equal. Larger: more ambiguous results.
+RESOLUTION_FRACTION = 5e-4
+MIN_CLOUD_SIZE = 1e-6  # [m] size of a cloud of equal points
 
-# Where the search starts: turned every way, with its middle in the middle of the mesh and at places spread over it.
-START_ROTATIONS, START_POSITIONS = 300, 12
-# Steps of the search, and the share of the starts that takes them.
+# [1] initial poses: even rotations, with the centre of the cloud at positions over the mesh and at its centre. Larger:
+# a safer search, more time.
+START_ROTATIONS = 300
+START_POSITIONS = 12
+# (iterations, fraction of the initial poses that takes them). More: a safer search, more time.
 DESCENT_ROUNDS = ((10, 1.0), (10, 0.3), (10, 0.1))
-MIN_STARTS = 30
-DESCENT_POINTS, RANKING_POINTS = (
-    60,
-    150,
-)  # points of the cloud that the search looks at, and those that its best poses are told apart by
-TRIMMED_FRACTION = 0.9  # share of the points that counts in a step: those nearest to the mesh
-MOTION_COST = 1e-2  # how much a point's way costs, against its distance to the mesh
-# How many different poses are refined on some points, those of how many places among them that are refined on all, and
-# how many in all; poses that move the points apart by less than this share of the cloud's size are one.
-CANDIDATES, RIVALS, FINALISTS, EQUAL_FRACTION = 16, 2, 8, 0.03
-CANDIDATE_ITERATIONS, FINAL_ITERATIONS = 15, 60
-# Distances below this share of the cloud's size count by their squares, longer ones by themselves: means of distances
-# alone have a dip wherever a few points happen to lie on faces.
+MIN_STARTS = 30  # [1] least number of poses in a round
+DESCENT_POINTS = 60  # [1] points of the cloud that the descent uses. Larger: a safer search, more time
+RANKING_POINTS = 150  # [1] points of the cloud that rank and distinguish the best poses. Larger: safer, more time
+# [fraction of the points] nearest to the mesh that an iteration uses. Smaller: more outliers are ignored.
+TRIMMED_FRACTION = 0.9
+# [1] weight of the squared motion of a point relative to its squared distance. Larger: shorter steps.
+MOTION_COST = 1e-2
+# [1] weight of the squared motion in the final refinement. Larger: shorter steps, slower convergence.
+FINAL_MOTION_COST = 1e-6
+# [1] numbers of poses: refined on some points, at different places among them, refined on all points. Larger: a safer
+# search, more time.
+CANDIDATES = 16
+RIVALS = 2
+FINALISTS = 8
+# [fraction of the cloud size] mean distance between the points of two poses below which they are equal. Larger: fewer
+# candidates.
+EQUAL_FRACTION = 0.03
+CANDIDATE_ITERATIONS = 15  # [1] most iterations on some points. Larger: no visible effect, more time
+FINAL_ITERATIONS = 60  # [1] most iterations on all points. Larger: no effect after convergence
+# [fraction of the cloud size] Shorter distances count by their squares, longer ones linearly. Mean distances alone have
+# a local minimum wherever a few points are on faces. Larger: outliers have more weight.
 SOFT_WIDTH_FRACTION = 2.5e-3
-POSE_TOLERANCE = 1e-7  # a step that moves no point by more than this share of the cloud's size is the last
+# [fraction of the cloud size] movement of all points below which the iterations have converged. Larger: less accurate.
+POSE_TOLERANCE = 1e-7
 
-SAMPLE_SPACING = 0.015  # of the points spread over the mesh, as a share of its size
-GRID_CELLS = 48  # along each side of the grid that knows the nearest of them
-GRID_HALF_SIDE = 0.62  # half a side of the grid, as a share of the mesh's size
-CANDIDATE_FACES = 4  # faces whose exact distance is asked for
+SAMPLE_SPACING = (
+    0.015  # [fraction of the mesh size] between the sample points of the mesh. Smaller: more accurate descent
+)
+GRID_CELLS = 48  # [1] cells per side of the grid of nearest samples. Larger: more accurate descent, more memory
+GRID_HALF_SIDE = 0.62  # [fraction of the mesh size] half a side of this grid. Larger: larger cells
+CANDIDATE_FACES = 4  # [1] faces per point whose exact distance is computed. Larger: more accurate distances, more time
 
 
 Verdict = Literal["right", "moved", "ambiguous", "lost"]
@@ -58,37 +78,43 @@ Verdict = Literal["right", "moved", "ambiguous", "lost"]
 
 @dataclass(frozen=True, eq=False)
 class RigidFit:
-    """The motion ``rotation @ p + translation`` that lays a cloud best on a mesh, and whether to apply it.
+    """The motion ``rotation @ p + translation`` that registers a cloud best to a mesh, and whether to apply it.
 
     ``verdict`` is one of
 
-    ``"right"``      the cloud lies near the mesh as it is, or no motion brings it much nearer
-    ``"moved"``      this motion lays it on the mesh, and no other does
-    ``"ambiguous"``  it lies on the mesh in other places as well: this is one of them
-    ``"lost"``       no motion lays it on the mesh; this one comes nearest
+    ``"right"``      the cloud is near the mesh as it is, or no motion reduces its distance much
+    ``"moved"``      this motion brings it onto the mesh, and no other motion does
+    ``"ambiguous"``  the cloud fits the mesh in other poses as well; this is one of them
+    ``"lost"``       no motion brings it onto the mesh; this one has the least distance
     """
 
     rotation: Array  # (3, 3) proper
     translation: Array  # (3,) [m]
     before: DistanceStatistics  # from the points as given to the mesh [m]
-    after: DistanceStatistics  # once they are moved
+    after: DistanceStatistics  # after the motion
     verdict: Verdict
-    slack: float  # how far the points may slide over the mesh before the distances tell [m]; at most the cloud's size
-    rival: float  # mean distance in the best of the other places [m]; infinite where none was looked for or found
+    slack: float  # distance that the points can slide before their distances show it [m]; at most the cloud size
+    rival: float  # mean distance in the best pose at another place [m]; infinite without such a pose
 
     def __post_init__(self):
         freeze(self, rotation=(3, 3), translation=(3,))
 
     def __call__(self, points: Array) -> Array:
-        """Where points (k, 3) go [m]."""
+        """Return the points (k, 3) after the motion [m]."""
         return points @ self.rotation.T + self.translation
 
 
 def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
-    """Find the frame of a cloud of points that should lie on a mesh, from any start.
+    r"""Find the frame of a cloud of points that should be on a mesh, from any initial frame.
 
-    Thousands of starts descend together to the mesh on a few points of the cloud; what they find is told apart and
-    refined on all points, towards the least mean distance. A cloud whose mean distance is less than `NEAR` stays.
+    The result minimizes the mean distance to the mesh over rotations :math:`R` and translations :math:`t`:
+
+    .. math::
+
+        \min_{R, t} \frac{1}{n} \sum_{i=1}^{n} d(R\, \mathbf{p}_i + t) \quad [\text{m}]
+
+    Thousands of initial poses descend together on a few points of the cloud. The best different poses are refined on
+    all points. A cloud whose mean distance is at most `ON_MESH_DISTANCE` stays.
 
     Parameters
     ----------
@@ -96,6 +122,11 @@ def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
         Of the link, in the link frame.
     points : array, shape (n, 3)
         [m], in a frame of their own, or in the link frame.
+
+    Returns
+    -------
+    RigidFit
+        The motion, its distances and the verdict.
     """
     points = np.asarray(points, float)
     exact, cloud = MeshDistance(mesh), Cloud.of(points)
@@ -122,7 +153,7 @@ def _right(before: DistanceStatistics, slack: float, rival: float = np.inf) -> R
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """How a cloud lies: turned about its middle, which then lies at ``place``."""
+    """The pose of a cloud: it is rotated about its centre, which is then at ``position``."""
 
     rotation: Array  # (3, 3) proper
     position: Array  # (3,) [m]
@@ -130,26 +161,26 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points about their middle."""
+    """Points relative to their centre."""
 
     points: Array  # (n, 3) [m]
     centre: Array  # (3,) [m]
-    size: float  # diameter of the ball about the middle that holds them [m]; never zero
+    size: float  # diameter of the ball about the centre that contains them [m]; never zero
 
     @classmethod
     def of(cls, points: Array) -> "Cloud":
-        """The cloud of points (n, 3) as they are given."""
+        """Return the cloud of points (n, 3)."""
         centre = points.mean(axis=0)
         arms = points - centre
         return cls(arms, centre, max(2 * float(np.linalg.norm(arms, axis=1).max()), MIN_CLOUD_SIZE))
 
     def at(self, pose: Pose) -> Array:
-        """The points in a pose, shape (n, 3) [m]."""
+        """Return the points in a pose, shape (n, 3) [m]."""
         return self.points @ pose.rotation.T + pose.position
 
 
 class SampledMesh:
-    """Points spread over a mesh: the nearest of them at once, from a grid, and nearly exact distances, from a tree."""
+    """Sample points of a mesh: the nearest one from a grid, and nearly exact distances from a search tree."""
 
     def __init__(self, mesh: TriangleMesh):
         self.mesh = mesh
@@ -170,12 +201,12 @@ class SampledMesh:
         return (i * GRID_CELLS + j) * GRID_CELLS + k
 
     def planes(self, points: Array) -> tuple[Array, Array]:
-        """A point of the mesh near each point, and the normal of its face, shapes (..., 3)."""
+        """Return a point of the mesh near each point, and the normal of its face, shapes (..., 3)."""
         sample = self.nearest[self._cells(points)]
         return self.points[sample], self.mesh.face_normals[self.face[sample]]
 
     def __call__(self, points: Array) -> tuple[Array, IntArray]:
-        """The nearest point of the mesh to each point (k, 3), shape (k, 3), and its face: the best of a few."""
+        """Return the nearest point of the mesh to each point (k, 3), shape (k, 3), and its face, from candidates."""
         few = min(CANDIDATE_FACES, len(self.points))
         faces = self.face[self.tree.query(points, k=np.arange(1, few + 1))[1]]
         feet = closest_on_triangles(np.repeat(points, few, axis=0), self.mesh.triangles[faces.ravel()])
@@ -186,7 +217,7 @@ class SampledMesh:
 
 
 def _search(samples: SampledMesh, cloud: Cloud) -> tuple[Pose, list[Pose]]:
-    """The pose that lies nearest to the mesh, and the best ones of those that lie elsewhere."""
+    """Return the pose with the least distance to the mesh, and the best poses at other places."""
     few = cloud.points[farthest_points(cloud.points, DESCENT_POINTS)]
     positions = np.vstack((samples.centre, samples.points[farthest_points(samples.points, START_POSITIONS)]))
     rotations, positions = (
@@ -214,14 +245,39 @@ def _ranked(refined: Iterable[tuple[float, Pose]]) -> list[Pose]:
 def descend(
     samples: SampledMesh, points: Array, rotations: Array, positions: Array, steps: int
 ) -> tuple[Array, Array, Array]:
-    """Many poses of a few points down to the planes of the faces near them, all at once.
+    r"""Move many poses of a few points to the planes of the nearest faces, all at once.
+
+    Each iteration solves, for the rotation vector and the translation :math:`\xi` in the frame of the cloud,
+
+    .. math::
+
+        \left( \sum_i g_i g_i^{T} + C \right) \xi = \sum_i g_i h_i, \qquad
+        g_i = \begin{pmatrix} \mathbf{p}_i \times \mathbf{n}_i \\ \mathbf{n}_i \end{pmatrix}
+
+    with the heights :math:`h_i` [m] of the planes over the points, their normals :math:`\mathbf{n}_i`, and the cost
+    :math:`C` of the motion.
+
+    Parameters
+    ----------
+    samples : SampledMesh
+        The mesh.
+    points : array, shape (k, 3)
+        Relative to the centre of the cloud [m].
+    rotations : array, shape (b, 3, 3)
+        Of the initial poses.
+    positions : array, shape (b, 3)
+        Of the initial poses [m].
+    steps : int
+        Number of iterations.
 
     Returns
     -------
-    turns : array, shape (b, 3, 3)
-    places : array, shape (b, 3)
+    rotations : array, shape (b, 3, 3)
+        Of the final poses.
+    positions : array, shape (b, 3)
+        Of the final poses [m].
     misfit : array, shape (b,)
-        Mean distance of the points that count, before the last step [m].
+        Mean distance of the points that count, before the last iteration [m].
     """
     keep = max(int(np.ceil(TRIMMED_FRACTION * len(points))), 1)
     displacements = _displacements(points)
@@ -230,10 +286,10 @@ def descend(
     for _ in range(steps):
         there = np.matmul(points, rotations.transpose(0, 2, 1)) + positions[:, None]
         near, normals = samples.planes(there)
-        gap, normals = np.matmul(near - there, rotations), np.matmul(normals, rotations)  # as the cloud sees them
+        gap, normals = np.matmul(near - there, rotations), np.matmul(normals, rotations)  # in the frame of the cloud
         height = (gap * normals).sum(axis=2)
         tangential = np.sqrt(np.maximum((gap * gap).sum(axis=2) - height**2, 0))
-        # A plane goes on beyond its face: further aside than the samples lie apart, a point is beside the mesh.
+        # The plane extends beyond its face. A point with a larger tangential distance than the samples is off the mesh.
         distance = np.hypot(height, np.maximum(tangential - 1.5 * samples.cell, 0))
         counts = distance <= np.partition(distance, keep - 1, axis=1)[:, keep - 1, None]
         misfit = (distance * counts).sum(axis=1) / counts.sum(axis=1)
@@ -246,9 +302,11 @@ def descend(
 
 
 def _refine(samples: SampledMesh, points: Array, pose: Pose, steps: int, size: float) -> tuple[float, Pose]:
-    """Gauss-Newton steps on weighted squares; the best pose on the way, and how far off the points are there [m]."""
+    """Minimize the mean soft distance by reweighted Gauss-Newton steps; return it [m] and its pose."""
     displacements = _displacements(points)
-    cost = 1e-6 * np.einsum("kci,kcj->ij", displacements, displacements) / len(points) + _tiny(points) * np.eye(6)
+    cost = FINAL_MOTION_COST * np.einsum("kci,kcj->ij", displacements, displacements) / len(points) + _tiny(
+        points
+    ) * np.eye(6)
     least, best = np.inf, pose
     for _ in range(steps):
         there = points @ pose.rotation.T + pose.position
@@ -274,12 +332,12 @@ def _refine(samples: SampledMesh, points: Array, pose: Pose, steps: int, size: f
         )
         if np.linalg.norm(displacements @ step, axis=1).max() < POSE_TOLERANCE * size:
             break
-    u, _, v = np.linalg.svd(best.rotation)  # the products of many steps are a rotation but for their rounding
+    u, _, v = np.linalg.svd(best.rotation)  # remove the rounding of many products from the rotation
     return least, Pose(u @ v, best.position)
 
 
 def _displacements(points: Array) -> Array:
-    """How points about the middle move with small turns (three columns) and shifts (three more), shape (k, 3, 6)."""
+    """Return the displacements of points for small rotations (3 columns) and translations (3), shape (k, 3, 6)."""
     x, y, z = points.T
     displacements = np.zeros((len(points), 3, 6))
     displacements[:, 0, 1], displacements[:, 0, 2] = z, -y
@@ -290,16 +348,16 @@ def _displacements(points: Array) -> Array:
 
 
 def _tiny(points: Array) -> float:
-    """What keeps a system solvable where points on one line leave a turn free."""
+    """Return a regularization that keeps the system solvable if all points are on one line."""
     return 1e-12 * max(float((points**2).sum(axis=1).max()), 1e-300)
 
 
 def _slack(mesh: TriangleMesh, exact: MeshDistance, points: Array) -> float:
-    """How far points (n, 3) may slide over a mesh before their distances tell [m]; at most their size.
+    r"""Return the distance that points (n, 3) can slide over a mesh before their distances show it [m].
 
-    Of all small motions of root mean square one, one changes the distances least (Gelfand et al., 2003); it may go on
-    until it changes them by as much as they are.
-    """
+    Of all small motions with a root mean square of one, one changes the distances least (Gelfand et al., 2003). With
+    the least eigenvalue :math:`\lambda` of this change and the root mean square :math:`\sigma` [m] of the distances,
+    the result is :math:`\sigma / \sqrt{\lambda}`, and at most the size of the cloud."""
     distance, face, _ = exact(points)
     cloud = Cloud.of(points)
     normals = mesh.face_normals[face]
@@ -316,12 +374,12 @@ def _statistics(exact: MeshDistance, points: Array) -> DistanceStatistics:
 
 
 def _between(points: Array, a: Pose, b: Pose) -> float:
-    """Mean distance between points in two poses [m]."""
+    """Return the mean distance between points in two poses [m]."""
     return float(np.linalg.norm(points @ (a.rotation - b.rotation).T + a.position - b.position, axis=1).mean())
 
 
 def _different(poses: list[Pose], points: Array, far: float, most: int) -> list[Pose]:
-    """The first poses that are each further than ``far`` from all those before [m]."""
+    """Return the first poses whose points are all further than ``far`` [m] from those of the poses before."""
     chosen: list[Pose] = []
     for pose in poses:
         if len(chosen) == most:
@@ -332,7 +390,19 @@ def _different(poses: list[Pose], points: Array, far: float, most: int) -> list[
 
 
 def farthest_points(points: Array, count: int) -> IntArray:
-    """Indices of at most ``count`` points that lie far from each other, the outermost first."""
+    """Return the indices of at most ``count`` points far from each other: farthest-point sampling.
+
+    Parameters
+    ----------
+    points : array, shape (n, 3)
+        [m]
+    count : int
+        Number of indices.
+
+    Returns
+    -------
+    array of int
+    """
     distance = ((points - points.mean(axis=0)) ** 2).sum(axis=1)
     chosen = [int(distance.argmax())]
     distance = ((points - points[chosen[0]]) ** 2).sum(axis=1)
@@ -343,7 +413,7 @@ def farthest_points(points: Array, count: int) -> IntArray:
 
 
 def even_rotations(count: int) -> Array:
-    """Rotations spread evenly over all (super-Fibonacci spirals, Alexa 2022), shape (count, 3, 3)."""
+    """Return even rotations (super-Fibonacci spirals, Alexa 2022), shape (count, 3, 3)."""
     i = np.arange(count) + 0.5
     inner, outer = np.sqrt(i / count), np.sqrt(1 - i / count)
     a, b = 2 * np.pi * i / np.sqrt(2), 2 * np.pi * i / 1.533751168755204288118041

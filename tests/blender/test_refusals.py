@@ -167,7 +167,7 @@ BAD_LINKS = {
     in_millimetres: "arm is .* m across in this scene; set the object's scale, or the scene's unit scale",
     too_few_planes: "Degree 3 needs at least 4 u-planes, but the grid has 3",
     too_few_lines: "Degree 3 needs at least 4 .*lines, but the grid has 3",
-    wide_margin: "margin 50 mm at both ends leaves nothing of the .* mm along the axis",
+    wide_margin: "A margin of 50 mm at both ends leaves nothing of the .* mm along the axis",
     far_cut: "Cut 0 removes the whole mesh",
     zero_cut: "The normal of cut 0 is zero",
     no_planes: "the plan of arm is not valid: .*/grid/u must",

@@ -1,4 +1,4 @@
-"""How far a surface bulges over the facets that are chords of it."""
+"""The distance between a surface and facets that are chords of it."""
 
 import numpy as np
 
@@ -7,21 +7,37 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.samples import RaySamples
 from ..surface.bspline import BSplineSurface
 
-# Two facets that meet at more than this were meant to: no smooth surface lies over them. A 12-gon has 30 degrees.
+# [rad] angle between adjacent facets above which their edge is meant to be sharp, so that no smooth surface covers
+# it. The facets of a 12-gon have 30 degrees. Larger: coarser models are smoothed, and edges are rounded.
 MAX_CHORD_ANGLE = np.deg2rad(40.0)
 
 
 def chord_gaps(mesh: TriangleMesh, surface: BSplineSurface, samples: RaySamples) -> Array:
-    """Distance along each ray from the facet it met out to the surface that its corners lie on.
+    r"""Return the distance along each ray from the facet that it hit out to the surface through the facet's corners.
 
-    Where the corners of a facet stand off the surface by ``h_i``, a surface through them is ``sum(b_i h_i)`` further
-    out over the point of barycentric coordinates ``b_i``.
+    If the corners of a facet have the heights :math:`h_i` over a surface, a surface through the corners is further out
+    by
+
+    .. math::
+
+        g = \sum_i b_i h_i \quad [\text{m}]
+
+    over the point with the barycentric coordinates :math:`b_i`.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh with the facets.
+    surface : BSplineSurface
+        The fitted surface.
+    samples : RaySamples
+        The hits of the rays through the surface.
 
     Returns
     -------
     array, shape (k, l)
-        [m]; 0 where the ray met nothing, and nowhere larger than the mesh's own angles between faces allow: a surface
-        that fits badly says nothing.
+        [m]; 0 where the ray hit nothing. The angles between the faces of the mesh limit it, because the gaps of a bad
+        fit have no meaning.
     """
     k, l = samples.residuals.shape
     v = np.arange(l) / l if surface.closed[1] else np.linspace(0, 1, l)
@@ -45,16 +61,32 @@ def chord_gaps(mesh: TriangleMesh, surface: BSplineSurface, samples: RaySamples)
 
 
 def heights_over(surface: BSplineSurface, points: Array, uv: Array) -> tuple[Array, Array]:
-    """Heights of points over a surface, shape (k,) [m], and its normals below them, shape (k, 3).
+    r"""Return the heights of points over a surface, and the normals of the surface below them.
 
-    What a Newton step leaves of the way to a footpoint, and what lies beyond an open edge, goes by the curvature there:
-    over a way in the tangent plane the surface rises by ``II / (1 + sqrt(1 - III))`` for its second and third
-    fundamental forms, which is exact on spheres and cylinders.
+    One Newton step finds the parameters. The curvature corrects the rest: over a displacement in the tangent plane, the
+    surface rises by
+
+    .. math::
+
+        \frac{\mathrm{II}}{1 + \sqrt{1 - \mathrm{III}}} \quad [\text{m}]
+
+    with its second and third fundamental forms. This is exact on spheres and cylinders.
 
     Parameters
     ----------
+    surface : BSplineSurface
+        The surface.
+    points : array, shape (k, 3)
+        [m]
     uv : array, shape (k, 2)
-        Near the footpoints.
+        Parameters near the footpoints.
+
+    Returns
+    -------
+    heights : array, shape (k,)
+        [m]
+    normals : array, shape (k, 3)
+        Unit vectors.
     """
     r = surface.derivatives(uv)
     uv = uv + np.column_stack(in_basis(r[1, 0], r[0, 1], points - r[0, 0]))
@@ -66,10 +98,8 @@ def heights_over(surface: BSplineSurface, points: Array, uv: Array) -> tuple[Arr
     normals = unit(np.cross(a, b))
     x, y = in_basis(a, b, displacements)
     L, M, N = ((bend * normals).sum(axis=1) for bend in (r[2, 0], r[1, 1], r[0, 2]))
-    turn_a, turn_b = (
-        L * x + M * y,
-        M * x + N * y,
-    )  # how far the normal turns along the way, by its products with a and b
+    # The rotation of the normal along the displacement, as its products with a and b.
+    turn_a, turn_b = L * x + M * y, M * x + N * y
     second = turn_a * x + turn_b * y
     third = (np.stack(solve_metric(a, b, turn_a, turn_b)) * (turn_a, turn_b)).sum(axis=0)
     rise = second / (1 + np.sqrt(np.maximum(1 - third, 0)))
@@ -77,19 +107,58 @@ def heights_over(surface: BSplineSurface, points: Array, uv: Array) -> tuple[Arr
 
 
 def in_basis(a: Array, b: Array, displacements: Array) -> tuple[Array, Array]:
-    """Components of ways (k, 3) along tangents a and b (k, 3), shapes (k,)."""
+    """Return the components of displacements along two tangents.
+
+    Parameters
+    ----------
+    a, b : array, shape (k, 3)
+        Tangents.
+    displacements : array, shape (k, 3)
+        [m]
+
+    Returns
+    -------
+    along_a, along_b : array, shape (k,)
+        Components.
+    """
     return solve_metric(a, b, (displacements * a).sum(axis=1), (displacements * b).sum(axis=1))
 
 
 def solve_metric(a: Array, b: Array, by_a: Array, by_b: Array) -> tuple[Array, Array]:
-    """Components along tangents a and b (k, 3) of what has these products with them, shapes (k,)."""
+    """Return the components along two tangents of vectors with given scalar products.
+
+    Parameters
+    ----------
+    a, b : array, shape (k, 3)
+        Tangents.
+    by_a, by_b : array, shape (k,)
+        Scalar products of the vectors with the tangents.
+
+    Returns
+    -------
+    along_a, along_b : array, shape (k,)
+        Components.
+    """
     aa, ab, bb = ((x * y).sum(axis=1) for x, y in ((a, a), (a, b), (b, b)))
     area = aa * bb - ab**2
     return (bb * by_a - ab * by_b) / area, (aa * by_b - ab * by_a) / area
 
 
 def barycentric(triangles: Array, points: Array) -> Array:
-    """Barycentric coordinates of points in the planes of triangles, shape (k, 3)."""
+    """Return the barycentric coordinates of points in the planes of triangles.
+
+    Parameters
+    ----------
+    triangles : array, shape (k, 3, 3)
+        Corners [m].
+    points : array, shape (k, 3)
+        [m]
+
+    Returns
+    -------
+    array, shape (k, 3)
+        Rows sum to one.
+    """
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normal = np.cross(b - a, c - a)
     square = np.maximum((normal**2).sum(axis=1), 1e-300)
@@ -98,10 +167,15 @@ def barycentric(triangles: Array, points: Array) -> Array:
 
 
 def largest_sagittas(mesh: TriangleMesh) -> Array:
-    """How far a smooth surface through its corners can stand off each face, shape (f,) [m].
+    r"""Return the largest distance of a smooth surface through its corners from each face, shape (f,) [m].
 
-    An arc over a chord of length h whose neighbours turn by t has a sagitta of h t / 8; a face has three such chords,
-    and its middle lies over all of them. Beside an edge that is meant to be sharp it is zero.
+    An arc over a chord of length :math:`h` whose neighbors rotate by :math:`\theta` has the sagitta
+
+    .. math::
+
+        s = \frac{h\, \theta}{8}
+
+    A face has three chords, and its centre has twice this distance. The distance is zero next to a sharp edge.
     """
     first, second = mesh.adjacency
     cosine = (mesh.face_normals[first] * mesh.face_normals[second]).sum(axis=1)

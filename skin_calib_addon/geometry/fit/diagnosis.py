@@ -13,21 +13,35 @@ from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples, SampleRows
 from ..surface.distance import MeshDistance
 
-# A surface whose area element falls below this share of its mean nearly folds, or closes to a point.
+# [1] smallest area element to the mean area element below which a surface nearly folds, or closes to a point. Larger:
+# more warnings.
 NEARLY_FOLDED_AREA = 0.02
-# A sample further off than this share of the mesh's size is a step, an opening or a part that the grid cannot follow.
+# [fraction of the mesh size] distance of a sample from the surface above which there is a step, an opening or a part
+# that the grid cannot follow. Larger: fewer warnings.
 OFF_MESH_FRACTION = 0.02
-# Least squares worse conditioned than this have planes that say nearly the same.
+# [1] condition number of the least squares above which planes are nearly redundant. Larger: fewer warnings.
 MAX_CONDITION = 1e4
 
 
 def condition(basis: TensorBasis) -> float:
-    """Condition number of the least squares: that of a product of factors is the product of theirs."""
+    """Return the condition number of the least squares: the product of the condition numbers of its factors."""
     return float(np.linalg.cond(basis.N) * np.linalg.cond(basis.B))
 
 
 def dropped_loops(rows: SampleRows, samples: RaySamples) -> IntArray:
-    """How many curves of each row's section the surface does not follow, shape (k,): inner walls, bolts, boxes."""
+    """Return the number of curves in each row's section that the surface does not follow, such as inner walls.
+
+    Parameters
+    ----------
+    rows : SampleRows
+        The sections.
+    samples : RaySamples
+        The hits of the rays on them.
+
+    Returns
+    -------
+    array of int, shape (k,)
+    """
     sections, faces = rows.sections, len(rows.mesh.faces)
     ends = rows.flat_ends()
     hit = np.zeros((sections.planes, faces), bool)
@@ -42,7 +56,21 @@ def dropped_loops(rows: SampleRows, samples: RaySamples) -> IntArray:
 
 
 def nearest_names(lines: LineGrid, basis: TensorBasis, site: tuple[int, int]) -> str:
-    """The u-plane and the v-line that count most at a sample site, as an author knows them."""
+    """Return the names of the u-plane and the v-line with the largest weight at a sample site.
+
+    Parameters
+    ----------
+    lines : LineGrid
+        The lines of the control points.
+    basis : TensorBasis
+        The basis at the sample sites.
+    site : (int, int)
+        Row and column of the sample site.
+
+    Returns
+    -------
+    str
+    """
     i, j = int(np.argmax(basis.N[site[0]])), int(np.argmax(basis.M[site[1]]))
     return f"u-plane {i} and {lines.v_names[j]}"
 
@@ -54,6 +82,24 @@ def maximum_deviation(
 
     The distance is measured to the plane of the facet that the ray hit. Where that is far, it is measured to the
     nearest facet, because a ray that just misses a rim hits what lies behind it.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    lines : LineGrid
+        The lines of the control points.
+    basis : TensorBasis
+        The basis at the sample sites.
+    samples : RaySamples
+        Of the last iteration.
+
+    Returns
+    -------
+    distance : float
+        [m]
+    place : Place
+        Point, u-plane and v-line.
     """
     slope = np.abs((samples.rays * mesh.face_normals[samples.faces]).sum(axis=2))
     distance = np.abs(np.nan_to_num(samples.residuals)) * slope

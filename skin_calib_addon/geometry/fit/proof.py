@@ -1,4 +1,4 @@
-"""Whether a surface keeps within a tolerance: bounds of its distances, made exact only as far as the proof needs."""
+"""Confirm that a surface is within a tolerance: bounds of its distances, made exact only where necessary."""
 
 from collections.abc import Callable
 
@@ -6,30 +6,39 @@ import numpy as np
 
 from ...common.arrays import Array, IntArray
 
-MIN_DISTANCE = 1e-300  # [m]
-FIRST_BATCH, BATCH_GROWTH = (
-    256,
-    2,
-)  # distances that are made exact in a first round, and by what that grows from round to round
+MIN_DISTANCE = 1e-300  # [m] lower bound of a distance in a denominator or a logarithm
+# [1] exact distances that the first round computes. Larger: a better estimate of the other distances, more time.
+FIRST_BATCH = 256
+# [1] ratio of the numbers of exact distances in successive rounds. Larger: fewer rounds, more distances than needed.
+BATCH_GROWTH = 2
 
 
 def confirmed_error(
     bounds: Array, areas: Array, exact: Callable[[IntArray], Array], measure: str, tolerance: float
 ) -> float:
-    """A mean or largest distance: proved not to be exceeded if within the tolerance, else about what it is [m].
+    """Return the mean or largest distance: an upper bound if it is within the tolerance, else an estimate [m].
 
-    Distances are made exact, a few of all sizes first and then from the largest bound on, until the proof stands or the
-    others would have to shrink more than those few did.
+    The bounds of the distances are replaced by exact distances, first for a sample of all sizes, then from the largest
+    bound on. This stops when the tolerance is confirmed. It also stops when the other distances would have to be
+    smaller, relative to their bounds, than those of the sample.
 
     Parameters
     ----------
     bounds : array, shape (k,)
-        What the distances do not exceed [m]; infinite where nothing is known.
+        Upper bounds of the distances [m]; infinite where nothing is known.
     areas : array, shape (k,)
-        That each stands for.
+        Area of each sample [m^2].
     exact : function
-        Of indices (i,): the distances themselves, shape (i,) [m].
+        Returns the exact distances of indices (i,), shape (i,) [m].
     measure : "mean" or "max"
+        The statistic.
+    tolerance : float
+        [m]
+
+    Returns
+    -------
+    float
+        [m]
     """
     if len(bounds) == 0:
         return np.inf
@@ -40,7 +49,7 @@ def confirmed_error(
 
     bounds, order = bounds.copy(), np.argsort(-bounds, kind="stable")
     first = np.isinf(bounds[order])
-    first[:: max(len(bounds) // FIRST_BATCH, 1)] = True  # large and small ones, which tell how much others may shrink
+    first[:: max(len(bounds) // FIRST_BATCH, 1)] = True  # of all sizes, to estimate the ratio of distances to bounds
     order, batch, done = np.concatenate((order[first], order[~first])), int(first.sum()), 0
     error, shrunk = statistic(bounds), 1.0
     while error > tolerance and done < len(order):

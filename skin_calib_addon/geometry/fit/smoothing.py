@@ -1,4 +1,4 @@
-"""How stiff a surface should be over a noisy scan: as stiff as makes it tell best what it was not fitted to."""
+"""The stiffness of a surface over a noisy scan, which predicts samples best that the fit did not use."""
 
 import numpy as np
 
@@ -7,30 +7,43 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import RaySamples
 
-# Residuals below this share of the mesh's size are facets of a good model: nothing is gained over them.
+# [fraction of the mesh size] root mean square of the residuals below which they are facets of a good model. Larger:
+# fewer scans are smoothed.
 MIN_NOISE_FRACTION = 3e-4
-# A mesh with fewer vertices than this for each control point has none to spare: its facets are the shape.
+# [1] least number of mesh vertices per control point for smoothing. With fewer, the facets are the shape. Larger: fewer
+# scans are smoothed.
 MIN_VERTICES_PER_CONTROL_POINT = 3
-# Half of the samples of a normal error lie within 0.67 of its standard deviation; where edges, steps or openings make
-# the residuals, a few large ones rule and most are far smaller, and over facets that are chords most are alike.
+# [1] range of the median to the root mean square of the residuals that looks like a normal distribution, for which it
+# is 0.67. Edges, steps and openings give a smaller ratio, chords a larger one. Wider: more meshes are smoothed.
 MEDIAN_RATIO_RANGE = 0.55, 0.75
-# The errors of a scan are each vertex's own; what a coarse net leaves of a shape goes along from sample to sample.
+# [1] largest correlation of adjacent residuals. The errors of a scan are independent; the residuals of a coarse net are
+# correlated. Larger: more meshes are smoothed.
 MAX_CORRELATION = 0.4
-# Stiffness must lower the expected error of prediction by this factor, or least squares stay as they are.
+# [1] ratio of the scores of cross-validation with and without stiffness above which the surface is not smoothed.
+# Larger: more meshes are smoothed.
 MAX_SCORE_RATIO = 0.98
-MAX_SITES_PER_SPAN = 9  # per span
-STIFFNESSES = np.logspace(-5, 4, 37)
+# [1] most sample sites per span and direction over a scan. Larger: more noise is averaged, more time.
+MAX_SITES_PER_SPAN = 9
+STIFFNESSES = np.logspace(-5, 4, 37)  # [1] candidates, relative to the weight of the samples
 
 
 def looks_noisy(mesh: TriangleMesh, samples: RaySamples, gaps: Array | float, unknowns: int) -> bool:
-    """Whether what least squares leave looks like the error of a scan that is denser than the net.
+    """Return whether the residuals of the least squares look like the noise of a scan that is denser than the net.
 
     Parameters
     ----------
+    mesh : TriangleMesh
+        The mesh.
+    samples : RaySamples
+        Of the least squares without stiffness.
     gaps : array, shape (k, l), or 0
-        How far out of the mesh the surface is to lie at each site [m].
+        Intended distance of the surface outside the mesh at each site [m].
     unknowns : int
-        Control points.
+        Number of control points.
+
+    Returns
+    -------
+    bool
     """
     residuals = samples.residuals + gaps
     size = np.abs(residuals[~np.isnan(residuals)])
@@ -47,16 +60,41 @@ def looks_noisy(mesh: TriangleMesh, samples: RaySamples, gaps: Array | float, un
 
 
 def sites_for_noise(mesh: TriangleMesh, basis: TensorBasis, samples: RaySamples) -> int:
-    """Sites per span, in each direction, that make about as many samples as the mesh has vertices there.
+    """Return the sites per span and direction that give about as many samples as the mesh has vertices.
 
-    Fewer leave vertices out of the mean that takes the noise away.
+    Fewer sites leave vertices out of the mean that removes the noise.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    basis : TensorBasis
+        The basis at the current sample sites.
+    samples : RaySamples
+        At these sites.
+
+    Returns
+    -------
+    int
     """
-    spans = basis.spans * (~np.isnan(samples.residuals)).mean()  # where there is mesh
+    spans = basis.spans * (~np.isnan(samples.residuals)).mean()  # without holes
     return min(int(np.ceil(np.sqrt(hit_vertices(mesh, samples) / spans))), MAX_SITES_PER_SPAN)
 
 
 def hit_vertices(mesh: TriangleMesh, samples: RaySamples) -> int:
-    """How many vertices the faces have that rays met."""
+    """Return the number of vertices of the faces that rays hit.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    samples : RaySamples
+        The hits of the rays.
+
+    Returns
+    -------
+    int
+    """
     hit = np.zeros(len(mesh.vertices), bool)
     hit[mesh.faces[samples.faces[~np.isnan(samples.residuals)]]] = True
     return int(hit.sum())
@@ -65,26 +103,37 @@ def hit_vertices(mesh: TriangleMesh, samples: RaySamples) -> int:
 def best_stiffness(
     mesh: TriangleMesh, basis: TensorBasis, samples: RaySamples, gaps: Array | float, offsets: Array
 ) -> tuple[float, float]:
-    """Stiffness of the net with the least generalised cross-validation (Craven and Wahba, 1979), for a noisy scan.
+    r"""Return the stiffness with the least generalized cross-validation (Craven and Wahba, 1979), for a noisy scan.
 
-    Samples that share facets share the noise of their corners. The mean of the facets over many vertices scatters as
-    that of half as many independent samples of the facets would, so no more than those count.
+    .. math::
+
+        \mathrm{GCV}(\lambda) = \frac{\lVert E_\lambda \rVert^2}{(1 - \operatorname{tr} A_\lambda / n)^2}
+        \quad [\text{m}^2]
+
+    Here :math:`E_\lambda` are the residuals, :math:`A_\lambda` maps the samples to the fit, and :math:`n` is the number
+    of independent samples. Samples on the same facet have the noise of the same corners. The mean of the facets over
+    many vertices has the variance of half as many independent samples, so :math:`n` is at most half of the number of
+    vertices.
 
     Parameters
     ----------
+    mesh : TriangleMesh
+        The mesh.
+    basis : TensorBasis
+        The basis at the sample sites.
     samples : RaySamples
         Of the least squares without stiffness.
     gaps : array, shape (k, l), or 0
-        How far out of the mesh the surface is to lie at each site [m].
+        Intended distance of the surface outside the mesh at each site [m].
     offsets : array, shape (n, m)
         Of the control points along their lines [m].
 
     Returns
     -------
     stiffness : float
-        For ``TensorBasis.solve``; 0 where stiffness promises nothing.
+        For ``TensorBasis.solve``; 0 if stiffness does not improve the prediction.
     noise : float
-        Standard deviation of the mesh about the surface that it leaves [m]; 0 with it.
+        Standard deviation of the mesh about the surface [m]; 0 without stiffness.
     """
     known = ~np.isnan(samples.residuals)
     square = float(((samples.residuals + gaps)[known] ** 2).sum())

@@ -1,4 +1,4 @@
-"""The constrained fit: every control point moves on its line P_u ∩ P_v until the surface lies on the mesh."""
+"""The constrained fit: each control point moves on its line P_u ∩ P_v until the surface fits the mesh."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,28 +29,38 @@ from .chords import chord_gaps
 from .diagnosis import condition, dropped_loops, fit_warnings, maximum_deviation
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
 
+# [1] most iterations of a fit. Larger: slowly converging fits get closer to the mesh, more time.
 MAX_FIT_ITERATIONS = 10
-# The pass that moves no control point by more than this share of the mesh's size is the last: the next moves a tenth.
+# [fraction of the mesh size] movement of the control points below which the fit has converged; the next iteration would
+# move them about a tenth as far. Larger: fewer iterations, less accurate surfaces.
 FIT_TOLERANCE = 3e-4
-# Passes end where the misfit has grown by this factor over the least: the section is no fan about its centre.
+# [1] ratio of the residuals to their least value above which the iterations diverge, because the section is not
+# star-shaped about its centre. Larger: later stop.
 DIVERGENCE_RATIO = 1.2
-# Passes end, too, where one moves as far as the one before the last: rays go to and fro over a step.
+# [1] ratio of a movement to the movement two iterations before above which the iterations oscillate, because rays
+# alternate over a step. Larger: later stop.
 OSCILLATION_RATIO = 0.97
+# [1] iterations of the distances between facets and their arcs. Larger: no visible effect after convergence, more time.
 CHORD_ITERATIONS = 3
-CHORD_SITES_PER_SPAN = 6  # per span: how far facets are off their chords changes within each
+# [1] sample sites per span and direction if facets are chords, because the distance varies within each facet. Larger:
+# more accurate, more time.
+CHORD_SITES_PER_SPAN = 6
+# [1] iterations of the least squares with stiffness. Larger: no visible effect, more time.
 STIFF_ITERATIONS = 2
-# With more samples missing than this, the surface would be made up rather than fitted.
+# [fraction of the samples] that may be missing; above, most of the surface would be extrapolated. Larger: fits over
+# larger holes are allowed.
 MAX_MISSING_FRACTION = 0.5
-# A surface whose area element falls below this share of its mean is folded, or closes to a point.
+# [1] smallest area element to the mean area element below which a surface is folded, or closes to a point.
 FOLDED_AREA = 1e-3
-# A surface that stays further off than this share of the mesh's size is no fit.
+# [fraction of the mesh size] largest allowed distance of the surface from the mesh. Larger: worse fits are allowed.
 MAX_DEVIATION_FRACTION = 0.05
-AREA_SITES_PER_CONTROL_POINT = 5  # places per control point, in each direction, at which the area element is looked at
+# [1] points per control point and direction at which the area element is evaluated. Larger: smaller folds are found.
+AREA_SITES_PER_CONTROL_POINT = 5
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
-    """A surface fitted to a mesh, and how well it lies there."""
+    """A surface fitted to a mesh, with its residuals and errors."""
 
     mesh: TriangleMesh
     lines: LineGrid
@@ -59,32 +69,32 @@ class SurfaceFit:
     surface: BSplineSurface
     samples: RaySamples
     iterations: int
-    converged: bool  # whether the passes came to rest
-    noise: float  # standard deviation of the scan about the surface where that was smoothed [m]; else 0
+    converged: bool  # whether the control points stopped moving
+    noise: float  # standard deviation of the scan about a smoothed surface [m]; 0 without smoothing
 
     @property
     def residuals(self) -> Array:
-        """Distances from surface to mesh along the sample rays, shape (k, l) [m]; NaN where the mesh has nothing."""
+        """Return the distances from surface to mesh along the sample rays, shape (k, l) [m]; NaN without a hit."""
         return self.samples.residuals
 
     @property
     def points(self) -> Array:
-        """Where the sample rays met the mesh, shape (k, l, 3) [m]."""
+        """Return the points where the sample rays hit the mesh, shape (k, l, 3) [m]."""
         return self.samples.points
 
     @cached_property
     def errors(self) -> SurfaceErrors:
-        """Distances between mesh and surface, both ways [m]."""
+        """Return the distances between mesh and surface, in both directions [m]."""
         return surface_errors(self.mesh, self.surface, ~np.isnan(self.residuals))
 
     @property
     def missing(self) -> float:
-        """Share of the sample rays that meet no mesh: holes that the surface spans."""
+        """Return the fraction of the sample rays without a hit: holes that the surface spans."""
         return float(np.isnan(self.residuals).mean())
 
     @cached_property
     def worst(self) -> tuple[Array, Array, float]:
-        """Where the surface is furthest from the mesh: parameters (2,), point (3,) [m], distance [m]."""
+        """Return the position of the maximum deviation from the mesh: parameters (2,), point (3,) [m], distance [m]."""
         uv, _ = surface_samples(self.surface)
         uv = uv[is_sampled(self.surface, uv, ~np.isnan(self.residuals))]
         points = self.surface.points(uv)
@@ -94,10 +104,10 @@ class SurfaceFit:
 
     @cached_property
     def smallest_area(self) -> float:
-        """Least ``|r_u x r_v|`` over its mean, on a dense grid: near zero where the surface closes to a point.
+        """Return the least ``|r_u x r_v|`` over its mean, on a dense grid.
 
-        Negative where ``r_u x r_v`` turns against the rays: the surface has folded over.
-        """
+        It is near zero where the surface closes to a point. It is negative where ``r_u x r_v`` is opposite to the rays:
+        the surface is folded."""
         k, l = (AREA_SITES_PER_CONTROL_POINT * size for size in self.offsets.shape)
         v = np.arange(l) / l if self.lines.closed else np.linspace(0, 1, l)
         uv = np.column_stack((np.repeat(np.linspace(0, 1, k), l), np.tile(v, k)))
@@ -109,9 +119,12 @@ class SurfaceFit:
         return float((areas * np.sign((normals * outward.points(uv)).sum(axis=1))).min() / areas.mean())
 
     def distances(self, per_span: int) -> DistanceStatistics:
-        """Distance from surface to mesh at other sites than the fit's, by rays: to the planes of the facets they meet.
+        r"""Return the distances from surface to mesh at other sites than those of the fit.
 
-        A tenth of the cost of ``errors``, and as good where the surface is near the mesh and no edge is between.
+        A ray with the residual :math:`e`, the direction :math:`\mathbf{r}` and a facet with the normal
+        :math:`\mathbf{n}` has the distance :math:`|e\, (\mathbf{r} \cdot \mathbf{n})|` to the plane of the facet [m].
+        This takes a tenth of the time of ``errors``. It is as accurate where the surface is near the mesh and no edge
+        is in between.
 
         Parameters
         ----------
@@ -135,7 +148,7 @@ class SurfaceFit:
         return DistanceStatistics.of(np.abs(samples.residuals * slope)[known], areas[known])
 
     def resampled(self, per_span: int) -> tuple[Array, RaySamples]:
-        """Rays through the surface at other even sites than those of the fit, and where they meet the mesh.
+        """Return rays through the surface at other even sites than those of the fit, and their hits on the mesh.
 
         Parameters
         ----------
@@ -147,22 +160,23 @@ class SurfaceFit:
         arms : array, shape (k, l, 3)
             From the origins of the rays to the surface [m].
         samples : RaySamples
+            The hits.
         """
         return self._cast(TensorBasis.of(self.lines, *self.surface.degree, per_span))
 
     def bounds(self) -> tuple[Array, Array, Array]:
-        """What the distances from surface to mesh in ``errors`` do not exceed: those to the facets that rays meet.
+        """Return upper bounds of the distances to the mesh in ``errors``: the distances to facets that rays hit.
 
-        In a fraction of the time.
+        This takes a fraction of the time.
 
         Returns
         -------
         points : array, shape (k, 3)
-            Of the surface, where ``errors`` looks and no hole is [m].
+            Points of the surface that ``errors`` uses, without holes [m].
         bounds : array, shape (k,)
-            [m]; infinite where the ray met nothing.
+            [m]; infinite where the ray hit nothing.
         areas : array, shape (k,)
-            That each stands for [m^2].
+            Area of each point [m^2].
         """
         uv, areas = surface_samples(self.surface)
         arms, samples = self._cast(TensorBasis.of(self.lines, *self.surface.degree, SAMPLES_PER_SPAN, between=True))
@@ -178,36 +192,35 @@ class SurfaceFit:
         return arms, SampleRows.of(self.mesh, self.lines, basis).cast(arms)
 
     def is_trusted(self, uv: Array) -> BoolArray:
-        """Whether the mesh was met all around each of some parameters (m, 2); elsewhere the surface spans a hole."""
+        """Return whether the mesh was hit all around parameters (m, 2); elsewhere the surface spans a hole."""
         return is_sampled(self.surface, np.asarray(uv, float).reshape(-1, 2), ~np.isnan(self.residuals))
 
     @cached_property
     def condition(self) -> float:
-        """Condition number of the least squares."""
+        """Return the condition number of the least squares."""
         return condition(self.basis)
 
     @cached_property
     def dropped_loops(self) -> IntArray:
-        """How many curves of the section through each row of samples the surface does not follow, shape (k,)."""
+        """Return the number of curves in the section of each row that the surface does not follow, shape (k,)."""
         return dropped_loops(SampleRows.of(self.mesh, self.lines, self.basis), self.samples)
 
     @cached_property
     def warnings(self) -> tuple[Warning, ...]:
-        """What an author should look at before trusting this surface."""
+        """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
         return tuple(fit_warnings(self.mesh, *parts, self.smallest_area, self.converged))
 
     def is_within(self, tolerance: float) -> bool:
-        """Whether surface and mesh keep within ``tolerance`` [m] of each other everywhere, with no hole and no fold."""
+        """Return whether surface and mesh are within ``tolerance`` [m] of each other, without holes and folds."""
         return self.missing == 0 and self.smallest_area > FOLDED_AREA and self.errors.hausdorff <= tolerance
 
     def leave_one_out(self) -> Array:
-        """Error that each inner u-plane would find if the surface had been fitted without it, shape (n - 2,) [m].
+        """Return the error at each inner u-plane of a surface fitted without it, shape (n - 2,) [m].
 
-        The mean distance from the section of the plane that was left out to the surface of the others: it shows where
-        the planes are too far apart, which the error of the fit itself cannot show. Empty where there are just as many
-        planes as the degree needs.
-        """
+        It is the mean distance from the section of the omitted plane to the surface of the others. It shows where the
+        planes are too far apart, which the error of the fit itself cannot show. It is empty if the degree needs all
+        planes."""
         inner = range(1, len(self.lines.planes_u) - 1 if len(self.lines.planes_u) > self.surface.degree[0] + 1 else 1)
         return np.array([self._without(i) for i in inner])
 
@@ -217,7 +230,7 @@ class SurfaceFit:
         names, closed = self.lines.v_names, self.lines.closed
         lines = LineGrid(planes, self.lines.origins[kept], self.lines.directions[kept], closed, names)
         surface = fit_lines(self.mesh, lines, self.surface.degree).surface
-        at = greville(self.surface.knots_u, self.surface.degree[0])[i]  # where the plane lies, near enough
+        at = greville(self.surface.knots_u, self.surface.degree[0])[i]  # an approximate parameter of the plane
         row = int(np.rint(at * (len(self.residuals) - 1)))
         points = self.points[row][~np.isnan(self.residuals[row])]
         return float(footpoints(surface, points)[1].mean())
@@ -226,31 +239,45 @@ class SurfaceFit:
 def fit_surface(
     mesh: TriangleMesh, grid: Grid | PlanesGrid | LineGrid, degree: int | tuple[int, int] = 3, chords: bool = False
 ) -> SurfaceFit:
-    """Fit a B-spline surface whose control points lie on the lines of a plane grid (paper, Algorithm 1).
+    r"""Fit a B-spline surface whose control points are on the lines of a plane grid (paper, Algorithm 1).
 
-    With the lines and the sample sites fixed, the offsets along the lines are a linear least-squares problem that
-    splits into one small factor per direction. Each pass casts the samples anew from the axis through the surface's
-    own points, so that the residuals measure distance and not a slip along the surface.
+    The control point :math:`\mathbf{p}_{ij}` is at the offset :math:`x_{ij}` [m] on its line:
+
+    .. math::
+
+        \mathbf{p}_{ij} = \mathbf{o}_{ij} + x_{ij}\, \mathbf{d}_{ij}, \qquad
+        \min_{X} \sum_{k,l} e_{kl}(X)^2
+
+    The residuals :math:`e_{kl}` [m] are distances along rays from the surface to the mesh (see ``RaySamples``). For
+    fixed rays this is a linear least-squares problem with one small factor per direction (see ``TensorBasis.solve``).
+    Each iteration casts the rays again through the points of the moved surface. The residuals therefore measure
+    distances, and not displacements along the surface.
 
     Parameters
     ----------
     mesh : TriangleMesh
         The cover, [m] in the link frame.
-    grid : Grid or PlanesGrid, or LineGrid for lines that are placed already
+    grid : Grid or PlanesGrid, or LineGrid
+        The grid, or lines that are placed already.
     degree : int or pair of int
         2 to 5, along u and v.
     chords : bool
-        Whether the mesh's vertices lie on the true surface and its facets are chords of it, as those of a model that
-        was tessellated are: the surface then bulges over the facets as far as its own curvature says.
+        Whether the vertices are on the true surface and the facets are chords of it, as in a tessellated model. The
+        surface is then outside the facets, at a distance that follows from its own curvature.
+
+    Returns
+    -------
+    SurfaceFit
+        The surface with its residuals and errors.
 
     Raises
     ------
     UnderdeterminedFit
         If there are too few planes for the degree.
     EmptySection
-        If a plane misses the mesh, or half of the samples find none.
+        If a plane misses the mesh, or half of the samples have no hit.
     PoorFit
-        If the surface stays far off the mesh somewhere; names the planes and the place.
+        If the surface is far from the mesh somewhere; it names the planes and the point.
     """
     degrees = (degree, degree) if isinstance(degree, int) else degree
     lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, degrees)
@@ -260,12 +287,12 @@ def fit_surface(
 
 
 def check_fit(fit: SurfaceFit) -> None:
-    """Refuse a surface that stays far off the mesh.
+    """Check that a surface is near the mesh everywhere.
 
     Raises
     ------
     PoorFit
-        Names the planes and the place.
+        If it is not; the message names the planes and the point.
     """
     distance, place = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples)
     if distance > MAX_DEVIATION_FRACTION * fit.mesh.size:
@@ -278,7 +305,24 @@ def check_fit(fit: SurfaceFit) -> None:
 
 
 def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
-    """``fit_surface`` along lines that are placed, however far off the surface stays."""
+    """Fit a surface as ``fit_surface`` does, along given lines, without the check of its distance from the mesh.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The cover, [m] in the link frame.
+    lines : LineGrid
+        The lines of the control points.
+    degree : (int, int)
+        Of the surface along u and v.
+    chords : bool
+        As for ``fit_surface``.
+
+    Returns
+    -------
+    SurfaceFit
+        The surface with its residuals and errors.
+    """
     basis = TensorBasis.of(lines, *degree, CHORD_SITES_PER_SPAN if chords else SITES_PER_SPAN)
     rows = SampleRows.of(mesh, lines, basis)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
@@ -293,13 +337,13 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
             samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
             offsets, samples, more, converged = iterate(lines, basis, rows, offsets, samples)
             iterations += more
-    gaps = np.zeros(samples.residuals.shape)  # how far out of the facets the surface is to lie
+    gaps = np.zeros(samples.residuals.shape)  # intended distance of the surface outside the facets
     for _ in range(CHORD_ITERATIONS if chords else 0):
         lift = chord_gaps(mesh, surface_at(lines, basis, offsets), samples)
         lifted, lifted_samples, more, converged = iterate(lines, basis, rows, offsets, samples, lift)
         iterations += more
         if rms_residual(lifted_samples.residuals + lift) > rms_residual(samples.residuals + gaps):
-            break  # a smooth surface through the corners would fit better than one through the facets, not worse
+            break  # with true chords, a surface through the corners has smaller residuals
         offsets, samples, gaps = lifted, lifted_samples, lift
     stiffness = noise = 0.0
     if looks_noisy(mesh, samples, gaps, offsets.size):
@@ -308,7 +352,7 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
         offsets = offsets + basis.solve(samples.residuals + gaps, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         iterations += 1
-    check_coverage(lines, basis, samples.residuals)  # the rays have moved with the surface
+    check_coverage(lines, basis, samples.residuals)  # the rays moved with the surface
     surface = surface_at(lines, basis, offsets)
     return SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, converged, noise)
 
@@ -321,24 +365,37 @@ def iterate(
     samples: RaySamples,
     gaps: Array | float = 0.0,
 ) -> tuple[Array, RaySamples, int, bool]:
-    """Passes of solving and casting until no control point moves, or the residuals grow.
+    r"""Repeat solving and casting until no control point moves, the residuals grow, or the movement oscillates.
+
+    .. math::
+
+        X \leftarrow X + \arg\min_{\delta X} \lVert N\, \delta X\, B^{T} - (E(X) + G) \rVert^2
 
     Parameters
     ----------
+    lines : LineGrid
+        The lines of the control points.
+    basis : TensorBasis
+        The basis matrices :math:`N` and :math:`B` at the sample sites.
+    rows : SampleRows
+        The sections on which rays are cast.
     offsets : array, shape (n, m)
-        Of the control points along their lines [m], to start from.
+        Offsets :math:`X` of the control points along their lines [m], to start from.
     samples : RaySamples
-        Where the rays through the surface with these offsets met the mesh.
+        Hits of the rays through the surface with these offsets; they have the residuals :math:`E`.
     gaps : array, shape (k, l), or 0
-        How far out of the mesh the surface is to lie at each site [m].
+        Intended distance :math:`G` of the surface outside the mesh at each site [m].
 
     Returns
     -------
-    offsets, samples
-        Those of the pass with the least residuals.
-    passes : int
-    settled : bool
-        Whether no control point moved in the last.
+    offsets : array, shape (n, m)
+        Of the iteration with the least residuals [m].
+    samples : RaySamples
+        Of the same iteration.
+    iterations : int
+        Number of iterations.
+    converged : bool
+        Whether no control point moved in the last iteration.
     """
     best, least = (offsets, samples), rms_residual(samples.residuals + gaps)
     converged, moves = False, []
@@ -359,39 +416,66 @@ def iterate(
 
 
 def rms_residual(residuals: Array) -> float:
-    """Root mean square of the residuals that are known [m]."""
+    """Return the root mean square of the residuals that are not NaN [m]."""
     return float(np.sqrt(np.nanmean(residuals**2)))
 
 
 def surface_at(lines: LineGrid, basis: TensorBasis, offsets: Array) -> BSplineSurface:
-    """The surface whose control points lie at these offsets along their lines."""
+    """Return the surface whose control points have these offsets along their lines.
+
+    Parameters
+    ----------
+    lines : LineGrid
+        The lines of the control points.
+    basis : TensorBasis
+        Gives knots and degrees.
+    offsets : array, shape (n, m)
+        [m]
+
+    Returns
+    -------
+    BSplineSurface
+    """
     net = basis.close(lines.origins + offsets[..., None] * lines.directions)
     degree = (basis.degree_u, basis.degree_v)
     return BSplineSurface(net, basis.u.knots, basis.v.knots, degree, (False, lines.closed), lines.seam)
 
 
 def check_coverage(lines: LineGrid, basis: TensorBasis, residuals: Array) -> None:
-    """Refuse planes that miss the mesh.
+    """Check that each plane and line is near samples that hit the mesh.
+
+    Parameters
+    ----------
+    lines : LineGrid
+        The lines of the control points.
+    basis : TensorBasis
+        The basis at the sample sites.
+    residuals : array, shape (k, l)
+        [m]; NaN without a hit.
 
     Raises
     ------
     EmptySection
-        Names a u-plane or v-line near which no ray meets the mesh, or the share of all rays that do not.
+        If no ray near a u-plane or v-line hits the mesh, or too many rays have no hit.
     """
     missed = np.isnan(residuals)
     for what, weights, empty in (("u", basis.N, missed.all(axis=1)), ("v", basis.M, missed.all(axis=0))):
-        nearest = weights.argmax(axis=0)  # the site at which each plane counts most
+        nearest = weights.argmax(axis=0)  # the site with the largest weight of each plane
         lost = np.flatnonzero(empty[nearest])
         if len(lost):
-            i = int(lost[np.argmax(weights[nearest[lost], lost])])  # its own row is lost, not one between it and others
+            i = int(
+                lost[np.argmax(weights[nearest[lost], lost])]
+            )  # its own row is missing, not only a row between planes
             name, place = (
                 (f"u-plane {i}", lines.origins[i, 0]) if what == "u" else (lines.v_names[i], lines.origins[0, i])
             )
             raise EmptySection(
-                f"{name}, through {millimetres(place)}, misses the mesh; move it, or widen the margin", plane=i
+                f"{name}, through {millimetres(place)}, does not intersect the mesh. Move it, or increase the margin.",
+                plane=i,
             )
     if missed.mean() > MAX_MISSING_FRACTION:
         raise EmptySection(
-            f"{missed.mean():.0%} of the sample rays meet no mesh; move the axis or the planes, or use a patch grid",
+            f"{missed.mean():.0%} of the sample rays do not hit the mesh. "
+            "Move the axis or the planes, or use a grid over a sector or a face.",
             missing=float(missed.mean()),
         )

@@ -1,4 +1,4 @@
-"""A bent axis: the curve through the centres of a tube's sections, with planes across it that follow."""
+"""A curved axis: the curve through the centres of a tube's sections, with planes perpendicular to it."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,22 +14,28 @@ from ..sampling.planes import Planes
 from ..sampling.samples import cast_rays
 from .axis import FULL_TURN_ANGLES, longest_run
 
-CENTRE_COUNT = 15  # at which centres are found
-CURVE_ITERATIONS = 8  # of cutting across the curve found so far
-EXTENSION = 0.06  # share of its length by which a curve is longer in the next round, where sections are whole
-MAX_MISSED_FRACTION = 0.05  # share of the rays that may meet nothing in a section that is whole
-CURVE_DEGREE = 4  # of the curve: a limb bends once or twice
-# A straight axis serves where the centres stay within this share of the mean radius of it.
+# [1] stations at which centres are found. Larger: more bends are seen, more time.
+CENTRE_COUNT = 15
+# [1] iterations of cutting across the curve that was found before. Larger: no visible effect, more time.
+CURVE_ITERATIONS = 8
+# [fraction of its length] by which the next curve extends beyond both ends, if sections are complete there. Larger: the
+# curve covers open ends in fewer iterations.
+EXTENSION = 0.06
+# [fraction of the rays] without a hit below which a section is complete. Larger: centres of open sections are used.
+MAX_MISSED_FRACTION = 0.05
+CURVE_DEGREE = 4  # of the curve [1]; a limb bends once or twice. Larger: more bends, more influence of noise
+# [fraction of the mean radius] largest distance of the centres from a straight axis that still serves. Larger: fewer
+# curved axes.
 MAX_STRAIGHT_OFFSET = 0.25
-TRIAL_STATIONS = 192  # stations tried for complete sections
-END_INSET = 0.15  # share of the length left out at both ends, where sections slant off the mesh
+TRIAL_STATIONS = 192  # [1] tried for complete sections. Larger: a more accurate range, more time
+END_INSET = 0.15  # [fraction of the length] left out at both ends, where oblique sections leave the mesh
 
 
 @dataclass(frozen=True, eq=False)
 class CurvedAxis:
-    """Coordinates about a curve: stations along it, angles from ``e1`` towards ``e2``, which turn as little as may be.
+    """Coordinates about a curve: stations along it, and angles from ``e1`` towards ``e2``.
 
-    Beyond its ends the curve goes on straight.
+    The frames have the least rotation about the curve. Beyond its ends the curve is straight.
     """
 
     stations: Array  # (k,) arc length [m]
@@ -41,14 +47,26 @@ class CurvedAxis:
         return CubicSpline(self.stations, self.points, bc_type="natural")
 
     def planes(self, stations: Array) -> Planes:
-        """Planes across the curve."""
+        """Return planes perpendicular to the curve."""
         s = np.asarray(stations, float)
         inside = np.clip(s, self.stations[0], self.stations[-1])
         tangents = unit(self._curve(inside, 1))
         return Planes(self._curve(inside) + (s - inside)[:, None] * tangents, tangents)
 
     def fan(self, stations: Array, angles: Array) -> Array:
-        """Unit directions away from the curve, shape (len(stations), len(angles), 3)."""
+        """Return unit directions away from the curve.
+
+        Parameters
+        ----------
+        stations : array, shape (k,)
+            [m]
+        angles : array, shape (l,)
+            [rad]
+
+        Returns
+        -------
+        array, shape (k, l, 3)
+        """
         e3 = self.planes(stations).normals
         near = np.stack([np.interp(stations, self.stations, column) for column in self.e1.T], axis=1)
         e1 = unit(near - (near * e3).sum(axis=1, keepdims=True) * e3)
@@ -57,14 +75,25 @@ class CurvedAxis:
 
 
 def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
-    """The curve through the centres of the sections across a straight axis; None if that serves.
+    """Return the curve through the centres of the sections across a straight axis; None if the straight axis serves.
 
-    Centres of the sections across a first curve give the next one, until the planes stand upright on it.
+    The centres of the sections across one curve give the next curve, until the planes are perpendicular to it.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The tube.
+    frame : TubeFrame
+        About the straight axis.
+
+    Returns
+    -------
+    CurvedAxis or None
 
     Raises
     ------
     EmptySection
-        If the sections across a bent axis are open.
+        If the sections across a curved axis are open.
     """
     height = frame.stations(mesh.vertices)
     inset = END_INSET * float(np.ptp(height))
@@ -82,13 +111,30 @@ def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
         stations = np.linspace(-EXTENSION * length, (1 + EXTENSION) * length, CENTRE_COUNT)
         centres, _ = section_centres(mesh, axis.planes(stations), axis.fan(stations, FULL_TURN_ANGLES))
         if len(centres) <= CURVE_DEGREE:
-            raise EmptySection("no axis found that the sections of the mesh follow; give the axis, or cut the mesh")
+            raise EmptySection("No axis was found for the sections of the mesh. Give the axis, or cut the mesh.")
         axis = curve_through(centres, axis.e1[0])
     return axis
 
 
 def section_centres(mesh: TriangleMesh, planes: Planes, fan: Array) -> tuple[Array, float]:
-    """Centres of the sections that nearly all rays from their plane's point meet, (k, 3), and the mean radius [m]."""
+    """Return the centres of the sections that nearly all rays hit, and their mean radius.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The tube.
+    planes : Planes
+        Of the sections; the rays start at their points.
+    fan : array, shape (k, l, 3)
+        Unit directions of the rays in each plane.
+
+    Returns
+    -------
+    centres : array, shape (j, 3)
+        [m]
+    radius : float
+        [m]
+    """
     distances = cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan)
     whole = np.isnan(distances).mean(axis=1) < MAX_MISSED_FRACTION
     if not whole.any():
@@ -98,14 +144,26 @@ def section_centres(mesh: TriangleMesh, planes: Planes, fan: Array) -> tuple[Arr
 
 
 def centroids(arms: Array) -> Array:
-    """Centroids of the fans of triangles between neighbouring arms (k, l, 3), but for those beside a missing one."""
+    """Return the centroids of the fans of triangles between adjacent arms (k, l, 3); missing arms are left out."""
     following = np.roll(arms, -1, axis=1)
     areas = np.linalg.norm(np.cross(arms, following), axis=2)
     return np.nansum(areas[..., None] * (arms + following) / 3, axis=1) / np.nansum(areas, axis=1)[:, None]
 
 
 def curve_through(centres: Array, first: Array) -> CurvedAxis:
-    """A smooth curve near some centres in order, with frames that turn as little as may be from ``first`` on."""
+    """Return a smooth curve near some centres, with frames of least rotation.
+
+    Parameters
+    ----------
+    centres : array, shape (k, 3)
+        In order [m].
+    first : array, shape (3,)
+        Direction of ``e1`` at the first centre.
+
+    Returns
+    -------
+    CurvedAxis
+    """
     chord_length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))
     fine = np.linspace(0, chord_length[-1], 16 * len(centres))
     scaled = 2 * chord_length / chord_length[-1] - 1
@@ -123,7 +181,21 @@ def curve_through(centres: Array, first: Array) -> CurvedAxis:
 
 
 def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None) -> tuple[float, float]:
-    """First and last station for the planes: the longest run of complete sections, or a margin from the mesh's ends.
+    """Return the first and last station of the planes: the longest run of complete sections, or margins from the ends.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The tube.
+    axis : CurvedAxis
+        Its axis.
+    margin : float or None
+        Length left free at both ends [m]; None takes the complete sections.
+
+    Returns
+    -------
+    first, last : float
+        [m]
 
     Raises
     ------
@@ -138,10 +210,12 @@ def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None)
     hit = ~np.isnan(cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan))
     first, last = longest_run(hit.all(axis=1) if margin is None else hit.mean(axis=1) > 0.5)
     if last - first < 2:
-        raise EmptySection("no sections across the bent axis go all the way round; use a patch grid, or give the axis")
+        raise EmptySection(
+            "No section across the curved axis is closed. Use a grid over a sector or a face, or give the axis."
+        )
     low, high = float(trials[first]), float(trials[last - 1])
     if margin is None:
         return low, high
     if low + margin >= high - margin:
-        raise InvalidPlan(f"margin {margin * 1e3:g} mm at both ends leaves nothing along the axis; make it smaller")
+        raise InvalidPlan(f"A margin of {margin * 1e3:g} mm at both ends leaves nothing along the axis. Reduce it.")
     return low + margin, high - margin

@@ -1,4 +1,4 @@
-"""Where a new cut lies: across the link, with the larger part on the side that is kept."""
+"""The plane of a new cut: across the link, with the larger part on the side that is kept."""
 
 import numpy as np
 
@@ -7,20 +7,27 @@ from ...common.errors import SkinCalibError
 from ..mesh.triangle_mesh import TriangleMesh
 from .axis import find_axis
 
-# A direction this near to an axis of the link frame is meant to be that axis.
+# [cosine] of the angle to an axis of the link frame, 5 degrees, below which a direction becomes this axis. Larger
+# angle: more directions become an axis.
 SNAP_COSINE = np.cos(np.radians(5.0))
 
 
 def cut_normal(mesh: TriangleMesh, point: Array, direction: Array | None = None) -> Array:
-    """Normal of the plane through a point across a direction, towards the larger part of the mesh, shape (3,) unit.
+    """Return the unit normal of a plane across a direction, towards the larger part of the mesh.
 
     Parameters
     ----------
     mesh : TriangleMesh
+        The mesh to cut.
     point : array, shape (3,)
-        [m], link frame.
+        Of the plane [m], link frame.
     direction : array, shape (3,), optional
-        Along the link, any length; the mesh's own if not given. One that is nearly an axis of the frame becomes it.
+        Along the link, of any length; by default that of the mesh. A direction near an axis of the frame becomes this
+        axis.
+
+    Returns
+    -------
+    array, shape (3,)
     """
     if direction is None:
         direction = long_direction(mesh)
@@ -34,7 +41,7 @@ def cut_normal(mesh: TriangleMesh, point: Array, direction: Array | None = None)
 
 
 def long_direction(mesh: TriangleMesh) -> Array:
-    """Along the axis of a tube; of what is none, along its largest spread, shape (3,) unit."""
+    """Return the unit direction of the axis of a tube, or of the largest extent of another mesh, shape (3,)."""
     try:
         return find_axis(mesh).e3
     except SkinCalibError:

@@ -1,4 +1,4 @@
-"""A first look at a mesh in its chart: a few outlines and profiles, and what spacings of lines would leave of them."""
+"""The error of spacings of planes and lines, predicted from a few outlines and profiles of the mesh."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,48 +14,74 @@ from ..sampling.samples import cast_rays
 from ..surface.bspline import sites_per_span
 from .parametrizations import Parametrization
 
-OUTLINES, OUTLINE_RAYS = 17, 720  # across
-PROFILES = 48  # along
-PROFILE_SITES_PER_PLANE = 4  # of a profile
-MIN_PROFILE_SITES, MAX_PROFILE_SITES = 24, 72
-# Lines lie as densely as this power of the curvature: a corner gets them, a flat keeps a few.
+OUTLINES = 17  # [1] outlines across the region. Larger: a more accurate error model, more time
+OUTLINE_RAYS = 720  # [1] rays of an outline. Larger: finer features are seen, more time
+PROFILES = 48  # [1] profiles along the region. Larger: a more accurate error model, more time
+# [1] sites of a profile per plane, and the limits of their number. Larger: more accurate positions of planes, more
+# time.
+PROFILE_SITES_PER_PLANE = 4
+MIN_PROFILE_SITES = 24
+MAX_PROFILE_SITES = 72
+# [1] The density of lines is this power of the curvature. Larger: more lines at corners, fewer in flat parts.
 CURVATURE_EXPONENT = 0.35
-MIN_CURVATURE_RATIO = 1e-3  # share of the mean below which a curvature is none but rounding
-SMOOTHING_WIDTH = 2.3  # of the outlines, over which curvature is averaged: facets are corners too
-MIN_FILLED_FRACTION = 0.98  # share of the rays that meet a mesh which fills its chart
-MAX_REFITS = 5
-REFIT_TOLERANCE = 1e-3  # a round that moves the offsets by this share of what they leave, both squared, is the last
-MIN_ERROR_SITES = 80  # sites where a mean or a largest distance is told
-SELECTION_SITES, VALIDATION_SITES = (
-    7,
-    10,
-)  # sites per span: a short spline passes through three, and facets come in round numbers
+# [fraction of the mean] lower bound of the curvature; below, it is rounding. Larger: more lines in flat parts.
+MIN_CURVATURE_RATIO = 1e-3
+# [steps of an outline] width of the average of the curvature, because the edges of facets have curvature too. Larger:
+# corners get fewer lines.
+SMOOTHING_WIDTH = 2.3
+# [fraction of the rays] that hit a mesh which fills its region. Larger: more regions get even lines.
+MIN_FILLED_FRACTION = 0.98
+MAX_REFITS = 5  # [1] most iterations of a fit to the outlines. Larger: no visible effect, more time
+# [1] ratio of the squared step to the squared residuals below which these iterations have converged. Larger: less time.
+REFIT_TOLERANCE = 1e-3
+# [1] least number of sites for a mean or largest distance. Larger: coarse nets are predicted more accurately.
+MIN_ERROR_SITES = 80
+# [1] sites per span for the selection and for the validation of positions. A short spline interpolates three sites. The
+# two numbers differ, because the number of facets is often a round number. Larger: more accurate, more time.
+SELECTION_SITES = 7
+VALIDATION_SITES = 10
 
-# A spacing is a piecewise linear map from the share of the intervals behind a place, 0 to 1, to the place.
+# A spacing is a piecewise linear map from the fraction of the intervals before a position, 0 to 1, to the position.
 SpacingMap = tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorModel:
-    """Heights of a mesh over a chart: distances along its rays, on a few dense lines in each direction."""
+    """Heights of a mesh over a region: distances along its rays, on a few dense lines in each direction.
+
+    Splines fitted to the outlines predict the errors of lines. Splines fitted to the profiles predict the errors of
+    planes."""
 
     parametrization: Parametrization
-    outline_t: Array  # (l,) all round, or from edge to edge
+    outline_t: Array  # (l,) of a full turn, or from edge to edge
     outlines: Array  # (OUTLINES, l) [m]
-    outlines_known: Array  # (OUTLINES, l) 1 where the mesh was met, 0 where a gap was bridged
+    outlines_known: Array  # (OUTLINES, l) 1 where the mesh was hit, 0 where a gap was filled
     profile_s: Array  # (k,)
     profiles: Array  # (PROFILES, k) [m]
     profiles_known: Array  # (PROFILES, k)
-    per_span: int = SELECTION_SITES  # sites in each span at which errors are seen
+    per_span: int = SELECTION_SITES  # sites in each span for the errors
 
     @classmethod
     def of(cls, mesh: TriangleMesh, parametrization: Parametrization, planes: int) -> "ErrorModel":
-        """Survey a mesh, finely enough to place up to so many planes.
+        """Sample a mesh, finely enough to place a number of planes.
+
+        Parameters
+        ----------
+        mesh : TriangleMesh
+            The mesh.
+        parametrization : TubeParametrization or FaceParametrization
+            The region.
+        planes : int
+            Largest number of planes.
+
+        Returns
+        -------
+        ErrorModel
 
         Raises
         ------
         EmptySection
-            If no ray meets the mesh.
+            If no ray hits the mesh.
         """
         rows = min(max(PROFILE_SITES_PER_PLANE * planes, MIN_PROFILE_SITES), MAX_PROFILE_SITES)
         s, t = np.linspace(*parametrization.span, rows + 1), np.linspace(*parametrization.breadth, OUTLINE_RAYS + 1)
@@ -80,24 +106,28 @@ class ErrorModel:
 
     @property
     def is_filled(self) -> bool:
-        """Whether the mesh fills the chart; where it leaves corners of an open one out, errors there are guesses."""
+        """Return whether the mesh fills the region; errors at empty corners of an open region are not predictable."""
         return self.parametrization.closed or float(self.outlines_known.mean()) > MIN_FILLED_FRACTION
 
     @cached_property
     def maps(self) -> dict[str, SpacingMap]:
-        """Spacings across that follow a density: none, arc length, a power of the curvature."""
+        """Return the spacings across that follow a density: none, arc length, a power of the curvature."""
         t, edges, closed = self.outline_t, self.parametrization.breadth, self.parametrization.closed
         maps = {"uniform": (np.array((0.0, 1.0)), np.array(edges))}
         for spacing, density in self.densities.items():
             following = np.roll(density, -1) if closed else density[1:]
             fraction = np.append(0.0, np.cumsum((density[: len(following)] + following) / 2))
-            if fraction[-1] > 0:  # a plane has no curvature
+            if fraction[-1] > 0:  # the curvature of a plane is zero
                 maps[spacing] = fraction / fraction[-1], np.append(t, edges[1]) if closed else t
         return maps
 
     @property
     def densities(self) -> dict[str, Array]:
-        """Arc length, and a power of the curvature over it, per step of t on the outlines, shapes (l,)."""
+        r"""Return arc length and curvature density per step of t on the outlines, shapes (l,).
+
+        With the length :math:`\ell` [m] of a step and the curvature :math:`\kappa` [1/m], the curvature density is
+        :math:`\kappa^{0.35}\, \ell`.
+        """
         origins, rays = self.parametrization.rays(self.profile_s[:1], self.outline_t)
         points = origins + self.outlines[..., None] * rays
         step = np.roll(points, -1, axis=1) - points
@@ -105,9 +135,9 @@ class ErrorModel:
         heading = step / np.maximum(length, 1e-300)[..., None]
         turn = np.sqrt(((heading - np.roll(heading, 1, axis=1)) ** 2).sum(axis=2))
         length = (length + np.roll(length, 1, axis=1)) / 2
-        if not self.parametrization.closed:  # the ends have no curve on one side
+        if not self.parametrization.closed:  # the ends have a neighbor on one side only
             turn[:, [0, -1]], length[:, [0, -1]] = turn[:, [1, -2]], length[:, [1, -2]]
-        # Averaged as a convolution all round.
+        # Average by a periodic convolution.
         l = len(self.outline_t)
         window = np.exp(-0.5 * (TURN * np.fft.rfftfreq(l) * SMOOTHING_WIDTH) ** 2)
         smooth_turn, smooth_length = (np.fft.irfft(np.fft.rfft(x) * window, l) for x in (turn, length))
@@ -118,7 +148,7 @@ class ErrorModel:
 
     @cached_property
     def halves(self) -> tuple["ErrorModel", "ErrorModel"]:
-        """Every other outline and profile, and the rest at other sites: what the one promises the other proves."""
+        """Return two models: every second outline and profile selects positions, the rest validates them."""
         return self._every_other(0, SELECTION_SITES), self._every_other(1, VALIDATION_SITES)
 
     def _every_other(self, start: int, per_span: int) -> "ErrorModel":
@@ -132,7 +162,22 @@ class ErrorModel:
         )
 
     def misfits_across(self, t: Array, degree: int, measure: str) -> Array:
-        """Mean or largest distance [m], as ``measure`` says, that choices of lines (..., m) leave; shape (...)."""
+        """Return the mean or largest distance of choices of lines from the outlines.
+
+        Parameters
+        ----------
+        t : array, shape (..., m)
+            The choices of lines.
+        degree : int
+            Of the spline.
+        measure : "mean" or "max"
+            The statistic.
+
+        Returns
+        -------
+        array, shape (...)
+            [m]
+        """
         closed, count = self.parametrization.closed, t.shape[-1]
         at, height, _, residuals = self._with_enough_sites(count if closed else count - degree)._fit_across(t, degree)
         step = self.parametrization.steps(height)
@@ -141,34 +186,63 @@ class ErrorModel:
         return misfits(residuals / slope, self._known_across(at) * widths * step * slope, measure)
 
     def misfits_along(self, s: Array, degree: int, measure: str) -> Array:
-        """Mean or largest distance [m] that choices of planes (..., n) leave; shape (...)."""
+        """Return the mean or largest distance of choices of planes from the profiles.
+
+        Parameters
+        ----------
+        s : array, shape (..., n)
+            The choices of planes [m].
+        degree : int
+            Of the spline.
+        measure : "mean" or "max"
+            The statistic.
+
+        Returns
+        -------
+        array, shape (...)
+            [m]
+        """
         sites, known, residuals = self._with_enough_sites(s.shape[-1] - degree)._fit_along(s, degree)
         at = over_rows(s, sites.values.T)
         slope = np.hypot(1, interpolated(self._profile_slopes, self.profile_s, at[..., None, :], False))
         return misfits(residuals / slope, known * lengths(at)[..., None, :] * slope, measure)
 
     def _with_enough_sites(self, spans: int) -> "ErrorModel":
-        """The same with so many sites that few spans, too, see every facet."""
+        """Return this model with so many sites per span that few spans, too, sample every facet."""
         return replace(self, per_span=sites_per_span(self.per_span, spans, MIN_ERROR_SITES))
 
     def errors_across(self, t: Array, degree: int) -> Array:
-        """What several choices of lines (c, m) leave between outlines and fits.
+        """Return the errors of several choices of lines.
+
+        Parameters
+        ----------
+        t : array, shape (c, m)
+            The choices of lines.
+        degree : int
+            Of the spline.
 
         Returns
         -------
         array, shape (c,)
-            Root mean squares, corrected for what went into the unknowns [m].
+            Root mean squares of the residuals, corrected for the number of unknowns [m].
         """
         at, _, _, residuals = self._fit_across(t, degree)
         return root_mean_squares(residuals, self._known_across(at), t.shape[-1])
 
     def error_across(self, t: Array, degree: int) -> tuple[float, Array]:
-        """What lines at some t (m,) leave between outlines and fits.
+        """Return the error of lines, and of each span.
+
+        Parameters
+        ----------
+        t : array, shape (m,)
+            The lines.
+        degree : int
+            Of the spline.
 
         Returns
         -------
         error : float
-            Root mean square, corrected for what went into the unknowns [m].
+            Root mean square of the residuals, corrected for the number of unknowns [m].
         energies : array, shape (spans,)
             Mean square of each span of the spline [m^2].
         """
@@ -177,14 +251,21 @@ class ErrorModel:
         return span_errors(residuals, self._known_across(at), len(t), len(t) if closed else len(t) - degree, closed)
 
     def slopes_across(self, t: Array, degree: int) -> tuple[Array, Array]:
-        """What lines at some t leave, and how that changes as each moves.
+        """Return the residuals of lines, and their derivatives by the position of each line.
+
+        Parameters
+        ----------
+        t : array, shape (m,)
+            The lines.
+        degree : int
+            Of the spline.
 
         Returns
         -------
         residuals : array, shape (k,)
-            Between outlines and fits [m]; 0 where the mesh was not met.
+            Between outlines and spline [m]; 0 where the mesh was not hit.
         slopes : array, shape (k, m)
-            Their derivatives, as far as the heights have any.
+            Their derivatives, where the heights have any.
         """
         sites = spline_sites(len(t), degree, self.parametrization.closed, self.per_span)
         at, height, offsets, residuals = self._fit_across(t, degree)
@@ -194,14 +275,14 @@ class ErrorModel:
         return (residuals * known).ravel(), (slopes * known[..., None]).reshape(-1, len(t))
 
     def _fit_across(self, t: Array, degree: int) -> tuple[Array, Array, Array, Array]:
-        """Least squares on lines at some t (..., m): where their points lie, heights, offsets, residuals, (..., r, l).
+        """Fit splines on lines at some t (..., m): return positions, heights and residuals (..., r, l), and offsets.
 
-        The offsets are of shape (..., r, m).
+        The order is positions, heights, offsets, residuals. The offsets have the shape (..., r, m).
         """
         closed = self.parametrization.closed
         sites = spline_sites(t.shape[-1], degree, closed, self.per_span)
         offsets = interpolated(self.outlines, self.outline_t, t[..., None, :], closed)
-        for _ in range(MAX_REFITS):  # as the passes of a fit: rays through the spline's own points
+        for _ in range(MAX_REFITS):  # like the iterations of a fit: rays through the spline's own points
             at, height = self.parametrization.blend(sites.values, t, offsets)
             residuals = interpolated(self.outlines, self.outline_t, at, closed) - height
             step = over_rows(residuals, sites.inverse.T)
@@ -212,21 +293,64 @@ class ErrorModel:
         return at, height, offsets, residuals
 
     def _known_across(self, at: Array) -> BoolArray:
-        """Whether the outlines were met on both sides of places (..., r, l)."""
+        """Return whether the outlines hit the mesh on both sides of positions (..., r, l)."""
         return is_known(self.outlines_known, self.outline_t, at, self.parametrization.closed)
 
     def errors_along(self, s: Array, degree: int) -> Array:
-        """What several choices of planes (c, n) leave between profiles and fits, as for lines across."""
+        """Return the errors of several choices of planes, as for lines across.
+
+        Parameters
+        ----------
+        s : array, shape (c, n)
+            The choices of planes [m].
+        degree : int
+            Of the spline.
+
+        Returns
+        -------
+        array, shape (c,)
+            [m]
+        """
         sites, known, residuals = self._fit_along(s, degree)
         return root_mean_squares(residuals, known, s.shape[-1], lengths(over_rows(s, sites.values.T)))
 
     def error_along(self, s: Array, degree: int) -> tuple[float, Array]:
-        """What planes at some s (n,) leave between profiles and fits, as for lines across; each place by its length."""
+        """Return the error of planes and of each span, as for lines across; each site is weighted by its length.
+
+        Parameters
+        ----------
+        s : array, shape (n,)
+            The planes [m].
+        degree : int
+            Of the spline.
+
+        Returns
+        -------
+        error : float
+            [m]
+        energies : array, shape (spans,)
+            [m^2]
+        """
         sites, known, residuals = self._fit_along(s, degree)
         return span_errors(residuals, known, len(s), len(s) - degree, False, lengths(sites.values @ s))
 
     def slopes_along(self, s: Array, degree: int) -> tuple[Array, Array]:
-        """What planes at some s leave, and how that changes as each moves; as for lines across, but for the lengths."""
+        """Return the residuals of planes and their derivatives, as for lines; each site is weighted by its length.
+
+        Parameters
+        ----------
+        s : array, shape (n,)
+            The planes [m].
+        degree : int
+            Of the spline.
+
+        Returns
+        -------
+        residuals : array, shape (k,)
+            Weighted with the root of the length.
+        slopes : array, shape (k, n)
+            Their derivatives.
+        """
         sites, known, residuals = self._fit_along(s, degree)
         at = sites.values @ s
         slope = interpolated(self._profile_slopes, self.profile_s, at[None], False)
@@ -236,7 +360,7 @@ class ErrorModel:
         return (root * residuals * known).ravel(), (slopes * known[..., None]).reshape(-1, len(s))
 
     def _fit_along(self, s: Array, degree: int) -> tuple[SplineSites, BoolArray, Array]:
-        """Least squares on planes at some s (..., n): the sites, whether they were met, what is left, (..., r, l)."""
+        """Fit splines on planes at some s (..., n): return sites, whether they were hit, and residuals (..., r, l)."""
         sites = spline_sites(s.shape[-1], degree, False, self.per_span)
         at = over_rows(s, sites.values.T)[..., None, :]
         heights = interpolated(self.profiles, self.profile_s, at, False)
@@ -256,7 +380,19 @@ class ErrorModel:
 
 
 def refitted(changes: Array, sites: SplineSites) -> Array:
-    """What least squares leave of changes (r, l, m) at the sites."""
+    """Return the residuals of a least-squares fit to changes at the sites.
+
+    Parameters
+    ----------
+    changes : array, shape (r, l, m)
+        m changes in each of r rows.
+    sites : SplineSites
+        The basis.
+
+    Returns
+    -------
+    array, shape (r, l, m)
+    """
     r, l, m = changes.shape
     flat = changes.transpose(1, 0, 2).reshape(l, -1)
     left = flat - product(sites.values, product(sites.inverse, flat))
@@ -264,39 +400,57 @@ def refitted(changes: Array, sites: SplineSites) -> Array:
 
 
 def lengths(positions: Array) -> Array:
-    """How much lies about each of some ascending places (..., l): half of the way between its neighbours."""
+    """Return the length about each of some ascending positions (..., l): half of the distance between its neighbors."""
     steps = np.diff(positions) / 2
     none = np.zeros_like(steps[..., :1])
     return np.concatenate((none, steps), axis=-1) + np.concatenate((steps, none), axis=-1)
 
 
 def periodic_lengths(positions: Array) -> Array:
-    """As ``lengths``, of angles (..., l) that go all round [rad]."""
+    """Return the length about each of some angles (..., l) of a full turn [rad]."""
     lengths = np.roll(positions, -1, axis=-1) - np.roll(positions, 1, axis=-1)
     return np.abs((lengths + TURN / 2) % TURN - TURN / 2) / 2
 
 
 def mean_square(values: Array) -> Array:
-    """Over the last two axes, shape (...)."""
+    """Return the mean square over the last two axes, shape (...)."""
     return np.asarray(np.einsum("...ij,...ij->...", values, values) / (values.shape[-2] * values.shape[-1]))
 
 
 def is_known(known: Array, positions: Array, at: Array, closed: bool) -> BoolArray:
-    """Whether rows that are ``known`` at even places are so on both sides of others; shapes as of ``interpolated``."""
+    """Return whether rows are known on both sides of positions.
+
+    Parameters
+    ----------
+    known : array, shape (r, k)
+        1 where the row is known, at even positions.
+    positions : array, shape (k,)
+        The even positions.
+    at : array, shape (..., r, l) or (..., 1, l)
+        The wanted positions.
+    closed : bool
+        Whether the first position follows the last.
+
+    Returns
+    -------
+    array of bool, shape (..., r, l)
+    """
     if known.all():
         return np.ones((*at.shape[:-2], len(known), at.shape[-1]), bool)
     return interpolated(known, positions, at, closed) == 1
 
 
 def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> Array:
-    """Heights at even places as straight lines between them.
+    """Interpolate heights at even positions linearly.
 
     Parameters
     ----------
     heights : array, shape (r, k)
+        At the even positions [m].
     known : array, shape (k,)
-        The even places.
+        The even positions.
     wanted : array, shape (..., r, l), or (..., 1, l) for the same in all rows
+        The wanted positions.
     closed : bool
         Whether the first height follows the last.
 
@@ -321,7 +475,22 @@ def interpolated(heights: Array, known: Array, wanted: Array, closed: bool) -> A
 
 
 def misfits(residuals: Array, weights: Array, measure: str) -> Array:
-    """Mean or largest size of residuals (..., r, sites), as ``measure`` says; shape (...). Zero weight: none."""
+    """Return the mean or largest absolute value of residuals; a weight of zero excludes a site.
+
+    Parameters
+    ----------
+    residuals : array, shape (..., r, sites)
+        [m]
+    weights : array, shape (..., r, sites)
+        For the mean.
+    measure : "mean" or "max"
+        The statistic.
+
+    Returns
+    -------
+    array, shape (...)
+        [m]
+    """
     size = np.abs(residuals) * (weights if measure == "mean" else weights > 0)
     if measure == "max":
         return np.asarray(size.max(axis=(-2, -1)))
@@ -329,9 +498,29 @@ def misfits(residuals: Array, weights: Array, measure: str) -> Array:
 
 
 def root_mean_squares(residuals: Array, known: BoolArray, unknowns: int, weights: Array | float = 1.0) -> Array:
-    """Of residuals (..., r, sites) of which some went into unknowns; shape (...).
+    r"""Return the root mean square of residuals, corrected for the number of unknowns.
 
-    Sites beside which the mesh was not met do not count; the others have ``weights`` (..., sites).
+    .. math::
+
+        \sqrt{ \frac{\sum w e^2}{\sum w\, (1 - m / l)} }
+
+    for :math:`m` unknowns and :math:`l` sites per row.
+
+    Parameters
+    ----------
+    residuals : array, shape (..., r, sites)
+        The residuals :math:`e` [m].
+    known : array of bool, shape (..., r, sites)
+        Sites where the mesh was not hit do not count.
+    unknowns : int
+        The number :math:`m`.
+    weights : array, shape (..., sites), or float
+        The weights :math:`w`.
+
+    Returns
+    -------
+    array, shape (...)
+        [m]
     """
     counts, squares = known.sum(axis=-2), (residuals**2 * known).sum(axis=-2)
     known = (counts * weights).sum(axis=-1) * (1 - unknowns / residuals.shape[-1])
@@ -341,10 +530,32 @@ def root_mean_squares(residuals: Array, known: BoolArray, unknowns: int, weights
 def span_errors(
     residuals: Array, known: BoolArray, unknowns: int, spans: int, closed: bool, weights: Array | float = 1.0
 ) -> tuple[float, Array]:
-    """Root mean square of residuals (r, sites), as of several choices, and mean squares by span.
+    """Return the root mean square of residuals, and the mean square of each span.
 
-    A span that the mesh was met nowhere beside has no error. A site on a knot counts half for each side, so that a
-    mirrored mesh has mirrored errors.
+    A span without hits has no error. A site on a knot counts half for each side, so that a mirrored mesh has mirrored
+    errors.
+
+    Parameters
+    ----------
+    residuals : array, shape (r, sites)
+        [m]
+    known : array of bool, shape (r, sites)
+        Whether the mesh was hit.
+    unknowns : int
+        Number of control points.
+    spans : int
+        Number of spans.
+    closed : bool
+        Whether the first site follows the last.
+    weights : array, shape (sites,), or float
+        Of the sites, for the root mean square.
+
+    Returns
+    -------
+    error : float
+        [m]
+    energies : array, shape (spans,)
+        [m^2]
     """
     sites = residuals.shape[1]
     counts, squares = known.sum(axis=0) * 0.5, (residuals**2 * known).sum(axis=0) * 0.5
@@ -356,18 +567,30 @@ def span_errors(
 
 
 def filled(heights: Array, closed: bool) -> Array:
-    """Heights (r, k) with each gap bridged by a straight line along its row; a row of gaps is taken from beside.
+    """Fill each gap of heights (r, k) by linear interpolation along its row; copy empty rows from the nearest row.
+
+    Parameters
+    ----------
+    heights : array, shape (r, k)
+        [m]; NaN in gaps.
+    closed : bool
+        Whether the first height follows the last.
+
+    Returns
+    -------
+    array, shape (r, k)
+        [m]
 
     Raises
     ------
     EmptySection
-        If there is nothing to fill from.
+        If all heights are NaN.
     """
     missing = np.isnan(heights)
     if not missing.any():
         return heights
     if missing.all():
-        raise EmptySection("no ray of the grid meets the mesh; move the axis into it, or give another grid")
+        raise EmptySection("No ray of the grid hits the mesh. Move the axis into the mesh, or choose another grid.")
     heights, positions = heights.copy(), np.arange(heights.shape[1])
     whole = np.flatnonzero(~missing.all(axis=1))
     for i in np.flatnonzero(missing.any(axis=1)):

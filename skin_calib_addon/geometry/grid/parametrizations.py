@@ -1,4 +1,4 @@
-"""Charts: two coordinates, s along the u-direction and t across it, that give the plane and the ray at each place."""
+"""Parametrizations of a region: s along the u-direction and t across it give the plane and the ray of each point."""
 
 from dataclasses import dataclass
 
@@ -14,101 +14,126 @@ from .curved_axis import CurvedAxis
 
 @dataclass(frozen=True, eq=False)
 class TubeParametrization:
-    """Around an axis: s is the station [m], t the angle [rad], clockwise so that r_u x r_v points outward."""
+    """About an axis: s is the station [m], t the angle [rad], clockwise, so that r_u x r_v points outward."""
 
     frame: TubeFrame | CurvedAxis
     span: tuple[float, float]  # first and last station [m]
-    sector: tuple[float, float] | None = None  # first and last angle, counter-clockwise [rad]; None: all round
+    sector: tuple[float, float] | None = None  # first and last angle, counter-clockwise [rad]; None: a full turn
 
     @property
     def closed(self) -> bool:
-        """Whether t goes all round."""
+        """Return whether t covers a full turn."""
         return self.sector is None
 
     @property
     def bends(self) -> bool:
-        """Whether the rays start on a curve."""
+        """Return whether the rays start on a curve."""
         return isinstance(self.frame, CurvedAxis)
 
     @property
     def breadth(self) -> tuple[float, float]:
-        """First and last t."""
+        """Return the first and the last t [rad]."""
         return (0.0, TURN) if self.sector is None else (0.0, self.sector[1] - self.sector[0])
 
     @property
     def seam(self) -> Array | None:
-        """Of what goes all round: the ray at angle zero half way along, a point [m] and a unit direction."""
+        """Return the ray at angle zero halfway along a closed region: a point [m] and a unit direction; else None."""
         if not self.closed:
             return None
         origins, directions = self.rays(np.array([sum(self.span) / 2]), np.zeros(1))
         return np.stack((origins[0, 0], directions[0, 0]))
 
     def angles(self, t: Array) -> Array:
-        """Angles from ``frame.e1`` towards ``frame.e2``."""
+        """Return the angles from ``frame.e1`` towards ``frame.e2`` [rad]."""
         return (0.0 if self.sector is None else self.sector[1]) - t
 
     def planes(self, s: Array) -> Planes:
-        """One plane across the axis at each station."""
+        """Return one plane across the axis at each station."""
         return self.frame.planes(s)
 
     def rays(self, s: Array, t: Array) -> tuple[Array, Array]:
-        """Origins and unit directions of the rays at every pair, shapes (k, l, 3)."""
+        """Return the rays at every pair of s and t.
+
+        Parameters
+        ----------
+        s : array, shape (k,)
+            Stations [m].
+        t : array, shape (l,)
+            Angles [rad].
+
+        Returns
+        -------
+        origins, directions : array, shape (k, l, 3)
+            [m], and of length one.
+        """
         directions = self.frame.fan(s, self.angles(t))
         return np.broadcast_to(self.frame.planes(s).points[:, None], directions.shape), directions
 
     def blend(self, weights: Array, t: Array, heights: Array) -> tuple[Array, Array]:
-        """Where a spline lies whose control points stand on some lines.
+        r"""Return the points of a spline whose control points are on some lines.
+
+        The plane coordinates of the point at the site :math:`l` are
+
+        .. math::
+
+            (x_l, y_l) = \sum_j w_{lj}\, h_j\, (\cos t_j, \sin t_j)
+
+        with the weights :math:`w_{lj}`, and the heights :math:`h_j` [m] of the control points on lines at :math:`t_j`.
 
         Parameters
         ----------
         weights : array, shape (l, m)
             Basis functions at the sites.
         t : array, shape (..., m)
-            Of the lines; of several choices of them at once.
+            Of the lines; the leading axes are several choices of lines.
         heights : array, shape (..., r, m)
             Of the control points along their lines, in each of r rows [m].
 
         Returns
         -------
         t, heights : array, shape (..., r, l)
-            Of the spline's points.
+            Of the points of the spline.
         """
         x, y = (over_rows(heights * wave(t)[..., None, :], weights.T) for wave in (np.cos, np.sin))
         return np.arctan2(y, x) % TURN, np.hypot(x, y)
 
     def steps(self, heights: Array) -> Array:
-        """How far apart places one t apart are at some heights, of any shape [m]."""
+        """Return the distance of points one unit of t apart at some heights, of any shape [m]."""
         return heights
 
     def residual_slopes(
         self, weights: Array, t: Array, heights: Array, at: Array, height: Array, slope: Array
     ) -> Array:
-        """How the gaps between mesh and spline at its points change as lines move across, shape (r, l, m).
+        """Return the derivatives of the residuals between mesh and spline by the t of each line, shape (r, l, m).
 
         Parameters
         ----------
-        weights, t, heights
+        weights, t, heights : array
             As for ``blend``; one choice of lines.
-        at, reach : array, shape (r, l)
-            Its answer.
-        steep : array, shape (r, l)
-            How the height of the mesh changes with t there.
+        at, height : array, shape (r, l)
+            The result of ``blend``.
+        slope : array, shape (r, l)
+            Derivative of the height of the mesh by t there.
+
+        Returns
+        -------
+        array, shape (r, l, m)
         """
         c, s, ratio = np.cos(at), np.sin(at), slope / height
-        # Across the ray a moving line takes a point along the mesh, which rises; along the ray it takes it up or down.
+        # A moving line moves a point across its ray, where the height of the mesh changes, and along its ray.
         x, y = (part[:, None] * weights for part in (heights * np.cos(t), heights * np.sin(t)))
         return (ratio * c - s)[..., None] * x + (ratio * s + c)[..., None] * y
 
     def names(self, t: Array) -> tuple[str, ...]:
-        """What the lines are called in messages."""
+        """Return the names of the lines in messages."""
         return tuple(f"half-plane at {round(np.rad2deg(a), 1) % 360:g} degrees" for a in self.angles(t))
 
 
 @dataclass(frozen=True, eq=False)
 class FaceParametrization:
-    """Over a face: s and t are lengths along two directions across its outward normal [m]."""
+    """Over a face: s and t are lengths along two directions perpendicular to its outward normal [m]."""
 
-    corner: Array  # (3,) [m], inside of the robot; s = t = 0
+    corner: Array  # (3,) [m], inside the robot; s = t = 0
     along: Array  # (3,) unit, of s
     side: Array  # (3,) unit, of t; along x side = up
     up: Array  # (3,) unit, of the rays
@@ -119,32 +144,66 @@ class FaceParametrization:
     seam = None
 
     def planes(self, s: Array) -> Planes:
-        """One plane across ``along`` at each s."""
+        """Return one plane perpendicular to ``along`` at each s."""
         points = self.corner + s[:, None] * self.along
         return Planes(points, np.broadcast_to(self.along, points.shape))
 
     def rays(self, s: Array, t: Array) -> tuple[Array, Array]:
-        """Origins and unit directions of the rays at every pair, shapes (k, l, 3)."""
+        """Return the rays at every pair of s and t.
+
+        Parameters
+        ----------
+        s : array, shape (k,)
+            [m]
+        t : array, shape (l,)
+            [m]
+
+        Returns
+        -------
+        origins, directions : array, shape (k, l, 3)
+            [m], and of length one.
+        """
         origins = self.planes(s).points[:, None] + t[:, None] * self.side
         return origins, np.broadcast_to(self.up, origins.shape)
 
     def blend(self, weights: Array, t: Array, heights: Array) -> tuple[Array, Array]:
-        """As for a tube; all rays run the same way."""
+        """Return the points of a spline as for a tube; all rays are parallel.
+
+        Parameters
+        ----------
+        weights, t, heights : array
+            As for a tube.
+
+        Returns
+        -------
+        t, heights : array, shape (..., r, l)
+            Of the points of the spline [m].
+        """
         height = over_rows(heights, weights.T)
         return np.broadcast_to((t @ weights.T)[..., None, :], height.shape), height
 
     def steps(self, heights: Array) -> Array:
-        """As for a tube; all rays run the same way."""
+        """Return ones, as t is a length."""
         return np.ones_like(heights)
 
     def residual_slopes(
         self, weights: Array, t: Array, heights: Array, at: Array, height: Array, slope: Array
     ) -> Array:
-        """As for a tube; no line moves up or down."""
+        """Return the derivatives of the residuals by the t of each line, as for a tube; lines do not change heights.
+
+        Parameters
+        ----------
+        weights, t, heights, at, height, slope : array
+            As for a tube.
+
+        Returns
+        -------
+        array, shape (r, l, m)
+        """
         return slope[..., None] * weights
 
     def names(self, t: Array) -> tuple[str, ...]:
-        """What the lines are called in messages."""
+        """Return the names of the lines in messages."""
         return tuple(f"v-plane {j}" for j in range(len(t)))
 
 
@@ -152,7 +211,21 @@ Parametrization = TubeParametrization | FaceParametrization
 
 
 def parametrized_lines(parametrization: Parametrization, s: Array, t: Array) -> LineGrid:
-    """The lines of the control points at every pair of s and t."""
+    """Return the lines of the control points at every pair of s and t.
+
+    Parameters
+    ----------
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    s : array, shape (n,)
+        Of the planes [m].
+    t : array, shape (m,)
+        Of the lines [rad] or [m].
+
+    Returns
+    -------
+    LineGrid
+    """
     return LineGrid(
         parametrization.planes(s),
         *parametrization.rays(s, t),

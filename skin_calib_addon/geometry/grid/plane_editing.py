@@ -1,4 +1,4 @@
-"""Planes one by one: from the lines of another grid, and what an author does to a row of them."""
+"""Individual planes: from the lines of another grid, and edits of a row of planes."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -8,20 +8,22 @@ from ...common.errors import InvalidPlan
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 
-MIN_V_PLANES = 2  # full planes of a closed grid
-PARALLEL_TOLERANCE = 1e-3  # normals of planes that differ by less have no line in common
+MIN_V_PLANES = 2  # [1] full planes of a closed grid
+# [1] second singular value of the normals below which planes are parallel and have no common line. Larger: more planes
+# are refused.
+PARALLEL_TOLERANCE = 1e-3
 
 
 def planes_of(lines: LineGrid) -> tuple[Planes, Planes]:
-    """The u-planes and v-planes that give the lines of a grid, or nearly: full planes have lines on both sides.
+    """Return the u-planes and v-planes of the lines of a grid, exactly or approximately.
 
-    The lines of a closed grid that are not evenly spaced, and those about a bent axis, lie in no such planes; their
-    v-planes go through the straight line nearest to their axis, at even angles from the first line.
+    Full planes have lines on both sides of the axis. The lines of a closed grid with uneven angles or a bent axis are
+    in no such planes. Their v-planes contain the straight line nearest to the axis, at even angles from the first line.
 
     Returns
     -------
     u, v : Planes
-        ``n`` and, of an open grid, ``m`` planes; of a closed one half as many as it has lines.
+        ``n`` u-planes. An open grid has ``m`` v-planes, a closed grid half as many as lines.
     """
     if lines.closed:
         return lines.planes_u, _turned(lines)
@@ -41,7 +43,7 @@ def _turned(lines: LineGrid) -> Planes:
 
 
 def _fan(normal: Array, axis: Array, count: int) -> Array:
-    """Normals of planes about an axis at even angles over half a turn, shape (count, 3)."""
+    """Return the normals of planes about an axis at even angles over half a turn, shape (count, 3)."""
     return np.asarray(Rotation.from_rotvec(np.outer(np.arange(count) * np.pi / count, axis)).apply(np.array(normal)))
 
 
@@ -61,11 +63,18 @@ def _across(lines: LineGrid) -> Planes:
 
 
 def between(planes: Planes, i: int) -> tuple[Array, Array]:
-    """A plane half way from plane ``i`` to the next, or half a step beyond the last; the only one is repeated.
+    """Return the plane halfway from plane ``i`` to the next, or half a step beyond the last; a single one is repeated.
+
+    Parameters
+    ----------
+    planes : Planes
+        The row of planes.
+    i : int
+        Index of a plane.
 
     Returns
     -------
-    point, normal : Array, shape (3,)
+    point, normal : array, shape (3,)
         In metres in the link frame, and of length one.
     """
     if len(planes) == 1:
@@ -81,12 +90,24 @@ def between(planes: Planes, i: int) -> tuple[Array, Array]:
 
 
 def spread(planes: Planes, around: bool) -> Planes:
-    """Even steps from the first plane to the last; ``around``, even angles about the line that all have in common.
+    """Return planes at even steps from the first to the last, or at even angles.
+
+    Parameters
+    ----------
+    planes : Planes
+        The row of planes.
+    around : bool
+        Whether the planes get even angles about their common line.
+
+    Returns
+    -------
+    Planes
+        As many as before.
 
     Raises
     ------
     InvalidPlan
-        If planes that are to stand around a line have none in common.
+        If the planes need a common line and have none.
     """
     if around:
         return _spread_around(planes)
@@ -96,10 +117,10 @@ def spread(planes: Planes, around: bool) -> Planes:
 
 
 def _spread_around(planes: Planes) -> Planes:
-    """About the line nearest to all planes, from the first one on, turning as the second does."""
+    """Return planes about the line nearest to all planes, from the first on, in the direction of the second."""
     count, (_, sizes, axes) = len(planes), np.linalg.svd(planes.normals)
     if count < MIN_V_PLANES or sizes[1] < PARALLEL_TOLERANCE:
-        raise InvalidPlan("the planes are parallel, so there is no line to stand around; turn one of them first")
+        raise InvalidPlan("The planes are parallel, so they have no common line. Rotate one of them first.")
     axis = axes[2] if axes[2] @ np.cross(planes.normals[0], planes.normals[1]) >= 0 else -axes[2]
     levels = (planes.points * planes.normals).sum(axis=1)
     point = np.linalg.lstsq(planes.normals, levels, rcond=PARALLEL_TOLERANCE)[0]
@@ -108,15 +129,27 @@ def _spread_around(planes: Planes) -> Planes:
 
 
 def mirrored(planes: Planes, i: int) -> Planes:
-    """Planes up to ``i``, and their mirror images behind it in place of those that are there.
+    """Return the planes up to ``i``, followed by their mirror images; later planes are replaced.
+
+    Parameters
+    ----------
+    planes : Planes
+        The row of planes.
+    i : int
+        Index of the plane of symmetry.
+
+    Returns
+    -------
+    Planes
+        ``2 * i + 1`` planes.
 
     Raises
     ------
     InvalidPlan
-        If nothing lies before plane ``i``.
+        If there is no plane before plane ``i``.
     """
     if i == 0:
-        raise InvalidPlan("nothing lies before the first plane; choose the one that is to be the middle")
+        raise InvalidPlan("There is no plane before the first one. Choose the plane of symmetry.")
     centre, normal = planes.points[i], planes.normals[i]
     points, normals = planes.points[i - 1 :: -1], planes.normals[i - 1 :: -1]
     points = points - 2 * ((points - centre) @ normal)[:, None] * normal
@@ -125,6 +158,6 @@ def mirrored(planes: Planes, i: int) -> Planes:
 
 
 def _aligned(normals: Array) -> Array:
-    """The normals, each turned round where it looks away from the one before it."""
+    """Return the normals, each reversed if it is opposite to the one before it."""
     signs = np.cumprod(np.r_[1.0, np.where((normals[1:] * normals[:-1]).sum(axis=1) < 0, -1.0, 1.0)])
     return normals * signs[:, None]

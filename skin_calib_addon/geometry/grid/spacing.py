@@ -1,4 +1,4 @@
-"""Where planes and lines go when the author leaves it open: where they lower the error most."""
+"""The positions of planes and lines with the least predicted error."""
 
 from collections.abc import Callable
 
@@ -11,32 +11,57 @@ from ..surface.bspline import greville
 from .error_model import ErrorModel, SpacingMap
 from .parametrizations import parametrized_lines
 
-SPACINGS = ("auto", "uniform", "arc", "curvature")
-# Spans get shorter as this power of their mean square error: that of a cubic falls as the ninth power of its length.
+# [1] The length of a span is divided by this power of its mean square error. The mean square error of a cubic is
+# proportional to the ninth power of the length. Larger: stronger changes of the spans.
 ERROR_EXPONENT = 0.11
-EQUALIZING_ROUNDS = 3  # rounds of making the errors of all spans alike
-MIN_SPAN_ERROR = 1e-4  # share of the mean below which the error of a span counts no more
-MAX_ERROR_RATIO = 0.98  # an error is lower where it is below this share of that of the first, plainest choice
-NEGLIGIBLE_ERROR = 1e-7  # share of the heights below which an error is none
-MAX_MOVED = 80  # of more planes or lines each makes little difference, and all take long
-MAX_MOVES = 8
-MIN_INTERVAL = 0.1  # share of the mean interval below which none is made shorter: lines that meet say the same
-INITIAL_DAMPING, DAMPING_DECREASE, DAMPING_INCREASE = (
-    0.01,
-    4.0,
-    6.0,
-)  # of Gauss-Newton steps, and by what it changes as they succeed or fail
-CONVERGED_RATIO = 0.98  # share of the squares that a step must leave to be the last
-ROTATED_INTERVALS = 0.5  # share of a line's interval by which closed lines may be turned
+EQUALIZING_ROUNDS = 3  # [1] iterations that equalize the errors of all spans. Larger: little effect, more time
+# [fraction of the mean] lower bound of the mean square error of a span. Larger: spans without errors stay shorter.
+MIN_SPAN_ERROR = 1e-4
+# [1] ratio of errors above which the first, simplest choice is kept. Smaller: simple spacings are kept more often.
+MAX_ERROR_RATIO = 0.98
+# [fraction of the mean height] errors that differ by less are equal. Larger: simple spacings are kept more often.
+NEGLIGIBLE_ERROR = 1e-7
+# [1] most planes or lines that are moved one by one; with more, each has little effect. Larger: more time.
+MAX_MOVED = 80
+MAX_MOVES = 8  # [1] most steps of their movement. Larger: slightly less error, more time
+# [fraction of the mean interval] below which no interval is shortened, because lines at equal positions are redundant.
+# Larger: more even lines.
+MIN_INTERVAL = 0.1
+# [1] damping of the Gauss-Newton steps: initial value, and factors after a success and after a failure. Larger initial
+# value: shorter first steps.
+INITIAL_DAMPING = 0.01
+DAMPING_DECREASE = 4.0
+DAMPING_INCREASE = 6.0
+# [1] ratio of the squares after and before a step above which the steps have converged. Smaller: fewer steps.
+CONVERGED_RATIO = 0.98
+# [intervals] rotation of closed lines that is tried too. Other values are less different from zero.
+ROTATED_INTERVALS = 0.5
 
 
 def spaced_lines(error_model: ErrorModel, n: int, lines: int, spacing: str, degree: tuple[int, int]) -> LineGrid:
-    """The lines of ``n`` planes and ``lines`` lines in each.
+    """Return the lines of ``n`` planes with ``lines`` lines each.
+
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Predicts the errors.
+    n : int
+        Number of planes.
+    lines : int
+        Lines in each plane.
+    spacing : str
+        "auto", "uniform", "arc" or "curvature".
+    degree : (int, int)
+        Of the surface along u and v.
+
+    Returns
+    -------
+    LineGrid
 
     Raises
     ------
     UnderdeterminedFit
-        If they are too few for the degree.
+        If there are too few for the degree.
     """
     check_counts(n, degree[0], "u-planes")
     check_counts(lines, degree[1], "v-lines")
@@ -45,9 +70,25 @@ def spaced_lines(error_model: ErrorModel, n: int, lines: int, spacing: str, degr
 
 
 def plane_positions(error_model: ErrorModel, count: int, spacing: str, degree: int, moves: int = MAX_MOVES) -> Array:
-    """Places of ``count`` planes along the chart; those that leave the least error where the spacing is ``auto``.
+    """Return the positions of planes along the region, with the least predicted error for "auto".
 
-    ``moves`` steps at most lead there from a guess: a few find most of what there is to gain.
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Predicts the errors.
+    count : int
+        Number of planes.
+    spacing : str
+        "auto"; all others are even.
+    degree : int
+        Along u.
+    moves : int
+        Most steps of the movement from the initial positions. A few steps give most of the improvement.
+
+    Returns
+    -------
+    array, shape (count,)
+        Ascending [m].
     """
     if spacing != "auto":
         return np.linspace(*error_model.parametrization.span, count)
@@ -55,7 +96,26 @@ def plane_positions(error_model: ErrorModel, count: int, spacing: str, degree: i
 
 
 def line_positions(error_model: ErrorModel, count: int, spacing: str, degree: int, moves: int = MAX_MOVES) -> Array:
-    """Places of ``count`` lines across the chart, ascending; as for planes."""
+    """Return the positions of lines across the region, with the least predicted error for "auto".
+
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Predicts the errors.
+    count : int
+        Number of lines.
+    spacing : str
+        "auto", "uniform", "arc" or "curvature".
+    degree : int
+        Along v.
+    moves : int
+        Most steps of the movement from the initial positions.
+
+    Returns
+    -------
+    array, shape (count,)
+        Ascending [rad] or [m].
+    """
     if spacing == "auto" and error_model.is_filled:
         return refined_lines(error_model, initial_lines(error_model, count, degree), degree, moves)
     maps = error_model.maps
@@ -63,17 +123,60 @@ def line_positions(error_model: ErrorModel, count: int, spacing: str, degree: in
 
 
 def control_fractions(count: int, degree: int, closed: bool) -> Array:
-    """Shares of the way across at which the control points of even knots lie."""
+    """Return the fractions of the region at which the control points of even knots are.
+
+    Parameters
+    ----------
+    count : int
+        Number of control points.
+    degree : int
+        Of the spline.
+    closed : bool
+        Whether the region is closed.
+
+    Returns
+    -------
+    array, shape (count,)
+        From 0 to 1.
+    """
     return even_fractions(count, True) if closed else greville(spline_sites(count, degree, False).knots, degree)
 
 
 def even_fractions(count: int, closed: bool) -> Array:
-    """Shares of even steps: from the first place on all round, or from edge to edge."""
+    """Return the fractions of even steps, of a full turn from the first position on, or from edge to edge.
+
+    Parameters
+    ----------
+    count : int
+        Number of positions.
+    closed : bool
+        Whether the region is closed.
+
+    Returns
+    -------
+    array, shape (count,)
+        From 0 to 1.
+    """
     return np.arange(count) / count if closed else np.linspace(0, 1, count)
 
 
 def initial_planes(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Even planes, or such as leave alike errors in all spans."""
+    """Return even planes, or planes with equal errors in all spans, if these have less error.
+
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Predicts the errors.
+    count : int
+        Number of planes.
+    degree : int
+        Along u.
+
+    Returns
+    -------
+    array, shape (count,)
+        [m]
+    """
     even = np.linspace(*error_model.parametrization.span, count)
     if not error_model.is_filled:
         return even
@@ -87,10 +190,27 @@ def initial_planes(error_model: ErrorModel, count: int, degree: int) -> Array:
 
 
 def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> Array:
-    """Planes from some places moved one by one to where they leave the least error, if they do leave less."""
+    """Return planes moved one by one to less error, if the other half of the model confirms this.
+
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Predicts the errors.
+    positions : array, shape (n,)
+        Initial positions [m].
+    degree : int
+        Along u.
+    moves : int
+        Most steps.
+
+    Returns
+    -------
+    array, shape (n,)
+        [m]
+    """
     if (
         not error_model.is_filled or error_model.parametrization.bends or len(positions) > MAX_MOVED
-    ):  # the survey does not see the axis' own error
+    ):  # the model does not contain the error of a curved axis
         return positions
     selection, validation = error_model.halves
     moved = refined_positions(selection.slopes_along, positions, degree, error_model.parametrization.span, False, moves)
@@ -98,7 +218,22 @@ def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves
 
 
 def density_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Choices of lines that need no search: at even places, lengths and a power of the curvature; shape (c, count)."""
+    """Return choices of lines without a search: at even positions, even lengths and a power of the curvature.
+
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Gives the densities.
+    count : int
+        Number of lines.
+    degree : int
+        Along v.
+
+    Returns
+    -------
+    array, shape (c, count)
+        [rad] or [m]
+    """
     if not error_model.is_filled:
         return line_positions(error_model, count, "uniform", degree)[None]
     fractions = control_fractions(count, degree, error_model.parametrization.closed)
@@ -106,7 +241,22 @@ def density_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
 
 
 def initial_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
-    """Lines at even places, even lengths or a power of the curvature, or such as leave alike errors in all spans."""
+    """Return the best of even positions, even lengths, a power of the curvature, and equal errors in all spans.
+
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Predicts the errors.
+    count : int
+        Number of lines.
+    degree : int
+        Along v.
+
+    Returns
+    -------
+    array, shape (count,)
+        [rad] or [m]
+    """
     closed, even = error_model.parametrization.closed, even_fractions(count, error_model.parametrization.closed)
     if not error_model.is_filled:
         return positions_at(error_model.maps["uniform"], even)
@@ -127,7 +277,24 @@ def initial_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
 
 
 def refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> Array:
-    """Lines from some places moved one by one to where they leave the least error, if they do leave less."""
+    """Return lines moved one by one to less error, if the other half of the model confirms this.
+
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Predicts the errors.
+    positions : array, shape (m,)
+        Initial positions [rad] or [m].
+    degree : int
+        Along v.
+    moves : int
+        Most steps.
+
+    Returns
+    -------
+    array, shape (m,)
+        [rad] or [m]
+    """
     if not error_model.is_filled or len(positions) > MAX_MOVED:
         return positions
     selection, validation = error_model.halves
@@ -150,12 +317,31 @@ def refined_positions(
     closed: bool,
     moves: int,
 ) -> Array:
-    """Places moved one by one to where they leave the least error: Gauss-Newton with Marquardt's damping.
+    r"""Move positions one by one to less error, by Gauss-Newton steps with Marquardt's damping.
+
+    .. math::
+
+        \delta x = -(J^{T} J + \mu\, \overline{d}\, I)^{-1} J^{T} e, \qquad
+        \overline{d} = \operatorname{tr}(J^{T} J) / m
 
     Parameters
     ----------
     slopes : function
-        Of places and degree: what they leave, and how that changes as each moves.
+        Returns, for positions and degree, the residuals :math:`e` and their derivatives :math:`J`.
+    positions : array, shape (m,)
+        Initial positions.
+    degree : int
+        Of the spline.
+    edges : (float, float)
+        First and last position of the region.
+    closed : bool
+        Whether the region is closed. In an open region the first and the last position are fixed.
+    moves : int
+        Most steps.
+
+    Returns
+    -------
+    array, shape (m,)
     """
     free = slice(None) if closed else slice(1, -1)
     residuals, change = slopes(positions, degree)
@@ -179,7 +365,23 @@ def refined_positions(
 
 
 def limited_move(positions: Array, moved: Array, edges: tuple[float, float], closed: bool) -> Array:
-    """Places that were moved, but for intervals that lose more than half or get shorter than ``NEAREST``."""
+    """Return moved positions without intervals that became shorter than half, or than ``MIN_INTERVAL``.
+
+    Parameters
+    ----------
+    positions : array, shape (m,)
+        Before the movement.
+    moved : array, shape (m,)
+        After it.
+    edges : (float, float)
+        First and last position of the region.
+    closed : bool
+        Whether the region is closed.
+
+    Returns
+    -------
+    array, shape (m,)
+    """
     breadth = edges[1] - edges[0]
     before, after = (
         np.append(np.diff(x), x[0] + breadth - x[-1]) if closed else np.diff(x) for x in (positions, moved)
@@ -191,7 +393,19 @@ def limited_move(positions: Array, moved: Array, edges: tuple[float, float], clo
 
 
 def rotated_map(m: SpacingMap, fraction: float) -> SpacingMap:
-    """A closed map that starts where the given share of it lies behind."""
+    """Return a closed map that starts where the given fraction of it is before the start.
+
+    Parameters
+    ----------
+    m : SpacingMap
+        The map.
+    fraction : float
+        From 0 to 1.
+
+    Returns
+    -------
+    SpacingMap
+    """
     fractions, positions = m
     turn = positions[-1] - positions[0]
     after = np.concatenate((fractions[fractions > fraction], 1 + fractions[(fractions > 0) & (fractions < fraction)]))
@@ -203,28 +417,71 @@ def rotated_map(m: SpacingMap, fraction: float) -> SpacingMap:
 def least_error(
     candidates: list[Array], errors: Callable[[Array, int], Array], degree: int, error_model: ErrorModel
 ) -> Array:
-    """The candidate of the least error, or the first that leaves hardly more: for symmetric shapes, and noise."""
+    """Return the candidate with the least error, or the first whose error is nearly as small.
+
+    Symmetric shapes and noise have several candidates with nearly equal errors.
+
+    Parameters
+    ----------
+    candidates : list of array, shape (m,)
+        The simplest first.
+    errors : function
+        Returns the errors of candidates (c, m) for a degree, shape (c,) [m].
+    degree : int
+        Of the spline.
+    error_model : ErrorModel
+        Gives the heights, whose fractions are negligible.
+
+    Returns
+    -------
+    array, shape (m,)
+    """
     left = errors(np.stack(candidates), degree)
     nothing = NEGLIGIBLE_ERROR * float(np.abs(error_model.profiles).mean())
     return candidates[int(np.argmax(MAX_ERROR_RATIO * left - nothing <= left.min()))]
 
 
 def positions_at(m: SpacingMap, fractions: Array) -> Array:
-    """Places at some shares of a map."""
+    """Return the positions at some fractions of a map.
+
+    Parameters
+    ----------
+    m : SpacingMap
+        The map.
+    fractions : array
+        From 0 to 1.
+
+    Returns
+    -------
+    array
+    """
     return np.interp(fractions, *m)
 
 
 def equalized_maps(
     error: Callable[[Array, int], tuple[float, Array]], start: SpacingMap, fractions: Array, degree: int, closed: bool
 ) -> tuple[list[SpacingMap], list[float]]:
-    """Maps from a first one on, each with shorter spans where the one before left more error; and their errors.
+    """Return maps, each with shorter spans where the one before had more error, and their errors.
 
     Parameters
     ----------
     error : function
-        Of places and degree: the error of a fit, and the mean squares of its spans.
-    shares : array, shape (m,)
-        At which the control points lie.
+        Returns, for positions and degree, the error of a fit [m] and the mean squares of its spans [m^2].
+    start : SpacingMap
+        The first map.
+    fractions : array, shape (m,)
+        Of the control points.
+    degree : int
+        Of the spline.
+    closed : bool
+        Whether the region is closed.
+
+    Returns
+    -------
+    maps : list of SpacingMap
+        The first map and its successors.
+    errors : list of float
+        Of the maps [m].
     """
     maps, errors = [start], []
     for _ in range(EQUALIZING_ROUNDS):
@@ -235,7 +492,7 @@ def equalized_maps(
             return maps, errors
         energy = np.maximum(energy / energy.mean(), MIN_SPAN_ERROR)
         padded = np.concatenate((energy[-1:], energy, energy[:1])) if closed else np.pad(energy, 1, mode="edge")
-        # Rounded, so that the last bits of the heights do not come through: a mesh that is moved takes its lines along.
+        # Rounding removes the last bits of the heights, so that the lines move together with the mesh.
         weight = np.round((padded[:-2] + 2 * energy + padded[2:]) ** ERROR_EXPONENT, 4)
         cumulative = np.append(0.0, np.cumsum(weight))
         maps.append((cumulative / cumulative[-1], positions_at(m, np.linspace(0, 1, len(energy) + 1))))

@@ -185,10 +185,10 @@ BAD_PLANS = {
     "metres as millimetres": ({"unit": "mm"}, 'set "unit": "m"'),
     "plane misses": (
         {"grid": planes([0.01, 0.03, 0.05, 0.07, 0.3])},
-        "u-plane 4, through (0.0, 0.0, 300.0) mm, misses",
+        "u-plane 4, through (0.0, 0.0, 300.0) mm, does not intersect",
     ),
     "axis misses": ({"grid": TUBE | {"axis": AXIS | {"point": [1, 0, 0]}}}, "the mesh"),
-    "margin": ({"grid": TUBE | {"margin": 0.05}}, "margin 50 mm at both ends leaves nothing"),
+    "margin": ({"grid": TUBE | {"margin": 0.05}}, "A margin of 50 mm at both ends leaves nothing"),
     "n too small": ({"grid": TUBE | {"n": 3}}, "Degree 3 needs at least 4 u-planes, but the grid has 3"),
     "one plane": ({"grid": planes([0.05])}, "Degree 3 needs at least 4 u-planes, but the grid has 1"),
     "m too small": (
@@ -227,7 +227,7 @@ def test_bad_plan_is_refused(folder, capsys, case):
 @pytest.mark.parametrize(
     ("case", "message"),
     [
-        ("plane misses", "misses the mesh"),
+        ("plane misses", "does not intersect the mesh"),
         slow("one plane", "4 u-planes"),
         slow("cell off", "cell (0, 0)"),
     ],

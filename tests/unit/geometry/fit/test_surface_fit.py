@@ -315,13 +315,19 @@ def test_too_few_planes_for_the_degree_are_refused(grid, degree, message):
     [
         (
             planes_grid([-0.1, 0.02, 0.04, 0.06, 0.08]),
-            r"u-plane 0, through \(0\.0, 0\.0, -100\.0\) mm, misses the mesh",
+            r"u-plane 0, through \(0\.0, 0\.0, -100\.0\) mm, does not intersect the mesh",
         ),
-        (planes_grid([0.01, 0.03, 0.05, 0.07, 0.2]), r"u-plane 4, through \(0\.0, 0\.0, 200\.0\) mm, misses the mesh"),
-        (TubeGrid(6, 12, Z_AXIS, margin=0.0), r"u-plane 5, through \(0\.0, 0\.0, 100\.0\) mm, misses the mesh"),
+        (
+            planes_grid([0.01, 0.03, 0.05, 0.07, 0.2]),
+            r"u-plane 4, through \(0\.0, 0\.0, 200\.0\) mm, does not intersect the mesh",
+        ),
+        (
+            TubeGrid(6, 12, Z_AXIS, margin=0.0),
+            r"u-plane 5, through \(0\.0, 0\.0, 100\.0\) mm, does not intersect the mesh",
+        ),
         (
             TubeGrid(6, 12, Axis((1, 0, 0), (0, 0, 1)), margin=0.01),
-            "misses the mesh; move it, or widen the margin|no ray",
+            "does not intersect the mesh. Move it, or increase the margin|no ray",
         ),
     ],
 )
@@ -334,7 +340,9 @@ def test_plane_that_misses_the_mesh_is_named(grid, message):
 def test_line_that_misses_the_mesh_is_named():
     """A half-plane over the open side of a half tube, by its angle."""
     half = keep(cylinder(), lambda c: c[:, 0] > 0)
-    with pytest.raises(EmptySection, match=r"half-plane at [12]\d\d(\.\d)? degrees, through .* misses the mesh"):
+    with pytest.raises(
+        EmptySection, match=r"half-plane at [12]\d\d(\.\d)? degrees, through .* does not intersect the mesh"
+    ):
         fit_surface(half, SectorGrid(6, 8, -3.0, 1.0, Z_AXIS, 0.01))
 
 
@@ -343,7 +351,7 @@ def test_mesh_that_is_mostly_missing_is_refused():
     stripes = keep(
         cylinder(along=41), lambda c: (c[:, 2] % 0.02 < 0.0075) | (np.abs(np.arctan2(c[:, 1], c[:, 0])) < 0.3)
     )
-    with pytest.raises(EmptySection, match=r"5\d% of the sample rays meet no mesh") as caught:
+    with pytest.raises(EmptySection, match=r"5\d% of the sample rays do not hit the mesh") as caught:
         fit_surface(stripes, TubeGrid(12, 12, Z_AXIS, 0.002))
     assert 0.5 < caught.value.numbers["missing"] < 0.6
 
@@ -357,7 +365,7 @@ def test_mesh_that_is_mostly_missing_at_the_last_is_refused():
     basis = TensorBasis.of(lines, 3, 3)
     first = SampleRows.of(torn, lines, basis).cast(basis.blend(torn.size * lines.directions))
     assert np.isnan(first.residuals).mean() < 0.5
-    with pytest.raises(EmptySection, match="51% of the sample rays meet no mesh"):
+    with pytest.raises(EmptySection, match="51% of the sample rays do not hit the mesh"):
         fit_surface(torn, grid)
 
 

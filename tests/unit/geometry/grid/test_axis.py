@@ -161,7 +161,9 @@ def test_sections_are_complete_where_every_ray_meets_them():
 @pytest.mark.parametrize("margin", [0.05, 0.06, 10.0])
 def test_margin_that_leaves_nothing_is_refused(margin):
     """Half of the length or more at each end; the numbers are in the message and on the error."""
-    with pytest.raises(InvalidPlan, match=rf"margin {margin * 1e3:g} mm .* of the 100\.0 mm along the axis") as caught:
+    with pytest.raises(
+        InvalidPlan, match=rf"margin of {margin * 1e3:g} mm .* of the 100\.0 mm along the axis"
+    ) as caught:
         stations_between(cylinder(), z_frame(cylinder()), margin, FULL_TURN_ANGLES)
     assert caught.value.numbers == {"margin": margin}
 
@@ -169,18 +171,22 @@ def test_margin_that_leaves_nothing_is_refused(margin):
 def test_half_tube_has_no_complete_section():
     """All round there is nothing; the message says what else to use."""
     half = keep(cylinder(), lambda c: c[:, 0] > 0)
-    with pytest.raises(EmptySection, match=r"no section .* all the way round; the fullest, .* is open at \d+ deg"):
+    with pytest.raises(
+        EmptySection, match=r"No section .* is closed. The section with the smallest gap, .* is open at \d+ deg"
+    ):
         stations_between(half, z_frame(half), None, FULL_TURN_ANGLES)
 
 
 def test_ring_that_is_complete_in_one_place_only_is_refused():
     """Planes need room between them: a half tube with a thin whole ring."""
     half = keep(cylinder(along=201), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < 0.0003))
-    with pytest.raises(EmptySection, match=r"round for less than 1\.0 mm of it; the fullest, .* is open at \d+ deg"):
+    with pytest.raises(
+        EmptySection, match=r"The closed part of the tube is shorter than 1\.0 mm. The section .* is open at \d+ deg"
+    ):
         stations_between(half, z_frame(half), None, FULL_TURN_ANGLES)
 
 
 def test_single_triangle_has_no_axis():
     """What has no sections has no axis; the message says what to do."""
-    with pytest.raises(EmptySection, match="no axis found: sections .* are empty; give the axis in the plan"):
+    with pytest.raises(EmptySection, match="No axis was found: sections .* are empty. Give the axis in the plan"):
         find_axis(weld(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), [[0, 1, 2]]))

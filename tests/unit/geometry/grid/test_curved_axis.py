@@ -61,7 +61,7 @@ def test_margin_is_left_free_at_both_ends():
     mesh = bent(np.pi / 2)
     free, inset = (TubeGrid(8, 16, margin=margin).region.parametrization(mesh).span for margin in (0.002, 0.022))
     assert_allclose((inset[0] - free[0], free[1] - inset[1]), 0.02, rtol=1e-9)
-    with pytest.raises(InvalidPlan, match="margin 100 mm at both ends leaves nothing along the axis"):
+    with pytest.raises(InvalidPlan, match="A margin of 100 mm at both ends leaves nothing along the axis"):
         TubeGrid(8, 16, margin=0.1).region.parametrization(mesh)
 
 

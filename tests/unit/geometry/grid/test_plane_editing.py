@@ -91,9 +91,9 @@ def test_full_planes_are_spaced_evenly_about_the_line_they_share(seed, count):
 
 def test_parallel_planes_have_no_line_to_stand_around():
     """The author is told to turn one."""
-    with pytest.raises(InvalidPlan, match="turn one of them first"):
+    with pytest.raises(InvalidPlan, match="Rotate one of them first"):
         spread(u_planes([0.02, 0.04]), around=True)
-    with pytest.raises(InvalidPlan, match="turn one of them first"):
+    with pytest.raises(InvalidPlan, match="Rotate one of them first"):
         spread(v_planes(1), around=True)
 
 
@@ -102,7 +102,7 @@ def test_mirror_images_go_behind_the_middle_plane():
     planes = mirrored(u_planes([0.02, 0.03, 0.05, 0.09], [0.3, 0.1, 0.0, 0.0]), 2)
     assert_allclose(planes.points[:, 2], (0.02, 0.03, 0.05, 0.07, 0.08), atol=1e-12)
     assert_allclose(np.arctan2(planes.normals[:, 0], planes.normals[:, 2]), (0.3, 0.1, 0, -0.1, -0.3), atol=1e-12)
-    with pytest.raises(InvalidPlan, match="nothing lies before"):
+    with pytest.raises(InvalidPlan, match="There is no plane before"):
         mirrored(planes, 0)
 
 
@@ -126,5 +126,5 @@ def test_sections_that_tell_no_axis_are_refused():
     mesh = cylinder()
     with pytest.raises(InvalidPlan, match="further apart"):
         axis_through(mesh, mesh.vertices[0], mesh.vertices[0])
-    with pytest.raises(EmptySection, match="choose another point"):
+    with pytest.raises(EmptySection, match="Choose another point"):
         axis_through(mesh, (0, 0, 0.05), (0, 0, 0.5))
