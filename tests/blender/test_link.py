@@ -302,6 +302,7 @@ def test_mesh_without_faces_cannot_be_checked(bpy, addon):
     assert not bare.skin_calib.diagnosis.key
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_real_link_comes_in_as_it_is(bpy, addon, path):

@@ -1,19 +1,12 @@
 """Drives taxels of a file into the window: chosen in the file browser, refused in a wrong frame, laid by one click."""
 
-import sys
-
 import bpy
 import numpy as np
 from buttons import press
 from mathutils import Vector
-from sample import follow, hover_view, plan, red, run, undo
+from sample import follow, hover_view, ours, plan, red, run, undo
 
 TURN, SHIFT = np.array([[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]]), np.array([0.25, -0.125, 0.5])
-
-
-def ours(name):
-    """A module of the extension."""
-    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
 
 
 def drive(gui):
@@ -33,7 +26,7 @@ def drive(gui):
 
 def write(path):
     """The taxels of the fitted sheet, in another frame, in a table of a program that knows no more."""
-    (patch,) = ours("results").find(plan().result.key).calibration.patches
+    (patch,) = ours("scene.results").find(plan().result.key).calibration.patches
     places = (patch.taxels.positions_link - SHIFT) @ TURN
     rows = [f"t{k},{x:.9f},{y:.9f},{z:.9f}" for k, (x, y, z) in enumerate(places)]
     path.write_text("\n".join(["id,x,y,z", *rows]) + "\n")
@@ -59,7 +52,7 @@ def chooses_the_file(gui, path):
 def is_told_of_the_frame(gui):
     """Live says why the taxels cannot be laid, and goes on when they can."""
     yield from follow(gui)
-    told = ours("live").reports
+    told = ours("live.live").reports
     yield from gui.wait(lambda: any("off the mesh" in t.problem for t in told.values()), 60, "the refusal")
     yield from hover_view(gui)
     yield from gui.redraw(3)

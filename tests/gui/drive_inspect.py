@@ -1,18 +1,12 @@
 """Drives the Inspect panel: layers, heat maps with their legends, labels; taxels clicked on, compared, replayed."""
 
-import sys
 from pathlib import Path
 
 import bpy
 from buttons import find, press
-from sample import hover_view, link, plan, run, undo
+from sample import hover_view, link, ours, plan, run, undo
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def ours(name):
-    """A module of the extension."""
-    return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
 
 
 def drive(gui):
@@ -91,8 +85,8 @@ def writes_labels(gui):
 
 def place_of(name):
     """Where a taxel is in the world."""
-    taxels = ours("taxels").taxels_of(link())
-    return link().matrix_world @ ours("scene").Vector(taxels.positions[taxels.rows[name]])
+    taxels = ours("inspection.taxels").taxels_of(link())
+    return link().matrix_world @ ours("scene.scene").Vector(taxels.positions[taxels.rows[name]])
 
 
 def reads_taxels(gui):
@@ -178,8 +172,8 @@ def replays(gui):
     frame = plan().inspect.replay.frame
     yield from press(gui, "skin_calib.replay_play")
     yield from gui.wait(lambda: plan().inspect.replay.frame > frame + 3, 30, "the next frames")
-    assert ours("replay").is_playing(link())
+    assert ours("inspection.replay").is_playing(link())
     yield from gui.shot("playing.png")
     yield from undo(gui)
-    assert not ours("replay").is_playing(link())
+    assert not ours("inspection.replay").is_playing(link())
     yield from gui.shot("stopped.png")

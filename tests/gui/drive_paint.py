@@ -22,7 +22,7 @@ def drive(gui):
 
 def boards():
     """The boards that are drawn."""
-    return ours("overlay").patches_of(link())[0].taxels
+    return ours("overlay.overlay").patches_of(link())[0].taxels
 
 
 def laid(gui, count):
@@ -34,7 +34,7 @@ def laid(gui, count):
 
 def at(gui, point):
     """Window pixel of a point in the link frame, which is the world's."""
-    return gui.at(Vector(point) / ours("scene").metres_per_unit(bpy.context.scene))
+    return gui.at(Vector(point) / ours("scene.scene").metres_per_unit(bpy.context.scene))
 
 
 def paints(gui):
@@ -64,7 +64,7 @@ def slides(gui):
     yield from follow(gui)
     yield from gui.wait(lambda: not plan().result.outdated and plan().result.key, 60, "the result")
     yield from gui.redraw(3)
-    place = ours("skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation
+    place = ours("handles.skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation
     x, y = gui.at(place)
     yield from gui.click(x, y)
     yield from gui.redraw(3)

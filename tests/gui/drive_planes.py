@@ -13,14 +13,14 @@ RING = 79  # [pixels] radius of a dial
 def handle(family, i):
     """Where the handle of a plane is, in the world; the sample's frame is the world's."""
     planes = getattr(plan().grid, family)
-    metre = ours("scene").metres_per_unit(bpy.context.scene)
-    return Vector(planes[i].point) + Vector(ours("live").sketches[link().name].arms[family.upper(), i]) / metre
+    metre = ours("scene.scene").metres_per_unit(bpy.context.scene)
+    return Vector(planes[i].point) + Vector(ours("live.live").sketches[link().name].arms[family.upper(), i]) / metre
 
 
 def drive(gui):
     yield from gui.tab("Skin")
     yield from press(gui, "skin_calib.planes_place")
-    yield from gui.wait(lambda: link().name in ours("live").sketches, 20, "the sketch")
+    yield from gui.wait(lambda: link().name in ours("live.live").sketches, 20, "the sketch")
     yield from gui.redraw(3)
     yield from moves_a_plane(gui)
     yield from tilts_a_plane(gui)
@@ -73,22 +73,22 @@ def tells_of_a_plane_that_misses(gui):
     """Dragged off the link it turns red and says so; the fit is refused; Ctrl-Z brings it back."""
     x, y = gui.at(handle("u", 9))
     yield from gui.drag((x, y), (x, y + 120), mods=())
-    yield from gui.wait(lambda: ("U", 9) in ours("live").sketches[link().name].wrong, 20, "the plane that misses")
+    yield from gui.wait(lambda: ("U", 9) in ours("live.live").sketches[link().name].wrong, 20, "the plane that misses")
     yield from gui.redraw(3)
     yield from gui.shot("missed.png")
-    assert ours("live").sketches[link().name].wrong["U", 9].startswith("misses the mesh; distance ")
+    assert ours("live.live").sketches[link().name].wrong["U", 9].startswith("misses the mesh; distance ")
     yield from undo(gui)
-    yield from gui.wait(lambda: not ours("live").sketches[link().name].wrong, 20, "the plane to be back")
+    yield from gui.wait(lambda: not ours("live.live").sketches[link().name].wrong, 20, "the plane to be back")
 
 
 def tells_of_a_plane_out_of_order(gui):
     """Dragged past its neighbour, the neighbour is what does not lie beyond it."""
     x, y = gui.at(handle("u", 4))
     yield from gui.drag((x, y), (x, y + 45), mods=())
-    yield from gui.wait(lambda: ours("live").sketches[link().name].wrong, 20, "the order to be told")
-    assert ours("live").sketches[link().name].wrong == {("U", 5): "is not beyond u-plane 4"}
+    yield from gui.wait(lambda: ours("live.live").sketches[link().name].wrong, 20, "the order to be told")
+    assert ours("live.live").sketches[link().name].wrong == {("U", 5): "is not beyond u-plane 4"}
     yield from undo(gui)
-    yield from gui.wait(lambda: not ours("live").sketches[link().name].wrong, 20, "the plane to be back")
+    yield from gui.wait(lambda: not ours("live.live").sketches[link().name].wrong, 20, "the plane to be back")
 
 
 def adds_and_removes(gui):
@@ -113,15 +113,15 @@ def follows_live(gui):
     yield from follow(gui)
     yield from gui.wait(lambda: plan().result.key and not plan().result.outdated, 30, "the first result")
     before = plan().result.key
-    ours("live").FIT_DELAY = 60.0  # a software renderer rests between two moves
+    ours("live.live").FIT_DELAY = 60.0  # a software renderer rests between two moves
     x, y = gui.at(handle("u", 6))
     yield from gui.drag((x, y), (x, y + 15), mods=(), release=False)
-    yield from gui.wait(lambda: link().name in ours("overlay").previews, 20, "a preview under the drag")
+    yield from gui.wait(lambda: link().name in ours("overlay.overlay").previews, 20, "a preview under the drag")
     yield from gui.redraw()
     yield from gui.shot("followed.png")
-    print("preview", ours("live").reports[link().name])
+    print("preview", ours("live.live").reports[link().name])
     yield from gui.release()
-    ours("live").FIT_DELAY = 0.4
+    ours("live.live").FIT_DELAY = 0.4
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
     assert plan().result.key != before
 
@@ -135,4 +135,4 @@ def goes_all_the_way_back(gui):
     assert plan().grid.kind == "tube" and not len(plan().grid.u) and not plan().live
     yield from gui.redraw(3)
     yield from gui.shot("back.png")
-    assert not ours("live").sketches
+    assert not ours("live.live").sketches

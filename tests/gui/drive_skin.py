@@ -7,7 +7,7 @@ from sample import follow, link, ours, plan, run, undo
 
 def basis(what, skin=0, index=0):
     """Where a handle is, in the world."""
-    return ours("skin_handles").basis_of(bpy.context, (what, skin, index))
+    return ours("handles.skin_handles").basis_of(bpy.context, (what, skin, index))
 
 
 def drive(gui):
@@ -34,13 +34,13 @@ def slides_the_origin(gui):
     """The ball follows the mouse over the link, the sheet follows the ball; Ctrl-Z brings both back."""
     start = gui.at(basis("origin").translation)
     goal = start[0] - 40, start[1] + 15
-    ours("live").FIT_DELAY = 60.0  # a software renderer rests between two moves
+    ours("live.live").FIT_DELAY = 60.0  # a software renderer rests between two moves
     yield from gui.drag(start, goal, mods=(), release=False)
-    yield from gui.wait(lambda: link().name in ours("overlay").previews, 20, "a preview under the drag")
+    yield from gui.wait(lambda: link().name in ours("overlay.overlay").previews, 20, "a preview under the drag")
     yield from gui.redraw(3)
     yield from gui.shot("slid.png")
     yield from gui.release()
-    ours("live").FIT_DELAY = 0.4
+    ours("live.live").FIT_DELAY = 0.4
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
     yield from gui.redraw(3)
     x, y = gui.at(basis("origin").translation)

@@ -72,7 +72,7 @@ def adds_a_sheet(gui):
 
 def moves_it(gui):
     """By its handle, over the link."""
-    x, y = gui.at(ours("skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation)
+    x, y = gui.at(ours("handles.skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation)
     yield from gui.drag((x, y), (x + 40, y + 60), mods=())
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the sheet elsewhere")
     assert not plan().skins[0].centred

@@ -6,7 +6,7 @@ import bpy
 
 
 def ours(name):
-    """A module of the extension."""
+    """The module of the extension with this name below ``blender``, such as "live.live"."""
     return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
 
 

@@ -18,6 +18,7 @@ from skin_calib_addon.cli import main
 from skin_calib_addon.commands import fit_jobs
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, save_mesh, weld
 from skin_calib_addon.pipeline import sources
+from tests.examples import slow
 from tests.shapes import LENGTH, RADIUS, cylinder
 from tests.unit.commands.test_cli import TUBE, write_plan
 
@@ -59,7 +60,7 @@ def written(robot):
     return {name: os.stat(robot / "out" / f"{name}.calibration.json").st_ino for name in NAMES}
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", ["1", slow("2")])
 def test_folder_of_plans_is_fitted(robot, capsys, jobs):
     """One call gives each plan the calibration that it has alone, and a table with a line for each and one for all."""
     assert fit(robot, "--jobs", jobs) == 0

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
 pytest.importorskip("mujoco", reason="the package mujoco is not installed")
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "simulated_foot.py"
@@ -19,7 +20,6 @@ def simulated():
     return module.runs(6)
 
 
-@pytest.mark.slow
 def test_foot_of_our_own_skin_agrees_with_the_simulator(simulated):
     """Loads agree to 3 %, CoPs to a tenth of a cell on plain ground; every guaranteed polygon is in the true region."""
     for run in simulated:
