@@ -120,7 +120,7 @@ def test_any_name_is_written_or_refused(tmp_path_factory, name, link, patch, tax
     try:
         content = FORMATS[name].write(calibration)
     except CalibrationFormatError as refused:
-        assert "\n" not in str(refused) and "rename" in str(refused)
+        assert "\n" not in str(refused) and "Rename" in str(refused)
         return
     assert content == FORMATS[name].write(calibration)
     if name in READABLE:
