@@ -237,6 +237,10 @@ def meshes(folder: Path) -> None:
     turned = tube(round_tube, 60, 30)
     turned.faces[::20] = turned.faces[::20, ::-1]
     turned.export(folder / "turned.ply")
+    steep = tube(round_tube, 60, 30)
+    steep.vertices[100:160] = steep.vertices[40:100] + rng.normal(0, 10.0 ** np.linspace(-12, -5, 60)[:, None], (60, 3))
+    steep.faces = np.vstack((steep.faces, steep.faces[:30]))
+    steep.export(folder / "steep.ply")  # faces from flat to thin, and some twice
     for name, around, along, noise in SCANS:
         scan = tube(round_tube, around, along)
         scan.vertices += rng.normal(0, noise, scan.vertices.shape)
@@ -386,6 +390,48 @@ def smallest_of_links(folder: Path) -> Result:
         for name, size in grids.items()
     }
     return several(folder, plans)
+
+
+@case("best nets", only=("geometry/fit/auto", "geometry/grid"))
+def best_nets(folder: Path) -> Result:
+    """The best ratio of planes to lines for a number of control points."""
+    from skin_calib_addon.geometry import fit_to_count, load_mesh
+
+    fits = [fit_to_count(load_mesh(folder / f"{name}.ply"), n) for name, n in (("square", 80), ("slight_bend", 150))]
+    errors = [fit.errors.surface_to_mesh for fit in fits]
+    return {
+        "error mean": np.array([error.mean for error in errors]),
+        "error max": np.array([error.max for error in errors]),
+        "planes": [fit.surface.control_net.shape[0] for fit in fits],
+        "lines": [fit.surface.control_net.shape[1] for fit in fits],
+    }
+
+
+@case("aids of the window", only=("geometry/",))
+def window_aids(folder: Path) -> Result:
+    """Units, cuts, axes through two points, and the findings on meshes with defects."""
+    from skin_calib_addon.geometry import load_mesh
+    from skin_calib_addon.geometry.grid.axis import axis_through
+    from skin_calib_addon.geometry.grid.cut_planes import cut_normal
+    from skin_calib_addon.geometry.mesh.defects import diagnose
+    from skin_calib_addon.geometry.mesh.units import likely_unit
+
+    mesh = load_mesh(folder / "slight_bend.ply")
+    tilts = np.deg2rad(np.arange(0, 15))
+    ends = [(mesh.vertices[0], mesh.vertices[k]) for k in (200, 700, 1500)]
+    axes = [axis_through(mesh, np.array(first), np.array(second)) for first, second in ends]
+    findings = []
+    for name in ("turned", "open", "steep", "dome"):
+        found = trimesh.load(folder / f"{name}.ply", process=False)
+        diagnosis = diagnose(found.vertices, found.faces)
+        findings.append(f"{name}: {diagnosis.flat} {diagnosis.inward} {diagnosis.flipped.sum()} {diagnosis.hole.sum()}")
+        findings += [str(finding) for finding in diagnosis.findings()]
+    return {
+        "units": [likely_unit(side) for side in np.geomspace(1e-3, 1e5, 120)],
+        "cuts": np.array([cut_normal(mesh, mesh.vertices[0], np.array((np.sin(t), 0, np.cos(t)))) for t in tilts]),
+        "axes": np.array([(*axis.point, *axis.direction) for axis in axes]),
+        "findings": findings,
+    }
 
 
 @case("tube with a hole, chords")
