@@ -108,7 +108,7 @@ def distance_to_mesh(point, triangles):
 
 
 def components(active, neighbours):
-    """Groups of active taxels that hang together, by flood fill; ``neighbours[i]`` are the rows beside row i."""
+    """Groups of active taxels that hang together, by flood fill; ``neighbours[i]`` are the rows adjacent to row i."""
     groups, waiting = set(), {i for i, is_active in enumerate(active) if is_active}
     while waiting:
         group, edge = set(), {min(waiting)}
@@ -123,8 +123,8 @@ def components(active, neighbours):
 def best_step(fit):
     """Offsets by which the control points of a finished fit should still move along their lines, shape (n, m).
 
-    Dense least squares: every sample ray is cast on every triangle, and every control point has its own column. Beside
-    them the root mean square of the residuals before and after that step [m].
+    Dense least squares: every sample ray is cast on every triangle, and every control point has its own column. Also
+    returned: the root mean square of the residuals before and after that step [m].
     """
     surface, lines = fit.surface, fit.lines
     sites, sides = fit.residuals.shape
@@ -152,12 +152,12 @@ def _line_of(surface, lines, column):
     """Which line the control points of a column of the net lie on."""
     gap = surface.control_net[:, column, None] - lines.origins
     off = np.linalg.norm(gap - (gap * lines.directions).sum(axis=2, keepdims=True) * lines.directions, axis=2)
-    side = (gap * lines.directions).sum(axis=2) < 0  # half-planes go one way only
+    side = (gap * lines.directions).sum(axis=2) < 0  # half-planes have one direction only
     return int((off + side * np.linalg.norm(gap, axis=2)).max(axis=0).argmin())
 
 
 def is_inside(point, loops):
-    """Whether a ray from the point along x crosses the loops an odd number of times, one edge after the other."""
+    """Whether a ray from the point along x crosses the loops 1, 3, 5 ... times, one edge after the other."""
     crossings = 0
     for loop in loops:
         for (ax, ay), (bx, by) in zip(loop, np.roll(loop, -1, axis=0)):
@@ -186,7 +186,7 @@ def depth_in(point, outline):
 
 
 def room_of(outline, loops, count):
-    """Signed room of one board in loops: its corners against all edges, and points on all edges against the board."""
+    """Signed clearance of one board in loops: from its corners to all edges, and from points on edges to the board."""
     edges = edges_of(loops)
     apart = [min(np.linalg.norm(corner - nearest_on_segment(corner, *edge)) for edge in edges) for corner in outline]
     corners = [gap if is_inside(corner, loops) else -gap for corner, gap in zip(outline, apart)]

@@ -100,7 +100,7 @@ def test_normals_turn_with_the_surface(surface, seed, uv):
 
 @given(surface=surfaces(), u=st.floats(0, 1), v=st.floats(0, 1))
 def test_point_lies_in_the_hull_of_its_control_points(surface, u, v):
-    """Within the box of the control points that can reach it."""
+    """Within the box of the control points with a weight there."""
     p, q = surface.degree
     N, M = basis_functions(np.array([u]), surface.knots_u, p)[0], basis_functions(np.array([v]), surface.knots_v, q)[0]
     near = surface.control_net[np.ix_(N > 0, M > 0)].reshape(-1, 3)

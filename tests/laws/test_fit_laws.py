@@ -100,7 +100,7 @@ def test_moving_a_face_moves_its_surface(seed, scale):
 @examples(5)
 @given(shift=st.tuples(*3 * [st.floats(-2, 2)]), scale=st.floats(0.3, 3))
 def test_shifting_a_sector_shifts_its_surface(shift, scale):
-    """Its angles are told from the link's x axis, which does not turn with the mesh; all else moves along."""
+    """Its angles start at the link's x axis, which does not rotate with the mesh; all else moves along."""
     motion = Motion.none()
     motion.shift, motion.scale = np.array(shift), scale
     assert_moves_along(WRIST, lambda m: SectorGrid(6, 8, -1.0, 1.2, m.axis(NEAR_Z), 0.01 * m.scale), motion)
@@ -178,7 +178,7 @@ def test_what_the_space_contains_is_found(seed):
 
 @pytest.mark.parametrize("case", GRIDS)
 def test_fit_is_never_worse_than_its_own_start(case, monkeypatch):
-    """With more passes the residuals do not grow: the last pass leaves no more than the first."""
+    """With more iterations the residuals do not grow: the last one leaves no more than the first."""
     mesh, make = GRIDS[case]
     misfit = []
     for iterations in (1, 2, 3, 10):
@@ -191,7 +191,7 @@ def test_fit_is_never_worse_than_its_own_start(case, monkeypatch):
 @examples(8)
 @given(seed=seeds)
 def test_ragged_meshes_are_fitted_nearly_as_well(seed):
-    """Tubes with a tenth of their faces gone at random: gaps are counted, and the surface lies on what is gone too."""
+    """Tubes without a random tenth of their faces: gaps are counted, and the surface fits the missing faces too."""
     rng = np.random.default_rng(seed)
     mesh, grid = keep(WRIST, lambda c: rng.random(len(c)) > 0.1), TubeGrid(8, 16, NEAR_Z, 0.004, "uniform")
     fit = fit_surface(mesh, grid)

@@ -83,7 +83,7 @@ def test_repeated_and_degenerate_faces_are_nothing(case, seed):
 @examples(4)
 @given(seed=seeds)
 def test_winding_does_not_matter_to_tubes(case, seed):
-    """Half of the faces wound the wrong way round: to a billionth of the size, for cuts run the other way along."""
+    """Half of the faces with the wrong winding: to a billionth of the size, as cuts run in the opposite direction."""
     mesh, grid = CASES[case]
     wrong = np.random.default_rng(seed).random(len(mesh.faces)) < 0.5
     mixed = weld(mesh.vertices, np.where(wrong[:, None], mesh.faces[:, ::-1], mesh.faces))
@@ -103,7 +103,7 @@ def test_face_of_mixed_winding_is_fitted_where_its_edges_are_told():
 
 @pytest.mark.parametrize("case", CASES)
 def test_both_sides_of_every_face_are_one_surface(case):
-    """Each face beside its own back, as some exporters write: the same surface, to a billionth of the size."""
+    """Each face twice, with both windings, as some exporters write: the same surface, to a billionth of the size."""
     mesh, grid = CASES[case]
     double = weld(mesh.vertices, np.concatenate((mesh.faces, mesh.faces[:, ::-1])))
     assert len(double.faces) == 2 * len(mesh.faces)
@@ -115,7 +115,7 @@ def test_both_sides_of_every_face_are_one_surface(case):
 @examples(4)
 @given(seed=seeds, width=st.sampled_from([1e-6, 1e-9, 1e-12]))
 def test_slivers_do_not_matter(case, seed, width):
-    """A tenth of the faces split beside a corner, to slivers down to a picometre: the shape is the same to a
+    """A tenth of the faces split near a corner, to slivers down to a picometre: the shape is the same to a
     billionth of the size where slivers are that thin, and the surface moves no further than they are wide."""
     mesh, grid = CASES[case]
     fit = fit_surface(slivered(mesh, np.random.default_rng(seed), 0.1, width), grid)
@@ -126,7 +126,7 @@ def test_slivers_do_not_matter(case, seed, width):
 @examples(6)
 @given(seed=seeds, gap=st.sampled_from([1e-15, 1e-12, 1e-9, 1e-7]))
 def test_hairline_cracks_do_not_matter(seed, gap):
-    """Soup whose corners are rounded apart, so that no two faces share a vertex: the surface is the clean one's, as
+    """Soup with rounded corners, so that no two faces have a common vertex: the surface is the clean one's, as
     far as the cracks are wide; a ray that slips through a crack counts as missing and takes little with it."""
     mesh, grid = CASES["even tube"]
     corners = mesh.triangles.reshape(-1, 3)
@@ -146,7 +146,7 @@ def surface_of(case):
 @given(rings=st.integers(8, 20), lines=st.sampled_from([8, 12, 16, 24, 48]), n=st.integers(4, 12))
 def test_planes_through_vertices_miss_nothing(rings, lines, n):
     """u-planes through rings of vertices, v-planes along edges, and sections along them: no ray slips, and the net is
-    that of planes a nanometre beside, to a few nanometres."""
+    that of planes at a distance of a nanometre, to a few nanometres."""
     mesh = cylinder(around=48, along=rings + 1)
     inner = LENGTH * np.arange(1, rings) / rings
     stations = inner[np.unique(np.linspace(0, len(inner) - 1, n).round().astype(int))]
@@ -275,7 +275,7 @@ def test_walls_outside_of_the_margin_do_not_matter(height, margin):
 @examples(6)
 @given(seed=seeds, share=st.floats(0.02, 0.97))
 def test_torn_meshes_are_fitted_or_refused(case, seed, share):
-    """Any share of the faces gone at random: a finite surface, or one line."""
+    """Without any fraction of the faces at random: a finite surface, or one line."""
     mesh, grid = CASES[case]
     rng = np.random.default_rng(seed)
     try:

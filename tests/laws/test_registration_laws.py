@@ -16,7 +16,7 @@ POINTS, _, FACES = mesh_samples(wrist())
 
 
 def piece(seed, share, noise=0.0):
-    """Points on the wrist within reach of one of them, which cover a share of its length, off it by a noise [m]."""
+    """Points on the wrist within a radius of one of them, which cover a fraction of its length, with noise [m]."""
     rng = np.random.default_rng(seed)
     near = np.linalg.norm(POINTS - POINTS[rng.integers(len(POINTS))], axis=1) < share * wrist().size
     chosen = rng.choice(np.flatnonzero(near), min(120, int(near.sum())), replace=False)
@@ -36,7 +36,7 @@ def test_any_motion_of_a_large_piece_is_undone(seed, share):
 @examples(4)
 @given(seed=seeds, noise=st.floats(0, 5e-4))
 def test_noise_moves_the_place_by_no_more_than_the_slack(seed, noise):
-    """Taxels off the mesh: they lie no further off than where they came from, and as far from there as was told."""
+    """Taxels off the mesh: no further from it than before, and within the reported distance of their origin."""
     points, motion = piece(seed, 1.0, noise), Motion(seed)
     fit = find_frame(wrist(), motion.points(points))
     truth = MeshDistance(wrist())(points)[0]
@@ -60,7 +60,7 @@ def test_moving_the_mesh_moves_the_cloud(seed):
 @examples(2)
 @given(seed=seeds)
 def test_order_and_repetition_do_not_matter(seed):
-    """The taxels in another order, the mesh listed another way: the same place. Asked again: the same bits."""
+    """The taxels in another order, the mesh listed in another order: the same pose. Computed again: the same bits."""
     points = Motion(seed).points(piece(seed, 1.0))
     shuffle = np.random.default_rng(seed).permutation(len(points))
     first, other = find_frame(wrist(), points), find_frame(wrist(), points[shuffle])

@@ -71,7 +71,7 @@ def test_real_link_is_fitted_or_says_why_not(path):
     uv = np.random.default_rng(0).uniform(0.05, 0.95, (400, 2))
     normals = fit.surface.normals(uv)
     distance, face, _ = MeshDistance(cover)(fit.surface.points(uv))
-    if path.stem in FACES:  # with walls and edges beside the surface, the author's direction is what counts
+    if path.stem in FACES:  # with walls and edges near the surface, the author's direction decides
         looks = normals @ FACES[path.stem]
     else:
         looks = (normals * cover.face_normals[face]).sum(axis=1)[distance < 0.5e-3]

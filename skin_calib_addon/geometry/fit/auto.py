@@ -1,4 +1,4 @@
-"""The smallest grid that meets a tolerance: predicted from a survey, proved by fits."""
+"""The smallest grid within a tolerance: predicted by the error model, confirmed by fits."""
 
 from bisect import insort
 from collections.abc import Callable, Sequence
@@ -17,43 +17,56 @@ from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_posit
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
 from ..surface.distance import MeshDistance
-from .proof import confirmed_error
+from .proof import MIN_DISTANCE, confirmed_error
 from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface
 
-MAX_PLANES, MAX_LINES = 60, 160
-MAX_FITS, MAX_SEARCH_ROUNDS = 6, 12
-MAX_PROPORTIONS = 3  # proportions of planes and lines that are tried, of those that are predicted
-MIN_PROPORTION_RATIO = 1.12  # times the planes of another: predictions tell no smaller differences
-CHECK_SITES_PER_SPAN = 5  # sites per span at which a fit is held against the mesh: not those it was fitted at
-USED_TOLERANCE_RATIO = 0.9  # a fit that uses this much of its tolerance is small enough
-MODERATE_ERROR_RATIO = 3.0  # times the least predicted error, which a net of moderate size keeps
-LEAST_ERROR_RATIO = 1.05  # times the least predicted error: what is nearer takes all there is
-MIN_SIZE_RATIO = 1.1  # times the control points of a net: with less of a difference, no other is tried
-PREDICTION_MARGIN = 1.05  # a prediction may be off by this factor
-MIN_FAILED_RATIO, MAX_FAILED_RATIO = (
-    0.97,
-    1.5,
-)  # a net for less error that leaves more than the one, and less than the other, gains nothing
-LOOSE_BOUND_RATIO = 1.5  # times its prediction: an error that is proved this far above, as over steps, may be far less
-MAX_FAILED_NETS, FAILED_STEP_RATIO = (
-    2,
-    0.7,
-)  # after one such net the next is predicted to leave this share of what it was
-TARGET_RATIO = 0.97  # a little below the tolerance, so that the next fit does not miss it by a hair
+MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
+MAX_LINES = 160  # [1] most lines per plane of an automatic grid. Larger: tighter tolerances, more time
+MAX_FITS = 6  # [1] most fits of a search. Larger: a grid nearer to the smallest, more time
+MAX_SEARCH_ROUNDS = 12  # [1] most rounds in which positions are computed for predicted grids. Larger: little effect
+# [1] proportions of planes and lines that are fitted, of those with the least predicted error. Larger: less error, more
+# time.
+MAX_PROPORTIONS = 3
+# [1] least ratio of the planes of two proportions, because predictions do not separate closer ones. Larger: fewer.
+MIN_PROPORTION_RATIO = 1.12
+CHECK_SITES_PER_SPAN = 5  # [1] sites per span that compare fits; different from those of the fit
+# [fraction of the tolerance] error above which a fit within the tolerance is small enough. Larger: more fits.
+USED_TOLERANCE_RATIO = 0.9
+# [1] ratio of the error of a first fit to the least predicted error, if no prediction meets the tolerance. This net has
+# a moderate size. Larger: a smaller first net.
+MODERATE_ERROR_RATIO = 3.0
+# [1] ratio of an aim to the least predicted error; smaller aims need all planes and lines. Larger: smaller last nets.
+LEAST_ERROR_RATIO = 1.05
+# [1] least ratio of the control points of two nets that are both fitted. Larger: fewer fits.
+MIN_SIZE_RATIO = 1.1
+# [1] ratio of an expected error to the tolerance above which a net is not fitted. Larger: more fits.
+PREDICTION_MARGIN = 1.05
+# [1] ratio of the error of a net to the least error so far, between which it failed to improve, although its predicted
+# error was less. Wider: earlier stop.
+MIN_FAILED_RATIO = 0.97
+MAX_FAILED_RATIO = 1.5
+# [1] ratio of the upper bound of an error to its prediction above which the error itself is computed, as over steps.
+LOOSE_BOUND_RATIO = 1.5
+MAX_FAILED_NETS = 2  # [1] nets without improvement after which the search stops
+FAILED_STEP_RATIO = 0.7  # [1] ratio of successive predicted errors after a net without improvement
+# [fraction of the tolerance] aim of the next fit, so that it does not exceed the tolerance narrowly. Larger: smaller
+# nets, more fits.
+TARGET_RATIO = 0.97
 MEASURES = ("mean", "max")
-TRIAL_MOVES = 2  # of planes and lines in nets that are tried: more take as long as they save in control points
-COUNT_RATIO = 1.4  # from one number of planes or lines to the next whose error is looked at
-INITIAL_GAIN = 0.6  # share of the error that is left by places where it is least, as a first guess
-MIN_DISTANCE = 1e-300  # [m]
-MINOR_ERROR_RATIO = 0.7  # share of an error below which that of one direction adds little to that of the other
-FIRST_AIM_RATIO = 0.9  # share of an error that is aimed at first, so that no more is left where that was a guess
-CAUTIOUS_AIM_RATIO = (
-    1.3  # times an error that is seen to be far from reached: what is thought of smaller grids may be off
-)
+# [1] steps of planes and lines for nets that are fitted on trial. Larger: fewer control points, more time.
+TRIAL_MOVES = 2
+COUNT_RATIO = 1.4  # [1] ratio of successive numbers of planes or lines whose error is computed. Smaller: more time
+INITIAL_GAIN = 0.6  # [1] first estimate of the ratio of the errors at the best and at even positions
+# [fraction of an error] below which the error of one direction adds little to that of the other. Larger: more time.
+MINOR_ERROR_RATIO = 0.7
+# [fraction of an error] first aim of a prediction, because errors at unknown positions are estimates.
+FIRST_AIM_RATIO = 0.9
+# [1] ratio of the aim to an error that is less than half used, because the errors of smaller grids are estimates.
+CAUTIOUS_AIM_RATIO = 1.3
 
 
 class Where(TypedDict, total=False):
-    """Where an automatic grid lies, as of ``AutoGrid``."""
+    """The region of an automatic grid, as of ``AutoGrid``."""
 
     axis: Axis | None
     margin: float | None
@@ -62,32 +75,31 @@ class Where(TypedDict, total=False):
 
 
 class ErrorCurve:
-    """Planes, or lines: how far any number of them leaves the mesh.
+    """The error of planes, or of lines, as a function of their number.
 
-    Errors of plain places are seen at a few numbers, those of the best places at fewer; between them, errors and what
-    the best places gain follow power laws.
-    """
+    The errors of even positions are computed for a few numbers, and those of the best positions for fewer. Between
+    them, the errors and the gains of the best positions follow power laws."""
 
     def __init__(self, even: Callable[[int], float], best: Callable[[int], tuple[float, Array]], first: int, most: int):
         self.counts: IntArray = np.arange(first, most + 1)
         self.even, self.best = cache(even), cache(best)
         steps = int(np.log(most / first) / np.log(COUNT_RATIO)) + 1
         self.sampled_counts = np.unique(np.rint(np.geomspace(first, most, steps + 1)).astype(np.int64))
-        self.solved: list[int] = []  # numbers whose best places are known, ascending
+        self.solved: list[int] = []  # numbers whose best positions are computed, ascending
 
     def positions(self, count: int) -> Array:
-        """Where so many leave the least error."""
+        """Return the positions of ``count`` planes or lines with the least error."""
         if count not in self.solved:
             insort(self.solved, count)
         return self.best(count)[1]
 
     def error(self, count: int) -> float:
-        """Error of so many at the best places [m]."""
+        """Return the error of ``count`` planes or lines at the best positions [m]."""
         self.positions(count)
         return self.best(count)[0]
 
     def errors(self, enough: float = 0.0) -> Array:
-        """Error of each number at the best places as far as is known [m], but for those below what is ``enough``."""
+        """Return the estimated error of each number at the best positions [m]; less exact below ``enough``."""
         seen = []
         for count in self.sampled_counts:
             seen.append(self.even(int(count)))
@@ -100,15 +112,34 @@ class ErrorCurve:
 
 
 def power_law(wanted: IntArray, counts: IntArray, values: Sequence[float]) -> Array:
-    """Values at some ascending counts, with power laws between them and nothing new beyond, at wanted ones."""
+    """Interpolate values at some counts by power laws; beyond the counts the values are constant.
+
+    Parameters
+    ----------
+    wanted : array of int, shape (k,)
+        Counts of the result.
+    counts : array of int, shape (n,)
+        Ascending.
+    values : sequence of float, length n
+        Positive.
+
+    Returns
+    -------
+    array, shape (k,)
+    """
     return np.exp(np.interp(np.log(wanted), np.log(counts), np.log(np.maximum(values, MIN_DISTANCE))))
 
 
 class SizePredictor:
-    """Predicted error of every grid on a survey, mean or largest: errors along and across add in squares.
+    r"""The predicted error of every grid, mean or largest.
 
-    Least-squares fits are projections, and those along u and along v commute: what the one leaves is at a right angle
-    to what the other leaves.
+    The errors along u and along v add in squares:
+
+    .. math::
+
+        e(n, m)^2 = e_u(n)^2 + e_v(m)^2 \quad [\text{m}^2]
+
+    Least-squares fits are projections, and those along u and along v commute. Their residuals are therefore orthogonal.
     """
 
     def __init__(
@@ -120,7 +151,7 @@ class SizePredictor:
         moves: int = MAX_MOVES,
     ):
         self.error_model, self.degree = error_model, degree
-        validation = error_model.halves[1]  # by what places were not chosen by
+        validation = error_model.halves[1]  # the half that did not select the positions
 
         def planes(n: int) -> tuple[float, Array]:
             s = plane_positions(error_model, n, "auto", degree[0], moves)
@@ -142,39 +173,40 @@ class SizePredictor:
         self.across = ErrorCurve(plainest_lines, lines, degree[1] + 1, most)
 
     @property
-    def smallest(self) -> tuple[int, int]:
-        """Planes and lines of the smallest grid that the degree allows."""
-        return self.degree[0] + 1, self.degree[1] + 1
-
-    @property
     def least(self) -> float:
-        """The least error of all grids, as far as is known [m]."""
+        """Return the least predicted error of all grids [m]."""
         return float(np.hypot(self.along.errors().min(), self.across.errors().min()))
 
     def error(self, size: tuple[int, int]) -> float:
-        """Error of a grid of some planes and lines [m]."""
+        """Return the predicted error of a grid of some planes and lines [m]."""
         return float(np.hypot(self.along.error(size[0]), self.across.error(size[1])))
 
     def lines(self, size: tuple[int, int]) -> LineGrid:
-        """The lines of a grid, where they leave the least."""
+        """Return the lines of a grid at the positions with the least error."""
         return parametrized_lines(
             self.error_model.parametrization, self.along.positions(size[0]), self.across.positions(size[1])
         )
 
     def smallest_size(self, error: float, above: float = 0.0, below: float = np.inf) -> tuple[int, int] | None:
-        """Planes and lines of the smallest net with at most this error [m]; None if there is none.
+        """Return planes and lines of the smallest net with at most this error; None without such a net.
 
-        Places are looked for where the answer seems to lie, until they are known there.
+        The best positions are computed where the answer seems to be, until they are known there.
 
         Parameters
         ----------
+        error : float
+            [m]
         above, below : float
-            So many control points are too few, and too many.
+            Bounds of the number of control points, both excluded.
+
+        Returns
+        -------
+        (int, int) or None
         """
         along, across = self.along, self.across
         nets = along.counts[:, None] * across.counts
         allowed = (nets > above) & (nets < below)
-        good: tuple[int, int] | None = None  # the last grid with known places that keeps the error
+        good: tuple[int, int] | None = None  # the last grid with computed positions within the error
         aim = FIRST_AIM_RATIO * error
         for _ in range(MAX_SEARCH_ROUNDS):
             errors = np.hypot(
@@ -186,7 +218,7 @@ class SizePredictor:
                     break
                 aim = error
                 continue
-            # Of nets of one size that of the least error: that is below one, and nets are whole numbers.
+            # Of nets with equal numbers of control points, the one with the least error: the error term is below one.
             i, j = divmod(int(np.argmin(np.where(fits, nets + errors / (2 * error), np.inf))), nets.shape[1])
             size = int(along.counts[i]), int(across.counts[j])
             if good and MIN_SIZE_RATIO * nets[i, j] > good[0] * good[1]:
@@ -200,7 +232,19 @@ class SizePredictor:
         return good
 
     def best_sizes(self, control_points: int, count: int) -> list[tuple[int, int]]:
-        """The grids of the least error with at most so many control points, best first, each of its own proportion."""
+        """Return the sizes of least error with at most some control points, best first, in different proportions.
+
+        Parameters
+        ----------
+        control_points : int
+            Most control points.
+        count : int
+            Most sizes.
+
+        Returns
+        -------
+        list of (int, int)
+        """
         along, across = self.along, self.across
         widest = np.minimum(control_points // along.counts, across.counts[-1])
         fits = widest >= across.counts[0]
@@ -227,44 +271,52 @@ def fit_to_tolerance(
     degree: int | tuple[int, int] = 3,
     **where: Unpack[Where],
 ) -> SurfaceFit:
-    """Fit the smallest grid whose distance from surface to mesh keeps within a tolerance.
+    """Fit the smallest grid whose distance from surface to mesh is within a tolerance.
 
     Parameters
     ----------
     mesh : TriangleMesh
+        The cover, [m] in the link frame.
     tolerance : float
         [m]
     measure : "mean" or "max"
-        Which distance must keep within it.
-    degree
+        The distance that the tolerance limits.
+    degree : int or pair of int
         As for ``fit_surface``.
     **where
         ``axis``, ``margin``, ``sector``, ``normal``: the region, as for ``AutoGrid``.
 
+    Returns
+    -------
+    SurfaceFit
+        Of the smallest grid that was found.
+
     Raises
     ------
     UnreachableTolerance
-        If the mesh's own facets are further from any smooth surface; says what can be reached.
+        If no grid meets the tolerance, because the mesh is faceted; the message states the best achievable error.
     """
     degrees = (degree, degree) if isinstance(degree, int) else degree
     return _smallest(mesh, AutoGrid(tolerance, measure, **where), degrees)
 
 
 def _smallest(mesh: TriangleMesh, grid: Grid, degrees: tuple[int, int]) -> SurfaceFit:
-    """Fit the smallest grid over a region that keeps within the tolerance of ``grid``."""
+    """Fit the smallest grid over a region that is within the tolerance of ``grid``."""
     assert isinstance(grid.size, Tolerance)
     tolerance, measure = grid.size.tolerance, grid.size.measure
     if not tolerance > 0 or measure not in MEASURES:
-        raise InvalidPlan(f'a tolerance is a positive length and a "mean" or a "max", not {tolerance} and "{measure}"')
+        raise InvalidPlan(
+            f'The tolerance must be positive and the measure "mean" or "max", not {tolerance} and "{measure}".'
+        )
     error_model = ErrorModel.of(mesh, grid.region.parametrization(mesh), MAX_PLANES)
     search = Search(mesh, SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES), tolerance, measure)
     search.run()
     if search.best is None:
         least = min(search.achievable, *(error for error, _ in search.tried.values()))
         raise UnreachableTolerance(
-            f"no surface comes within {tolerance * 1e3:g} mm ({measure}) of this mesh: about {least * 1e3:.2g} "
-            "mm can be reached, its facets stand off from any smooth surface; ask for more, or refine the mesh",
-            reached=float(least),
+            f"No surface is within {tolerance * 1e3:g} mm ({measure}) of this mesh. The best achievable error is about "
+            f"{least * 1e3:.2g} mm because the mesh is faceted. Increase the tolerance, or refine the mesh.",
+            achievable=float(least),
         )
     return search.best
 
@@ -275,13 +327,23 @@ def fit_to_count(
     degree: int | tuple[int, int] = 3,
     **where: Unpack[Where],
 ) -> SurfaceFit:
-    """Fit the grid that leaves the least error with at most so many control points, planes and lines in any proportion.
+    """Fit the grid with the least error and at most some control points, in any proportion of planes and lines.
 
     Parameters
     ----------
+    mesh : TriangleMesh
+        The cover, [m] in the link frame.
     control_points : int
-    degree, **where
-        As for ``fit_to_tolerance``.
+        Most control points.
+    degree : int or pair of int
+        As for ``fit_surface``.
+    **where
+        The region, as for ``fit_to_tolerance``.
+
+    Returns
+    -------
+    SurfaceFit
+        Of the best grid.
 
     Raises
     ------
@@ -292,8 +354,8 @@ def fit_to_count(
     fewest_n, fewest_m = degrees[0] + 1, degrees[1] + 1
     if control_points < fewest_n * fewest_m:
         raise UnderdeterminedFit(
-            f"degree {degrees[0]} x {degrees[1]} needs at least {fewest_n * fewest_m} control points, not "
-            f"{control_points}; allow more, or lower the degree"
+            f"Degree {degrees[0]} x {degrees[1]} needs at least {fewest_n * fewest_m} control points, but "
+            f"{control_points} are allowed. Allow more, or lower the degree."
         )
     most = min(control_points // fewest_m, MAX_PLANES)
     error_model = ErrorModel.of(mesh, region_of(**where).parametrization(mesh), most)
@@ -308,27 +370,26 @@ def fit_to_count(
 
 
 class Search:
-    """Fits that look for the smallest net within a tolerance; ``best`` is the smallest that was found."""
+    """A search for the smallest net within a tolerance; ``best`` is the smallest that was found."""
 
     def __init__(self, mesh: TriangleMesh, predictor: SizePredictor, tolerance: float, measure: str):
         self.mesh, self.predictor, self.tolerance, self.measure = mesh, predictor, tolerance, measure
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
-        self.failed_nets = 0  # nets for less error that gained nothing
-        self.achievable = np.inf  # the least error [m], where it is not hoped to keep the tolerance
-        self.distance = cache(MeshDistance)  # made when it is needed
+        self.failed_nets = 0  # number of nets without improvement
+        self.achievable = np.inf  # the best achievable error [m], if the tolerance cannot be met
+        self.distance = cache(MeshDistance)  # computed when needed
 
     @property
     def best(self) -> SurfaceFit | None:
-        """The smallest of the nets tried that keep the tolerance."""
+        """Return the smallest of the fitted nets within the tolerance; None without one."""
         kept = [fit for error, fit in self.tried.values() if error <= self.tolerance]
         return min(kept, key=net_size, default=None)
 
     def run(self) -> None:
-        """Fit the smallest grid that is predicted to keep the tolerance, and learn from each fit what to aim at.
+        """Fit the smallest grid that is predicted to meet the tolerance; each fit corrects the next prediction.
 
-        A net that gains nothing may have had more planes where lines were wanted: the next one is for much less error,
-        and only if that gains nothing either the tolerance is given up.
-        """
+        A net without improvement may have too many planes and too few lines. The next net then has a much smaller
+        predicted error. If it does not improve either, the search stops."""
         while len(self.tried) < MAX_FITS:
             below = net_size(self.best) / MIN_SIZE_RATIO if self.best else np.inf
             size = self.predictor.smallest_size(self.target, MIN_SIZE_RATIO * self.largest_failed, below)
@@ -340,7 +401,7 @@ class Search:
                 )
                 size = size or self.predictor.smallest_size(
                     LEAST_ERROR_RATIO * self.predictor.least
-                )  # that is known better now
+                )  # the least error is more accurate now
                 if not self.may_meet(self.predictor.error(size) if size else self.predictor.least):
                     break
             if size is None or size in self.tried:
@@ -353,14 +414,17 @@ class Search:
 
     @property
     def largest_failed(self) -> int:
-        """Control points of the largest net that missed the tolerance and is smaller than the best; 0 if none is."""
+        """Return the control points of the largest net above the tolerance, smaller than the best; 0 without one."""
         most = net_size(self.best) if self.best else 0
         missed = [n * m for (n, m), (error, _) in self.tried.items() if error > self.tolerance and n * m < most]
         return max(missed, default=0)
 
     @property
     def target(self) -> float:
-        """The predicted error of grids to try: as predictions have been off so far, and below all that missed [m]."""
+        """Return the predicted error of the next grid [m].
+
+        It is corrected by the errors so far, and less than the predictions of all nets above the tolerance.
+        """
         missed = [self.predictor.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
         target = TARGET_RATIO * self.tolerance / self.prediction_ratio
         less = FAILED_STEP_RATIO if self.failed_nets else USED_TOLERANCE_RATIO
@@ -368,35 +432,42 @@ class Search:
 
     @property
     def prediction_ratio(self) -> float:
-        """Error of the fit that comes nearest to the tolerance over what was predicted; 1 before the first."""
+        """Return the ratio of error and prediction of the fit nearest to the tolerance; 1 before the first fit."""
         if not self.tried:
             return 1.0
         size = min(self.tried, key=lambda size: abs(np.log(self.tried[size][0] / self.tolerance)))
         return self.tried[size][0] / self.predictor.error(size)
 
     def may_meet(self, predicted: float) -> bool:
-        """Whether a fit of this predicted error may keep the tolerance; if not, its error is what can be reached."""
+        """Return whether a fit with this predicted error may meet the tolerance; else store its expected error."""
         expected = self.expected(predicted)
         may_meet = expected <= PREDICTION_MARGIN * self.tolerance
         self.achievable = np.inf if may_meet else expected
         return may_meet
 
     def expected(self, predicted: float) -> float:
-        """Error to expect where less is predicted than of any fit so far [m]."""
+        r"""Return the error to expect for a smaller prediction than those of the fits so far [m].
+
+        .. math::
+
+            e = e_0\, (\hat{e} / \hat{e}_0)^{q}
+
+        with the least error :math:`e_0`, its prediction :math:`\hat{e}_0`, and the power :math:`q` of ``trend``.
+        """
         least, best, power = self.trend
         return float(least * (predicted / best) ** power)
 
     @property
     def needed_prediction(self) -> float:
-        """The predicted error at which the tolerance is to be expected [m]."""
+        """Return the predicted error at which the tolerance is expected to be met [m]."""
         least, best, power = self.trend
         return float(best * (TARGET_RATIO * self.tolerance / least) ** (1 / power)) if power else 0.0
 
     @property
     def trend(self) -> tuple[float, float, float]:
-        """The least error so far, its prediction, and the power of predictions by which the nearest two errors fell.
+        """Return the least error so far, its prediction, and the power of predictions that fits the two least errors.
 
-        Over steps and edges errors fall more slowly than predictions, and less and less.
+        Over steps and edges errors decrease more slowly than predictions, and ever more slowly.
         """
         fits = sorted((error, self.predictor.error(size)) for size, (error, _) in self.tried.items())[:2]
         (least, best), (other, worse) = fits[0], fits[-1]
@@ -404,7 +475,7 @@ class Search:
         return least, best, float(min(power, 1.0))
 
     def error(self, size: tuple[int, int]) -> float:
-        """Error of the fit of this size [m]: within the tolerance only where that is proved."""
+        """Return the error of the fit of this size [m]: within the tolerance only if this is confirmed."""
         if size not in self.tried:
             fit = fit_lines(self.mesh, self.predictor.lines(size), self.predictor.degree)
             points, bounds, areas = fit.bounds()
@@ -414,27 +485,34 @@ class Search:
 
             error = confirmed_error(bounds, areas, exact, self.measure, self.tolerance)
             if LOOSE_BOUND_RATIO * self.predictor.error(size) < error <= self.tolerance:
-                error = min(error, confirmed_error(bounds, areas, exact, self.measure, 0.0))  # about what it is
+                error = min(error, confirmed_error(bounds, areas, exact, self.measure, 0.0))  # an estimate
             self.tried[size] = error, fit
         return self.tried[size][0]
 
 
 def net_size(fit: SurfaceFit) -> int:
-    """Number of control points."""
+    """Return the number of control points."""
     return fit.offsets.size
 
 
 def fit_grid(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
-    """Fit along a grid that the author gave, or the smallest that meets a tolerance.
+    """Fit along the grid of a plan: planes that the author placed, a size, or the smallest within a tolerance.
 
     Parameters
     ----------
     mesh : TriangleMesh
+        The cover, [m] in the link frame.
     grid : Grid or PlanesGrid
+        The grid.
     degree : (int, int)
         Of the surface along u and v.
     chords : bool
         As for ``fit_surface``.
+
+    Returns
+    -------
+    SurfaceFit
+        The surface with its residuals and errors.
     """
     if isinstance(grid, PlanesGrid) or isinstance(grid.size, Size):
         return fit_surface(mesh, grid, degree, chords)
@@ -443,6 +521,20 @@ def fit_grid(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int
 
 
 def grid_lines(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int]) -> LineGrid:
-    """Return the lines of a grid that the author gave, or of the smallest that meets a tolerance."""
+    """Return the lines of the grid of a plan, or of the smallest grid within its tolerance.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The cover, [m] in the link frame.
+    grid : Grid or PlanesGrid
+        The grid.
+    degree : (int, int)
+        Of the surface along u and v.
+
+    Returns
+    -------
+    LineGrid
+    """
     is_given = isinstance(grid, PlanesGrid) or isinstance(grid.size, Size)
     return grid.line_grid(mesh, degree) if is_given else fit_grid(mesh, grid, degree).lines

@@ -119,8 +119,11 @@ def fit_warnings(
     Parameters
     ----------
     mesh : TriangleMesh
+        The mesh, [m] in the link frame.
     lines : LineGrid
+        The lines of the control points.
     basis : TensorBasis
+        The basis at the sample sites.
     samples : RaySamples
         Of the last iteration.
     smallest_area : float

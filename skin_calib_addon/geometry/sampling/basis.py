@@ -63,6 +63,7 @@ def spline_sites(
     count : int
         Number of control points.
     degree : int
+        Degree of the spline.
     closed : bool
         Whether the last control point is next to the first one. An open direction has sites at both ends.
     per_span : int
@@ -118,7 +119,9 @@ class TensorBasis:
         Parameters
         ----------
         lines : LineGrid
+            The lines of the control points.
         degree_u, degree_v : int
+            Degrees along u and v.
         per_span : int
             Sites in each span, per direction; more where there are few spans.
         between : bool
@@ -310,7 +313,9 @@ def check_counts(count: int, degree: int, what: str) -> None:
     Parameters
     ----------
     count : int
+        Number of planes or lines.
     degree : int
+        Degree of the spline.
     what : str
         Plural name of the planes or lines, for the message.
 

@@ -99,6 +99,7 @@ def short_runs(chosen: BoolArray, longest: int) -> IntArray:
     Parameters
     ----------
     chosen : array of bool, shape (n,)
+        The chosen elements.
     longest : int
         Length of the longest run that counts.
 

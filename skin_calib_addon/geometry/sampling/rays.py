@@ -302,6 +302,7 @@ def outermost(ends: Array, origins: Array, directions: Array) -> tuple[Array, In
     ends : array, shape (s, 2, 2)
         [m]
     origins, directions : array, shape (l, 2)
+        Origins [m] and unit directions of the rays.
 
     Returns
     -------

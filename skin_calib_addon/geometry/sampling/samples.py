@@ -67,8 +67,11 @@ class SampleRows:
         Parameters
         ----------
         mesh : TriangleMesh
+            The mesh, [m] in the link frame.
         lines : LineGrid
+            The lines of the control points.
         basis : TensorBasis
+            The basis at the sample sites.
 
         Returns
         -------
@@ -91,7 +94,9 @@ class SampleRows:
         Parameters
         ----------
         mesh : TriangleMesh
+            The mesh, [m] in the link frame.
         planes : Planes
+            The planes.
         origins : array, shape (k, l, 3)
             Of the rays in each plane [m].
         concurrent : bool
@@ -157,7 +162,9 @@ def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Ar
     Parameters
     ----------
     mesh : TriangleMesh
+        The mesh, [m] in the link frame.
     planes : Planes
+        The planes.
     origins, directions : array, shape (k, l, 3)
         Of the rays of each plane [m]. They all start at the point of their plane, or are all parallel.
 
@@ -179,6 +186,7 @@ def flat_ends(sections: Sections, planes: Planes, axes: Array) -> Array:
     sections : Sections
         The sections of parallel planes have plane coordinates already; only the origin is subtracted.
     planes : Planes
+        The planes.
     axes : array, shape (k, 2, 3) or (1, 2, 3)
         Unit vectors in the plane of each row.
 
@@ -204,7 +212,9 @@ def across(vectors: Array, axes: Array) -> Array:
     Parameters
     ----------
     vectors : array, shape (k, l, 3)
+        The vectors.
     axes : array, shape (k, 2, 3)
+        Unit vectors in the plane of each row.
 
     Returns
     -------

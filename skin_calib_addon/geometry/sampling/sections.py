@@ -33,6 +33,7 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
     Parameters
     ----------
     mesh : TriangleMesh
+        The mesh, [m] in the link frame.
     planes : Planes
         For parallel planes sorted heights are sufficient; for others each vertex is compared with each plane.
     values : array, shape (v, c), optional
@@ -98,9 +99,11 @@ def _segments(
     Parameters
     ----------
     mesh : TriangleMesh
+        The mesh, [m] in the link frame.
     values : array, shape (v, c)
         To interpolate.
     face : array of int, shape (s,)
+        Index of the face of each segment.
     above : array of int, shape (s,)
         Which corners are above the plane, as in ``TIP``.
     height : function

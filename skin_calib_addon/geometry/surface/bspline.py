@@ -22,6 +22,7 @@ def clamped_knots(n: int, degree: int) -> Array:
     n : int
         Number of control points.
     degree : int
+        Degree of the spline.
 
     Returns
     -------
@@ -38,6 +39,7 @@ def periodic_knots(n: int, degree: int) -> Array:
     n : int
         Number of different control points.
     degree : int
+        Degree of the spline.
 
     Returns
     -------
@@ -74,6 +76,7 @@ def sites_per_span(per_span: int, spans: int, minimum: int) -> int:
     Parameters
     ----------
     per_span : int
+        Least number of sites in each span.
     spans : int
         Number of spans.
     minimum : int
@@ -92,7 +95,9 @@ def check_knots(knots: Array, degree: int, n: int) -> None:
     Parameters
     ----------
     knots : array
+        Knot vector, non-decreasing.
     degree : int
+        Degree of the spline.
     n : int
         Number of control points.
 
@@ -182,7 +187,9 @@ def basis_functions(u: Array, knots: Array, degree: int) -> Array:
     u : array, shape (m,)
         Parameters in ``[knots[degree], knots[-degree - 1]]``.
     knots : array, shape (n + degree + 1,)
+        Knot vector, non-decreasing.
     degree : int
+        Degree of the spline.
 
     Returns
     -------
@@ -203,7 +210,9 @@ def basis_derivatives(u: Array, knots: Array, degree: int) -> tuple[Array, Array
     u : array, shape (m,)
         Parameters in ``[knots[degree], knots[-degree - 1]]``.
     knots : array, shape (n + degree + 1,)
+        Knot vector, non-decreasing.
     degree : int
+        Degree of the spline.
 
     Returns
     -------
@@ -231,7 +240,9 @@ class SpanPolynomials:
         Parameters
         ----------
         knots : array, shape (n + degree + 1,)
+            Knot vector, non-decreasing.
         degree : int
+            Degree of the spline.
 
         Returns
         -------
@@ -311,6 +322,7 @@ class BSplineSurface:
             Parameters. They wrap around where the surface is closed. Beyond an open edge the surface continues along
             its tangent.
         order : int
+            Highest derivative.
 
         Returns
         -------
@@ -365,7 +377,9 @@ class BSplineSurface:
         Parameters
         ----------
         u : array, shape (k,)
+            Parameters.
         v : array, shape (l,)
+            Parameters.
 
         Returns
         -------
@@ -384,7 +398,9 @@ class BSplineSurface:
         Parameters
         ----------
         u : array, shape (k,)
+            Parameters.
         v : array, shape (l,)
+            Parameters.
 
         Returns
         -------

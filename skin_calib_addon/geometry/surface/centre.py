@@ -50,7 +50,9 @@ def length_fractions(
     Parameters
     ----------
     surface : BSplineSurface
+        The surface, [m] in the link frame.
     uv : array, shape (k, 2)
+        Parameters.
     axis : int
         Direction of the lines: 0 for u, 1 for v.
     parts : int

@@ -40,7 +40,9 @@ def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray
     Parameters
     ----------
     mesh : TriangleMesh
+        The mesh, [m] in the link frame.
     surface : BSplineSurface
+        The surface, [m] in the link frame.
     known : array of bool, shape (k, l)
         Which sample sites of the fit hit the mesh. Parts of the surface next to other sites are left out.
 
@@ -80,7 +82,9 @@ def is_sampled(surface: BSplineSurface, uv: Array, known: BoolArray) -> BoolArra
     Parameters
     ----------
     surface : BSplineSurface
+        The surface, [m] in the link frame.
     uv : array, shape (m, 2)
+        Parameters.
     known : array of bool, shape (k, l)
         Which sample sites hit the mesh.
 
@@ -108,6 +112,7 @@ def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
     Parameters
     ----------
     surface : BSplineSurface
+        The surface, [m] in the link frame.
     per_span : int
         Parameters in each span; more where there are few spans.
 
@@ -137,6 +142,7 @@ def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntAr
     Parameters
     ----------
     mesh : TriangleMesh
+        The mesh, [m] in the link frame.
     size : float
         [m]
 
@@ -211,7 +217,9 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
     Parameters
     ----------
     points : array, shape (k, 3)
+        The points [m].
     triangles : array, shape (k, 3, 3)
+        Corners of the triangles [m].
 
     Returns
     -------
@@ -261,6 +269,7 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     surface : BSplineSurface
+        The surface, [m] in the link frame.
     points : array, shape (k, 3)
         The points :math:`\mathbf{p}` [m].
 

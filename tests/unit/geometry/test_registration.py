@@ -1,4 +1,4 @@
-"""Clouds laid on meshes: what is right stays, what is wrong is found, what cannot be told is told to be so."""
+"""Clouds registered to meshes: correct ones stay, wrong ones are found, ambiguous ones are reported as such."""
 
 import numpy as np
 import pytest
@@ -173,7 +173,7 @@ def test_points_beside_a_mesh_are_not_on_it():
     """The plane of a face goes on beyond it; a pose in the plane, but aside, is off by how far it is aside."""
     samples = SampledMesh(sheet(lambda x, y: 0 * x))
     cloud = np.random.default_rng(8).uniform(-0.02, 0.02, (40, 3)) * (1, 1, 0)
-    places = np.array([(0.05, 0.04, 0), (0.05, 0.04, 0.01), (0.18, 0.04, 0)])  # on it, above it, beside it
+    places = np.array([(0.05, 0.04, 0), (0.05, 0.04, 0.01), (0.18, 0.04, 0)])  # on it, above it, next to it
     turns, moved, misfit = descend(samples, cloud, np.stack(3 * [np.eye(3)]), places, 1)
     assert_allclose(misfit[:2], (0, 0.01), rtol=0, atol=1e-9)
     assert 0.05 < misfit[2] < 0.09
@@ -196,7 +196,7 @@ def test_turns_are_spread_evenly():
 
 
 def test_spread_points_are_far_apart():
-    """Of a fine and a coarse heap, the few that are chosen reach everywhere; no point twice."""
+    """Of a fine and a coarse heap, the few that are chosen cover everything; no point twice."""
     rng = np.random.default_rng(7)
     points = np.concatenate((rng.uniform(0, 1, (20, 3)), rng.normal(scale=1e-3, size=(500, 3))))
     chosen = farthest_points(points, 20)

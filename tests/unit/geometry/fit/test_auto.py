@@ -34,7 +34,7 @@ def test_largest_error_keeps_within_the_tolerance(wrist):
 
 
 def test_smaller_tolerance_takes_more_control_points(wrist):
-    """No more model than is needed: the net grows as the tolerance shrinks, and a room's width takes the least net."""
+    """The net grows as the tolerance shrinks, and a tolerance of metres takes the smallest net."""
     sizes = [net_size(fit_to_tolerance(wrist, t, axis=Z, margin=MARGIN)) for t in (1.0, 3e-4, 1e-4, 2e-5)]
     assert sizes[0] == 16 and (np.diff(sizes) > 0).all()
 
@@ -50,23 +50,25 @@ def test_smallest_net_is_not_beaten_by_a_much_smaller_one(wrist):
 
 
 def test_tolerance_below_the_facets_is_refused(wrist):
-    """Facets stand off from any smooth surface; the error says what can be reached, and that is true."""
-    with pytest.raises(UnreachableTolerance, match="can be reached, its facets stand off") as caught:
+    """No smooth surface fits facets exactly: the message states the best achievable error, and a fit achieves it."""
+    with pytest.raises(
+        UnreachableTolerance, match="The best achievable error is about .* because the mesh is faceted"
+    ) as caught:
         fit_to_tolerance(wrist, 1e-7, axis=Z, margin=MARGIN)
-    reached = caught.value.numbers["reached"]
+    achievable = caught.value.numbers["achievable"]
     best = fit_surface(wrist, TubeGrid(20, 60, Z, MARGIN)).errors.surface_to_mesh.mean
-    assert_allclose(reached, best, rtol=0.5)
+    assert_allclose(achievable, best, rtol=0.5)
 
 
 @pytest.mark.parametrize("tolerance, measure", [(0.0, "mean"), (-1.0, "mean"), (np.nan, "mean"), (1e-4, "median")])
 def test_nonsense_is_refused(wrist, tolerance, measure):
     """A tolerance is a positive length, of the mean or the largest distance."""
-    with pytest.raises(InvalidPlan, match="tolerance is a positive length"):
+    with pytest.raises(InvalidPlan, match="The tolerance must be positive and the measure"):
         fit_to_tolerance(wrist, tolerance, measure, axis=Z, margin=MARGIN)
 
 
 def test_hopeless_tolerance_takes_no_large_fit(wrist, monkeypatch):
-    """A tenth of what facets allow: refused by what a moderate net tells, not by the largest one."""
+    """A tenth of what facets allow: a moderate net refutes it, and the largest net is not fitted."""
     sizes = []
 
     def counted(mesh, lines, degree):
@@ -74,7 +76,7 @@ def test_hopeless_tolerance_takes_no_large_fit(wrist, monkeypatch):
         return fit_lines(mesh, lines, degree)
 
     monkeypatch.setattr("skin_calib_addon.geometry.fit.auto.fit_lines", counted)
-    with pytest.raises(UnreachableTolerance, match="can be reached"):
+    with pytest.raises(UnreachableTolerance, match="The best achievable error"):
         fit_to_tolerance(wrist, 2e-7, axis=Z, margin=MARGIN)
     assert len(sizes) <= 3 and max(sizes) < 3000
 

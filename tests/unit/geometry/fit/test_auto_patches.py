@@ -96,7 +96,7 @@ def test_mean_keeps_within_the_tolerance(mesh, where, tolerance):
 @pytest.mark.parametrize(("mesh", "where"), CASES + SHARP)
 @pytest.mark.parametrize("tolerance", [6e-4, 3e-4])
 def test_largest_keeps_within_the_tolerance(mesh, where, tolerance):
-    """By exact distances; places between those that were looked at may stand off by a tenth more."""
+    """By exact distances; points between the samples may be a tenth further from the mesh."""
     fit = fit_to_tolerance(mesh, tolerance, "max", **where)
     assert fit.missing == 0
     assert distances(fit)[1] <= 1.1 * tolerance
@@ -105,7 +105,7 @@ def test_largest_keeps_within_the_tolerance(mesh, where, tolerance):
 @pytest.mark.parametrize(("mesh", "where"), CASES)
 @pytest.mark.parametrize(("measure", "tolerances"), [("mean", (1.0, 3e-4, 1e-4, 6e-5)), ("max", (1.0, 1e-3, 4e-4))])
 def test_smaller_tolerance_never_takes_fewer_control_points(mesh, where, measure, tolerances):
-    """From a room's width on, which takes the smallest net of the degree."""
+    """From a tolerance of metres on, which takes the smallest net of the degree."""
     sizes = [net_size(fit_to_tolerance(mesh, t, measure, **where)) for t in tolerances]
     assert sizes[0] == 16 and sizes == sorted(sizes)
 
@@ -136,17 +136,15 @@ def test_net_is_not_much_larger_than_it_must_be(mesh, where):
     ],
 )
 def test_tolerance_below_the_facets_is_refused(mesh, where, measure, tolerance):
-    """One line that says what can be reached; asking for a little more than that is met."""
-    with pytest.raises(
-        UnreachableTolerance, match=rf"no surface comes within .* mm \({measure}\) of this mesh"
-    ) as caught:
+    """The message states the best achievable error in one line; a slightly larger tolerance is met."""
+    with pytest.raises(UnreachableTolerance, match=rf"No surface is within .* mm \({measure}\) of this mesh") as caught:
         fit_to_tolerance(mesh, tolerance, measure, **where)
-    message, reached = str(caught.value), caught.value.numbers["reached"]
-    assert "\n" not in message and f"about {reached * 1e3:.2g} mm can be reached" in message
-    assert "ask for more, or refine the mesh" in message
-    assert reached > tolerance
-    fit = fit_to_tolerance(mesh, 3 * reached, measure, **where)
-    assert getattr(fit.errors.surface_to_mesh, measure) <= 3.3 * reached
+    message, achievable = str(caught.value), caught.value.numbers["achievable"]
+    assert "\n" not in message and f"error is about {achievable * 1e3:.2g} mm because" in message
+    assert "Increase the tolerance, or refine the mesh" in message
+    assert achievable > tolerance
+    fit = fit_to_tolerance(mesh, 3 * achievable, measure, **where)
+    assert getattr(fit.errors.surface_to_mesh, measure) <= 3.3 * achievable
 
 
 def test_tolerances_that_are_met_are_an_interval():

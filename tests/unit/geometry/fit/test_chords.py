@@ -35,7 +35,7 @@ def test_height_over_a_plane_is_exact():
 
 
 def test_gaps_end_where_the_surface_meets_the_corners():
-    """Over a mesh of the surface's own points the gaps are as large as the residuals: the passes end there."""
+    """Over a mesh of the surface's own points the gaps equal the residuals: the iterations end there."""
     fit = fit_surface(wrist(), TubeGrid(10, 20, Z_AXIS, 0.004))
     u, v = np.linspace(0, 1, 17), np.arange(23) / 23
     corners = fit.surface.points(np.column_stack((np.repeat(u, 23), np.tile(v, 17))))

@@ -45,7 +45,7 @@ def holed():
 
 
 def with_fin(height, at=1.0, around=192, along=52):
-    """A tube whose own wall stands out at an angle, over a fifth of its length."""
+    """A tube whose own wall protrudes at an angle, over a fifth of its length."""
 
     def point(angle, share):
         stands_out = (np.abs(np.angle(np.exp(1j * (angle - at)))) < 0.1) & (share > 0.4) & (share < 0.6)
@@ -56,7 +56,7 @@ def with_fin(height, at=1.0, around=192, along=52):
 
 
 def with_step(height, at=0.5):
-    """A tube that is wider from a share of its length on."""
+    """A tube that is wider from a fraction of its length on."""
 
     def point(angle, share):
         radius = RADIUS + height * (share > at)
@@ -90,7 +90,7 @@ def named(message, lines):
 
 
 def assert_names_go_together(message, lines):
-    """The place lies beside the u-plane that is named and within 12 degrees of the line, half a step of 16 lines."""
+    """The place is next to the u-plane that is named and within 12 degrees of the line, half a step of 16 lines."""
     place, i, j = named(message, lines)
     station = (lines.planes_u.points - place) @ lines.planes_u.normals[0]
     assert np.abs(station[i]) <= np.abs(np.diff(station)).max()
@@ -150,7 +150,7 @@ def test_parts_that_are_all_followed_are_not_dropped():
 
 
 def test_dropped_loops_of_a_face_are_counted():
-    """Under a dome: a block below it, which the section shows beside the dome's own curve."""
+    """Under a dome: a block below it, which the section contains in addition to the dome's own curve."""
     under = box((0.03, 0.02, -0.01), (0.06, 0.05, 0.0))
     fit = fit_surface(together(dome(), under), AcrossGrid(8, 8, (0, 0, 1.0), along=(1.0, 0, 0), margin=0.004))
     x = fit.samples.origins[:, 0, 0]
@@ -169,7 +169,7 @@ def test_dropped_loops_of_fanned_planes_are_counted():
 
 
 def test_hole_is_a_warning_with_its_fraction_and_place(holed):
-    """One line: the share of the samples, and a place over the hole with the planes beside it."""
+    """One line: the fraction of the samples, and a point over the hole with the adjacent planes."""
     (warning,) = holed.warnings
     assert (warning.code, warning.severity, warning.value) == ("missing-samples", "warning", holed.missing)
     text = str(warning)
@@ -247,14 +247,14 @@ def test_planes_two_degrees_from_parallel_are_refused():
 @pytest.mark.parametrize("size", [(8, 16), (14, 40)])
 @pytest.mark.parametrize("at", [1.0, 4.0])
 def test_fin_of_the_wall_is_refused_with_its_place(size, at):
-    """The wall stands out by 60 mm: no surface follows, and the message tells where, and which planes are beside it."""
+    """The wall protrudes by 60 mm: no surface follows, and the message names the point and the adjacent planes."""
     mesh, grid = with_fin(0.06, at), TubeGrid(*size, Z_AXIS, 0.004, "uniform")
     with pytest.raises(PoorFit, match=r"^The surface is \d+\.\d mm off the mesh at .*\. Cut away what") as caught:
         fit_surface(mesh, grid)
     message, lines = str(caught.value), grid.line_grid(mesh)
     place = named(message, lines)[0]
     foot = np.array((RADIUS * np.cos(at), RADIUS * np.sin(at), np.clip(place[2], 0.04, 0.06)))
-    # The fin is radial: beside it, how far out does not matter.
+    # The fin is radial: the distance next to it is independent of the radius.
     outward = foot * (1, 1, 0) / RADIUS
     assert np.linalg.norm(place - foot - max((place - foot) @ outward, 0) * outward) < 0.015
     assert_names_go_together(message, lines)
@@ -266,7 +266,7 @@ def test_fin_of_the_wall_is_refused_with_its_place(size, at):
 
 @pytest.mark.parametrize("at", [0.3, 0.45, 0.7])
 def test_step_is_a_warning_with_its_place(at):
-    """Wider by 30 mm from a station on: the fit stands, with a line that tells where it cannot follow."""
+    """Wider by 30 mm from a station on: the fit succeeds, and a warning names the point where it cannot follow."""
     fit = fit_surface(with_step(0.03, at), GRID)
     (warning,) = fit.warnings
     text = str(warning)
@@ -305,7 +305,7 @@ def test_distance_of_a_warning_is_no_longer_than_the_truth():
 
 @pytest.mark.parametrize("inward", [False, True])
 def test_maximum_deviation_is_a_distance_and_not_along_the_ray(inward):
-    """On a flat cone, whose facets the rays meet at 27 degrees, wound either way: the distance to its triangles."""
+    """On a flat cone, whose facets the rays hit at 27 degrees, for both windings: the distance to its triangles."""
     mesh = cone(0.045, 0.005, length=0.02)
     fit = fit_surface(mesh, TubeGrid(5, 5, Z_AXIS, 0.003, "uniform"), 4)
     mesh = weld(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh
@@ -317,7 +317,7 @@ def test_maximum_deviation_is_a_distance_and_not_along_the_ray(inward):
 
 
 def test_box_through_the_wall_is_not_followed():
-    """A thin box that stands out, not of one piece with the tube: dropped and counted, without a warning."""
+    """A thin box that protrudes and is not connected to the tube: dropped and counted, without a warning."""
     fin = box((0.03, -0.002, 0.05), (0.08, 0.002, 0.06))
     fit = fit_surface(together(cylinder(), fin), GRID)
     radius = np.linalg.norm(fit.surface.points(np.random.default_rng(3).uniform(0, 1, (200, 2)))[:, :2], axis=1)
@@ -352,7 +352,7 @@ def test_surface_folded_by_crossing_planes_is_not_within(n):
 
 
 def test_iterations_cut_short_are_a_warning(monkeypatch):
-    """Where the passes may not go on until nothing moves, the fit is not settled and says so."""
+    """With a single iteration the fit does not converge, and a warning states this."""
     monkeypatch.setattr(fit_module, "MAX_FIT_ITERATIONS", 1)
     fit = fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002))
     assert not fit.converged and fit.iterations == 1
@@ -373,11 +373,11 @@ def test_bad_condition_is_a_warning(monkeypatch):
     assert warning.advice == "Lower the degree, or remove a plane."
 
 
-@pytest.mark.parametrize("share, within", [(0.99, False), (1.01, True)])
-def test_within_is_the_hausdorff_distance(share, within):
+@pytest.mark.parametrize("fraction, within", [(0.99, False), (1.01, True)])
+def test_within_is_the_hausdorff_distance(fraction, within):
     """Just below the distance it is not within, just above it is."""
     fit = fit_surface(wrist(), TubeGrid(8, 16, Z_AXIS, 0.002))
-    assert fit.is_within(share * fit.errors.hausdorff) is within
+    assert fit.is_within(fraction * fit.errors.hausdorff) is within
 
 
 def test_nothing_with_a_hole_is_within(holed):
@@ -386,7 +386,7 @@ def test_nothing_with_a_hole_is_within(holed):
 
 
 def test_folded_surface_is_not_within():
-    """A surface that folds is none, however near it lies."""
+    """A folded surface is not within any tolerance, however near it is."""
     fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(5, 5, (0, 0, 1.0)))
     assert fit.is_within(1e-9)
     vars(fit)["smallest_area"] = 0.5 * fit_module.FOLDED_AREA

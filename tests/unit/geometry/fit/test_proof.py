@@ -12,7 +12,7 @@ COUNT = 5000
 
 
 def case(seed, loose=0.3, unknown=0):
-    """Distances, areas, and bounds that stand off them by up to a share; of some nothing is known."""
+    """Distances, areas, and bounds that exceed them by up to a fraction; some bounds are infinite."""
     rng = np.random.default_rng(seed)
     distances, areas = rng.exponential(size=COUNT), rng.uniform(0.5, 2, COUNT)
     bounds = distances * (1 + loose * rng.uniform(0, 1, COUNT))
@@ -32,7 +32,7 @@ def told(distances, areas, measure):
     unknown=st.sampled_from([0, 3, 400]),
 )
 def test_tolerance_is_claimed_only_where_it_is_kept(seed, measure, share, unknown):
-    """What is told is no less than the truth where it keeps the tolerance; elsewhere it is about the truth."""
+    """Within the tolerance the result is no less than the true error; elsewhere it is an estimate."""
     distances, areas, bounds = case(seed, unknown=unknown)
     truth = told(distances, areas, measure)
     error = confirmed_error(bounds, areas, lambda chosen: distances[chosen], measure, share * truth)

@@ -52,7 +52,7 @@ def planes_grid(stations, tilts=0.0, lines=10, closed=True):
 def assert_lies_on_tube(fit, bottom, top, spline):
     """The surface lies between the facets of a cone and the cone, and looks as the cone does.
 
-    ``spline`` is what a spline on these lines cannot do, as a share of the radius.
+    ``spline`` is the error of a spline on these lines, as a fraction of the radius.
     """
     points, normals = fit.surface.points(UV), fit.surface.normals(UV)
     radius = bottom + (top - bottom) * points[:, 2] / LENGTH
@@ -106,7 +106,7 @@ def test_plane_is_exact():
 
 
 def test_dome_under_planes_across_is_exact_to_its_facets():
-    """A paraboloid to the size of its facets' sagitta, and it looks the way it is told."""
+    """A paraboloid to the size of its facets' sagitta, and it faces the given direction."""
 
     def height(x, y):
         return 0.02 - 2 * ((x - 0.05) ** 2 + (y - 0.04) ** 2)
@@ -124,7 +124,7 @@ def test_dome_under_planes_across_is_exact_to_its_facets():
 
 
 def test_sector_is_exact_to_its_facets():
-    """Part of the way round, within a whole tube and within a half one."""
+    """A sector, within a whole tube and within a half one."""
     half = keep(cylinder(), lambda c: c[:, 0] > 0)
     for mesh, grid in (
         (cylinder(), SectorGrid(6, 14, -2.0, 2.5, Z_AXIS)),
@@ -139,7 +139,7 @@ def test_sector_is_exact_to_its_facets():
 
 @pytest.mark.parametrize("degree", [2, 3, 5])
 def test_fanned_planes_are_as_exact_as_parallel_ones(degree):
-    """u-planes fanned by 20 degrees each way: a cylinder to its facets, a wrist as good as with parallel planes."""
+    """u-planes fanned by 20 degrees to both sides: a cylinder to its facets, a wrist as with parallel planes."""
     tilts = np.deg2rad(np.linspace(-20, 20, 10))
     fit = fit_surface(cylinder(), planes_grid(np.linspace(0.02, 0.08, 10), tilts), degree)
     assert_lies_on_tube(fit, RADIUS, RADIUS, 1e-4)
@@ -228,7 +228,7 @@ def test_complete_tube_misses_no_sample():
 
 @pytest.mark.parametrize("hole", [0.008, 0.015])
 def test_holes_are_spanned_and_counted(hole):
-    """The share of samples that is missing is that of the hole, and the surface goes on over it as if it were not."""
+    """The fraction of missing samples is that of the hole, and the surface continues over it as if it were not."""
     mesh = with_hole(cylinder(), (RADIUS, 0, 0.05), hole)
     fit = fit_surface(mesh, TubeGrid(14, 30, Z_AXIS, 0.004, "uniform"))
     area = (1 - mesh.face_areas.sum() / cylinder().face_areas.sum()) * LENGTH / (LENGTH - 0.008)
@@ -250,13 +250,13 @@ def test_surface_stays_tame_over_a_hole_with_a_rim():
 
 @pytest.mark.parametrize("lines", range(9, 20))
 def test_few_lines_do_not_keep_step_with_facets(lines):
-    """On a tube of 48 sides: as near as its facets let a circle come, whatever share of them the lines are."""
+    """On a tube of 48 sides: as near as facets allow for a circle, for any ratio of lines to facets."""
     mesh = cylinder(around=48)
     fit = fit_surface(mesh, TubeGrid(5, lines, Z_AXIS, 0.004, "uniform"))
     left = MeshDistance(mesh)(fit.surface.points(np.random.default_rng(0).uniform(0, 1, (4000, 2))))[0].mean()
     circle = 4 / (9 * np.sqrt(3)) * RADIUS * (1 - np.cos(np.pi / 48))  # of mean height over the arcs: parabolas
     assert left < 1.1 * circle
-    assert_allclose(fit.errors.surface_to_mesh.mean, left, rtol=0.15)  # nor do the places where errors are told
+    assert_allclose(fit.errors.surface_to_mesh.mean, left, rtol=0.15)  # nor do the points where errors are measured
 
 
 def test_inner_parts_are_not_fitted():
@@ -281,7 +281,7 @@ def test_errors_are_distances_to_the_mesh():
 
 
 def test_wrist_is_fitted_to_a_hundredth_of_a_millimetre():
-    """The sample at 10 x 10: errors both ways."""
+    """The sample at 10 x 10: errors in both directions."""
     errors = fit_surface(wrist(), TubeGrid(10, 20, margin=0.002)).errors
     assert errors.surface_to_mesh.mean < 1.3e-5 and errors.surface_to_mesh.max < 1.1e-4
     assert errors.mesh_to_surface.mean < 1.3e-5 and errors.mesh_to_surface.max < 1.1e-4
@@ -305,7 +305,7 @@ def test_wrist_is_fitted_to_a_hundredth_of_a_millimetre():
     ],
 )
 def test_too_few_planes_for_the_degree_are_refused(grid, degree, message):
-    """How many there are and how many it takes; no warning beside the error."""
+    """The number of planes and the number needed; no warning in addition to the error."""
     with pytest.raises(UnderdeterminedFit, match=message):
         fit_surface(cylinder(), grid, degree)
 
@@ -347,7 +347,7 @@ def test_line_that_misses_the_mesh_is_named():
 
 
 def test_mesh_that_is_mostly_missing_is_refused():
-    """A tube of stripes, of which less than half is there: the share is in the message and on the error."""
+    """A tube of stripes with less than half of its faces: the fraction is in the message and on the error."""
     stripes = keep(
         cylinder(along=41), lambda c: (c[:, 2] % 0.02 < 0.0075) | (np.abs(np.arctan2(c[:, 1], c[:, 0])) < 0.3)
     )

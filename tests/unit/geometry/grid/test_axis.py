@@ -1,4 +1,4 @@
-"""The axis of a tube, its cylinder coordinates, and how far complete sections reach."""
+"""The axis of a tube, its cylinder coordinates, and the range of complete sections."""
 
 import numpy as np
 import pytest
@@ -150,7 +150,7 @@ def test_stations_of_a_whole_tube_reach_both_ends():
 
 
 def test_sections_are_complete_where_every_ray_meets_them():
-    """A slot opens its sections for rays all round, not for rays that pass beside it."""
+    """A slot opens its sections for rays over a full turn, not for rays next to it."""
     slotted = keep(cylinder(along=41), lambda c: ~((c[:, 2] > 0.05) & (c[:, 0] > 0.02)))
     frame = frame_of(np.zeros(3), np.array((0, 0, 1.0)), np.array((1.0, 0, 0)))
     sections = cut_sections(slotted, frame.planes(np.array((0.02, 0.08, 0.3))))
@@ -178,7 +178,7 @@ def test_half_tube_has_no_complete_section():
 
 
 def test_ring_that_is_complete_in_one_place_only_is_refused():
-    """Planes need room between them: a half tube with a thin whole ring."""
+    """Planes need a distance between them: a half tube with a thin whole ring."""
     half = keep(cylinder(along=201), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < 0.0003))
     with pytest.raises(
         EmptySection, match=r"The closed part of the tube is shorter than 1\.0 mm. The section .* is open at \d+ deg"

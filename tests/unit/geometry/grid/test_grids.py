@@ -1,4 +1,4 @@
-"""Where the lines of the control points are, for every way an author can say it."""
+"""The lines of the control points, for every kind of grid."""
 
 import numpy as np
 import pytest
@@ -226,7 +226,7 @@ def test_author_planes_may_share_a_hinge():
 
 @given(seed=seeds, down=st.booleans())
 def test_open_planes_look_out_of_the_mesh(seed, down):
-    """Rays start behind the mesh and leave it on the side its faces look to, wherever it lies."""
+    """Rays start behind the mesh and leave it on the outer side of its faces, in any position."""
     motion, mesh, grid = Motion(seed), dome(), flat_planes()
     if down:
         mesh = type(mesh)(mesh.vertices, mesh.faces[:, ::-1])
@@ -251,7 +251,7 @@ def test_closed_planes_need_two_sides():
 
 
 def test_open_planes_over_a_whole_tube_are_refused():
-    """Its faces look to both sides: which one is meant is not guessed."""
+    """Its faces point to both sides: the grid does not guess which side is meant."""
     grid = flat_planes()
     with pytest.raises(InvalidPlan, match="the faces look to both sides of the planes; cut the mesh"):
         grid.line_grid(box((0, 0, 0), (0.1, 0.08, 0.05)))

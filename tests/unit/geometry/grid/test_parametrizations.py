@@ -1,4 +1,4 @@
-"""Charts: where the planes and rays of a tube and of a face lie."""
+"""Parametrizations: the planes and rays of a tube and of a face."""
 
 import numpy as np
 from hypothesis import given

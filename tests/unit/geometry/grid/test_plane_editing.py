@@ -90,7 +90,7 @@ def test_full_planes_are_spaced_evenly_about_the_line_they_share(seed, count):
 
 
 def test_parallel_planes_have_no_line_to_stand_around():
-    """The author is told to turn one."""
+    """The message asks the author to rotate one."""
     with pytest.raises(InvalidPlan, match="Rotate one of them first"):
         spread(u_planes([0.02, 0.04]), around=True)
     with pytest.raises(InvalidPlan, match="Rotate one of them first"):

@@ -1,4 +1,4 @@
-"""The survey of a mesh, and where planes and lines go when the author leaves it open."""
+"""The error model of a mesh, and the positions of planes and lines with the least error."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def tube(radius, around=96, along=26):
-    """A tube about z of this radius by angle and share of its length."""
+    """A tube about z of this radius by angle and fraction of its length."""
 
     def point(angle, share):
         r = radius(angle, share)
@@ -69,7 +69,7 @@ def ridged():
     return sheet(lambda x, y: 0.02 + 0.006 * np.exp(-(((y - 0.068) / 0.005) ** 2)), cells=(20, 160))
 
 
-def survey_of(mesh, grid):
+def error_model_of(mesh, grid):
     """As the grid itself looks at a mesh."""
     return ErrorModel.of(mesh, grid.region.parametrization(mesh), grid.size.n)
 
@@ -93,7 +93,7 @@ def true_error(mesh, parametrization, s, t):
 
 
 def flat_heights(profiles, outlines):
-    """A survey of a face of 100 x 80 mm with these heights, rows over s and t from 0 to the ends."""
+    """An error model of a face of 100 x 80 mm with these heights, rows over s and t from 0 to the ends."""
     parametrization = FaceParametrization(np.zeros(3), *np.eye(3), (0.0, 0.1), (0.0, 0.08))
     t, s = np.linspace(0, 0.08, outlines.shape[1]), np.linspace(0, 0.1, profiles.shape[1])
     return ErrorModel(parametrization, t, outlines, np.ones_like(outlines), s, profiles, np.ones_like(profiles))
@@ -101,7 +101,7 @@ def flat_heights(profiles, outlines):
 
 @examples(15)
 @given(slope=st.tuples(*3 * [st.floats(-0.5, 0.5)]), degree=st.integers(2, 5), seed=seeds)
-def test_survey_error_of_a_slope_is_none(slope, degree, seed):
+def test_error_model_error_of_a_slope_is_none(slope, degree, seed):
     """Any places of planes across a slope leave nothing but rounding, along and across."""
     a, b, c = slope
     s, t = np.linspace(0, 0.1, 30), np.linspace(0, 0.08, 50)
@@ -115,7 +115,7 @@ def test_survey_error_of_a_slope_is_none(slope, degree, seed):
 
 
 @pytest.mark.parametrize("degree", [2, 3, 5])
-def test_survey_error_of_a_closed_spline_is_none(degree):
+def test_error_model_error_of_a_closed_spline_is_none(degree):
     """An outline that is a spline on its own lines: what is left is that of the straight steps between heights."""
     count, rng = 12, np.random.default_rng(1)
     t = TURN * np.sort(np.arange(count) / count + rng.uniform(-0.02, 0.02, count) * (np.arange(count) > 0))
@@ -141,8 +141,8 @@ def test_survey_error_of_a_closed_spline_is_none(degree):
     ],
 )
 def test_places_leave_less_than_even_ones(mesh, grid):
-    """By the survey and by the true distance of fits, and the survey puts the two in the same order."""
-    error_model = survey_of(mesh, grid)
+    """By the error model and by the true distance of fits; both have the same order."""
+    error_model = error_model_of(mesh, grid)
     parametrization, (s, t) = error_model.parametrization, even_places(grid, error_model)
     chosen = (
         plane_positions(error_model, grid.size.n, "auto", 3),
@@ -163,9 +163,9 @@ def test_places_leave_less_than_even_ones(mesh, grid):
     ],
 )
 def test_auto_lines_are_no_worse_than_even_ones_by_fits(mesh, lines):
-    """On sections that are far from round, by the true distance: what the survey promises is what a fit keeps."""
+    """On sections that are far from round, by the true distance: the fit confirms the prediction."""
     grid = TubeGrid(5, lines, Z_AXIS, 0.004)
-    error_model = survey_of(mesh, grid)
+    error_model = error_model_of(mesh, grid)
     s, even = even_places(grid, error_model)
     auto, uniform = (
         true_error(mesh, error_model.parametrization, s, t)
@@ -176,12 +176,12 @@ def test_auto_lines_are_no_worse_than_even_ones_by_fits(mesh, lines):
 
 def test_places_are_where_the_shape_is():
     """Most lines at the four corners, most planes about the ring, most v-planes about the ridge."""
-    t = line_positions(survey_of(square(), TubeGrid(6, 20, Z_AXIS, 0.004)), 20, "auto", 3)
+    t = line_positions(error_model_of(square(), TubeGrid(6, 20, Z_AXIS, 0.004)), 20, "auto", 3)
     corner = np.abs((t + np.pi / 4) % (np.pi / 2) - np.pi / 4)  # angle zero is at a corner
     assert (corner < np.deg2rad(20)).sum() >= 12  # of 20; even ones would be 9
-    s = plane_positions(survey_of(bumped(), TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3)
+    s = plane_positions(error_model_of(bumped(), TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3)
     assert (s > 0.07).sum() >= 5  # of 10; even ones would be 3
-    t = line_positions(survey_of(ridged(), AcrossGrid(6, 12, (0, 0, 1.0), (1.0, 0, 0))), 12, "auto", 3)
+    t = line_positions(error_model_of(ridged(), AcrossGrid(6, 12, (0, 0, 1.0), (1.0, 0, 0))), 12, "auto", 3)
     assert (np.abs(t - 0.068) < 0.009).sum() >= 7  # of 12; even ones would be 2
 
 
@@ -189,7 +189,7 @@ def test_places_are_where_the_shape_is():
 def test_mirrored_mesh_takes_mirrored_places(at):
     """The ring at one end or at the other: no end is preferred."""
     places = [
-        plane_positions(survey_of(bumped(x), TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3) for x in (at, 1 - at)
+        plane_positions(error_model_of(bumped(x), TubeGrid(10, 16, Z_AXIS, 0.004)), 10, "auto", 3) for x in (at, 1 - at)
     ]
     assert_allclose(places[0], LENGTH - places[1][::-1], atol=1e-6)
 
@@ -198,14 +198,14 @@ def test_mirrored_mesh_takes_mirrored_places(at):
 @pytest.mark.parametrize("lines", [8, 13, 16])
 def test_symmetric_shapes_keep_even_angles(mesh, lines):
     """Nothing is gained on a round tube: even planes, and even angles from angle zero on, to the bit."""
-    error_model = survey_of(mesh, TubeGrid(6, lines, Z_AXIS))
+    error_model = error_model_of(mesh, TubeGrid(6, lines, Z_AXIS))
     assert_array_equal(line_positions(error_model, lines, "auto", 3), TURN * (np.arange(lines) / lines))
     assert_array_equal(plane_positions(error_model, 6, "auto", 3), np.linspace(*error_model.parametrization.span, 6))
 
 
 def test_flat_sheet_keeps_even_planes():
     """Nothing is gained on a plane either: even u-planes, v-lines the same from both sides."""
-    error_model = survey_of(sheet(lambda x, y: 0.1 + 0.2 * x - 0.1 * y), AcrossGrid(6, 5, (0, 0, 1.0)))
+    error_model = error_model_of(sheet(lambda x, y: 0.1 + 0.2 * x - 0.1 * y), AcrossGrid(6, 5, (0, 0, 1.0)))
     assert_array_equal(plane_positions(error_model, 6, "auto", 3), np.linspace(*error_model.parametrization.span, 6))
     t = line_positions(error_model, 5, "auto", 3)
     assert_allclose(t[[0, -1]], error_model.parametrization.breadth, rtol=1e-14)
@@ -217,12 +217,12 @@ def test_gaps_do_not_attract_planes(hole):
     """A hole in a round tube leaves even places even; planes for a ring and a hole away from it are as
     good for the ring alone as its own."""
     holed = with_hole(cylinder(), (RADIUS, 0, 0.04), hole)
-    error_model = survey_of(holed, TubeGrid(8, 16, Z_AXIS, 0.004))
+    error_model = error_model_of(holed, TubeGrid(8, 16, Z_AXIS, 0.004))
     assert (error_model.outlines_known == 0).any() and (error_model.profiles_known == 0).any()
     assert_array_equal(plane_positions(error_model, 8, "auto", 3), np.linspace(*error_model.parametrization.span, 8))
     assert_allclose(np.diff(line_positions(error_model, 16, "auto", 3)), TURN / 16, rtol=1e-4)
     grid = TubeGrid(10, 16, Z_AXIS, 0.004)
-    whole, holed = (survey_of(m, grid) for m in (bumped(), with_hole(bumped(), (RADIUS, 0, 0.03), hole)))
+    whole, holed = (error_model_of(m, grid) for m in (bumped(), with_hole(bumped(), (RADIUS, 0, 0.03), hole)))
     places = [plane_positions(error_model, 10, "auto", 3) for error_model in (whole, holed)]
     left = [whole.error_along(s, 3)[0] for s in (*places, np.linspace(0.004, 0.096, 10))]
     assert left[1] < 1.3 * left[0] < 0.1 * left[2]
@@ -232,15 +232,15 @@ def test_gaps_in_a_face_do_not_attract_planes():
     """A hole in a flat sheet: even planes stay."""
     flat = sheet(lambda x, y: 0.02 + 0 * x)
     grid = AcrossGrid(8, 8, (0, 0, 1.0), (1.0, 0, 0))
-    whole, holed = (survey_of(m, grid) for m in (flat, with_hole(flat, (0.03, 0.03, 0.02), 0.015)))
+    whole, holed = (error_model_of(m, grid) for m in (flat, with_hole(flat, (0.03, 0.03, 0.02), 0.015)))
     assert (holed.outlines_known == 0).any()
     assert_array_equal(plane_positions(holed, 8, "auto", 3), np.linspace(*holed.parametrization.span, 8))
     assert_allclose(line_positions(holed, 8, "auto", 3), line_positions(whole, 8, "auto", 3), rtol=1e-14)
 
 
-def test_survey_of_nothing_is_refused():
-    """No ray meets the mesh: one line, and what to do."""
-    with pytest.raises(EmptySection, match="no ray of the grid meets the mesh; move the axis into it") as caught:
+def test_error_model_of_nothing_is_refused():
+    """No ray hits the mesh: the message has one line and states what to do."""
+    with pytest.raises(EmptySection, match="No ray of the grid hits the mesh. Move the axis into the mesh") as caught:
         filled(np.full((3, 4), np.nan), True)
     assert "\n" not in str(caught.value)
 
@@ -265,7 +265,7 @@ def test_heights_between_places_are_interpolated(seed, closed):
 
 
 def test_error_is_shared_over_what_is_not_fitted():
-    """Twelve sites of which four went into unknowns; sites beside a gap count for nothing, nor does their span."""
+    """Twelve sites of which four went into unknowns; sites next to a gap do not count, nor does their span."""
     residuals, met = np.full((1, 12), 2.0), np.ones((1, 12), bool)
     error, spans = span_errors(residuals, met, 4, 3, True)
     assert_allclose(error, 2 / np.sqrt(1 - 4 / 12))
@@ -287,7 +287,7 @@ def test_error_is_shared_over_what_is_not_fitted():
 )
 def test_choices_of_places_are_judged_together_as_one_by_one(mesh, grid):
     """The errors of even places and of some that lie elsewhere, at once and each by itself."""
-    error_model, rng = survey_of(mesh, grid), np.random.default_rng(1)
+    error_model, rng = error_model_of(mesh, grid), np.random.default_rng(1)
     pairs = (error_model.errors_along, error_model.error_along), (error_model.errors_across, error_model.error_across)
     for (together, alone), places in zip(pairs, even_places(grid, error_model)):
         step = places[1] - places[0]
@@ -364,8 +364,8 @@ def test_moved_places_stay_in_order_and_apart(closed, seed):
     ],
 )
 def test_slopes_are_differences(mesh, grid):
-    """What a survey says of moving planes and lines points where differences of its residuals point."""
-    error_model = survey_of(mesh, grid)
+    """The derivatives by the positions of planes and lines agree with differences of the residuals."""
+    error_model = error_model_of(mesh, grid)
     for slopes, places in zip((error_model.slopes_along, error_model.slopes_across), even_places(grid, error_model)):
         residuals, change = slopes(places, 3)
         way = 1e-4 * np.ptp(places) * np.eye(len(places))[1:-1]
@@ -376,18 +376,18 @@ def test_slopes_are_differences(mesh, grid):
 
 @pytest.mark.parametrize("lines", [12, 20, 40])
 def test_noise_does_not_attract_lines(lines):
-    """A noisy round tube keeps even lines and planes: what one half of the survey promises the other does not keep."""
+    """A noisy round tube keeps even lines and planes: half of the model does not confirm the other half."""
     tube = cylinder()
     noise = 3e-4 * np.random.default_rng(0).standard_normal(len(tube.vertices))
     noisy = weld(tube.vertices + noise[:, None] * tube.vertices * (1, 1, 0) / RADIUS, tube.faces)
-    error_model = survey_of(noisy, TubeGrid(8, lines, Z_AXIS, 0.004))
+    error_model = error_model_of(noisy, TubeGrid(8, lines, Z_AXIS, 0.004))
     assert_array_equal(line_positions(error_model, lines, "auto", 3), TURN * (np.arange(lines) / lines))
     assert_array_equal(plane_positions(error_model, 8, "auto", 3), np.linspace(*error_model.parametrization.span, 8))
 
 
 @given(seed=seeds, share=st.floats(0, 0.999))
 def test_turned_map_is_the_map_started_elsewhere(seed, share):
-    """Shares count from the turned start, on over the seam."""
+    """Fractions count from the rotated start, across the seam."""
     rng = np.random.default_rng(seed)
     shares = np.r_[0.0, np.sort(rng.uniform(0.05, 0.95, 6)), 1.0]
     places = 1.3 + TURN * np.r_[0.0, np.sort(rng.uniform(0.05, 0.95, 6)), 1.0]
@@ -405,7 +405,7 @@ def test_uniform_lines_are_even():
         (wrist(), SectorGrid(7, 9, -1.0, 1.5, Z_AXIS, 0.004, "uniform")),
         (dome(), AcrossGrid(7, 9, (0, 0, 1.0), spacing="uniform")),
     ):
-        error_model = survey_of(mesh, grid)
+        error_model = error_model_of(mesh, grid)
         expected = parametrized_lines(error_model.parametrization, *even_places(grid, error_model))
         lines = grid.line_grid(mesh)
         assert_allclose(lines.origins, expected.origins, atol=1e-15)
@@ -419,7 +419,7 @@ def test_arc_lines_are_even_along_the_outline():
     """A flat ellipse: angles are uneven, lengths of the outline between the lines are even to a hundredth."""
     ellipse = tube(lambda a, h: 0.015 * 0.045 / np.hypot(0.015 * np.cos(a), 0.045 * np.sin(a)), 360, 6)
     grid = TubeGrid(5, 24, Z_AXIS, 0.004, "arc")
-    error_model = survey_of(ellipse, grid)
+    error_model = error_model_of(ellipse, grid)
     t = np.r_[line_positions(error_model, 24, "arc", 3), TURN]
     dense = t[:-1, None] + np.diff(t)[:, None] * np.linspace(0, 1, 200)
     radius = 0.015 * 0.045 / np.hypot(0.015 * np.cos(dense), 0.045 * np.sin(dense))  # angle zero at a tip
@@ -433,7 +433,7 @@ def test_arc_lines_are_even_along_the_outline():
 
 def test_curvature_lines_are_dense_at_corners():
     """On the rounded square each corner has more of them than each side, and all four alike."""
-    error_model = survey_of(square(), TubeGrid(6, 40, Z_AXIS, 0.004))
+    error_model = error_model_of(square(), TubeGrid(6, 40, Z_AXIS, 0.004))
     t = line_positions(error_model, 40, "curvature", 3)
     step = np.interp(np.arange(8) * np.pi / 4, t, np.gradient(t), period=TURN)
     assert (step[::2] < 0.6 * step[1::2]).all()
@@ -443,7 +443,7 @@ def test_curvature_lines_are_dense_at_corners():
 
 def test_flat_face_has_no_curvature_map():
     """A plane asked for curvature gets even lines."""
-    error_model = survey_of(sheet(lambda x, y: 0.02 + 0 * x), AcrossGrid(6, 7, (0, 0, 1.0)))
+    error_model = error_model_of(sheet(lambda x, y: 0.02 + 0 * x), AcrossGrid(6, 7, (0, 0, 1.0)))
     flat = replace(error_model, outlines=np.full_like(error_model.outlines, 0.1))
     assert "curvature" not in flat.maps
     assert_allclose(
@@ -482,7 +482,7 @@ def test_places_move_with_the_mesh(seed):
     """The same places on a mesh that is turned, shifted and scaled."""
     motion = Motion(seed, 1.7)
     here, there = (
-        survey_of(mesh, TubeGrid(8, 14, axis, margin))
+        error_model_of(mesh, TubeGrid(8, 14, axis, margin))
         for mesh, axis, margin in (
             (wrist(), Z_AXIS, 0.004),
             (motion.mesh(wrist()), motion.axis(Z_AXIS), 0.004 * motion.scale),
@@ -494,10 +494,10 @@ def test_places_move_with_the_mesh(seed):
 
 
 def test_half_tube_is_spaced_as_a_sector():
-    """An open chart on half of the rounded square: ends stay at the ends, and it is better than even by fits."""
+    """An open region on half of the rounded square: ends stay at the ends, and fits have less error than even ones."""
     half = keep(square(), lambda c: c[:, 0] > -0.01)
     grid = SectorGrid(5, 14, -1.4, 1.3, Z_AXIS, 0.004)
-    error_model = survey_of(half, grid)
+    error_model = error_model_of(half, grid)
     s, even = even_places(grid, error_model)
     t = line_positions(error_model, 14, "auto", 3)
     assert_allclose(t[[0, -1]], (0, 2.7), atol=1e-12)

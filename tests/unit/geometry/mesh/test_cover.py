@@ -20,7 +20,7 @@ def test_cover_without_cuts_is_the_mesh():
 
 
 def test_cut_keeps_the_side_its_normal_points_to():
-    """Every kept vertex is on that side, the rim lies in the plane, and two opposite cuts share the area."""
+    """Every kept vertex is on that side, the rim lies in the plane, and two opposite cuts divide the area."""
     mesh, point, normal = wrist(), np.array((0.01, 0.0, 0.04)), np.array((0.3, 0.2, 1.0))
     kept = [cut_cover(mesh, CoverSpec("all", (Cut(tuple(point), tuple(s * normal)),))) for s in (1, -1)]
     for side, part in zip((1, -1), kept):
@@ -62,7 +62,7 @@ def test_cover_drops_the_inner_parts():
 
 
 def test_cover_keeps_what_one_sees_from_outside():
-    """A bracket beside the tube is outside of its hull and stays."""
+    """A bracket next to the tube is outside its hull and stays."""
     mesh = together(cylinder(), BESIDE)
     assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
 
@@ -76,7 +76,7 @@ def test_part_between_two_outer_shells_is_an_inner_part():
 
 
 def test_cover_isolates_shells_after_the_cut():
-    """A bar that reaches out of the tube is inside of it once its end is cut away."""
+    """A bar that protrudes from the tube is inside it after its end is cut away."""
     mesh = together(cylinder(), box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.3)))
     assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
     spec = CoverSpec("outer", (Cut((0, 0, 0.09), (0, 0, -1)),))
@@ -107,7 +107,7 @@ def test_cover_of_a_flat_mesh_is_the_mesh():
 
 
 def test_shells_are_joined_over_edges_of_two_faces_only():
-    """Two boxes that share an edge are two shells: four faces meet there."""
+    """Two boxes with a common edge are two shells: four faces meet there."""
     boxes = together(box((0, 0, 0), (1, 1, 1)), box((1, 1, 0), (2, 2, 1)))
     assert np.bincount(shells(boxes)).tolist() == [12, 12]
     assert np.bincount(shells(cylinder())).tolist() == [len(cylinder().faces)]

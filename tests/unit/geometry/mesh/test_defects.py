@@ -41,7 +41,7 @@ def test_closed_box_is_sound():
 
 
 def test_ends_of_a_tube_are_two_holes_of_known_length():
-    """Open ends are told and do not matter; their lengths are those of the polygons."""
+    """Open ends are reported without a warning; their lengths are those of the polygons."""
     found = seen(cylinder(around=24, along=5))
     round_it = 24 * 2 * RADIUS * np.sin(np.pi / 24)
     np.testing.assert_allclose(found.holes(), [round_it, round_it], rtol=1e-12)
@@ -52,13 +52,13 @@ def test_ends_of_a_tube_are_two_holes_of_known_length():
 
 
 def test_hole_in_the_skin_matters():
-    """A third rim is none of a tube's ends."""
+    """A third rim is not an end of a tube."""
     found = seen(with_hole(wrist(), (0.0375, 0.0, 0.05), 0.008))
     assert len(found.holes()) == 3 and [m for w, m in findings(found).items() if "holes" in w] == [True]
 
 
 def test_inner_part_is_counted_and_its_holes_are_not():
-    """A servo inside the tube, with its lid off, and a bracket beside it."""
+    """A servo inside the tube, without its lid, and a bracket next to it."""
     open_box = keep(INNER, lambda centres: centres[:, 2] < 0.07 - 1e-9)
     found = seen(together(cylinder(), open_box, BESIDE))
     assert (found.parts, found.inner) == (3, 1)
@@ -67,7 +67,7 @@ def test_inner_part_is_counted_and_its_holes_are_not():
 
 
 def test_holes_that_touch_are_one():
-    """Two missing faces that share a corner are one opening; two that share nothing are two."""
+    """Two missing faces with a common corner are one opening; two without are two."""
     mesh = dome()
     middle = np.linalg.norm(mesh.vertices - (0.05, 0.04, 0.02), axis=1).argmin()
     around = np.flatnonzero((mesh.faces == middle).any(axis=1))
@@ -115,7 +115,7 @@ TURNED = {"box": BLOCK, "tube": cylinder(), "wrist": wrist()}
 
 @pytest.mark.parametrize("name", TURNED)
 def test_part_that_looks_inward_is_found(name):
-    """Closed or open, however it lies in its frame; the right way round nothing is said."""
+    """Closed or open, in any position; with correct normals there is no finding."""
     mesh = Motion(3).mesh(TURNED[name])
     assert seen(mesh).inward == ()
     inward = seen(turned(mesh, np.ones(len(mesh.faces), bool)))
@@ -123,7 +123,7 @@ def test_part_that_looks_inward_is_found(name):
 
 
 def test_flat_part_looks_neither_way():
-    """Nothing tells the sides of a plate apart, and little those of one that is slightly bent."""
+    """The sides of a plate are indistinguishable, and those of a slightly bent one nearly so."""
     for plate in (sheet(lambda x, y: 0 * x), dome()):
         assert seen(plate).inward == seen(turned(plate, np.ones(len(plate.faces), bool))).inward == ()
 

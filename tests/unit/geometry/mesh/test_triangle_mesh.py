@@ -194,7 +194,7 @@ def test_read_mesh_refuses_a_file_without_faces(tmp_path, kind):
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_read_mesh_names_the_vertex_that_is_not_a_number(tmp_path, kind):
-    """NaN in a file is found on the way in."""
+    """NaN in a file is found on reading."""
     vertices = BLOCK.vertices.copy()
     vertices[2, 1] = np.nan
     path = tmp_path / f"nan.{kind}"

@@ -1,4 +1,4 @@
-"""Units told from the size of a link, without false alarms."""
+"""Units from the size of a link, without false alarms."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_size_that_no_unit_explains(side):
 @pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_real_link_is_in_metres_and_found_in_others(path):
-    """No false alarm in its own unit; in millimetres it is noticed, and the other way round."""
+    """No false alarm in its own unit; in millimetres it is noticed, and vice versa."""
     side = float(np.ptp(load_mesh(path).vertices, axis=0).max())
     assert likely_mistake(side) is None and likely_unit(side) == "m"
     assert likely_unit(side / UNITS["mm"]) == "mm"

@@ -31,7 +31,7 @@ def fan(seed, count=40):
 
 
 def cast_all(row, ends, origins, directions, **order):
-    """Cast with the order that the rays have, and without it; both must tell the same."""
+    """Cast with the order of the rays, and without it; both must give the same result."""
     rows = len(origins)
     distance, hit = RayCaster(row, ends, rows, **order).cast(origins, directions)
     plain, _ = RayCaster(row, ends, rows).cast(origins, directions)
@@ -155,7 +155,7 @@ def test_rays_through_gaps_meet_nothing(seed, gone):
 
 @given(seed=seeds, turn=st.floats(0, 6.3), low=st.floats(-3, 3))
 def test_parallel_rays_are_the_comparison_with_every_segment(seed, turn, low):
-    """Rays of one direction on a height field with gaps; NaN beside it and in the gaps."""
+    """Rays of one direction on a height field with gaps; NaN next to it and in the gaps."""
     rng = np.random.default_rng(seed)
     x = np.sort(rng.uniform(0, 4, 12)) + low
     assume(np.diff(x).min() > 1e-3)
@@ -198,7 +198,7 @@ def test_parallel_rays_take_the_outermost_of_two_sheets(seed):
 
 
 def test_surface_behind_the_start_of_a_ray_is_not_met():
-    """Rays go one way: a wall behind the centre is no hit."""
+    """Rays have one direction: a wall behind the centre is no hit."""
     ends = np.array([[(-1.0, -1.0), (-1.0, 1.0)]])
     directions = np.array([[(1.0, 0.0), (-1.0, 0.0)]])
     for order in ({"centres": CENTRE}, {}):

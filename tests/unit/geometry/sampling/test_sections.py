@@ -29,7 +29,7 @@ def tilted_too(planes):
 
 @st.composite
 def grainy_meshes(draw):
-    """Random triangles on a coarse grid of coordinates, so that vertices often share a height."""
+    """Random triangles on a coarse grid of coordinates, so that vertices often have equal heights."""
     count = draw(st.integers(3, 12))
     vertices = draw(st.lists(st.tuples(*3 * [st.integers(0, 4)]), min_size=count, max_size=count, unique=True))
     corners = st.permutations(range(count)).map(lambda order: order[:3])

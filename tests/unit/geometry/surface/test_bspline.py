@@ -101,7 +101,7 @@ def test_surface_is_the_double_sum(make, degree):
 
 @pytest.mark.parametrize("make", [open_surface, closed_surface])
 def test_grids_are_the_points_and_their_tangents(make):
-    """Both ways to evaluate agree, the ends of the domain included."""
+    """Both methods of evaluation agree, also at the ends of the domain."""
     surface, u, v = make(3), np.linspace(0, 1, 9), np.linspace(0, 1, 11)
     uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
     assert_allclose(surface.grid_points(u, v).reshape(-1, 3), surface.points(uv), rtol=0, atol=1e-14)
@@ -271,7 +271,7 @@ def tube(radii, length=0.1):
 
 
 def test_turning_is_the_way_over_the_radius():
-    """On a cylinder the normal turns by the length of a way round it over its radius, and by half a turn at most."""
+    """On a cylinder the normal rotates by the length of an arc over the radius, and by half a turn at most."""
     surface = tube(np.full(64, 0.03))
     radius = np.linalg.norm(surface.points([[0.5, 0.2]])[0, :2])
     for length in (1e-4, 0.01, 0.05):
@@ -280,8 +280,8 @@ def test_turning_is_the_way_over_the_radius():
 
 
 def test_turning_does_not_add_up_what_turns_back():
-    """Ripples of 0.1 mm every 12 mm add little to a way of 20 mm, though they bend a short one half as much again; an
-    edge adds all of its angle, however short the way."""
+    """Ripples of 0.1 mm every 12 mm add little over 20 mm, though they bend a short path half as much again; an
+    edge adds all of its angle, over any length."""
     plain, ripples = tube(np.full(64, 0.03)), tube(0.03 + 1.2e-4 * np.cos(np.pi * np.arange(64) / 2))
     assert ripples.turning(1e-4) > 1.5 * plain.turning(1e-4)
     assert_allclose(ripples.turning(0.02), plain.turning(0.02), rtol=0.1)

@@ -46,12 +46,12 @@ def bent_tube(n, lines, spacing):
 
 
 def sector(n, lines, spacing):
-    """Planes and lines part of the way round."""
+    """Planes and lines of a sector."""
     return SectorGrid(n, lines, -1.0, 2.0, margin=0.002, spacing=spacing)
 
 
 def across(n, lines, spacing):
-    """Planes both ways across a sole."""
+    """Planes in both directions across a sole."""
     return AcrossGrid(n, lines, (0.0, 0.0, -1.0), margin=0.02, spacing=spacing)
 
 
@@ -89,7 +89,7 @@ def test_centred_sheet_stays_where_it_is_when_planes_and_lines_move(direction):
 
 
 def test_middle_of_a_cylinder_is_opposite_its_seam():
-    """Half of the length up, half of the way round from where the ray of the seam leaves."""
+    """Half of the length up, half of a turn from the ray of the seam."""
     plain = cone_surface(RADIUS, RADIUS)
     for angle in (0.0, 1.0, -2.9):
         ray = np.array((np.cos(angle), np.sin(angle), 0))
@@ -125,8 +125,8 @@ def test_middle_moves_with_the_mesh():
 def test_shares_are_those_of_lengths_measured_along_the_line():
     """On a wrist, along and round it, from the edge and from another start; beyond an edge the line goes on.
 
-    Chords on either side of a place cut their arcs by unlike shares: on a way round, by a hundredth of a millimetre.
-    """
+    Chords on both sides of a point shorten their arcs by different fractions: on a full turn, by a hundredth of a
+    millimetre."""
     surface = wrist_surface()
     fine = np.linspace(0, 1, 20001)
     for axis, start in ((0, 0.0), (1, 0.0), (1, 0.3)):
@@ -145,7 +145,7 @@ def test_shares_are_those_of_lengths_measured_along_the_line():
 
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0.3, 1, 0.2)])
 def test_centred_sheet_leaves_as_much_of_the_surface_at_both_edges(direction):
-    """On the wrist, with planes that crowd: the share of the line through the lowest node that is free below it is that
+    """On the wrist, with planes that crowd: the free fraction of the line below the lowest node is that
     of the line through the highest above it, to a ten-thousandth."""
     surface = fit_surface(wrist(), tube(7, 14, "auto")).surface
     uv = wrap_sheet(surface, SheetLattice(5, 18, (0.01, 0.01)), None, direction).uv.reshape(-1, 2)

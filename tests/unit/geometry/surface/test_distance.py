@@ -81,7 +81,7 @@ def test_mesh_distance_of_no_points_is_empty():
 
 @given(seed=seeds)
 def test_footpoints_on_a_plane_are_projections(seed):
-    """Over the plane: straight down, u and v the shares of the sides; beside it: on the edge, at the distance to it."""
+    """Over the plane: straight down, u and v are fractions of the sides; next to it: on the edge, at its distance."""
     points = np.random.default_rng(seed).uniform((-0.02, -0.02, -0.01), (0.12, 0.10, 0.01), (30, 3))
     uv, distance = footpoints(plane_surface(), points)
     assert_allclose(uv, np.clip(points[:, :2] / (0.1, 0.08), 0, 1), rtol=0, atol=1e-9)
@@ -130,7 +130,7 @@ def test_mesh_samples_leave_no_large_gap():
 @examples(15)
 @given(height=st.floats(-0.01, 0.01), turned=st.booleans())
 def test_errors_of_a_parallel_plane_are_its_height(height, turned):
-    """Both ways, mean, rms, max and Hausdorff alike; wound the wrong way it lies no further off."""
+    """In both directions, mean, rms, max and Hausdorff; a wrong winding does not change the distances."""
     mesh = sheet(lambda x, y: 0 * x + height)
     mesh = weld(mesh.vertices, mesh.faces[:, ::-1]) if turned else mesh
     errors = surface_errors(mesh, plane_surface(), np.ones((10, 10), bool))
