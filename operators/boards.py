@@ -6,8 +6,8 @@ import bpy
 from ..skin_calib_addon.blender.overlay import overlay
 from ..skin_calib_addon.blender.scene import scene, skins
 from ..skin_calib_addon.blender.scene.decimals import vector
+from ..skin_calib_addon.blender.scene.fields import written_cells
 from ..skin_calib_addon.common.errors import SkinCalibError
-from ..skin_calib_addon.skin import HexLattice
 from ..skin_calib_addon.skin.boards.board_taxels import board_at
 from .lists import OnSkin
 from .on_link import Edit
@@ -43,20 +43,19 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
     def edit(self, context, plan):
         skin, taxels = self.boards(context)
         metre = scene.metres_per_unit(context.scene)
-        document = skins.skin_document(skin, metre)
-        lattice = HexLattice(document["side"], document.get("gap", skins.GAP))
-        cell = board_at(taxels, lattice, vector(self.point, metre))
-        cells = [tuple(c) for c in (document["cells"] if skin.choice == "listed" else taxels.index.tolist())]
+        boards = skins.read_skin(skin, metre)
+        cell = board_at(taxels, boards.lattice, vector(self.point, metre))
+        cells = list(boards.choice) if skin.choice == "listed" else [tuple(c) for c in taxels.index.tolist()]
         if cells == [cell]:
             raise SkinCalibError("this is the last board; remove the skin instead")
         if skin.choice != "listed":
-            skins.hold(skin, taxels, metre)
+            skins.fix_pose(skin, taxels, metre)
             skin.choice = "listed"
         if cell in cells:
             cells.remove(cell)
         else:
             cells.append(cell)
-        skin.cells = " ".join(f"{q},{r}" for q, r in cells)
+        skin.cells = written_cells(cells)
 
 
 CLASSES = (SKIN_OT_boards_paint,)

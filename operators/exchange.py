@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Plans and calibrations, in from files and out to them."""
 
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
@@ -12,9 +13,8 @@ from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
 from ..skin_calib_addon.common.atomic_file import write_bytes_safely
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
-from ..skin_calib_addon.common.strict_json import parse, read
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh, save_mesh
-from ..skin_calib_addon.plan import load_plan, plan_document, plan_from, save_plan
+from ..skin_calib_addon.plan import load_plan, save_plan
 from .files import FromFile
 from .on_link import OnLink
 
@@ -33,19 +33,16 @@ class SKIN_OT_import_plan(FromFile, bpy.types.Operator):
         try:
             path = bpy.path.abspath(self.filepath)
             plan = load_plan(path)
-            document, _ = parse(read(path))  # numbers as the author wrote them
-            scene.check_numbers(document, scene.metres_per_unit(context.scene))
-            skins.find_files(document["skins"], Path(path).parent)
+            scene.check_numbers(plan, scene.metres_per_unit(context.scene))
             load_mesh(plan.mesh, plan.unit)  # refuses a wrong unit
             mesh = read_mesh(plan.mesh)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         link = scene.add_link(context, mesh, plan.unit, plan.link)
-        scene.write_plan(link, context.scene, document)
+        scene.write_plan(link, context.scene, plan)
         scene.activate(context, link)
-        given, kept = (plan_document(plan_from(d)) for d in (document, scene.plan_document(link, context.scene)))
-        if any(given.get(name) != kept.get(name) for name in ("cover", "grid", "skins", "response")):
+        if not scene.is_kept(plan, scene.read_plan(link, context.scene)):
             self.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
         return {"FINISHED"}
 
@@ -85,14 +82,12 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
         link = context.object
         mesh = scene.read_mesh(link, context)
         plan = scene.read_plan(link, context.scene)
-        document = plan_document(plan)
-        target = path.parent / document["mesh"]
+        target = path.parent / plan.mesh
         if not self._holds(target, mesh):
             target = self._free(path, mesh)
-            document["mesh"] = target.name
+            plan = replace(plan, mesh=Path(target.name))
             save_mesh(mesh, target)
-        skins.relate_files(document["skins"], path.parent)
-        save_plan(plan_from(document), path)
+        save_plan(replace(plan, skins=skins.seen_from(path.parent, plan.skins)), path)
         if link.skin_calib.mesh_file != target.name:
             link.skin_calib.mesh_file = target.name
 

@@ -11,7 +11,6 @@ from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.blender.overlay import overlay
 from ..skin_calib_addon.blender.scene import results, scene, skins
 from ..skin_calib_addon.common.errors import SkinCalibError
-from ..skin_calib_addon.plan import plan_document
 from .on_link import OnLink, OnResult
 
 AT_ONCE = 0.3  # [s] for which a fit may hold the window; a longer one goes on beside it
@@ -34,7 +33,7 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
     def task(self, context):
         """Read the scene; what is then computed needs no Blender."""
         plan, facets = scene.read_plan(context.object, context.scene), live.facets_of(context.object)
-        self.asked = plan_document(plan), facets
+        self.asked = plan, facets
         return lambda begin: results.fit(plan, facets.mesh(), begin)
 
     def keep(self, context, link, key, result):
@@ -92,10 +91,10 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
 
     def is_as_asked(self, context, link):
         """Whether plan and mesh are still those that were fitted."""
-        document, facets = self.asked
+        plan, facets = self.asked
         try:
-            plan = scene.read_plan(link, context.scene)
-            return plan_document(plan) == document and scene.read_facets(link, context).is_same(facets)
+            is_same = scene.read_plan(link, context.scene) == plan
+            return is_same and scene.read_facets(link, context).is_same(facets)
         except SkinCalibError:
             return False
 

@@ -6,10 +6,13 @@ from pathlib import Path
 import bpy
 
 from ..skin_calib_addon.blender.inspection.comparing import TAXEL_ENDINGS
-from ..skin_calib_addon.blender.properties.skin import FORMAT_ITEMS
+from ..skin_calib_addon.blender.properties.of_keys import menu_of, words_of
 from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene.fields import kept_path
 from ..skin_calib_addon.calibration.exchange import read_taxels
 from ..skin_calib_addon.geometry import cut_cover
+from ..skin_calib_addon.plan.keys import IMPORTED
+from ..skin_calib_addon.plan.skins import Frame
 from ..skin_calib_addon.skin.imported import frame_on
 from .files import FromFile
 from .lists import OnSkin
@@ -25,17 +28,15 @@ class SKIN_OT_skin_import(Edit, FromFile, bpy.types.Operator):
     filter_glob: bpy.props.StringProperty(
         default=";".join(f"*{ending}" for ending in TAXEL_ENDINGS), options={"HIDDEN"}
     )
-    format: bpy.props.EnumProperty(name="Format", description="What the file is", items=FORMAT_ITEMS)
-    only: bpy.props.StringProperty(
-        name="Only", description="Pattern of the labels that are taken, such as l_forearm_skin_*; empty: all"
-    )
+    format: bpy.props.EnumProperty(**menu_of(IMPORTED.key("format")))
+    only: bpy.props.StringProperty(**words_of(IMPORTED.key("only")))
 
     def edit(self, context, plan):
         path = bpy.path.abspath(self.filepath)
         taxels = read_taxels(path, None if self.format == "auto" else self.format, self.only or None)
         metre = scene.metres_per_unit(context.scene)
         skin = skins.add_skin(plan.skins, "imported", metre, Path(path).stem)
-        skin.file, skin.format, skin.only = skins.kept_path(path), self.format, self.only
+        skin.file, skin.format, skin.only = kept_path(path), self.format, self.only
         named = "" if taxels.frame is None else f" in the frame {taxels.frame}"
         self.report({"INFO"}, f"{Path(path).name}: {len(taxels.labels)} taxels{named}")
 
@@ -53,7 +54,8 @@ class SKIN_OT_frame_find(OnSkin, Edit, bpy.types.Operator):
         taxels = read_taxels(skin.file, skin.format, skin.only)
         cover = cut_cover(scene.read_mesh(context.object, context), read.cover)
         rotation, translation = frame_on(taxels, cover, skin.name, skin.frame)
-        skins.set_frame(plan.skins[self.skin], rotation, translation, scene.metres_per_unit(context.scene))
+        frame = Frame(tuple(map(tuple, rotation.tolist())), tuple(translation.tolist()))
+        skins.write_frame(plan.skins[self.skin], frame, scene.metres_per_unit(context.scene))
 
 
 CLASSES = (SKIN_OT_skin_import, SKIN_OT_frame_find)

@@ -4,7 +4,9 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene.fields import write_first
 from ..skin_calib_addon.blender.scene.skins import entry, of_kind
+from ..skin_calib_addon.plan.keys import ZONE
 from .on_link import Edit
 
 INDEX = {"min": 0, "options": {"HIDDEN"}}
@@ -90,7 +92,7 @@ class SKIN_OT_zone_add(OnSkin, Edit, bpy.types.Operator):
     def edit(self, context, plan):
         zone = self.of_kind(plan, "hexagons", "excluded zones").excluded.add()
         zone.point = scene.cursor_on(context.object, context.scene)
-        zone.radius = skins.RADIUS / scene.metres_per_unit(context.scene)
+        write_first(ZONE, zone, scene.metres_per_unit(context.scene))
 
 
 class SKIN_OT_zone_remove(OnSkin, Edit, bpy.types.Operator):

@@ -3,7 +3,9 @@
 
 import bpy
 
+from ..skin_calib_addon.blender.scene.scene import record_of
 from .base import SkinPanel, lay_out_plane, what_is_wrong
+from .rows import keys_in, lay_out_keys, lay_out_value
 
 
 class SKIN_UL_planes(bpy.types.UIList):
@@ -22,52 +24,26 @@ class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
     def lay_out(self, layout, plan):
         grid = plan.grid
         layout.prop(grid, "kind")
-        if grid.kind == "planes":
-            layout.prop(grid, "closed")
-            self.lay_out_planes(layout, grid, "u")
-            self.lay_out_planes(layout, grid, "v")
-        else:
-            self.lay_out_size(layout, grid)
-            self.lay_out_axis(layout, grid)
-            layout.prop(grid, "auto_margin")
-            if not grid.auto_margin:
-                layout.prop(grid, "margin")
+        if grid.kind == "auto":
+            layout.prop(grid, "region")
+        own = {"axis": self.lay_out_axis, "u": self.lay_out_planes, "v": self.lay_out_planes}
+        lay_out_keys(layout, grid, record_of(grid).keys, own)
+        if grid.kind != "planes":
             layout.operator("skin_calib.planes_place", icon="MESH_PLANE")
-        column = layout.column(align=True)
-        column.prop(plan, "degree", index=0, text="Degree U")
-        column.prop(plan, "degree", index=1, text="V")
-        layout.prop(plan, "chords")
+        lay_out_keys(layout, plan, keys_in("Grid"))
 
-    def lay_out_axis(self, layout, grid):
+    def lay_out_axis(self, layout, grid, key):
         is_face = "across" in (grid.kind, grid.kind == "auto" and grid.region)
         row = layout.row()
-        row.prop(grid, "auto_axis")
+        row.prop(grid, key.switch.name)
         if not is_face:
             row.operator("skin_calib.axis_from_sections", text="", icon="EYEDROPPER")
-        if not grid.auto_axis:
-            if not is_face:
-                layout.prop(grid, "point")
+            lay_out_value(layout, grid, key)
+        elif not grid.auto_axis:
             layout.prop(grid, "direction")
 
-    def lay_out_size(self, layout, grid):
-        column = layout.column(align=True)
-        if grid.kind == "auto":
-            column.prop(grid, "tolerance")
-            column.prop(grid, "measure")
-            column.prop(grid, "region")
-        else:
-            column.prop(grid, "n")
-            column.prop(grid, "lines")
-            layout.prop(grid, "spacing")
-        region = grid.region if grid.kind == "auto" else grid.kind
-        if region == "across":
-            layout.prop(grid, "normal")
-        if region == "sector":
-            column = layout.column(align=True)
-            column.prop(grid, "start")
-            column.prop(grid, "stop")
-
-    def lay_out_planes(self, layout, grid, family):
+    def lay_out_planes(self, layout, grid, key):
+        family = key.property_name
         listed, index = getattr(grid, family), getattr(grid, f"{family}_index")
         row = layout.row()
         row.template_list("SKIN_UL_planes", family, grid, family, grid, f"{family}_index", rows=4)

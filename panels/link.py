@@ -7,6 +7,7 @@ from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.scene.scene import longest_side
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
 from .base import SkinPanel, show_warning
+from .rows import keys_in, lay_out_keys
 
 
 class SKIN_PT_link(SkinPanel, bpy.types.Panel):
@@ -29,9 +30,9 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
         row.operator("skin_calib.import_plan", text="Plan", icon="IMPORT")
 
     def lay_out(self, layout, plan):
-        layout.prop(plan, "link")
+        lay_out_keys(layout, plan, keys_in("Link"))
         if not plan.link:
-            layout.label(text="Name the link to begin", icon="INFO")
+            layout.label(text="Enter the name of the link", icon="INFO")
         layout.prop(plan, "mesh_file")
 
     def lay_out_unit(self, context):

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sheets, boards, and taxels of files."""
 
+from functools import partial
+
 import bpy
 
+from ..skin_calib_addon.plan.keys import SKINS_OF
 from .base import SkinPanel
+from .rows import lay_out_keys, lay_out_value
 
 
 class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
@@ -18,93 +22,69 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
             row.prop(skin, "name", text="")
             row.operator("skin_calib.skin_remove", text="", icon="X").index = i
             box.prop(skin, "kind")
-            if skin.kind == "sheet":
-                self.lay_out_sheet(box, skin, i)
-            elif skin.kind == "hexagons":
-                self.lay_out_boards(box, skin, i)
-            else:
-                self.lay_out_imported(box, skin, i)
-            box.prop(skin, "auto_channel")
-            if not skin.auto_channel:
-                box.prop(skin, "first_channel")
+            keys = [key for key in SKINS_OF[skin.kind].keys if key.name != "name"]
+            lay_out_keys(box, skin, keys, self.own(i))
         row = layout.row(align=True)
         row.operator("skin_calib.skin_add", text="Sheet", icon="ADD").kind = "sheet"
         row.operator("skin_calib.skin_add", text="Hexagons", icon="ADD").kind = "hexagons"
         row.operator("skin_calib.skin_import", text="Taxels", icon="FILEBROWSER")
 
-    def lay_out_sheet(self, box, skin, i):
-        column = box.column(align=True)
-        column.prop(skin, "rows")
-        column.prop(skin, "columns")
-        column = box.column(align=True)
-        column.prop(skin, "pitch", index=0, text="Row Pitch")
-        column.prop(skin, "pitch", index=1, text="Column Pitch")
-        if skin.landmarks:
-            box.label(text="Landmarks hold it, no origin", icon="PINNED")
-        else:
-            self.lay_out_origin(box, skin, i)
-        box.prop(skin, "direction")
-        box.prop(skin, "hand")
-        box.prop(skin, "offset")
-        box.prop(skin, "trim")
-        for k, landmark in enumerate(skin.landmarks):
-            self.lay_out_entry(box, f"Landmark {k}", "landmark", i, k)
-            box.prop(landmark, "cell")
-            box.prop(landmark, "point")
-        box.operator("skin_calib.landmark_add", icon="ADD").skin = i
+    def own(self, i):
+        """Return what lays out the rows of skin ``i`` that have more than a property."""
+        return {
+            "landmarks": partial(self.lay_out_list, what="landmark", i=i),
+            "excluded": partial(self.lay_out_list, what="zone", i=i),
+            "origin": partial(self.lay_out_origin, i=i),
+            "cells": partial(self.lay_out_cells, i=i),
+            "file": self.lay_out_file,
+            "frame": partial(self.lay_out_frame, i=i),
+        }
 
-    def lay_out_boards(self, box, skin, i):
-        box.prop(skin, "side")
-        box.prop(skin, "auto_gap")
-        if not skin.auto_gap:
-            box.prop(skin, "gap")
-        box.prop(skin, "choice")
-        box.operator("skin_calib.boards_paint", icon="BRUSH_DATA").skin = i
+    def lay_out_list(self, layout, skin, key, what, i):
+        for k, item in enumerate(getattr(skin, key.property_name)):
+            self.lay_out_entry(layout, f"{key.labels[0]} {k}", what, i, k)
+            lay_out_keys(layout, item, key.type.record.keys)
+        layout.operator(f"skin_calib.{what}_add", icon="ADD").skin = i
+
+    def lay_out_origin(self, layout, skin, key, i):
+        if skin.kind == "sheet" and skin.landmarks:
+            layout.label(text="Landmarks replace the origin", icon="PINNED")
+            return
+        row = layout.row()
+        row.prop(skin, key.switch.name)
+        self.lay_out_places(row, "origin", i, 0)
+        lay_out_value(layout, skin, key)
+
+    def lay_out_cells(self, layout, skin, key, i):
+        layout.prop(skin, key.property_name)
+        layout.operator("skin_calib.boards_paint", icon="BRUSH_DATA").skin = i
         if skin.choice == "listed":
-            column = box.column()
+            column = layout.column()
             column.alert = skin.cells_wrong
             column.prop(skin, "cells")
             if skin.cells_wrong:
                 column.label(text="List them as 0,0 1,0 0,1", icon="INFO")
-        self.lay_out_origin(box, skin, i)
-        box.prop(skin, "auto_direction")
-        if not skin.auto_direction:
-            box.prop(skin, "direction")
-        box.prop(skin, "offset")
-        for k, zone in enumerate(skin.excluded):
-            self.lay_out_entry(box, f"Excluded Zone {k}", "zone", i, k)
-            box.prop(zone, "point")
-            box.prop(zone, "radius")
-        box.operator("skin_calib.zone_add", icon="ADD").skin = i
 
-    def lay_out_imported(self, box, skin, i):
-        column = box.column()
+    def lay_out_file(self, layout, skin, key):
+        column = layout.column()
         column.alert = not skin.file
-        column.prop(skin, "file")
-        box.prop(skin, "format")
-        box.prop(skin, "only")
-        box.prop(skin, "framed")
+        column.prop(skin, key.property_name)
+
+    def lay_out_frame(self, layout, skin, key, i):
+        layout.prop(skin, key.switch.name)
         if skin.framed:
-            column = box.column(align=True)
+            column = layout.column(align=True)
             column.use_property_split = False
             column.label(text="Rotation")
             for k in range(0, 9, 3):
                 row = column.row(align=True)
                 for j in range(k, k + 3):
                     row.prop(skin, "rotation", index=j, text="")
-            box.prop(skin, "translation")
-        box.operator("skin_calib.frame_find", icon="VIEWZOOM").skin = i
-        box.prop(skin, "snap")
-
-    def lay_out_origin(self, box, skin, i):
-        row = box.row()
-        row.prop(skin, "centred")
-        self.lay_out_places(row, "origin", i, 0)
-        if not skin.centred:
-            box.prop(skin, "origin")
+            layout.prop(skin, "translation")
+        layout.operator("skin_calib.frame_find", icon="VIEWZOOM").skin = i
 
     def lay_out_entry(self, box, title, what, i, k):
-        """The head of a landmark or zone."""
+        """Lay out the head of a landmark or zone."""
         row = box.row()
         row.label(text=title)
         self.lay_out_places(row, what, i, k)
@@ -112,7 +92,7 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
         remove.skin, remove.index = i, k
 
     def lay_out_places(self, row, what, i, k):
-        """Buttons that put a point somewhere."""
+        """Lay out the buttons that move a point."""
         row = row.row(align=True)
         for name, icon in (("place", "EYEDROPPER"), ("place_at_cursor", "PIVOT_CURSOR")):
             place = row.operator(f"skin_calib.{name}", text="", icon=icon)

@@ -63,7 +63,7 @@ def default(key: Key) -> str:
 def meaning(key: Key) -> str:
     """Return the description of a key and of its choices."""
     listed = "".join(f" `{c.value}`: {c.description[0].lower()}{c.description[1:]}." for c in key.type.choices)
-    return key.description + listed
+    return key.meaning + listed
 
 
 def main() -> int:

@@ -22,7 +22,7 @@ def check_together(plan: Plan) -> None:
         Names the members.
     """
     for i, cut in enumerate(plan.cover.cuts):
-        check_direction(cut.normal, f"the normal of cut {i} is zero; give the direction of the side to keep")
+        check_direction(cut.normal, f"The normal of cut {i} is zero. Give the direction of the side to keep.")
     check_grid(plan.grid)
     check_skins(plan.skins)
 
@@ -32,13 +32,13 @@ def check_grid(grid: Grid | PlanesGrid) -> None:
     if isinstance(grid, PlanesGrid):
         for family, planes in (("u", grid.u), ("v", grid.v)):
             for i, normal in enumerate(planes.directions):
-                check_direction(normal, f"the normal of {family}-plane {i} is zero; give its direction")
+                check_direction(normal, f"The normal of {family}-plane {i} is zero. Give its direction.")
         return
     if grid.region.axis is not None:
-        message = "the direction of the axis is zero; give the direction along the link"
+        message = "The direction of the axis is zero. Give the direction along the link."
         check_direction(grid.region.axis.direction, message)
     if isinstance(grid.region, Across):
-        check_direction(grid.region.normal, "the outward normal of the grid is zero; give the side that is covered")
+        check_direction(grid.region.normal, "The outward normal of the grid is zero. Give the side that is covered.")
 
 
 def check_skins(skins: tuple[Skin, ...]) -> None:
@@ -46,13 +46,13 @@ def check_skins(skins: tuple[Skin, ...]) -> None:
     for i, skin in enumerate(skins):
         name = skin.name
         if name in {other.name for other in skins[:i]}:
-            raise InvalidPlan(f"two skins have the name {name!r}; rename one")
+            raise InvalidPlan(f"Two skins have the name {name!r}. Rename one.")
         if isinstance(skin, SheetSkin | BoardSkin) and skin.direction is not None:
-            check_direction(skin.direction, f"the direction of skin {name!r} is zero; give the direction of its rows")
+            check_direction(skin.direction, f"The direction of skin {name!r} is zero. Give the direction of its rows.")
         if isinstance(skin, SheetSkin):
             check_landmarks(skin)
         if isinstance(skin, BoardSkin) and isinstance(skin.choice, tuple) and len(set(skin.choice)) < len(skin.choice):
-            raise InvalidPlan(f"skin {name!r} lists a cell twice; list each board once")
+            raise InvalidPlan(f"Skin {name!r} lists a cell twice. List each board once.")
     first_channels(skins, [skin.count for skin in skins])
 
 
@@ -62,8 +62,8 @@ def check_landmarks(skin: SheetSkin) -> None:
     for landmark in skin.landmarks:
         if landmark.cell[0] >= rows or landmark.cell[1] >= columns:
             raise InvalidPlan(
-                f"skin {skin.name!r} has a landmark at cell {list(landmark.cell)}; the sheet has {rows} x {columns} "
-                "cells, counted from 0"
+                f"Skin {skin.name!r} has a landmark at cell {list(landmark.cell)}, but the sheet has {rows} x {columns} "
+                "cells, counted from 0."
             )
 
 

@@ -19,7 +19,7 @@ from .keys import GRIDS, PLAN, PLANE, SKINS_OF
 from .plan import Plan
 from .skins import BoardSkin, SheetSkin, Skin, with_channels
 
-NO_REGION = 'a patch needs either "from" and "to" (a sector of a tube) or "normal" (planes across a face)'
+NO_REGION = 'A patch needs either "from" and "to" (a sector of a tube), or "normal" (planes across a face).'
 
 
 def plan_from(document: dict[str, Any]) -> Plan:
@@ -122,17 +122,22 @@ def read_grid(document: dict[str, Any]) -> Grid | PlanesGrid:
     if kind != "planes":
         kind = region if kind == "patch" else kind
         grid: Grid = read(GRIDS[kind, region], document)
-        if kind == "across" and grid.region.axis is not None:
-            grid = replace(grid, region=replace(grid.region, axis=axis_along(grid.region.axis.direction)))
-        return grid
+        return grid if kind == "auto" else without_axis_point(grid)
     planes: PlanesGrid = read(GRIDS["planes", ""], document)
     return planes
+
+
+def without_axis_point(grid: Grid) -> Grid:
+    """Return a grid whose axis is through the origin where only its direction counts: across a face."""
+    if not isinstance(grid.region, Across) or grid.region.axis is None:
+        return grid
+    return replace(grid, region=replace(grid.region, axis=axis_along(grid.region.axis.direction)))
 
 
 def with_lines(document: dict[str, Any]) -> dict[str, Any]:
     """Return the document of a grid with a number of lines, also where it has one of full planes."""
     if ("m" in document) == ("lines" in document):
-        raise InvalidPlan('the grid needs either "m" (planes) or "lines", not both and not none')
+        raise InvalidPlan('Give exactly one of "m" and "lines" in the grid.')
     if "lines" in document:
         return document
     return document | {"lines": document["m"] * (2 if document["kind"] == "tube" else 1)}
@@ -154,7 +159,7 @@ def grid_kind(grid: Grid | PlanesGrid) -> tuple[str, str]:
 def read_skin(document: dict[str, Any]) -> Skin:
     if document["kind"] == "sheet" and ("origin" in document) == ("landmarks" in document):
         name = document["name"]
-        raise InvalidPlan(f'skin {name!r} needs either "origin" or "landmarks", not both and not none')
+        raise InvalidPlan(f'Give exactly one of "origin" and "landmarks" in skin {name!r}.')
     skin: Skin = read(SKINS_OF[document["kind"]], document)
     return skin
 
@@ -175,6 +180,7 @@ def skin_kind(skin: Skin) -> str:
 # By kind of type, where records and tuples are not enough.
 READ: dict[str, Callable[[Any], Any]] = {
     "file": Path,
+    "mesh": Path,
     "planes": read_planes,
     "grid": read_grid,
     "skins": lambda documents: tuple(read_skin(document) for document in documents),
@@ -182,6 +188,7 @@ READ: dict[str, Callable[[Any], Any]] = {
 }
 WRITE: dict[str, Callable[[Any], Any]] = {
     "file": Path.as_posix,
+    "mesh": Path.as_posix,
     "planes": write_planes,
     "grid": write_grid,
     "skins": lambda skins: [write_skin(skin) for skin in skins],

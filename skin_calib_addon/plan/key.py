@@ -51,7 +51,7 @@ class Switch:
 
     name: str  # of the property
     label: str
-    description: str
+    description: str = ""  # where it is not what the key is otherwise
     means_default: bool = True  # whether the key has its default where the box is ticked, or where it is not
     ticked: bool = True  # in a new plan
 
@@ -64,6 +64,7 @@ class Key:
     type: Type
     description: str
     default: Any = REQUIRED  # as Python value; None where the program finds the value
+    otherwise: str = ""  # what the default means, where its value does not say it
     label: str = ""  # in the window; empty: the window does not have it
     acts: str = ""  # the module in which it acts, from the package
     always: bool = False  # whether it is written where it is the default
@@ -73,7 +74,7 @@ class Key:
     first: Any = None  # value in a new plan in the window, where it is not the default
     switch: Switch | None = None  # which stands for the default
     empty: str | None = None  # value of the property that stands for the default
-    labels: tuple[str, ...] = ()  # in the window, of each number of a pair
+    labels: tuple[str, ...] = ()  # in the window, of each number of a pair; of an entry of a list
     joined: bool = False  # whether the window shows it directly below the key before
     panel: str = ""  # in which the window has it, where that is not the panel of the other keys of its record
 
@@ -86,6 +87,12 @@ class Key:
     def property_name(self) -> str:
         """Return the name of its property in Blender."""
         return self.blender or self.name
+
+    @property
+    def meaning(self) -> str:
+        """Return the description, with what the default means."""
+        start = f"`{self.word}`" if self.word else "Default"
+        return f"{self.description} {start}: {self.otherwise}." if self.otherwise else self.description
 
     @property
     def is_required(self) -> bool:
@@ -144,8 +151,7 @@ def problem(key: Key, value: Any) -> str:
         is_fine = len(value) >= schema.get("minLength", 0) and matcher(schema.get("pattern", ""))(value)
         return "" if is_fine else "must have at least one character, and no control characters"
     if isinstance(value, Sized) and not key.type.shape and not fits_length(len(value), schema):
-        highest = schema.get("maxItems")
-        return f"must have at least {schema['minItems']} entries" + (f", at most {highest}" if highest else "")
+        return f"must have at most {schema['maxItems']} entries" if value else "must not be empty"
     for number in _numbers(value):
         if not np.isfinite(number):
             return "must be a finite number"

@@ -44,9 +44,9 @@ def constant(value: Any) -> Type:
     return Type("constant", f"`{value}`", {"const": value})
 
 
-def one(record: Record) -> Type:
-    """Return the type of an object; in the window its properties are next to the other ones."""
-    return Type("record", f"[{record.title}](#{record.name})", {"$ref": f"#/$defs/{record.name}"}, record=record)
+def one(record: Record, kind: str = "record") -> Type:
+    """Return the type of an object; a "record" has its properties next to the other ones, a "group" apart."""
+    return Type(kind, f"[{record.title}](#{record.name})", {"$ref": f"#/$defs/{record.name}"}, record=record)
 
 
 def many(record: Record, kind: str = "records", **limits: int) -> Type:
@@ -67,6 +67,7 @@ SWITCH = Type("switch", "`true` or `false`", {"type": "boolean"})
 NAME = Type("text", "text", {"type": "string", "pattern": "^[^\\u0000-\\u001f\\u007f]+$"})
 TEXT = Type("text", "text", {"type": "string", "minLength": 1})
 FILE = Type("file", "path", {"type": "string", "minLength": 1})
+MESH = replace(FILE, kind="mesh")
 ROTATION = Type(
     "rotation",
     "rows of a rotation matrix",
@@ -178,6 +179,7 @@ COVER = Record(
             "Planes that cut the mesh; each keeps the side to which its normal points.",
             default=(),
             label="Cuts",
+            labels=("Cut",),
             acts="geometry/mesh/cover.py",
             always=True,
         ),
@@ -265,30 +267,32 @@ LINE = Record(
 AXIS = Key(
     "axis",
     one(LINE),
-    "Axis of the link. `auto`: found from the sections of the mesh, towards the thinner end.",
+    "Axis of the link.",
     default=None,
+    otherwise="found from the sections of the mesh, towards the thinner end",
     field="region.axis",
     label="Axis",
     word="auto",
-    switch=Switch("auto_axis", "Automatic Axis", "Find the axis from the sections of the mesh"),
+    switch=Switch("auto_axis", "Automatic Axis"),
     acts="geometry/grid/axis.py",
     always=True,
 )
 FACE_AXIS = replace(
     AXIS,
-    description="The u-planes are perpendicular to its direction; its point has no effect. `auto`: the longer side.",
+    description="The u-planes are perpendicular to its direction; its point has no effect.",
+    otherwise="along the longer side",
     always=False,
 )
 MARGIN = Key(
     "margin",
     length(minimum=0, maximum=FARTHEST),
-    "Length left free at both ends. Default: a tube uses its longest run of complete sections, a face leaves a "
-    "hundredth of its longer side free.",
+    "Length left free at both ends.",
     default=None,
+    otherwise="a tube uses its longest run of complete sections, a face leaves a hundredth of its longer side free",
     field="region.margin",
     label="Margin",
     first=0.002,
-    switch=Switch("auto_margin", "Automatic Margin", "Use all complete sections"),
+    switch=Switch("auto_margin", "Automatic Margin"),
     acts="geometry/grid/axis.py",
 )
 FROM = Key(
@@ -304,7 +308,7 @@ FROM = Key(
 TO = Key(
     "to",
     ANGLE,
-    "Last angle about the axis, larger than `from`.",
+    "Last angle about the axis, larger than the first.",
     field="region.stop",
     blender="stop",
     label="To",
@@ -375,6 +379,7 @@ PLANES = Record(
             many(PLANE, "planes", minItems=1),
             "Planes across the link, in their order along it.",
             label="U-Planes",
+            labels=("U-Plane",),
             acts="geometry/grid/grids.py",
         ),
         Key(
@@ -382,6 +387,7 @@ PLANES = Record(
             many(PLANE, "planes", minItems=1),
             "Planes along the link, in their order round or across it.",
             label="V-Planes",
+            labels=("V-Plane",),
             acts="geometry/grid/grids.py",
         ),
         Key(
@@ -423,11 +429,12 @@ PATCH_NAME = Key("name", NAME, "Name of the patch; ids of its taxels begin with 
 ORIGIN = Key(
     "origin",
     POINT,
-    "Where the centre of cell (0, 0) lies, on or near the mesh. `center`: the middle of the surface.",
+    "Where the centre of cell (0, 0) lies, on or near the mesh.",
     default=None,
+    otherwise="a sheet is centred on the surface, boards start from its middle",
     label="Origin",
     word="center",
-    switch=Switch("centred", "Centred", "Centre a sheet on the surface; boards start from its middle"),
+    switch=Switch("centred", "Centred"),
     acts="skin/sheet/wrap.py",
     always=True,
 )
@@ -437,7 +444,7 @@ ROW_DIRECTION = Key(
     "Direction of the row of the origin; its part in the surface counts.",
     label="Direction",
     first=(0, 1, 0),
-    switch=Switch("auto_direction", "Automatic Direction", "Rows of boards follow the lines of the surface"),
+    switch=Switch("auto_direction", "Automatic Direction", "Rows of boards run along the lines of the surface"),
     acts="skin/sheet/wrap.py",
 )
 OFFSET = Key(
@@ -451,10 +458,11 @@ OFFSET = Key(
 FIRST_CHANNEL = Key(
     "first_channel",
     count(minimum=0),
-    "Channel of the first taxel. Default: the channels follow those of the skin before.",
+    "Channel of the first taxel.",
     default=None,
+    otherwise="the channels follow those of the skin before",
     label="First Channel",
-    switch=Switch("auto_channel", "Channels Follow", "Its channels follow those of the skin before", ticked=False),
+    switch=Switch("auto_channel", "Channels Follow", ticked=False),
     acts="plan/skins.py",
 )
 
@@ -511,10 +519,11 @@ SHEET = Record(
         Key(
             "landmarks",
             many(LANDMARK, minItems=1),
-            "Cells that are pinned to points of the mesh, instead of `origin`. One gives the position of the sheet; "
+            "Cells that are pinned to points of the mesh, instead of an origin. One gives the position of the sheet; "
             "a second turns it, without strain; from the third on the sheet is strained to meet all.",
             default=(),
             label="Landmarks",
+            labels=("Landmark",),
             acts="skin/sheet/landmarks.py",
         ),
         ORIGIN,
@@ -581,16 +590,12 @@ BOARDS = Record(
         Key(
             "gap",
             length(minimum=-1, maximum=1),
-            "Gap between the sides of two boards that face each other; negative where boards are trimmed. Default: "
-            "boards of the TUM skin, with a side of 16.3 mm, have a pitch of 27.75 mm.",
+            "Gap between the sides of two boards that face each other; negative where boards are trimmed.",
             default=GAP,
+            otherwise="boards trimmed as those of the TUM skin; with a side of 16.3 mm their pitch is 27.75 mm",
             field="lattice.gap",
             label="Gap",
-            switch=Switch(
-                "auto_gap",
-                "Standard Gap",
-                "Boards trimmed as those of the TUM skin: with a side of 16.3 mm their pitch is 27.75 mm",
-            ),
+            switch=Switch("auto_gap", "Standard Gap"),
             acts="skin/lattice.py",
             always=True,
         ),
@@ -603,19 +608,21 @@ BOARDS = Record(
             field="choice",
             blender="choice",
             label="Boards",
+            labels=("Cells",),
             acts="skin/boards/layout.py",
             always=True,
         ),
         replace(
             ORIGIN,
-            description="Where the root board (0, 0) lies; with `fill`, near which point. `center`: the middle of the "
-            "surface.",
+            description="Where the root board (0, 0) lies; boards that fill the surface start near this point.",
             acts="skin/boards/layout.py",
         ),
         replace(
             ROW_DIRECTION,
-            description="Direction of the row of the root board; with `fill`, to within 30 degrees. Default: along v.",
+            description="Direction of the row of the root board; boards that fill the surface keep it to within 30 "
+            "degrees.",
             default=None,
+            otherwise="along the lines of the surface, in v",
             acts="skin/boards/layout.py",
         ),
         Key(
@@ -624,6 +631,7 @@ BOARDS = Record(
             "Discs that boards must not cover: screws, cable outlets. Edges and holes of the mesh are found.",
             default=(),
             label="Excluded",
+            labels=("Excluded Zone",),
             acts="skin/boards/region.py",
         ),
         OFFSET,
@@ -669,8 +677,9 @@ IMPORTED = Record(
         Key(
             "format",
             choice(*(Choice(name, name, FORMATS[name].what) for name in READABLE)),
-            "Format of the file. Default: found from the content.",
+            "Format of the file.",
             default=None,
+            otherwise="found from the content",
             label="Format",
             empty="auto",
             acts="calibration/exchange/reading.py",
@@ -678,8 +687,9 @@ IMPORTED = Record(
         Key(
             "only",
             TEXT,
-            "Pattern of the labels that are used, such as `l_forearm_skin_*`. Default: all.",
+            "Pattern of the labels that are used, such as `l_forearm_skin_*`.",
             default=None,
+            otherwise="all",
             label="Only",
             empty="",
             acts="calibration/exchange/link_taxels.py",
@@ -687,8 +697,9 @@ IMPORTED = Record(
         Key(
             "frame",
             one(FRAME),
-            "Frame of the file in the link frame. Default: the file is in the link frame.",
+            "Frame of the file in the link frame.",
             default=None,
+            otherwise="the file is in the link frame",
             label="Frame",
             switch=Switch(
                 "framed",
@@ -702,7 +713,7 @@ IMPORTED = Record(
         Key(
             "snap",
             SWITCH,
-            "Whether taxels are moved to the surface; otherwise they stay, and `gap` is their distance from it.",
+            "Whether taxels are moved to the surface; otherwise they stay, and their distance from it is reported.",
             default=False,
             label="Snap",
             acts="skin/imported.py",
@@ -730,7 +741,7 @@ PLAN = Record(
         Key("link", NAME, "Name of the robot link, as in its URDF.", label="Link", panel="Link"),
         Key(
             "mesh",
-            FILE,
+            MESH,
             "STL, PLY, OBJ or OFF file of the mesh, relative to the folder of the plan.",
             blender="mesh_file",
             label="Mesh File",
@@ -745,7 +756,7 @@ PLAN = Record(
         ),
         Key(
             "cover",
-            one(COVER),
+            one(COVER, "group"),
             "What of the mesh is covered with skin.",
             default=CoverSpec(),
             label="Cover",
@@ -779,8 +790,9 @@ PLAN = Record(
         Key(
             "response",
             RESPONSE,
-            "Force of a reading in newtons. Default: readings are newtons.",
+            "Force of a reading in newtons.",
             default=Response(),
+            otherwise="readings are newtons",
             label="Response",
             acts="calibration/response.py",
         ),

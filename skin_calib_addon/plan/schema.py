@@ -49,7 +49,7 @@ def schema_of_value(key: Key) -> dict[str, Any]:
     if key.type.kind == "constant":
         return own
     schema = {"oneOf": [{"const": key.word}, own]} if key.word else own
-    schema |= {"description": key.description}
+    schema |= {"description": key.meaning}
     if key.is_required or key.default is None and not key.word:
         return schema
     return schema | {"default": key.word if key.default is None else write_value(key.type, key.default)}

@@ -107,12 +107,12 @@ def first_channels(skins: tuple[Skin, ...], counts: list[int | None]) -> list[in
         if first is None or following is None:
             continue
         if following - 1 > MAX_CHANNEL:
-            raise InvalidPlan(f"skin {skin.name!r} would end on channel {following - 1}; the highest is {MAX_CHANNEL}")
+            raise InvalidPlan(f"Skin {skin.name!r} would end on channel {following - 1}; the highest is {MAX_CHANNEL}.")
         for other, channels in taken:
             if first < channels.stop and channels.start < following:
                 both = max(first, channels.start)
                 raise InvalidPlan(
-                    f"skins {other.name!r} and {skin.name!r} both have channel {both}; change the first channel of one"
+                    f"Skins {other.name!r} and {skin.name!r} both have channel {both}. Change the first channel of one."
                 )
         taken.append((skin, range(first, following)))
     return firsts

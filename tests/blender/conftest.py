@@ -57,8 +57,19 @@ def addon(extension, bpy):
     """The extension's own modules, which are others than those that plain Python imports."""
 
     found = modules(extension, "command", "live.diagnoses", "overlay.overlay", "scene.results", "scene.scene")
+    found.plan_document = importlib.import_module(f"{extension}.skin_calib_addon.plan").plan_document
     found.skins = importlib.import_module(f"{extension}.skin_calib_addon.plan.skins")
     return found
+
+
+@pytest.fixture
+def document(addon, bpy):
+    """Gives the document that a link's plan would be written as."""
+
+    def document(link):
+        return addon.plan_document(addon.scene.read_plan(link, bpy.context.scene))
+
+    return document
 
 
 @pytest.fixture

@@ -88,7 +88,7 @@ def test_file_is_kept_as_blender_keeps_files(bpy, addon, worn, fit_scene, tmp_pa
     assert bpy.context.object.skin_calib.skins[0].file == "//taxels.csv" and fit_scene() == before
 
 
-def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd):
+def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd, document):
     """Called like the file, after the skins that are there; a file that is none adds nothing; undo takes it away."""
     write_taxels(tmp_path / "thigh.csv")
     (tmp_path / "none.csv").write_text("nothing")
@@ -107,7 +107,7 @@ def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd):
     assert "thigh.csv: 40 taxels" in told and "thigh.csv: 11 taxels" in told
     bpy.ops.skin_calib.fit()
     link = bpy.context.object
-    skins = addon.scene.plan_document(link, bpy.context.scene)["skins"]
+    skins = document(link)["skins"]
     assert [skin["name"] for skin in skins] == ["band", "thigh", "thigh_2"]
     assert skins[2].keys() - skins[1].keys() == {"format", "only"} and link.skin_calib.result.taxels == 6 + 40 + 11
     for left in (["band", "thigh"], ["band"]):
@@ -206,7 +206,7 @@ def test_imported_taxels_have_no_places_to_move(bpy, addon, worn, extension):
 
     handles = modules(extension, "handles.skin_handles").skin_handles
     assert handles.targets_of(worn.skin_calib) == []
-    with pytest.raises(RuntimeError, match="Error: skin 'worn' has no origin: it lies where its file says"):
+    with pytest.raises(RuntimeError, match="Error: skin 'worn' has no origin, its file has the positions; give it a frame"):
         bpy.ops.skin_calib.place(what="origin", skin=0, point=(0, 0, 0))
     worn.skin_calib.skins[0].kind = "sheet"
     assert len(handles.targets_of(worn.skin_calib)) == 2

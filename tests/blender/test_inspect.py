@@ -276,7 +276,7 @@ def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, resul
 
 def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
     """Figures in scene units and lines in the view, which undo takes away; the plan is as before."""
-    path, plan = tmp_path / "moved.csv", ours.scene.plan_document(fitted, bpy.context.scene)
+    path, plan = tmp_path / "moved.csv", ours.scene.read_plan(fitted, bpy.context.scene)
     bpy.ops.skin_calib.export_taxels(filepath=str(path), format="csv")
     header, *rows = path.read_text().splitlines()
     x, label = header.split(",").index("x"), header.split(",").index("id")
@@ -298,7 +298,7 @@ def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
     )
     assert len(worst.points) == 8
     bpy.context.scene.unit_settings.scale_length = 1.0
-    assert ours.scene.plan_document(link, bpy.context.scene) == plan
+    assert ours.scene.read_plan(link, bpy.context.scene) == plan
     bpy.ops.ed.undo()
     link = bpy.context.object
     assert not link.skin_calib.inspect.comparison.file

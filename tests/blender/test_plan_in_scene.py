@@ -89,13 +89,13 @@ def test_export_overwrites_no_other_mesh(bpy, link, fit_scene, fit_plainly, tmp_
     assert fit_scene() == fit_plainly(tmp_path / "new.plan.json")
 
 
-def test_typed_number_is_the_decimal_typed(bpy, addon, link):
+def test_typed_number_is_the_decimal_typed(bpy, link, document):
     """4.9 in a scene of millimetres is 0.0049 in the plan: neither single precision nor the product shows."""
     bpy.context.scene.unit_settings.scale_length = 0.001
     link.skin_calib.grid.margin = 4.9
     link.skin_calib.skins[0].pitch = (8.1, 12.3)
-    document = addon.scene.plan_document(link, bpy.context.scene)
-    assert document["grid"]["margin"] == 0.0049 and document["skins"][0]["pitch"] == [0.0081, 0.0123]
+    written = document(link)
+    assert written["grid"]["margin"] == 0.0049 and written["skins"][0]["pitch"] == [0.0081, 0.0123]
 
 
 def test_rounded_number_is_told(bpy, plan_file, capfd):
@@ -106,15 +106,15 @@ def test_rounded_number_is_told(bpy, plan_file, capfd):
     assert "seven digits" in capfd.readouterr().out
 
 
-def test_plan_survives_save_and_reload(bpy, addon, plan_file, fit_scene, tmp_path):
+def test_plan_survives_save_and_reload(bpy, plan_file, fit_scene, tmp_path, document):
     """The .blend is the plan: what was opened again gives what was saved."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(**CHANGES["cut"] | CHANGES["response"])))
-    before = addon.scene.plan_document(bpy.context.object, bpy.context.scene), fit_scene()
+    before = document(bpy.context.object), fit_scene()
     bpy.ops.skin_calib.fit()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
-    assert (addon.scene.plan_document(bpy.context.object, bpy.context.scene), fit_scene()) == before
+    assert (document(bpy.context.object), fit_scene()) == before
     assert bpy.context.object.skin_calib.result.taxels == 6
 
 
@@ -225,18 +225,19 @@ def test_filled_boards_are_the_same_at_every_door(bpy, plan_file, fit_plainly, f
 def test_what_a_plan_leaves_out_stays_left_out(bpy, addon, plan_file, capfd):
     """Standard boards have no gap, direction or channel of their own, and no number of theirs is rounded."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[{"name": "boards", "kind": "hexagons"}])))
-    (document,) = addon.scene.plan_document(bpy.context.object, bpy.context.scene)["skins"]
-    standard = {"side": 0.0163, "cells": "fill", "origin": "center", "offset": 0.0}
-    assert document == {"name": "boards", "kind": "hexagons"} | standard
+    (boards,) = addon.scene.read_plan(bpy.context.object, bpy.context.scene).skins
+    assert (boards.lattice.side, boards.lattice.gap, boards.choice) == (0.0163, addon.skins.GAP, "fill")
+    assert (boards.direction, boards.first_channel, boards.origin, boards.offset) == (None, None, None, 0)
+    assert bpy.context.object.skin_calib.skins[0].auto_gap and bpy.context.object.skin_calib.skins[0].auto_channel
     assert "seven digits" not in capfd.readouterr().out
 
 
-def test_options_of_the_other_kind_wait(bpy, addon, plan_file):
+def test_options_of_the_other_kind_wait(bpy, plan_file, document):
     """A sheet that is turned to boards and back is what it was; landmarks take the place of the origin while there."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[PINNED])))
     link, read = (
         bpy.context.object,
-        lambda: addon.scene.plan_document(bpy.context.object, bpy.context.scene)["skins"][0],
+        lambda: document(bpy.context.object)["skins"][0],
     )
     before = read()
     assert before["landmarks"] == LANDMARKS and "origin" not in before
@@ -249,7 +250,7 @@ def test_options_of_the_other_kind_wait(bpy, addon, plan_file):
     assert read()["origin"] == "center" and "landmarks" not in read()
 
 
-def test_lengths_of_skins_are_the_decimals_typed(bpy, addon, link):
+def test_lengths_of_skins_are_the_decimals_typed(bpy, link, document):
     """In a scene of millimetres, 0.5 is 0.0005 in the plan, whatever the option."""
     bpy.context.scene.unit_settings.scale_length = 0.001
     sheet = link.skin_calib.skins[0]
@@ -258,8 +259,9 @@ def test_lengths_of_skins_are_the_decimals_typed(bpy, addon, link):
     bpy.context.scene.cursor.location = (40.1, 9.9, 60.3)
     bpy.ops.skin_calib.landmark_add(skin=0)
     bpy.ops.skin_calib.zone_add(skin=1)
+    sheet.pitch = (8.5, 10)
     sheet.offset, boards.offset, boards.side, boards.auto_gap, boards.gap = 0.5, 0.7, 16.3, False, -0.48
-    first, second = addon.scene.plan_document(link, bpy.context.scene)["skins"]
+    first, second = document(link)["skins"]
     point = [0.0401, 0.0099, 0.0603]
     assert first["offset"] == 0.0005 and first["landmarks"] == [{"cell": [0, 0], "point": point}]
     assert (second["offset"], second["side"], second["gap"]) == (0.0007, 0.0163, -0.00048)
@@ -267,14 +269,14 @@ def test_lengths_of_skins_are_the_decimals_typed(bpy, addon, link):
 
 
 @pytest.mark.parametrize("text", ["0,0 1,0 -2,13", " 0, 0  1 ,0\t-2,13 "])
-def test_cells_are_read_as_people_write_them(bpy, addon, link, text):
+def test_cells_are_read_as_people_write_them(bpy, link, text, document):
     """Spaces do not matter; the panel knows at once whether a list can be read."""
     skin = link.skin_calib.skins[0]
     skin.kind, skin.choice = "hexagons", "listed"
     assert skin.cells_wrong
     skin.cells = text
     assert not skin.cells_wrong
-    assert addon.scene.plan_document(link, bpy.context.scene)["skins"][0]["cells"] == [[0, 0], [1, 0], [-2, 13]]
+    assert document(link)["skins"][0]["cells"] == [[0, 0], [1, 0], [-2, 13]]
     skin.cells = text + ";"
     assert skin.cells_wrong
 

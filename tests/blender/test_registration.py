@@ -199,7 +199,7 @@ def test_panel_lists_landmarks_and_zones(bpy, link):
     bpy.ops.skin_calib.landmark_add(skin=0)
     bpy.ops.skin_calib.zone_add(skin=1)
     shown = draw(bpy, "skin")
-    assert shown.count("centred") == 1 and "Landmarks hold it, no origin" in shown
+    assert shown.count("centred") == 1 and "Landmarks replace the origin" in shown
     heads = [["Landmark 0", "Place on Link", "Place at 3D Cursor", "Remove Landmark", "cell", "point"]]
     heads += [["Excluded Zone 0", "Place on Link", "Place at 3D Cursor", "Remove Excluded Zone", "point", "radius"]]
     for head in heads:
@@ -233,7 +233,7 @@ def test_panel_says_what_to_do_next(bpy):
     bare = bpy.data.objects.new("bare", mesh)
     bpy.context.scene.collection.objects.link(bare)
     bpy.context.view_layer.objects.active = bare
-    assert "Name the link to begin" in draw(bpy, "link")
+    assert "Enter the name of the link" in draw(bpy, "link")
     assert draw(bpy, "skin")[0] == "Add a sheet, boards, or taxels of a file"
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     bare.skin_calib.skins[0].choice = "listed"

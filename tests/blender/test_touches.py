@@ -60,7 +60,7 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     before = taxels_of(bpy, ours).positions_link
     bpy.ops.skin_calib.touches(filepath=str(table))
     bpy.ops.ed.undo_push(message="start")
-    plan = ours.scene.plan_document(bpy.context.object, bpy.context.scene)
+    plan = ours.scene.read_plan(bpy.context.object, bpy.context.scene)
     bpy.ops.skin_calib.touches_move("EXEC_DEFAULT", True)
     settings = bpy.context.object.skin_calib
     assert settings.result.outdated and not settings.skins[0].centred
@@ -73,7 +73,7 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     told = bpy.context.object.skin_calib.inspect.touches.told
     assert "Shifted 0.00 +-" in told, told
     bpy.ops.ed.undo()
-    assert ours.scene.plan_document(bpy.context.object, bpy.context.scene) == plan
+    assert ours.scene.read_plan(bpy.context.object, bpy.context.scene) == plan
 
 
 def test_what_cannot_be_compared_or_moved_says_why(bpy, table, tmp_path):

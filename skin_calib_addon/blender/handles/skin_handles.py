@@ -10,7 +10,7 @@ from mathutils.geometry import intersect_line_plane
 
 from ..overlay import overlay
 from ..scene.scene import link_frame, metres_per_unit
-from ..scene.skins import hold, point_of, put_point, root_row
+from ..scene.skins import fix_pose, point_of, put_point, root_row
 from .plane_handles import basis_at, end_drag, is_shown, undo_drags
 from .view import point_and_normal_under, ray_under
 
@@ -96,7 +96,7 @@ class SKIN_GT_spot(bpy.types.Gizmo):
         plan, (what, skin, _) = context.object.skin_calib, self.target
         patches = overlay.patches_of(context.object)
         if what in ("origin", "direction") and len(patches) == len(plan.skins):
-            hold(plan.skins[skin], patches[skin].taxels, metres_per_unit(context.scene))
+            fix_pose(plan.skins[skin], patches[skin].taxels, metres_per_unit(context.scene))
             self.normal = Vector(patches[skin].taxels.normals_link[root_row(patches[skin].taxels)])
 
     def modal(self, context, event, _tweak):

@@ -13,7 +13,7 @@ from ...common.errors import SkinCalibError
 from ...geometry import cut_cover, fit_grid
 from ...pipeline.place_skins import PlacedSkin, place_all
 from ...pipeline.sources import file_hash, taxel_files
-from ...plan import Plan, plan_document
+from ...plan import Plan
 from ..overlay.layers import Layers, layers_of
 from ..scene.facets import Facets
 from ..scene.skins import in_window
@@ -95,11 +95,10 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     plan = given.plan
     if plan is None:
         return Preview(sketch, report=PreviewReport(problem=given.problem) if given.problem else None)
-    doc = plan_document(plan)
-    skins = doc["skins"], [file_hash(path) for path in taxel_files(plan)]
-    grid = doc["grid"], doc["degree"], plan.chords
+    skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
+    grid = plan.grid, plan.degree, plan.chords
     try:
-        cover = cache.step("cover", (mesh, doc["cover"]), _equal, lambda: cut_cover(mesh, plan.cover))
+        cover = cache.step("cover", (mesh, plan.cover), _equal, lambda: cut_cover(mesh, plan.cover))
         fit = cache.step("fit", (cover, *grid), _equal, lambda: fit_grid(cover, plan.grid, plan.degree, plan.chords))
         near = cache.placed(skins)
         placed = cache.step("placed", (fit, skins), _equal, lambda: place_all(plan.skins, fit, near))

@@ -8,17 +8,18 @@ from bpy.props import (
     EnumProperty,
     FloatProperty,
     IntProperty,
-    IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
 
+from ...plan import keys
 from ..live import live
 from . import diagnosis as link_properties
 from . import grid as grid_properties
 from . import inspect as inspect_properties
 from . import skin as skin_properties
 from . import warning
+from .of_keys import of_keys
 from .options import FIXED, LENGTH, PLAN
 
 
@@ -31,13 +32,13 @@ class SKIN_PG_number(bpy.types.PropertyGroup):
 class SKIN_PG_result(bpy.types.PropertyGroup):
     """What the last fit gave."""
 
-    key: StringProperty(description="What was fitted; empty before the first fit", **FIXED)
+    key: StringProperty(description="Key of the plan and mesh that were fitted; empty before the first fit", **FIXED)
     outdated: BoolProperty(
         name="Outdated", description="The plan was changed after the fit", update=live.changed, **FIXED
     )
     mean: FloatProperty(name="Mean", description="Mean distance from surface to mesh", **LENGTH)
     max: FloatProperty(name="Max", description="Largest distance from surface to mesh", **LENGTH)
-    hausdorff: FloatProperty(name="Hausdorff", description="Largest distance, both ways", **LENGTH)
+    hausdorff: FloatProperty(name="Hausdorff", description="Largest distance, in both directions", **LENGTH)
     control_points: IntProperty(name="Control Points", description="Control points of the surface", **FIXED)
     taxels: IntProperty(name="Taxels", description="Taxels of all skins", **FIXED)
     warnings: CollectionProperty(
@@ -46,11 +47,11 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
     seconds: FloatProperty(name="Time", description="How long the fit took", unit="TIME_ABSOLUTE", precision=3, **FIXED)
 
 
+@of_keys(keys.PLAN)
 class SKIN_PG_link(bpy.types.PropertyGroup):
-    """The plan of one link; an object without a link name is no link."""
+    """The plan of one link; an object without a link name is not a link."""
 
-    link: StringProperty(name="Link", description="Name of the robot link, as in its URDF", **PLAN)
-    mesh_file: StringProperty(name="Mesh File", description="Name under which plans refer to this mesh", **PLAN)
+    mesh_file: StringProperty(name="Mesh File", description="Name of the mesh file in exported plans", **PLAN)
     diagnosis: PointerProperty(
         type=link_properties.SKIN_PG_diagnosis, name="Diagnosis", description="What the last check of the mesh found"
     )
@@ -58,21 +59,13 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         type=grid_properties.SKIN_PG_cover, name="Cover", description="What of the mesh is covered with skin"
     )
     grid: PointerProperty(type=grid_properties.SKIN_PG_grid, name="Grid", description="Where the planes are")
-    degree: IntVectorProperty(
-        name="Degree", description="Of the surface along u and v", size=2, default=(3, 3), min=2, max=5, **PLAN
-    )
-    chords: BoolProperty(
-        name="Facets are Chords",
-        description="Vertices lie on the true surface and facets inside of it: bulge over them",
-        **PLAN,
-    )
     skins: CollectionProperty(
         type=skin_properties.SKIN_PG_skin, name="Skins", description="Sheets and boards on the link", **FIXED
     )
     response: CollectionProperty(
         type=SKIN_PG_number,
         name="Response",
-        description="Polynomial from intensity to newtons, lowest power first",
+        description="Polynomial from readings to newtons, lowest power first",
         **FIXED,
     )
     extra: StringProperty(
@@ -83,26 +76,26 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
     result: PointerProperty(type=SKIN_PG_result, name="Result", description="What the last fit gave")
     held: EnumProperty(
         name="Handles",
-        description="Which planes have handles to tilt the chosen one",
+        description="Which planes have handles; they tilt the selected one",
         items=[("CUT", "Cuts", "A cut"), ("U", "U-Planes", "A u-plane"), ("V", "V-Planes", "A v-plane")],
         **FIXED,
     )
     live: BoolProperty(
-        name="Live", description="Let surface and skin follow while the plan changes", update=live.switched, **FIXED
+        name="Live", description="Fit surface and skin while the plan changes", update=live.switched, **FIXED
     )
     show_overlay: BoolProperty(name="Overlay", description="Draw the fitted skin of this link", default=True, **FIXED)
     layers: EnumProperty(
         name="Layers",
-        description="What of the fitted skin is drawn",
+        description="Parts of the fitted skin that are drawn",
         items=[
-            ("PLANES", "Planes", "Planes placed by hand, and what cuts take away", 128),
+            ("PLANES", "Planes", "Planes placed by hand, and the parts that cuts remove", 128),
             ("PLACES", "Places", "Handles of origins, directions, landmarks and excluded zones", 256),
             ("SECTIONS", "Sections", "Where the u-planes cut the cover", 16),
             ("LINES", "V-Lines", "Where the planes of the v-lines cut the cover", 32),
             ("NET", "Net", "Control points of the surface, joined to a net", 64),
             ("SURFACE", "Surface", "Curves of the surface", 2),
             ("CELLS", "Cells", "Outlines of the taxels", 4),
-            ("NORMALS", "Normals", "Which way the taxels look", 8),
+            ("NORMALS", "Normals", "Outward normals of the taxels", 8),
         ],
         default={"PLANES", "PLACES", "SURFACE", "CELLS", "NORMALS"},
         options={"ENUM_FLAG"},
@@ -134,7 +127,7 @@ def register():
 
 
 def unregister():
-    """Take the plans away; what is saved in files stays there."""
+    """Remove the plans from objects; files keep them."""
     del bpy.types.Object.skin_calib
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ...common.arrays import Array
-from ...geometry import Planes, PlanesGrid
+from ...geometry import Planes
 from .decimals import in_units, vector
 from .scene import metres_per_unit
 
@@ -80,11 +80,3 @@ def write_planes(grid: Any, family: str, planes: Planes, scene: bpy.types.Scene)
 def set_plane(item: Any, point: Array, normal: Array, scene: bpy.types.Scene) -> None:
     """Set a listed plane."""
     item.point, item.normal = in_units(point, metres_per_unit(scene)), normal
-
-
-def write_grid(link: bpy.types.Object, scene: bpy.types.Scene, grid: PlanesGrid) -> None:
-    """Set an object's grid to planes one by one."""
-    settings = link.skin_calib.grid
-    settings.kind, settings.closed = "planes", grid.closed
-    write_planes(settings, "u", grid.u, scene)
-    write_planes(settings, "v", grid.v, scene)

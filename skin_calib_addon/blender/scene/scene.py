@@ -6,7 +6,8 @@ in its frame by the object's own location, rotation and scale. How the parent is
 """
 
 import json
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,22 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ...calibration.response import AnyResponse, Response, response_document, response_from
 from ...common.arrays import Array, IntArray
-from ...common.errors import CalibrationFormatError, InvalidMesh, InvalidPlan
+from ...common.errors import InvalidMesh, InvalidPlan
+from ...geometry import Grid, PlanesGrid
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...geometry.mesh.units import UNITS
 from ...pipeline import Calibrated
-from ...plan import FORMAT, VERSION, Plan, check_plan, plan_from
-from .decimals import exact, in_units, vector
+from ...plan import Plan
+from ...plan.checks import check_together
+from ...plan.document import grid_kind, without_axis_point
+from ...plan.key import Key, Record
+from ...plan.keys import COVER, GRIDS, PLAN
+from .decimals import exact, vector
 from .facets import Facets
-from .skins import set_skin, skin_document
+from .fields import OWN, read, read_key, write, write_key
+from .skins import read_skin, seen_from, write_skin
 from .warnings import write_warnings
 
 # Blender's numbers are single; these are the largest it holds.
@@ -37,148 +45,131 @@ def links(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
-    """The plan in an object's properties.
+    """Return the plan in an object's properties; its mesh has a name there, and is not read.
 
     Raises
     ------
-    CalibrationFormatError, InvalidPlan
-        As for a plan file.
+    InvalidPlan
+        If a value is beyond its limits, or members contradict each other; names them as the window does.
     """
-    document = plan_document(link, scene)
-    check_numbers(document)
-    findings = check_plan(document)
-    if findings:
-        raise CalibrationFormatError(f"the plan of {link.name} is not valid: {findings[0]}", findings)
-    return plan_from(document)
-
-
-def plan_document(link: bpy.types.Object, scene: bpy.types.Scene) -> dict[str, Any]:
-    """The plan in an object's properties as a document; its mesh is named, not written."""
     settings, metre = link.skin_calib, metres_per_unit(scene)
-    document = {
-        "format": FORMAT,
-        "version": VERSION,
-        "link": settings.link,
-        "mesh": settings.mesh_file or f"{link.name}.ply",
-        "unit": "m",
-        "cover": {"shell": settings.cover.shell, "cuts": [_plane(cut, metre) for cut in settings.cover.cuts]},
-        "grid": _grid(settings.grid, metre),
-        "degree": [*settings.degree],
-        "skins": [skin_document(skin, metre) for skin in settings.skins],
-    }
-    if settings.chords:
-        document["chords"] = True
-    if settings.response:
-        document["response"] = {"kind": "polynomial", "coefficients": vector(c.value for c in settings.response)}
-    return document | json.loads(settings.extra or "{}")
+    extra = json.loads(settings.extra or "{}")
+    try:
+        simple = {k.path: read_key(k, settings, metre) for k in PLAN.keys if is_simple(k)}
+        plan = Plan(
+            mesh=Path(settings.mesh_file or f"{link.name}.ply"),
+            unit="m",
+            cover=read(COVER, settings.cover, metre),
+            grid=read_grid(settings.grid, metre),
+            skins=tuple(read_skin(skin, metre) for skin in settings.skins),
+            response=_read_response(settings, extra.pop("response", None)),
+            extra=extra,
+            **simple,
+        )
+        check_together(plan)
+    except InvalidPlan as error:
+        raise InvalidPlan(f"{link.name}: {error}", **error.numbers) from error
+    return plan
 
 
-def _plane(plane: Any, metre: float) -> dict[str, Any]:
-    return {"point": vector(plane.point, metre), "normal": vector(plane.normal)}
-
-
-def _grid(grid: Any, metre: float) -> dict[str, Any]:
-    if grid.kind == "planes":
-        return {
-            "kind": "planes",
-            "u": [_plane(p, metre) for p in grid.u],
-            "v": [_plane(p, metre) for p in grid.v],
-            "closed": grid.closed,
-        }
-    axis = {"point": vector(grid.point, metre), "direction": vector(grid.direction)}
-    document: dict[str, Any] = {"kind": "patch" if grid.kind in ("sector", "across") else grid.kind}
-    document["axis"] = "auto" if grid.auto_axis else axis
-    if not grid.auto_margin:
-        document["margin"] = exact(grid.margin, metre)
-    if grid.kind == "auto":
-        document |= {"tolerance": exact(grid.tolerance, metre), "measure": grid.measure}
-    else:
-        document |= {"n": grid.n, "lines": grid.lines, "spacing": grid.spacing}
-    region = grid.region if grid.kind == "auto" else grid.kind
-    if region == "across":
-        document["normal"] = vector(grid.normal)
-    if region == "sector":
-        document |= {"from": exact(grid.start), "to": exact(grid.stop)}
-    return document
-
-
-def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, document: dict[str, Any]) -> None:
-    """Set an object's properties from a plan document that :func:`check_numbers` lets pass; the mesh is not touched.
+def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> None:
+    """Set an object's properties from a plan that :func:`check_numbers` accepts; the mesh stays as it is.
 
     Blender keeps seven digits; a number with more is rounded.
+
+    Parameters
+    ----------
+    link : Object
+    scene : Scene
+    plan : Plan
+        Files of skins have absolute paths, or paths from the current folder.
     """
     settings, metre = link.skin_calib, metres_per_unit(scene)
-    settings.link, settings.mesh_file = document["link"], Path(document["mesh"]).name
-    cover = document.get("cover", {})
-    settings.cover.shell = cover.get("shell", "outer")
-    _set_planes(settings.cover.cuts, cover.get("cuts", ()), metre)
-    _set_grid(settings.grid, document["grid"], metre)
-    settings.degree = document.get("degree", (3, 3))
-    settings.chords = document.get("chords", False)
+    for key in PLAN.keys:
+        if is_simple(key):
+            write_key(key, settings, getattr(plan, key.path), metre)
+    settings.mesh_file = plan.mesh.name
+    write(COVER, plan.cover, settings.cover, metre)
+    write_grid(settings.grid, plan.grid, metre)
     settings.skins.clear()
-    for skin in document["skins"]:
-        set_skin(settings.skins.add(), skin, metre)
+    for skin in plan.skins:
+        write_skin(skin, settings.skins.add(), metre)
+    extra = dict(plan.extra)
     settings.response.clear()
-    response = document.get("response", {})
-    is_plain = response.keys() <= {"kind", "coefficients"}
-    for coefficient in response.get("coefficients", ()) if is_plain else ():
-        settings.response.add().value = coefficient
-    # A table or a range has no properties; it is kept as it came.
-    extra = {k: v for k, v in document.items() if k.startswith("x_") or k == "response" and not is_plain}
+    if isinstance(plan.response, Response) and plan.response.range is None:
+        for coefficient in plan.response.coefficients if plan.response != Response() else ():
+            settings.response.add().value = coefficient
+    else:  # no property has a table or a range
+        extra["response"] = response_document(plan.response)
     settings.extra = json.dumps(extra) if extra else ""
 
 
-def check_numbers(part: Any, metre: float = 1.0) -> None:
-    """Refuse a plan document with a number that is too large for Blender's properties, or not finite.
+def is_kept(plan: Plan, kept: Plan) -> bool:
+    """Return whether properties have all numbers of a plan whose digits they can round."""
+    skins = seen_from(Path(), plan.skins), seen_from(Path(), kept.skins)
+    pairs = ((plan.cover, kept.cover), (plan.grid, kept.grid), skins, (plan.response, kept.response))
+    return all(one == other for one, other in pairs)
+
+
+def is_simple(key: Key) -> bool:
+    """Return whether a key of the plan is one property of the link."""
+    return bool(key.path and key.label) and key.type.kind not in OWN
+
+
+def read_grid(group: Any, metre: float) -> Grid | PlanesGrid:
+    """Return the grid in a group of properties; raises as :func:`read_plan`."""
+    grid: Grid | PlanesGrid = read(record_of(group), group, metre)
+    return without_axis_point(grid) if group.kind == "across" else grid
+
+
+def record_of(group: Any) -> Record:
+    """Return the record of the kind and the region that the properties of a grid name."""
+    return GRIDS[group.kind, {"auto": group.region, "planes": ""}.get(group.kind, group.kind)]
+
+
+def write_grid(group: Any, grid: Grid | PlanesGrid, metre: float) -> None:
+    """Set a group of properties from a grid."""
+    group.kind, region = grid_kind(grid)
+    if region:
+        group.region = region
+    write(GRIDS[group.kind, region], grid, group, metre)
+
+
+def _read_response(settings: Any, kept: Any) -> AnyResponse:
+    """Return the response: kept as JSON, as a polynomial in the properties, or readings in newtons."""
+    if kept is not None:
+        return response_from(kept)
+    coefficients = tuple(vector(c.value for c in settings.response))
+    if not all(map(np.isfinite, coefficients)):
+        raise InvalidPlan("Response: must have finite numbers.")
+    return Response(coefficients) if coefficients else Response()
+
+
+def check_numbers(plan: Plan, metre: float = 1.0) -> None:
+    """Refuse a plan with a number that is too large for Blender's properties, or not finite.
 
     Raises
     ------
     InvalidPlan
         Names the number.
     """
-    if isinstance(part, dict):
-        part = [value for name, value in part.items() if not name.startswith("x_")]
-    largest = LARGEST_COUNT if isinstance(part, int) else LARGEST_NUMBER * min(metre, 1.0)
-    if isinstance(part, list):
-        for value in part:
-            check_numbers(value, metre)
-    elif isinstance(part, int | float) and not abs(part) <= largest:
-        raise InvalidPlan(f"the plan holds {part}; Blender's properties keep numbers up to {largest:g}: change it")
+    for number in numbers_of(plan):
+        largest = LARGEST_COUNT if isinstance(number, int) else LARGEST_NUMBER * min(metre, 1.0)
+        if not abs(number) <= largest:
+            raise InvalidPlan(f"The plan has the number {number}. Blender keeps numbers up to {largest:g}; change it.")
 
 
-def _set_planes(collection: Any, planes: Any, metre: float) -> None:
-    collection.clear()
-    for plane in planes:
-        item = collection.add()
-        item.point, item.normal = in_units(plane["point"], metre), plane["normal"]
-
-
-def _set_grid(grid: Any, document: dict[str, Any], metre: float) -> None:
-    kind = document["kind"]
-    if kind == "planes":
-        grid.kind, grid.closed = "planes", document["closed"]
-        _set_planes(grid.u, document["u"], metre)
-        _set_planes(grid.v, document["v"], metre)
-        return
-    grid.region = "across" if "normal" in document else "sector" if "from" in document else "tube"
-    grid.kind = kind if kind != "patch" else grid.region
-    axis = document.get("axis", "auto")
-    grid.auto_axis = axis == "auto"
-    if not grid.auto_axis:
-        grid.point, grid.direction = in_units(axis["point"], metre), axis["direction"]
-    grid.auto_margin = "margin" not in document
-    if not grid.auto_margin:
-        grid.margin = document["margin"] / metre
-    if kind == "auto":
-        grid.tolerance, grid.measure = document["tolerance"] / metre, document.get("measure", "mean")
-    else:
-        grid.n = document["n"]
-        grid.lines = document.get("lines", document.get("m", 0) * (2 if kind == "tube" else 1))
-        grid.spacing = document.get("spacing", "auto")
-    if grid.region == "sector":
-        grid.start, grid.stop = document["from"], document["to"]
-    if grid.region == "across":
-        grid.normal = document["normal"]
+def numbers_of(part: Any) -> Iterator[float]:
+    """Return all numbers in a frozen record and the records in it."""
+    if is_dataclass(part):
+        part = tuple(getattr(part, f.name) for f in fields(part))
+    if isinstance(part, np.ndarray):
+        part = tuple(part.ravel().tolist())
+    if isinstance(part, tuple):
+        for item in part:
+            yield from numbers_of(item)
+    elif isinstance(part, int | float):
+        yield part
 
 
 def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMesh:

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rows of a panel from the table of plan keys."""
+
+from ..skin_calib_addon.blender.scene.scene import is_simple
+from ..skin_calib_addon.plan.keys import PLAN
+
+
+def keys_in(panel):
+    """Return the keys of the plan that are one property each, in a panel."""
+    return [key for key in PLAN.keys if key.panel == panel and is_simple(key)]
+
+
+def lay_out_keys(layout, group, keys, own=None):
+    """Lay out the rows of keys, one below the other.
+
+    Parameters
+    ----------
+    layout : UILayout
+    group : PropertyGroup
+        That has the properties of the keys.
+    keys : iterable of Key
+        Those without a label have no row.
+    own : dict of str to callable, optional
+        By the name of a key: lays out its row by hand, given the layout, the group and the key.
+    """
+    column = None
+    for key in keys:
+        if not key.label:
+            continue
+        if column is None or not key.joined:
+            column = layout.column(align=True)
+        (own or {}).get(key.name, lay_out_key)(column, group, key)
+
+
+def lay_out_key(layout, group, key):
+    """Lay out the row of one key: its switch first, and its value where it does not have the default."""
+    if has_switch(key):
+        layout.prop(group, key.switch.name)
+    lay_out_value(layout, group, key)
+
+
+def lay_out_value(layout, group, key):
+    """Lay out the value of a key, where its switch does not hide it."""
+    if has_switch(key) and getattr(group, key.switch.name) == key.switch.means_default:
+        return
+    if key.type.record is not None:
+        lay_out_keys(layout, group, key.type.record.keys)
+    elif key.labels:
+        for i, label in enumerate(key.labels):
+            layout.prop(group, key.property_name, index=i, text=label)
+    else:
+        layout.prop(group, key.property_name)
+
+
+def has_switch(key):
+    """Return whether the key has a switch here: a required key has none."""
+    return key.switch is not None and not key.is_required
