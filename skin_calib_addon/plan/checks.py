@@ -62,8 +62,8 @@ def check_landmarks(skin: SheetSkin) -> None:
     for landmark in skin.landmarks:
         if landmark.cell[0] >= rows or landmark.cell[1] >= columns:
             raise InvalidPlan(
-                f"Skin {skin.name!r} has a landmark at cell {list(landmark.cell)}, but the sheet has {rows} x {columns} "
-                "cells, counted from 0."
+                f"Skin {skin.name!r} has a landmark at cell {list(landmark.cell)}, but the sheet has {rows} "
+                f"x {columns} cells, counted from 0."
             )
 
 

@@ -69,7 +69,7 @@ def test_click_beside_the_boards_puts_one_in(bpy, addon, boards):
 
 def test_what_cannot_be_painted_is_refused(bpy, boards, link):
     """Sheets have no boards; before a fit there are none to see."""
-    with pytest.raises(RuntimeError, match="has no boards, which belong to hexagons"):
+    with pytest.raises(RuntimeError, match="has no boards, which belong to Kind: Hexagons"):
         bpy.ops.skin_calib.boards_paint(skin=0, point=(0, 0, 0))
     link.skin_calib.skins[0].kind = "hexagons"
     with pytest.raises(RuntimeError, match="fit the link first"):

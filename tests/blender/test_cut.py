@@ -282,7 +282,7 @@ def test_flipped_cut_keeps_the_other_side(bpy, link):
     assert str(tuple(cut.normal)[1]) == "0.0"
     bpy.ops.skin_calib.cut_flip(index=0)
     assert tuple(cut.normal) == before
-    with pytest.raises(RuntimeError, match="no cut 1 here; there are 1"):
+    with pytest.raises(RuntimeError, match="There is no cut 1; there are 1"):
         bpy.ops.skin_calib.cut_flip(index=1)
 
 

@@ -206,7 +206,7 @@ def test_imported_taxels_have_no_places_to_move(bpy, addon, worn, extension):
 
     handles = modules(extension, "handles.skin_handles").skin_handles
     assert handles.targets_of(worn.skin_calib) == []
-    with pytest.raises(RuntimeError, match="Error: skin 'worn' has no origin, its file has the positions; give it a frame"):
+    with pytest.raises(RuntimeError, match="Error: Skin 'worn' has no origin, its file has the positions"):
         bpy.ops.skin_calib.place(what="origin", skin=0, point=(0, 0, 0))
     worn.skin_calib.skins[0].kind = "sheet"
     assert len(handles.targets_of(worn.skin_calib)) == 2

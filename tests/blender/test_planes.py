@@ -66,7 +66,7 @@ def test_first_plane_comes_at_the_cursor(bpy, link):
     for family in "uv":
         bpy.ops.skin_calib.plane_add(family=family)
         assert_allclose(points(getattr(grid, family)), [(0.01, 0.02, 0.03)], atol=1e-7)
-    with pytest.raises(RuntimeError, match="no u-plane 4 here"):
+    with pytest.raises(RuntimeError, match="There is no u-plane 4"):
         bpy.ops.skin_calib.plane_remove(family="u", index=4)
 
 

@@ -186,7 +186,7 @@ BAD_LINKS = {
     no_file: "Skin 'band', File: is empty; choose the file that has the taxels",
     lost_file: "/lost.csv",
     no_rotation: "arm: Skin 'band', Rotation: must be a finite number",
-    landmark_beside: r"Skin 'band' has a landmark at cell \[2, 0\]; the sheet has 2 x 3 cells",
+    landmark_beside: r"Skin 'band' has a landmark at cell \[2, 0\], but the sheet has 2 x 3 cells",
     same_landmarks: "landmarks 0 and 1 have the same cell or the same point",
     channel_beyond: "Skin 'band' would end on channel 2147483652",
     not_a_number: "arm: Skin 'band', Direction: must be a finite number",
@@ -278,7 +278,7 @@ def test_button_without_a_link_says_why(bpy, operator):
     if operator in ("skin_add", "cut_add"):
         assert press() == {"FINISHED"}
     elif operator == "place":
-        with pytest.raises(RuntimeError, match="no skin 0 here; there are 0"):
+        with pytest.raises(RuntimeError, match="There is no skin 0; there are 0"):
             press()
     else:
         with pytest.raises(RuntimeError, match="Give the object a link name first"):
@@ -311,7 +311,7 @@ def test_entry_that_is_not_there_is_refused(bpy, addon, link, operator):
     """An index beyond the list is named, with how many there are."""
     with_entries(bpy)
     before = scene_state(bpy, addon)
-    with pytest.raises(RuntimeError, match=r"Error: no .+ \d here; there are \d, counted from 0"):
+    with pytest.raises(RuntimeError, match=r"Error: There is no .+ \d; there are \d, counted from 0"):
         getattr(bpy.ops.skin_calib, operator)(**NOT_THERE[operator])
     assert scene_state(bpy, addon) == before
 
@@ -332,7 +332,9 @@ def test_what_the_other_kind_has_is_refused(bpy, addon, link, operator):
     """Boards have no landmarks, sheets no zones."""
     with_entries(bpy)
     before = scene_state(bpy, addon)
-    with pytest.raises(RuntimeError, match="Error: skin '(band|skin)' has no .+, which belong to .+; change its kind"):
+    with pytest.raises(
+        RuntimeError, match="Error: Skin '(band|skin)' has no .+, which belong to Kind: .+\\. Change its kind"
+    ):
         getattr(bpy.ops.skin_calib, operator)(**OTHER_KIND[operator])
     assert scene_state(bpy, addon) == before
 

@@ -73,7 +73,7 @@ class Sector(Region):
         """Return stations and angles on ``mesh``."""
         if not 0 < self.stop - self.start < TURN:
             raise InvalidPlan(
-                f"the sector from {self.start:g} to {self.stop:g} rad must span more than 0 and less than 2 pi"
+                f"The sector from {self.start:g} to {self.stop:g} rad must span more than 0 and less than 2 pi."
             )
         found = (
             find_axis(mesh) if self.axis is None else frame_of(np.array(self.axis.point), np.array(self.axis.direction))
@@ -99,14 +99,14 @@ class Across(Region):
         up = unit(self.normal)
         faces = mesh.faces[mesh.face_normals @ up > 0.5]
         if len(faces) == 0:
-            raise InvalidPlan(f"no mesh face has the outward normal {list(self.normal)}; reverse or change it")
+            raise InvalidPlan(f"No mesh face has the outward normal {list(self.normal)}. Reverse or change it.")
         seen = mesh.vertices[np.unique(faces)]
         along = self._along(seen, up)
         side = np.cross(up, along)  # along x side = up: r_u x r_v points outward
         x, y = seen @ along, seen @ side
         margin = 0.01 * max(np.ptp(x), np.ptp(y)) if self.margin is None else self.margin
         if 2 * margin >= min(np.ptp(x), np.ptp(y)):
-            raise InvalidPlan(f"margin {margin * 1e3:g} mm leaves nothing of the face; make it smaller")
+            raise InvalidPlan(f"Margin {margin * 1e3:g} mm leaves nothing of the face. Make it smaller.")
         below = ((mesh.vertices @ up).min() - 0.1 * mesh.size) * up  # rays start inside and go outward
         span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
         return FaceParametrization(below, along, side, up, span, breadth)
@@ -118,7 +118,7 @@ class Across(Region):
             direction = direction - (direction @ up) * up
             if np.linalg.norm(direction) < np.sin(MIN_PLANE_ANGLE) * np.linalg.norm(self.axis.direction):
                 raise InvalidPlan(
-                    f"the axis {list(self.axis.direction)} is parallel to the outward normal; choose one in the face"
+                    f"The axis {list(self.axis.direction)} is parallel to the outward normal. Choose one in the face."
                 )
             return unit(direction)
         a = perpendicular(up)
@@ -162,7 +162,7 @@ class Grid:
             If the grid has a tolerance instead of numbers of planes and lines, or its region is not on the mesh.
         """
         if isinstance(self.size, Tolerance):
-            raise InvalidPlan("this grid has a tolerance instead of numbers of planes and lines; use fit_grid")
+            raise InvalidPlan("This grid has a tolerance instead of numbers of planes and lines. Use fit_grid.")
         return lines_on(self.region.parametrization(mesh), mesh, self.size.n, self.size.lines, self.spacing, degree)
 
 
@@ -267,14 +267,20 @@ class PlanesGrid:
         return self.u.points, self.u.directions, self.v.points, self.v.directions
 
     def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
-        """The lines of the control points on ``mesh``; they do not depend on the degree."""
+        """Return the lines of the control points on ``mesh``; they do not depend on the degree.
+
+        Raises
+        ------
+        InvalidPlan
+            If planes of the two families are nearly parallel, or planes of one family are the same or out of order.
+        """
         across = np.cross(self.u.normals[:, None], self.v.normals)
         sine = np.linalg.norm(across, axis=2)
         i, j = np.unravel_index(np.argmin(sine), sine.shape)
         if sine[i, j] < np.sin(MIN_PLANE_ANGLE):
             raise InvalidPlan(
-                f"u-plane {i} and v-plane {j} are {np.rad2deg(np.arcsin(sine[i, j])):.1f} degrees from parallel; turn "
-                "one so that they cross"
+                f"The angle between u-plane {i} and v-plane {j} is only {np.rad2deg(np.arcsin(sine[i, j])):.1f} "
+                "degrees. Rotate one of them."
             )
         angle = np.rad2deg(np.arcsin(min(sine[i, j], 1.0)))
         warnings = (_nearly_parallel(int(i), int(j), float(angle)),) if angle < WARN_PLANE_ANGLE else ()
@@ -284,15 +290,17 @@ class PlanesGrid:
         return replace(build(mesh, points, unit(across)), warnings=warnings)
 
     def _line_points(self, i: int) -> Array:
-        """Point of each line of u-plane ``i`` nearest to the place where all v-planes come closest, shape (m, 3)."""
-        system = np.vstack((self.u.normals[i] * 1e3, self.v.normals))  # the u-plane holds, the v-planes at best
+        """Return the point of each line of u-plane ``i`` nearest to the point nearest to all v-planes, shape (m, 3)."""
+        system = np.vstack(
+            (self.u.normals[i] * 1e3, self.v.normals)
+        )  # the u-plane exactly, the v-planes by least squares
         level = np.r_[self.u.points[i] @ self.u.normals[i] * 1e3, (self.v.points * self.v.normals).sum(axis=1)]
         centre = np.linalg.lstsq(system, level, rcond=None)[0]
         if (
             np.abs(((self.v.points - centre) * self.v.normals).sum(axis=1)).max()
             < CONCURRENCE_TOLERANCE * np.abs(self.u.points).max()
         ):
-            return np.tile(centre, (len(self.v), 1))  # all lines of this u-plane leave one point, to the bit
+            return np.tile(centre, (len(self.v), 1))  # all lines of this u-plane start from exactly the same point
         points = []
         for point, normal in zip(self.v.points, self.v.normals):
             pair = np.array((self.u.normals[i], normal))
@@ -302,8 +310,8 @@ class PlanesGrid:
 
     def _closed_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
         if len(self.v) < 2:
-            raise InvalidPlan("a closed grid needs at least two v-planes")
-        centres = points.mean(axis=1)  # not the author's points, which may be anywhere in their planes
+            raise InvalidPlan("A closed grid needs at least two v-planes.")
+        centres = points.mean(axis=1)  # the author's points may be anywhere in their planes
         along = centres[-1] - centres[0]
         frame = frame_of(centres[0], along if along.any() else self.u.normals[0], across[0, 0])
         points, directions = np.tile(points, (1, 2, 1)), np.concatenate((across, -across), axis=1)
@@ -318,7 +326,7 @@ class PlanesGrid:
         )
         if len(same):
             first, second = sorted((plane[same[0]], plane[(same[0] + 1) % len(plane)]))
-            raise InvalidPlan(f"v-plane {second} is the same as v-plane {first}; take one away")
+            raise InvalidPlan(f"v-plane {second} is the same as v-plane {first}. Remove one.")
         return LineGrid(self.u, points, directions, True, tuple(f"v-plane {j}" for j in plane))
 
     def _open_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
@@ -326,7 +334,7 @@ class PlanesGrid:
         directions = across * np.cumprod(np.concatenate((np.ones((len(points), 1)), turned), axis=1), axis=1)[..., None]
         directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
         middle, mean = mesh.vertices.mean(axis=0), directions.mean(axis=(0, 1))
-        if np.linalg.norm(mean) < MIN_MEAN_DIRECTION:  # they leave an axis inside the link
+        if np.linalg.norm(mean) < MIN_MEAN_DIRECTION:  # they start from an axis inside the link
             directions = directions * np.sign((middle - points.mean(axis=(0, 1))) @ mean)
         else:
             directions = directions * self._side(mesh, unit(mean))
@@ -341,11 +349,11 @@ class PlanesGrid:
 
     @staticmethod
     def _side(mesh: TriangleMesh, mean: Array) -> float:
-        """1 where the faces look along the lines, -1 where they look against them."""
+        """Return 1 where the mean normal of the faces is along the lines, -1 where it is against them."""
         outward = (mesh.face_normals * mesh.face_areas[:, None]).sum(axis=0) / mesh.face_areas.sum()
         side = float(outward @ mean)
         if abs(side) < 0.1:
-            raise InvalidPlan("the faces look to both sides of the planes; cut the mesh so that one side is left")
+            raise InvalidPlan("The mesh has faces on both sides of the planes. Cut it so that one side is left.")
         return float(np.sign(side))
 
 
@@ -367,17 +375,17 @@ def check_order(points: Array, name: str, size: float) -> None:
 
     Parameters
     ----------
-    places : array, shape (n, 3)
-        Where each plane is [m].
+    points : array, shape (n, 3)
+        A point of each plane [m].
     name : str
         "u" or "v".
     size : float
-        Of the mesh [m].
+        Size of the mesh [m].
 
     Raises
     ------
     InvalidPlan
-        Names the first plane that lies on the one before it, or on the side it came from.
+        Names the first plane that is the same as the one before it, or that goes back.
     """
     steps = np.diff(points, axis=0)
     back = np.append(False, (steps[1:] * steps[:-1]).sum(axis=1) < 0) if len(steps) else np.zeros(0, bool)
@@ -385,7 +393,7 @@ def check_order(points: Array, name: str, size: float) -> None:
     if len(wrong):
         i = int(wrong[0])
         raise InvalidPlan(
-            f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}; list them in the order in which they lie",
+            f"{name}-plane {i + 1} does not lie beyond {name}-plane {i}. List them in their order on the mesh.",
             plane=i + 1,
         )
 
@@ -393,7 +401,7 @@ def check_order(points: Array, name: str, size: float) -> None:
 def lines_on(
     parametrization: Parametrization, mesh: TriangleMesh, n: int, lines: int, spacing: str, degree: tuple[int, int]
 ) -> LineGrid:
-    """The lines of ``n`` planes and ``lines`` lines in each over a chart; even ones need no look at the mesh."""
+    """Return the lines of ``n`` planes and ``lines`` lines in each; uniform ones do not depend on the mesh."""
     if spacing == "uniform":
         last = lines if parametrization.closed else lines - 1
         t = (
@@ -405,5 +413,5 @@ def lines_on(
 
 
 def numbered(count: int) -> tuple[str, ...]:
-    """Names of v-planes for messages."""
+    """Return the names of v-planes for messages."""
     return tuple(f"v-plane {j}" for j in range(count))

@@ -207,7 +207,7 @@ BAD_PLANS = {
         {"skins": [SHEET | {"name": "a", "direction": [-1, 0, 0], "origin": [RADIUS, 0, 0.05]}]},
         "upright",
     ),
-    "same skin twice": ({"skins": 2 * [SHEET | {"name": "a"}]}, "two skins have the name 'a'"),
+    "same skin twice": ({"skins": 2 * [SHEET | {"name": "a"}]}, "Two skins have the name 'a'"),
     "two lines in a name": ({"link": "a\nb"}, "/link must match"),
     "mesh name of two lines": ({"mesh": "a\nb.ply"}, "no mesh file at"),
     "mesh name too long": ({"mesh": "a" * 5000 + ".ply"}, "no mesh file at"),

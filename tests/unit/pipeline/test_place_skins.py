@@ -90,5 +90,7 @@ def test_warnings_name_what_does_not_fit(tmp_path):
 
 def test_channels_that_meet_after_filling_are_refused(tmp_path):
     """Only the placed boards tell how many channels they take."""
-    with pytest.raises(InvalidPlan, match=r"skins 'boards' and 'band' both have channel \d+; change the first channel"):
+    with pytest.raises(
+        InvalidPlan, match=r"Skins 'boards' and 'band' both have channel \d+\. Change the first channel"
+    ):
         made([BOARDS | {"first_channel": 0}, SHEET | {"first_channel": 20}], tmp_path)

@@ -94,14 +94,17 @@ def test_defaults_of_a_skin_are_the_documented_ones():
 @pytest.mark.parametrize(
     ("document", "message"),
     [
-        (MARKED | {"origin": "center"}, 'needs either "origin" or "landmarks", not both and not none'),
-        ({k: v for k, v in SHEET.items() if k != "origin"}, 'needs either "origin" or "landmarks"'),
+        (MARKED | {"origin": "center"}, 'Give exactly one of "origin" and "landmarks" in skin \'marked\''),
+        (
+            {k: v for k, v in SHEET.items() if k != "origin"},
+            'Give exactly one of "origin" and "landmarks" in skin \'band\'',
+        ),
         (
             MARKED | {"landmarks": [{"cell": [6, 0], "point": [0, 0, 0]}]},
-            r"landmark at cell \[6, 0\]; the sheet has 6 x 22 cells",
+            r"landmark at cell \[6, 0\], but the sheet has 6 x 22 cells",
         ),
-        (BOARDS | {"cells": [[0, 0], [0, 0]]}, "skin 'sole' lists a cell twice"),
-        (BOARDS | {"direction": [0, 0, 0]}, "the direction of skin 'sole' is zero"),
+        (BOARDS | {"cells": [[0, 0], [0, 0]]}, "Skin 'sole' lists a cell twice"),
+        (BOARDS | {"direction": [0, 0, 0]}, "The direction of skin 'sole' is zero"),
         (BOARDS | {"gap": -0.03}, "hexagons with sides of 12 mm and gaps of -30 mm have no area or no pitch"),
     ],
 )
@@ -119,5 +122,5 @@ def test_channels_follow_what_is_known_and_wait_for_what_is_not():
     assert [skin.first_channel for skin in with_channels(skins)] == [0, None]
     assert first_channels(skins, [42, 132]) == [0, 42]
     held = skins_from([BOARDS | {"cells": "fill", "first_channel": 0}, SHEET | {"first_channel": 40}])
-    with pytest.raises(InvalidPlan, match="skins 'sole' and 'band' both have channel 40; change the first channel"):
+    with pytest.raises(InvalidPlan, match="Skins 'sole' and 'band' both have channel 40. Change the first channel"):
         first_channels(held, [42, 132])

@@ -238,7 +238,7 @@ def test_warnings_of_the_planes_come_with_the_fit():
 def test_planes_two_degrees_from_parallel_are_refused():
     """No fit, with the two planes named."""
     with pytest.raises(
-        InvalidPlan, match=r"u-plane \d and v-plane 2 are 2\.0 degrees from parallel; turn one"
+        InvalidPlan, match=r"angle between u-plane \d and v-plane 2 is only 2\.0 degrees\. Rotate one"
     ) as caught:
         fit_surface(cylinder(), tilted_planes(2.0))
     assert "\n" not in str(caught.value)

@@ -136,7 +136,7 @@ def test_sector_of_a_tube_along_x_counts_from_y():
 @pytest.mark.parametrize(("start", "stop"), [(1.0, 1.0), (1.0, 0.0), (0.0, 6.2832), (0.0, 7.0)])
 def test_sector_without_angle_is_refused(start, stop):
     """Nothing, backwards, all round or more."""
-    with pytest.raises(InvalidPlan, match=r"the sector from .* to .* rad must span more than 0 and less than 2 pi"):
+    with pytest.raises(InvalidPlan, match=r"The sector from .* to .* rad must span more than 0 and less than 2 pi"):
         SectorGrid(5, 8, start, stop, Z_AXIS).line_grid(cylinder())
 
 
@@ -161,11 +161,11 @@ def test_across_takes_a_hundredth_where_no_margin_is_given():
 @pytest.mark.parametrize(
     ("grid", "message"),
     [
-        (AcrossGrid(6, 4, (0, 0, -1.0)), r"no mesh face has the outward normal \[0, 0, -1\.0\]; reverse"),
-        (AcrossGrid(6, 4, (0, 0, 1.0), margin=0.04), "margin 40 mm leaves nothing of the face"),
+        (AcrossGrid(6, 4, (0, 0, -1.0)), r"No mesh face has the outward normal \[0, 0, -1\.0\]\. Reverse"),
+        (AcrossGrid(6, 4, (0, 0, 1.0), margin=0.04), "Margin 40 mm leaves nothing of the face"),
         (
             AcrossGrid(6, 4, (0, 0, 1.0), along=(0, 0.01, 3.0)),
-            r"the axis .* is parallel to the outward normal; choose one in the face",
+            r"The axis .* is parallel to the outward normal\. Choose one in the face",
         ),
     ],
 )
@@ -240,20 +240,20 @@ def test_open_planes_look_out_of_the_mesh(seed, down):
 def test_planes_that_hardly_cross_are_refused():
     """Two planes less than three degrees from parallel: which, and how far."""
     v = Planes(np.zeros((3, 3)), np.array(((1.0, 0, 0), (0, 1.0, 0), (0.03, 0, 1.0))))
-    with pytest.raises(InvalidPlan, match=r"u-plane 0 and v-plane 2 are 1\.7 degrees from parallel"):
+    with pytest.raises(InvalidPlan, match=r"angle between u-plane 0 and v-plane 2 is only 1\.7 degrees"):
         PlanesGrid(u_planes(np.linspace(*SPAN, 4)), v, True).line_grid(cylinder())
 
 
 def test_closed_planes_need_two_sides():
     """One v-plane cuts a tube into two halves, which is no grid."""
-    with pytest.raises(InvalidPlan, match="a closed grid needs at least two v-planes"):
+    with pytest.raises(InvalidPlan, match="A closed grid needs at least two v-planes"):
         PlanesGrid(u_planes(np.linspace(*SPAN, 4)), v_planes(1), True).line_grid(cylinder())
 
 
 def test_open_planes_over_a_whole_tube_are_refused():
     """Its faces point to both sides: the grid does not guess which side is meant."""
     grid = flat_planes()
-    with pytest.raises(InvalidPlan, match="the faces look to both sides of the planes; cut the mesh"):
+    with pytest.raises(InvalidPlan, match="The mesh has faces on both sides of the planes\\. Cut it"):
         grid.line_grid(box((0, 0, 0), (0.1, 0.08, 0.05)))
 
 
@@ -294,7 +294,7 @@ def test_half_tube_takes_a_sector():
 
 def test_grid_with_a_tolerance_has_no_lines_of_its_own():
     """The numbers of planes and lines come from fits; the message names the function that makes them."""
-    with pytest.raises(InvalidPlan, match="has a tolerance instead of numbers of planes and lines; use fit_grid"):
+    with pytest.raises(InvalidPlan, match="has a tolerance instead of numbers of planes and lines. Use fit_grid"):
         AutoGrid(1e-4).line_grid(cylinder())
 
 
