@@ -20,7 +20,7 @@ from ..pipeline.calibrate import surface_of
 QUAD_COUNTS = (60, 120)
 LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # direction of the light: from the right of the viewer and above
 # Length of a drawn normal [m].
-NORMAL_LENGTH = 0.006
+DRAWN_NORMAL_LENGTH = 0.006
 PLAIN = np.array((0.78, 0.80, 0.83))  # colour of faces without a value
 # Values that can colour the cells; the first available one is used: name, scale, smallest end of the bar, label.
 SHOWN = (
@@ -263,7 +263,7 @@ def _draw_normals(axis: Any, camera: Camera, positions: Array, normals: Array) -
     from matplotlib.collections import LineCollection
 
     seen = normals @ camera.axes[2] > 0
-    sticks = np.stack((positions, positions + NORMAL_LENGTH * normals), axis=1)[seen]
+    sticks = np.stack((positions, positions + DRAWN_NORMAL_LENGTH * normals), axis=1)[seen]
     axis.add_collection(LineCollection(list(camera.project(sticks)[..., :2] * 1e3), colors="#d62728", linewidths=1.1))
     dots = camera.project(positions[seen])[:, :2] * 1e3
     axis.plot(dots[:, 0], dots[:, 1], "o", color="#d62728", markersize=2)

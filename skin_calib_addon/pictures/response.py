@@ -10,7 +10,7 @@ from ..calibration.response_fit import ResponseFit
 from .calibration import blank, save_png
 
 # Points of a drawn curve. Larger: smoother.
-CURVE_POINTS = 400
+RESPONSE_CURVE_POINTS = 400
 # Largest number of curves with their own colours and names.
 MAX_CURVES_NAMED = 10
 
@@ -39,7 +39,7 @@ def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit]
     for k, (one, fit) in enumerate(zip(measured, fits)):
         colour = f"C{k % MAX_CURVES_NAMED}" if len(fits) <= MAX_CURVES_NAMED else "C0"
         alpha = 1.0 if len(fits) <= MAX_CURVES_NAMED else 0.3
-        x = np.linspace(one.readings.min(), one.readings.max(), CURVE_POINTS)
+        x = np.linspace(one.readings.min(), one.readings.max(), RESPONSE_CURVE_POINTS)
         label = fit.kind if one.taxel is None else f"{one.taxel}: {fit.kind}"
         curves.plot(one.readings[fit.used], one.forces[fit.used], ".", color=colour, alpha=0.5 * alpha, markersize=4)
         curves.plot(one.readings[~fit.used], one.forces[~fit.used], "x", color="#d62728", alpha=alpha, markersize=4)

@@ -55,12 +55,12 @@ def _draw_map(axis: Any, placement: Placement) -> None:
     touched[placement.rows] = True
     colours = np.where(touched[:, None], (0.80, 0.87, 0.95), (0.94, 0.94, 0.95))
     axis.add_collection(PolyCollection(list(outlines), facecolors=colours, edgecolors="0.7", linewidths=0.5))
-    starts, off = placement.flat * 1e3, placement.off[:, :2] * 1e3
+    starts, offsets = placement.flat * 1e3, placement.offsets[:, :2] * 1e3
     outliers = np.zeros(len(starts), bool)
     outliers[placement.outliers] = True
     for rows, colour, label in ((~outliers, "#1f77b4", "touch"), (outliers, "#d62728", "far from its taxel")):
         if rows.any():
-            (x, y), (u, v) = starts[rows].T, off[rows].T
+            (x, y), (u, v) = starts[rows].T, offsets[rows].T
             axis.plot([x, x + u], [y, y + v], color=colour, linewidth=1.0, alpha=0.7)
             axis.plot(x + u, y + v, "o", color=colour, markersize=3, label=label)
     axis.set_title(f"{patch.name}: {len(placement.rows)} touches, from the taxels that felt them", loc="left")
@@ -75,10 +75,10 @@ def _draw_cell(axis: Any, placement: Placement) -> None:
     """Draw all touches on one cell, and their mean."""
     from matplotlib.patches import Ellipse
 
-    off, outline = placement.off[:, :2] * 1e3, _outlines(placement)[placement.rows[0]] * 1e3
+    offsets, outline = placement.offsets[:, :2] * 1e3, _outlines(placement)[placement.rows[0]] * 1e3
     closed = np.concatenate((outline, outline[:1]))
     axis.plot(*closed.T, color="0.5", linewidth=1.0, label="cell")
-    axis.plot(*off.T, "o", color="#1f77b4", markersize=3, alpha=0.6, label="touch")
+    axis.plot(*offsets.T, "o", color="#1f77b4", markersize=3, alpha=0.6, label="touch")
     motion = placement.motion
     if motion is not None:
         centre = motion.shift * 1e3
@@ -88,7 +88,7 @@ def _draw_cell(axis: Any, placement: Placement) -> None:
         turn = f", turned {np.rad2deg(motion.turn):.2f}°" if np.isfinite(motion.turn_error) else ""
         x, y = np.round(centre, 2) + 0.0  # no minus zero
         axis.set_title(f"shifted {x:.2f}, {y:.2f} mm{turn}", loc="left")
-    half_width = 1.1 * max(np.abs(closed).max(), np.quantile(np.abs(off), 0.95))
+    half_width = 1.1 * max(np.abs(closed).max(), np.quantile(np.abs(offsets), 0.95))
     axis.set_xlim(-half_width, half_width)
     axis.set_ylim(-half_width, half_width)
     axis.axhline(0, color="0.8", linewidth=0.6, zorder=0)

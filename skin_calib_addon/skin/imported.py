@@ -22,7 +22,7 @@ from ..geometry.surface.distance import MeshDistance, footpoints
 from .sheet.taxels import fan_areas
 
 # Largest deviation of a given matrix from a rotation; covers four decimals. Larger: accepts less exact matrices.
-ROTATION_TOLERANCE = 1e-3
+ROTATION_MATRIX_TOLERANCE = 1e-3
 # Largest distance of a taxel from its surface [m]. Larger: fewer warnings.
 MAX_SURFACE_DISTANCE = 0.01
 # Lateral distance from which on a taxel is beyond an open edge [m]. Larger: fewer warnings.
@@ -183,7 +183,7 @@ def placed(taxel_set: TaxelSet, rotation: ArrayLike, translation: ArrayLike) -> 
 def _proper(rotation: ArrayLike) -> Array:
     matrix = np.asarray(rotation, float)
     u, _, v = np.linalg.svd(matrix)
-    if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROTATION_TOLERANCE:
+    if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROTATION_MATRIX_TOLERANCE:
         raise InvalidPlan(
             f'"rotation" {np.round(matrix, 4).tolist()} is not a rotation; its rows must be orthogonal unit vectors, '
             "right-handed"

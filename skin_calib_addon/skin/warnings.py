@@ -11,10 +11,9 @@ from .sheet.strain import Closure
 
 # Limits of what real skins tolerate. Larger: fewer warnings.
 STRAIN_LIMIT = 0.05  # relative stretch of a cell of a sheet
-OVERLAP_LIMIT = 5e-4  # overlap of the two ends of a sheet [m]
+OVERLAP_LIMIT = 5e-4  # overlap of the ends of a sheet, or of two boards in excess of the flat lattice [m]
 GAP_LIMIT = 3e-3  # distance between a corner of a board and the surface [m]
 OVERHANG_LIMIT = 1e-3  # overhang of a board over an edge [m]
-COLLISION_LIMIT = 5e-4  # penetration of two boards, in excess of their overlap in the flat lattice [m]
 
 BOARD_LIMITS = (
     (
@@ -34,7 +33,7 @@ BOARD_LIMITS = (
     (
         "collision",
         "board-collision",
-        COLLISION_LIMIT,
+        OVERLAP_LIMIT,
         "collide with another board by more than {limit:g} mm",
         "Leave one of the two out.",
     ),

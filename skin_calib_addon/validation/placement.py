@@ -69,18 +69,18 @@ class Placement:
     lines: IntArray  # (m,) lines of the file
     rows: IntArray  # (m,) rows of the taxels in the patch
     places: Array  # (m, 3) positions of the touches, in the link frame [m]
-    off: Array  # (m, 3) from the taxel to the touch: along the row, across it, outward (NaN for a wrench) [m]
-    passing: IntArray  # lines of the file whose line of action is nearly parallel to the skin; they are left out
+    offsets: Array  # (m, 3) from the taxel to the touch: along the row, across it, outward (NaN for a wrench) [m]
+    grazing: IntArray  # lines of the file whose line of action is nearly parallel to the skin; they are left out
 
     @cached_property
     def distances(self) -> Array:
         """Distance of each touch from its taxel along the skin, shape (m,) [m]."""
-        return np.linalg.norm(self.off[:, :2], axis=1)
+        return np.linalg.norm(self.offsets[:, :2], axis=1)
 
     @cached_property
     def heights(self) -> Array:
         """Heights of the touches above the tangent planes of their taxels, as far as they are known [m]."""
-        return self.off[~np.isnan(self.off[:, 2]), 2]
+        return self.offsets[~np.isnan(self.offsets[:, 2]), 2]
 
     @property
     def expected_rms(self) -> float:
@@ -111,7 +111,7 @@ class Placement:
         x, y = (self.flat - middle).T
         turns = bool(np.hypot(x, y).max() > self.expected_rms)  # otherwise all touches are in one cell
         design = np.stack((np.column_stack((x * 0 + 1, x * 0, -y)), np.column_stack((x * 0, x * 0 + 1, x))), axis=1)
-        found, errors = _robust(design[..., : 3 if turns else 2], self.off[:, :2], ROBUST_SCALE * self.expected_rms)
+        found, errors = _robust(design[..., : 3 if turns else 2], self.offsets[:, :2], ROBUST_SCALE * self.expected_rms)
         turn, turn_error = (float(found[2]), float(errors[2])) if turns else (0.0, np.inf)
         return Motion(middle, found[:2], turn, errors[:2], turn_error)
 
@@ -120,7 +120,7 @@ class Placement:
         """Distances along the skin after the motion, shape (m,) [m]."""
         if self.motion is None:
             return self.distances
-        return np.linalg.norm(self.off[:, :2] - self.motion.at(self.flat), axis=1)
+        return np.linalg.norm(self.offsets[:, :2] - self.motion.at(self.flat), axis=1)
 
     def warnings(self) -> Iterator[Warning]:
         """Yield warnings for the author: order of channels, grazing touches, wrong taxels, height."""
@@ -130,8 +130,8 @@ class Placement:
             message = f"The touches of {name} fit another order of its channels: {order}."
             yield Warning("channel-order", "warning", message, place, advice="Check the order of the channels.")
             return
-        if len(self.passing):
-            lines = [f"line {line}" for line in self.passing.tolist()]
+        if len(self.grazing):
+            lines = [f"line {line}" for line in self.grazing.tolist()]
             message = f"Touches of {name} with a force nearly parallel to the skin are left out: {_listed(lines)}."
             yield Warning("grazing-touch", "warning", message, place, float(len(lines)))
         if len(self.outliers):
@@ -161,7 +161,7 @@ class Placement:
         """Touches (k,) that no motion of the skin explains, most probably with a wrong channel."""
         if len(self.rows) == 0:
             return self.rows
-        height = np.nan_to_num(self.off[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0))
+        height = np.nan_to_num(self.offsets[:, 2] - (np.median(self.heights) if len(self.heights) else 0.0))
         far = np.hypot(self.residuals, height)
         usual = max(self.expected_rms, float(np.median(far)))
         return np.flatnonzero((far > OUTLIER_FACTOR * usual) & (far > OUTLIER_CELLS * max(self.patch.pitch)))
@@ -172,7 +172,7 @@ class Placement:
         directions = np.linalg.norm(taxels.positions_link - self.places[i], axis=1)
         mine = int(self.rows[i])
         text = f"line {self.lines[i]}, {taxels.ids[mine]}, {directions[mine] * 1e3:.1f} mm"
-        if np.isnan(self.off[i, 2]):
+        if np.isnan(self.offsets[i, 2]):
             return text
         return f"{text} ({taxels.ids[int(directions.argmin())]} is there)"
 
@@ -211,12 +211,12 @@ def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, dir
     height = ((points - centres) * normals).sum(axis=1)
     places = points - (height / np.where(is_line & known, slope, np.inf))[:, None] * directions
     axes = np.stack((tangents, np.cross(normals, tangents), normals), axis=1)
-    off = (axes @ (places - centres)[:, :, None])[:, :, 0]
-    off[is_line, 2] = np.nan
-    return Placement(patch, lines[known], rows[known], places[known], off[known], lines[~known])
+    offsets = (axes @ (places - centres)[:, :, None])[:, :, 0]
+    offsets[is_line, 2] = np.nan
+    return Placement(patch, lines[known], rows[known], places[known], offsets[known], lines[~known])
 
 
-def _robust(design: Array, off: Array, far: float) -> tuple[Array, Array]:
+def _robust(design: Array, offsets: Array, far: float) -> tuple[Array, Array]:
     """Solve ``off (m, 2) = design (m, 2, k) @ parameters`` robustly for parameters (k,) and standard errors.
 
     Iteratively reweighted least squares with Cauchy's weights, from the medians:
@@ -224,13 +224,13 @@ def _robust(design: Array, off: Array, far: float) -> tuple[Array, Array]:
         w_i = 1 / (1 + |residual_i|^2 / far^2)
     """
     found = np.zeros(design.shape[2])
-    found[:2] = np.median(off, axis=0)
+    found[:2] = np.median(offsets, axis=0)
     for _ in range(REWEIGHTING_STEPS):
-        squares = ((off - design @ found) ** 2).sum(axis=1)
+        squares = ((offsets - design @ found) ** 2).sum(axis=1)
         weights = 1 / (1 + squares / far**2)
         normal = np.einsum("mik,m,mil->kl", design, weights, design)
-        found = np.linalg.solve(normal, np.einsum("mik,m,mi->k", design, weights, off))
-    spread = (weights * squares).sum() / max(2 * len(off) - len(found), 1)
+        found = np.linalg.solve(normal, np.einsum("mik,m,mi->k", design, weights, offsets))
+    spread = (weights * squares).sum() / max(2 * len(offsets) - len(found), 1)
     return found, np.sqrt(spread * np.diag(np.linalg.inv(normal)))
 
 
@@ -270,7 +270,7 @@ def other_order(placement: Placement) -> str | None:
     taxels = patch.taxels
     if patch.kind != "sheet" or len(taxels.ids) != rows * columns:
         return None
-    known = ~np.isnan(placement.off[:, 2])
+    known = ~np.isnan(placement.offsets[:, 2])
     if known.sum() < MIN_TOUCHES:
         return None
     places, touched = placement.places[known], placement.rows[known]

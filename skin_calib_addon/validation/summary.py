@@ -12,9 +12,9 @@ def summarize(placement: Placement) -> Iterator[str]:
     """Yield lines: distances, heights, the motion that explains them, and the residuals."""
     if len(placement.rows) == 0:
         return
-    off = placement.distances * 1e3
+    distances = placement.distances * 1e3
     yield (
-        f"{len(off)} touches, off along the skin: mean {off.mean():.2f}, rms {_rms(off):.2f}, max {off.max():.2f} mm; "
+        f"{len(distances)} touches, off along the skin: mean {distances.mean():.2f}, rms {_rms(distances):.2f}, max {distances.max():.2f} mm; "
         f"rms {placement.expected_rms * 1e3:.2f} mm is expected from the size of the cells"
     )
     if len(placement.heights):

@@ -102,8 +102,8 @@ def _columns(header: Sequence[str], line: int) -> list[int]:
 def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]:
     """Return point and direction of one touch.
 
-    The line of action of a wrench (f, t) goes through the point (f x t) / |f|^2 (equations 6 to 9 of the paper, without
-    their division of zero by zero).
+    The line of action of a wrench (f, t) goes through the point (f x t) / |f|^2. These are equations 6 to 9 of the
+    paper, without their division of zero by zero.
     """
     numbers = np.array([number_in(row, column, line) for column in columns])
     if len(columns) == len(POINT):

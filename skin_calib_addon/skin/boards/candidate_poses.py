@@ -18,7 +18,7 @@ MAX_EVALUATIONS = 2e6
 # Limits of a step, in pitches. A shorter step finds nothing new. A longer one misses poses.
 MIN_STEP = 1 / 40
 MAX_STEP = 1 / 6
-# Largest distance from any pose to the nearest candidate, in steps: 0.58 for the shift plus 0.5 for the rotation.
+# Derived: largest distance from any pose to the nearest candidate, in steps: 0.58 for the shift, 0.5 for the rotation.
 SLACK_STEPS = 1.1
 # Number of the best poses that are refined with half of the step. Larger: misses fewer maxima, slower.
 MAX_CANDIDATES = 300

@@ -11,7 +11,7 @@ from .board_contacts import contacts
 from .region import Region
 
 # Limit of the moves of one refinement. Larger: more clearance in difficult regions, slower.
-MAX_MOVES = 12
+MAX_REFINEMENT_MOVES = 12
 # Contacts within this number of steps can bound the clearance after a move: both sides of a gap move by less than 2.5.
 # Larger: larger linear programs.
 HORIZON_STEPS = 5
@@ -19,10 +19,8 @@ HORIZON_STEPS = 5
 LINEARIZATION_TOLERANCE = 0.05
 # Smallest gain or movement of a refinement [m]. Larger: stops earlier.
 MOVE_TOLERANCE = 1e-11
-# Smallest multiplier of an active constraint of the linear program. Larger: misses active constraints.
-MIN_MULTIPLIER = 1e-6
-# Largest difference of slopes that are equal. Larger: fixes more boards.
-PARALLEL_TOLERANCE = 1e-6
+# Multipliers and differences of slopes up to which they are zero in the linear program. Larger: fixes more boards.
+PROGRAM_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +90,7 @@ class PoseRefinement:
         clearance = np.partition(clearances, -count)[-count]
         centres = centres[clearances >= clearance - 2 * HORIZON_STEPS * step]
         clearances = clearances[clearances >= clearance - 2 * HORIZON_STEPS * step]
-        for _ in range(MAX_MOVES):
+        for _ in range(MAX_REFINEMENT_MOVES):
             chosen = np.argsort(-clearances, kind="stable")[:count]
             bound = chosen[clearances[chosen] <= clearance + HORIZON_STEPS * step]
             moved, length, gain = self.best_move(pose, centres[bound], clearance, step, balance)
@@ -167,14 +165,14 @@ def _largest_gap_move(slopes: Array, gaps: Array, is_free: tuple[bool, ...], bal
         if found.status != 0 or found.x is None:  # rounding has made the fixed gaps infeasible: keep the last move
             break
         move = found.x[:3]
-        tight = ~is_fixed & (found.ineqlin.marginals < -MIN_MULTIPLIER)
+        tight = ~is_fixed & (found.ineqlin.marginals < -PROGRAM_TOLERANCE)
         if not balance or not tight.any():
             break
         # No move along the slopes of the active gaps is left. Gaps with slopes in their span are fixed, too.
         span = slopes[is_fixed | tight]
         is_fixed = (
-            np.linalg.norm(slopes - slopes @ np.linalg.pinv(span, rcond=PARALLEL_TOLERANCE) @ span, axis=1)
-            < PARALLEL_TOLERANCE
+            np.linalg.norm(slopes - slopes @ np.linalg.pinv(span, rcond=PROGRAM_TOLERANCE) @ span, axis=1)
+            < PROGRAM_TOLERANCE
         )
         sizes = np.where(is_fixed, gaps + slopes @ move, 0.0)
     return move, float((gaps + slopes @ move).min(initial=HORIZON_STEPS))

@@ -28,9 +28,8 @@ MAX_GUESS_OVERSHOOT = 0.5
 OUTSIDE_WEIGHT = 1e-3
 # Limit of the solutions of a centred sheet: a shift changes its direction and its outermost nodes.
 CENTRING_ITERATIONS = 4
-# Movement of the pinned node up to which a sheet is centred, as a fraction of the pitch. Larger: less exact.
-CENTRING_TOLERANCE = 0.01
-# Step tolerance of intermediate solutions, as a fraction of the pitch. Larger: faster previews, less exact.
+# Movement up to which an intermediate solution has converged and a sheet is centred, as a fraction of the pitch.
+# Larger: faster, and less exact.
 COARSE_STEP_TOLERANCE = 0.01
 # Relative error of a chord from which on a net may be folded. Larger: accepts folded nets.
 MAX_CHORD_ERROR = 0.5
@@ -214,7 +213,7 @@ def _relax_sheet(
                 break
             # A movement of a centred sheet changes its direction, and possibly its outermost nodes.
             points = layer.points([before, uv[net.pin], uv[net.pin] + _centring_shift(layer, uv)])
-            if np.linalg.norm(np.diff(points, axis=0), axis=1).max() < CENTRING_TOLERANCE * net.pitch:
+            if np.linalg.norm(np.diff(points, axis=0), axis=1).max() < COARSE_STEP_TOLERANCE * net.pitch:
                 break
         return uv
 

@@ -56,16 +56,16 @@ def test_motion_of_a_sheet_is_found():
 
 def test_standard_errors_have_the_right_size():
     """For two hundred random sets the errors have the size of the standard errors; few motions are significant."""
-    off, certain = [], 0
+    offsets, certain = [], 0
     for seed in range(200):
         rows = np.random.default_rng(1000 + seed).integers(0, ROWS * COLUMNS, 40)
         (found,) = placements(CALIBRATION, touched(CALIBRATION, rows, points_after_motion(rows, 0.0, 0.0, PITCH, seed)))
         motion = found.motion
-        off.append((*(motion.shift / motion.shift_error), motion.turn / motion.turn_error))
+        offsets.append((*(motion.shift / motion.shift_error), motion.turn / motion.turn_error))
         certain += motion.is_certain
         assert_allclose(found.expected_rms, PITCH / np.sqrt(6), rtol=1e-12)
-    assert_allclose(np.std(off, axis=0), 1.0, atol=0.2)
-    assert np.abs(np.mean(off, axis=0)).max() < 0.25
+    assert_allclose(np.std(offsets, axis=0), 1.0, atol=0.2)
+    assert np.abs(np.mean(offsets, axis=0)).max() < 0.25
     assert certain < 0.25 * 200
 
 
@@ -104,8 +104,8 @@ def test_lines_of_action_are_met_in_the_tangent_plane(tmp_path):
     found = read(tmp_path, table)
     assert_allclose(np.linalg.norm(found.directions, axis=1), 1, rtol=1e-12)
     (placement,) = placements(CALIBRATION, found)
-    assert len(placement.rows) == len(rows) - 1 and placement.passing.tolist() == [5]
-    assert np.isnan(placement.off[:, 2]).all() and len(placement.heights) == 0
+    assert len(placement.rows) == len(rows) - 1 and placement.grazing.tolist() == [5]
+    assert np.isnan(placement.offsets[:, 2]).all() and len(placement.heights) == 0
     assert_allclose(placement.motion.shift, (0.001, 0.0005), rtol=0, atol=3e-5)
     (warning,) = placement.warnings()
     assert warning.code == "grazing-touch"
@@ -140,7 +140,7 @@ def test_distant_touches_count_little():
     felt[outliers] += 4
     (fine,) = placements(CALIBRATION, touched(CALIBRATION, rows, points))
     (found,) = placements(CALIBRATION, touched(CALIBRATION, felt, points))
-    assert found.off[:, 0].mean() - fine.off[:, 0].mean() < -2e-3
+    assert found.offsets[:, 0].mean() - fine.offsets[:, 0].mean() < -2e-3
     assert abs(found.motion.shift[0] - fine.motion.shift[0]) < 5e-4
 
 
@@ -206,7 +206,7 @@ def test_touches_belong_to_their_patches():
     points = np.array([[0.03, 0.05, -0.1], [0.03, 0.051, -0.1]])
     (found,) = placements(calibration, touched(calibration, [0, 0], points, patch=1))
     assert found.patch.name == "boards" and found.lines.tolist() == [2, 3]
-    assert_allclose(found.off, ((0, 0, 0), (0, 0.001, 0)), rtol=0, atol=1e-15)
+    assert_allclose(found.offsets, ((0, 0, 0), (0, 0.001, 0)), rtol=0, atol=1e-15)
 
 
 def read(folder, table, ending="\n"):
