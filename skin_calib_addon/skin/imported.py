@@ -148,7 +148,7 @@ def imported_taxels(
     lateral = np.linalg.norm(given - feet - gap[:, None] * normals, axis=1)
     found = (
         *_frame_findings(name, fit, frame),
-        *_named("far", ids, distance > farthest, f"further than {farthest * 1e3:g} mm from the surface"),
+        *_named("far", ids, distance > farthest, f"farther than {farthest * 1e3:g} mm from the surface"),
         *_named("beyond-edge", ids, at_edge & (lateral > LATERAL_TOLERANCE), "beyond an open edge of the surface"),
         *_flipped(name, taxel_set, normals),
     )
@@ -392,8 +392,10 @@ def _named(code: str, ids: tuple[str, ...], chosen: BoolArray, where: str) -> It
     names = [ids[i] for i in np.flatnonzero(chosen)]
     if names:
         shown = ", ".join(names[:MAX_TAXELS_NAMED]) + (", ..." if len(names) > MAX_TAXELS_NAMED else "")
-        lie = "taxel lies" if len(names) == 1 else "taxels lie"
-        yield warning(code, names[0], f"is where {len(names)} {lie} {where}: {shown}", names)
+        message = (
+            f"is the only taxel {where}" if len(names) == 1 else f"is the first of {len(names)} taxels {where}: {shown}"
+        )
+        yield warning(code, names[0], message, names)
 
 
 def _flipped(name: str, taxel_set: TaxelSet, normals: Array) -> Iterator[Finding]:

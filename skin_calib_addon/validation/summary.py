@@ -13,8 +13,9 @@ def summarize(placement: Placement) -> Iterator[str]:
     if len(placement.rows) == 0:
         return
     distances = placement.distances * 1e3
+    mean, rms, largest = distances.mean(), _rms(distances), distances.max()
     yield (
-        f"{len(distances)} touches, off along the skin: mean {distances.mean():.2f}, rms {_rms(distances):.2f}, max {distances.max():.2f} mm; "
+        f"{len(distances)} touches, distance along the skin: mean {mean:.2f}, rms {rms:.2f}, max {largest:.2f} mm; "
         f"rms {placement.expected_rms * 1e3:.2f} mm is expected from the size of the cells"
     )
     if len(placement.heights):

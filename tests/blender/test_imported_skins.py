@@ -198,7 +198,7 @@ def test_findings_of_the_file_are_told_and_kept(bpy, addon, worn, tmp_path, capf
     capfd.readouterr()
     bpy.ops.skin_calib.fit()
     messages = " ".join(warning.message for warning in worn.skin_calib.result.warnings)
-    assert "1 taxel lies" in messages and "worn.stray" in messages and "worn.stray" in capfd.readouterr().out
+    assert "is the only taxel" in messages and "worn.stray" in messages and "worn.stray" in capfd.readouterr().out
 
 
 def test_imported_taxels_have_no_places_to_move(bpy, addon, worn, extension):

@@ -43,7 +43,8 @@ def test_touches_are_told_drawn_and_forgotten(bpy, ours, table):
     assert bpy.ops.skin_calib.touches("EXEC_DEFAULT", True, filepath=str(table)) == {"FINISHED"}
     found = bpy.context.object.skin_calib.inspect.touches
     assert (
-        found.told.splitlines()[0].startswith("6 touches, off along the skin: mean 2.00") and len(found.warnings) == 0
+        found.told.splitlines()[0].startswith("6 touches, distance along the skin: mean 2.00")
+        and len(found.warnings) == 0
     )
     assert "Shifted 2.0" in found.told
     (lines,) = shown(bpy, ours)

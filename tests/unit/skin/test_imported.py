@@ -282,8 +282,8 @@ def test_taxels_off_the_surface_are_named():
     result = imported_taxels(taxel_set(positions), plane_surface(), "s")
     assert codes(result) == {"beyond-edge": ["s.t3", "s.t8", "s.t9"], "far": ["s.t15"]}
     texts = [str(finding) for finding in result.findings]
-    assert "s.t3 is where 3 taxels lie beyond an open edge of the surface: s.t3, s.t8, s.t9" in texts[1]
-    assert "s.t15 is where 1 taxel lies further than 10 mm from the surface" in texts[0]
+    assert "s.t3 is the first of 3 taxels beyond an open edge of the surface: s.t3, s.t8, s.t9" in texts[1]
+    assert "s.t15 is the only taxel farther than 10 mm from the surface" in texts[0]
     assert len(result.taxels.ids) == 20
     assert codes(imported_taxels(taxel_set(positions), plane_surface(), "s", farthest=0.03)).keys() == {"beyond-edge"}
     round_it = rolled(lattice(3, 36, "triangle"))  # the seam of a closed surface is not an edge
