@@ -1,4 +1,4 @@
-"""The command line, the same words inside and outside Blender."""
+"""The command line, with the same commands inside and outside Blender."""
 
 import argparse
 import io
@@ -19,34 +19,36 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
     Parameters
     ----------
     argv : sequence of str, optional
-        Without the program's name; None takes the process's own.
+        Arguments without the program name. Default: those of the process.
     scene_plans : callable, optional
-        Where a scene is open: ``fit`` without a plan file fits its links.
+        Returns the plans of an open scene, which ``fit`` uses without a plan file.
 
     Returns
     -------
     int
-        0 done, 1 the data is wrong, 2 the call is wrong. Errors are one line each on stderr.
+        0: success, 1: invalid data, 2: invalid call. Each error is one line on stderr.
     """
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed by whoever called, as with ">&-"
+        if getattr(sys, name) is None:  # closed by the caller, as with ">&-"
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
-    if isinstance(sys.stdout, io.TextIOWrapper):  # a link's name may have letters that a terminal's encoding lacks
+    if isinstance(
+        sys.stdout, io.TextIOWrapper
+    ):  # names of links may have characters outside the encoding of the terminal
         sys.stdout.reconfigure(errors="backslashreplace")
     options = build_parser(scene_plans).parse_args(argv)
     try:
         code = options.run(options)
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # whoever reads has seen enough, as with "| head"
+    except BrokenPipeError:  # the reader has closed the pipe, as "| head" does
         _silence_stdout()
         return DONE
-    except OSError as error:  # files say for themselves what they cannot
+    except OSError as error:  # stdout cannot be written; files raise OutputError
         _silence_stdout()
-        complain(f"the system refuses: {error}; see where the output goes")
+        complain(f"writing the output failed: {error}. Check where it is written.")
         return WRONG_CALL
     except MemoryError:
-        complain("there is not enough memory for this; close other programs, or make the input smaller")
+        complain("There is not enough memory. Close other programs, or reduce the size of the input.")
         return WRONG_DATA
     except (OutputError, SkinCalibError) as error:
         complain(str(error))
@@ -54,19 +56,19 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
 
 
 def _silence_stdout() -> None:
-    """What is left to be written would fail once more at the end of the program."""
+    """Redirect stdout to nowhere, because its buffer would cause another error at the end of the program."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong with a call in one line; the usage is a ``--help`` away."""
+    """Argument parser whose errors are one line that refers to ``--help``."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(WRONG_CALL, f"{self.prog}: {' '.join(message.splitlines())}; see {self.prog} --help\n")
 
 
 def build_parser(scene_plans: fit.ScenePlans | None = None) -> argparse.ArgumentParser:
-    """Build the parser of all commands; the documentation reads it, too."""
+    """Build the parser of all commands; the documentation uses it, too."""
     parser = _Parser(prog="skin-calib", description="Spatial calibration of robot tactile skin.")
     parser.add_argument("--version", action="version", version=f"skin-calib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

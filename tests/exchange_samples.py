@@ -9,25 +9,25 @@ RADIUS = 0.03  # [m]
 
 
 def points_round(count, radius=RADIUS):
-    """Points on a spiral round z, and the directions away from it; their first numbers are whole."""
+    """Return points on a helix about z, and their outward directions; the first ones have short numbers."""
     angle = 2 * np.pi * np.arange(count) / 12
     outward = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle)).round(15)
     return (radius * outward + np.outer(np.arange(count), (0, 0, 0.001))).round(9), outward
 
 
 def matrix(degrees, axis="z"):
-    """A rotation about an axis."""
+    """Return a rotation about an axis."""
     return Rotation.from_euler(axis, degrees, degrees=True).as_matrix().round(12)
 
 
 def icub_text(rows, entries=None, head="name\tl_arm\nspatial_sampling\ttaxel\n"):
-    """A positions file: rows ``x y z nx ny nz``, and the entries of its table."""
+    """Return a positions file: rows ``x y z nx ny nz``, and the entries of its table."""
     made = f"taxel2Repr ( {entries} )\n" if entries else ""
     return head + made + "[calibration]\n" + "".join(" ".join(f"{x:.17g}" for x in row) + "\n" for row in rows)
 
 
 def csv_text(positions, normals=None, tangents=None):
-    """A table of positions, with directions where there are some."""
+    """Return a table of positions, optionally with directions."""
     given = [("xyz", "", positions), ("xyz", "n", normals), ("xyz", "t", tangents)]
     given = [(axes, prefix, vectors) for axes, prefix, vectors in given if vectors is not None]
     header = ",".join(prefix + axis for axes, prefix, _ in given for axis in axes)
@@ -54,7 +54,7 @@ NOWHERE = (np.eye(3), (0.0, 0.0, 0.0))
 
 
 def tum_text(cells, base=NOWHERE, beyond=NOWHERE):
-    """A patch with where its root cell lies in the base."""
+    """Return a patch with the pose of its root cell in the base frame."""
     places = "".join(
         f"<{name}>{_pose(shift, turn)}</{name}>\n"
         for name, (turn, shift) in (("tf_rootCell_base", base), ("tf_base_dh", beyond))
@@ -86,7 +86,7 @@ def _pose(shift, turn):
 
 
 def robot_text(places, extra=""):
-    """A URDF with a forearm that has a body and frames that are fixed to it: names and positions."""
+    """Return a URDF of a forearm with a body, and fixed frames with names and positions."""
     frames = "".join(
         f'<link name="{name}"/>\n<joint name="{name}_joint" type="fixed"><origin xyz="{x!r} {y!r} {z!r}" rpy="0 0 0"/>'
         f'<parent link="forearm"/><child link="{name}"/></joint>\n'
@@ -108,7 +108,7 @@ SENSOR = """<robot name="arm"><link name="wrist"/>
 
 
 def ply_text(positions, normals=None):
-    """A cloud as text with faces behind it."""
+    """Return a PLY point cloud as text, with faces at the end."""
     names = ("x", "y", "z") + (() if normals is None else ("nx", "ny", "nz"))
     properties = "".join(f"property float {name}\n" for name in names)
     rows = positions if normals is None else np.column_stack((positions, normals))
@@ -118,7 +118,7 @@ def ply_text(positions, normals=None):
 
 
 def pcd_text(positions, fields="x y z"):
-    """A cloud of PCL as text."""
+    """Return a PCD point cloud as text."""
     count = len(fields.split())
     each = "".join(f"{name}{count * f' {word}'}\n" for name, word in (("SIZE", 4), ("TYPE", "F"), ("COUNT", 1)))
     head = f"# .PCD v0.7\nVERSION 0.7\nFIELDS {fields}\n{each}"

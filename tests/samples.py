@@ -10,7 +10,7 @@ ERRORS = SurfaceErrors(DistanceStatistics(1e-5, 2e-5, 1e-4), DistanceStatistics(
 
 
 def small_calibration(rows=2, columns=3, pitch=0.01, **changes):
-    """A sheet of ``rows`` x ``columns`` round a forearm, and two hexagonal boards on a plane beside it."""
+    """Return a sheet of ``rows`` x ``columns`` on a forearm, and two hexagonal boards on a plane."""
     fields = {
         "link": "forearm",
         "mesh": MeshSource("forearm.stl", "0" * 64, 1000, 1996),
@@ -24,9 +24,9 @@ def small_calibration(rows=2, columns=3, pitch=0.01, **changes):
 
 
 def cylinder():
-    """A tube along z from 0 to 0.2 m, closed in v, about `RADIUS` wide."""
+    """Return a tube along z from 0 to 0.2 m, closed in v, with a radius of about `RADIUS`."""
     angle = 2 * np.pi * np.arange(8 + 3) / 8
-    angle[8:] = angle[:3]  # the first three again, to the bit
+    angle[8:] = angle[:3]  # the first three again, exactly
     ring = np.stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle), 0 * angle], axis=1)
     net = ring + np.array([0, 0, 0.1])[None] * np.arange(3)[:, None, None]
     knots_v = np.arange(-3, 8 + 4) / 8
@@ -34,14 +34,14 @@ def cylinder():
 
 
 def plane():
-    """The square from (0, 0, -0.1) to (0.1, 0.1, -0.1) m, facing up."""
+    """Return the square from (0, 0, -0.1) to (0.1, 0.1, -0.1) m, with an upward normal."""
     net = 0.1 * np.array([[[0, 0, -1], [0, 1, -1]], [[1, 0, -1], [1, 1, -1]]])
     knots = np.array([0, 0, 1, 1.0])
     return SurfaceModel("plane", (1, 1), knots, knots, net, (False, False), ERRORS, {"x_material": "PLA"})
 
 
 def sheet(rows, columns, pitch):
-    """Square cells round the cylinder, rows along its circumference."""
+    """Return square cells on the cylinder, with rows along its circumference."""
     row, column = (a.ravel() for a in np.indices((rows, columns)))
     angle = column * pitch / RADIUS
     normals = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
@@ -70,7 +70,7 @@ def sheet(rows, columns, pitch):
 
 
 def boards(first_channel=0):
-    """Two hexagonal boards side by side on the plane."""
+    """Return two adjacent hexagonal boards on the plane."""
     side = 0.0163
     pitch = 0.02775
     positions = np.array([[0.03, 0.05, -0.1], [0.03 + pitch, 0.05, -0.1]])
@@ -94,7 +94,7 @@ def boards(first_channel=0):
 
 
 def seven_boards(first_channel=0):
-    """A hexagonal board and the six around it on the plane, with their ports."""
+    """Return a hexagonal board and its six neighbours on the plane, with ports."""
     side, pitch = 0.0163, 0.02775
     cells = [
         (0, 0),
@@ -104,7 +104,7 @@ def seven_boards(first_channel=0):
         (-1, 0),
         (0, -1),
         (1, -1),
-    ]  # the sides, from the tangent on, after the middle
+    ]  # the centre, then the sides, starting at the tangent
     positions = np.array([[0.05 + pitch * (q + r / 2), 0.05 + pitch * r * 0.75**0.5, -0.1] for q, r in cells])
     ids = {cell: f"b{cell[0]}.{cell[1]}" for cell in cells}
     ports = [[ids.get((q + a, r + b)) for a, b in cells[1:]] for q, r in cells]

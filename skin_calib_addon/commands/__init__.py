@@ -1,1 +1,1 @@
-"""One module for each command of the command line: ``add`` describes it, ``run`` does it and gives the exit code."""
+"""Commands of the command line: ``add`` defines the arguments, ``run`` executes the command, returns the exit code."""

@@ -1,4 +1,4 @@
-"""``check``: every finding of calibration and plan files, and whether the mesh is still the one that was calibrated."""
+"""``check``: report all findings of calibration and plan files, and compare calibrations with their meshes."""
 
 import argparse
 import os.path
@@ -15,34 +15,34 @@ from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh
 from ..plan import FORMAT, check_plan_wholly
 from .common import DONE, WRONG_DATA, complain
 
-MAX_UNCOUNTED = 10  # findings that one counts by their codes
+MAX_UNCOUNTED = 10  # findings without a count by code. Larger: longer lists without a count.
 
 
 def add(commands) -> None:
     check = commands.add_parser(
         "check",
         help="validate calibrations and plans, and compare calibrations with their meshes",
-        description="The mesh of a calibration is looked for where sources.json, which fit leaves beside calibrations, "
-        "has it, and beside the calibration.",
+        description="The mesh of a calibration is searched at the path in sources.json, which fit writes to the same "
+        "folder, and in the folder of the calibration.",
     )
     check.add_argument(
-        "files", nargs="+", type=Path, metavar="FILE", help="or a folder of *.calibration.json and *.plan.json"
+        "files", nargs="+", type=Path, metavar="FILE", help="file, or folder of *.calibration.json and *.plan.json"
     )
-    check.add_argument("--mesh", type=Path, metavar="MESH", help="mesh of the one calibration named")
+    check.add_argument("--mesh", type=Path, metavar="MESH", help="mesh of the calibration; only for a single file")
     check.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     files = list(_files(options.files))
     if options.mesh is not None and len(files) != 1:
-        raise OutputError(f"--mesh is that of one calibration; {len(files)} files are named")
+        raise OutputError(f"--mesh needs exactly one file; {len(files)} files are given.")
     return max([_check_one(path, options.mesh) for path in files])
 
 
 def _files(named: Iterable[Path]) -> Iterator[Path]:
     for path in named:
         inside = sorted((*path.glob("*.calibration.json"), *path.glob("*.plan.json"))) if os.path.isdir(path) else []
-        yield from inside or [path]  # a folder without any is refused as what is no file
+        yield from inside or [path]  # an empty folder is rejected later, because it is not a file
 
 
 def _check_one(path: Path, mesh: Path | None) -> int:
@@ -77,39 +77,40 @@ def _taxels(document: dict[str, Any]) -> int:
 
 
 def _missing_files(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
-    """The files that a plan names and that are not there."""
+    """Yield a warning for each missing file of a plan."""
     if not os.path.isfile(path.parent / document["mesh"]):
-        yield warning("no-mesh", "/mesh", "names no file; a plan names its mesh relative to its own folder")
+        yield warning("no-mesh", "/mesh", "does not exist; paths are relative to the folder of the plan")
     for k, skin in enumerate(document["skins"]):
         if skin["kind"] == "imported" and not os.path.isfile(path.parent / skin["file"]):
-            message = "names no file; a plan names files of taxels relative to its own folder"
+            message = "does not exist; paths are relative to the folder of the plan"
             yield warning("no-taxels", f"/skins/{k}/file", message, skin["file"])
 
 
 def _compare(path: Path, mesh: dict[str, Any], named: Path | None) -> tuple[list[Finding], str]:
-    """Whether plan and mesh are still those that the calibration was made from, and what became of the mesh."""
+    """Return warnings for changed sources, and the result of the comparison of the mesh."""
     try:
         plans = [
-            warning("outdated", "", f"was made from {name}, which has changed since; fit it again")
+            warning("outdated", "", f"was made from {name}, which has changed; fit it again")
             for name in changed_inputs(path)
         ]
-        place = named or find_mesh(path, mesh["file"])
+        found = named or find_mesh(path, mesh["file"])
     except CalibrationFormatError as problem:
-        return [warning("outdated", "", str(problem))], "mesh not compared"
-    if place is None:
-        return plans, f"mesh {mesh['file']} not found and not compared: name it with --mesh"
-    shown = os.path.normpath(place)
+        message = f"cannot be compared with its sources: {problem}"
+        return [warning("outdated", "", message)], "mesh not compared"
+    if found is None:
+        return plans, f"mesh {mesh['file']} not found and not compared: specify it with --mesh"
+    shown = os.path.normpath(found)
     try:
-        if is_same_mesh(place, mesh["sha256"]):
-            return plans, f"mesh {shown} is the one that was calibrated"
-        message = f"is not that of {shown}: the mesh is no longer the one that was calibrated; fit its plan again"
+        if is_same_mesh(found, mesh["sha256"]):
+            return plans, f"mesh {shown} is unchanged"
+        message = f"differs from that of {shown}: the mesh has changed; fit the plan again"
     except InvalidMesh as problem:
         message = f"cannot be compared: {problem}"
-    return [*plans, warning("outdated", "/mesh/sha256", message, mesh["sha256"])], "mesh is another one"
+    return [*plans, warning("outdated", "/mesh/sha256", message, mesh["sha256"])], "mesh has changed"
 
 
 def _taxel(document: Any, pointer: str) -> str:
-    """The id of the taxel that a pointer leads to, for people who know the taxels by name."""
+    """Return the id of the taxel of a pointer, for the user."""
     keys = pointer.split("/")
     if len(keys) < 6 or keys[1] != "patches" or keys[3] != "taxels":
         return ""

@@ -1,4 +1,4 @@
-"""What several commands share: exit codes, complaints, what may be written."""
+"""Common parts of the commands: exit codes, messages, checks of output files, types of options."""
 
 import argparse
 import math
@@ -10,38 +10,42 @@ from pathlib import Path
 from ..calibration.exchange import FORMATS
 from ..common.errors import OutputError
 
-DONE, WRONG_DATA, WRONG_CALL = 0, 1, 2
+# Contract: exit codes
+DONE = 0
+WRONG_DATA = 1
+WRONG_CALL = 2
 
 
 def complain(message: str) -> None:
-    """One line on stderr, whatever names the message holds."""
+    """Print a message on one line of stderr."""
     print("skin-calib:", " ".join(message.splitlines()), file=sys.stderr)
 
 
 def check_target(target: Path | None, *others: Path | None) -> None:
-    """A missing folder is said before anything is computed, and so is a file that would replace one of the others.
+    """Check an output file before any computation.
 
     Parameters
     ----------
     target : Path, optional
-        What is to be written; None is never wrong.
+        File to write; None is always valid.
     *others : Path, optional
-        Files that are read, or written besides.
+        Other input and output files of the call.
 
     Raises
     ------
     OutputError
+        If the folder is missing, or if the file would replace one of the others.
     """
-    # os.path, for Path.is_dir raises where a name is too long
+    # os.path: Path.is_dir raises for names that are too long
     if target is not None and not os.path.isdir(target) and not os.path.isdir(target.absolute().parent):
-        raise OutputError(f"no folder {target.absolute().parent} to write {target.name} into; create it first")
+        raise OutputError(f"the folder {target.absolute().parent} for {target.name} does not exist. Create it first.")
     for other in others:
         if target is not None and other is not None and _is_same(target, other):
-            raise OutputError(f"{target} would replace {other}, which the same call needs; name another file")
+            raise OutputError(f"{target} would replace {other}, which the same call uses. Choose another file.")
 
 
 def _is_same(a: Path, b: Path) -> bool:
-    """Whether two names are of one file, there or not; folders hold many."""
+    """Return whether two paths are the same file, existing or not; False for a folder."""
     if os.path.isdir(a):
         return False
     try:
@@ -51,23 +55,23 @@ def _is_same(a: Path, b: Path) -> bool:
 
 
 def count(text: str) -> int:
-    """An option's whole number of 1 or more."""
+    """Parse an option that is an integer of at least 1."""
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of 1 or more")
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer of at least 1")
     return int(text)
 
 
 def newtons(text: str) -> float:
-    """An option's force, more than nothing."""
+    """Parse an option that is a positive force [N]."""
     try:
         force = float(text)
     except ValueError:
         force = math.nan
     if not 0 < force < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a force of more than 0 N")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive force in newtons")
     return force
 
 
 def listed(formats: Iterable[str]) -> str:
-    """Formats of other programs for a ``--help``, a line for each."""
+    """Return a line for each format, for ``--help``."""
     return "\n".join(("formats:", *(f"  {name:13} {FORMATS[name].what} ({FORMATS[name].ending})" for name in formats)))

@@ -1,4 +1,4 @@
-"""``export``: the taxels of a calibration in the format of another program."""
+"""``export``: write the taxels of a calibration in the format of another program."""
 
 import argparse
 from pathlib import Path
@@ -17,10 +17,10 @@ def add(commands) -> None:
         epilog=listed(WRITABLE),
     )
     export.add_argument("file", type=Path, metavar="FILE", help="calibration file")
-    export.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of those below")
+    export.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of the formats below")
     export.add_argument("-o", "--output", required=True, type=Path, metavar="OUT")
     export.add_argument(
-        "--patch", action="append", default=[], metavar="NAME", help="this patch alone; may be given more than once"
+        "--patch", action="append", default=[], metavar="NAME", help="write only this patch; can be repeated"
     )
     export.set_defaults(run=run)
 
@@ -32,5 +32,5 @@ def run(options: argparse.Namespace) -> int:
         calibration = only_patches(calibration, options.patch)
     write_bytes_safely(options.output, format.write(calibration))
     taxels, patches = sum(len(patch.taxels.ids) for patch in calibration.patches), len(calibration.patches)
-    print(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; a taxel's id there: {format.labels}")
+    print(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; ids in the file: {format.labels}")
     return DONE

@@ -1,4 +1,4 @@
-"""``fit``: plans, a robot's plans, or the links of an open scene, to calibration files."""
+"""``fit``: calculate calibrations from plans, from the plans of a robot, or from an open scene."""
 
 import argparse
 import os.path
@@ -16,32 +16,40 @@ from .common import DONE, WRONG_DATA, check_target, complain, count
 from .fit_jobs import Job, Outcome, outcomes
 from .progress import Progress
 
-# What a scene gives in place of plan files: each link's plan, and its mesh as it stands in the scene.
+# Returns the plans of a scene, with the meshes of their links.
 ScenePlans = Callable[[], Sequence[tuple[Plan, TriangleMesh]]]
 
-INTERRUPTED = 130  # as shells count a program that Ctrl+C ended
+INTERRUPTED = 130  # Contract: exit code of shells after Ctrl+C
 
 
 def add(commands, scene_plans: ScenePlans | None) -> None:
-    """Describe the command; with a scene's plans it needs no plan file."""
+    """Define the command.
+
+    Parameters
+    ----------
+    commands : argparse subparsers
+        Receive the command.
+    scene_plans : callable, optional
+        Returns the plans of an open scene. With it, a plan file is optional.
+    """
     fit = commands.add_parser(
         "fit",
-        help="turn plans into calibration files",
-        description="Into a folder, what is up to date is not fitted again: same plan, mesh and taxel files, same "
-        "program. One link that fails does not stop the others.",
+        help="calculate calibration files from plans",
+        description="If OUT is a folder, calibrations that are up to date (same plan, mesh, taxel files and program) "
+        "are not fitted again. An error of one link does not stop the others.",
     )
     fit.add_argument(
         "plans",
         nargs="*" if scene_plans else "+",
         type=Path,
         metavar="PLAN",
-        help="plan file; a folder of *.plan.json; or a URDF, for the plans beside it, which are held against it",
+        help="plan file; folder of *.plan.json; or URDF: fit the plans in its folder and compare them with it",
     )
-    fit.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file, or a folder")
-    fit.add_argument("--picture", type=Path, metavar="PNG", help="picture of surface, error, taxels; or a folder")
-    fit.add_argument("--report", type=Path, metavar="JSON", help="errors and times; or a folder")
-    fit.add_argument("--jobs", type=count, default=1, metavar="N", help="plans at a time (default: 1)")
-    fit.add_argument("--again", action="store_true", help="fit what is up to date, too")
+    fit.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file, or folder")
+    fit.add_argument("--picture", type=Path, metavar="PNG", help="picture of surface, errors and taxels; or folder")
+    fit.add_argument("--report", type=Path, metavar="JSON", help="report of errors and times; or folder")
+    fit.add_argument("--jobs", type=count, default=1, metavar="N", help="number of parallel processes (default: 1)")
+    fit.add_argument("--again", action="store_true", help="also fit calibrations that are up to date")
     fit.set_defaults(run=run, scene_plans=scene_plans)
 
 
@@ -56,13 +64,19 @@ def run(options: argparse.Namespace) -> int:
     else:
         links = [(plan.link, plan, mesh) for plan, mesh in (options.scene_plans() if options.scene_plans else ())]
     if not links:
-        raise SkinCalibError("the scene has no link to fit: give an object a link name in the Skin tab, or name a plan")
+        raise SkinCalibError(
+            "The scene has no link to fit. Give an object a link name in the Skin tab, or specify a plan."
+        )
     names = [name for name, _, _ in links]
     for target in (options.output, options.picture, options.report):
         if len(links) > 1 and target is not None and not os.path.isdir(target):
-            raise OutputError(f"{len(links)} links need a folder, and {target} is none; create it, or name one")
+            raise OutputError(
+                f"{target} is not a folder; {len(links)} links need one. Create it, or choose an existing folder."
+            )
     if len(set(names)) < len(names):
-        raise OutputError(f"two plans are both called {next(n for n in names if names.count(n) > 1)!r}; rename one")
+        raise OutputError(
+            f"Two plans have the name {next(n for n in names if names.count(n) > 1)!r}. Rename one of them."
+        )
     folder = options.output if options.plans and os.path.isdir(options.output) else None
     known = load_sources(folder) if folder else {}
     jobs = [_job(options, name, plan, mesh, robot, folder, known) for name, plan, mesh in links]
@@ -71,10 +85,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Robot | None]:
-    """The plans that are named, lie in a folder that is, or beside a URDF; and the robot of the URDF."""
+    """Return the plan files of the arguments (files, folders, folder of a URDF), and the robot of the URDF."""
     robots = [path for path in named if path.suffix.lower() == ".urdf"]
     if len(robots) > 1:
-        raise OutputError(f"{robots[0]} and {robots[1]} are two robots; fit one at a time")
+        raise OutputError(f"{robots[0]} and {robots[1]} are two robots. Fit one at a time.")
     files: list[Path] = []
     for path in named:
         if path not in robots and not os.path.isdir(path):
@@ -82,10 +96,12 @@ def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Robot | None]:
             continue
         found = sorted((path.parent if path in robots else path).glob("*.plan.json"))
         if not found and (path not in robots or named == robots):
-            raise InvalidPlan(f"no *.plan.json {'beside' if path in robots else 'in'} {path}; name the plans")
+            raise InvalidPlan(
+                f"no *.plan.json {'in the folder of' if path in robots else 'in'} {path}. Specify the plans."
+            )
         files += found
-    once = {os.path.realpath(path): path for path in files}
-    return list(once.values()), read_robot(robots[0]) if robots else None
+    unique = {os.path.realpath(path): path for path in files}
+    return list(unique.values()), read_robot(robots[0]) if robots else None
 
 
 def _job(
@@ -121,7 +137,7 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
                 save_source(outcome.job.folder, outcome.job.calibration.name, outcome.source)
     except KeyboardInterrupt:
         progress.clear()
-        complain(f"interrupted after {len(done)} of {len(jobs)} links; the same call goes on from here")
+        complain(f"interrupted after {len(done)} of {len(jobs)} links. The same call continues from here.")
         return INTERRUPTED
     progress.clear()
     if len(jobs) > 1:
@@ -130,7 +146,7 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
 
 
 def _report(outcome: Outcome, which: str) -> None:
-    """What became of a link, as soon as it is known; of one alone, all of it."""
+    """Print the outcome of a link; completely if it is the only one."""
     for warning in outcome.warnings:
         complain(f"{which}{warning.severity}: {warning}")
     if outcome.state == "failed":
@@ -145,13 +161,15 @@ def _state(outcome: Outcome) -> str:
 
 
 def _table(done: list[Outcome]) -> str:
-    """A line for each link, and one for all."""
+    """Return a table with a line for each link, and one for all."""
     width = max(len(outcome.job.name) for outcome in done)
     lines = []
     for outcome in done:
         text = "" if outcome.state == "fitted" else outcome.text
         if outcome.state == "failed":
-            stale = "; the calibration there is of an earlier fit" if os.path.isfile(outcome.job.calibration) else ""
+            stale = (
+                "; the existing calibration is from an earlier fit" if os.path.isfile(outcome.job.calibration) else ""
+            )
             what = " ".join(text.splitlines()) + stale
         else:
             warnings = f"{len(outcome.warnings)} warnings" if outcome.warnings else ""

@@ -1,4 +1,4 @@
-"""Links to fit, one by one or several at a time; what becomes of one is nothing to the others."""
+"""Fit links one by one or in parallel; an error of one link does not affect the others."""
 
 import json
 import os
@@ -35,42 +35,55 @@ class Job:
 
     name: str
     plan: Plan | Path
-    mesh: TriangleMesh | None  # where a scene has it
+    mesh: TriangleMesh | None  # from a scene; None to read the file
     calibration: Path
     picture: Path | None = None
     report: Path | None = None
     robot: Robot | None = None
-    folder: Path | None = None  # where it is noted what calibrations were made from
-    before: Source | None = None  # what is noted there
+    folder: Path | None = None  # folder of sources.json; None without record
+    before: Source | None = None  # the existing record
 
     @property
     def outputs(self) -> list[Path]:
+        """Return the files to write."""
         return [path for path in (self.calibration, self.picture, self.report) if path is not None]
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What became of a job."""
+    """The outcome of a job."""
 
     job: Job
     state: Literal["fitted", "up to date", "kept", "failed"]
-    text: str = ""  # what it came to, or why it failed
+    text: str = ""  # summary, or reason of the failure
     warnings: tuple[Warning, ...] = ()
     taxels: int = 0
     mean: float = 0.0  # distance from surface to mesh [m]
     source: Source | None = None
-    trace: str = ""  # of a mistake of ours
+    trace: str = ""  # traceback of an unexpected error
 
 
 def outcomes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
-    """What becomes of each job, as soon as it is known."""
+    """Yield the outcome of each job as soon as it is finished.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+        Links to fit.
+    processes : int
+        Number of parallel processes.
+
+    Yields
+    ------
+    Outcome
+    """
     if processes == 1 or len(jobs) == 1:
-        return map(_survive if len(jobs) > 1 else fit_one, jobs)
-    return run_tasks(_survive, jobs, processes, lambda job, problem: Outcome(job, "failed", str(problem)))
+        return map(_fit_safely if len(jobs) > 1 else fit_one, jobs)
+    return run_tasks(_fit_safely, jobs, processes, lambda job, problem: Outcome(job, "failed", str(problem)))
 
 
 def fit_one(job: Job) -> Outcome:
-    """Fit one link and write its files, where they are not up to date."""
+    """Fit one link and write its files, unless they are up to date."""
     try:
         plan = load_plan(job.plan) if isinstance(job.plan, Path) else job.plan
         if isinstance(job.plan, Path):
@@ -80,9 +93,9 @@ def fit_one(job: Job) -> Outcome:
         source = source_of(job.plan, plan, job.folder) if job.folder and isinstance(job.plan, Path) else None
         if source and job.before and job.folder:
             if is_current(source, job.before, job.folder, job.outputs):
-                return _left(job, "up to date", job.before, warnings)
+                return _unchanged(job, "up to date", job.before, warnings)
             if _is_edited(job) and is_current(source, job.before, job.folder, []):
-                return _left(job, "kept", job.before, warnings)
+                return _unchanged(job, "kept", job.before, warnings)
         warnings += (EDITED,) if _is_edited(job) else ()
         result = calibrate(plan, job.mesh)
         if job.picture:
@@ -100,13 +113,15 @@ def fit_one(job: Job) -> Outcome:
     return Outcome(job, "fitted", text, warnings + result.warnings, taxels, mean, source)
 
 
-def _left(job: Job, state: Literal["up to date", "kept"], source: Source, warnings: tuple[Warning, ...]) -> Outcome:
-    text = "changed after its fit; --again would undo that" if state == "kept" else ""
+def _unchanged(
+    job: Job, state: Literal["up to date", "kept"], source: Source, warnings: tuple[Warning, ...]
+) -> Outcome:
+    text = "changed after its fit; --again would replace it" if state == "kept" else ""
     return Outcome(job, state, text, warnings + source.warnings, source.taxels, source.mean)
 
 
 def _is_edited(job: Job) -> bool:
-    """Whether the calibration is a good one, but not the one that was written last: it got responses, for example."""
+    """Return whether the calibration is valid, but was changed after its fit, for example by ``response``."""
     if not job.before or not job.folder or not os.path.isfile(job.calibration):
         return False
     name = job.calibration.name
@@ -119,18 +134,18 @@ def _is_edited(job: Job) -> bool:
     return True
 
 
-def _survive(job: Job) -> Outcome:
-    """The same; a mistake of ours, too, is what became of this job alone."""
+def _fit_safely(job: Job) -> Outcome:
+    """Fit one link; an unexpected error becomes its outcome."""
     try:
         return fit_one(job)
     except MemoryError:
-        return Outcome(job, "failed", "there is not enough memory for it; use fewer --jobs, or a coarser mesh")
+        return Outcome(job, "failed", "There is not enough memory. Reduce --jobs, or use a coarser mesh.")
     except Exception as error:
-        text = f"a mistake in the program, please report it: {type(error).__name__}: {error}"
+        text = f"unexpected error in the program, please report it: {type(error).__name__}: {error}"
         return Outcome(job, "failed", text, trace=traceback.format_exc())
 
 
 def _draw(result: Calibrated, path: Path) -> None:
-    from ..pictures.calibration import draw_calibration  # matplotlib, which not every place has
+    from ..pictures.calibration import draw_calibration  # matplotlib is optional
 
     draw_calibration(result.calibration, path, result.cover)

@@ -1,4 +1,4 @@
-"""``import``: the taxels of another program's file as a table, or on the link of a plan as a calibration."""
+"""``import``: convert the taxels of another program to a table, or place them on the link of a plan."""
 
 import argparse
 from pathlib import Path
@@ -19,34 +19,36 @@ from .common import DONE, check_target, complain, listed
 def add(commands) -> None:
     importing = commands.add_parser(
         "import",
-        help="read the taxels of another program's file",
-        description="Without a plan OUT is a table (CSV) of the taxels as the file has them, for a plan's skin of kind "
-        "imported. With a plan OUT is a calibration: the taxels are laid on the link, as its only skin.",
+        help="read the taxels of a file of another program",
+        description="Without --plan, OUT is a table (CSV) of the unchanged taxels, for an imported skin in a plan. "
+        "With --plan, OUT is a calibration: the taxels are placed on the link as its only skin.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=listed(READABLE),
     )
     importing.add_argument("file", type=Path, metavar="FILE")
     importing.add_argument(
-        "--from", dest="format", choices=READABLE, metavar="FORMAT", help="one of those below; else the content tells"
+        "--from", dest="format", choices=READABLE, metavar="FORMAT", help="one of the formats below (default: detected)"
     )
     importing.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="table, or calibration")
-    importing.add_argument("--only", metavar="PATTERN", help="taxels whose label matches, as in 'l_forearm_skin_*'")
+    importing.add_argument(
+        "--only", metavar="PATTERN", help="read only taxels whose label matches, as in 'l_forearm_skin_*'"
+    )
     importing.add_argument(
         "--frame",
         type=_frame,
         metavar="JSON",
-        help='{"rotation", "translation"} from the file\'s frame into the link\'s',
+        help='{"rotation", "translation"} from the frame of the file to the link frame',
     )
-    importing.add_argument("--plan", type=Path, metavar="PLAN", help="plan of the link that the taxels are on")
-    importing.add_argument("--name", metavar="NAME", help="of the patch (default: that of the file); needs --plan")
+    importing.add_argument("--plan", type=Path, metavar="PLAN", help="plan of the link of the taxels")
+    importing.add_argument("--name", metavar="NAME", help="name of the patch (default: name of the file); needs --plan")
     importing.set_defaults(run=run, refuse=importing.error)
 
 
 def run(options: argparse.Namespace) -> int:
     if options.plan is None and options.name is not None:
-        options.refuse("--name is that of a patch of a calibration, which needs --plan")
+        options.refuse("--name needs --plan: it is the name of a patch of a calibration")
     if options.plan is None and options.output.suffix == ".json":
-        options.refuse("a calibration needs the surface of a link: name its --plan; or name a table, OUT.csv")
+        options.refuse("a calibration needs the surface of a link: specify its --plan, or a table OUT.csv")
     check_target(options.output, options.file, options.plan)
     return _as_table(options) if options.plan is None else _on_link(options)
 
@@ -58,7 +60,7 @@ def _as_table(options: argparse.Namespace) -> int:
     write_bytes_safely(options.output, write_taxel_set(taxels))
     for finding in taxels.findings:
         complain(str(finding))
-    frame = "no frame named" if taxels.frame is None else f"frame {taxels.frame}"
+    frame = "no name of a frame" if taxels.frame is None else f"frame {taxels.frame}"
     channels = f"channels {taxels.channels.min()} to {taxels.channels.max()}"
     print(f"{options.output}: table of {len(taxels.labels)} taxels, {channels}, {frame}")
     return DONE
@@ -76,7 +78,7 @@ def _on_link(options: argparse.Namespace) -> int:
 
 
 def _plan(options: argparse.Namespace) -> Plan:
-    """The plan with the file as its only skin."""
+    """Return the plan with the file as its only skin."""
     skin = {"name": options.name or options.file.stem, "kind": "imported", "file": str(options.file)}
     given = {"format": options.format, "only": options.only, "frame": options.frame}
     skin |= {name: value for name, value in given.items() if value is not None}
@@ -88,12 +90,12 @@ def _plan(options: argparse.Namespace) -> Plan:
 
 
 def _frame(text: str) -> dict[str, Any]:
-    """A rotation and a translation in JSON, as a refusal proposes them."""
+    """Parse rotation and translation in JSON, as an error message suggests them."""
     frame, findings = parse(text.encode("utf-8", "replace"))
     findings = tuple(findings) or check_frame(frame)
     if findings:
         raise argparse.ArgumentTypeError(
-            'not {"rotation": [[...], [...], [...]], "translation": [x, y, z]}, as a refusal proposes it; '
+            'must be {"rotation": [[...], [...], [...]], "translation": [x, y, z]}, as an error message suggests it; '
             f"{findings[0]}"
         )
     return frame

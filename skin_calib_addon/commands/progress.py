@@ -1,12 +1,12 @@
-"""How far many jobs are, in the last line of a terminal."""
+"""Show the progress of many jobs in the last line of a terminal."""
 
 import sys
 
-BAR_WIDTH = 30
+BAR_WIDTH = 30  # characters. Larger: finer steps.
 
 
 class Progress:
-    """A bar on stderr where that is a terminal; nothing elsewhere."""
+    """A progress bar on stderr, if that is a terminal."""
 
     def __init__(self, total: int):
         self.total, self.done = total, 0
@@ -14,15 +14,16 @@ class Progress:
         self.show()
 
     def step(self) -> None:
-        """One more is done."""
+        """Count one more finished job."""
         self.done += 1
 
     def show(self) -> None:
+        """Draw the bar."""
         full = BAR_WIDTH * self.done // self.total
         self._write(f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {self.done}/{self.total}")
 
     def clear(self) -> None:
-        """Before anything else is written."""
+        """Erase the bar, before other output."""
         self._write("")
 
     def _write(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""``replay``: recorded readings through the runtime."""
+"""``replay``: process recorded readings with the runtime."""
 
 import argparse
 import json
@@ -16,25 +16,25 @@ from .common import DONE, check_target, complain, count, newtons
 
 
 def add(commands) -> None:
-    replay = commands.add_parser("replay", help="run recorded readings through the runtime")
+    replay = commands.add_parser("replay", help="process recorded readings with the runtime")
     replay.add_argument("file", type=Path, metavar="CALIBRATION")
-    replay.add_argument("readings", type=Path, metavar="READINGS", help="CSV or NPZ with time and readings")
+    replay.add_argument("readings", type=Path, metavar="READINGS", help="CSV or NPZ file with time and readings")
     replay.add_argument(
-        "-o", "--output", type=Path, metavar="OUT", help="contacts, CoP, ZMP, polygons: a line of JSON each frame"
+        "-o", "--output", type=Path, metavar="OUT", help="contacts, CoP, ZMP and polygons as JSON, one line per frame"
     )
-    replay.add_argument("--picture", type=Path, metavar="PNG", help="contacts and polygons over the skin")
+    replay.add_argument("--picture", type=Path, metavar="PNG", help="picture of contacts and polygons on the skin")
     replay.add_argument(
-        "--tare", type=count, default=0, metavar="N", help="take the first N frames as rest (default: 0)"
+        "--tare", type=count, default=0, metavar="N", help="use the first N frames as readings at rest (default: 0)"
     )
     replay.add_argument(
         "--on",
         type=newtons,
         default=SWITCH_ON,
         metavar="NEWTONS",
-        help=f"a taxel is pressed from here on (default: {SWITCH_ON})",
+        help=f"a contact of a taxel begins at this force (default: {SWITCH_ON})",
     )
     replay.add_argument(
-        "--off", type=newtons, default=None, metavar="NEWTONS", help="and stays so down to here (default: half)"
+        "--off", type=newtons, default=None, metavar="NEWTONS", help="and ends below this force (default: half)"
     )
     replay.set_defaults(run=run, refuse=replay.error)
 
@@ -44,18 +44,20 @@ def run(options: argparse.Namespace) -> int:
     check_target(options.picture, options.file, options.readings, options.output)
     off = options.on * SWITCH_OFF / SWITCH_ON if options.off is None else options.off
     if off > options.on:
-        options.refuse(f"--off {off:g} lies above --on {options.on:g}: a taxel is let go at less than it is pressed at")
+        options.refuse(
+            f"--off {off:g} is larger than --on {options.on:g}: a contact must end at a lower force than it begins"
+        )
     skin = load(options.file, options.on, off)
     recorded = list(read_recording(options.readings))
     if options.tare:
         skin.tare([reading for _, reading in recorded[: options.tare]])
     frames = [skin.update(reading, time) for time, reading in recorded]
     if not frames:
-        raise CalibrationFormatError(f"'{options.readings}' holds no frame")
+        raise CalibrationFormatError(f"'{options.readings}' contains no frame. Check that it is the correct file.")
     if all(frame.problem for frame in frames):
         raise CalibrationFormatError(f"'{options.readings}' does not fit the skin: {frames[0].problem}")
     if options.picture:
-        from ..pictures.replay import draw_replay  # matplotlib, which not every place has
+        from ..pictures.replay import draw_replay  # matplotlib is optional
 
         draw_replay(skin, frames, options.picture)
     if options.output:
@@ -71,7 +73,7 @@ def _summary(skin: Skin, frames: list[Frame]) -> str:
     numbers = {c.number for frame in frames for c in frame.contacts}
     touched = [frame for frame in frames if frame.touched]
     forces = [sum(c.force for c in frame.contacts) for frame in touched]
-    places = np.array([frame.cop for frame in frames if frame.cop is not None])
+    cops = np.array([frame.cop for frame in frames if frame.cop is not None])
     most = max(len(frame.contacts) for frame in frames)
     lines = [
         f"link             {skin.link}, {len(skin.ids)} taxels",
@@ -79,9 +81,11 @@ def _summary(skin: Skin, frames: list[Frame]) -> str:
         f"contacts         {len(numbers)}, at most {most} at a time, in {len(touched)} frames",
     ]
     if forces:
-        lines.append(f"force            mean {np.mean(forces):.2f} N, largest {max(forces):.2f} N, where it is touched")
-    if len(places):
-        low, high = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
+        lines.append(
+            f"force            mean {np.mean(forces):.2f} N, largest {max(forces):.2f} N, in frames with contact"
+        )
+    if len(cops):
+        low, high = 1e3 * cops.min(axis=0), 1e3 * cops.max(axis=0)
         lines.append(
             f"CoP              x {low[0]:.1f} to {high[0]:.1f} mm, y {low[1]:.1f} to {high[1]:.1f} mm on the ground"
         )

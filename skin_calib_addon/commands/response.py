@@ -1,4 +1,4 @@
-"""``response``: measurements of the sensors to their responses in a calibration."""
+"""``response``: fit the responses of the sensors to measurements, and store them in a calibration."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -21,15 +21,18 @@ def add(commands) -> None:
     response = commands.add_parser("response", help="fit the responses of the sensors to measurements")
     response.add_argument("file", type=Path, metavar="CALIBRATION")
     response.add_argument(
-        "measurements", type=Path, metavar="MEASUREMENTS", help="CSV with columns reading and force [N], or taxel too"
+        "measurements",
+        type=Path,
+        metavar="MEASUREMENTS",
+        help="CSV file with columns reading, force [N], and optionally taxel",
     )
     response.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file")
-    response.add_argument("--picture", type=Path, metavar="PNG", help="measurements, curves and residuals")
+    response.add_argument("--picture", type=Path, metavar="PNG", help="picture of measurements, curves and residuals")
     response.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    check_target(options.output, options.measurements)  # the calibration may get its responses where it is
+    check_target(options.output, options.measurements)  # OUT may replace the calibration
     check_target(options.picture, options.file, options.measurements, options.output)
     calibration = load_calibration(options.file)
     ids = {name for patch in calibration.patches for name in patch.taxels.ids}
@@ -37,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     fits = [_fit(one, options.measurements) for one in measured]
     result = with_responses(calibration, {one.taxel: fit.response for one, fit in zip(measured, fits)})
     if options.picture:
-        from ..pictures.response import draw_responses  # matplotlib, which not every place has
+        from ..pictures.response import draw_responses  # matplotlib is optional
 
         draw_responses(measured, fits, options.picture)
     save_calibration(result, options.output)
@@ -50,13 +53,18 @@ def run(options: argparse.Namespace) -> int:
 
 
 def with_responses(calibration: LinkCalibration, fitted: dict[str | None, AnyResponse]) -> LinkCalibration:
-    """The calibration with new responses by taxel, or with one for all of the link.
+    """Return a calibration with new responses for single taxels, or one for all taxels.
 
     Parameters
     ----------
     calibration : LinkCalibration
+        It stays unchanged.
     fitted : dict
-        By the id of the taxel. The id None stands for all taxels; whatever they had of their own goes.
+        Responses by the id of the taxel. The id None means all taxels, and removes their own responses.
+
+    Returns
+    -------
+    LinkCalibration
     """
     if None in fitted:
         plain = tuple(_with_rows(patch, ()) for patch in calibration.patches)
@@ -86,7 +94,7 @@ def _fit(measured: Measurements, path: Path) -> ResponseFit:
 
 
 def _line(measured: Measurements, fit: ResponseFit) -> str:
-    """What was found for one taxel, or for all, in a line."""
+    """Return one line about the fit for one taxel, or for all taxels."""
     size = np.abs(fit.residuals)
     return (
         f"{(measured.taxel or 'all taxels')[:16]:16} {fit.kind} on readings {measured.readings.min():g} to "

@@ -1,4 +1,4 @@
-"""``show``: table, warnings and picture of a calibration."""
+"""``show``: print table and warnings of a calibration, and draw a picture."""
 
 import argparse
 from pathlib import Path
@@ -9,7 +9,7 @@ from .common import DONE, check_target, complain
 
 
 def add(commands) -> None:
-    show = commands.add_parser("show", help="table, warnings and picture of a calibration")
+    show = commands.add_parser("show", help="print table and warnings of a calibration, and draw a picture")
     show.add_argument("file", type=Path, metavar="FILE")
     show.add_argument("--picture", type=Path, metavar="PNG")
     show.set_defaults(run=run)

@@ -1,4 +1,4 @@
-"""``touches``: a calibration beside measured touches, and a plan whose skins lie where these say."""
+"""``touches``: compare a calibration with measured touches, and refine the poses of its skins."""
 
 import argparse
 from pathlib import Path
@@ -18,26 +18,29 @@ def add(commands) -> None:
     touches = commands.add_parser(
         "touches",
         help="compare a calibration with measured touches",
-        description="TOUCHES is a CSV file with the taxel, or channel, that felt each touch most, and x, y, z of the "
-        "probe's tip [m], or the wrench fx, fy, fz, tx, ty, tz of a force-torque sensor [N, N m]; in the link frame.",
+        description="TOUCHES is a CSV file. Each row has the taxel (or channel) with the largest reading, and the "
+        "position x, y, z of the probe [m] or the wrench fx, fy, fz, tx, ty, tz of a force-torque sensor [N, N m], in "
+        "the link frame.",
     )
-    touches.add_argument("file", type=Path, metavar="FILE", help="calibration, or plan")
+    touches.add_argument("file", type=Path, metavar="FILE", help="calibration or plan")
     touches.add_argument("touches", type=Path, metavar="TOUCHES")
-    touches.add_argument("--refine", action="store_true", help="move the skins of the plan to where the touches are")
-    touches.add_argument("-o", "--output", type=Path, metavar="OUT", help="the moved plan")
-    touches.add_argument("--picture", type=Path, metavar="PNG", help="touches over the cells that felt them")
+    touches.add_argument(
+        "--refine", action="store_true", help="move the skins of the plan to the positions of the touches"
+    )
+    touches.add_argument("-o", "--output", type=Path, metavar="OUT", help="refined plan")
+    touches.add_argument("--picture", type=Path, metavar="PNG", help="picture of the touches and their cells")
     touches.set_defaults(run=run, refuse=touches.error)
 
 
 def run(options: argparse.Namespace) -> int:
     if options.refine != (options.output is not None):
-        options.refuse("--refine writes the moved plan to -o OUT: name both or neither")
-    check_target(options.output, options.touches)  # the plan may be moved where it is
+        options.refuse("--refine and -o OUT belong together: specify both or neither")
+    check_target(options.output, options.touches)  # OUT may replace the plan
     check_target(options.picture, options.file, options.touches, options.output)
     is_plan = _is_plan(options.file)
     if options.refine and not is_plan:
         raise InvalidPlan(
-            f"'{options.file}' is no plan; a calibration does not say how its skins were laid: name its plan"
+            f"--refine needs the plan file, but '{options.file}' is not a plan. Specify the plan of the calibration."
         )
     plan = load_plan(options.file) if is_plan else None
     result = calibrate(plan) if plan else None
@@ -53,10 +56,10 @@ def run(options: argparse.Namespace) -> int:
         refined = refine(plan, result, touches)
         found = refined.placements
         save_plan(named_from(refined.plan, options.output.absolute().parent), options.output)
-        print(f"plan             {options.output}; once its skins are moved:")
+        print(f"plan             {options.output}; after the refinement:")
         _report(found)
     if options.picture:
-        from ..pictures.touches import draw_touches  # matplotlib, which not every place has
+        from ..pictures.touches import draw_touches  # matplotlib is optional
 
         draw_touches(found, options.picture)
     return DONE
@@ -72,7 +75,7 @@ def _count(calibration: LinkCalibration) -> int:
 
 
 def _report(found: list[Placement]) -> None:
-    """A few lines for each patch."""
+    """Print a few lines for each patch."""
     for placement in found:
         for line in summarize(placement):
             print(f"{placement.patch.name[:16]:16} {line}")

@@ -1,7 +1,8 @@
-"""Work in processes of their own: one that dies spoils what it was at, and nothing else.
+"""Run tasks in worker processes; a crashed worker loses only its own task.
 
-Each is a new Python that gets its work by a pipe, the same on every system. A fork would copy the locks of threads that
-do not go on in it; what `multiprocessing` spawns runs the script of whoever called us once more.
+Each worker is a new Python process that receives tasks through a pipe, on every operating system. A fork would copy
+locks of threads that do not exist in the child. A process that `multiprocessing` spawns would run the script of the
+caller again.
 """
 
 import os
@@ -16,34 +17,40 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import Any
 
-# Modules are looked for where the program that asks looks for them.
+# Workers have the import path of the parent.
 PROGRAM = f"import sys; sys.path[:] = sys.argv[1:]; from {__name__} import serve; serve()"
-END_TIMEOUT = 5.0  # [s] for the end of a process that was asked to end; what computes hears it late
+END_TIMEOUT = 5.0  # [s] until a worker is killed. Larger: an interrupted program ends later.
 
 
 class ProcessDied(Exception):
-    """A process ended before its work was done; the message says how."""
+    """A process ended before it finished its task; the message states how."""
 
 
 def run_tasks(
     work: Callable[[Any], Any], tasks: Sequence[Any], count: int, lost: Callable[[Any, ProcessDied], Any]
 ) -> Iterator[Any]:
-    """What comes of each task, as soon as it is known.
+    """Yield the result of each task as soon as it is finished.
 
     Parameters
     ----------
     work : function of a module
-        Gives what comes of a task. Tasks and results go through pipes (pickle).
+        Computes the result of a task. Tasks and results are pickled.
     tasks : sequence
+        Arguments of ``work``.
     count : int
-        Processes at a time. All have ended when the iteration ends, or is left.
+        Number of parallel processes. All have ended when the iteration ends or is closed.
     lost : function
-        Gives what comes of a task whose process died.
+        Computes the result of a task whose process crashed, from the task and the error.
+
+    Yields
+    ------
+    object
+        Results, in the order in which they are finished.
     """
     workers = [_Worker() for _ in range(min(count, len(tasks)))]
     idle: SimpleQueue[_Worker] = SimpleQueue()
 
-    def hand_over(task: Any) -> Any:
+    def assign(task: Any) -> Any:
         worker = idle.get()
         try:
             return worker.do(work, task)
@@ -56,7 +63,7 @@ def run_tasks(
         idle.put(worker)
     pool = ThreadPoolExecutor(len(workers))
     try:
-        for future in as_completed([pool.submit(hand_over, task) for task in tasks]):
+        for future in as_completed([pool.submit(assign, task) for task in tasks]):
             yield future.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -69,16 +76,16 @@ def run_tasks(
 
 
 class _Worker:
-    """A process that does one task after the other; begun when there is one, and anew where it died."""
+    """A process for tasks, one after another; it starts with the first task, and again after a crash."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._ended = False
 
     def do(self, work: Callable[[Any], Any], task: Any) -> Any:
-        """The result of a task; ProcessDied if there is none."""
+        """Return the result of a task; raise ProcessDied if the process crashed."""
         process = self._process = self._process or _begin()
-        if self._ended:  # while it began
+        if self._ended:  # ask_to_end was called during the start
             process.kill()
         assert process.stdin and process.stdout
         try:
@@ -91,13 +98,13 @@ class _Worker:
             raise ProcessDied(_how(process.wait())) from None
 
     def ask_to_end(self) -> None:
-        """Without waiting for the task that it is at."""
+        """Terminate the process without waiting for its task."""
         self._ended, process = True, self._process
         if process:
             process.terminate()
 
     def end(self, deadline: float) -> None:
-        """Wait until it has ended, and end it by force after the deadline."""
+        """Wait until the process has ended, and kill it after the deadline."""
         process = self._process
         if process:
             try:
@@ -110,31 +117,31 @@ class _Worker:
 
 def _begin() -> subprocess.Popen[bytes]:
     command, pipe = [sys.executable, "-c", PROGRAM, *sys.path], subprocess.PIPE
-    if sys.platform == "win32":  # Ctrl+C is for the one that waits
+    if sys.platform == "win32":  # only the parent receives Ctrl+C
         return subprocess.Popen(command, stdin=pipe, stdout=pipe, creationflags=subprocess.CREATE_NEW_PROCESS_GROUP)
     return subprocess.Popen(command, stdin=pipe, stdout=pipe, process_group=0)
 
 
 def _close(process: subprocess.Popen[bytes]) -> None:
     for pipe in (process.stdin, process.stdout):
-        with suppress(OSError):  # what it did not take
+        with suppress(OSError):  # data that it did not read
             if pipe:
                 pipe.close()
 
 
 def _how(code: int) -> str:
-    """How a process ended, by its exit code."""
+    """Describe how a process ended, from its exit code."""
     if code >= 0:
-        return f"its process ended by itself with code {code}"
+        return f"its process exited with code {code}"
     name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
     if name == "SIGKILL":
-        return "its process was ended from outside, most likely for want of memory"
-    return f"its process was ended by {name}"
+        return "its process was killed, most likely because of insufficient memory"
+    return f"its process was ended by the signal {name}"
 
 
 def serve() -> None:
-    """Do tasks from stdin until there is none; what a library prints goes to stderr."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # so that what is being written is cleared away
+    """Run tasks from stdin until it is closed; the output of libraries goes to stderr."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # temporary files are removed
     tasks, results = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
@@ -142,5 +149,5 @@ def serve() -> None:
             work, task = pickle.load(tasks)
             pickle.dump(work(task), results)
             results.flush()
-    except (EOFError, BrokenPipeError):  # whoever asked is gone
-        os._exit(0)  # what is left in the pipe would complain
+    except (EOFError, BrokenPipeError):  # the parent has ended
+        os._exit(0)  # flushing the broken pipe would print an error

@@ -1,4 +1,4 @@
-"""From a plan to a calibration: the whole flow, its report, the record of its sources."""
+"""Calculate a calibration from a plan, report it, and record its sources."""
 
 from .calibrate import Calibrated, calibrate
 

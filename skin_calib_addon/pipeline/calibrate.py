@@ -1,4 +1,4 @@
-"""From one link's mesh to its taxels: the whole flow on one page."""
+"""Calculate the calibration of one link: load, cut, fit, wrap, errors."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +22,7 @@ from .place_skins import SURFACE, PlacedSkin, place_all
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """A calibration, and what it was made from, for reports and pictures."""
+    """A calibration with its intermediate results, for reports and pictures."""
 
     calibration: LinkCalibration
     cover: TriangleMesh
@@ -32,7 +32,7 @@ class Calibrated:
 
     @cached_property
     def warnings(self) -> tuple[Warning, ...]:
-        """Return what the author should look at: of the fit, and of each skin."""
+        """Return the warnings of the fit and of all skins."""
         of_skins = ((*_over_holes(placed.patch, self.fit), *placed.warnings) for placed in self.placed)
         return self.fit.warnings + tuple(warning for warnings in of_skins for warning in warnings)
 
@@ -40,20 +40,25 @@ class Calibrated:
 def calibrate(
     plan: Plan, mesh: TriangleMesh | None = None, begin: Callable[[str], None] = lambda stage: None
 ) -> Calibrated:
-    """Cut the cover, fit the surface, wrap the skins.
+    """Cut the cover, fit the surface, and place the skins.
 
     Parameters
     ----------
     plan : Plan
+        Planes, skins and options.
     mesh : TriangleMesh, optional
-        The link's mesh where it is at hand, as in a scene; else it is read from the plan's file.
+        The mesh of the link. Default: read from the file of the plan.
     begin : function, optional
-        Is told the name of each stage; what it raises ends the work.
+        Called with the name of each stage. An exception aborts the calibration.
+
+    Returns
+    -------
+    Calibrated
 
     Raises
     ------
     SkinCalibError
-        With what is wrong, where, and what to do.
+        If a step fails; the message states what is wrong, where, and what to do.
     """
     seconds: dict[str, float] = {}
 
@@ -83,7 +88,7 @@ def calibrate(
 
 
 def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
-    """A warning about the taxels of a patch where the surface spans a hole of the mesh, if there are any."""
+    """Return a warning if taxels of a patch are over a hole of the mesh."""
     over = np.flatnonzero(~fit.is_trusted(patch.taxels.uv))
     if len(over) == 0:
         return ()
@@ -103,11 +108,11 @@ def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
 
 
 def surface_model(fit: SurfaceFit) -> SurfaceModel:
-    """The fitted surface as the calibration keeps it."""
+    """Convert a fitted surface to the record of a calibration."""
     s = fit.surface
     return SurfaceModel(SURFACE, s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
 
 
 def surface_of(model: SurfaceModel) -> BSplineSurface:
-    """A surface kept in a calibration, ready to evaluate."""
+    """Convert the record of a calibration to a surface that can be evaluated."""
     return BSplineSurface(model.control_net, model.knots_u, model.knots_v, model.degree, model.closed)

@@ -1,4 +1,4 @@
-"""Lay the skins of a plan on the fitted surface, each in its own way."""
+"""Place the skins of a plan on the fitted surface."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property, singledispatch
@@ -20,12 +20,12 @@ from ..skin.sheet.taxels import sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
 from ..skin.warnings import placement_warnings
 
-SURFACE = "cover"
+SURFACE = "cover"  # name of the surface in a calibration
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedSkin:
-    """A patch on the surface, and what is told of how it got there."""
+    """A patch on the surface, and data about its placement."""
 
     patch: Patch
     sheet: WrappedSheet | None = None
@@ -33,12 +33,12 @@ class PlacedSkin:
 
     @cached_property
     def closure(self) -> Closure | None:
-        """How a sheet that goes round the link closes; None of other skins."""
+        """Return the gaps of a sheet that encloses the link; None for other skins."""
         return None if self.sheet is None else closure(self.sheet)
 
     @property
     def warnings(self) -> tuple[Warning, ...]:
-        """Return what the author should look at."""
+        """Return the warnings about the placement."""
         name, findings = self.patch.name, () if self.imported is None else self.imported.findings
         of_file = (
             Warning(f.code, f.severity, f"{name}: {f.sentence}", Place(names=f.pointer, skin=name)) for f in findings
@@ -47,23 +47,31 @@ class PlacedSkin:
 
 
 def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, ...] = ()) -> tuple[PlacedSkin, ...]:
-    """Lay the skins of a link one after another, and join those that touch.
+    """Place the skins of a link one after another, and join adjacent sheets.
 
     Parameters
     ----------
+    skins : tuple of Skin
+        Skins of a plan.
+    fit : SurfaceFit
+        The surface.
     near : tuple of PlacedSkin, optional
-        How the same skins lay on a surface much like this one: sheets then come to rest sooner, and less exactly.
+        Placements of the same skins on a similar surface. Sheets then converge faster and less precisely.
+
+    Returns
+    -------
+    tuple of PlacedSkin
 
     Raises
     ------
     SkinCalibError
-        If one does not fit, two share a channel, or imported taxels are in another frame.
+        If a skin does not fit, two skins have a channel in common, or imported taxels are in another frame.
     """
     placed: list[PlacedSkin] = []
     counts: list[int | None] = []
     for k, skin in enumerate(skins):
         first = first_channels(skins[: k + 1], [*counts, None])[k]
-        assert first is not None  # the numbers of all skins before are known
+        assert first is not None  # the counts of all previous skins are known
         done = place_skin(skin, fit, first, near[k] if near else None)
         placed.append(done)
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
@@ -74,7 +82,23 @@ def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, 
 
 @singledispatch
 def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
-    """Lay one skin on the surface of a fit."""
+    """Place one skin on the surface of a fit.
+
+    Parameters
+    ----------
+    skin : Skin
+        A sheet, boards, or imported taxels.
+    fit : SurfaceFit
+        The surface.
+    first_channel : int
+        Channel of its first taxel.
+    near : PlacedSkin, optional
+        Placement of the same skin on a similar surface.
+
+    Returns
+    -------
+    PlacedSkin
+    """
     raise TypeError(f"cannot place a {type(skin).__name__}")
 
 

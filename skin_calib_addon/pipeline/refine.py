@@ -1,4 +1,4 @@
-"""Move the skins of a plan to where touches say that they lie."""
+"""Refine the poses of the skins of a plan with measured touches."""
 
 from dataclasses import dataclass, replace
 from functools import singledispatch
@@ -18,44 +18,51 @@ from ..validation.touches import Touches
 from .calibrate import Calibrated
 from .place_skins import place_all
 
-MAX_REFINE_STEPS = 8
-REFINE_TOLERANCE = 1e-5  # a slide that moves no cell by more is the last [m]
+MAX_REFINE_STEPS = 8  # Larger: a refinement that converges slowly takes longer before it fails.
+REFINE_TOLERANCE = 1e-5  # Largest motion of a cell in the last step [m]. Larger: fewer steps, less precise.
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """A plan whose skins lie where touches say."""
+    """A plan whose skins are at the positions of the touches."""
 
     plan: Plan
-    calibration: LinkCalibration  # with the skins placed so
-    placements: list[Placement]  # how far the touches are off there
+    calibration: LinkCalibration  # with the refined skins
+    placements: list[Placement]  # deviations of the touches from the refined skins
 
 
 def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
-    """Slide each skin that was touched on its surface until the touches ask for no more.
+    """Move each touched skin along the surface until the touches agree with it.
 
-    Origin and direction of a skin move, or its landmarks; boards that chose their own places keep them.
+    Each step applies the rigid motion of a skin in its developed plane that fits its touches best. It changes origin
+    and direction of the skin, or its landmarks. Boards keep their cells.
 
     Parameters
     ----------
     plan : Plan
+        The plan to refine.
     result : Calibrated
-        What came of the plan.
+        Calibration of the plan.
     touches : Touches
+        Measured touches.
+
+    Returns
+    -------
+    Refined
 
     Raises
     ------
     InvalidPlan
-        If a skin was touched too few times, or by channels in another order, is imported, is centred without
-        its first cell, or comes to no rest.
+        If a skin has too few touches, touches of channels in another order, or no first cell although it is centred;
+        if it is imported; or if the refinement does not converge.
     OutsideSurface
-        If a skin would lie off the surface.
+        If a skin would leave the surface.
     """
     placed, found = result.placed, placements(result.calibration, touches)
     for placement in found:
         order = other_order(placement)
         if order:
-            raise InvalidPlan(f"the touches of skin {placement.patch.name!r} fit {order}; put the channels right first")
+            raise InvalidPlan(f"the touches of skin {placement.patch.name!r} fit {order}. Correct the channels first.")
     skins = plan.skins
     for _ in range(MAX_REFINE_STEPS):
         motions = {placement.patch.name: _motion(placement) for placement in found}
@@ -80,21 +87,33 @@ def _motion(placement: Placement) -> Motion:
         return placement.motion
     name, count = placement.patch.name, len(placement.rows)
     if placement.patch.kind == "imported":
-        raise InvalidPlan(
-            f"skin {name!r} lies where its file says; touches do not move it: change the file, or its frame"
-        )
-    raise InvalidPlan(f"skin {name!r} was touched {count} times, which is too few to say how it lies")
+        raise InvalidPlan(f"skin {name!r} is imported: touches cannot move it. Change its file or its frame.")
+    raise InvalidPlan(f"skin {name!r} has {count} touches, which are too few for its pose. Measure more touches.")
 
 
 def _largest(placement: Placement) -> float:
-    """By how much a touched cell would still move [m]."""
+    """Return the largest motion of a touched cell [m]."""
     return float(np.linalg.norm(_motion(placement).at(placement.flat), axis=1).max())
 
 
 @singledispatch
 def moved(skin: Skin, patch: Patch, motion: Motion) -> Any:
-    """A skin that lies as a patch does, slid by a motion."""
-    raise TypeError(f"no way to move a {type(skin).__name__}")
+    """Return a skin that is moved along the surface.
+
+    Parameters
+    ----------
+    skin : Skin
+        The skin before the motion.
+    patch : Patch
+        Its current placement.
+    motion : Motion
+        Motion in the developed plane [m, rad].
+
+    Returns
+    -------
+    Skin
+    """
+    raise TypeError(f"cannot move a {type(skin).__name__}")
 
 
 @moved.register
@@ -116,25 +135,25 @@ def _(skin: BoardSkin, patch: Patch, motion: Motion) -> BoardSkin:
 
 
 def _root(skin: SheetSkin | BoardSkin, patch: Patch, motion: Motion) -> tuple[Any, Any]:
-    """Origin and direction of a slid skin; of one that was centred those that it has there."""
+    """Return origin and direction of a moved skin; a centred skin uses those of its placement."""
     taxels, root = patch.taxels, (0, 0)
     row = _row_near(patch, root)
-    place, direction = taxels.positions_link[row], taxels.tangents_link[row]
+    origin, direction = taxels.positions_link[row], taxels.tangents_link[row]
     if skin.origin is not None:
-        place, direction = np.array(skin.origin), np.array(skin.direction or direction)
+        origin, direction = np.array(skin.origin), np.array(skin.direction or direction)
     elif tuple(taxels.index[row]) != root:
-        raise InvalidPlan(f"skin {skin.name!r} has no cell (0, 0) to be held by where it lies; give it an origin first")
-    return _triple(place + _step(patch, root, motion)), _turned(direction, patch, root, motion)
+        raise InvalidPlan(f"skin {skin.name!r} is centred and has no cell (0, 0). Give it an origin first.")
+    return _triple(origin + _step(patch, root, motion)), _turned(direction, patch, root, motion)
 
 
 def _row_near(patch: Patch, cell: tuple[int, int]) -> int:
-    """Of the taxel of a cell, or of the nearest one where that was left out."""
-    places, cells = flat_places(patch, patch.taxels.index), np.array([cell])
-    return int(np.linalg.norm(places - flat_places(patch, cells), axis=1).argmin())
+    """Return the row of the taxel of a cell, or of the nearest one if the cell was left out."""
+    positions, cells = flat_places(patch, patch.taxels.index), np.array([cell])
+    return int(np.linalg.norm(positions - flat_places(patch, cells), axis=1).argmin())
 
 
 def _step(patch: Patch, cell: tuple[int, int], motion: Motion) -> Array:
-    """By how much a cell moves, in the link frame (3,) [m]."""
+    """Return the motion of a cell in the link frame (3,) [m]."""
     along, across = motion.at(flat_places(patch, np.array([cell])))[0]
     row = _row_near(patch, cell)
     normal, tangent = patch.taxels.normals_link[row], patch.taxels.tangents_link[row]
@@ -142,7 +161,7 @@ def _step(patch: Patch, cell: tuple[int, int], motion: Motion) -> Array:
 
 
 def _turned(direction: Any, patch: Patch, cell: tuple[int, int], motion: Motion) -> Any:
-    """A direction at a cell, turned."""
+    """Return a direction at a cell, rotated about the normal."""
     normal = patch.taxels.normals_link[_row_near(patch, cell)]
     return _triple(Rotation.from_rotvec(motion.turn * normal).apply(np.array(direction)))
 

@@ -1,4 +1,4 @@
-"""What a calibration is, in words and numbers: the summary of a fit, the table of a file."""
+"""Describe a calibration as text and as JSON: summary of a fit, report, table of a file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,12 +18,25 @@ from ..skin.imported import Distances
 from .calibrate import Calibrated
 from .place_skins import PlacedSkin
 
-# What is told of boards, in metres.
+# Reported qualities of boards that are lengths [m].
 BOARD_LENGTHS = ("pitch_error", "gap", "collision", "overhang")
 
 
 def summary(result: Calibrated, path: Path) -> str:
-    """A dozen lines about one fit: what, how far off, how it sits, how long."""
+    """Return a summary of one fit: sizes, errors, placement, time.
+
+    Parameters
+    ----------
+    result : Calibrated
+        Result of the fit.
+    path : Path
+        Calibration file.
+
+    Returns
+    -------
+    str
+        About a dozen lines.
+    """
     fit, seconds, errors = result.fit, result.seconds, result.fit.errors
     n, m = fit.lines.origins.shape[:2]
     taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
@@ -46,7 +59,7 @@ def summary(result: Calibrated, path: Path) -> str:
 
 
 def _patch_summary(placed: PlacedSkin) -> Iterator[str]:
-    """A line or two about a patch: the strain of a sheet and how it closes, the worst of the boards."""
+    """Yield lines about a patch: strain and gaps of a sheet, largest deviations of boards."""
     quality, name = placed.patch.taxels.quality, f"{placed.patch.name[:16]:16} "
     if "strain" in quality:
         strain = np.abs(quality["strain"]).max(axis=0)
@@ -69,7 +82,7 @@ def _distances(distances: Distances) -> dict[str, Any]:
 
 
 def _patch_document(placed: PlacedSkin) -> dict[str, Any]:
-    """How one patch sits, for the report."""
+    """Return data about one patch for the report."""
     taxels = placed.patch.taxels
     document: dict[str, Any] = {
         "name": placed.patch.name,
@@ -99,7 +112,7 @@ def _millimetres(d: DistanceStatistics) -> str:
 
 
 def report_document(result: Calibrated) -> dict[str, Any]:
-    """Errors, sizes and times of one fit as JSON; metres and seconds."""
+    """Return errors, sizes and times of one fit as a JSON value, in metres and seconds."""
     fit = result.fit
     errors = {
         name: {"mean": d.mean, "rms": d.rms, "max": d.max}
@@ -129,9 +142,9 @@ def report_document(result: Calibrated) -> dict[str, Any]:
 
 
 def table(calibration: LinkCalibration) -> str:
-    """What a calibration file holds, for a person to read."""
+    """Return the content of a calibration file as readable text."""
     mesh, responses = calibration.mesh, calibration.responses
-    own = f"; {len(responses)} more, that taxels have of their own" if responses else ""
+    own = f"; {len(responses)} more for single taxels" if responses else ""
     lines = [
         f"link      {calibration.link}",
         f"mesh      {mesh.file}: {mesh.vertices} vertices, {mesh.faces} faces",
@@ -152,7 +165,7 @@ def table(calibration: LinkCalibration) -> str:
 
 
 def _patch_lines(patch: Patch) -> Iterator[str]:
-    """Kind, cells, channels and place of a patch, and where each quality is worst."""
+    """Yield kind, cells, channels and position of a patch, and the largest value of each quality."""
     taxels = patch.taxels
     least, most = int(taxels.channels.min()), int(taxels.channels.max())
     channels = f"channels {least} to {most}" + (", not all" if most - least >= len(taxels.ids) else "")
@@ -171,7 +184,7 @@ def _patch_lines(patch: Patch) -> Iterator[str]:
 
 
 def _columns(name: str, values: Array) -> Iterator[tuple[str, Array, float, str]]:
-    """What a column of quality tells: name, numbers, and factor to a unit that people read."""
+    """Yield name, values, factor and unit of each component of a quality."""
     if name == "strain":
         yield "strain along", values[:, 0], 100, "%"
         yield "strain across", values[:, 1], 100, "%"
@@ -184,7 +197,7 @@ def _columns(name: str, values: Array) -> Iterator[tuple[str, Array, float, str]
 
 
 def _response(response: AnyResponse) -> str:
-    """The force of a reading, in words."""
+    """Describe a response as text."""
     if isinstance(response, ResponseTable):
         readings, forces = response.readings, response.forces
         ends = f"readings {readings[0]:g} to {readings[-1]:g}, {min(forces):g} to {max(forces):g} N"

@@ -1,4 +1,4 @@
-"""What each calibration of a folder was made from, so that none is made twice and a changed mesh is noticed."""
+"""Record the source files of calibrations, to skip repeated fits and to find changed meshes."""
 
 import hashlib
 import json
@@ -25,13 +25,13 @@ from ..plan.skins import ImportedSkin
 
 FILE = "sources.json"
 FORMAT, VERSION = "skin-sources", 2
-# Another release of a library rounds otherwise, or reads a mesh otherwise.
+# Other versions of a library may round differently, or read a mesh differently.
 PROGRAM = f"skin-calib {__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}, trimesh {trimesh.__version__}"
 
 
 @dataclass(frozen=True)
 class Source:
-    """What one calibration was made from and what was written; paths are relative to its folder, hashes of bytes."""
+    """Sources and outputs of one calibration; paths are relative to its folder, hashes are of bytes."""
 
     program: str
     plan: str
@@ -43,19 +43,34 @@ class Source:
     warnings: tuple[Warning, ...]
 
     def has_files(self, folder: Path, hashes: dict[str, str]) -> bool:
-        """Whether files are there as they were."""
-        return all(file_hash(folder / path) == told for path, told in hashes.items())
+        """Return whether files are unchanged.
+
+        Parameters
+        ----------
+        folder : Path
+            Folder of the calibration.
+        hashes : dict
+            Expected hashes by relative path.
+        """
+        return all(file_hash(folder / path) == expected for path, expected in hashes.items())
 
 
 def source_of(path: Path, plan: Plan, folder: Path) -> Source:
-    """What a calibration that is made now comes from; taken before it is made, so that no later change is missed.
+    """Return the sources of a new calibration; call it before the fit, so that later changes are found.
 
     Parameters
     ----------
-    path, plan : Path, Plan
-        The plan's file, and what `load_plan` read from it.
+    path : Path
+        File of the plan.
+    plan : Plan
+        Its content.
     folder : Path
-        Where the calibration goes.
+        Folder of the calibration.
+
+    Returns
+    -------
+    Source
+        Without outputs.
     """
     files = (path, plan.mesh, *taxel_files(plan))
     inputs = {relative_path(folder, file): file_hash(file) or "" for file in files}
@@ -63,30 +78,58 @@ def source_of(path: Path, plan: Plan, folder: Path) -> Source:
 
 
 def taxel_files(plan: Plan) -> tuple[Path, ...]:
-    """The files that the imported skins of a plan come from."""
+    """Return the files of the imported skins of a plan."""
     return tuple(skin.file for skin in plan.skins if isinstance(skin, ImportedSkin))
 
 
 def add_outputs(source: Source, folder: Path, outputs: list[Path], **numbers: Any) -> Source:
-    """The same once files are written."""
+    """Return a source with the hashes of its outputs, which must exist.
+
+    Parameters
+    ----------
+    source : Source
+        It stays unchanged.
+    folder : Path
+        Folder of the calibration.
+    outputs : list of Path
+        Written files.
+    **numbers
+        Other fields to replace.
+
+    Returns
+    -------
+    Source
+    """
     hashes = {relative_path(folder, path): file_hash(path) or "" for path in outputs}
     return replace(source, outputs=hashes, **numbers)
 
 
 def is_current(now: Source, before: Source, folder: Path, outputs: list[Path]) -> bool:
-    """Whether the same program made these files from the same plan, mesh and taxel files, and they still stand."""
+    """Return whether the outputs exist, are unchanged, and have the same program and inputs.
+
+    Parameters
+    ----------
+    now : Source
+        Current inputs.
+    before : Source
+        Recorded inputs and outputs.
+    folder : Path
+        Folder of the calibration.
+    outputs : list of Path
+        Required files.
+    """
     wanted = {relative_path(folder, path) for path in outputs}
     same = (now.program, now.inputs) == (before.program, before.inputs)
     return same and wanted <= before.outputs.keys() and before.has_files(folder, {p: before.outputs[p] for p in wanted})
 
 
 def load_sources(folder: Path) -> dict[str, Source]:
-    """By the name of the calibration file; empty where nothing was noted.
+    """Read the sources of a folder by the name of the calibration file; empty without a record.
 
     Raises
     ------
     CalibrationFormatError
-        If the notes cannot be read or are damaged.
+        If the record cannot be read or is invalid.
     """
     path = folder / FILE
     if not os.path.lexists(path):
@@ -95,14 +138,16 @@ def load_sources(folder: Path) -> dict[str, Source]:
     document = _migrated(document)
     findings = tuple(findings) or check(document, _schema())
     if findings:
-        message = f"cannot tell what the calibrations of '{folder}' were made from: {FILE} has {findings[0]}; delete it"
+        message = (
+            f"the sources of the calibrations in '{folder}' are unknown: {FILE} has {findings[0]}. Delete this file."
+        )
         raise CalibrationFormatError(message, findings)
     known = document["calibrations"].items()
     return {name: Source(**{**member, "warnings": from_document(member["warnings"])}) for name, member in known}
 
 
 def _migrated(document: Any) -> Any:
-    """A document of version 1, whose warnings were plain strings, as one of version 2; others as they are."""
+    """Migrate a document of version 1, whose warnings are strings; return others unchanged."""
     if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("version") != 1:
         return document
     calibrations = document.get("calibrations")
@@ -113,7 +158,17 @@ def _migrated(document: Any) -> Any:
 
 
 def save_source(folder: Path, name: str, source: Source) -> None:
-    """Note what a calibration was made from; what is noted of others stays."""
+    """Record the source of a calibration; the records of others stay.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the calibration.
+    name : str
+        Name of the calibration file.
+    source : Source
+        Its source.
+    """
     sources = load_sources(folder) | {name: source}
     document = {
         "format": FORMAT,
@@ -123,38 +178,58 @@ def save_source(folder: Path, name: str, source: Source) -> None:
         },
     }
     text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
-    with suppress(UnicodeEncodeError):  # a file whose name is no text is fitted anew each time
+    with suppress(UnicodeEncodeError):  # a file whose name is not valid text is fitted again each time
         write_bytes_safely(folder / FILE, text.encode())
 
 
 def find_mesh(calibration: Path, file: str) -> Path | None:
-    """Where the mesh of a calibration lies: where `sources.json` has it, or beside the calibration; None if nowhere."""
+    """Return the mesh file of a calibration: that of `sources.json`, or in the same folder.
+
+    Parameters
+    ----------
+    calibration : Path
+        Calibration file.
+    file : str
+        Name of the mesh in the calibration.
+
+    Returns
+    -------
+    Path or None
+        None if no such file exists.
+    """
     noted = load_sources(calibration.parent).get(calibration.name)
-    places = ([noted.mesh] if noted else []) + [file]
-    return next((path for place in places if os.path.isfile(path := calibration.parent / place)), None)
+    candidates = ([noted.mesh] if noted else []) + [file]
+    return next((path for name in candidates if os.path.isfile(path := calibration.parent / name)), None)
 
 
 def changed_inputs(calibration: Path) -> tuple[str, ...]:
-    """Of the files that a calibration was made from, those that are others now."""
+    """Return the source files of a calibration, except the mesh, that have changed."""
     noted = load_sources(calibration.parent).get(calibration.name)
-    files = {path: told for path, told in noted.inputs.items() if path != noted.mesh} if noted else {}
-    return tuple(path for path, told in files.items() if file_hash(calibration.parent / path) not in (told, None))
+    files = {path: known for path, known in noted.inputs.items() if path != noted.mesh} if noted else {}
+    return tuple(path for path, known in files.items() if file_hash(calibration.parent / path) not in (known, None))
 
 
 def is_same_mesh(path: Path, sha256: str) -> bool:
-    """Whether a mesh file holds the geometry of this hash, whatever the unit of its numbers.
+    """Return whether a mesh file has the geometry of a hash, in any unit.
+
+    Parameters
+    ----------
+    path : Path
+        Mesh file.
+    sha256 : str
+        Hash of the geometry in metres.
 
     Raises
     ------
     InvalidMesh
-        If it cannot be read.
+        If the file cannot be read.
     """
     raw = read_mesh(path)
     return any(TriangleMesh(raw.vertices * metres, raw.faces).sha256 == sha256 for metres in METRES_PER_UNIT.values())
 
 
 def file_hash(path: Path) -> str | None:
-    """Of a file's bytes; None where there is no file that can be read: a device or a pipe might never end."""
+    """Return the hash of a file; None if it is not a readable regular file, because a pipe may never end."""
     if not os.path.isfile(path):
         return None
     try:
@@ -165,9 +240,20 @@ def file_hash(path: Path) -> str | None:
 
 
 def relative_path(folder: Path, path: Path) -> str:
-    """A path relative to a folder, with slashes; as it is where it is on another drive.
+    """Return a path relative to a folder, with slashes; absolute on another drive.
 
-    Folders are followed where they are links: what lies above one is not above the folder that it leads to.
+    Symbolic links are resolved, because the parent of a link differs from the parent of its target.
+
+    Parameters
+    ----------
+    folder : Path
+        Start of the relative path.
+    path : Path
+        A file.
+
+    Returns
+    -------
+    str
     """
     try:
         return Path(

@@ -1,1 +1,1 @@
-"""A URDF, and the meshes of its links."""
+"""Read a URDF and the meshes of its links."""

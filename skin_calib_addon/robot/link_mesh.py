@@ -1,4 +1,4 @@
-"""The mesh of a link as its robot has it: found on the disk, scaled, turned and placed in the link frame."""
+"""Load the mesh of a link of a URDF: find its files, scale them, and transform them to the link frame."""
 
 import os
 from collections.abc import Iterator
@@ -15,12 +15,25 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh, read_mesh, weld
 from .urdf import LinkMesh, Robot
 
 USES = ("visual", "collision")
-# Where ROS looks for packages, and the folder under each place that holds them.
+# Environment variables with search paths of ROS packages, and the folder of the packages below each path.
 PACKAGE_PATHS = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share"}
 
 
 def meshes_of(robot: Robot, link: str, use: str) -> tuple[LinkMesh, ...]:
-    """What of a link is a mesh.
+    """Return the meshes of a link.
+
+    Parameters
+    ----------
+    robot : Robot
+        Content of the URDF.
+    link : str
+        Name of the link.
+    use : "visual" or "collision"
+        Which meshes to return.
+
+    Returns
+    -------
+    tuple of LinkMesh
 
     Raises
     ------
@@ -33,20 +46,37 @@ def meshes_of(robot: Robot, link: str, use: str) -> tuple[LinkMesh, ...]:
         raise UnknownLink(f"{robot.file} has no link {show(link)}{did_you_mean(link, robot.links)}")
     meshes = tuple(mesh for mesh in robot.links[link] if mesh.use == use)
     if not meshes:
-        others = [f"take its {other} mesh" for other in USES if any(m.use == other for m in robot.links[link])]
-        raise InvalidMesh(f"{robot.file} has no {use} mesh for {link}; {(*others, 'boxes and cylinders are none')[0]}")
+        others = [f"Use its {other} mesh." for other in USES if any(m.use == other for m in robot.links[link])]
+        advice = (*others, "Boxes and cylinders are not supported.")[0]
+        raise InvalidMesh(f"{robot.file} has no {use} mesh for {link}. {advice}")
     return meshes
 
 
 def load_link(urdf: Path, robot: Robot, link: str, use: str = "visual") -> TriangleMesh:
-    """All meshes that a link has for one use as one, in metres in the link frame.
+    """Load all meshes of a link for one use as one mesh.
+
+    Parameters
+    ----------
+    urdf : Path
+        File of the robot; mesh files are found relative to it.
+    robot : Robot
+        Its content.
+    link : str
+        Name of the link.
+    use : "visual" or "collision"
+        Which meshes to load.
+
+    Returns
+    -------
+    TriangleMesh
+        In the link frame [m].
 
     Raises
     ------
     UnknownLink, InvalidMesh
-        As :func:`meshes_of`; or if a file is missing, unreadable or no surface.
+        As :func:`meshes_of`; or if a file is missing, unreadable, or not a surface.
     CalibrationFormatError
-        If a scale or an origin has not three numbers.
+        If a scale or an origin does not have three numbers.
     """
     placed = [_placed(mesh, read_mesh(find_file(mesh.address, urdf))) for mesh in meshes_of(robot, link, use)]
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in placed)])
@@ -55,47 +85,62 @@ def load_link(urdf: Path, robot: Robot, link: str, use: str = "visual") -> Trian
 
 
 def _placed(mesh: LinkMesh, raw: TriangleMesh) -> tuple[Array, IntArray]:
-    """Vertices in the link frame [m] and faces that still look outward."""
-    for name, values in (("scale", mesh.scale), ("xyz", mesh.place), ("rpy", mesh.angles)):
+    """Return vertices in the link frame [m], and faces whose normals still point outwards."""
+    for name, values in (("scale", mesh.scale), ("xyz", mesh.position), ("rpy", mesh.angles)):
         if len(values) != 3:
-            raise CalibrationFormatError(f"{mesh.address} has {len(values)} numbers in its {name}; three are needed")
+            raise CalibrationFormatError(
+                f"{mesh.address} has {len(values)} numbers in its {name}. Write three numbers."
+            )
     scale, turn = np.array(mesh.scale), rotations(np.array([mesh.angles]))[0]
     if not scale.all():
-        raise InvalidMesh(f"{mesh.address} is scaled to nothing; correct its scale in the URDF")
+        raise InvalidMesh(f"{mesh.address} has a scale of 0. Correct the scale in the URDF.")
     vertices = raw.vertices * scale
-    if any(mesh.angles):  # what lies as it is keeps its numbers
+    if any(mesh.angles):  # without rotation, the coordinates stay exact
         vertices = vertices @ turn.T
     mirrored = scale.prod() < 0
-    return vertices + mesh.place, raw.faces[:, ::-1] if mirrored else raw.faces
+    return vertices + mesh.position, raw.faces[:, ::-1] if mirrored else raw.faces
 
 
 def find_file(address: str, urdf: Path) -> Path:
-    """The file that an address in a URDF means: a path from its folder, or in a package.
+    """Return the file of an address in a URDF: a path relative to its folder, or in a package.
 
-    A package is the folder of that name beside the URDF or above it, or where ROS looks for it; else the URDF's own
-    folder, or one above, may be the package under another name; at last the folder of the URDF is looked into.
+    The package is searched in this order: folders of this name in the folder of the URDF or above; the search paths of
+    ROS; the folder of the URDF and those above, under any name. The last candidate is the folder of the URDF itself.
+
+    Parameters
+    ----------
+    address : str
+        Path or URL, as ``package://name/path``.
+    urdf : Path
+        File of the robot.
+
+    Returns
+    -------
+    Path
 
     Raises
     ------
     InvalidMesh
         If there is no such file.
     """
-    for place in _places(address, urdf.absolute()):
-        if os.path.isfile(place):  # Path.is_file raises where a name is too long
-            return place
-    raise InvalidMesh(f"no mesh file for {address} of {urdf.name}; put its package's folder beside or above the URDF")
+    for path in _candidates(address, urdf.absolute()):
+        if os.path.isfile(path):  # Path.is_file raises for names that are too long
+            return path
+    raise InvalidMesh(
+        f"the mesh file {address} of {urdf.name} was not found. Put its package next to or above the URDF."
+    )
 
 
-def _places(address: str, urdf: Path) -> Iterator[Path]:
+def _candidates(address: str, urdf: Path) -> Iterator[Path]:
     scheme, _, rest = address.rpartition("://")
     if scheme in ("", "file"):
         yield urdf.parent / (unquote(rest) if scheme else rest)
     else:
         package, _, inner = rest.partition("/")
         yield from (folder / package / inner for folder in urdf.parents)
-        for variable, share in PACKAGE_PATHS.items():
+        for variable, subfolder in PACKAGE_PATHS.items():
             for entry in filter(None, os.environ.get(variable, "").split(os.pathsep)):
-                folder = Path(entry) / share
+                folder = Path(entry) / subfolder
                 if folder.name == package:
                     yield folder / inner
                 yield folder / package / inner

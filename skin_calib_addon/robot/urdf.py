@@ -1,4 +1,4 @@
-"""The links of a robot and their meshes, from its URDF, and whether plans agree with it."""
+"""Read the links and meshes of a URDF, and compare plans with them."""
 
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -11,25 +11,25 @@ from ..common.warnings import Warning
 from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT
 from ..plan import Plan
 
-MAX_NODES_PER_LINK = 100_000  # in one link
+MAX_NODES_PER_LINK = 100_000  # XML elements. Larger: more memory for a malicious file.
 
 
 @dataclass(frozen=True)
 class LinkMesh:
-    """A mesh of a link, as the URDF has it."""
+    """A mesh of a link in the URDF."""
 
-    file: str  # its name without folders
+    file: str  # name without folders
     scale: tuple[float, ...]
-    moved: bool  # whether its frame is not that of the link
+    moved: bool  # whether its frame differs from the link frame
     use: str  # "visual" or "collision"
-    address: str  # where it is, as it stands there
-    place: tuple[float, ...]  # of its frame in the link's [m]
-    angles: tuple[float, ...]  # about the fixed x, y and z axes of the link [rad]
+    address: str  # path or URL in the URDF
+    position: tuple[float, ...]  # of its frame in the link frame [m]
+    angles: tuple[float, ...]  # roll, pitch, yaw about the axes of the link [rad]
 
 
 @dataclass(frozen=True)
 class Robot:
-    """The meshes of every link."""
+    """The meshes of all links."""
 
     file: str
     links: dict[str, tuple[LinkMesh, ...]]
@@ -41,7 +41,7 @@ def read_robot(path: Path) -> Robot:
     Raises
     ------
     CalibrationFormatError
-        If it cannot be read or is none.
+        If the file cannot be read, or is not a URDF.
     """
     text, links = read_text(path), {}
     try:
@@ -51,12 +51,23 @@ def read_robot(path: Path) -> Robot:
     except XmlError as problem:
         raise CalibrationFormatError(f"'{path}' has {problem.finding}", (problem.finding,)) from problem
     if not links:
-        raise CalibrationFormatError(f"'{path}' has no link; check that it is the right file")
+        raise CalibrationFormatError(f"'{path}' has no link. Check that it is the correct file.")
     return Robot(path.name, links)
 
 
 def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
-    """Return where a plan and the robot contradict each other about a mesh.
+    """Compare the mesh of a plan with the robot, and return warnings for differences.
+
+    Parameters
+    ----------
+    robot : Robot
+        Content of the URDF.
+    plan : Plan
+        Plan of one of its links.
+
+    Returns
+    -------
+    tuple of Warning
 
     Raises
     ------
@@ -65,7 +76,7 @@ def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
     """
     if plan.link not in robot.links:
         near = did_you_mean(plan.link, robot.links)
-        raise UnknownLink(f"{robot.file} has no link {show(plan.link)}, which the plan is for{near}")
+        raise UnknownLink(f"{robot.file} has no link {show(plan.link)}, which is the link of the plan{near}")
     meshes = robot.links[plan.link]
     same = [mesh for mesh in meshes if PurePosixPath(mesh.file).stem == plan.mesh.stem]
     if meshes and not same:
@@ -86,7 +97,7 @@ def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
 
 
 def _meshes(link: Node) -> list[LinkMesh]:
-    """Of what is seen of a link and of what it collides with; boxes and the like have none."""
+    """Return the visual and collision meshes of a link; other shapes are left out."""
     found = []
     for part in link.children:
         shapes = [s for g in part.children if g.tag == "geometry" for s in g.children if s.tag == "mesh"]
@@ -94,11 +105,11 @@ def _meshes(link: Node) -> list[LinkMesh]:
             continue
         origins = [node for node in part.children if node.tag == "origin"]
         origin = origins[0] if origins else Node("origin", {}, part.line)
-        place, angles = (_numbers(origin, name, "0 0 0") for name in ("xyz", "rpy"))
+        position, angles = (_numbers(origin, name, "0 0 0") for name in ("xyz", "rpy"))
         for shape in shapes:
             address = shape.attribute("filename").replace("\\", "/")
-            scale, moved = _numbers(shape, "scale", "1 1 1"), any(place + angles)
-            found.append(LinkMesh(address.rpartition("/")[2], scale, moved, part.tag, address, place, angles))
+            scale, moved = _numbers(shape, "scale", "1 1 1"), any(position + angles)
+            found.append(LinkMesh(address.rpartition("/")[2], scale, moved, part.tag, address, position, angles))
     return found
 
 

@@ -76,7 +76,7 @@ def test_batch_without_links_says_so(bpy, tmp_path):
     words = ["examples/batch_fit.py", tmp_path / "empty.blend", "--", "-o", tmp_path / "out.json"]
     done = subprocess.run([sys.executable, *map(str, words)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1
-    assert [line for line in done.stderr.splitlines() if line.startswith("skin-calib: the scene has no link")]
+    assert [line for line in done.stderr.splitlines() if line.startswith("skin-calib: The scene has no link")]
     assert not (tmp_path / "out.json").exists()
 
 

@@ -16,20 +16,20 @@ from skin_calib_addon.plan import load_plan
 HERE = Path(__file__).parent
 SCENES = HERE.parents[1] / "sample_scenes"
 SAMPLES = ("wrist", "sole", "edge")
-# Numerical libraries sum in other orders and differ in the last bits; a fit of condition ten and a relaxation that
-# ends within a ten-thousandth of a cell carry that to less than this.
-LENGTHS = 1e-9  # [m]
-# Normals and strains are differences of lengths over a cell or a span of the surface.
-SHARES = 1e-6
+# Numerical libraries differ in the last bits because of the order of summation. A fit with condition number 10 and a
+# relaxation that ends within 1e-4 of a cell increase that to less than this.
+LENGTH_TOLERANCE = 1e-9  # [m]
+# Normals and strains are differences of lengths, divided by the size of a cell or a span of the surface.
+RATIO_TOLERANCE = 1e-6
 
 
 def numbers(name):
-    """Everything of a sample's calibration that is a number, as arrays by name."""
+    """Return all numbers of the calibration of a sample, as arrays by name."""
     calibration = calibrate(load_plan(SCENES / f"{name}.plan.json")).calibration
     (surface,), (patch,) = calibration.surfaces, calibration.patches
     taxels, errors = patch.taxels, surface.errors
     row = {id_: i for i, id_ in enumerate(taxels.ids)}
-    beside = [(i, row[other]) for i, others in enumerate(taxels.neighbours) for other in others]
+    neighbours = [(i, row[other]) for i, others in enumerate(taxels.neighbours) for other in others]
     return {
         "control_net": surface.control_net,
         "knots_u": surface.knots_u,
@@ -47,23 +47,23 @@ def numbers(name):
         "strain": taxels.quality["strain"],
         "channels": taxels.channels,
         "index": taxels.index,
-        "neighbours": np.array(beside, np.int64),
+        "neighbours": np.array(neighbours, np.int64),
         "mesh": np.frombuffer(bytes.fromhex(calibration.mesh.sha256), np.uint8),
     }
 
 
 def tolerance(name, values):
-    """How far numbers may be off."""
+    """Return the tolerance of numbers."""
     if values.dtype.kind in "iu" or name.startswith("knots"):
         return 0.0
     if name == "areas":
-        return LENGTHS * 0.01  # a length times the width of a cell
-    return LENGTHS if name in ("control_net", "positions", "corners", "errors") else SHARES
+        return LENGTH_TOLERANCE * 0.01  # a length times the width of a cell
+    return LENGTH_TOLERANCE if name in ("control_net", "positions", "corners", "errors") else RATIO_TOLERANCE
 
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_sample_calibration_is_as_it_was(name):
-    """Whole arrays against the committed ones: surface, errors, taxels, frames, strain, neighbours, the mesh's hash."""
+    """Complete arrays equal the committed ones: surface, errors, taxels, frames, strain, neighbours, mesh hash."""
     found = numbers(name)
     with np.load(HERE / f"{name}.npz") as golden:
         assert set(golden.files) == set(found)
@@ -74,11 +74,11 @@ def test_sample_calibration_is_as_it_was(name):
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_sample_calibration_is_good(name):
-    """What the numbers are worth, so that a new golden cannot be a bad one."""
+    """The quality of the numbers, so that new golden files cannot be worse."""
     result = calibrate(load_plan(SCENES / f"{name}.plan.json"))
     worst = {"wrist": 1.3e-5, "sole": 5e-5, "edge": 1e-4}[name]
     assert result.fit.errors.surface_to_mesh.mean < worst
-    assert result.fit.missing < (0.1 if name == "sole" else 1e-9)  # its outline is rounded, the grid is not
+    assert result.fit.missing < (0.1 if name == "sole" else 1e-9)  # its outline is rounded, but the grid is not
     assert name == "sole" or not result.warnings
     taxels = result.calibration.patches[0].taxels
     assert np.abs(taxels.quality["strain"]).max() < 0.05

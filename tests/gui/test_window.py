@@ -137,7 +137,7 @@ def test_command_line_of_blender_ends_with_the_codes(installed, tmp_path):
     done = installed("--background", "--factory-startup", "--command", "skin_calib", "fit", "-o", out)
     assert done.returncode != 0  # factory settings have no extension
     empty = installed("--background", "--command", "skin_calib", "fit", "-o", out)
-    assert empty.returncode == 1 and "skin-calib: the scene has no link to fit" in empty.stderr
+    assert empty.returncode == 1 and "skin-calib: The scene has no link to fit" in empty.stderr
     no_output = installed("--background", SAMPLES / "wrist.blend", "--command", "skin_calib", "fit")
     assert no_output.returncode == 2 and "-o/--output" in no_output.stderr
     batch = ROOT / "examples" / "batch_fit.py"

@@ -1,4 +1,4 @@
-"""What holds for any calibration, and for any bytes: save then load is identity, and nothing breaks the reader."""
+"""Laws of calibration files: save then load is the identity, and any bytes give findings or a calibration."""
 
 import copy
 import dataclasses
@@ -33,7 +33,7 @@ OWN = (Response((0.0, 0.5), (0.0, 250.0)), ResponseTable((0.0, 100.0, 250.0), (1
 
 
 def own_responses(patch, index):
-    """The same patch whose taxels have responses of their own."""
+    """Return the patch with a response for each taxel."""
     return dataclasses.replace(patch, taxels=dataclasses.replace(patch.taxels, responses=np.array(index)))
 
 
@@ -53,7 +53,7 @@ values = st.one_of(
 
 
 def nodes(document, pointer=""):
-    """Every pointer into a document, the document itself first."""
+    """Return all pointers of a document, starting with the document itself."""
     yield pointer
     for key in document if isinstance(document, dict) else range(len(document)) if isinstance(document, list) else ():
         yield from nodes(document[key], child(pointer, key))
@@ -67,7 +67,7 @@ increasing = st.lists(st.floats(-1e300, 1e300), min_size=2, max_size=5, unique=T
 
 @st.composite
 def responses(draw):
-    """Polynomials without a range, straight ones with one, tables that rise or fall."""
+    """Draw polynomials without range, linear ones with range, and rising or falling tables."""
     if draw(st.booleans()):
         return Response(tuple(draw(st.lists(floats, min_size=1, max_size=8))))
     readings = draw(increasing)
@@ -80,7 +80,7 @@ def responses(draw):
 
 @st.composite
 def calibrations(draw):
-    """Valid calibrations whose free numbers are any floats: negative zeros, subnormals, neighbours of one."""
+    """Draw valid calibrations whose free numbers are any floats: negative zero, subnormal, close to one."""
     patch = sheet(draw(st.integers(1, 3)), draw(st.integers(1, 3)), 0.01)
     n = len(patch.taxels.ids)
     many = st.lists(floats, min_size=n, max_size=n)
@@ -107,7 +107,7 @@ def calibrations(draw):
 
 
 def same(a, b):
-    """Equal to the last bit, types included; the sign of zero counts."""
+    """Return whether values are equal in all bits and types, with the sign of zero."""
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
     if dataclasses.is_dataclass(a):
@@ -121,7 +121,7 @@ def same(a, b):
 
 @given(calibration=calibrations())
 def test_save_then_load_is_identity(calibration, tmp_path_factory):
-    """Every field comes back to the bit, and saving it again writes the same bytes."""
+    """All fields are read back exactly, and saving again writes the same bytes."""
     path = tmp_path_factory.mktemp("law") / "c.json"
     save_calibration(calibration, path)
     loaded = load_calibration(path)
@@ -129,8 +129,8 @@ def test_save_then_load_is_identity(calibration, tmp_path_factory):
     assert encode(to_document(loaded)) == path.read_bytes()
 
 
-def test_same_tells_bits_apart():
-    """The comparison used above is no looser than it says."""
+def test_same_compares_all_bits():
+    """The comparison used above is exact."""
     calibration = small_calibration()
     assert same(calibration, small_calibration())
     for name in ("uv", "positions_link", "quality", "areas"):
@@ -143,7 +143,7 @@ def test_same_tells_bits_apart():
 
 
 def mutated(document, pointer, value):
-    """A copy with one node replaced; ``...`` removes it."""
+    """Return a copy with one node replaced; ``...`` removes it."""
     if not pointer:
         return None if value is ... else value
     document = copy.deepcopy(document)
@@ -167,7 +167,7 @@ def resolves(document, pointer):
 
 
 def assert_handled(document):
-    """Either the findings name an error, or the document is a calibration; each pointer leads somewhere."""
+    """Check that the findings have an error, or the document is a calibration; all pointers are valid."""
     findings = validate(document)
     assert all(resolves(document, finding.pointer) for finding in findings)
     if not any(finding.severity == "error" for finding in findings):
@@ -178,19 +178,19 @@ CHANGED = [..., None, True, -1, 1.5, 1e308, "1.5", "s0.0", [], {}, [[0.0, 0.0, 0
 
 
 @pytest.mark.parametrize("value", [slow(value) for value in CHANGED], ids=repr)
-def test_no_change_of_a_node_escapes(value):
-    """Each node of a document removed or replaced in turn: findings or a calibration, never a traceback."""
-    assert_none_escapes(NODES, value)
+def test_any_changed_node_is_handled(value):
+    """Each removed or replaced node gives findings or a calibration, not an exception."""
+    assert_all_handled(NODES, value)
 
 
 @pytest.mark.parametrize("i", range(len(CHANGED)), ids=[repr(value) for value in CHANGED])
-def test_no_change_of_some_nodes_escapes(i):
-    """Each node changed once: each of these changes on another part of the nodes."""
-    assert_none_escapes(NODES[i :: len(CHANGED)], CHANGED[i])
+def test_any_changed_node_is_handled_once(i):
+    """Each node is changed once; each change applies to another part of the nodes."""
+    assert_all_handled(NODES[i :: len(CHANGED)], CHANGED[i])
 
 
-def assert_none_escapes(pointers, value):
-    """Findings or a calibration for each of these nodes removed or replaced, never a traceback."""
+def assert_all_handled(pointers, value):
+    """Check that each of these removed or replaced nodes gives findings or a calibration."""
     for pointer in pointers:
         document = mutated(SMALL, pointer, value)
         if isinstance(document, dict) and "checksum" in document and pointer != "/checksum":
@@ -211,8 +211,8 @@ def mutated_often(changes):
 
 @given(changes=mutations)
 @examples(200)
-def test_no_structure_escapes(changes):
-    """Several changes at once: findings or a calibration, never a traceback."""
+def test_any_changed_structure_is_handled(changes):
+    """Several changes at once give findings or a calibration, not an exception."""
     document = mutated_often(changes)
     if isinstance(document, dict) and "checksum" in document:
         document["checksum"] = checksum(document)
@@ -220,7 +220,7 @@ def test_no_structure_escapes(changes):
 
 
 def chosen(error):
-    """The errors of the branch of a choice that is meant by its kind, or those that keep it from being known."""
+    """Return the errors of the matching branch of a choice, or those that prevent a match."""
     if error.validator != "oneOf":
         return [error]
     branches = {}
@@ -237,7 +237,7 @@ def chosen(error):
 @given(changes=mutations)
 @examples(200)
 def test_schema_check_agrees_with_the_reference(changes):
-    """Our interpreter and the jsonschema package call the same documents right, and find faults in the same members."""
+    """The checker and the jsonschema package accept the same documents, and find errors in the same members."""
     jsonschema = pytest.importorskip("jsonschema")
     document = mutated_often(changes)
     errors = [e for root in jsonschema.Draft202012Validator(SCHEMA).iter_errors(document) for e in chosen(root)]
@@ -248,7 +248,7 @@ def test_schema_check_agrees_with_the_reference(changes):
     assert bool(ours) == bool(errors)
 
 
-GENERAL = {  # every keyword that the interpreter knows, in small
+GENERAL = {  # all keywords of the checker in a small schema
     "type": "object",
     "properties": {
         "a": {"type": "array", "prefixItems": [{"type": "string", "minLength": 2}], "items": {"type": "integer"}},
@@ -289,7 +289,7 @@ members = st.sampled_from([*"abcdefgh", "x_1", "n", "n2", "z"])
 @given(document=st.dictionaries(members, scalars | lists | objects, max_size=8))
 @examples(1000)
 def test_every_keyword_agrees_with_the_reference(document):
-    """Each keyword means what JSON Schema says: right and wrong fall on the same members."""
+    """Each keyword has the meaning of JSON Schema: errors are in the same members."""
     jsonschema = pytest.importorskip("jsonschema")
     errors = list(jsonschema.Draft202012Validator(GENERAL).iter_errors(document))
     ours = check(document, GENERAL)
@@ -301,7 +301,7 @@ def test_every_keyword_agrees_with_the_reference(document):
 
 @given(numbers=st.lists(st.sampled_from([0, 1, 1.0, 2, True, "1", None, 1.5]), max_size=6), repeats=st.integers(1, 500))
 def test_bulk_check_agrees_with_the_reference(numbers, repeats):
-    """Long arrays, checked in blocks, are judged as short ones are; the places are exact."""
+    """Long arrays, which are checked in blocks, give the same findings as short ones, with exact pointers."""
     schema = {"type": "array", "items": {"type": "array", "items": {"type": "integer", "maximum": 1}}}
     good = [[0, 1]] * repeats * 5
     found = {finding.pointer for finding in check([*good, numbers, *good], schema)}
@@ -312,7 +312,7 @@ def test_bulk_check_agrees_with_the_reference(numbers, repeats):
 @given(document=st.lists(scalars | objects, max_size=3), repeats=st.integers(0, 3))
 @examples(1000)
 def test_bulk_check_of_choices_agrees_with_the_reference(document, repeats):
-    """Arrays of objects that are told apart by a constant, or of strings and nulls, are judged as each alone is."""
+    """Arrays of objects that differ in a constant, or of strings and nulls, give the findings of single elements."""
     jsonschema = pytest.importorskip("jsonschema")
     good = [{"kind": "tube", "n": 1}, {"kind": "auto"}, None, "ab", True] * repeats
     choice = [{"$ref": "#/$defs/tube"}, {"$ref": "#/$defs/auto"}, {"type": "string", "minLength": 2}]
@@ -350,8 +350,8 @@ edits = st.lists(
 
 @given(changes=edits)
 @examples(200)
-def test_no_bytes_escape(changes, tmp_path_factory):
-    """Bytes replaced, removed and put in anywhere: the file loads, or is refused with findings, in one line."""
+def test_any_changed_bytes_are_handled(changes, tmp_path_factory):
+    """Replaced, removed and inserted bytes: the file loads, or gives an error with findings in one line."""
     data = TEXT
     for start, length, new in changes:
         data = data[:start] + new + data[start + length :]
@@ -368,8 +368,8 @@ def test_no_bytes_escape(changes, tmp_path_factory):
 
 @given(data=st.binary(max_size=200))
 @examples(300)
-def test_no_noise_escapes(data):
-    """Bytes that never were a calibration are refused with findings."""
+def test_random_bytes_are_handled(data):
+    """Random bytes give findings."""
     document, findings = check_bytes(data)
     assert any(finding.severity == "error" for finding in findings)
     assert all("\n" not in str(finding) for finding in findings)
@@ -377,12 +377,12 @@ def test_no_noise_escapes(data):
 
 @given(document=st.recursive(scalars | floats, lambda inner: st.lists(inner) | st.dictionaries(names, inner)))
 def test_parse_agrees_with_the_standard_library(document):
-    """What JSON allows is built as the standard library builds it."""
+    """Valid JSON gives the result of the standard library."""
     text = json.dumps(document, ensure_ascii=False)
     assert parse(text.encode()) == (json.loads(text), ())
 
 
 @pytest.mark.parametrize("cut", range(0, len(TEXT), 97))
-def test_no_part_of_a_file_loads(cut):
-    """A file that ends too early is never taken for a whole one."""
+def test_truncated_files_are_rejected(cut):
+    """A truncated file does not load."""
     assert check_bytes(TEXT[:cut])[1][0].code == "syntax"

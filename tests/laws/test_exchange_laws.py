@@ -1,4 +1,4 @@
-"""What holds for any taxel file: what was written is read, and no bytes of any kind end in another error than ours."""
+"""Laws of taxel files: written files are read back, and any bytes give taxels or a CalibrationFormatError."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ SAMPLES = (
     ply_text(ROUND, OUTWARD).replace("comment by hand", "comment link arm\ncomment taxel 3 a"),
     pcd_text(ROUND),
 )
-# What breaks readers: numbers that are none or too large, marks of each format, halves of characters, endless words.
+# Critical content: invalid and huge numbers, keywords of each format, lone surrogates, long words.
 WORDS = (
     "nan", "inf", "-1e999", "1e308", "-0", "0x10", "1_0", "９", "", " ", "\t", "\n", "\r", "\x00", "\x1c", "\u2028",
     '"', "'", ",", ";", "#", "(", ")", "[calibration]", "[", "]", "taxel2Repr ( 1 ", "name", "frame", "x,y,z", "id",
@@ -48,8 +48,8 @@ WORDS = (
 
 
 @st.composite
-def spoilt(draw):
-    """A sample with a few places cut out, doubled, or filled with something strange."""
+def damaged(draw):
+    """Draw a sample with removed, repeated or replaced parts."""
     content = draw(st.sampled_from(SAMPLES))
     for _ in range(draw(st.integers(0, 5))):
         a, b = sorted(draw(st.tuples(*2 * [st.integers(0, len(content))])))
@@ -60,7 +60,7 @@ def spoilt(draw):
 
 
 def assert_sound(taxels):
-    """A set that keeps what it promises."""
+    """Check that a taxel set is consistent."""
     n = len(taxels.labels)
     assert n > 0 and len(set(taxels.labels)) == n and len(set(taxels.channels.tolist())) == n
     assert taxels.channels.min() >= 0 and np.isfinite(taxels.positions).all()
@@ -71,9 +71,9 @@ def assert_sound(taxels):
 
 
 @examples(300)
-@given(content=spoilt(), name=st.sampled_from((None, *READABLE)))
-def test_spoilt_files_are_read_or_refused(content, name):
-    """Sound taxels, or at least one error with a place in words; no other exception."""
+@given(content=damaged(), name=st.sampled_from((None, *READABLE)))
+def test_damaged_files_are_read_or_rejected(content, name):
+    """Valid taxels, or at least one error with location; no other exception."""
     data = content.encode("utf-8", "surrogatepass")
     name = name or cloud_format_of(data) or format_of(content)
     if name is None:
@@ -88,9 +88,9 @@ def test_spoilt_files_are_read_or_refused(content, name):
 
 
 @examples(100)
-@given(data=st.binary(max_size=300) | spoilt().map(lambda s: s.encode("utf-8", "surrogatepass")))
+@given(data=st.binary(max_size=300) | damaged().map(lambda s: s.encode("utf-8", "surrogatepass")))
 def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
-    """From the file on."""
+    """The same for bytes of a file."""
     path = tmp_path_factory.getbasetemp() / "bytes"
     path.write_bytes(data)
     try:
@@ -116,7 +116,7 @@ BINARY = (
     cuts=st.lists(st.tuples(st.integers(0, 400), st.integers(0, 8), st.binary(max_size=8))),
 )
 def test_binary_clouds_are_read_or_refused(tmp_path_factory, data, cuts):
-    """With any bytes cut out and put in: not-a-numbers, headers that promise what is not there."""
+    """With removed and inserted bytes: NaN, and headers that announce missing data."""
     for start, length, new in cuts:
         data = data[:start] + new + data[start + length :]
     path = tmp_path_factory.getbasetemp() / "cloud"
@@ -129,14 +129,14 @@ def test_binary_clouds_are_read_or_refused(tmp_path_factory, data, cuts):
 
 @pytest.mark.parametrize("data", BINARY)
 def test_binary_samples_are_sound(tmp_path, data):
-    """What is spoilt above begins as a cloud that is read."""
+    """The undamaged samples of the test above are read."""
     (tmp_path / "cloud").write_bytes(data)
     assert len(read_taxels(tmp_path / "cloud").labels) == 6
 
 
 @given(seed=seeds, count=st.integers(1, 30))
 def test_what_was_written_is_read(tmp_path_factory, seed, count):
-    """Positions to the bit and normals to rounding, in every format; channels that leave gaps too."""
+    """Exact positions, and normals up to rounding, in all formats; also channels with gaps."""
     rng = np.random.default_rng(seed)
     positions = rng.uniform(-0.3, 0.3, (count, 3))
     turns = [Motion(seed + i).rotation for i in range(count)]
@@ -158,5 +158,5 @@ def test_what_was_written_is_read(tmp_path_factory, seed, count):
         if taxels.tangents is not None:
             assert_allclose(taxels.tangents, tangents, rtol=0, atol=1e-12)
     ids = [str(i + 1) for i in range(count)]
-    beside = [tuple(ids[j] for j in (i - 1, i + 1) if 0 <= j < count) for i in range(count)]
-    assert taxels.neighbours == tuple(beside)
+    neighbours = [tuple(ids[j] for j in (i - 1, i + 1) if 0 <= j < count) for i in range(count)]
+    assert taxels.neighbours == tuple(neighbours)

@@ -1,4 +1,4 @@
-"""What holds for any calibration that is written for another program: our own readers take it back as it was."""
+"""Laws of exported calibrations: the readers of this package read them back unchanged."""
 
 import dataclasses
 
@@ -14,12 +14,12 @@ from skin_calib_addon.common.errors import CalibrationFormatError
 from tests.samples import seven_boards, sheet, small_calibration
 from tests.shapes import Motion
 
-# What a name may be in every format that has names: printable, no spaces at the ends.
+# Valid names in all formats: printable, without spaces at the ends.
 printable = st.characters(exclude_categories=["Cs", "Cc"]).filter(str.isprintable)
-odd = st.text(st.sampled_from(""" <>&"'#,;:/\\[](){}%$=|~é前🤖"""), min_size=1, max_size=5)
-names = (st.text(printable, min_size=1, max_size=8) | odd).map(str.strip).filter(bool)
+special = st.text(st.sampled_from(""" <>&"'#,;:/\\[](){}%$=|~é前🤖"""), min_size=1, max_size=5)
+names = (st.text(printable, min_size=1, max_size=8) | special).map(str.strip).filter(bool)
 words = st.text(st.sampled_from("abz-_.:/&<>;=é前"), min_size=1, max_size=6)  # for positions files
-CARRIES = {  # what comes back besides positions, normals and the link's name
+CARRIES = {  # what is read back in addition to positions, normals and link name
     "csv": {"ids", "channels", "tangents", "neighbours"},
     "gentact": {"channels"},
     "icub": {"channels"},
@@ -33,7 +33,7 @@ CARRIES = {  # what comes back besides positions, normals and the link's name
 
 @st.composite
 def patches(draw, count):
-    """Patches of both cell shapes, moved any way, with any names and ids that are unique, and channels with gaps."""
+    """Draw patches of both cell shapes, with any pose, unique names and ids, and channels with gaps."""
     parts = [draw(st.sampled_from((sheet(2, 3, 0.01), sheet(1, 1, 0.01), seven_boards()))) for _ in range(count)]
     size = sum(len(part.taxels.ids) for part in parts)
     before, after, seed = draw(names), draw(names), draw(st.integers(0, 2**32 - 1))
@@ -60,14 +60,14 @@ def patches(draw, count):
 
 
 def column(calibration, name):
-    """A column of all patches."""
+    """Return a column of all patches."""
     return [value for patch in calibration.patches for value in getattr(patch.taxels, name)]
 
 
 @pytest.mark.parametrize("name", READABLE)
 @given(data=st.data())
-def test_what_is_exported_comes_back(tmp_path_factory, name, data):
-    """To 1e-12, with everything that the format holds; the content tells the format."""
+def test_exported_data_are_read_back(tmp_path_factory, name, data):
+    """Up to 1e-12, with all data of the format, which is detected from the content."""
     link = data.draw(words if name == "icub" else names)
     calibration = small_calibration(link=link, patches=data.draw(st.integers(1, 3).flatmap(patches)))
     assume(name != "urdf" or link not in {*column(calibration, "ids"), *(patch.name for patch in calibration.patches)})
@@ -81,7 +81,7 @@ def test_what_is_exported_comes_back(tmp_path_factory, name, data):
     def sorted_by_channel(field):
         return [column(calibration, field)[i] for i in order]
 
-    rows = np.argsort(back.channels, kind="stable")  # sensors of URDF come one after another
+    rows = np.argsort(back.channels, kind="stable")  # the sensors of a URDF follow one another
     assert back.frame == link
     channels = np.array(sorted_by_channel("channels"))
     assert_allclose(back.positions[rows], sorted_by_channel("positions_link"), rtol=0, atol=1e-12)
@@ -102,8 +102,8 @@ def test_what_is_exported_comes_back(tmp_path_factory, name, data):
     assert [back.labels[row] for row in rows] == expected
     if "neighbours" in CARRIES[name]:
         label = dict(zip(ids, expected))
-        beside = [{label[i] for i in row} for row in sorted_by_channel("neighbours")]
-        assert [set(row) for row in map(back.neighbours.__getitem__, rows)] == beside
+        neighbours = [{label[i] for i in row} for row in sorted_by_channel("neighbours")]
+        assert [set(row) for row in map(back.neighbours.__getitem__, rows)] == neighbours
 
 
 any_name = st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=300)
@@ -111,8 +111,8 @@ any_name = st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, m
 
 @pytest.mark.parametrize("name", WRITABLE)
 @given(link=any_name, patch=any_name, taxel=any_name)
-def test_any_name_is_written_or_refused(tmp_path_factory, name, link, patch, taxel):
-    """One line that names what is wrong, or a file that our reader takes; the same bytes each time."""
+def test_any_name_is_written_or_rejected(tmp_path_factory, name, link, patch, taxel):
+    """One line with the reason, or a file that can be read; the same bytes each time."""
     flat = seven_boards()
     ids = (taxel, *flat.taxels.ids[1:])
     taxels = dataclasses.replace(flat.taxels, ids=ids, neighbours=((),) * 7, ports=())

@@ -1,4 +1,4 @@
-"""MuJoCo loads what is written for any calibration, whatever its names, and has every taxel where it is."""
+"""Laws of exported models: MuJoCo loads them for any names, with all taxels at their poses."""
 
 import numpy as np
 import pytest
@@ -14,15 +14,15 @@ from tests.samples import small_calibration
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco): its model is not tried")
 some_patches = st.integers(1, 3).flatmap(patches)
-# Else MuJoCo makes one body of what is fixed to the link.
+# Otherwise MuJoCo merges bodies that are fixed to the link.
 KEPT = '<mujoco><compiler fusestatic="false"/></mujoco>\n</robot>'
 
 
 def loaded(name, calibration):
-    """A calibration in a format, as MuJoCo puts it in space."""
+    """Return a calibration in a format, as loaded by MuJoCo."""
     try:
         text = FORMATS[name].write(calibration).decode()
-    except CalibrationFormatError:  # a name that the format cannot hold; other tests are about these
+    except CalibrationFormatError:  # an invalid name of the format; other tests check these
         assume(False)
     model = mujoco.MjModel.from_xml_string(text.replace("</robot>", KEPT))
     data = mujoco.MjData(model)
@@ -32,7 +32,7 @@ def loaded(name, calibration):
 
 @given(parts=some_patches, link=any_name)
 def test_any_model_has_its_sites(parts, link):
-    """Named like the taxels, in their order, in their frames; a sensor each."""
+    """Sites have names, order and frames of the taxels, and one sensor each."""
     calibration = small_calibration(patches=parts, link=link)
     model, data = loaded("mjcf", calibration)
     taxels = taxels_of(calibration)
@@ -46,7 +46,7 @@ def test_any_model_has_its_sites(parts, link):
 
 @given(parts=some_patches, link=any_name)
 def test_any_frames_are_where_the_taxels_are(parts, link):
-    """URDF as another program reads it."""
+    """Another program reads the URDF."""
     calibration = small_calibration(patches=parts, link=link)
     _, data = loaded("urdf", calibration)
     taxels = taxels_of(calibration)

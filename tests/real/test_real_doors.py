@@ -1,4 +1,4 @@
-"""Taxel files that people have, through the command line and out again to other programs."""
+"""Published taxel files: import on the command line, and export to other programs."""
 
 import io
 import json
@@ -25,7 +25,7 @@ RAW = sorted((TAXELS / "raw").glob("*")) if TAXELS.is_dir() else []
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
-    """The arm whose file is in a wrong frame, laid with the frame that its refusal has; its file, and the refusal."""
+    """Return the file of an arm in a wrong frame, imported with the suggested frame, and the error."""
     folder = tmp_path_factory.mktemp("arm")
     skin = {"name": "none", "kind": "imported", "file": "none"}
     plan = {"format": "skin-plan", "version": 1, "link": "r_upper_arm", "unit": "m", "skins": [skin]}
@@ -42,8 +42,8 @@ def arm(tmp_path_factory):
     return out, text
 
 
-def test_arm_in_a_wrong_frame_is_laid_where_its_refusal_says(arm):
-    """Told with the frame that fits; with it the taxels lie on the link, and their file passes its check."""
+def test_arm_in_a_wrong_frame_is_placed_by_the_suggested_frame(arm):
+    """The error suggests a frame; with it the taxels are on the link, and the calibration is valid."""
     out, refusal = arm
     assert "is 31.6 mm off the mesh on average, and 0.4 mm in another frame" in refusal
     assert main(["check", str(out)]) == 0
@@ -53,8 +53,8 @@ def test_arm_in_a_wrong_frame_is_laid_where_its_refusal_says(arm):
 
 
 @pytest.mark.parametrize("name", READABLE)
-def test_real_taxels_go_out_and_come_back(arm, tmp_path, name):
-    """In every format that is read too: the same places and normals, and the channels where it has them."""
+def test_real_taxels_are_exported_and_read_back(arm, tmp_path, name):
+    """In all readable formats: equal positions and normals, and channels if the format has them."""
     taxels = taxels_of(load_calibration(arm[0]))
     assert main(["export", str(arm[0]), "--to", name, "-o", str(tmp_path / "there")]) == 0
     assert main(["import", str(tmp_path / "there"), "-o", str(tmp_path / "back.csv")]) == 0
@@ -65,8 +65,8 @@ def test_real_taxels_go_out_and_come_back(arm, tmp_path, name):
         assert (back.channels == taxels.channels).all()
 
 
-def test_mujoco_feels_every_taxel_of_a_real_skin(arm, tmp_path):
-    """A sphere on each of 350: its touch sensor tells, and its depth is the largest."""
+def test_mujoco_measures_every_taxel_of_a_real_skin(arm, tmp_path):
+    """A sphere on each of 350 taxels: its touch sensor reacts, and its depth is the largest."""
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     from tests.unit.calibration.exchange.test_export_mujoco import DEPTH, RADIUS, press
 
@@ -87,7 +87,7 @@ def test_mujoco_feels_every_taxel_of_a_real_skin(arm, tmp_path):
 
 @pytest.mark.parametrize("path", RAW, ids=lambda path: path.stem)
 def test_raw_files_become_tables(path, tmp_path, capsys):
-    """What is read from the table is what is read from the file; what is strange is told once, by the file."""
+    """The table has the taxels of the file; only the file gives warnings."""
     assert main(["import", str(path), "-o", str(tmp_path / "a.csv")]) == 0
     there, back = read_taxels(path), read_taxels(tmp_path / "a.csv")
     assert (there.positions == back.positions).all() and (there.channels == back.channels).all()

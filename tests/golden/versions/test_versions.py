@@ -18,7 +18,7 @@ FILES = {1: "5c574a156d36e537c1868582c25eeb4acf6e85e17f86999e16db6127f348249b"} 
 
 
 def numbers(calibration):
-    """Everything that a calibration holds, as arrays by name; what is no number as JSON."""
+    """Return all data of a calibration as arrays by name; other values as JSON."""
     found = {"words": _json(calibration.link, calibration.generator, calibration.mesh.__dict__, calibration.extra)}
     found |= {f"response {i}": a for i, r in enumerate(_responses(calibration)) for a in [_response(r)]}
     for surface in calibration.surfaces:
@@ -76,7 +76,7 @@ def _json(*values):
 
 @pytest.mark.parametrize("version", range(1, VERSION + 1))
 def test_every_version_is_read(version):
-    """Each released version, ours too, has its file, untouched; it gives the numbers that it was written from."""
+    """Each released version, also the current one, has an unchanged file that gives its original numbers."""
     path = HERE / f"{version}.calibration.json"
     assert hashlib.sha256(path.read_bytes()).hexdigest() == FILES[version], "a file of a release never changes"
     assert check_calibration(path) == ()
@@ -89,14 +89,14 @@ def test_every_version_is_read(version):
 
 
 def test_our_version_is_written_as_it_was(tmp_path):
-    """Byte for byte: what the writer does to rows and numbers is part of the version."""
+    """Byte for byte: the layout of rows and numbers belongs to the version."""
     path = HERE / f"{VERSION}.calibration.json"
     save_calibration(load_calibration(path), tmp_path / "c.json")
     assert (tmp_path / "c.json").read_bytes() == path.read_bytes()
 
 
 def test_file_of_our_version_has_everything():
-    """All kinds of patches, columns and responses that the schema of our version knows."""
+    """All kinds of patches, columns and responses of the schema of the current version."""
     document = json.loads((HERE / f"{VERSION}.calibration.json").read_bytes())
     schema = json.loads((Path(load_calibration.__code__.co_filename).with_name("schema.json")).read_bytes())
     parts = schema["$defs"]

@@ -1,4 +1,4 @@
-"""Calibration files: what is written comes back, and a failure leaves what was there."""
+"""Calibration files: they are read back without loss, and a failure keeps the old file."""
 
 import dataclasses
 import errno
@@ -36,12 +36,12 @@ STEPS = ("open", "fsync", "chmod", "replace")
 
 
 def test_sample_is_valid():
-    """The calibration that the other tests start from has not even a warning."""
+    """The sample calibration of the other tests has no warning."""
     assert validate(to_document(small_calibration())) == ()
 
 
 def test_document_keeps_its_order_and_names():
-    """Other programs hold on to the member names, in this order."""
+    """Other programs depend on the names of the members, in this order."""
     document = to_document(small_calibration())
     assert list(document) == [
         *("format", "version", "generator", "units", "link", "mesh", "surfaces", "patches", "response"),
@@ -74,7 +74,7 @@ def test_file_is_json_with_a_taxel_per_line(tmp_path):
 
 
 def test_file_has_a_response_per_line():
-    """Own responses stand one under the other, each taxel's on a line of its own; any JSON reader reads the same."""
+    """Each response, and the index of each taxel, has its own line; any JSON reader reads the same."""
     patch = sheet(2, 3, 0.01)
     taxels = dataclasses.replace(patch.taxels, responses=np.array((0, 1, 0, 1, 0, 1)))
     own = (Response((0.0, 0.5), (0.0, 250.0)), ResponseTable((0.0, 250.0), (16.0, 0.0)))
@@ -89,7 +89,7 @@ def test_file_has_a_response_per_line():
 
 
 def test_rows_survive_text_that_looks_like_structure():
-    """Ids full of brackets, commas, quotes and escapes come back as they were."""
+    """Ids with brackets, commas, quotes and escapes are read back unchanged."""
     names = ('],\\n["', "]], [[", 'a", "b', "\\", "前腕 \u2028", ",")
     patch = sheet(2, 3, 0.01)
     new = dict(zip(patch.taxels.ids, names, strict=True))
@@ -116,8 +116,8 @@ def test_calibration_without_patches_survives(tmp_path):
     assert load_calibration(tmp_path / "c.json").patches == ()
 
 
-def test_free_members_pass_through(tmp_path):
-    """``x_`` members come back from the top level, surfaces and patches."""
+def test_free_members_are_kept(tmp_path):
+    """``x_`` members of the top level, surfaces and patches are read back."""
     save_calibration(small_calibration(), tmp_path / "c.json")
     loaded = load_calibration(tmp_path / "c.json")
     assert loaded.extra == {"x_note": {"author": "前腕", "numbers": [1, 2.5, None, True]}}
@@ -125,8 +125,8 @@ def test_free_members_pass_through(tmp_path):
     assert loaded.patches[1].extra == {"x_ports": [[1, 0, 0, 0], [0, 0, 1, 0]]}
 
 
-def test_numbers_of_another_writer_become_ours():
-    """1 for 1.0 and 1.0 for 1 are the same numbers: the calibration is the same, to its bytes."""
+def test_integers_and_floats_are_normalized():
+    """1 instead of 1.0, and 1.0 instead of 1, give the same calibration and the same bytes."""
     document = to_document(small_calibration())
     foreign = json.loads(encode(document))
     foreign["patches"][0]["taxels"]["channel"][2] = 2.0
@@ -144,14 +144,14 @@ def test_numbers_of_another_writer_become_ours():
 
 
 def test_numpy_numbers_are_written(tmp_path):
-    """Counts and distances that are NumPy scalars are numbers like others."""
+    """NumPy scalars are written as numbers."""
     mesh = MeshSource("a.stl", "0" * 64, np.int64(5), np.int32(6))
     save_calibration(small_calibration(mesh=mesh), tmp_path / "c.json")
     assert load_calibration(tmp_path / "c.json").mesh == MeshSource("a.stl", "0" * 64, 5, 6)
 
 
 def test_checksum_ignores_layout():
-    """White space and the order of members are no content; a digit is."""
+    """White space and the order of members do not change the checksum; a digit does."""
     document = to_document(small_calibration())
     shuffled = dict(reversed(document.items()))
     assert checksum(shuffled) == document["checksum"]
@@ -160,8 +160,8 @@ def test_checksum_ignores_layout():
     assert [finding.code for finding in validate(document)] == ["checksum"]
 
 
-def test_save_refuses_what_load_would(tmp_path):
-    """A calibration with an error in it is not written, and the old file stays."""
+def test_save_rejects_invalid_calibrations(tmp_path):
+    """A calibration with an error is not written, and the old file stays."""
     path = tmp_path / "c.json"
     path.write_bytes(b"old")
     twice = small_calibration(patches=(sheet(2, 3, 0.01), boards(first_channel=5)))
@@ -181,19 +181,19 @@ def test_save_refuses_nan_with_its_place(tmp_path):
 
 @pytest.mark.parametrize("junk", [{1, 2}, float("nan"), object(), "\ud800"])
 def test_save_refuses_free_members_that_are_not_json(junk, tmp_path):
-    """What JSON cannot hold is refused in one line, also where the schema does not look."""
+    """Values that JSON cannot represent are an error of one line, also in free members."""
     with pytest.raises(CalibrationFormatError, match="^the calibration of 'forearm' cannot be written as JSON"):
         save_calibration(small_calibration(extra={"x_junk": junk}), tmp_path / "c.json")
 
 
 def test_save_refuses_free_members_without_their_prefix(tmp_path):
-    """A free member cannot replace one of ours."""
+    """A free member cannot replace a standard member."""
     with pytest.raises(CalibrationFormatError, match="must begin with 'x_', not be 'link'"):
         save_calibration(small_calibration(extra={"link": "thigh"}), tmp_path / "c.json")
 
 
 def test_load_names_count_and_first_finding(tmp_path):
-    """The message is one line; the findings are all there."""
+    """The message is one line; the exception has all findings."""
     document = to_document(small_calibration())
     document["link"] = 3
     document["mesh"]["fases"] = document["mesh"].pop("faces")
@@ -207,7 +207,7 @@ def test_load_names_count_and_first_finding(tmp_path):
 
 
 def test_load_accepts_warnings(tmp_path):
-    """A warning is for a person; the calibration is usable."""
+    """A calibration with warnings is usable."""
     patch = boards()
     taxels = dataclasses.replace(patch.taxels, areas=2 * patch.taxels.areas)
     path = tmp_path / "c.json"
@@ -217,8 +217,8 @@ def test_load_accepts_warnings(tmp_path):
     assert {finding.severity for finding in check_calibration(path)} == {"warning"}
 
 
-def test_load_refuses_what_is_no_file(tmp_path):
-    """Missing, a folder, a pipe, a path that cannot be: one line each, and no waiting."""
+def test_load_rejects_paths_that_are_not_files(tmp_path):
+    """A missing file, a folder, a pipe, an invalid path: one line each, and no blocking."""
     os.mkfifo(tmp_path / "pipe")
     for name, reason in (
         ("missing.json", "No such file"),
@@ -232,9 +232,9 @@ def test_load_refuses_what_is_no_file(tmp_path):
         assert "\n" not in str(caught.value)
 
 
-@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs a file that tells no size")
-def test_file_larger_than_it_tells_is_not_read_on(monkeypatch):
-    """One that grows while it is read must not fill the memory."""
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs a file without size")
+def test_file_that_grows_is_not_read_beyond_the_limit(monkeypatch):
+    """A file that grows while it is read must not fill the memory."""
     monkeypatch.setattr(strict_json, "MAX_JSON_BYTES", 10)
     assert len(strict_json.read("/proc/self/status")) == 11
     with pytest.raises(CalibrationFormatError, match="has 11 bytes; the limit is 10"):
@@ -242,7 +242,7 @@ def test_file_larger_than_it_tells_is_not_read_on(monkeypatch):
 
 
 def test_write_replaces_whole_file_and_keeps_mode(tmp_path):
-    """The new content is there, the permissions are the old ones, and nothing else is left."""
+    """The file has the new content and the old permissions; no other file is left."""
     path = tmp_path / "c.json"
     path.write_bytes(b"a longer old content")
     path.chmod(0o640)
@@ -252,14 +252,14 @@ def test_write_replaces_whole_file_and_keeps_mode(tmp_path):
 
 
 def test_write_gives_new_files_the_usual_mode(tmp_path):
-    """A new file is as readable as any that the user makes, not private."""
+    """A new file has the default permissions of the user."""
     (tmp_path / "usual").touch()
     write_bytes_safely(tmp_path / "c.json", b"new")
     assert (tmp_path / "c.json").stat().st_mode == (tmp_path / "usual").stat().st_mode
 
 
 def test_write_follows_symbolic_links(tmp_path):
-    """The target is replaced, in its own folder; the link stays a link. A target may be new."""
+    """The target is replaced in its folder; the link stays. The target may be new."""
     (tmp_path / "store").mkdir()
     target, link = tmp_path / "store" / "c.json", tmp_path / "link.json"
     link.symlink_to(target)
@@ -270,14 +270,14 @@ def test_write_follows_symbolic_links(tmp_path):
 
 
 def test_write_names_missing_folder(tmp_path):
-    """The folder is named, and not made."""
+    """The message names the folder, which is not created."""
     with pytest.raises(OutputError, match=f"the folder '{tmp_path}/nowhere' does not exist. Create it first"):
         write_bytes_safely(tmp_path / "nowhere" / "c.json", b"")
     assert os.listdir(tmp_path) == []
 
 
-def test_write_spares_what_is_no_regular_file(tmp_path):
-    """A pipe or folder is not replaced; a device neither, by the same rule."""
+def test_write_keeps_files_that_are_not_regular(tmp_path):
+    """A pipe or a folder is not replaced; the same rule protects devices."""
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path, tmp_path / "pipe"):
         with pytest.raises(OutputError, match="it is (not a regular file|a folder)\\. Name a file"):
@@ -286,7 +286,7 @@ def test_write_spares_what_is_no_regular_file(tmp_path):
 
 
 def test_write_respects_protection(tmp_path, monkeypatch):
-    """A file or folder without permission to write stays as it is."""
+    """A file or folder without write permission stays unchanged."""
     path = tmp_path / "c.json"
     path.write_bytes(b"old")
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may write anything
@@ -298,7 +298,7 @@ def test_write_respects_protection(tmp_path, monkeypatch):
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EACCES])
 def test_write_failing_leaves_old_file(step, code, tmp_path, monkeypatch):
-    """A full disk, a broken one or a missing permission at any step: the old file is whole, and alone."""
+    """A full or broken disk, or a missing permission, at any step: only the complete old file is left."""
     path = tmp_path / "c.json"
     path.write_bytes(b"old")
 
@@ -313,7 +313,7 @@ def test_write_failing_leaves_old_file(step, code, tmp_path, monkeypatch):
 
 
 def test_write_interrupted_leaves_old_file(tmp_path, monkeypatch):
-    """The interrupt reaches the caller; the old file is whole, and alone."""
+    """The caller receives the interrupt; only the complete old file is left."""
     path = tmp_path / "c.json"
     path.write_bytes(b"old")
 
@@ -327,7 +327,7 @@ def test_write_interrupted_leaves_old_file(tmp_path, monkeypatch):
 
 
 def test_write_survives_folder_that_cannot_be_synced(tmp_path, monkeypatch):
-    """The file is in place by then; some file systems sync no folders."""
+    """The file is complete at that time; some file systems cannot sync folders."""
     real = os.fsync
 
     def fail(handle):
@@ -341,7 +341,7 @@ def test_write_survives_folder_that_cannot_be_synced(tmp_path, monkeypatch):
 
 
 def run_write(tmp_path, preparation):
-    """Write 'new' over 'old' in a process of its own, prepared by a line of code."""
+    """Write 'new' over 'old' in a new process, after a line of code."""
     path = tmp_path / "c.json"
     path.write_bytes(b"old")
     code = (
@@ -357,7 +357,7 @@ def run_write(tmp_path, preparation):
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("after", [False, True])
 def test_write_killed_leaves_a_whole_file(step, after, tmp_path):
-    """Killed before or after any step, the file is the old one, or after the last step the new one; never a part."""
+    """After a kill at any step, the file is the complete old one or, after the last step, the complete new one."""
     place = "atomic_file" if step == "open" else "os"
     run = run_write(
         tmp_path,
@@ -373,7 +373,7 @@ def test_write_killed_leaves_a_whole_file(step, after, tmp_path):
 
 
 def test_write_to_full_disk_leaves_old_file(tmp_path):
-    """A write that stops half-way for lack of room: one line, the old file whole, and alone."""
+    """A disk that is full in the middle of a write: one line; only the complete old file is left."""
     run = run_write(
         tmp_path,
         "resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)",

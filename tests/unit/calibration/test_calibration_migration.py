@@ -1,4 +1,4 @@
-"""Files of versions before ours: read as what they are, a step at a time."""
+"""Files of older versions are validated by their own schema and migrated step by step."""
 
 import copy
 import json
@@ -15,7 +15,7 @@ OURS = to_document(small_calibration())
 
 
 def renamed(version, old, new):
-    """The step from a version that called the link otherwise to the next, which calls it ``new``."""
+    """Return a migration step that renames the member of the link to ``new``."""
     schema = json.loads(json.dumps(SCHEMA).replace('"link"', f'"{old}"'))
     schema["properties"]["version"]["const"] = version
 
@@ -28,7 +28,7 @@ def renamed(version, old, new):
 
 @pytest.fixture
 def older(monkeypatch):
-    """Two versions before the first: their links were called ``part`` and ``body``. A file of the oldest."""
+    """Define two fictitious older versions with links ``part`` and ``body``, and return a file of the oldest."""
     monkeypatch.setitem(STEPS, -1, renamed(-1, "part", "body"))
     monkeypatch.setitem(STEPS, 0, renamed(0, "body", "link"))
     document = copy.deepcopy(OURS) | {"version": -1, "part": OURS["link"]}
@@ -40,36 +40,36 @@ def summed(document):
     return encode({**document, "checksum": checksum(document)})
 
 
-def test_older_file_is_brought_to_ours(older):
-    """Through every version between; what comes out is a document of ours, with its checksum."""
+def test_older_file_is_migrated(older):
+    """Through all versions in between, to a document of the current version with checksum."""
     document, findings = check_bytes(summed(older))
     assert findings == () and document["version"] == 1 and document["checksum"] == OURS["checksum"]
     assert encode(to_document(from_document(document))) == encode(OURS)
 
 
-def test_older_file_is_judged_as_what_it_is(older):
-    """By the schema of its own version, and by its own checksum, before anything is changed."""
+def test_older_file_is_validated_by_its_own_version(older):
+    """By the schema of its version and by its checksum, before any change."""
     wrong = {(f.code, f.pointer) for f in check_bytes(summed(older | {"part": 3, "link": "a"}))[1]}
     assert wrong == {("type", "/part"), ("unknown", "/link")}
     broken = {**older, "checksum": checksum(older)} | {"part": "other"}
     assert [f.code for f in check_bytes(encode(broken))[1]] == ["checksum"]
 
 
-def test_older_file_is_judged_as_ours_in_the_end(older):
-    """What only the whole document tells is told by our version's checks."""
+def test_migrated_file_is_validated_by_the_current_version(older):
+    """The checks of the current version find contradictions between members."""
     older["patches"][1]["name"] = older["patches"][0]["name"]
     assert [f.code for f in check_bytes(summed(older))[1]] == ["duplicate-name"]
 
 
 @pytest.mark.parametrize("version", [[], {}, None, "1", 1.5, True, -2, -1e300, 0.5])
-def test_version_that_never_was_is_a_finding(older, version):
-    """Of any type: nothing but findings."""
+def test_unknown_version_is_a_finding(older, version):
+    """A version of any type gives findings."""
     findings = check_bytes(json.dumps(older | {"version": version}).encode())[1]
     assert "/version" in {finding.pointer for finding in findings}
 
 
 @pytest.mark.parametrize("version", [2, 2.0, 10**18])
-def test_newer_version_is_all_that_is_said(version):
-    """Nothing else in a file of the future can be judged."""
+def test_newer_version_is_the_only_finding(version):
+    """The rest of a newer file cannot be validated."""
     findings = check_bytes(json.dumps(OURS | {"version": version, "new": 1}).encode())[1]
     assert [finding.code for finding in findings] == ["version"] and "update the program" in findings[0].message

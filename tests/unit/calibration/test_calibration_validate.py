@@ -1,4 +1,4 @@
-"""What is wrong with a calibration is found, all of it, and said where it stands."""
+"""Validation finds all errors of a calibration, with their locations."""
 
 import ast
 import copy
@@ -28,7 +28,7 @@ NORMAL = "/patches/0/taxels/normal"
 
 
 def at(document, pointer):
-    """Parent and key of what a pointer leads to."""
+    """Return parent and key of the member of a pointer."""
     *path, last = [key.replace("~1", "/").replace("~0", "~") for key in pointer.split("/")[1:]]
     for key in path:
         document = document[int(key) if isinstance(document, list) else key]
@@ -36,7 +36,7 @@ def at(document, pointer):
 
 
 def changed(**by_pointer):
-    """The sample with values replaced (``...`` removes), its checksum made right again."""
+    """Return the sample with replaced values (``...`` removes) and a correct checksum."""
     document = copy.deepcopy(SAMPLE)
     for pointer, value in by_pointer.items():
         parent, key = at(document, pointer)
@@ -45,7 +45,7 @@ def changed(**by_pointer):
         else:
             parent[key] = value(parent[key]) if callable(value) else value
     if "/checksum" not in by_pointer:
-        with suppress(ValueError):  # NaN and half characters cannot be summed
+        with suppress(ValueError):  # NaN and lone surrogates have no checksum
             document["checksum"] = checksum(document)
     return document
 
@@ -59,7 +59,7 @@ def times(factor):
 
 
 def spread(taxels):
-    """Twenty times as far apart, each as large as it was."""
+    """Return taxels at 20 times the distance, with cells of the same size."""
     position = np.array(taxels["position"])
     corners = np.array(taxels["corners"]) + 19 * position[:, None]
     return {"position": (20 * position).tolist(), "corners": corners.tolist()}
@@ -69,7 +69,7 @@ E0 = "/surfaces/0/errors/mesh_to_surface"
 FAR = {"mean": 0.1, "rms": 0.2, "max": 1.0}
 MILLIMETRES = {"mesh_to_surface": FAR, "surface_to_mesh": FAR, "hausdorff": 1.0}
 T0, T1 = "/patches/0/taxels", "/patches/1/taxels"
-FORM = [  # what the schema says: pointer to change, new value, code, pointer of the finding, words of the message
+FORM = [  # errors by the schema: pointer to change, new value, code, pointer of the finding, words of the message
     ("/format", "skin-plan", "value", "/format", 'must be "skin-calibration", not "skin-plan"'),
     ("/version", 2, "version", "/version", "newer than version 1 of this program; update"),
     ("/version", 0, "value", "/version", "must be 1, not 0"),
@@ -123,7 +123,7 @@ FORM = [  # what the schema says: pointer to change, new value, code, pointer of
     (f"{T0}/response", [0, 1, -1, 0, 0, 0], "range", f"{T0}/response/2", "must be at least 0, not -1"),
     ("/checksum", "sha256:0", "pattern", "/checksum", "must match"),
 ]
-MEANING = [  # what only the whole document tells
+MEANING = [  # errors that need the complete document
     ("/checksum", "sha256:" + "0" * 64, "checksum", "/checksum", "changed after writing; .* use sha256:"),
     ("/surfaces/1/name", "tube", "duplicate-name", "/surfaces/1/name", 'repeats "tube" of /surfaces/0/name'),
     ("/patches/1/name", "sheet", "duplicate-name", "/patches/1/name", "of /patches/0/name"),
@@ -254,7 +254,7 @@ MEANING = [  # what only the whole document tells
 
 @pytest.mark.parametrize(("pointer", "value", "code", "where", "words"), FORM + MEANING)
 def test_validate_finds_each_mistake(pointer, value, code, where, words):
-    """One change, the finding for it: code, place and words."""
+    """One change gives one finding with code, location and message."""
     document = changed(**{pointer: value})
     findings = [finding for finding in validate(document) if (finding.code, finding.pointer) == (code, where)]
     assert len(findings) == 1, found(document)
@@ -263,13 +263,13 @@ def test_validate_finds_each_mistake(pointer, value, code, where, words):
 
 
 def test_validate_finds_repeated_ids_across_patches():
-    """An id belongs to one taxel of the link, whatever its patch."""
+    """An id belongs to one taxel of the link, in any patch."""
     document = changed(**{f"{T1}/id/1": "s0.2", f"{T1}/neighbours/0": [], f"{T1}/neighbours/1": []})
     assert ("duplicate-id", f"{T1}/id/1") in found(document)
 
 
 def test_validate_knows_the_responses_of_taxels():
-    """The last of the list is there, the one after it is not; nothing is said of a list that is none."""
+    """The last index of the list is valid, the next is not; an invalid list gives no further finding."""
     own = {"/responses": [TABLE, TABLE], f"{T0}/response": [0, 1, 0, 1, 1, 0]}
     assert found(changed(**own)) == []
     assert found(changed(**own | {f"{T0}/response": [0, 1, 0, 2, 1, 0]})) == [("unknown-response", f"{T0}/response/3")]
@@ -288,7 +288,7 @@ def test_validate_finds_millimetres_near_the_frame():
 
 
 def test_validate_finds_everything_at_once():
-    """Mistakes in different members do not hide each other, in form or in meaning."""
+    """Errors in different members do not hide each other, in form or meaning."""
     document = changed(
         **{
             "/link": 5,
@@ -313,8 +313,8 @@ def test_validate_finds_everything_at_once():
     }
 
 
-def test_check_bytes_says_a_thing_once():
-    """What strict JSON and the schema both refuse is one finding; the rest of the document is checked too."""
+def test_check_bytes_reports_a_problem_once():
+    """A problem of both strict JSON and the schema is one finding; the rest of the document is checked, too."""
     text = TEXT.replace(b'"forearm.stl"', b"NaN").replace(b'"length": "m"', b'"length": 1e999, "length": "mm"')
     assert [(f.code, f.pointer) for f in calibration.check_bytes(text)[1]] == [
         ("duplicate-key", "/units/length"),
@@ -324,8 +324,8 @@ def test_check_bytes_says_a_thing_once():
     assert [(f.code, f.pointer) for f in calibration.check_bytes(b"null")[1]] == [("type", "")]
 
 
-def test_validate_draws_no_conclusion_from_the_unsound():
-    """Where the ids, names or lists are wrong themselves, nothing is said to be missing from them."""
+def test_validate_ignores_invalid_lists():
+    """If ids, names or lists are invalid, nothing is reported as missing from them."""
     assert found(changed(**{"/surfaces": {}})) == [("type", "/surfaces")]
     assert found(changed(**{"/checksum": "sha256:0"})) == [("pattern", "/checksum")]
     assert found(changed(**{"/patches/1": None})) == [("type", "/patches/1")]
@@ -333,7 +333,7 @@ def test_validate_draws_no_conclusion_from_the_unsound():
 
 
 def test_validate_lists_a_thousand_of_a_kind():
-    """A file that is wrong throughout is reported in bounded space; no error hides behind warnings."""
+    """A file with errors everywhere gives a limited report; warnings do not hide errors."""
     document = to_document(small_calibration(40, 50, 0.001))
     document["patches"][0]["taxels"]["neighbours"] = [["h0"]] * 2000
     document["patches"][1]["taxels"]["neighbours"] = [["h9"], []]
@@ -351,14 +351,14 @@ def test_validate_lists_a_thousand_of_a_kind():
 
 
 @pytest.mark.parametrize("document", [None, True, 1, 1.5, "", [], {}, [[]], {"version": 10**5000}, {1: 2}, np.eye(3)])
-def test_validate_takes_anything(document):
-    """Whatever comes is answered with findings."""
+def test_validate_accepts_any_value(document):
+    """Any value gives findings, not an exception."""
     assert any(finding.severity == "error" for finding in validate(document))
     assert all("\n" not in str(finding) for finding in validate(document))
 
 
-def test_validate_takes_what_is_not_json():
-    """A free member that JSON cannot hold is no traceback, but a finding."""
+def test_validate_accepts_objects_that_are_not_json():
+    """A free member that JSON cannot represent gives a finding, not an exception."""
     loop = []
     loop.append(loop)
     for junk in (loop, {1, 2}, float("nan"), "\ud800", {(1, 2): 3}):
@@ -368,14 +368,14 @@ def test_validate_takes_what_is_not_json():
 
 
 def test_finding_is_one_printable_line():
-    """Whatever a file names its members, a finding stays on its line and can be printed."""
+    """For any names of members, a finding is one printable line."""
     finding = Finding("unknown", "error", "/a\nb\ud800\x1b[31m" + "c" * 1000, "is not a known member")
     assert "\n" not in str(finding) and "\x1b" not in str(finding) and len(str(finding)) < 300
     str(finding).encode()
 
 
 def test_every_code_is_tested():
-    """Each code in the package is one that a test here sees."""
+    """Each code in the package occurs in a test of this file."""
     place = {"error": 0, "warning": 0, "refused": 0, "_UnreadableError": 0, "Finding": 0, "_repeats": 2}
     codes = set()
     package = Path(calibration.__file__).parents[1]
@@ -427,14 +427,14 @@ BYTES = [  # bytes, code, pointer, words of the message
 
 @pytest.mark.parametrize(("data", "code", "pointer", "words"), BYTES)
 def test_parse_finds_what_strict_json_forbids(data, code, pointer, words):
-    """Code, place and words for each thing that is no JSON, or means two things."""
+    """Code, location and message for each violation of JSON, and for each ambiguity."""
     _, found = parse(data)
     assert [(finding.code, finding.pointer) for finding in found] == [(code, pointer)]
     assert words in found[0].message
 
 
 def test_parse_finds_several():
-    """A document with several faults that leave it whole has them all reported."""
+    """All faults of a document that can be parsed are reported."""
     document, found = parse(b'{"a": NaN, "b": [1e999, {"c": 1, "c": 2}], "d": "\\udc00"}')
     assert [(f.code, f.pointer) for f in found] == [
         ("not-finite", "/a"),
@@ -460,13 +460,13 @@ def test_parse_finds_several():
     ],
 )
 def test_parse_builds_what_json_does(text):
-    """Good JSON gives what the standard library gives, with the same types, and no finding."""
+    """Valid JSON gives the result of the standard library, with the same types, and no finding."""
     document, found = parse(text.encode())
     assert found == () and repr(document) == repr(json.loads(text))
 
 
 def test_parse_refuses_sizes_before_building(monkeypatch):
-    """Too many bytes or values are refused from the bytes alone, strings not counted."""
+    """Too many bytes or values are an error before parsing; strings are not counted."""
     monkeypatch.setattr(strict_json, "MAX_VALUES", 100)
     assert parse(b"[" + b"1," * 99 + b"1]")[1] == ()
     assert parse(b'["' + b"," * 1000 + b'"]')[1] == ()
@@ -485,8 +485,8 @@ def test_read_refuses_size_before_reading(tmp_path, monkeypatch):
         strict_json.read(path)
 
 
-def test_measure_is_blind_to_chunks(monkeypatch):
-    """Where the bytes are divided makes no difference to depth and count."""
+def test_measure_is_independent_of_chunks(monkeypatch):
+    """The positions of chunk borders do not change depth and count."""
     monkeypatch.setattr(strict_json, "MAX_JSON_DEPTH", 2)
     for size in range(1, 12):
         monkeypatch.setattr(strict_json, "CHUNK_BYTES", size)
@@ -526,13 +526,13 @@ CHOICES = {
     ],
 )
 def test_check_explains_choices(document, pointer, words):
-    """Of a choice, the branch that is meant is the one that is explained."""
+    """The message of a choice is that of the matching branch."""
     (finding,) = check(document, CHOICES)
     assert finding.pointer == pointer and finding.message.startswith(words)
 
 
 def test_read_schema_refuses_unknown_keywords(tmp_path):
-    """A keyword that `check` would pass over is a mistake of ours, seen at once."""
+    """A keyword that `check` does not support raises an AssertionError."""
     path = tmp_path / "schema.json"
     path.write_text(json.dumps({"properties": {"a": {"items": {"uniqueItems": True}}}}), "utf-8")
     with pytest.raises(AssertionError, match="uniqueItems"):
@@ -540,13 +540,13 @@ def test_read_schema_refuses_unknown_keywords(tmp_path):
 
 
 def test_schema_is_a_schema():
-    """Ours is valid JSON Schema of the draft that it names, by the reference implementation."""
+    """The schema is valid JSON Schema of its draft, by the reference implementation."""
     jsonschema = pytest.importorskip("jsonschema")
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     assert jsonschema.Draft202012Validator(SCHEMA).is_valid(SAMPLE)
 
 
 def test_show_is_short():
-    """No value fills a message."""
+    """Values are short in messages."""
     for value in ("x" * 10**6, list(range(10**5)), {str(i): i for i in range(1000)}, 10**3000, 1e308, {1, 2}, None):
         assert len(findings.show(value)) < 60

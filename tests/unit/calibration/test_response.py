@@ -1,4 +1,4 @@
-"""Readings to forces: one taxel at a time as the equation says, and all at once the same."""
+"""Readings to forces: single taxels by the equation, and all taxels at once with the same result."""
 
 import dataclasses
 import warnings
@@ -42,7 +42,7 @@ readings = st.one_of(st.floats(-2000, 2000), st.integers(0, 255).map(float), st.
 
 
 def naive(response, reading):
-    """The force of one reading, by the words of the schema."""
+    """Return the force of one reading, as the schema defines it."""
     if not np.isfinite(reading):
         return np.nan
     if isinstance(response, ResponseTable):
@@ -50,8 +50,8 @@ def naive(response, reading):
         if reading <= x[0] or reading >= x[-1]:
             return max(y[0] if reading <= x[0] else y[-1], 0.0)
         k = max(i for i in range(len(x)) if x[i] <= reading)
-        share = (reading - x[k]) / (x[k + 1] - x[k])
-        return max(y[k] + share * (y[k + 1] - y[k]), 0.0)
+        fraction = (reading - x[k]) / (x[k + 1] - x[k])
+        return max(y[k] + fraction * (y[k + 1] - y[k]), 0.0)
     if response.range is not None:
         reading = min(max(reading, response.range[0]), response.range[1])
     return max(sum(c * reading**k for k, c in enumerate(response.coefficients)), 0.0)
@@ -61,8 +61,8 @@ def naive(response, reading):
     kinds=st.lists(responses, min_size=1, max_size=5),
     choice=st.lists(st.tuples(st.integers(0, 4), readings), max_size=30),
 )
-def test_all_at_once_is_one_by_one(kinds, choice):
-    """Any mixture of responses, on any readings: the words of the schema, taxel by taxel."""
+def test_all_taxels_at_once_equal_single_taxels(kinds, choice):
+    """For any mixture of responses and any readings, the forces are those of the schema."""
     index = np.array([i % len(kinds) for i, _ in choice], np.int64)
     intensity = np.array([reading for _, reading in choice])
     expected = [naive(kinds[i], x) for i, x in zip(index, intensity)]
@@ -73,7 +73,7 @@ def test_all_at_once_is_one_by_one(kinds, choice):
 
 
 def test_responses_go_by_patch_and_taxel():
-    """Taxels with responses of their own have these; the others that of the link, in the order of the patches."""
+    """Taxels have their own response, or that of the link, in the order of the patches."""
     own = dataclasses.replace(boards(2), taxels=dataclasses.replace(boards(2).taxels, responses=np.array((1, 0))))
     calibration = small_calibration(1, 2, patches=(sheet(1, 2, 0.01), own), response=RISING, responses=(DOWN, TABLE))
     responses = TaxelResponses.of(calibration)
@@ -87,7 +87,7 @@ def test_responses_go_by_patch_and_taxel():
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.uint16, np.float32, np.float64, bool])
 def test_readings_of_any_dtype_never_wrap(dtype):
-    """Squares of 8-bit readings are no 8-bit numbers."""
+    """Squares of 8-bit readings do not overflow."""
     raw = np.array([0, 1, 200, 255]).astype(dtype)
     expected = [naive(RISING, float(x)) for x in raw]
     assert_allclose(TaxelResponses([RISING], np.zeros(4, int)).forces(raw), expected, rtol=1e-12)
@@ -95,8 +95,8 @@ def test_readings_of_any_dtype_never_wrap(dtype):
 
 @pytest.mark.parametrize("response", KINDS)
 @pytest.mark.parametrize("reading", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_no_force(response, reading):
-    """No clamping hides it, alone, in a crowd of its own kind or of others; and it is not saturated."""
+def test_reading_that_is_not_finite_gives_nan(response, reading):
+    """Clamping does not hide it, for a single taxel or among others; and it is not saturated."""
     for crowd in ([response], [response, STRAIGHT], [*KINDS, response]):
         responses = TaxelResponses(crowd, np.arange(len(crowd)))
         intensity = np.full(len(crowd), 150.0)
@@ -108,8 +108,8 @@ def test_what_is_no_number_is_no_force(response, reading):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_overflow_is_no_force_and_no_warning(sign):
-    """A force beyond all numbers is not finite, on either side: it must not look like a taxel at rest."""
+def test_overflow_gives_nan_without_warning(sign):
+    """A force that overflows in either direction is not finite: it must differ from a taxel at rest."""
     cubic = Response((0.0, 0.0, 0.0, sign * 1e5))
     responses = TaxelResponses([cubic, TABLE], np.array((0, 0, 1)))
     with warnings.catch_warnings():
@@ -122,7 +122,7 @@ def test_overflow_is_no_force_and_no_warning(sign):
 
 @pytest.mark.parametrize(("response", "rest", "full"), [*zip(KINDS, (0, 5, 1000, 0, 1000), (None, 250, 100, 250, 100))])
 def test_rest_and_full_are_the_ends_of_the_range(response, rest, full):
-    """Where the force is least, and where it is told no longer, for sensors of either direction."""
+    """Readings of smallest force and of saturation, for rising and falling sensors."""
     assert (response.rest, response.full) == (rest, full)
     responses = TaxelResponses([response], np.zeros(3, int))
     if full is None:
@@ -138,11 +138,11 @@ def test_rest_and_full_are_the_ends_of_the_range(response, rest, full):
 @given(
     coefficients=st.lists(st.floats(-5, 5), min_size=1, max_size=7), low=st.floats(-20, 20), width=st.floats(0.1, 40)
 )
-def test_monotone_is_what_many_readings_show(coefficients, low, width):
-    """Against values at 4001 readings: what turns round there by more than rounding is found, and nothing else is."""
+def test_monotone_agrees_with_many_readings(coefficients, low, width):
+    """The result agrees with values at 4001 readings, except for reversals below rounding."""
     values = np.polynomial.polynomial.polyval(np.linspace(low, low + width, 4001), coefficients)
     steps, span = np.diff(values), np.ptp(values)
-    # How far the values run back in all, against the way from first to last.
+    # Sum of all reversals, against the direction from the first to the last value.
     back = min(np.clip(steps, 0, None).sum(), np.clip(-steps, 0, None).sum())
     if back > 1e-6 * span:
         assert not is_monotone(coefficients, low, low + width)
@@ -151,20 +151,22 @@ def test_monotone_is_what_many_readings_show(coefficients, low, width):
 
 
 def test_monotone_knows_its_hard_cases():
-    """A flat place, a constant, a top just outside and just inside, a range far from zero, numbers that overflow."""
+    """A flat point, a constant, a maximum just outside and just inside, a range far from zero, an overflow."""
     assert is_monotone([0, 0, 0, 1], -1, 1) and is_monotone([2.5], 0, 1) and is_monotone([0, 0], 0, 1)
     assert is_monotone([0, 2, -1], 0, 1) and not is_monotone([0, 2, -1], 0, 1.01)
     assert is_monotone([0, -2e7, 1], 1e7, 1e7 + 50) and not is_monotone([0, -2e7, 1], 1e7 - 50, 1e7 + 50)
-    assert not is_monotone([0, 1, -0.475, -0.08 / 3], -1, 1)  # the smallest coefficient turns it round, at 0.98
+    assert not is_monotone([0, 1, -0.475, -0.08 / 3], -1, 1)  # the smallest coefficient reverses it at 0.98
     assert not is_monotone([0, 1, 1e300], 0, 1e100) and not is_monotone([1e308, 1e308], 0, 1e3)
 
 
 @st.composite
 def unsound(draw):
-    """A response that keeps the schema, right or wrong: out of order, of different lengths, too wide, turning."""
+    """Draw a response that the schema accepts, valid or not: unordered, unequal lengths, too wide, not monotone."""
     numbers = st.one_of(st.integers(-3, 3).map(float), st.sampled_from([-1e308, 1e308, 1e-300]))
     lists = st.lists(numbers, min_size=2, max_size=4)
-    lists |= st.lists(numbers, min_size=2, max_size=4, unique=True).map(sorted)  # wrong in what is left
+    lists |= st.lists(numbers, min_size=2, max_size=4, unique=True).map(
+        sorted
+    )  # increasing, but possibly wrong otherwise
     if draw(st.booleans()):
         return {"kind": "table", "readings": draw(lists), "forces": draw(lists)}
     ends = {"range": draw(st.lists(numbers, min_size=2, max_size=2))} if draw(st.booleans()) else {}
@@ -172,8 +174,8 @@ def unsound(draw):
 
 
 @given(responses=st.lists(st.one_of(responses.map(response_document), unsound()), max_size=12))
-def test_responses_checked_at_once_are_those_checked_one_by_one(responses):
-    """A file may have one for each taxel: looking at all of one shape together finds the same, in the same order."""
+def test_bulk_check_of_responses_equals_single_checks(responses):
+    """The bulk check of responses of equal shape gives the same findings in the same order."""
     one_by_one = [f for k, r in enumerate(responses) for f in response_findings(r, f"/responses/{k}")]
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -1,4 +1,4 @@
-"""Responses fitted to synthetic sensors whose truth is known, and warnings about the measurements."""
+"""Fitted responses of synthetic sensors with known truth, and warnings about the measurements."""
 
 import numpy as np
 import pytest
@@ -12,11 +12,11 @@ from skin_calib_addon.calibration.response_checks import response_findings
 from skin_calib_addon.calibration.response_fit import fit_response
 from skin_calib_addon.common.errors import UnderdeterminedFit
 
-FULL = 20.0  # [N] of the sensor of the simulated forearm
+FULL = 20.0  # [N] saturation of the sensors of the simulated forearm
 
 
 def forearm(forces, noise=0.0, seed=1):
-    """Readings of the simulated forearm's sensors: 8 bits, I = 255 (1 - (1 - F / 20)^3)."""
+    """Return readings of the simulated forearm: 8 bits, I = 255 (1 - (1 - F / 20)^3)."""
     exact = 255 * (1 - (1 - np.minimum(forces, FULL) / FULL) ** 3)
     return np.clip(np.rint(exact + np.random.default_rng(seed).normal(0, noise, len(forces))), 0, 255)
 
@@ -30,7 +30,7 @@ def presses(largest, n=300, seed=0):
 
 
 def errors(fit, truth, low, high):
-    """Force told less the true one, over the readings between two."""
+    """Return predicted minus true forces for readings between two values."""
     x = np.linspace(low, high, 1001)
     return fit.response.newtons(x) - truth(x)
 
@@ -40,8 +40,8 @@ def about(fit, code):
 
 
 @pytest.mark.parametrize(("noise", "rms", "largest"), [(0.0, 0.01, 0.03), (0.5, 0.015, 0.05), (2.0, 0.05, 0.2)])
-def test_forearm_sensor_is_found(noise, rms, largest):
-    """Up to 10 N an 8-bit step is at most 0.1 N: the curve is found to a tenth of that, with noise to a half of it.
+def test_forearm_sensor_is_fitted(noise, rms, largest):
+    """Up to 10 N an 8-bit step is at most 0.1 N: the error is a tenth of that, and with noise half of it.
 
     A standard deviation of 2 readings is 0.2 N there; 300 measurements and 4 to 6 numbers leave a seventh to a tenth.
     """
@@ -56,7 +56,7 @@ def test_forearm_sensor_is_found(noise, rms, largest):
 
 
 def test_steep_sensor_is_a_table():
-    """Where the curve rises ever more steeply up to 16 N, no polynomial follows; knots go where it bends."""
+    """A curve that becomes steeper up to 16 N is not a polynomial; knots are where it bends."""
     forces = presses(16.0, 1000)
     readings = forearm(forces)
     fit = fit_response(readings, forces)
@@ -67,8 +67,8 @@ def test_steep_sensor_is_a_table():
     assert np.mean(np.array(fit.response.readings) > 128) > 0.5
 
 
-def test_falling_sensor_is_found():
-    """A signal that drops when pressed, 12 bits: rest is the upper end of the range, full the lower."""
+def test_falling_sensor_is_fitted():
+    """A 12-bit signal that falls with force: rest is the upper end of the range, full the lower."""
     forces = presses(10.0)
     readings = np.rint(3000 - 220 * forces + 4 * forces**2 + np.random.default_rng(2).normal(0, 3, 300))
     fit = fit_response(readings, forces)
@@ -80,7 +80,7 @@ def test_falling_sensor_is_found():
 
 @pytest.mark.parametrize("falls", [False, True])
 def test_saturated_measurements_are_left_out(falls):
-    """Presses beyond what the sensor tells count for its end alone: no curve bends up to their mean."""
+    """Measurements in saturation affect only the end of the curve, not its shape."""
     forces = presses(30.0)
     readings = np.clip(np.rint(12 * forces + np.random.default_rng(3).normal(0, 1, 300)), 0, 255)
     full = 255.0
@@ -99,8 +99,8 @@ def test_saturated_measurements_are_left_out(falls):
     )
 
 
-def test_dead_zone_does_not_press():
-    """A sensor that feels nothing below 2 N: at rest it tells no force, above it the right one, and this is said."""
+def test_dead_zone_gives_no_force():
+    """A sensor without reaction below 2 N: no force at rest, correct forces above, and a warning."""
     forces = presses(20.0)
     readings = np.clip(np.rint(12 * (forces - 2) + np.random.default_rng(4).normal(0, 0.5, 300)), 0, 255)
     fit = fit_response(readings, forces)
@@ -113,15 +113,15 @@ def test_dead_zone_does_not_press():
 
 
 def cycles(lag, noise=0.5):
-    """Three presses up to 12 N and back; the reading lags by so many newtons on either way."""
+    """Return three cycles up to 12 N and back; the reading lags by a force in both directions."""
     forces = np.tile(np.concatenate((np.linspace(0, 12, 40), np.linspace(12, 0, 40))), 3)
-    way = np.tile(np.repeat((1.0, -1.0), 40), 3)
-    exact = 18 * (forces - lag * way * np.sin(np.pi * forces / 12))
+    direction = np.tile(np.repeat((1.0, -1.0), 40), 3)
+    exact = 18 * (forces - lag * direction * np.sin(np.pi * forces / 12))
     return np.rint(exact + np.random.default_rng(5).normal(0, noise, len(forces))), forces
 
 
-def test_hysteresis_is_told_and_halved():
-    """The response lies between the two ways; the mean of a half sine of 0.3 N, there and back, is 0.38 N."""
+def test_hysteresis_is_reported_and_halved():
+    """The response is the mean of both directions; the mean difference for a lag of 0.3 N is 0.38 N."""
     readings, forces = cycles(0.3)
     fit = fit_response(readings, forces)
     assert np.abs(errors(fit, lambda x: x / 18, 0, readings.max())).max() < 0.05
@@ -131,8 +131,8 @@ def test_hysteresis_is_told_and_halved():
     assert "N smaller while it rises" in about(backwards, "hysteresis")[0]
 
 
-def test_hysteresis_is_told_while_the_force_is_held():
-    """Every newton up to 12 and back, held for twenty readings each: the last change tells the way."""
+def test_hysteresis_is_reported_for_constant_forces():
+    """Steps of 1 N up to 12 N and back, with 20 readings each: the last change gives the direction."""
     forces = np.repeat(np.concatenate((np.arange(13.0), np.arange(11.0, 0, -1))), 20)
     lag = np.repeat((0.8, -0.8), (260, 220))
     readings = np.rint(18 * (forces - lag) + np.random.default_rng(6).normal(0, 1, len(forces)))
@@ -140,7 +140,7 @@ def test_hysteresis_is_told_while_the_force_is_held():
 
 
 @given(seed=st.integers(0, 2**20), noise=st.floats(0, 3), n=st.integers(10, 200))
-def test_no_hysteresis_is_seen_where_there_is_none(seed, noise, n):
+def test_noise_does_not_give_hysteresis_warnings(seed, noise, n):
     """Noise of up to 3 readings, in cycles and in any order."""
     rng = np.random.default_rng(seed)
     for forces in (np.abs(np.linspace(-12, 12, n)), rng.uniform(0, 12, n)):
@@ -148,8 +148,8 @@ def test_no_hysteresis_is_seen_where_there_is_none(seed, noise, n):
         assert about(fit, "hysteresis") == []
 
 
-def test_smallest_degree_that_will_do_is_taken():
-    """Exact polynomials are found as they are, whatever the noise of nothing; one more digit is not one more degree."""
+def test_smallest_sufficient_degree_is_used():
+    """Exact polynomials are found exactly; rounding does not increase the degree."""
     x = np.arange(0.0, 4096, 41)
     for powers in ([0.0, 1e-3], [0.5, 1e-3, 1e-7], [0.0, 1e-3, 0.0, 1e-10]):
         fit = fit_response(x, np.polynomial.polynomial.polyval(x, powers))
@@ -158,7 +158,7 @@ def test_smallest_degree_that_will_do_is_taken():
 
 
 def test_readings_far_from_zero_keep_their_digits():
-    """24 bits, of which the sensor uses the last few: what powers cannot hold is a table."""
+    """24 bits, of which the sensor uses the last few: powers lose accuracy, and the result is a table."""
     forces = presses(10.0)
     readings = np.rint(8e6 + 300 * np.sqrt(forces))
     fit = fit_response(readings, forces)
@@ -166,8 +166,8 @@ def test_readings_far_from_zero_keep_their_digits():
     assert np.abs(off).max() < 0.05  # a reading is 0.02 N at 10 N
 
 
-def test_digits_that_powers_lose_make_a_table():
-    """The forearm's sensor on top of a large offset: its fifth powers cancel to nothing."""
+def test_loss_of_accuracy_in_powers_gives_a_table():
+    """The forearm sensor with a large offset: its fifth powers cancel."""
     forces = presses(10.0)
     readings = 1e9 + forearm(forces)
     fit = fit_response(readings, forces)
@@ -175,8 +175,8 @@ def test_digits_that_powers_lose_make_a_table():
     assert np.abs(errors(fit, lambda x: forearm_truth(x - 1e9), readings.min(), readings.max())).max() < 0.1
 
 
-def test_what_turns_round_is_made_monotone():
-    """Forces that fall again near the end are followed best by a parabola, which is no response."""
+def test_response_is_monotone_for_other_forces():
+    """A parabola fits forces that fall near the end best, but is not a valid response."""
     readings = np.arange(100.0)
     fit = fit_response(readings, 50 - (readings - 70) ** 2 / 100)
     assert isinstance(fit.response, ResponseTable)
@@ -184,15 +184,15 @@ def test_what_turns_round_is_made_monotone():
     assert np.abs(fit.residuals[:60]).max() < 1.0 and np.abs(fit.residuals).max() < 7
 
 
-def test_coarse_readings_are_not_taken_for_full():
-    """Four bits: every reading stands for forces over 7 %, and the last for no more than the others."""
+def test_coarse_readings_do_not_count_as_saturated():
+    """With four bits, each reading covers 7 % of the forces, and the last covers no more."""
     forces = presses(20.6)
     fit = fit_response(np.rint(0.75 * forces), forces)
     assert fit.used.all() and fit.warnings == ()
 
 
-def test_noise_has_no_hysteresis():
-    """Where readings tell nothing, that is what is said: a force that has grown is a larger one."""
+def test_random_readings_have_no_hysteresis():
+    """If readings are independent of the force, the warning states that, and not hysteresis."""
     (warning,) = fit_response(np.random.default_rng(7).uniform(0, 255, 100), presses(10.0, 100)).warnings
     assert warning.code == "poor-response" and "hardly depend" in warning.message
 
@@ -207,14 +207,14 @@ def test_noise_has_no_hysteresis():
     ],
 )
 def test_warnings_are_given(readings, forces, words):
-    """Few points, few readings, a hole, no relation: one warning each, about that."""
+    """Few points, few readings, a gap, no relation: one warning for each."""
     (warning,) = fit_response(np.array(readings), np.array(forces)).warnings
     assert words in str(warning)
 
 
 @pytest.mark.parametrize("readings", [[], [5.0], [5.0, 5.0, 5.0]])
-def test_one_reading_is_no_response(readings):
-    """What does not change tells nothing."""
+def test_constant_measurements_are_an_error(readings):
+    """Constant readings or forces determine no response."""
     with pytest.raises(UnderdeterminedFit, match="Measure at two or more forces with different readings"):
         fit_response(np.array(readings), np.arange(float(len(readings))))
 
@@ -226,19 +226,19 @@ measurements = st.lists(st.tuples(st.integers(-50, 300), st.floats(-1, 50)), min
 
 @given(rows=measurements)
 def test_any_measurements_give_a_valid_response(rows):
-    """Whatever was measured: monotone on the readings that it is of, finite, and what the file's check lets pass."""
+    """For any measurements the response is monotone on their readings, finite, and valid in a file."""
     readings, forces = np.array(rows, float).T
     fit = fit_response(readings, forces)
     assert list(response_findings(response_document(fit.response), "")) == []
     assert {fit.response.rest, fit.response.full} == {readings.min(), readings.max()}
-    told = fit.response.newtons(np.linspace(readings.min(), readings.max(), 50))
-    assert np.isfinite(told).all() and told.max() <= max(2 * np.abs(forces).max(), 1)
+    predicted = fit.response.newtons(np.linspace(readings.min(), readings.max(), 50))
+    assert np.isfinite(predicted).all() and predicted.max() <= max(2 * np.abs(forces).max(), 1)
     assert len(fit.residuals) == fit.used.sum() >= 2
 
 
 @pytest.mark.parametrize("unit", [1e-15, 1e-100, 1e12 / 255])
 def test_unit_of_readings_makes_no_difference(unit):
-    """Farads, or anything else: the same curve; where its powers overflow, a table."""
+    """Any unit gives the same curve; if powers overflow, it is a table."""
     forces = presses(10.0)
     readings = forearm(forces) * unit
     fit = fit_response(readings, forces)
@@ -257,8 +257,8 @@ values = st.floats(-1e12, 1e12).filter(lambda x: x == 0 or abs(x) >= 1e-100)
         max_size=12,
     ).filter(lambda rows: min(len(set(column)) for column in zip(*rows)) > 1)
 )
-def test_strange_measurements_give_a_valid_response_too(rows):
-    """Readings a bit apart, or all that a table may hold: no warning, no overflow."""
+def test_extreme_measurements_give_a_valid_response(rows):
+    """Readings that differ in the last bit, or span the full range: no NumPy warning, no overflow."""
     readings, forces = np.array(rows, float).T
     fit = fit_response(readings, forces)
     assert list(response_findings(response_document(fit.response), "")) == []
@@ -267,10 +267,10 @@ def test_strange_measurements_give_a_valid_response_too(rows):
 
 @given(rows=measurements)
 def test_mirrored_readings_give_the_mirrored_response(rows):
-    """Nothing in the fit prefers sensors that rise."""
+    """Rising and falling sensors are treated equally."""
     readings, forces = np.array(rows, float).T
     together = np.sum((readings - readings.mean()) * (forces - forces.mean()))
-    assume(abs(together) > 1e-6)  # what neither rises nor falls is taken to rise
+    assume(abs(together) > 1e-6)  # without correlation, the sensor counts as rising
     fit, mirrored = fit_response(readings, forces), fit_response(-readings, forces)
     x = np.linspace(readings.min(), readings.max(), 50)
     assert_allclose(mirrored.response.newtons(-x), fit.response.newtons(x), rtol=0, atol=1e-6 * max(1, np.ptp(forces)))

@@ -1,4 +1,4 @@
-"""The command line: codes, files, and one line for everything that is wrong."""
+"""The command line: exit codes, files, and one line for each error."""
 
 import json
 import os
@@ -53,14 +53,14 @@ def folder(tmp_path):
 
 
 def write_plan(folder, name="tube", **changes):
-    """A plan file; the path to it."""
+    """Write a plan file, and return its path."""
     path = folder / f"{name}.plan.json"
     path.write_text(json.dumps(PLAN | changes))
     return path
 
 
 def run(*words):
-    """Run a command in a process of its own: code, output, errors."""
+    """Run a command in a new process, and return code, output and errors."""
     done = subprocess.run(
         [sys.executable, "-m", "skin_calib_addon", *map(str, words)], capture_output=True, text=True, env=ENVIRONMENT
     )
@@ -68,7 +68,7 @@ def run(*words):
 
 
 def assert_refused(capsys, code, message, *words):
-    """The call ends with this code, one line on stderr that holds the message, and nothing on stdout."""
+    """Check exit code, one line on stderr with the message, and empty stdout."""
     assert main([str(word) for word in words]) == code
     out, err = capsys.readouterr()
     assert out == "" and err.startswith("skin-calib: ") and err.endswith("\n") and err.count("\n") == 1
@@ -87,8 +87,8 @@ def test_fit_writes_a_calibration(folder, capsys):
     assert not list(folder.glob(".*"))  # no temporary file stays
 
 
-def test_fit_keeps_what_the_plan_says_of_the_link(folder):
-    """Response, free members, degree, names, channels and origin arrive in the calibration, beside the mesh."""
+def test_fit_copies_the_data_of_the_plan(folder):
+    """The calibration has response, free members, degree, names, channels and origin of the plan, and the mesh."""
     response = {"kind": "polynomial", "coefficients": [0.0, 0.5, 0.25]}
     skins = [SHEET | {"name": "a", "first_channel": 7}, SHEET | {"name": "b", "origin": [RADIUS, 0, 0.03]}]
     plan = write_plan(folder, response=response, x_note={"by": "us"}, degree=[4, 3], skins=skins)
@@ -107,7 +107,7 @@ def test_fit_keeps_what_the_plan_says_of_the_link(folder):
 
 
 def test_fit_makes_the_same_bytes_again(folder):
-    """Twice in this process and once in another: one calibration, one file."""
+    """Two fits in this process and one in another give equal files."""
     plan, outs = folder / "tube.plan.json", [folder / f"{k}.json" for k in range(3)]
     for out in outs[:2]:
         assert main(["fit", str(plan), "-o", str(out)]) == 0
@@ -117,7 +117,7 @@ def test_fit_makes_the_same_bytes_again(folder):
 
 
 def test_fit_writes_report_and_picture(folder, capsys):
-    """Beside the calibration, where they are asked for; the summary has the same numbers, in millimetres."""
+    """Both are written if requested; the summary has the same numbers, in millimetres."""
     words = ("--picture", folder / "p.png", "--report", folder / "r.json")
     assert main([*map(str, ("fit", folder / "tube.plan.json", "-o", folder / "out.json", *words))]) == 0
     assert (folder / "p.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
@@ -135,7 +135,7 @@ def test_fit_writes_report_and_picture(folder, capsys):
 
 @pytest.mark.parametrize("jobs", ["1", slow("2")])
 def test_fit_takes_many_plans_into_a_folder(folder, jobs, capsys):
-    """Files are named for their plans; one bad plan spoils its own only, and the code."""
+    """Files have the names of the plans; an invalid plan affects only its own file, and the exit code."""
     (folder / "out").mkdir()
     names = ("a", "b", "c")
     paths = [write_plan(folder, name, **({"mesh": "none.ply"} if name == "b" else {})) for name in names]
@@ -163,7 +163,7 @@ MESHES = {
 
 @pytest.mark.parametrize("case", MESHES)
 def test_bad_mesh_is_refused(folder, capsys, case):
-    """Missing, unreadable, empty, without faces: code 1, one line, no file."""
+    """A missing, unreadable or empty mesh, or one without faces: code 1, one line, no file."""
     data, message = MESHES[case]
     if data is not None:
         (folder / "bad.stl").write_bytes(data)
@@ -205,7 +205,7 @@ BAD_PLANS = {
     "cell off": ({"skins": [SHEET | {"name": "a", "rows": 30}]}, "cell (0, 0) lies"),
     "upright rows": (
         {"skins": [SHEET | {"name": "a", "direction": [-1, 0, 0], "origin": [RADIUS, 0, 0.05]}]},
-        "upright",
+        "perpendicular to the surface at the origin",
     ),
     "same skin twice": ({"skins": 2 * [SHEET | {"name": "a"}]}, "Two skins have the name 'a'"),
     "two lines in a name": ({"link": "a\nb"}, "/link must match"),
@@ -216,7 +216,7 @@ BAD_PLANS = {
 
 @pytest.mark.parametrize("case", BAD_PLANS)
 def test_bad_plan_is_refused(folder, capsys, case):
-    """Every mistake an author can make: code 1, one line that says what and where, no file of any kind."""
+    """Each error of a plan: code 1, one line with error and location, no file."""
     changes, message = BAD_PLANS[case]
     plan, before = write_plan(folder, **changes), sorted(folder.iterdir())
     words = ("--picture", folder / "p.png", "--report", folder / "r.json")
@@ -233,7 +233,7 @@ def test_bad_plan_is_refused(folder, capsys, case):
     ],
 )
 def test_bad_plan_is_one_line_for_a_user_too(folder, case, message):
-    """In a process of its own, where warnings of NumPy would show: one line, code 1."""
+    """In a new process, which would show warnings of NumPy: one line, code 1."""
     code, out, err = run("fit", write_plan(folder, **BAD_PLANS[case][0]), "-o", folder / "out.json")
     assert code == 1 and out == "" and err.count("\n") == 1 and message in err
     assert "Traceback" not in err and not (folder / "out.json").exists()
@@ -241,11 +241,11 @@ def test_bad_plan_is_one_line_for_a_user_too(folder, case, message):
 
 @pytest.mark.parametrize("option", ["-o", "--picture", "--report"])
 @pytest.mark.parametrize("target", ["none/x", "x" * 5000])
-def test_missing_folder_is_said_at_once(folder, capsys, option, target):
-    """Code 2 before anything is computed, for each file; a name that no system takes is one line too."""
+def test_missing_folder_is_reported_before_the_fit(folder, capsys, option, target):
+    """Code 2 before any computation, for each file; an invalid name is one line, too."""
     words = {"-o": folder / "out.json", option: folder / target}
     code = 2 if target == "none/x" else 1
-    message = f"no folder {folder / 'none'} to write x into; create it first" if code == 2 else "cannot write"
+    message = f"the folder {folder / 'none'} for x does not exist. Create it first." if code == 2 else "cannot write"
     assert_refused(
         capsys, code, message, "fit", folder / "tube.plan.json", *(w for pair in words.items() for w in pair)
     )
@@ -253,7 +253,7 @@ def test_missing_folder_is_said_at_once(folder, capsys, option, target):
 
 
 def test_failed_fit_leaves_the_old_file(folder, capsys):
-    """What was there before is there after, to the byte."""
+    """The old file keeps all its bytes."""
     out = folder / "out.json"
     main(["fit", str(folder / "tube.plan.json"), "-o", str(out)])
     old = out.read_bytes()
@@ -268,17 +268,17 @@ def test_many_plans_need_a_folder(folder, capsys, option, code):
     (folder / "out").mkdir()
     words = {"-o": folder / "out", option: folder / "one.file"}
     plans = write_plan(folder, "a"), write_plan(folder, "b")
-    message = f"2 links need a folder, and {folder / 'one.file'} is none"
+    message = f"{folder / 'one.file'} is not a folder; 2 links need one"
     assert_refused(capsys, code, message, "fit", *plans, *(w for pair in words.items() for w in pair))
     assert not list((folder / "out").iterdir()) and not (folder / "one.file").exists()
 
 
 def test_plans_of_one_name_are_refused(folder, capsys):
-    """They would write one file."""
+    """Both would write the same file."""
     (folder / "out").mkdir()
     (folder / "other").mkdir()
     plans = write_plan(folder, "a"), write_plan(folder / "other", "a")
-    assert_refused(capsys, 2, "two plans are both called 'a'; rename one", "fit", *plans, "-o", folder / "out")
+    assert_refused(capsys, 2, "Two plans have the name 'a'. Rename one of them.", "fit", *plans, "-o", folder / "out")
 
 
 @pytest.mark.parametrize(
@@ -288,7 +288,7 @@ def test_plans_of_one_name_are_refused(folder, capsys):
         (("fat",), "invalid choice: 'fat'"),
         (("fit", "-o", "x"), "the following arguments are required: PLAN"),
         (("fit", "p.json"), "the following arguments are required: -o/--output"),
-        (("fit", "p.json", "-o", "x", "--jobs", "0"), "'0' is not a number of 1 or more"),
+        (("fit", "p.json", "-o", "x", "--jobs", "0"), "'0' is not an integer of at least 1"),
         (("fit", "p.json", "-o", "x", "--job\ns", "0"), "unrecognized arguments: --job s"),
         (("check",), "the following arguments are required: FILE"),
     ],
@@ -302,7 +302,7 @@ def test_wrong_call_is_one_line(capsys, words, message):
 
 
 def test_help_names_every_command(capsys):
-    """Code 0; the words that stand in the documentation."""
+    """Code 0, and the commands of the documentation."""
     with pytest.raises(SystemExit) as caught:
         main(["--help"])
     assert caught.value.code == 0
@@ -310,18 +310,18 @@ def test_help_names_every_command(capsys):
     assert all(word in out for word in ("fit", "check", "show"))
 
 
-def test_check_passes_what_is_right(folder, capsys):
+def test_check_accepts_valid_files(folder, capsys):
     """A plan and the calibration made from it: code 0, no findings."""
     main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
     capsys.readouterr()
-    told = f"; 8 taxels on tube; mesh {folder / 'tube.ply'} is the one that was calibrated"
-    for path, more in ((folder / "tube.plan.json", ""), (folder / "out.json", told)):
+    notes = f"; 8 taxels on tube; mesh {folder / 'tube.ply'} is unchanged"
+    for path, more in ((folder / "tube.plan.json", ""), (folder / "out.json", notes)):
         assert main(["check", str(path)]) == 0
         assert capsys.readouterr() == (f"{path}: 0 errors, 0 warnings{more}\n", "")
 
 
 def test_check_names_every_finding_with_its_pointer(folder, capsys):
-    """Of a plan and of a calibration: each on its line, then how many; code 1."""
+    """One line for each finding of a plan and a calibration, then their number; code 1."""
     main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
     document = json.loads((folder / "out.json").read_text())
     document["patches"][0]["taxels"]["area"][2] = -1.0
@@ -342,7 +342,7 @@ def test_check_names_every_finding_with_its_pointer(folder, capsys):
 
 
 def test_check_refuses_a_plan_that_fit_refuses(folder, capsys):
-    """Members that are right each by itself and do not go together."""
+    """Members that are valid alone but contradict each other."""
     plan = write_plan(folder, grid=TUBE | {"m": 6})
     assert main(["check", str(plan)]) == 1
     assert '"m" (planes) or "lines"' in capsys.readouterr().out
@@ -350,26 +350,26 @@ def test_check_refuses_a_plan_that_fit_refuses(folder, capsys):
 
 @pytest.mark.parametrize("command", ["check", "show"])
 def test_missing_or_broken_file_is_one_line(folder, capsys, command):
-    """A path that is not there, a folder with nothing in it; code 1."""
+    """A missing path and an empty folder: code 1."""
     (folder / "empty").mkdir()
     assert_refused(capsys, 1, "No such file", command, folder / "none.json")
     assert_refused(capsys, 1, "it is a folder", command, folder / "empty")
 
 
 def test_show_refuses_a_plan(folder, capsys):
-    """It is no calibration, nor is one a plan: what the file is and what to do, not what each misses of the other."""
+    """The error names the format of the file and what to do; the same for a calibration as a plan."""
     plan = folder / "tube.plan.json"
     assert_refused(capsys, 1, f"'{plan}' has one error: /format must be", "show", plan)
-    assert_refused(capsys, 1, "the file is a plan; fit it, and name the calibration", "show", plan)
+    assert_refused(capsys, 1, "the file is a plan. Fit it, and use the resulting calibration.", "show", plan)
     assert main(["fit", str(plan), "-o", str(folder)]) == 0
     capsys.readouterr()
     made, notes = folder / "tube.calibration.json", folder / "sources.json"
-    assert_refused(capsys, 1, "the file is a calibration; name the plan", "fit", made, "-o", folder / "c.json")
-    assert_refused(capsys, 1, "the file is what fit notes of calibrations", "show", notes)
+    assert_refused(capsys, 1, "the file is a calibration. Use the plan", "fit", made, "-o", folder / "c.json")
+    assert_refused(capsys, 1, "the file is a list of the sources of calibrations", "show", notes)
 
 
 def test_show_prints_a_table_and_draws(folder, capsys):
-    """Link, mesh, surface with its errors, patches with their channels and strain; a PNG where asked for."""
+    """Link, mesh, surface with errors, patches with channels and strain; a PNG file if requested."""
     main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "out.json")])
     capsys.readouterr()
     assert main(["show", str(folder / "out.json"), "--picture", str(folder / "p.png")]) == 0
@@ -380,8 +380,8 @@ def test_show_prints_a_table_and_draws(folder, capsys):
     assert err == "" and (folder / "p.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_show_tells_what_a_person_looks_for(tmp_path, capsys):
-    """Response, closed directions, errors both ways, cells, place, the worst of each quality with its taxel."""
+def test_show_prints_all_data_of_a_calibration(tmp_path, capsys):
+    """Response, closed directions, errors in both directions, cells, position, largest value of each quality."""
     path = tmp_path / "c.json"
     own = (ResponseTable((0.0, 250.0), (16.0, 0.0)), Response((0.0, 1.0)))
     save_calibration(small_calibration(responses=own, generator="a\x1b[31m"), path)
@@ -391,7 +391,7 @@ def test_show_tells_what_a_person_looks_for(tmp_path, capsys):
         "link      forearm",
         "mesh      forearm.stl: 1000 vertices, 1996 faces",
         "by        a\\x1b[31m",
-        "response  0.25 I - 0.001 I^2 N for a reading I; 2 more, that taxels have of their own",
+        "response  0.25 I - 0.001 I^2 N for a reading I; 2 more for single taxels",
         "surface   tube: 3 x 11 control points, degree (2, 3), closed in v",
         "          surface to mesh: mean 0.0150, rms 0.0250, max 0.1100 mm",
         "          mesh to surface: mean 0.0100, rms 0.0200, max 0.1000 mm",
@@ -417,7 +417,7 @@ def test_show_tells_what_a_person_looks_for(tmp_path, capsys):
 
 
 def test_show_warns(tmp_path, capsys):
-    """What is no error, but wants a look, is on stderr; the table is there all the same."""
+    """Warnings are on stderr; the table is printed."""
     patch = boards()
     taxels = replace(patch.taxels, neighbours=(("h1",), ()))
     save_calibration(small_calibration(patches=(replace(patch, taxels=taxels),)), tmp_path / "c.json")
@@ -426,8 +426,8 @@ def test_show_warns(tmp_path, capsys):
     assert out.startswith("link ") and err.startswith("skin-calib: warning: /patches/0/taxels/neighbours/0/0 is ")
 
 
-def test_show_draws_all_surfaces_or_says_that_there_is_none(tmp_path, capsys):
-    """A calibration of several surfaces shows each; one without any is one line."""
+def test_show_draws_all_surfaces_and_reports_missing_ones(tmp_path, capsys):
+    """All surfaces are drawn; a calibration without surface gives one line."""
     pictures = []
     for name, surfaces in (("two", (surface_tube(), plane())), ("one", (surface_tube(),)), ("none", ())):
         save_calibration(small_calibration(surfaces=surfaces, patches=()), tmp_path / f"{name}.json")
@@ -438,58 +438,58 @@ def test_show_draws_all_surfaces_or_says_that_there_is_none(tmp_path, capsys):
     assert capsys.readouterr().err == "skin-calib: the calibration of 'forearm' has no surface to draw; fit its plan\n"
 
 
-def test_check_says_when_the_mesh_is_another(folder, capsys):
-    """Beside the calibration, where it was fitted from, or named; the plan, too, may have changed."""
+def test_check_reports_a_changed_mesh(folder, capsys):
+    """In the folder of the calibration, at the path of the fit, or with --mesh; a changed plan is reported, too."""
     (folder / "out").mkdir()
     plan, out = folder / "tube.plan.json", folder / "out" / "tube.calibration.json"
     main(["fit", str(plan), "-o", str(folder / "out")])
-    main(["fit", str(plan), "-o", str(folder / "beside.json")])
+    main(["fit", str(plan), "-o", str(folder / "adjacent.json")])
 
     def check(path, *words):
         capsys.readouterr()
         assert main([*map(str, ("check", path, *words))]) == 0
         return capsys.readouterr().out
 
-    same = f"0 warnings; 8 taxels on tube; mesh {folder / 'tube.ply'} is the one that was calibrated\n"
-    assert check(out).endswith(same) and check(folder / "beside.json").endswith(same)
+    same = f"0 warnings; 8 taxels on tube; mesh {folder / 'tube.ply'} is unchanged\n"
+    assert check(out).endswith(same) and check(folder / "adjacent.json").endswith(same)
     save_mesh(cylinder(around=24, along=9), folder / "tube.ply")
-    for path in (out, folder / "beside.json"):
+    for path in (out, folder / "adjacent.json"):
         text = check(path)
-        assert f"warning: /mesh/sha256 is not that of {folder / 'tube.ply'}: the mesh is no longer" in text
-        assert text.endswith("0 errors, 1 warnings; 8 taxels on tube; mesh is another one\n")
+        assert f"warning: /mesh/sha256 differs from that of {folder / 'tube.ply'}: the mesh has changed" in text
+        assert text.endswith("0 errors, 1 warnings; 8 taxels on tube; mesh has changed\n")
     write_plan(folder, degree=[3, 4])
-    assert "warning: the document was made from ../tube.plan.json, which has changed since" in check(out)
+    assert "warning: the document was made from ../tube.plan.json, which has changed" in check(out)
     (folder / "tube.ply").write_bytes(b"ply")
     assert "warning: /mesh/sha256 cannot be compared: tube.ply is not a valid PLY file" in check(out)
     (folder / "tube.ply").unlink()
-    assert check(out).endswith("mesh tube.ply not found and not compared: name it with --mesh\n")
+    assert check(out).endswith("mesh tube.ply not found and not compared: specify it with --mesh\n")
     save_mesh(cylinder(around=24, along=8), folder / "kept.ply")
-    assert f"mesh {folder / 'kept.ply'} is the one" in check(out, "--mesh", folder / "kept.ply")
-    assert "warning: /mesh names no file" in check(plan)
+    assert f"mesh {folder / 'kept.ply'} is unchanged" in check(out, "--mesh", folder / "kept.ply")
+    assert "warning: /mesh does not exist" in check(plan)
     worn = write_plan(folder, "worn", skins=[{"name": "worn", "kind": "imported", "file": "lost.csv"}])
-    assert "warning: /skins/0/file names no file; a plan names files of taxels relative" in check(worn)
+    assert "warning: /skins/0/file does not exist; paths are relative" in check(worn)
     (folder / "lost.csv").write_text("")
     assert "/skins/0/file" not in check(worn)
     (folder / "out" / "sources.json").write_text("{")
-    assert "warning: the document cannot tell what the calibrations of" in check(out)
+    assert "warning: the document cannot be compared with its sources: the sources of the calibrations in" in check(out)
 
 
 def test_calibrations_in_a_folder_that_is_a_link_know_their_mesh(folder, capsys):
-    """What lies above the link does not lie above the folder that it leads to."""
+    """The parent of a symbolic link differs from the parent of its target."""
     (folder / "far" / "away").mkdir(parents=True)
     (folder / "near").symlink_to(folder / "far" / "away")
     assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "near")]) == 0
     for place in (folder / "near", folder / "far" / "away"):
         capsys.readouterr()
         assert main(["check", str(place)]) == 0
-        assert "is the one that was calibrated" in capsys.readouterr().out
+        assert "is unchanged" in capsys.readouterr().out
     save_mesh(cylinder(around=24, along=9), folder / "tube.ply")
     assert main(["check", str(folder / "near")]) == 0
-    assert "the mesh is no longer the one" in capsys.readouterr().out
+    assert "the mesh has changed" in capsys.readouterr().out
 
 
 def test_check_goes_through_folders(folder, capsys):
-    """A line or more for each file, in order; one that is broken does not hide the others."""
+    """At least one line for each file, in order; an invalid file does not hide the others."""
     main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "a.calibration.json")])
     (folder / "b.calibration.json").write_text("{")
     capsys.readouterr()
@@ -499,11 +499,11 @@ def test_check_goes_through_folders(folder, capsys):
     expected = ("a.calibration.json", "b.calibration.json", "tube.plan.json", "tube.plan.json")
     assert names == [str(folder / name) for name in expected]
     assert err.count("\n") == 1 and "none.json" in err
-    assert_refused(capsys, 2, "--mesh is that of one calibration", "check", folder, "--mesh", folder / "tube.ply")
+    assert_refused(capsys, 2, "--mesh needs exactly one file", "check", folder, "--mesh", folder / "tube.ply")
 
 
 def test_check_names_taxels_and_counts(tmp_path, capsys):
-    """A finding about a taxel has its id; many findings are counted by what they are."""
+    """A finding about a taxel has its id; many findings are counted by code."""
     document = to_document(small_calibration(rows=4, columns=4))
     document["patches"][0]["taxels"]["area"] = [2e-4] * 16
     document["patches"][1]["taxels"]["id"][1] = 5
@@ -511,7 +511,9 @@ def test_check_names_taxels_and_counts(tmp_path, capsys):
     (tmp_path / "c.json").write_text(json.dumps(document))
     assert main(["check", str(tmp_path / "c.json")]) == 1
     out = capsys.readouterr().out
-    assert "/patches/0/taxels/area/6 is 0.0002 m^2, but the corners span 0.0001 m^2 [area] (taxel s1.2)\n" in out
+    assert (
+        "/patches/0/taxels/area/6 is 0.0002 m^2, but the area of the corners is 0.0001 m^2 [area] (taxel s1.2)\n" in out
+    )
     assert '/patches/1/taxels/gap/1 must be a finite number, not "x" [type]\n' in out
     assert out.endswith("3 errors, 16 warnings; 16 area, 2 type, 1 checksum\n")
     for ids in (["h0"], 7, None):
@@ -521,19 +523,19 @@ def test_check_names_taxels_and_counts(tmp_path, capsys):
         assert '/patches/1/taxels/gap/1 must be a finite number, not "x" [type]\n' in capsys.readouterr().out
 
 
-def test_scene_plans_stand_in_for_files(folder, capsys):
-    """Where a scene is open: its links are fitted from their own meshes, to the same bytes as from files."""
+def test_scene_plans_replace_plan_files(folder, capsys):
+    """With an open scene, links are fitted from their meshes, to the same bytes as from files."""
     plan, mesh = load_plan(folder / "tube.plan.json"), cylinder(around=24, along=8)
     assert main(["fit", "-o", str(folder / "a.json")], lambda: [(plan, mesh)]) == 0
     assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "b.json")], lambda: []) == 0
     assert (folder / "a.json").read_bytes() == (folder / "b.json").read_bytes()
     capsys.readouterr()
     assert main(["fit", "-o", str(folder / "c.json")], lambda: []) == 1
-    assert "the scene has no link to fit" in capsys.readouterr().err
+    assert "The scene has no link to fit" in capsys.readouterr().err
 
 
-def test_inner_parts_are_cut_away_on_the_way(folder, capsys):
-    """Unit, shells and cuts of the plan are followed: the summary tells the faces of file and cover."""
+def test_inner_parts_are_cut_away(folder, capsys):
+    """Unit, shells and cuts of the plan are applied: the summary has the faces of file and cover."""
     tube = cylinder(around=24, along=8)
     inner = box((-0.01, -0.01, 0.03), (0.01, 0.01, LENGTH / 2))
     write(together(tube, inner), folder / "both.stl", 1000)
@@ -545,7 +547,7 @@ def test_inner_parts_are_cut_away_on_the_way(folder, capsys):
 
 
 def test_reader_that_leaves_early_is_no_error(tmp_path):
-    """``skin-calib show FILE | head -1`` ends in silence, though not everything was said."""
+    """``skin-calib show FILE | head -1`` ends without an error message."""
     path = tmp_path / "c.json"
     save_calibration(small_calibration(), path)
     reader, writer = os.pipe()
@@ -558,13 +560,13 @@ def test_reader_that_leaves_early_is_no_error(tmp_path):
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
 def test_output_that_is_full_is_one_line(tmp_path):
-    """What was to be printed did not get there: code 2, and no second complaint at the end of the program."""
+    """The output cannot be written: code 2, and no second message at the end of the program."""
     save_calibration(small_calibration(), tmp_path / "c.json")
     words = [sys.executable, "-m", "skin_calib_addon", "show", tmp_path / "c.json"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(words, cwd=ROOT, env=ENVIRONMENT, stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2 and done.stderr.count("\n") == 1
-    assert done.stderr.startswith("skin-calib: the system refuses: ") and "No space left" in done.stderr
+    assert done.stderr.startswith("skin-calib: writing the output failed: ") and "No space left" in done.stderr
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a shell that closes handles")
@@ -572,8 +574,8 @@ def test_output_that_is_full_is_one_line(tmp_path):
     "closed",
     [slow(">&-"), slow("2>&-"), "<&- >&- 2>&-"],
 )
-def test_closed_output_is_nothing_to_stumble_over(folder, closed):
-    """As where a service starts the program: it does its work and ends with its code."""
+def test_closed_output_is_not_an_error(folder, closed):
+    """As for a service: the program does its work and returns its code."""
     words = f"{sys.executable} -m skin_calib_addon fit a.plan.json b.plan.json -o {folder} --jobs 2"
     write_plan(folder, "a")
     write_plan(folder, "b", mesh="none.ply")
@@ -583,7 +585,7 @@ def test_closed_output_is_nothing_to_stumble_over(folder, closed):
 
 
 def test_terminal_without_the_letters_of_a_name(tmp_path):
-    """What an encoding lacks is written as an escape, not as the end of the program."""
+    """Characters outside the encoding are escaped, and do not stop the program."""
     save_calibration(replace(small_calibration(), link="Pr\u00fcfling"), tmp_path / "a.json")
     words = [sys.executable, "-m", "skin_calib_addon", "show", tmp_path / "a.json"]
     environment = ENVIRONMENT | {"PYTHONIOENCODING": "ascii"}

@@ -1,4 +1,4 @@
-"""``export`` and ``import`` on the command line: what is written, what is told, and how each ends."""
+"""``export`` and ``import`` on the command line: files, output and exit codes."""
 
 import json
 
@@ -21,7 +21,7 @@ BROKEN = '{"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, NaN]], "translation": [1, 2
 
 
 def framed(translation):
-    """A frame as it is typed."""
+    """Return a frame as JSON text."""
     return f'{{"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "translation": {translation}}}'
 
 
@@ -33,15 +33,15 @@ def flat(tmp_path):
 
 
 def on_tube(count=40):
-    """Taxels round the tube of the plan, 0.5 mm above it, and the directions away from it."""
+    """Return taxels 0.5 mm above the tube of the plan, and their outward directions."""
     angle, height = 2.4 * np.arange(count), np.linspace(0.02, LENGTH - 0.02, count)
     outward = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
     return (RADIUS + 5e-4) * outward + np.column_stack((0 * height, 0 * height, height)), outward
 
 
 @pytest.mark.parametrize("name", WRITABLE)
-def test_export_writes_what_the_format_says(flat, tmp_path, capsys, name):
-    """Code 0, the bytes, one line that tells what became of the ids, nothing on stderr and no other file."""
+def test_export_writes_a_file_of_the_format(flat, tmp_path, capsys, name):
+    """Code 0, the bytes, one line that states the form of the ids, empty stderr and no other file."""
     out = tmp_path / "out"
     assert main(["export", str(flat), "--to", name, "-o", str(out)]) == 0
     assert out.read_bytes() == FORMATS[name].write(FLAT)
@@ -51,7 +51,7 @@ def test_export_writes_what_the_format_says(flat, tmp_path, capsys, name):
 
 
 def test_export_takes_patches_by_name(flat, tmp_path, capsys):
-    """One or several; an unknown one is refused with those that there are."""
+    """One or several; the error for an unknown one lists the existing ones."""
     out = tmp_path / "out.csv"
     assert main(["export", str(flat), "--to", "csv", "-o", str(out), "--patch", "boards"]) == 0
     assert read_taxels(out).labels == ("h0", "h1")
@@ -63,7 +63,7 @@ def test_export_takes_patches_by_name(flat, tmp_path, capsys):
 
 
 def test_failed_export_leaves_the_old_file(tmp_path, capsys):
-    """A bent patch as a planar surface, a broken calibration, none at all: code 1, one line, the file as it was."""
+    """A curved patch as a planar surface, an invalid or missing calibration: code 1, one line, unchanged file."""
     save_calibration(small_calibration(patches=(sheet(2, 6, 0.01),)), tmp_path / "bent.json")
     (tmp_path / "broken.json").write_text("{}")
     out = tmp_path / "out"
@@ -73,10 +73,10 @@ def test_failed_export_leaves_the_old_file(tmp_path, capsys):
     assert out.read_text() == "old" and len(list(tmp_path.iterdir())) == 3
 
 
-def test_folders_are_looked_for_first(tmp_path, capsys):
-    """Code 2 before anything is read."""
+def test_missing_folders_are_reported_first(tmp_path, capsys):
+    """Code 2 before any file is read."""
     for words in (("export", "none.json", "--to", "csv"), ("import", "none.txt")):
-        assert_refused(capsys, 2, "create it first", *words, "-o", tmp_path / "none" / "x.csv")
+        assert_refused(capsys, 2, "Create it first", *words, "-o", tmp_path / "none" / "x.csv")
 
 
 @pytest.mark.parametrize(
@@ -87,11 +87,11 @@ def test_folders_are_looked_for_first(tmp_path, capsys):
         (("export", "c.json", "--to", "step", "-o", "x"), "invalid choice: 'step'"),
         (("import", "-o", "x"), "the following arguments are required: FILE"),
         (("import", "a.txt", "--from", "mjcf", "-o", "x"), "invalid choice: 'mjcf'"),
-        (("import", "a.txt", "-o", "x", "--name", "a"), "which needs --plan"),
-        (("import", "a.txt", "-o", "x.json"), "name its --plan; or name a table, OUT.csv"),
-        (("import", "a.txt", "-o", "x", "--frame", "[]"), 'not {"rotation":'),
-        (("import", "a.txt", "-o", "x", "--frame", '{"rotation": 1}'), 'not {"rotation":'),
-        (("import", "a.txt", "-o", "x", "--frame", BROKEN), 'not {"rotation":'),
+        (("import", "a.txt", "-o", "x", "--name", "a"), "--name needs --plan"),
+        (("import", "a.txt", "-o", "x.json"), "specify its --plan, or a table OUT.csv"),
+        (("import", "a.txt", "-o", "x", "--frame", "[]"), 'must be {"rotation":'),
+        (("import", "a.txt", "-o", "x", "--frame", '{"rotation": 1}'), 'must be {"rotation":'),
+        (("import", "a.txt", "-o", "x", "--frame", BROKEN), 'must be {"rotation":'),
         (("import", "a.txt", "-o", "x", "--frame", framed("[0, 0, true]")), "/translation/2 must be"),
         (("import", "a.txt", "-o", "x", "--frame", framed('[0, "0", 0]')), "/translation/1 must be"),
         (("import", "a.txt", "-o", "x", "--frame", framed("[0, 0, 1e300]")), "/translation/2 must be at most"),
@@ -108,7 +108,7 @@ def test_wrong_call_is_one_line(capsys, words, message):
 
 @pytest.mark.parametrize(("command", "known"), [("export", WRITABLE), ("import", READABLE)])
 def test_help_lists_every_format(capsys, command, known):
-    """With what it is, from the one table."""
+    """With its description, from the table of formats."""
     with pytest.raises(SystemExit):
         main([command, "--help"])
     lines = capsys.readouterr().out.splitlines()
@@ -118,7 +118,7 @@ def test_help_lists_every_format(capsys, command, known):
 
 @pytest.mark.parametrize("name", READABLE)
 def test_import_writes_a_table(flat, tmp_path, capsys, name):
-    """What export wrote, with or without the format's name: the same taxels, told in a line."""
+    """A file of export, with or without the name of the format: the same taxels, and one line of output."""
     main(["export", str(flat), "--to", name, "-o", str(tmp_path / "there")])
     capsys.readouterr()
     for words in ((), ("--from", name)):
@@ -130,8 +130,8 @@ def test_import_writes_a_table(flat, tmp_path, capsys, name):
         assert (there.positions == back.positions).all() and there.labels == back.labels
 
 
-def test_import_tells_what_is_strange(tmp_path, capsys):
-    """Placeholders, rows of zeros, two taxels in one place: a warning each, with its line; the table has no normals."""
+def test_import_warns_about_invalid_data(tmp_path, capsys):
+    """Placeholders, rows of zeros, equal positions: a warning each, with its line; the table has no normals."""
     rows = np.zeros((12, 6))
     rows[:, :3], rows[:, 3] = on_tube(12)[0], 1
     rows[4], rows[7] = 0, rows[2]
@@ -161,8 +161,8 @@ def test_bad_file_is_refused(tmp_path, capsys, content, message):
     assert not out.exists()
 
 
-def test_import_picks_and_places(tmp_path, capsys):
-    """Taxels of one link out of a robot, moved into a frame; a matrix that is no rotation is refused."""
+def test_import_selects_and_transforms(tmp_path, capsys):
+    """Taxels of one link of a robot, transformed to a frame; an invalid rotation is an error."""
     content = robot_text({"skin_0": (0.1, 0.0, 0.0), "tool": (0.0, 0.0, 0.0)})
     (tmp_path / "robot.urdf").write_text(content)
     frame = {"rotation": matrix(90).tolist(), "translation": [0, 0, 0.5]}
@@ -176,7 +176,7 @@ def test_import_picks_and_places(tmp_path, capsys):
 
 
 def test_import_on_a_plan_is_a_calibration(folder, capsys):  # noqa: F811
-    """The file is the only skin of the link: outward normals, neighbours, the name of the file or another."""
+    """The file is the only skin of the link: outward normals, neighbours, name of the file or of --name."""
     positions, outward = on_tube()
     (folder / "cuff.csv").write_text(csv_text(positions, normals=-outward))
     words = ["import", str(folder / "cuff.csv"), "--plan", str(folder / "tube.plan.json"), "-o", str(folder / "c.json")]
@@ -192,8 +192,8 @@ def test_import_on_a_plan_is_a_calibration(folder, capsys):  # noqa: F811
     assert patch.name == "band" and patch.taxels.ids[:3] == ("band.1", "band.10", "band.11")
 
 
-def test_wrong_frame_is_refused_and_its_proposal_works(folder, capsys):  # noqa: F811
-    """Bent round enough not to lie in two places: the frame that the message gives is taken as it stands."""
+def test_wrong_frame_is_an_error_whose_suggestion_works(folder, capsys):  # noqa: F811
+    """The skin has a unique pose on the link: the frame in the message is accepted unchanged."""
     positions, _ = on_tube(60)
     positions = positions[positions[:, 0] > -0.01]
     turned = positions @ matrix(30, "x").T + (0.2, 0.1, 0.0)
@@ -212,7 +212,7 @@ def test_wrong_frame_is_refused_and_its_proposal_works(folder, capsys):  # noqa:
 
 
 def test_import_on_a_plan_is_refused_in_a_line(folder, capsys):  # noqa: F811
-    """A plan that is none, a name that no patch may have."""
+    """An invalid plan, and an invalid name of a patch."""
     (folder / "cuff.csv").write_text(csv_text(on_tube()[0]))
     words = ["import", folder / "cuff.csv", "-o", folder / "c.json", "--plan"]
     assert_refused(capsys, 1, "is not a valid plan", *words, write_plan(folder, "bad", unit="inch"))
@@ -220,7 +220,7 @@ def test_import_on_a_plan_is_refused_in_a_line(folder, capsys):  # noqa: F811
     assert not (folder / "c.json").exists()
 
 
-REPLACING = {  # what would be written over what is read or written besides, code of the call, name of what it is
+REPLACING = {  # call that would replace one of its other files, exit code, name of the file
     "export": ("export f.json --to csv -o f.json", 2, "f.json"),
     "export by a link": ("export f.json --to csv -o link.csv", 2, "f.json"),
     "export by folders": ("export f.json --to csv -o ./sub/../f.json", 2, "f.json"),
@@ -240,7 +240,7 @@ REPLACING = {  # what would be written over what is read or written besides, cod
 
 @pytest.mark.parametrize("case", REPLACING)
 def test_nothing_replaces_what_the_call_needs(folder, monkeypatch, capsys, case):  # noqa: F811
-    """Whatever its name: a calibration is not lost because its name was typed twice."""
+    """Under any path: a calibration is not lost if its name is given twice."""
     words, code, name = REPLACING[case]
     save_calibration(FLAT, folder / "f.json")
     (folder / "t.csv").write_text(csv_text(on_tube()[0]))
@@ -250,12 +250,12 @@ def test_nothing_replaces_what_the_call_needs(folder, monkeypatch, capsys, case)
     (folder / "link.csv").symlink_to("f.json")
     monkeypatch.chdir(folder)
     before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-    assert_refused(capsys, code, f" would replace {name}, which the same call needs", *words.split())
+    assert_refused(capsys, code, f" would replace {name}, which the same call uses", *words.split())
     assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
 
 
 def test_responses_go_into_the_calibration_itself(folder, capsys):  # noqa: F811
-    """That is one file that may be read and written: the old one is whole until the new one is."""
+    """This file may be read and written: the old one stays until the new one is complete."""
     save_calibration(FLAT, folder / "f.json")
     (folder / "m.csv").write_text("".join(["reading,force\n", *(f"{k},{2 * k}\n" for k in range(20))]))
     assert main(["response", str(folder / "f.json"), str(folder / "m.csv"), "-o", str(folder / "f.json")]) == 0

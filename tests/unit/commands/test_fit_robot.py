@@ -1,4 +1,4 @@
-"""Whole robots: many plans in one call, what is up to date left alone, and no link that stops another."""
+"""Complete robots: many plans in one call, no repeated fits, and independent links."""
 
 import json
 import os
@@ -43,26 +43,26 @@ def fit(robot, *words, plans="plans"):
 
 
 def states(capsys):
-    """What the table says became of each link."""
+    """Return the state of each link in the table."""
     rows = capsys.readouterr().out.splitlines()[:-1]
     return {row.split()[0]: row.split("  ")[1].strip() for row in rows}
 
 
 def noted(robot):
-    """The links that are noted to be fitted."""
+    """Return the links in sources.json."""
     path = robot / "out" / "sources.json"
     names = json.loads(path.read_text())["calibrations"] if path.exists() else ()
     return {name.removesuffix(".calibration.json") for name in names}
 
 
 def written(robot):
-    """Every calibration; the number of a file is another one after it was written again."""
+    """Return all calibrations with their inode, which changes if a file is written again."""
     return {name: os.stat(robot / "out" / f"{name}.calibration.json").st_ino for name in NAMES}
 
 
 @pytest.mark.parametrize("jobs", ["1", slow("2")])
 def test_folder_of_plans_is_fitted(robot, capsys, jobs):
-    """One call gives each plan the calibration that it has alone, and a table with a line for each and one for all."""
+    """One call gives the same calibrations as single calls, and a table with a line for each link and one for all."""
     assert fit(robot, "--jobs", jobs) == 0
     out, err = capsys.readouterr()
     assert err == "" and [line.split()[0] for line in out.splitlines()] == [*NAMES, "3"]
@@ -74,8 +74,8 @@ def test_folder_of_plans_is_fitted(robot, capsys, jobs):
         assert (robot / "out" / f"{name}.calibration.json").read_bytes() == alone.read_bytes()
 
 
-def test_what_is_up_to_date_is_left(robot, capsys):
-    """Nothing is written a second time, whatever the folder is called; warnings and numbers are told again."""
+def test_up_to_date_calibrations_are_not_fitted_again(robot, capsys):
+    """No file is written again, under any path of the folder; warnings and numbers are repeated."""
     mesh = load_mesh(robot / "plans" / "toe.ply")
     away = np.linalg.norm(mesh.triangles.mean(axis=1) - (RADIUS, 0, LENGTH / 2), axis=1)
     save_mesh(weld(mesh.vertices, mesh.faces[away > 0.012]), robot / "plans" / "toe.ply")  # a hole
@@ -116,7 +116,7 @@ def remove_report(robot, monkeypatch):
     "change", [change_plan, change_mesh, remove_calibration, break_calibration, remove_report], ids=lambda f: f.__name__
 )
 def test_what_changed_is_fitted_again(robot, capsys, monkeypatch, change):
-    """Of three links the one whose plan, mesh or files are others; the call after that finds all up to date."""
+    """Only the link whose plan, mesh or files changed; after that, all links are up to date."""
     fit(robot, "--report", robot / "out")
     before = written(robot)
     change(robot, monkeypatch)
@@ -130,7 +130,7 @@ def test_what_changed_is_fitted_again(robot, capsys, monkeypatch, change):
 
 
 def test_another_program_fits_everything_again(robot, capsys, monkeypatch):
-    """Another release of ours, or of a library, gives other numbers; ``--again`` asks for it without a reason."""
+    """Another version of the program or of a library gives other numbers; ``--again`` always fits again."""
     fit(robot)
     monkeypatch.setattr(sources, "PROGRAM", "skin-calib 9")
     capsys.readouterr()
@@ -143,7 +143,7 @@ def test_another_program_fits_everything_again(robot, capsys, monkeypatch):
 
 
 def test_taxel_file_of_a_plan_counts(robot, capsys):
-    """A file of taxels is what a calibration was made from, like the mesh."""
+    """A taxel file is a source of the calibration, like the mesh."""
     (robot / "plans" / "taxels.csv").write_text(TAXELS)
     skins = [{"name": "a", "kind": "imported", "file": "taxels.csv"}]
     write_plan(robot / "plans", "leg", link="leg", mesh="leg.ply", skins=skins)
@@ -154,8 +154,8 @@ def test_taxel_file_of_a_plan_counts(robot, capsys):
     assert states(capsys) == {"arm": "up to date", "leg": "fitted", "toe": "up to date"}
 
 
-def test_picture_that_nobody_drew_is_drawn(robot, capsys):
-    """A picture that an older fit left does not pass for one of this fit."""
+def test_picture_of_an_older_fit_is_replaced(robot, capsys):
+    """A picture of an older fit does not count as up to date."""
     (robot / "out" / "leg.png").write_bytes(b"old")
     fit(robot)
     capsys.readouterr()
@@ -170,7 +170,7 @@ def test_picture_that_nobody_drew_is_drawn(robot, capsys):
 
 
 def test_calibration_that_was_changed_is_kept(robot, capsys):
-    """Responses that were measured are not undone by the same call; a new plan does, and says so."""
+    """The same call keeps fitted responses; a changed plan replaces them, with a warning."""
     fit(robot)
     path = robot / "out" / "leg.calibration.json"
     calibration = load_calibration(path)
@@ -192,7 +192,7 @@ def test_calibration_that_was_changed_is_kept(robot, capsys):
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_bad_link_does_not_stop_the_others(robot, capsys, jobs):
-    """The summary says which failed and why, and that an older calibration is still there."""
+    """The summary states which link failed and why, and that an older calibration exists."""
     fit(robot)
     write_plan(robot / "plans", "arm", link="arm", mesh="none.ply")
     (robot / "plans" / "bad.plan.json").write_text("{")
@@ -200,7 +200,9 @@ def test_bad_link_does_not_stop_the_others(robot, capsys, jobs):
     assert fit(robot, "--jobs", jobs) == 1
     out, err = capsys.readouterr()
     rows = out.splitlines()
-    assert rows[0].startswith("arm  failed      There is no mesh file at ") and rows[0].endswith("is of an earlier fit")
+    assert rows[0].startswith("arm  failed      There is no mesh file at ") and rows[0].endswith(
+        "is from an earlier fit"
+    )
     assert rows[1].startswith("bad  failed      bad.plan.json is not a valid plan: ") and "earlier" not in rows[1]
     assert rows[-1] == "4 links: 2 up to date, 2 failed"
     assert sorted(line.split()[1] for line in err.splitlines()) == ["arm:", "bad:"]
@@ -212,31 +214,33 @@ def only_leg(what):
     return lambda plan, mesh: what() if plan.link == "leg" else calibrate(plan, mesh)
 
 
-def test_mistake_of_the_program_does_not_stop_the_others(robot, capsys, monkeypatch):
-    """It is told with its traceback; of one plan alone it shows as it is."""
+def test_unexpected_error_does_not_stop_the_others(robot, capsys, monkeypatch):
+    """It is reported with its traceback; a single plan raises it."""
     monkeypatch.setattr(fit_jobs, "calibrate", only_leg(lambda: [][1]))
     assert fit(robot) == 1
     out, err = capsys.readouterr()
-    assert "leg  failed      a mistake in the program, please report it: IndexError" in out and "Traceback" in err
+    assert (
+        "leg  failed      unexpected error in the program, please report it: IndexError" in out and "Traceback" in err
+    )
     assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
     with pytest.raises(IndexError):
         fit(robot, plans="plans/leg.plan.json")
 
 
-def test_want_of_memory_is_told_and_stops_one_link(robot, capsys, monkeypatch):
-    """Not as a mistake of the program; of one plan alone it is one line too."""
+def test_insufficient_memory_stops_one_link(robot, capsys, monkeypatch):
+    """It is not reported as an unexpected error; a single plan gives one line, too."""
     monkeypatch.setattr(fit_jobs, "calibrate", only_leg(lambda: np.empty(2**50)))
     assert fit(robot) == 1
     out, err = capsys.readouterr()
-    assert "leg  failed      there is not enough memory for it; use fewer --jobs" in out and err.count("\n") == 1
+    assert "leg  failed      There is not enough memory. Reduce --jobs" in out and err.count("\n") == 1
     assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
     assert fit(robot, plans="plans/leg.plan.json") == 1
-    assert capsys.readouterr().err.startswith("skin-calib: there is not enough memory for this; ")
+    assert capsys.readouterr().err.startswith("skin-calib: There is not enough memory. ")
 
 
 @pytest.mark.slow
-def test_process_that_dies_does_not_stop_the_others(robot, capsys, monkeypatch):
-    """The system may end one that takes too much memory; its link is told, and the same call goes on from there."""
+def test_crashed_process_does_not_stop_the_others(robot, capsys, monkeypatch):
+    """The system may kill a process that uses too much memory; its link is reported, and fitted by the next call."""
 
     class Popen(subprocess.Popen):
         begun = 0
@@ -251,7 +255,7 @@ def test_process_that_dies_does_not_stop_the_others(robot, capsys, monkeypatch):
         patch.setattr(subprocess, "Popen", Popen)
         assert fit(robot, "--jobs", "2") == 1
     out = capsys.readouterr().out
-    assert out.count("failed      its process was ended from outside") == 1
+    assert out.count("failed      its process was killed") == 1
     assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
     assert fit(robot, "--jobs", "2") == 0
     assert capsys.readouterr().out.splitlines()[-1] == "3 links: 1 fitted, 2 up to date"
@@ -260,19 +264,19 @@ def test_process_that_dies_does_not_stop_the_others(robot, capsys, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
 def test_interrupted_call_leaves_whole_files(robot, capsys):
-    """Ctrl+C while processes are busy: what was fitted is kept, nothing else is left, and the same call goes on."""
+    """Ctrl+C during fits: finished calibrations stay, no other file is left, and the next call continues."""
     small = (robot / "plans" / "toe.ply").read_bytes()
     save_mesh(cylinder(around=600, along=1200), robot / "plans" / "toe.ply")  # takes seconds
     command = [sys.executable, "-m", "skin_calib_addon", "fit", robot / "plans", "-o", robot / "out", "--jobs", "2"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # in tests that run in the background it is ignored
-    with subprocess.Popen(command, cwd=ROOT, process_group=0, preexec_fn=heard, **pipes) as process:
+    interruptible = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # background processes ignore it
+    with subprocess.Popen(command, cwd=ROOT, process_group=0, preexec_fn=interruptible, **pipes) as process:
         while process.poll() is None and not {"arm", "leg"} <= noted(robot):
             time.sleep(0.01)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         out, err = process.communicate()
     assert (process.returncode, out) == (130, "")
-    assert err == "skin-calib: interrupted after 2 of 3 links; the same call goes on from here\n"
+    assert err == "skin-calib: interrupted after 2 of 3 links. The same call continues from here.\n"
     assert sorted(os.listdir(robot / "out")) == ["arm.calibration.json", "leg.calibration.json", "sources.json"]
     (robot / "plans" / "toe.ply").write_bytes(small)
     assert fit(robot) == 0
@@ -280,7 +284,7 @@ def test_interrupted_call_leaves_whole_files(robot, capsys):
 
 
 def test_interrupted_call_goes_on(robot, capsys, monkeypatch):
-    """Ctrl+C is one line and a code of its own; the same call again fits what is missing."""
+    """Ctrl+C gives one line and its own exit code; the same call fits the missing links."""
 
     def interrupt():
         raise KeyboardInterrupt
@@ -288,13 +292,16 @@ def test_interrupted_call_goes_on(robot, capsys, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(fit_jobs, "calibrate", only_leg(interrupt))
         assert fit(robot) == 130
-    assert capsys.readouterr() == ("", "skin-calib: interrupted after 1 of 3 links; the same call goes on from here\n")
+    assert capsys.readouterr() == (
+        "",
+        "skin-calib: interrupted after 1 of 3 links. The same call continues from here.\n",
+    )
     assert fit(robot) == 0
     assert states(capsys) == {"arm": "up to date", "leg": "fitted", "toe": "fitted"}
 
 
 def test_progress_is_for_a_terminal(robot, capsys, monkeypatch):
-    """A bar that is wiped before a line and at the end."""
+    """The bar is erased before other output and at the end."""
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     write_plan(robot / "plans", "leg", link="leg", mesh="none.ply")
     fit(robot)
@@ -304,12 +311,12 @@ def test_progress_is_for_a_terminal(robot, capsys, monkeypatch):
     assert shown[4].startswith("skin-calib: leg: There is no mesh file") and shown[4].endswith("\n")
 
 
-def test_damaged_notes_are_refused(robot, capsys):
-    """What the calibrations were made from cannot be told: one line says what to do."""
+def test_invalid_sources_are_an_error(robot, capsys):
+    """The sources of the calibrations are unknown: one line states what to do."""
     (robot / "out" / "sources.json").write_text('{"format": "skin-sources", "version": 1}')
     assert fit(robot) == 1
     err = capsys.readouterr().err
-    assert 'sources.json has error: the document lacks the member "calibrations"' in err and "delete it" in err
+    assert 'sources.json has error: the document lacks the member "calibrations"' in err and "Delete this file" in err
     assert os.listdir(robot / "out") == ["sources.json"]
 
 
@@ -324,8 +331,8 @@ def write_urdf(robot, *links):
     return path
 
 
-def test_urdf_stands_for_the_plans_beside_it(robot, capsys):
-    """Where robot and plans agree nothing is said; links without skin need no plan."""
+def test_urdf_selects_the_plans_in_its_folder(robot, capsys):
+    """No warning if robot and plans agree; links without skin need no plan."""
     write_urdf(robot, *(link(name, f"package://r/meshes/{name}.ply") for name in NAMES), link("head"))
     assert fit(robot, plans="plans/robot.urdf") == 0
     out, err = capsys.readouterr()
@@ -347,8 +354,8 @@ CONTRADICTIONS = {
 
 
 @pytest.mark.parametrize("case", CONTRADICTIONS)
-def test_urdf_and_plan_that_disagree_are_told(robot, capsys, case):
-    """The link is fitted, with a warning, in the next call too."""
+def test_difference_of_urdf_and_plan_is_a_warning(robot, capsys, case):
+    """The link is fitted; the next call repeats the warning."""
     element, words = CONTRADICTIONS[case]
     write_urdf(robot, link("arm"), element, link("toe", "toe.ply", "toe_collision.stl"))
     for _ in range(2):
@@ -358,27 +365,27 @@ def test_urdf_and_plan_that_disagree_are_told(robot, capsys, case):
 
 
 def test_plan_for_a_link_that_the_robot_lacks_fails(robot, capsys):
-    """Also where the plans lie elsewhere than the URDF; the nearest name is proposed."""
+    """Also with plans in another folder; the message suggests the most similar name."""
     urdf = write_urdf(robot, link("arms"), link("leg"), link("toe")).rename(robot / "robot.urdf")
     assert main(["fit", str(urdf), str(robot / "plans"), "-o", str(robot / "out")]) == 1
     out, err = capsys.readouterr()
-    assert 'robot.urdf has no link "arm", which the plan is for; did you mean "arms"?' in err
+    assert 'robot.urdf has no link "arm", which is the link of the plan; did you mean "arms"?' in err
     assert out.splitlines()[-1] == "3 links: 2 fitted, 1 failed"
 
 
 BAD_CALLS = {
     "folder without plans": (("out",), 1, "no *.plan.json in "),
-    "urdf without plans": (("alone.urdf",), 1, "no *.plan.json beside "),
-    "two robots": (("alone.urdf", "plans/robot.urdf"), 2, "are two robots; fit one at a time"),
-    "no urdf": (("alone.urdf", "plans"), 1, "has error: line 1 opens "),
-    "no links": (("plans/robot.urdf",), 1, "has no link; check that it is the right file"),
+    "urdf without plans": (("alone.urdf",), 1, "no *.plan.json in the folder of "),
+    "two robots": (("alone.urdf", "plans/robot.urdf"), 2, "are two robots. Fit one at a time"),
+    "no urdf": (("alone.urdf", "plans"), 1, "has error: line 1 starts "),
+    "no links": (("plans/robot.urdf",), 1, "has no link. Check that it is the correct file"),
     "no such folder": (("none",), 1, "cannot read "),
 }
 
 
 @pytest.mark.parametrize("case", BAD_CALLS)
-def test_call_without_sense_is_one_line(robot, capsys, case):
-    """Said before anything is fitted."""
+def test_invalid_call_is_one_line(robot, capsys, case):
+    """The error occurs before any fit."""
     (robot / "alone.urdf").write_text("<model/>")
     write_urdf(robot)
     names, code, words = BAD_CALLS[case]
@@ -389,7 +396,7 @@ def test_call_without_sense_is_one_line(robot, capsys, case):
 
 
 def test_plan_named_twice_is_fitted_once(robot, capsys):
-    """By itself and by its folder."""
+    """As a file and in its folder."""
     assert main([*map(str, ("fit", robot / "plans" / "arm.plan.json", robot / "plans", "-o", robot / "out"))]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == "3 links: 3 fitted"
 
@@ -402,14 +409,14 @@ def test_mesh_is_known_whatever_its_file(robot):
     (robot / "arm.obj").write_text("\n".join(rows))
     assert sources.is_same_mesh(robot / "arm.obj", mesh.sha256)
     assert not sources.is_same_mesh(robot / "plans" / "leg.ply", mesh.sha256)
-    # the last bit of a number in millimetres is that of the product, as where the plan says millimetres
+    # numbers in millimetres are multiplied, as for a plan with the unit mm, so that the last bits agree
     rows = [f"v {' '.join(repr(1e3 * x) for x in row)}" for row in mesh.vertices.tolist()] + rows[len(mesh.vertices) :]
     (robot / "mm.obj").write_text("\n".join(rows))
     assert sources.is_same_mesh(robot / "mm.obj", load_mesh(robot / "mm.obj", "mm").sha256)
 
 
-def test_notes_are_json_for_people(robot):
-    """Relative paths, so that folders may move together."""
+def test_sources_are_readable_json(robot):
+    """With relative paths, so that folders can be moved together."""
     fit(robot)
     document = json.loads((robot / "out" / "sources.json").read_text())
     assert list(document["calibrations"]) == [f"{name}.calibration.json" for name in NAMES]
@@ -418,24 +425,24 @@ def test_notes_are_json_for_people(robot):
     assert list(note["inputs"]) == [note["plan"], note["mesh"]] and list(note["outputs"]) == ["arm.calibration.json"]
 
 
-def test_notes_of_the_first_version_keep_their_warnings(robot, capsys):
-    """There they were plain strings; they are repeated where a calibration is up to date."""
+def test_sources_of_the_first_version_keep_their_warnings(robot, capsys):
+    """They are strings in that version; they are repeated for calibrations that are up to date."""
     fit(robot)
     notes = robot / "out" / "sources.json"
     document = json.loads(notes.read_text()) | {"version": 1}
     for member in document["calibrations"].values():
         del member["warnings"]
-        member["doubts"] = ["it stands off the mesh"]
+        member["doubts"] = ["it deviates from the mesh"]
     notes.write_text(json.dumps(document))
     capsys.readouterr()
     assert fit(robot) == 0
     out, err = capsys.readouterr()
     assert out.splitlines()[-1] == "3 links: 3 up to date"
-    assert err.splitlines() == [f"skin-calib: {n}: warning: it stands off the mesh [earlier-fit]" for n in NAMES]
+    assert err.splitlines() == [f"skin-calib: {n}: warning: it deviates from the mesh [earlier-fit]" for n in NAMES]
 
 
-def test_notes_that_lead_nowhere_do_no_harm(robot, capsys):
-    """Whatever paths stand in them: a device that never ends, names that no system takes."""
+def test_invalid_paths_in_sources_are_harmless(robot, capsys):
+    """Any path: an endless device, or an invalid name."""
     fit(robot)
     notes = robot / "out" / "sources.json"
     document = json.loads(notes.read_text())

@@ -65,7 +65,7 @@ def assert_same_but_responses(before, after):
 
 
 def test_each_taxel_gets_its_own(folder, capsys):
-    """Gains that differ are found; a patch without measurements keeps the response of the link, and this is told."""
+    """Gains that differ are found; a patch without measurements keeps the response of the link, with a warning."""
     names = small_calibration().patches[0].taxels.ids
     rows = [(name, round(r * (1 + k / 50)), f) for r, f in zip(READINGS, FORCES) for k, name in enumerate(names)]
     write(folder / "t.csv", "Taxel, Reading ,FORCE", rows)
@@ -77,9 +77,9 @@ def test_each_taxel_gets_its_own(folder, capsys):
     after = load_calibration(folder / "out.json")
     assert [p.taxels.responses.tolist() for p in after.patches] == [[0, 1, 2, 3, 4, 5], []]
     readings = np.array([*(100 * (1 + k / 50) for k in range(6)), 100, 100])
-    told = TaxelResponses.of(after).forces(readings)
-    np.testing.assert_allclose(told[:6], forearm_truth(100.0), rtol=0, atol=0.04)
-    np.testing.assert_allclose(told[6:], Response((0.0, 0.25, -0.001)).newtons(100.0), rtol=1e-12)
+    forces = TaxelResponses.of(after).forces(readings)
+    np.testing.assert_allclose(forces[:6], forearm_truth(100.0), rtol=0, atol=0.04)
+    np.testing.assert_allclose(forces[6:], Response((0.0, 0.25, -0.001)).newtons(100.0), rtol=1e-12)
 
 
 def test_taxels_without_measurements_keep_what_they_had(folder, capsys):
@@ -157,7 +157,7 @@ def test_picture_shows_curve_and_residuals(folder, taxels):
     ],
 )
 def test_bad_table_is_one_line(folder, capsys, text, words):
-    """File, line and column of the first thing that is wrong; nothing is written."""
+    """The error names file, line and column of the first problem; nothing is written."""
     (folder / "m.csv").write_text(text)
     names = sorted(path.name for path in folder.iterdir())
     call = ("response", folder / "c.json", folder / "m.csv", "-o", folder / "out.json", "--picture", folder / "p.png")
@@ -166,6 +166,6 @@ def test_bad_table_is_one_line(folder, capsys, text, words):
 
 
 def test_folder_that_is_missing_is_a_wrong_call(folder, capsys):
-    """Said before anything is read."""
+    """The error occurs before any file is read."""
     call = ("response", folder / "none.json", folder / "m.csv", "-o", folder / "none" / "out.json")
-    assert_refused(capsys, 2, "no folder", *call)
+    assert_refused(capsys, 2, "the folder", *call)

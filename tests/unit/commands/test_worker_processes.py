@@ -1,4 +1,4 @@
-"""Work in processes of their own: what comes of it, and what is left when one dies or nobody waits any more."""
+"""Worker processes: results, crashes, and termination."""
 
 import os
 import signal
@@ -15,15 +15,15 @@ from skin_calib_addon.common.atomic_file import write_bytes_safely
 
 ROOT = Path(__file__).parents[3]
 DEATHS = {
-    "killed": ("ended from outside, most likely for want of memory", lambda: os.kill(os.getpid(), signal.SIGKILL)),
-    "crashed": ("ended by SIGSEGV", lambda: os.kill(os.getpid(), signal.SIGSEGV)),
-    "left": ("ended by itself with code 3", lambda: os._exit(3)),
+    "killed": ("killed, most likely because of insufficient memory", lambda: os.kill(os.getpid(), signal.SIGKILL)),
+    "crashed": ("ended by the signal SIGSEGV", lambda: os.kill(os.getpid(), signal.SIGSEGV)),
+    "left": ("exited with code 3", lambda: os._exit(3)),
 }
 
 
 def work(task):
-    """What a process does: die, or tell who it is; with words on stdout, where the results go."""
-    print("a library has something to say")
+    """Crash, or return the process id; print to stdout, which also carries the results."""
+    print("output of a library")
     if task in DEATHS:
         DEATHS[task][1]()
     if task == "slow":
@@ -42,7 +42,7 @@ def deaf_and_slow(task):
 
 
 def write(path):
-    """As on a disk that takes its time."""
+    """Write a file on a very slow disk."""
     if path:
         os.fsync = lambda handle: time.sleep(600)
         write_bytes_safely(path, b"half a file")
@@ -53,7 +53,7 @@ def group(task):
 
 
 def is_there(pid):
-    """Whether a process of ours is still there."""
+    """Return whether a process still exists."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -61,8 +61,8 @@ def is_there(pid):
     return True
 
 
-def test_every_task_is_done_in_a_process_that_others_do_not_share():
-    """As many as are asked for, none of them this one; one that is free takes the next."""
+def test_tasks_run_in_the_requested_number_of_processes():
+    """At most two processes, none of them this one, run six tasks and end."""
     done = dict(run_tasks(work, range(6), 2, lost))
     assert set(done) == set(range(6))
     assert len(set(done.values())) <= 2 and os.getpid() not in done.values()
@@ -72,8 +72,8 @@ def test_every_task_is_done_in_a_process_that_others_do_not_share():
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
 @pytest.mark.parametrize("death", DEATHS)
 @pytest.mark.parametrize("count", [1, 3])
-def test_process_that_dies_spoils_its_own_task(death, count):
-    """The others are done, by those that are left or by a new one; how it died is told."""
+def test_crashed_process_loses_only_its_own_task(death, count):
+    """Other processes or a new one run the other tasks; the cause of the crash is reported."""
     done = dict(run_tasks(work, [0, death, 1, death, 2], count, lost))
     assert set(done) == {0, 1, 2, death}
     assert DEATHS[death][0] in done[death] and all(isinstance(done[k], int) for k in (0, 1, 2))
@@ -82,7 +82,7 @@ def test_process_that_dies_spoils_its_own_task(death, count):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
 @pytest.mark.parametrize("function", [work, deaf_and_slow])
 def test_processes_end_with_the_iteration(monkeypatch, function):
-    """Whoever leaves it does not wait for what is being done, not even by a process that hears nothing."""
+    """Closing the iteration ends running tasks at once, even in a process that ignores SIGTERM."""
     monkeypatch.setattr(worker_processes, "END_TIMEOUT", 0.5)
     begun = []
     begin = worker_processes._begin
@@ -95,13 +95,13 @@ def test_processes_end_with_the_iteration(monkeypatch, function):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no groups of this kind")
 def test_terminal_interrupts_only_the_one_that_waits():
-    """Ctrl+C is sent to a whole group; the others are in groups of their own."""
+    """Ctrl+C is sent to a process group; each worker has its own group."""
     assert os.getpgrp() not in set(run_tasks(group, [1, 2], 2, lost))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals")
-def test_process_that_is_ended_clears_away_what_it_was_writing(tmp_path):
-    """No half file stays, under whatever name."""
+def test_terminated_process_removes_its_temporary_file(tmp_path):
+    """No incomplete file stays under any name."""
     found = run_tasks(write, ["", tmp_path / "whole"], 2, lost)
     next(found)
     while not os.listdir(tmp_path):
@@ -110,8 +110,8 @@ def test_process_that_is_ended_clears_away_what_it_was_writing(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_script_that_asks_is_not_run_again(tmp_path):
-    """Nor need it guard its lines; modules are found where it finds them."""
+def test_calling_script_is_not_run_again(tmp_path):
+    """A script needs no main guard; workers find the same modules as the script."""
     (tmp_path / "its_module.py").write_text("def double(x):\n    return 2 * x\n")
     script = tmp_path / "script.py"
     script.write_text(

@@ -1,4 +1,4 @@
-"""What we do to arrays ourselves, against NumPy's way."""
+"""Vector operations of the package agree with NumPy."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from skin_calib_addon.common.arrays import SINGLE_THREAD_PRODUCTS, cross, produc
 
 @pytest.mark.parametrize("shape", [(3,), (7, 3), (4, 2, 3)])
 def test_cross_is_that_of_numpy(shape):
-    """Of single vectors, rows and tables, and of a view."""
+    """For single vectors, rows, tables, and a view."""
     a, b = np.random.default_rng(1).normal(size=(2, *shape))
     assert_allclose(cross(a, b), np.cross(a, b), rtol=0, atol=1e-15)
     assert_allclose(cross(a[..., ::-1], b), np.cross(a[..., ::-1], b), rtol=0, atol=1e-15)
@@ -19,7 +19,7 @@ counts: list[int] = []
 
 
 class Counted(np.ndarray):
-    """A matrix that notes the multiplications of each product it is the first factor of."""
+    """A matrix that records the multiplications of each product with it as the first factor."""
 
     def __matmul__(self, other):
         counts.append(len(self) * other.size)
@@ -27,8 +27,8 @@ class Counted(np.ndarray):
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (5, 7, 3), (900, 20, 60), (80, 5040, 80), (80, 560, 720), (560, 80, 720)])
-def test_product_is_that_of_numpy_in_pieces_that_wake_no_threads(shape):
-    """Tall, wide and deep matrices: the same numbers to the rounding, no piece above the threshold of BLAS."""
+def test_product_equals_numpy_without_starting_threads(shape):
+    """Tall, wide and deep matrices: equal up to rounding, and no piece above the threshold of BLAS."""
     rows, inner, columns = shape
     random = np.random.default_rng(1)
     a, b = random.normal(size=(rows, inner)), random.normal(size=(inner, columns))

@@ -1,4 +1,4 @@
-"""The record of a warning: its text, and its way to a file and back."""
+"""The record of a warning: its text, and its conversion to JSON and back."""
 
 import json
 
@@ -16,27 +16,27 @@ BARE = Warning("parts", "note", "One connected part")
 
 
 def test_text_has_message_advice_and_code():
-    """On one line, whatever names it holds."""
+    """On one line, for any names."""
     assert str(FULL) == "The surface is 7.1 mm off the mesh. Cut it away. [off-mesh]"
     assert str(BARE) == "One connected part [parts]"
     assert str(Warning("a", "note", "x\ny")) == r"x\ny [a]"
 
 
 def test_place_in_words():
-    """Point and names, where they are known."""
+    """Point and names, if they are known."""
     assert FULL.where.words == "at (10.0, -20.0, 30.0) mm, near u-plane 3"
     assert (Place(names="row 2").words, NOWHERE.words) == ("near row 2", "")
 
 
 def test_document_is_json_and_comes_back():
-    """Nothing is lost; what is unknown is left out of the place."""
+    """Nothing is lost; unknown fields of the place are left out."""
     documents = json.loads(json.dumps(to_document((FULL, BARE))))
     assert from_document(documents) == (FULL, BARE)
     assert documents[1]["where"] == {} and documents[0].keys() == documents[1].keys()
 
 
 def test_point_of_an_array():
-    """Plain numbers, so that the record can be compared and stored."""
+    """Python floats, so that records can be compared and stored."""
     import numpy as np
 
     assert point_of(np.array((1.0, 2.0, 3.0))) == (1.0, 2.0, 3.0)

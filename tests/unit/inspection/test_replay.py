@@ -175,7 +175,7 @@ def test_bad_calls_give_a_reason_and_no_file(calibration, tmp_path, capsys):
     empty = tmp_path / "empty.csv"
     empty.write_text("time,a\n")
     assert main(["replay", str(calibration), str(empty), "-o", str(out)]) == 1
-    assert "holds no frame" in capsys.readouterr().err
+    assert "contains no frame" in capsys.readouterr().err
     assert main(["replay", str(calibration), str(path), "-o", str(tmp_path / "no" / "out")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     for words in (["--on", "0"], ["--on", "x"], ["--off", "3"], ["--tare", "-1"]):

@@ -1,4 +1,4 @@
-"""Skins of a plan placed on the surface of its link, one after another."""
+"""Placement of the skins of a plan on the surface of a link."""
 
 import numpy as np
 import pytest
@@ -35,8 +35,8 @@ def made(skins, tmp_path, **changes):
     return calibrate(plan, cylinder(RADIUS, 0.2, 96, 30))
 
 
-def test_every_kind_is_laid_saved_and_felt(tmp_path):
-    """A sheet, boards above it, taxels of a file: one calibration, which reads back and is pressed by the runtime."""
+def test_every_kind_is_placed_saved_and_used(tmp_path):
+    """A sheet, boards above it, and imported taxels: one calibration, which the runtime loads and uses."""
     (tmp_path / "t.csv").write_text("x,y,z\n-0.0505,0,0.02\n-0.05,0.0065,0.02\n-0.05,0,0.0265\n")
     result = made(
         [SHEET, BOARDS | {"offset": 0.001}, {"name": "few", "kind": "imported", "file": str(tmp_path / "t.csv")}],
@@ -64,8 +64,8 @@ def test_every_kind_is_laid_saved_and_felt(tmp_path):
     assert report["patches"][2]["distances"]["before"]["surface"]["mean"] > 0
 
 
-def test_skins_that_touch_know_each_other(tmp_path):
-    """A second sheet that goes on where the first one ends: neighbours over the border, from both sides."""
+def test_adjacent_sheets_are_joined(tmp_path):
+    """A second sheet continues the first: taxels on both sides of the border are neighbours."""
     above = SHEET | {"name": "above", "origin": [RADIUS, 0, 0.06]}
     patches = made([SHEET, above], tmp_path).calibration.patches
     below = dict(zip(patches[0].taxels.ids, patches[0].taxels.neighbours))
@@ -75,8 +75,8 @@ def test_skins_that_touch_know_each_other(tmp_path):
     assert not any(other.startswith("above") for k in range(33) for other in below[f"band.1.{k}"])
 
 
-def test_warnings_name_what_does_not_fit(tmp_path):
-    """Rows too long for the tube, and boards too large for its bend."""
+def test_warnings_report_skins_that_do_not_fit(tmp_path):
+    """Rows too long for the tube, and boards too large for its curvature."""
     long = SHEET | {"columns": 36}
     warnings = made([long, BOARDS | {"side": 0.025, "origin": [RADIUS, 0, 0.12]}], tmp_path).warnings
     (overlap,) = (w for w in warnings if w.code == "overlap")
@@ -88,8 +88,8 @@ def test_warnings_name_what_does_not_fit(tmp_path):
     assert made([SHEET | {"columns": 31}], tmp_path).warnings == ()
 
 
-def test_channels_that_meet_after_filling_are_refused(tmp_path):
-    """Only the placed boards tell how many channels they take."""
+def test_overlapping_channels_are_an_error(tmp_path):
+    """The number of channels of boards is known after the placement."""
     with pytest.raises(
         InvalidPlan, match=r"Skins 'boards' and 'band' both have channel \d+\. Change the first channel"
     ):

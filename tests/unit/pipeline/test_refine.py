@@ -1,4 +1,4 @@
-"""``skin-calib touches``: skins move to where touches say that they lie; bad calls and tables leave no file."""
+"""``skin-calib touches``: skins move to the touches; invalid calls and tables write no file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,15 +34,15 @@ MARKS = [{"cell": [1, 2], "point": [0.05, 0, 0.05]}, {"cell": [1, 8], "point": [
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
-    """A plan on a cone without skins, and what comes of it."""
+    """Return a plan on a cone without skins, and its calibration."""
     path = tmp_path_factory.mktemp("cone") / "cone.ply"
     save_mesh(cone(), path)
     plan = Plan("cone", path, "m", CoverSpec(), TubeGrid(8, 24, Z_AXIS, 2e-3), (3, 3), ())
     return plan, calibrate(plan)
 
 
-def laid_so(fitted, skin):
-    """The plan with one skin, and what comes of it."""
+def with_skin(fitted, skin):
+    """Return the plan with one skin, and its calibration."""
     plan, result = fitted
     plan = replace(plan, skins=skins_from([skin]))
     placed = place_all(plan.skins, result.fit)
@@ -51,7 +51,7 @@ def laid_so(fitted, skin):
 
 
 def moved_away(plan, result):
-    """The taxels of the plan's only skin where it lies a few millimetres and a degree from where the plan has it."""
+    """Return the taxels of the only skin, moved by a few millimetres and one degree from the plan."""
     skin, taxels = plan.skins[0], result.placed[0].patch.taxels
     row = int(np.abs(taxels.index).sum(axis=1).argmin())
     normal, tangent = taxels.normals_link[row], taxels.tangents_link[row]
@@ -61,8 +61,10 @@ def moved_away(plan, result):
         marks = tuple(replace(m, point=tuple(np.array(m.point) + (0.0, 0.0, 0.002))) for m in skin.landmarks)
         skin = replace(skin, landmarks=marks)
     else:
-        place, way = (taxels.positions_link[row], tangent) if skin.origin is None else (skin.origin, skin.direction)
-        skin = replace(skin, origin=tuple(place + shift), direction=tuple(turn.apply(np.array(way))))
+        position, direction = (
+            (taxels.positions_link[row], tangent) if skin.origin is None else (skin.origin, skin.direction)
+        )
+        skin = replace(skin, origin=tuple(position + shift), direction=tuple(turn.apply(np.array(direction))))
     if skin.name == "boards":
         skin = replace(skin, choice=tuple(map(tuple, taxels.index.tolist())))
     return place_all((skin,), result.fit)[0].patch.taxels
@@ -80,9 +82,9 @@ def moved_away(plan, result):
         slow(BOARDS | {"cells": [[1, 0], [0, 1], [2, 0], [1, 1]], **PLACED}, id="rootless"),
     ],
 )
-def test_skin_moves_to_where_it_was_touched(fitted, skin):
-    """From exact touches of every cell: within a hundredth of a millimetre of where the skin lies."""
-    plan, result = laid_so(fitted, skin)
+def test_skin_moves_to_its_touches(fitted, skin):
+    """Exact touches of all cells: the error is below 0.01 mm."""
+    plan, result = with_skin(fitted, skin)
     true = moved_away(plan, result)
     touches = Touches(true.ids, np.arange(len(true.ids)), true.positions_link, np.zeros((len(true.ids), 3)))
     refined = refine(plan, result, touches)
@@ -94,9 +96,9 @@ def test_skin_moves_to_where_it_was_touched(fitted, skin):
     assert_allclose(again.positions_link, found.positions_link, rtol=0, atol=1e-15)
 
 
-def test_skins_that_were_not_touched_stay(fitted):
-    """To the bit; and what cannot be refined says why."""
-    plan, result = laid_so(fitted, SHEET | PLACED)
+def test_skins_without_touches_stay(fitted):
+    """Exactly; and skins that cannot be refined give an error with the reason."""
+    plan, result = with_skin(fitted, SHEET | PLACED)
     second = skins_from([BOARDS | {"cells": [[0, 0], [1, 0]], "origin": [-0.05, 0, 0.05], "first_channel": 48}])
     plan = replace(plan, skins=plan.skins + second)
     placed = place_all(plan.skins, result.fit)
@@ -107,23 +109,21 @@ def test_skins_that_were_not_touched_stay(fitted):
     refined = refine(plan, result, off)
     assert refined.plan.skins[1] == second[0] and refined.plan.skins[0] != plan.skins[0]
     few = Touches(taxels.ids[:2], np.arange(2), taxels.positions_link[:2], np.zeros((2, 3)))
-    with pytest.raises(InvalidPlan, match="skin 'band' was touched 2 times, which is too few"):
+    with pytest.raises(InvalidPlan, match="skin 'band' has 2 touches, which are too few"):
         refine(plan, result, few)
-    trimmed = laid_so(fitted, CENTRED | {"rows": 14, "trim": True})
+    trimmed = with_skin(fitted, CENTRED | {"rows": 14, "trim": True})
     part = trimmed[1].placed[0].patch.taxels
     assert (part.index.sum(axis=1) > 0).all()
     all_of_it = Touches(part.ids, np.arange(len(part.ids)), part.positions_link, np.zeros((len(part.ids), 3)))
-    with pytest.raises(
-        InvalidPlan, match="'band' has no cell \\(0, 0\\) to be held by where it lies; give it an origin"
-    ):
+    with pytest.raises(InvalidPlan, match="'band' is centred and has no cell \\(0, 0\\). Give it an origin"):
         refine(*trimmed, all_of_it)
     turned = Touches(taxels.ids[::-1], np.arange(48), taxels.positions_link, np.zeros((48, 3)))
     with pytest.raises(InvalidPlan, match="rows and columns counted from the other end"):
         refine(plan, result, turned)
 
 
-def test_touches_that_no_place_explains_are_refused():
-    """All of one cell, and far inside the link: the sheet would wander round it."""
+def test_contradictory_touches_are_an_error():
+    """All touches are of one cell and far inside the link: the sheet would move around it."""
     plan = load_plan(ROOT / "sample_scenes" / "wrist.plan.json")
     result = calibrate(plan)
     inside = Touches(result.placed[0].patch.taxels.ids[:1] * 4, np.arange(4), np.zeros((4, 3)), np.zeros((4, 3)))
@@ -133,8 +133,8 @@ def test_touches_that_no_place_explains_are_refused():
 
 @pytest.fixture
 def folder(fitted, tmp_path):
-    """A plan, its calibration, and touches that lie 2 mm along the rows."""
-    plan, result = laid_so(fitted, SHEET | PLACED)
+    """Return a folder with a plan, its calibration, and touches with an offset of 2 mm along the rows."""
+    plan, result = with_skin(fitted, SHEET | PLACED)
     copy(plan.mesh, tmp_path)
     save_plan(replace(plan, mesh=Path("cone.ply"), extra={"x_note": "kept"}), tmp_path / "cone.plan.json")
     save_calibration(result.calibration, tmp_path / "cone.json")
@@ -151,7 +151,7 @@ def touches(folder, file, *words, table="t.csv"):
 
 
 def test_command_compares_and_refines(folder, capsys):
-    """A calibration is compared; a plan is moved, and the moved one, in another folder, needs no more."""
+    """A calibration is compared; a refined plan in another folder needs no further refinement."""
     assert touches(folder, "cone.json", "--picture", folder / "t.png") == 0
     out, err = capsys.readouterr()
     assert "touches          48, of 48 taxels" in out and err == ""
@@ -168,10 +168,10 @@ def test_command_compares_and_refines(folder, capsys):
 @pytest.mark.parametrize(
     ("file", "words", "code", "message"),
     [
-        ("cone.json", ["--refine", "-o", "out.json"], 1, "is no plan; a calibration does not say how its skins"),
-        ("cone.plan.json", ["--refine"], 2, "--refine writes the moved plan to -o OUT"),
-        ("cone.plan.json", ["-o", "out.json"], 2, "--refine writes the moved plan to -o OUT"),
-        ("cone.plan.json", ["--refine", "-o", "none/out.json"], 2, "no folder"),
+        ("cone.json", ["--refine", "-o", "out.json"], 1, "--refine needs the plan file"),
+        ("cone.plan.json", ["--refine"], 2, "--refine and -o OUT belong together"),
+        ("cone.plan.json", ["-o", "out.json"], 2, "--refine and -o OUT belong together"),
+        ("cone.plan.json", ["--refine", "-o", "none/out.json"], 2, "the folder"),
         ("cone.plan.json", ["--refine", "-o", "t.csv"], 2, "t.csv would replace"),
         ("cone.json", ["--picture", "cone.json"], 2, "cone.json would replace"),
         ("t.csv", [], 1, "t.csv"),
@@ -179,7 +179,7 @@ def test_command_compares_and_refines(folder, capsys):
     ],
 )
 def test_command_refuses_in_one_line(folder, capsys, file, words, code, message):
-    """And writes nothing."""
+    """No file is written."""
     words = [str(folder / w) if w.endswith((".json", ".csv")) else w for w in words]
     before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     try:

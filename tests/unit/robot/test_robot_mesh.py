@@ -1,4 +1,4 @@
-"""Meshes of links as a URDF places them: files found, scaled, turned, mirrored, joined."""
+"""Meshes of the links of a URDF: find files, scale, rotate, mirror and join them."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ PIN = box((0.1, 0, 0), (0.11, 0.01, 0.01))
 
 
 def shape(mesh, use="visual", origin="", scale=""):
-    """An element of a link."""
+    """Return an element of a link."""
     at = f"<origin {origin}/>" if origin else ""
     times = f' scale="{scale}"' if scale else ""
     return f'<{use}>{at}<geometry><mesh filename="{mesh}"{times}/></geometry></{use}>'
@@ -23,7 +23,7 @@ def shape(mesh, use="visual", origin="", scale=""):
 
 @pytest.fixture
 def package(tmp_path):
-    """Writes a URDF into a package beside its meshes; gives its path."""
+    """Return a function that writes a URDF into a package with meshes, and returns its path."""
     (tmp_path / "bot" / "meshes").mkdir(parents=True)
     (tmp_path / "bot" / "urdf").mkdir()
     save_mesh(BLOCK, tmp_path / "bot" / "meshes" / "block.ply")
@@ -45,12 +45,12 @@ MM = "0.001 0.001 0.001"
 
 
 def test_mesh_without_origin_keeps_its_numbers(package):
-    """To the bit."""
+    """Exactly."""
     assert same_mesh(loaded(package(shape("package://bot/meshes/pin.ply"))), PIN)
 
 
-def test_origin_and_scale_are_honoured(package):
-    """First the scale, then the angles about fixed axes, then the shift; in metres."""
+def test_origin_and_scale_are_applied(package):
+    """First the scale, then the angles about fixed axes, then the translation, in metres."""
     urdf = package(shape("package://bot/meshes/block.ply", origin='xyz="0.1 -0.2 0.3" rpy="0.4 -0.5 2"', scale=MM))
     turn = Rotation.from_euler("xyz", (0.4, -0.5, 2.0)).as_matrix()
     expected = weld((BLOCK.vertices * 1e-3) @ turn.T + (0.1, -0.2, 0.3), BLOCK.faces)
@@ -59,8 +59,8 @@ def test_origin_and_scale_are_honoured(package):
 
 
 @pytest.mark.parametrize("scale", ["0.001 -0.001 0.001", "-0.001 -0.001 -0.001", "0.001 0.002 0.001"])
-def test_mirrored_mesh_looks_outward(package, scale):
-    """The other arm: faces are turned over with the scale, so that the volume stays positive."""
+def test_mirrored_mesh_has_outward_normals(package, scale):
+    """For the other arm, faces are reversed, so that the volume stays positive."""
     mesh = loaded(package(shape("package://bot/meshes/block.ply", scale=scale)))
     a, b, c = mesh.triangles.transpose(1, 0, 2)
     factor = abs(np.prod([float(word) for word in scale.split()]))
@@ -68,7 +68,7 @@ def test_mirrored_mesh_looks_outward(package, scale):
 
 
 def test_meshes_of_one_use_are_joined(package):
-    """All that is seen of a link is one mesh; what it collides with is another."""
+    """All visual meshes of a link are one mesh; the collision meshes are another."""
     urdf = package(
         shape("package://bot/meshes/block.ply", scale=MM),
         shape("package://bot/meshes/pin.ply"),
@@ -86,17 +86,17 @@ ADDRESSES = (
 
 @pytest.mark.parametrize("address", ADDRESSES)
 def test_address_is_resolved(package, tmp_path, address):
-    """Packages above the URDF, under another name too, relative paths of either system, and whole ones."""
+    """Packages above the URDF, also under another name, relative paths of both systems, and absolute ones."""
     assert same_mesh(loaded(package(shape(address.format(root=tmp_path)))), PIN)
 
 
-def test_package_beside_the_urdf_comes_before_those_of_ros(package, tmp_path, monkeypatch):
-    """Then where ROS looks, then a file beside the URDF; the message tells where to put it."""
+def test_package_near_the_urdf_has_priority_over_ros(package, tmp_path, monkeypatch):
+    """Then the search paths of ROS, then the folder of the URDF; the error states where to put the package."""
     urdf = package()
     (tmp_path / "ros" / "share" / "bot" / "meshes").mkdir(parents=True)
     installed, near = tmp_path / "ros/share/bot/meshes/pin.ply", tmp_path / "bot/meshes/pin.ply"
-    beside = urdf.parent / "pin.ply"
-    for path in (installed, beside):
+    adjacent = urdf.parent / "pin.ply"
+    for path in (installed, adjacent):
         path.write_bytes(near.read_bytes())
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "ros"))
     address = "package://bot/meshes/pin.ply"
@@ -108,23 +108,30 @@ def test_package_beside_the_urdf_comes_before_those_of_ros(package, tmp_path, mo
         monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / folder))
         assert find_file(address, urdf) == installed
     installed.unlink()
-    assert find_file(address, urdf) == beside
-    beside.unlink()
-    with pytest.raises(InvalidMesh, match="no mesh file for package://bot/meshes/pin.ply of bot.urdf; put its package"):
+    assert find_file(address, urdf) == adjacent
+    adjacent.unlink()
+    with pytest.raises(
+        InvalidMesh, match="the mesh file package://bot/meshes/pin.ply of bot.urdf was not found. Put its package"
+    ):
         find_file(address, urdf)
 
 
 BAD = {
     "no link": ((), "leg", UnknownLink, 'bot.urdf has no link "leg"'),
-    "no mesh": ((), "arm", InvalidMesh, "bot.urdf has no visual mesh for arm; boxes and cylinders are none"),
+    "no mesh": ((), "arm", InvalidMesh, "bot.urdf has no visual mesh for arm. Boxes and cylinders are not supported"),
     "other use": (
         (shape("p.stl", "collision"),),
         "arm",
         InvalidMesh,
-        "no visual mesh for arm; take its collision mesh",
+        "no visual mesh for arm. Use its collision mesh",
     ),
     "two numbers": ((shape("package://bot/meshes/pin.ply", scale="1 1"),), "arm", CalibrationFormatError, "2 numbers"),
-    "no size": ((shape("package://bot/meshes/pin.ply", scale="0 1 1"),), "arm", InvalidMesh, "scaled to nothing"),
+    "no size": (
+        (shape("package://bot/meshes/pin.ply", scale="0 1 1"),),
+        "arm",
+        InvalidMesh,
+        "has a scale of 0. Correct the scale",
+    ),
     "no format": (
         (shape("bot.urdf"),),
         "arm",
@@ -136,7 +143,7 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_link_that_cannot_be_loaded_is_refused(package, case):
-    """One line that says what is missing."""
+    """One line that states what is missing."""
     shapes, link, kind, message = BAD[case]
     with pytest.raises(kind, match=message):
         loaded(package(*shapes), link)

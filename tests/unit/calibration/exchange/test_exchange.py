@@ -1,4 +1,4 @@
-"""Taxel sets in other programs' files: read as they are, with everything strange about them, or refused by the line."""
+"""Taxel files of other programs: they are read unchanged, with warnings, or give errors with line numbers."""
 
 import json
 from pathlib import Path
@@ -28,7 +28,7 @@ ROUND, OUTWARD = points_round(12)
 
 @pytest.fixture
 def read(tmp_path):
-    """Read a text as if it were a file."""
+    """Return a function that reads a text as a file."""
 
     def run(content, format=None, only=None):
         path = tmp_path / "taxels"
@@ -39,12 +39,12 @@ def read(tmp_path):
 
 
 def codes(taxels):
-    """What was found, and where."""
+    """Return the location of each finding by its code."""
     return {finding.code: finding.pointer for finding in taxels.findings}
 
 
 def value(taxels, code):
-    """The value of the one finding of that code."""
+    """Return the value of the only finding with a code."""
     (found,) = (finding.value for finding in taxels.findings if finding.code == code)
     return found
 
@@ -53,7 +53,7 @@ def value(taxels, code):
 
 
 def test_icub_rows_keep_their_index_as_channel(read):
-    """Zero rows hold a place in the reading and no taxel; they are counted, and nothing else is strange."""
+    """Rows of zeros use a channel without taxel; they are counted, without other warnings."""
     rows = np.column_stack((ROUND, OUTWARD))
     rows[[0, 5, 6]] = 0
     taxels = read(icub_text(rows, "3 " * 12))
@@ -77,12 +77,12 @@ def test_icub_rows_keep_their_index_as_channel(read):
     ],
 )
 def test_icub_frame_is_the_one_named(read, head, frame):
-    """The frame, else the link; a comment and a name without a value are none."""
+    """The frame, or else the link; a comment and a name without value are ignored."""
     assert read(icub_text(np.column_stack((ROUND, OUTWARD)), head=head)).frame == frame
 
 
-def test_icub_table_is_held_against_the_rows(read):
-    """Thermal pads, unused rows, marked rows that have a position, and a table of another length: told, not obeyed."""
+def test_icub_table_is_compared_with_the_rows(read):
+    """Thermal pads, unused rows, marked rows with position, and a table of another length give warnings only."""
     rows = np.column_stack((ROUND, OUTWARD))
     rows[[2, 3]] = 0
     taxels = read(icub_text(rows, "3 3 -2 -1 3 -2 3 3"))
@@ -102,7 +102,7 @@ def test_icub_table_is_held_against_the_rows(read):
 
 
 def test_icub_reader_stops_at_the_next_section(read):
-    """Comments, empty lines and another block are no rows."""
+    """Comments, empty lines and other blocks are not rows."""
     rows = np.column_stack((ROUND, OUTWARD))
     content = icub_text(rows).replace("[calibration]\n", "[calibration]\n# x y z\n\n") + "[other]\n1 2\n"
     assert len(read(content).labels) == 12
@@ -113,7 +113,7 @@ def test_icub_reader_stops_at_the_next_section(read):
 
 
 def test_tum_cells_have_full_frames(read):
-    """Positions and axes go from the root cell to the base; ports lead to the neighbours that are in the file."""
+    """Positions and axes are transformed to the base frame; ports give the neighbours in the file."""
     taxels = read(tum_text(CELLS, base=(matrix(90), (1.0, 2.0, 0.5))))
     turn, shift = matrix(90), np.array((1.0, 2.0, 0.5))
     assert_allclose(taxels.positions, [turn @ c.position + shift for c in CELLS], rtol=0, atol=1e-12)
@@ -125,15 +125,15 @@ def test_tum_cells_have_full_frames(read):
     assert list(codes(taxels)) == ["unknown-neighbour"] and value(taxels, "unknown-neighbour") == 1
 
 
-def test_tum_transform_beyond_the_base_is_told(read):
-    """It is not applied: what it leads to has no name, or another than the base."""
+def test_tum_transform_from_base_to_dh_is_reported(read):
+    """It is not applied, because its frame has no name or another name than the base frame."""
     moved = tum_text(CELLS, beyond=(matrix(0), (0, 0, 0.1)))
     assert "unused-transform" in codes(read(moved))
     assert (read(moved).positions == read(tum_text(CELLS)).positions).all()
 
 
-def test_tum_patches_in_two_frames_are_told(read):
-    """There is no one frame then; each patch is where its own extrinsics put it."""
+def test_tum_patches_in_two_frames_are_reported(read):
+    """The frame is unknown; each patch has the pose of its extrinsics."""
     content = tum_text(CELLS).replace('<cell id="7" patch="2"', '<cell id="7" patch="3"')
     start, stop = content.index("<patchExtrinsics"), content.index("</patchExtrinsics>") + len("</patchExtrinsics>")
     place = content[start:stop].replace('patchId="2" baseFrame="world"', 'patchId="3" baseFrame="arm"')
@@ -144,8 +144,8 @@ def test_tum_patches_in_two_frames_are_told(read):
     assert_allclose(taxels.positions, [c.position + s for c, s in zip(CELLS, shifts)], rtol=0, atol=1e-12)
 
 
-def test_tum_patch_without_place_stays_in_its_root_cell(read):
-    """No extrinsics, no frame: the positions are those of the cells, and that is said."""
+def test_tum_patch_without_pose_stays_in_its_root_cell(read):
+    """Without extrinsics, positions are relative to the root cell, with a warning."""
     content = tum_text(CELLS)
     start, stop = content.index("<patchExtrinsics"), content.index("</patchExtrinsics>") + len("</patchExtrinsics>")
     taxels = read(content[:start] + content[stop:])
@@ -173,8 +173,8 @@ def test_tum_patch_without_place_stays_in_its_root_cell(read):
         (('row="2" col="2">1.0<', 'row="2" col="2">1e300<'), "rotation", "has a matrix rot that is not a rotation"),
     ],
 )
-def test_tum_reader_refuses_by_the_line(read, change, code, words):
-    """Each has one error, its line, and what is wrong in words."""
+def test_tum_reader_reports_errors_with_lines(read, change, code, words):
+    """Each change gives one error with line and reason."""
     content = tum_text(CELLS)
     for old, new in zip(change[::2], change[1::2]):
         assert old in content
@@ -185,13 +185,13 @@ def test_tum_reader_refuses_by_the_line(read, change, code, words):
     assert found.code == code and words in found.message
 
 
-def test_tum_declared_encoding_is_not_believed(read):
-    """The text is UTF-8, and decoded, before anything is parsed."""
+def test_tum_declared_encoding_is_ignored(read):
+    """The text is decoded as UTF-8 before it is parsed."""
     assert len(read(tum_text(CELLS).replace("UTF-8", "UTF-16")).labels) == 3
 
 
 def test_tum_reader_has_limits(read, monkeypatch):
-    """Depth, elements of one cell, cells: refused before they fill the memory."""
+    """Depth, elements of one cell and number of cells are limited, to protect the memory."""
     deep = "<SkinConfig>" + "<a>" * 40
     many = "<SkinConfig><cell>" + "<a/>" * (xml_nodes.MAX_NODES + 5)
     for content, code in ((deep, "depth"), (many, "size")):
@@ -217,7 +217,7 @@ def test_tum_reader_has_limits(read, monkeypatch):
     ],
 )
 def test_columns_are_found_by_name(read, header, channel, label):
-    """In any order and case, whatever else there is; a channel before a row before an index."""
+    """In any order and case, with other columns; channel has priority over row, and row over index."""
     names = [name.strip().lower() for name in header.split(",")]
     known = {"x": 0, "y": 1, "z": 2, "nx": 3, "ny": 4, "nz": 5}
     numbers = np.column_stack((ROUND, OUTWARD))
@@ -239,8 +239,8 @@ def test_columns_are_found_by_name(read, header, channel, label):
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 @pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
-def test_separators_and_line_ends_are_understood(read, separator, ending):
-    """What spreadsheets write, with a byte order mark, comments and empty lines."""
+def test_separators_and_line_ends_are_accepted(read, separator, ending):
+    """Those of spreadsheets, with a byte order mark, comments and empty lines."""
     content = "# made by hand\n\n" + csv_text(ROUND, tangents=OUTWARD).replace(",", separator) + "\n \n"
     taxels = read(b"\xef\xbb\xbf" + content.replace("\n", ending).encode())
     assert (taxels.positions == ROUND).all() and taxels.normals is None
@@ -248,7 +248,7 @@ def test_separators_and_line_ends_are_understood(read, separator, ending):
 
 
 def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
-    """GenTact's parent; where rows differ there is none, and that is said."""
+    """The parent of GenTact; rows with different frames give a warning."""
     rows = [f"{i},{x},{y},{z},0.005,/panda/link5,skin" for i, (x, y, z) in enumerate(ROUND)]
     header = "Index,X,Y,Z,Radius,Parent,Object Name in Blender"
     assert read("\n".join((header, *rows))).frame == "/panda/link5"
@@ -276,8 +276,8 @@ def test_frame_of_a_table_is_the_one_that_all_rows_name(read):
         (("\n0.03", '\n"0.03'), "syntax", "line 2", "is not a row of a table: unexpected end of data"),
     ],
 )
-def test_table_reader_refuses_by_the_line(read, change, code, place, words):
-    """The header and the rows: what is wrong is found in its line."""
+def test_table_reader_reports_errors_with_lines(read, change, code, place, words):
+    """Errors of header and rows have a line number."""
     content = csv_text(ROUND, normals=OUTWARD)
     assert change[0] in content
     with pytest.raises(CalibrationFormatError) as refused:
@@ -309,7 +309,7 @@ def test_table_reader_refuses_by_the_line(read, change, code, place, words):
     ],
 )
 def test_labels_channels_and_directions_must_be_usable(read, header, row, code, words):
-    """XmlError, once, with what to do."""
+    """One error that states what to do."""
     with pytest.raises(CalibrationFormatError) as refused:
         read(f"{header}\n{row}")
     (found,) = (f for f in refused.value.findings if f.severity == "error")
@@ -317,7 +317,7 @@ def test_labels_channels_and_directions_must_be_usable(read, header, row, code, 
 
 
 def test_neighbours_of_a_table_are_channels(read):
-    """They become labels; one that the file does not have is told, a word that is no channel is refused."""
+    """They become labels; an unknown channel gives a warning, another word an error."""
     table = "channel,id,x,y,z,neighbours\n4,a,0,0,0.1,7 9\n7,b,0,0,0.2,4\n9,c,0,0,0.3,\n"
     taxels = read(table)
     assert taxels.neighbours == (("b", "c"), ("a",), ()) and taxels.findings == ()
@@ -333,15 +333,15 @@ PLACES = {f"skin_{i}": tuple(place) for i, place in enumerate(ROUND.tolist())}
 
 
 def test_frames_of_urdf_are_taxels(read):
-    """Frames that bear nothing, in their order, in the link with a body."""
+    """Frames without children, in their order, with poses in the link that has a body."""
     taxels = read(robot_text(PLACES))
     assert taxels.labels == tuple(PLACES) and taxels.channels.tolist() == list(range(12))
     assert (taxels.positions == ROUND).all() and taxels.frame == "forearm"
     assert (taxels.tangents == [1, 0, 0]).all()
 
 
-def test_frames_between_are_passed(read):
-    """A frame on a frame is placed in the link that bears both; what lies between, moves or has a body is no taxel."""
+def test_intermediate_frames_are_skipped(read):
+    """Poses refer to the parent link with a body; frames with children, joints or a body are not taxels."""
     more = (
         '<link name="palm"/><joint name="p" type="fixed"><origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/>'
         '<parent link="forearm"/><child link="palm"/></joint><link name="tip"/><joint name="t" type="fixed">'
@@ -357,8 +357,8 @@ def test_frames_between_are_passed(read):
     assert_allclose(taxels.tangents, [[0, 0, -1]], rtol=0, atol=1e-15)
 
 
-def test_frames_of_one_link_are_picked(read):
-    """Two links in a file are refused with what to do; picked by label, the channels count anew."""
+def test_frames_of_one_link_are_selected(read):
+    """Two links in a file are an error with advice; for selected labels, channels start from 0."""
     hand = '<link name="hand"><visual/></link><link name="nail"/><joint name="n" type="fixed"><parent link="hand"/>'
     content = robot_text(PLACES, hand + '<child link="nail"/></joint>')
     with pytest.raises(
@@ -375,7 +375,7 @@ def test_frames_of_one_link_are_picked(read):
 
 
 def test_taxels_of_tactile_sensors_are_read(read):
-    """In the link, past the frame of the sensor; the index is the channel; other sensors are left alone."""
+    """Poses are relative to the link; the index is the channel; other sensors are ignored."""
     taxels = read(SENSOR)
     assert taxels.labels == ("cuff.4", "cuff.2") and taxels.channels.tolist() == [4, 2] and taxels.frame == "wrist"
     assert_allclose(taxels.positions, [[0, 0.03, 0.1], [-0.03, 0, 0.1]], rtol=0, atol=1e-15)
@@ -417,8 +417,8 @@ def test_taxels_of_tactile_sensors_are_read(read):
         (SENSOR, ("<robot", '<!DOCTYPE a [<!ENTITY b "c">]><robot'), "entity", "declares an entity"),
     ],
 )
-def test_urdf_reader_refuses_by_the_line(read, content, change, code, words):
-    """Each has one error and what is wrong in words."""
+def test_urdf_reader_reports_errors_with_lines(read, content, change, code, words):
+    """Each change gives one error with its reason."""
     assert change[0] in content
     with pytest.raises(CalibrationFormatError) as refused:
         read(content.replace(*change, 1))
@@ -426,8 +426,8 @@ def test_urdf_reader_refuses_by_the_line(read, content, change, code, words):
     assert found.code == code and words in found.message and "\n" not in str(refused.value)
 
 
-def test_frames_in_a_ring_are_refused(read):
-    """Joints that go round end nowhere."""
+def test_loop_of_frames_is_an_error(read):
+    """A loop of joints has no parent link."""
     ring = "".join(
         f'<link name="{a}"/><joint name="j{a}" type="fixed"><parent link="{b}"/><child link="{a}"/></joint>'
         for a, b in (("a", "b"), ("b", "c"), ("c", "b2"), ("b2", "b"), ("t", "a"))
@@ -437,7 +437,7 @@ def test_frames_in_a_ring_are_refused(read):
 
 
 def test_many_taxels_in_one_sensor_are_read(read):
-    """More elements than a cell of a patch may hold."""
+    """More elements than the limit for one cell of a patch."""
     taxel = '<taxel idx="{0}" xyz="0 0 {1!r}"><geometry><box size="1 1 1"/></geometry></taxel>'
     many = "".join(taxel.format(i, 0.001 * (i + 1)) for i in range(1500))
     assert len(read(SENSOR.split("<taxel")[0] + many + "</tactile></sensor></robot>").labels) == 1500
@@ -449,7 +449,7 @@ def test_many_taxels_in_one_sensor_are_read(read):
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("kind", ["f4", "f8"])
 def test_binary_ply_is_read(read, order, kind):
-    """Of either order and precision, with columns between and faces behind."""
+    """In both byte orders and precisions, with other columns, and with faces at the end."""
     name = {"f4": "float", "f8": "double"}[kind]
     form = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
     head = f"ply\nformat {form} 1.0\nelement vertex 12\nproperty uchar red\n"
@@ -474,15 +474,15 @@ def test_binary_ply_is_read(read, order, kind):
 
 @pytest.mark.parametrize("ending", ["\n", "\r\n"])
 def test_clouds_of_text_are_read(read, ending):
-    """All digits that are there, with either line end; without a channel the place is one."""
+    """With all digits and both line ends; without a channel, the index is the channel."""
     for content in (ply_text(ROUND, OUTWARD), ply_text(ROUND), pcd_text(ROUND)):
         taxels = read(content.replace("\n", ending))
         assert (taxels.positions == ROUND).all() and taxels.channels.tolist() == list(range(12))
     assert_allclose(read(ply_text(ROUND, OUTWARD)).normals, OUTWARD, rtol=0, atol=1e-12)
 
 
-def test_viewpoint_of_a_cloud_is_told(read):
-    """It is not applied."""
+def test_viewpoint_of_a_cloud_is_reported(read):
+    """The viewpoint is not applied."""
     taxels = read(pcd_text(ROUND).replace("VIEWPOINT 0 0 0", "VIEWPOINT 0 0 1"))
     assert codes(taxels) == {"unused-transform": "line 9"} and (taxels.positions == ROUND).all()
 
@@ -518,8 +518,8 @@ def test_viewpoint_of_a_cloud_is_told(read):
         ),
     ],
 )
-def test_cloud_readers_refuse_by_the_place(read, content, change, words):
-    """The header, the number of points, the numbers: each is one line that says what and where."""
+def test_cloud_readers_report_errors_with_locations(read, content, change, words):
+    """Errors of header, number of points and numbers are one line with reason and location."""
     assert change[0] in content
     with pytest.raises(CalibrationFormatError, match=words) as refused:
         read(content.replace(*change, 1))
@@ -530,15 +530,15 @@ def test_cloud_readers_refuse_by_the_place(read, content, change, words):
 
 
 @pytest.mark.parametrize("normal", [(1, 0, 0), (0.6, 0, 0.8)])
-def test_one_normal_for_taxels_all_round_is_a_placeholder(read, normal):
-    """Whatever direction it is; then no normal of the file is used, and it is said how many are so."""
+def test_one_normal_for_taxels_around_a_link_is_a_placeholder(read, normal):
+    """In any direction: no normal of the file is used, and the warning has their number."""
     taxels = read(csv_text(ROUND, normals=np.tile(normal, (12, 1))))
     assert taxels.normals is None
     assert codes(taxels) == {"placeholder-normals": "line 2"} and value(taxels, "placeholder-normals") == 12
 
 
-def test_a_few_placeholders_spoil_all_normals(read):
-    """Rows of (1, 0, 0) on both sides of the link, among right ones; the one that is right counts with them."""
+def test_a_few_placeholders_invalidate_all_normals(read):
+    """Rows of (1, 0, 0) on both sides of the link, among valid ones; the one valid (1, 0, 0) counts, too."""
     normals = OUTWARD.copy()
     normals[[2, 8]] = 1, 0, 0
     taxels = read(csv_text(ROUND, normals=normals))
@@ -547,16 +547,16 @@ def test_a_few_placeholders_spoil_all_normals(read):
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_one_normal_for_a_flat_patch_is_right(read, axis):
-    """A sole has one normal; so has a patch across x, where (1, 0, 0) is right."""
+def test_one_normal_for_a_flat_patch_is_valid(read, axis):
+    """A sole has one normal, as has a patch perpendicular to x, for which (1, 0, 0) is valid."""
     flat = np.roll(np.column_stack((0.1 * np.ones(12), ROUND[:, :2])), axis, axis=1)
     normals = np.tile(np.roll((1.0, 0, 0), axis), (12, 1))
     taxels = read(csv_text(flat, normals=normals))
     assert (taxels.normals == normals).all() and taxels.findings == ()
 
 
-def test_missing_and_long_normals_are_told(read):
-    """A zero normal leaves no normals to rely on; one that is not unit is scaled."""
+def test_missing_and_long_normals_are_reported(read):
+    """With a zero normal, no normal is used; a normal of another length is normalized."""
     normals = OUTWARD.copy()
     normals[4] *= 2.5
     normals[8] *= 0.5
@@ -568,8 +568,8 @@ def test_missing_and_long_normals_are_told(read):
     assert taxels.normals is None and codes(taxels) == {"missing-normals": "line 4"}
 
 
-def test_taxels_in_one_place_are_told(read):
-    """Three taxels in two places: the second and the third of a place are named, with the first of them."""
+def test_equal_positions_are_reported(read):
+    """Three taxels at one position: the warning counts the second and third, and names the first."""
     places = ROUND.copy()
     places[7], places[11] = places[2], places[2]
     taxels = read(csv_text(places, normals=OUTWARD))
@@ -579,20 +579,20 @@ def test_taxels_in_one_place_are_told(read):
 
 
 def test_plan_knows_every_format():
-    """The schema of plans lists what is read here."""
+    """The schema of plans lists the readable formats."""
     path = Path(__file__).parents[4] / "skin_calib_addon" / "plan" / "schema.json"
     schema = json.loads(path.read_text("utf-8"))
     assert tuple(schema["$defs"]["imported"]["properties"]["format"]["enum"]) == READABLE
 
 
-def test_file_that_is_no_ply_is_refused_as_such(read):
-    """Whoever names the format is told that it is another, not what a header lacks."""
+def test_file_of_another_format_is_reported_as_such(read):
+    """With a given format, the error states that the file has another one."""
     with pytest.raises(CalibrationFormatError, match="does not begin with ply; check that it is the correct file"):
         read(pcd_text(ROUND), "ply")
 
 
-def test_format_is_told_by_the_content(read, tmp_path):
-    """The three samples without a name; with the wrong one, with an unknown one, with no content."""
+def test_format_is_detected_from_the_content(read, tmp_path):
+    """Samples of all formats, without a format, with a wrong or unknown one, and other content."""
     rows = np.column_stack((ROUND, OUTWARD))
     samples = {"icub": icub_text(rows), "tum": tum_text(CELLS), "csv": csv_text(ROUND), "urdf": robot_text(PLACES)}
     samples |= {"ply": ply_text(ROUND), "pcd": pcd_text(ROUND)}
@@ -629,14 +629,14 @@ def test_format_is_told_by_the_content(read, tmp_path):
         ),
     ],
 )
-def test_text_that_is_none_is_refused(read, content, words):
-    """Before any reader sees it."""
+def test_invalid_text_is_an_error(read, content, words):
+    """The error occurs before any reader is called."""
     with pytest.raises(CalibrationFormatError, match=words):
         read(content)
 
 
 def test_sizes_are_limited(read, monkeypatch):
-    """Bytes before decoding, rows before they are taken; as many as are allowed are read."""
+    """Bytes are limited before decoding, rows before parsing; files at the limit are read."""
     rows = np.column_stack((ROUND, OUTWARD))
     for module, content in ((icub, icub_text(rows)), (table, csv_text(ROUND))):
         monkeypatch.setattr(module, "MAX_TAXELS", 12)
@@ -655,15 +655,15 @@ def test_sizes_are_limited(read, monkeypatch):
         read(csv_text(ROUND))
 
 
-def test_files_that_are_none_are_refused(tmp_path):
-    """A folder, nothing, a name with a NUL: one line, no traceback."""
+def test_invalid_paths_are_an_error(tmp_path):
+    """A folder, a missing file, a path with NUL: a CalibrationFormatError."""
     for path in (tmp_path, tmp_path / "nothing.csv", "a\x00b"):
         with pytest.raises(CalibrationFormatError, match="cannot read"):
             read_taxels(path)
 
 
-def test_errors_are_all_told_and_counted(read):
-    """Ten bad rows: ten findings, and the message says how many."""
+def test_errors_are_all_reported_and_counted(read):
+    """Ten invalid rows give ten findings, and the message has their number."""
     lines = csv_text(ROUND).split("\n")
     lines[1:11] = ["a,b,c"] * 10
     with pytest.raises(CalibrationFormatError, match="has 10 errors; the first error: line 2 has 'a'") as refused:
@@ -672,7 +672,7 @@ def test_errors_are_all_told_and_counted(read):
 
 
 def test_taxel_set_is_frozen_and_checked():
-    """Read-only copies; rows that do not fit are a mistake of ours."""
+    """Arrays are read-only copies; inconsistent numbers of rows raise a ValueError."""
     taxels = TaxelSet(ROUND, OUTWARD, tuple("abcdefghijkl"), np.arange(12), "link")
     for values in (taxels.positions, taxels.normals, taxels.channels):
         with pytest.raises(ValueError, match="read-only"):
@@ -683,8 +683,8 @@ def test_taxel_set_is_frozen_and_checked():
         TaxelSet(ROUND, None, tuple("abcdefghijkl"), np.arange(12), None, neighbours=((),))
 
 
-def test_moved_set_goes_along():
-    """Positions turn and shift, directions turn; the frame that the file named is left."""
+def test_moved_set_is_transformed():
+    """Positions and directions are transformed; the name of the frame is removed."""
     taxels = TaxelSet(ROUND, OUTWARD, tuple("abcdefghijkl"), np.arange(12), "link", tangents=OUTWARD)
     moved = taxels.moved(matrix(90), np.array((1.0, 0, 0)))
     assert_allclose(moved.positions, ROUND @ matrix(90).T + (1, 0, 0), rtol=0, atol=1e-15)

@@ -1,4 +1,4 @@
-"""Files for other programs, format by format: what stands where, read by others or by slow obvious readers."""
+"""Files for other programs, format by format, checked with other readers or with simple slow ones."""
 
 import csv
 import dataclasses
@@ -24,13 +24,13 @@ from tests.shapes import Motion
 
 
 def written(name, **changes):
-    """A calibration of a sheet and seven boards as a file of a format, and its taxels."""
+    """Return a calibration of a sheet and seven boards as a file of a format."""
     calibration = small_calibration(**({"patches": (sheet(2, 3, 0.01), seven_boards(6))} | changes))
     return FORMATS[name].write(calibration), taxels_of(calibration)
 
 
 def renamed(patch, **changes):
-    """A patch whose taxels have other columns."""
+    """Return a patch with other columns of taxels."""
     return dataclasses.replace(patch, taxels=dataclasses.replace(patch.taxels, **changes))
 
 
@@ -38,13 +38,13 @@ def renamed(patch, **changes):
 
 
 def test_positions_file_is_what_the_skin_reads():
-    """Its reader takes rows from the first to the last but one, and a taxel's id is its row; each stands for itself."""
+    """The iCub reader ignores the last row; the id of a taxel is its row, and each taxel represents itself."""
     content, taxels = written("icub", patches=(renamed(sheet(2, 3, 0.01), channels=np.array([7, 2, 0, 3, 4, 5])),))
     lines = content.decode().split("\n")
     assert lines[:2] == ["name\tforearm", "spatial_sampling\ttaxel"]
     start = lines.index("[calibration]") + 1
     rows = np.array([[float(word) for word in row.split()] for row in lines[start:-1]])
-    taken = {i: row for i, row in enumerate(rows[:-1]) if row.any()}  # as its loop does
+    taken = {i: row for i, row in enumerate(rows[:-1]) if row.any()}  # as the loop of the reader
     assert list(taken) == [0, 2, 3, 4, 5, 7] == taxels.channels.tolist()
     assert_allclose(list(taken.values()), np.column_stack((taxels.positions, taxels.normals)), rtol=0, atol=0)
     assert not rows[-1].any() and len(rows) == 9
@@ -53,15 +53,15 @@ def test_positions_file_is_what_the_skin_reads():
 
 
 @pytest.mark.parametrize("link", ["fore arm", "arm#1", 'arm"', "(arm)", "[calibration]"])
-def test_positions_file_takes_a_link_of_one_word(link):
-    """What its reader would cut off or take for a list is refused."""
+def test_positions_file_needs_a_link_of_one_word(link):
+    """Names that its reader would truncate or read as a list are an error."""
     with pytest.raises(CalibrationFormatError, match="must be one word without quotes.* Rename the link"):
         written("icub", link=link)
 
 
 @pytest.mark.parametrize(("name", "highest"), [("icub", 99_998), ("tum", 16_381)])
 def test_channels_too_high_are_refused(name, highest):
-    """A row for each channel, an id of 14 bits: the highest that is possible is written, the next is not."""
+    """A row for each channel, or an id of 14 bits: the highest channel is written, the next is an error."""
     for channel, fits in ((highest, True), (highest + 1, False)):
         patch = renamed(boards(), channels=np.array([0, channel]))
         if fits:
@@ -75,7 +75,7 @@ def test_channels_too_high_are_refused(name, highest):
 
 
 def matrix_of(node):
-    """The matrix in an element, as the driver builds it."""
+    """Return the matrix of an element, as the driver does."""
     found = np.zeros((int(node.get("rows")), int(node.get("cols"))))
     for element in node:
         found[int(element.get("row")), int(element.get("col"))] = float(element.text)
@@ -83,14 +83,14 @@ def matrix_of(node):
 
 
 def transform(node):
-    """Translation and rotation in an element."""
+    """Return translation and rotation of an element."""
     found = np.eye(4)
     found[:3, 3:], found[:3, :3] = matrix_of(node.find("pos/matrix")), matrix_of(node.find("rot/matrix"))
     return found
 
 
 def test_patch_is_what_the_driver_reads():
-    """One patch: the pose of each cell in the root cell, that of the root cell in the base; neighbours at six ports."""
+    """One patch: poses of cells in the root cell, pose of the root cell in the base, neighbours at six ports."""
     content, taxels = written("tum", link="fore<arm>")
     root = ElementTree.fromstring(content)
     assert root.get("numberOfCells") == "13" and root.find("patchExtrinsics").get("baseFrame") == "fore<arm>"
@@ -113,7 +113,7 @@ def test_patch_is_what_the_driver_reads():
 
 
 def test_table_of_gentact_has_its_header():
-    """Index, place, normal, radius of a disc as large as the cell, link, patch."""
+    """Index, position, normal, radius of a disc with the area of the cell, link, patch."""
     content, taxels = written("gentact", link="/panda/link5")
     rows = list(csv.reader(io.StringIO(content.decode())))
     assert ",".join(rows[0]) == "Index,X,Y,Z,NormX,NormY,NormZ,Radius,Parent,Object Name in Blender"
@@ -124,7 +124,7 @@ def test_table_of_gentact_has_its_header():
 
 
 def test_table_names_neighbours_by_channel():
-    """Across patches too; those that are not written are left out."""
+    """Also across patches; neighbours in patches that are not written are left out."""
     first = renamed(boards(20), neighbours=(("h1", "s0.0"), ("h0",)))
     content, _ = written("csv", patches=(sheet(1, 2, 0.01), first))
     rows = {row["id"]: row for row in csv.DictReader(io.StringIO(content.decode()))}
@@ -136,7 +136,7 @@ def test_table_names_neighbours_by_channel():
 
 @pytest.mark.parametrize("name", READABLE)
 def test_table_of_a_set_is_the_same_set(tmp_path, name):
-    """What was read from any format and written as a table reads as before."""
+    """A table that is written from any format is read back unchanged."""
     path = tmp_path / "first"
     path.write_bytes(written(name)[0])
     first = read_taxels(path)
@@ -164,7 +164,7 @@ def test_ply_is_what_trimesh_reads():
 
 
 def test_pcd_is_what_its_specification_says():
-    """The entries in their order, as many rows as points, single precision that all programs take."""
+    """The entries in order, one row per point, and single precision for all programs."""
     content, taxels = written("pcd")
     lines = [row for row in content.decode().split("\n") if not row.startswith("#")]
     names = ["VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"]
@@ -200,7 +200,7 @@ def test_pcd_is_what_another_reader_takes(tmp_path):
 
 
 def test_poses_are_what_isaac_reads():
-    """Floats (n, 3, 4) with the normal as third axis, and pixels that differ; nothing that needs pickle."""
+    """Floats (n, 3, 4) with the normal as third axis, and different pixels, without pickle."""
     content, taxels = written("npz")
     with np.load(io.BytesIO(content), allow_pickle=False) as file:
         poses, pixels = file["poses"], file["taxel2pixel"]
@@ -217,7 +217,7 @@ def test_poses_are_what_isaac_reads():
 
 @pytest.mark.parametrize("pitch", [0.5, -np.pi / 2, np.pi / 2, np.pi / 2 - 1e-9])
 def test_angles_of_urdf_give_the_rotation(pitch):
-    """Also where the pitch is a right angle, and roll and yaw are one turn."""
+    """Also at a pitch of 90 degrees, where roll and yaw have the same axis."""
     angles = np.array([[0.3, pitch, -1.2], [3.0, pitch, 3.1]])
     (a, b, c), (A, B, C) = np.cos(angles[0]), np.sin(angles[0])
     about_z, about_y = np.array([[c, -C, 0], [C, c, 0], [0, 0, 1]]), np.array([[b, 0, B], [0, 1, 0], [-B, 0, b]])
@@ -227,13 +227,13 @@ def test_angles_of_urdf_give_the_rotation(pitch):
 
 
 def test_angles_of_urdf_outlive_rounding():
-    """A pitch of a right angle as products of matrices leave it: the entries that tell roll and yaw are noise."""
+    """A pitch of 90 degrees with rounding errors: the entries for roll and yaw are noise."""
     axes = np.array([[[3e-17, 0.6, 0.8], [-1e-17, 0.8, -0.6], [-1.0, 1e-17, -2e-17]]])
     assert_allclose(rotations(rpy(axes)), axes, rtol=0, atol=1e-15)
 
 
 def test_urdf_fixes_frames_to_patches_and_patches_to_the_link():
-    """A tree: each taxel hangs on its patch, each patch on the link; the frame of a patch is that of a taxel within."""
+    """A tree: the parent of a taxel is its patch, the parent of a patch is the link; patches have a taxel frame."""
     content, taxels = written("urdf")
     root = ElementTree.fromstring(content)
     links = [link.get("name") for link in root.findall("link")]
@@ -246,13 +246,13 @@ def test_urdf_fixes_frames_to_patches_and_patches_to_the_link():
 
 
 def test_urdf_has_one_list_of_names():
-    """A patch that is called as the link is refused."""
+    """A patch with the name of the link is an error."""
     with pytest.raises(CalibrationFormatError, match='the name "sheet" would occur twice in URDF. Rename'):
         written("urdf", link="sheet")
 
 
 def test_sensors_are_what_the_parser_of_tactile_toolbox_wants():
-    """Parent, channel, and of each taxel an index, a pose and a geometry: without one its parser gives up."""
+    """Parent, channel, and for each taxel index, pose and geometry, which its parser requires."""
     content, taxels = written("urdf-tactile", link='fore"arm')
     sensors = ElementTree.fromstring(content).findall("sensor")
     assert [s.get("name") for s in sensors] == ["sheet", "flower"]
@@ -272,7 +272,7 @@ def test_sensors_are_what_the_parser_of_tactile_toolbox_wants():
 
 
 def test_planar_surface_is_the_sole_from_above():
-    """A sole that looks down has a frame that stands upright; its outline turns left and holds every corner."""
+    """A downward sole has an upright frame; its outline is counter-clockwise and contains all corners."""
     down = Motion.none()
     down.rotation = np.diag((1.0, -1.0, -1.0))
     patch = seven_boards().taxels
@@ -299,14 +299,14 @@ def test_planar_surface_is_the_sole_from_above():
 
 
 def test_hull_of_a_square_with_points_on_its_sides_has_four_corners():
-    """Points on a side and within are none; it begins anywhere and turns left."""
+    """Points on an edge and inside are left out; the hull is counter-clockwise from any start."""
     i, j = np.indices((5, 5)) / 4
     found = hull(np.column_stack((i.ravel(), j.ravel())))
     assert found.tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
 
 
-def test_bent_patch_is_no_planar_surface():
-    """Told by name, with how far it stands off."""
+def test_curved_patch_is_not_a_planar_surface():
+    """The error has its name and its deviation from the plane."""
     with pytest.raises(
         CalibrationFormatError, match=r'patch "sheet" is not flat: .* up to 1\.\d mm from .*\(--patch\)'
     ):
@@ -317,7 +317,7 @@ def test_bent_patch_is_no_planar_surface():
 
 
 def test_triangles_fill_a_sheet_and_a_flower():
-    """Two to each square of cells and six round a board, all counter-clockwise seen from outside, none twice."""
+    """Two for each square of cells and six around a board, counter-clockwise, without repetition."""
     for patch, count in ((sheet(4, 6, 0.01), 2 * 3 * 5), (seven_boards(), 6), (sheet(1, 5, 0.01), 3)):
         taxels = taxels_of(small_calibration(patches=(patch,)))
         faces = triangles(taxels, taxels.of(patch.name))
@@ -329,7 +329,7 @@ def test_triangles_fill_a_sheet_and_a_flower():
 
 @pytest.mark.parametrize("name", WRITABLE)
 def test_bytes_are_the_same_again(name):
-    """However often, and for patches in another order too where the channels tell the order."""
+    """For repeated calls, and for patches in another order if the channels define the order."""
     patches = (seven_boards(), boards(7))
     first = written(name, patches=patches)[0]
     assert first == written(name, patches=patches)[0]
@@ -338,7 +338,7 @@ def test_bytes_are_the_same_again(name):
 
 
 def test_patches_are_chosen_by_name():
-    """In the order of the calibration; an unknown one is refused with those that there are."""
+    """In the order of the calibration; the error for an unknown one lists the existing ones."""
     calibration = small_calibration()
     assert [p.name for p in only_patches(calibration, ["boards"]).patches] == ["boards"]
     with pytest.raises(
@@ -348,7 +348,7 @@ def test_patches_are_chosen_by_name():
 
 
 def test_calibration_without_taxels_is_refused():
-    """In one line, by every format that lists taxels."""
+    """In one line, for all formats with taxels."""
     for name in set(WRITABLE) - {"rsdf"}:
         with pytest.raises(CalibrationFormatError, match='link "forearm" has 0 taxels; files may have 1 to 100000'):
             written(name, patches=())
@@ -357,7 +357,7 @@ def test_calibration_without_taxels_is_refused():
 @pytest.mark.parametrize("name", ["csv", "ply", "pcd", "urdf"])
 @pytest.mark.parametrize("label", ["a" * 201, " a", "a ", "a\u2028b", "\u00a0"])
 def test_id_that_would_not_come_back_is_refused(name, label):
-    """Too long, with spaces at its ends, not printable; the longest that may be is written."""
+    """Too long, spaces at the ends, not printable; the longest allowed id is written."""
     patch = renamed(boards(), ids=(label, "b"), neighbours=((), ()))
     with pytest.raises(CalibrationFormatError, match="the id .* cannot be written: .*. Rename it"):
         written(name, patches=(patch,))
@@ -366,13 +366,13 @@ def test_id_that_would_not_come_back_is_refused(name, label):
 
 @pytest.mark.parametrize("name", ["csv", "gentact", "ply", "pcd", "urdf", "urdf-tactile"])
 def test_link_that_would_not_come_back_is_refused(name):
-    """A reader would strip it."""
+    """A reader would strip the space."""
     with pytest.raises(CalibrationFormatError, match='the link name "arm " cannot be written: .*. Rename it'):
         written(name, link="arm ")
 
 
 def test_documentation_has_the_table():
-    """Each format with its file, its content, its ids, and whether it is read, in the order of the table."""
+    """Each format with ending, content, ids, and whether it can be read, in the order of the table."""
     text = (Path(__file__).parents[4] / "docs" / "reference" / "exports.md").read_text("utf-8")
     rows = [
         f"| `{f.name}` | `{f.ending}` | {f.what} | {f.labels} | {'yes' if f.readable else 'no'} |"
@@ -382,14 +382,14 @@ def test_documentation_has_the_table():
 
 
 @pytest.mark.parametrize("name", ["mjcf", "tum", "urdf", "urdf-tactile", "rsdf"])
-def test_character_that_xml_lacks_is_refused(name):
-    """It could not be escaped either."""
+def test_character_that_xml_forbids_is_an_error(name):
+    """Such a character cannot be escaped."""
     with pytest.raises(CalibrationFormatError, match="(U\\+FFFF, which XML forbids|printable characters).*Rename it"):
         written(name, link="a\uffff", patches=(seven_boards(),))
 
 
 def test_binary_pcd_of_single_precision_is_read(tmp_path):
-    """As PCL writes it: with a colour and a histogram before, by fields and not by places."""
+    """As PCL writes it, with colour and histogram first: columns are found by name."""
     _, taxels = written("pcd")
     head = "# .PCD v0.7\nVERSION 0.7\nFIELDS rgb h x y z normal_x normal_y normal_z\nSIZE 4 2 4 4 4 4 4 4\n"
     head += "TYPE F U F F F F F F\nCOUNT 1 3 1 1 1 1 1 1\nWIDTH 13\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"

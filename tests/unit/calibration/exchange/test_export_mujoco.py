@@ -1,4 +1,4 @@
-"""MuJoCo feels a press where it is: the exported model is loaded, touched on every taxel, and read."""
+"""MuJoCo measures contacts at the right taxels: the exported model is loaded and touched on each taxel."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,13 @@ RADIUS, DEPTH = 0.004, 0.0003  # of the sphere that presses [m]
 
 
 def curved_and_flat():
-    """A sheet round a cylinder and boards on a plane beside it; names with what XML escapes."""
+    """Return a sheet around a cylinder and boards on a plane, with names that XML escapes."""
     calibration = small_calibration(patches=(sheet(4, 6, 0.01), seven_boards(24)), link='fore"arm & <hand>')
     return calibration, taxels_of(calibration)
 
 
 def pressed(calibration):
-    """A model with a sphere that floats beside it, and its data."""
+    """Return a model with a free sphere, and its data."""
     spec = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode())
     finger = spec.worldbody.add_body(name="finger")
     finger.add_freejoint()
@@ -31,14 +31,14 @@ def pressed(calibration):
 
 
 def press(model, data, place, normal, velocity=(0, 0, 0)):
-    """Put the sphere into the skin at a place, and compute."""
+    """Move the sphere into the skin at a point, and compute."""
     data.qpos[:] = [*(place + (RADIUS - DEPTH) * normal), 1, 0, 0, 0]
     data.qvel[:] = [*velocity, 0, 0, 0]
     mujoco.mj_forward(model, data)
 
 
 def test_sites_stand_where_the_taxels_are():
-    """By name: place, and frame with the normal as z axis."""
+    """Return position and frame (z axis along the normal) of each taxel by name."""
     calibration, taxels = curved_and_flat()
     model = mujoco.MjModel.from_xml_string(FORMATS["mjcf"].write(calibration).decode())
     data = mujoco.MjData(model)
@@ -50,7 +50,7 @@ def test_sites_stand_where_the_taxels_are():
 
 
 def test_touch_and_tactile_sensors_feel_the_pressed_taxel():
-    """A small sphere on each taxel in turn, a little off its middle: it alone is touched, and tells the depth."""
+    """A small sphere near the centre of each taxel: only this taxel has a contact, with the right depth."""
     calibration, taxels = curved_and_flat()
     model, data = pressed(calibration)
     for i, name in enumerate(taxels.ids):
@@ -64,7 +64,7 @@ def test_touch_and_tactile_sensors_feel_the_pressed_taxel():
 
 
 def test_sphere_that_hovers_is_not_felt():
-    """A tenth of a millimetre above each taxel: the cells end where the taxels are."""
+    """0.1 mm above each taxel there is no contact: the cells end at the taxels."""
     calibration, taxels = curved_and_flat()
     model, data = pressed(calibration)
     for i in range(len(taxels.ids)):
@@ -74,7 +74,7 @@ def test_sphere_that_hovers_is_not_felt():
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_slip_runs_along_the_tangent_and_across(axis):
-    """A sphere that moves along an axis of the taxel's frame slips in that channel, and in no other."""
+    """A sphere that moves along an axis of the taxel frame gives slip only in that channel."""
     calibration, taxels = curved_and_flat()
     model, data = pressed(calibration)
     for i in (8, 9, 24):
@@ -84,7 +84,7 @@ def test_slip_runs_along_the_tangent_and_across(axis):
 
 
 def test_press_between_four_cells_is_felt_by_them():
-    """Sites leave no gaps: a larger sphere on a corner touches some of the cells around it and no other."""
+    """Sites have no gaps: a larger sphere on a corner touches only cells around it."""
     calibration, taxels = curved_and_flat()
     model, data = pressed(calibration)
     corner = calibration.patches[0].taxels.corners_link[7, 2]
@@ -94,7 +94,7 @@ def test_press_between_four_cells_is_felt_by_them():
 
 
 def test_patches_without_a_mesh_have_touch_sensors():
-    """Two boards make no mesh; a single row of cells on a straight line neither; one round a bend does."""
+    """Two boards, or one straight row of cells, give no mesh; one row around a bend does."""
     straight = sheet(5, 1, 0.01)
     assert pressed(small_calibration(patches=(sheet(1, 3, 0.01),)))[0].nmesh == 0
     calibration = small_calibration(patches=(sheet(1, 5, 0.01), boards(5)))
@@ -107,7 +107,7 @@ def test_patches_without_a_mesh_have_touch_sensors():
 
 
 def test_robot_wears_an_attached_skin():
-    """As the manual has it: on a link that stands elsewhere and moves, every sensor feels what it should."""
+    """As in the manual: on a moving link at another pose, all sensors measure the right values."""
     calibration, taxels = curved_and_flat()
     link = (
         '<body name="arm" pos="0.3 0 0.1" euler="0 40 0"><joint axis="0 0 1"/><geom type="cylinder" size="0.03 0.1"/>'
@@ -132,7 +132,7 @@ def test_robot_wears_an_attached_skin():
 
 
 def test_names_of_sensors_must_differ():
-    """A patch that is called as one of its taxels is refused before MuJoCo does."""
+    """A patch with the name of a taxel is an error before MuJoCo loads the model."""
     patch = sheet(2, 2, 0.01)
     object.__setattr__(patch, "name", "s0.1")
     with pytest.raises(CalibrationFormatError, match='the name "s0.1" would occur twice in MuJoCo. Rename'):
@@ -140,7 +140,7 @@ def test_names_of_sensors_must_differ():
 
 
 def test_frames_of_urdf_are_where_mujoco_puts_them():
-    """Another reader of URDF places each frame of patch and taxel as the calibration has it."""
+    """Another URDF reader gives each frame of patch and taxel the pose of the calibration."""
     calibration = small_calibration(patches=(sheet(3, 5, 0.01), seven_boards(15)), link="arm & hand")
     taxels = taxels_of(calibration)
     text = FORMATS["urdf"].write(calibration).decode()
