@@ -57,7 +57,7 @@ def read_others(path: str | os.PathLike[str]) -> TaxelSet:
     calibration = load_calibration(path)
     taxels = AllTaxels.of(calibration.patches)
     if not len(taxels.ids):
-        raise CalibrationFormatError(f"'{path}' is a calibration without taxels; there is nothing to compare")
+        raise CalibrationFormatError(f"'{path}' is a calibration without taxels. Choose one with taxels")
     return TaxelSet(taxels.positions, taxels.normals, taxels.ids, taxels.channels, calibration.link)
 
 

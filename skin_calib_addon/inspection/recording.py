@@ -51,14 +51,14 @@ def _packed(path: Path) -> Iterator[tuple[float, Array]]:
             for name in ("time", "readings"):
                 if (size := file.zip.getinfo(f"{name}.npy").file_size) > 8 * MAX_NUMBERS:
                     raise CalibrationFormatError(
-                        f"array '{name}' of '{path}' has {size} bytes, too many to read at once"
+                        f"array '{name}' of '{path}' has {size} bytes, which is too large to read. Split the file"
                     )
             time, readings = file["time"], file["readings"]
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as problem:
         raise CalibrationFormatError(f"cannot read '{path}': {problem}") from problem
     if time.ndim != 1 or time.dtype.kind not in "uif" or readings.shape[:1] != time.shape or readings.ndim != 2:
         shapes = f"time {time.dtype} {time.shape} and readings {readings.dtype} {readings.shape}"
-        raise CalibrationFormatError(f"'{path}' has {shapes}; needed are numbers (t,) and (t, channels)")
+        raise CalibrationFormatError(f"'{path}' has {shapes}. Give numbers of shapes (t,) and (t, channels)")
     yield from zip(time.astype(float).tolist(), readings)
 
 
@@ -69,7 +69,7 @@ def _table(path: Path) -> Iterator[tuple[float, Array]]:
         header = [name.strip().lower() for name in header]
         if header[:1] != ["time"] or len(header) < 2:
             raise CalibrationFormatError(
-                f"'{path}', line 1: a recording's header is time and one name for each channel"
+                f"'{path}', line 1: the header of a recording must be time and one name for each channel"
             )
         for line, row in rows:
             cells = [_number(cell, path, line, k + 1) for k, cell in enumerate(row)]

@@ -39,7 +39,9 @@ class Replay:
     def __init__(self, calibration: LinkCalibration, recorded: Iterable[tuple[float, Array]], name: str):
         self.taxels = AllTaxels.of(calibration.patches)
         if not self.taxels.ids:
-            raise CalibrationFormatError(f"{calibration.link} has no taxel that '{name}' could be shown on")
+            raise CalibrationFormatError(
+                f"{calibration.link} has no taxels, so '{name}' cannot be replayed. Add a skin"
+            )
         self._skin = Skin(calibration)
         self._frames: list[Frame] = []
         self.strongest = 0.0  # largest force on a taxel in any frame [N]
@@ -49,7 +51,7 @@ class Replay:
             self._take(reading, name)
             times.append(time)
         if not times:
-            raise CalibrationFormatError(f"'{name}' holds no frame")
+            raise CalibrationFormatError(f"'{name}' has no frame")
         self.times = np.array(times, float)  # (frames,) as recorded [s]
         self.seconds = _since_start(self.times)  # (frames,) non-decreasing
 
@@ -70,7 +72,9 @@ class Replay:
         """Check a reading and store it."""
         if (len(self._readings) + 1) * len(self.taxels.ids) > MAX_FORCES:
             most = MAX_FORCES // len(self.taxels.ids)
-            raise CalibrationFormatError(f"'{name}' has more than {most} frames, too many to keep: cut it into parts")
+            raise CalibrationFormatError(
+                f"'{name}' has more than {most} frames, which is too long. Split it into parts"
+            )
         try:
             forces = self._skin.forces(reading)
         except InvalidReading as error:

@@ -109,8 +109,8 @@ def test_replay_takes_rest_and_thresholds(calibration, tmp_path, capsys):
     ("text", "message"),
     [
         ("", "is empty. Check that it was written completely."),
-        ("\n", "line 1: a recording's header is time and one name for each channel"),
-        ("t,a\n1,2\n", "line 1: a recording's header is time"),
+        ("\n", "line 1: the header of a recording must be time and one name for each channel"),
+        ("t,a\n1,2\n", "line 1: the header of a recording must be time"),
         ("time,a\n0,1\n1,x\n", "line 3, column 2: has 'x' instead of a number"),
         ('time,a\n0,"1\n', "is not a row of a table"),
     ],
@@ -127,9 +127,9 @@ def test_bad_table_is_refused_with_its_position(text, message, tmp_path):
     ("arrays", "message"),
     [
         ({"time": np.zeros(3)}, r"has no array 'readings'; it has \['time'\]"),
-        ({"time": np.zeros(3), "readings": np.zeros(3)}, r"needed are numbers \(t,\) and \(t, channels\)"),
-        ({"time": np.zeros(2), "readings": np.zeros((3, 2))}, "needed are numbers"),
-        ({"time": np.array(["a"]), "readings": np.zeros((1, 2))}, "needed are numbers"),
+        ({"time": np.zeros(3), "readings": np.zeros(3)}, r"Give numbers of shapes \(t,\) and \(t, channels\)"),
+        ({"time": np.zeros(2), "readings": np.zeros((3, 2))}, "Give numbers of shapes"),
+        ({"time": np.array(["a"]), "readings": np.zeros((1, 2))}, "Give numbers of shapes"),
         ({"time": np.array([None]), "readings": np.zeros((1, 2))}, "cannot read .* allow_pickle"),
     ],
 )

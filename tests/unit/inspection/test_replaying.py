@@ -67,7 +67,7 @@ def test_longer_readings_are_accepted_and_shorter_ones_refused(calibration):
     short = [*recording(), (1.0, np.ones(7))]
     with pytest.raises(CalibrationFormatError, match="'r.csv', frame 5: the reading has 7 channels, .* needs 8"):
         Replay(calibration, short, "r.csv")
-    with pytest.raises(CalibrationFormatError, match="'r.csv' holds no frame"):
+    with pytest.raises(CalibrationFormatError, match="'r.csv' has no frame"):
         Replay(calibration, [], "r.csv")
     bare = dataclasses.replace(calibration, patches=())
     with pytest.raises(CalibrationFormatError, match="forearm has no taxel"):
