@@ -1,4 +1,4 @@
-"""Where an author wants the planes: a region of the mesh, how many planes and lines, and how these are spaced."""
+"""The grid of the author: a region of the mesh, the number of planes and lines, and their spacing."""
 
 from dataclasses import dataclass, field, replace
 
@@ -20,16 +20,22 @@ from .spacing import spaced_lines
 
 Vector = tuple[float, float, float]
 
-# [rad] Planes of the two families at a smaller angle are refused: their intersection line is ill-defined.
+# [rad] least angle between a u-plane and a v-plane; below, their intersection line is ill-defined. Larger: more planes
+# are refused.
 MIN_PLANE_ANGLE = np.deg2rad(3.0)
-# [degrees] Planes of the two families at a smaller angle give a warning.
+# [degrees] angle between a u-plane and a v-plane below which there is a warning. Larger: more warnings.
 WARN_PLANE_ANGLE = 10.0
-# v-planes whose distance from a common point is below this fraction of the distances involved all contain that point.
+# [fraction of the coordinates] distance of v-planes from a common point below which they all contain it. Larger: lines
+# that are only nearly concurrent start at one point.
 CONCURRENCE_TOLERANCE = 1e-9
-# Lines whose mean unit direction is shorter than this (they turn by 60 degrees or more) start from an axis.
+# [1] length of the mean unit direction below which lines start at an axis (0.95: they span 60 degrees or more). Larger:
+# more open grids start at an axis.
 MIN_MEAN_DIRECTION = 0.95
-# Planes whose distance is below this fraction of the mesh size are the same plane.
+# [fraction of the mesh size] distance below which planes are equal. Larger: more planes are refused.
 SAME_PLANE_FRACTION = 1e-6
+# [cosine] between the mean normal of the faces and the lines below which the side is ambiguous. Larger: more meshes are
+# refused.
+MIN_SIDE_COSINE = 0.1
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Tube(Region):
-    """All round an axis: u-planes cross it, lines start from it (paper eq. 10 and 11).
+    """A full turn about an axis: u-planes are perpendicular to it, lines start at it (paper eq. 10 and 11).
 
     Without a margin it covers the longest run of complete sections.
     """
@@ -88,8 +94,8 @@ class Sector(Region):
 class Across(Region):
     """A face such as a sole or a palm: two families of parallel planes; control points move along ``normal``.
 
-    The u-planes are perpendicular to the direction of the axis, whose point has no effect; without an axis, to the
-    longer side of the face. Without a margin, a hundredth of that side is left free at all four sides.
+    The u-planes are perpendicular to the direction of the axis, whose point has no effect. Without an axis they are
+    perpendicular to the longer side of the face. Without a margin, 1 % of that side is left free at all four sides.
     """
 
     normal: Vector = field(kw_only=True)  # outward, any length
@@ -138,7 +144,7 @@ class Size:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """As few planes and lines as keep the distance from surface to mesh within a length."""
+    """The fewest planes and lines with a distance from surface to mesh within a tolerance."""
 
     tolerance: float  # [m]
     measure: str = "mean"  # or "max"
@@ -146,7 +152,7 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Grid:
-    """A region, how many planes and lines it gets, and how they are spaced."""
+    """A region, its number of planes and lines, and their spacing."""
 
     region: Region
     size: Size | Tolerance
@@ -155,6 +161,17 @@ class Grid:
 
     def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
         """Return the lines of the control points on ``mesh`` for a surface of this degree.
+
+        Parameters
+        ----------
+        mesh : TriangleMesh
+            The mesh, [m] in the link frame.
+        degree : (int, int)
+            Of the surface along u and v.
+
+        Returns
+        -------
+        LineGrid
 
         Raises
         ------
@@ -167,7 +184,26 @@ class Grid:
 
 
 def TubeGrid(n: int, lines: int, axis: Axis | None = None, margin: float | None = None, spacing: str = "auto") -> Grid:
-    """Return a grid all round a tube; the paper's ``m`` full planes through the axis are ``lines = 2 * m``."""
+    """Return a grid over a full turn of a tube; the paper's ``m`` full planes through the axis are ``lines = 2 * m``.
+
+    Parameters
+    ----------
+    n : int
+        Number of u-planes.
+    lines : int
+        Lines of control points in each u-plane.
+    axis : Axis, optional
+        Of the tube; by default found from the mesh.
+    margin : float, optional
+        Left free at the ends [m]; by default derived from the mesh.
+    spacing : str
+        "auto" places planes and lines where the error is least. "uniform", "arc" and "curvature" space the lines, with
+        u-planes at equal steps.
+
+    Returns
+    -------
+    Grid
+    """
     return Grid(Tube(axis, margin), Size(n, lines), spacing)
 
 
@@ -180,7 +216,28 @@ def SectorGrid(
     margin: float | None = None,
     spacing: str = "auto",
 ) -> Grid:
-    """Return a grid over the sector of a tube between two angles [rad]."""
+    """Return a grid over the sector of a tube between two angles.
+
+    Parameters
+    ----------
+    n : int
+        Number of u-planes.
+    lines : int
+        Lines of control points in each u-plane.
+    start, stop : float
+        First and last angle about the axis [rad].
+    axis : Axis, optional
+        Of the tube; by default found from the mesh.
+    margin : float, optional
+        Left free at the ends [m]; by default derived from the mesh.
+    spacing : str
+        "auto" places planes and lines where the error is least. "uniform", "arc" and "curvature" space the lines, with
+        u-planes at equal steps.
+
+    Returns
+    -------
+    Grid
+    """
     return Grid(Sector(axis, margin, start=start, stop=stop), Size(n, lines), spacing)
 
 
@@ -192,7 +249,28 @@ def AcrossGrid(
     margin: float | None = None,
     spacing: str = "auto",
 ) -> Grid:
-    """Return a grid across a face; the u-planes are perpendicular to ``along``."""
+    """Return a grid across a face.
+
+    Parameters
+    ----------
+    n : int
+        Number of u-planes.
+    lines : int
+        Lines of control points in each u-plane.
+    normal : (float, float, float)
+        Outward normal of the face, of any length.
+    along : (float, float, float), optional
+        The u-planes are perpendicular to it; by default the longer side of the face.
+    margin : float, optional
+        Left free at the ends [m]; by default derived from the mesh.
+    spacing : str
+        "auto" places planes and lines where the error is least. "uniform", "arc" and "curvature" space the lines, with
+        u-planes at equal steps.
+
+    Returns
+    -------
+    Grid
+    """
     return Grid(Across(axis_along(along), margin, normal=normal), Size(n, lines), spacing)
 
 
@@ -235,7 +313,23 @@ def region_of(
     sector: tuple[float, float] | None = None,
     normal: Vector | None = None,
 ) -> Region:
-    """Return the region that has these members, as of ``AutoGrid``."""
+    """Return the region with these members, as of ``AutoGrid``.
+
+    Parameters
+    ----------
+    axis : Axis, optional
+        Of the tube; by default found from the mesh.
+    margin : float, optional
+        Left free at the ends [m].
+    sector : (float, float), optional
+        First and last angle about the axis [rad].
+    normal : (float, float, float), optional
+        Outward normal of a face.
+
+    Returns
+    -------
+    Region
+    """
     if normal is not None:
         return Across(axis, margin, normal=normal)
     if sector is not None:
@@ -250,7 +344,7 @@ def axis_along(direction: Vector | None) -> Axis | None:
 
 @dataclass(frozen=True, eq=False)
 class PlanesGrid:
-    """Planes as the author placed them; where ``closed``, each v-plane cuts a section twice and gives two lines."""
+    """Planes that the author placed; if ``closed``, each v-plane cuts a section twice and gives two lines."""
 
     u: Planes
     v: Planes
@@ -269,10 +363,23 @@ class PlanesGrid:
     def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
         """Return the lines of the control points on ``mesh``; they do not depend on the degree.
 
+        Each line is the intersection of a u-plane and a v-plane, with the direction ``n_u x n_v``.
+
+        Parameters
+        ----------
+        mesh : TriangleMesh
+            The mesh, [m] in the link frame.
+        degree : (int, int)
+            Without effect.
+
+        Returns
+        -------
+        LineGrid
+
         Raises
         ------
         InvalidPlan
-            If planes of the two families are nearly parallel, or planes of one family are the same or out of order.
+            If planes are nearly parallel, equal or not in order, or if the side of the faces is ambiguous.
         """
         across = np.cross(self.u.normals[:, None], self.v.normals)
         sine = np.linalg.norm(across, axis=2)
@@ -290,10 +397,8 @@ class PlanesGrid:
         return replace(build(mesh, points, unit(across)), warnings=warnings)
 
     def _line_points(self, i: int) -> Array:
-        """Return the point of each line of u-plane ``i`` nearest to the point nearest to all v-planes, shape (m, 3)."""
-        system = np.vstack(
-            (self.u.normals[i] * 1e3, self.v.normals)
-        )  # the u-plane exactly, the v-planes by least squares
+        """Return the point of each line of u-plane ``i`` nearest to the point with least distances to all v-planes."""
+        system = np.vstack((self.u.normals[i] * 1e3, self.v.normals))  # exactly on the u-plane, near the v-planes
         level = np.r_[self.u.points[i] @ self.u.normals[i] * 1e3, (self.v.points * self.v.normals).sum(axis=1)]
         centre = np.linalg.lstsq(system, level, rcond=None)[0]
         if (
@@ -311,7 +416,7 @@ class PlanesGrid:
     def _closed_lines(self, mesh: TriangleMesh, points: Array, across: Array) -> LineGrid:
         if len(self.v) < 2:
             raise InvalidPlan("A closed grid needs at least two v-planes.")
-        centres = points.mean(axis=1)  # the author's points may be anywhere in their planes
+        centres = points.mean(axis=1)  # not the author's points, which may be anywhere in their planes
         along = centres[-1] - centres[0]
         frame = frame_of(centres[0], along if along.any() else self.u.normals[0], across[0, 0])
         points, directions = np.tile(points, (1, 2, 1)), np.concatenate((across, -across), axis=1)
@@ -334,7 +439,7 @@ class PlanesGrid:
         directions = across * np.cumprod(np.concatenate((np.ones((len(points), 1)), turned), axis=1), axis=1)[..., None]
         directions = directions * np.sign((directions * directions[:1]).sum(axis=2, keepdims=True))
         middle, mean = mesh.vertices.mean(axis=0), directions.mean(axis=(0, 1))
-        if np.linalg.norm(mean) < MIN_MEAN_DIRECTION:  # they start from an axis inside the link
+        if np.linalg.norm(mean) < MIN_MEAN_DIRECTION:  # they start at an axis inside the link
             directions = directions * np.sign((middle - points.mean(axis=(0, 1))) @ mean)
         else:
             directions = directions * self._side(mesh, unit(mean))
@@ -371,7 +476,7 @@ def _nearly_parallel(i: int, j: int, angle: float) -> Warning:
 
 
 def check_order(points: Array, name: str, size: float) -> None:
-    """Refuse planes that do not follow each other: the surface would fold back.
+    """Check that planes follow each other; otherwise the surface would fold.
 
     Parameters
     ----------
@@ -385,7 +490,7 @@ def check_order(points: Array, name: str, size: float) -> None:
     Raises
     ------
     InvalidPlan
-        Names the first plane that is the same as the one before it, or that goes back.
+        If a plane is equal to the one before it, or on the side it came from; the message names the first such plane.
     """
     steps = np.diff(points, axis=0)
     back = np.append(False, (steps[1:] * steps[:-1]).sum(axis=1) < 0) if len(steps) else np.zeros(0, bool)
@@ -401,7 +506,27 @@ def check_order(points: Array, name: str, size: float) -> None:
 def lines_on(
     parametrization: Parametrization, mesh: TriangleMesh, n: int, lines: int, spacing: str, degree: tuple[int, int]
 ) -> LineGrid:
-    """Return the lines of ``n`` planes and ``lines`` lines in each; uniform ones do not depend on the mesh."""
+    """Return the lines of planes over a region; "uniform" ones do not sample the mesh.
+
+    Parameters
+    ----------
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    mesh : TriangleMesh
+        The mesh, [m] in the link frame.
+    n : int
+        Number of u-planes.
+    lines : int
+        Lines in each u-plane.
+    spacing : str
+        "auto", "uniform", "arc" or "curvature".
+    degree : (int, int)
+        Of the surface along u and v.
+
+    Returns
+    -------
+    LineGrid
+    """
     if spacing == "uniform":
         last = lines if parametrization.closed else lines - 1
         t = (
@@ -413,5 +538,5 @@ def lines_on(
 
 
 def numbered(count: int) -> tuple[str, ...]:
-    """Return the names of v-planes for messages."""
+    """Return the names of v-planes in messages."""
     return tuple(f"v-plane {j}" for j in range(count))
