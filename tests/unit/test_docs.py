@@ -107,7 +107,7 @@ def test_command_in_the_documentation_is_valid(line):
 @pytest.mark.parametrize("page", ["reference/window.md", "tutorial/blender.md", "how-to/planes.md", "how-to/boards.md"])
 def test_bold_labels_are_in_the_window(page):
     """Words in bold are labels of buttons, properties or panels."""
-    folders = (ROOT / "operators", ROOT / "panels", PACKAGE / "blender")
+    folders = (ROOT / "operators", ROOT / "panels", PACKAGE / "blender", PACKAGE / "plan")
     source = "\n".join(path.read_text("utf-8") for folder in folders for path in folder.rglob("*.py"))
     labels = set(re.findall(r"\*\*([^*]+)\*\*", (DOCS / page).read_text("utf-8")))
     assert len(labels) > 3
