@@ -62,10 +62,11 @@ def fit_response(readings: Array, forces: Array) -> ResponseFit:
 
     .. math:: \min_F \sum_i \bigl(f_i - F(I_i)\bigr)^2
 
-    over polynomials F of degree 1 to `MAX_DEGREE` and piecewise linear functions with `KNOT_COUNTS` knots. The result
-    is the polynomial of the smallest degree that is monotone between the smallest and the largest reading and as good
-    as the best function in cross-validation. "As good" means: within one standard error of the difference. If no
-    polynomial qualifies, the result is a monotone table with the smallest sufficient number of knots.
+    over polynomials F of degree 1 to `MAX_DEGREE` and piecewise linear functions with `KNOT_COUNTS` knots.
+
+    The result is a polynomial that is monotone between the smallest and the largest reading. Its cross-validation error
+    is within one standard error of the best function. Of several such polynomials, the result has the smallest degree.
+    If there is none, the result is a monotone table with the smallest sufficient number of knots.
 
     Parameters
     ----------

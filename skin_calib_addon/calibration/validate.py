@@ -16,7 +16,8 @@ from .response_checks import responses_are_monotone, responses_exist
 
 Findings = tuple[Finding, ...]
 
-FORMAT, VERSION = "skin-calibration", 1
+FORMAT = "skin-calibration"
+VERSION = 1  # Format: version of calibration files
 # Description of each file format of this program, and advice if it is used in place of another.
 FILE_FORMATS = {
     FORMAT: "a calibration. Use the plan from which it was made.",

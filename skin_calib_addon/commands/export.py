@@ -18,7 +18,7 @@ def add(commands) -> None:
     )
     export.add_argument("file", type=Path, metavar="FILE", help="calibration file")
     export.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of the formats below")
-    export.add_argument("-o", "--output", required=True, type=Path, metavar="OUT")
+    export.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="file to write")
     export.add_argument(
         "--patch", action="append", default=[], metavar="NAME", help="write only this patch; can be repeated"
     )

@@ -25,7 +25,7 @@ def add(commands) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=listed(READABLE),
     )
-    importing.add_argument("file", type=Path, metavar="FILE")
+    importing.add_argument("file", type=Path, metavar="FILE", help="taxel file of another program")
     importing.add_argument(
         "--from", dest="format", choices=READABLE, metavar="FORMAT", help="one of the formats below (default: detected)"
     )

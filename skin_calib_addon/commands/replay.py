@@ -17,7 +17,7 @@ from .common import DONE, check_target, complain, count, newtons
 
 def add(commands) -> None:
     replay = commands.add_parser("replay", help="process recorded readings with the runtime")
-    replay.add_argument("file", type=Path, metavar="CALIBRATION")
+    replay.add_argument("file", type=Path, metavar="CALIBRATION", help="calibration file")
     replay.add_argument("readings", type=Path, metavar="READINGS", help="CSV or NPZ file with time and readings")
     replay.add_argument(
         "-o", "--output", type=Path, metavar="OUT", help="contacts, CoP, ZMP and polygons as JSON, one line per frame"
@@ -34,7 +34,11 @@ def add(commands) -> None:
         help=f"a contact of a taxel begins at this force (default: {SWITCH_ON})",
     )
     replay.add_argument(
-        "--off", type=newtons, default=None, metavar="NEWTONS", help="and ends below this force (default: half)"
+        "--off",
+        type=newtons,
+        default=None,
+        metavar="NEWTONS",
+        help="a contact of a taxel ends below this force (default: half of --on)",
     )
     replay.set_defaults(run=run, refuse=replay.error)
 

@@ -19,7 +19,7 @@ from .common import DONE, check_target, complain
 
 def add(commands) -> None:
     response = commands.add_parser("response", help="fit the responses of the sensors to measurements")
-    response.add_argument("file", type=Path, metavar="CALIBRATION")
+    response.add_argument("file", type=Path, metavar="CALIBRATION", help="calibration file")
     response.add_argument(
         "measurements",
         type=Path,

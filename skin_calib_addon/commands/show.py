@@ -10,8 +10,8 @@ from .common import DONE, check_target, complain
 
 def add(commands) -> None:
     show = commands.add_parser("show", help="print table and warnings of a calibration, and draw a picture")
-    show.add_argument("file", type=Path, metavar="FILE")
-    show.add_argument("--picture", type=Path, metavar="PNG")
+    show.add_argument("file", type=Path, metavar="FILE", help="calibration file")
+    show.add_argument("--picture", type=Path, metavar="PNG", help="picture of surfaces and taxels")
     show.set_defaults(run=run)
 
 

@@ -23,7 +23,7 @@ def add(commands) -> None:
         "the link frame.",
     )
     touches.add_argument("file", type=Path, metavar="FILE", help="calibration or plan")
-    touches.add_argument("touches", type=Path, metavar="TOUCHES")
+    touches.add_argument("touches", type=Path, metavar="TOUCHES", help="CSV file of measured touches")
     touches.add_argument(
         "--refine", action="store_true", help="move the skins of the plan to the positions of the touches"
     )

@@ -24,7 +24,8 @@ from ..plan import Plan
 from ..plan.skins import ImportedSkin
 
 FILE = "sources.json"
-FORMAT, VERSION = "skin-sources", 2
+FORMAT = "skin-sources"
+VERSION = 2  # Format: version of sources.json
 # Other versions of a library may round differently, or read a mesh differently.
 PROGRAM = f"skin-calib {__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}, trimesh {trimesh.__version__}"
 

@@ -89,6 +89,6 @@ def test_what_cannot_be_compared_or_moved_says_why(bpy, table, tmp_path):
     found = bpy.context.object.skin_calib.inspect.touches
     assert found.file == str(table)
     table.write_text("\n".join(table.read_text().splitlines()[:3]) + "\n")
-    with pytest.raises(RuntimeError, match="was touched 2 times, which is too few"):
+    with pytest.raises(RuntimeError, match="has 2 touches, which are too few"):
         bpy.ops.skin_calib.touches_move()
     assert bpy.context.object.skin_calib.skins[0].centred and not bpy.context.object.skin_calib.result.outdated
