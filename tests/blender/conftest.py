@@ -1,4 +1,4 @@
-"""The extension as Blender loads it: from a folder of extensions, enabled in preferences of its own."""
+"""The extension as Blender loads it: from a folder of extensions, enabled in separate preferences."""
 
 import copy
 import importlib
@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="session")
 def extension(tmp_path_factory):
-    """Name of the enabled extension's module; skips where Blender's module is not."""
+    """Return the name of the enabled extension's module; skip without Blender's module."""
     folder = tmp_path_factory.mktemp("blender")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BLENDER_USER_RESOURCES", str(folder / "resources"))
@@ -39,14 +39,14 @@ def extension(tmp_path_factory):
 
 
 def modules(extension, *names):
-    """Modules of the running extension, each under the last part of its name below ``blender``."""
+    """Return modules of the running extension, each under the last part of its name below ``blender``."""
     found = {name: importlib.import_module(f"{extension}.skin_calib_addon.blender.{name}") for name in names}
     return SimpleNamespace(**{name.split(".")[-1]: module for name, module in found.items()})
 
 
 @pytest.fixture
 def bpy(extension):
-    """Blender with the extension and an empty scene."""
+    """Return Blender with the extension and an empty scene."""
     module = sys.modules["bpy"]
     module.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     return module
@@ -54,7 +54,7 @@ def bpy(extension):
 
 @pytest.fixture
 def addon(extension, bpy):
-    """The extension's own modules, which are others than those that plain Python imports."""
+    """Return the extension's modules, which differ from those that plain Python imports."""
 
     found = modules(extension, "command", "live.diagnoses", "overlay.overlay", "scene.results", "scene.scene")
     found.plan_document = importlib.import_module(f"{extension}.skin_calib_addon.plan").plan_document
@@ -74,19 +74,19 @@ def document(addon, bpy):
 
 @pytest.fixture
 def live(extension):
-    """The module of the running extension."""
+    """Return the module of the running extension."""
     return modules(extension, "live.live").live
 
 
 @pytest.fixture
 def preview(extension):
-    """The module of the running extension."""
+    """Return the module of the running extension."""
     return modules(extension, "live.preview").preview
 
 
 @pytest.fixture
 def plan_file(tmp_path):
-    """Writes a small tube and a plan for it, changed as asked; gives the plan's path."""
+    """Return a function that writes a small tube and a plan for it, with changes; it returns the plan's path."""
 
     def write(name="arm", numbers_in="m", **changes):
         factor = {"m": 1, "mm": 1000}[numbers_in]
@@ -102,14 +102,14 @@ def plan_file(tmp_path):
 
 @pytest.fixture
 def link(bpy, plan_file):
-    """A small link in the scene, ready to fit."""
+    """Return a small link in the scene, ready to fit."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file()))
     return bpy.context.object
 
 
 @pytest.fixture
 def fit_plainly(tmp_path):
-    """Bytes that the command line makes of a plan, without Blender."""
+    """Return a function that gives the bytes of the command line's result without Blender."""
 
     def fit(path):
         out = tmp_path / "plain.json"
@@ -121,7 +121,7 @@ def fit_plainly(tmp_path):
 
 @pytest.fixture
 def fit_scene(addon, tmp_path):
-    """Bytes that the same words make of the open scene."""
+    """Return a function that gives the bytes of the same command for the open scene."""
 
     def fit():
         out = tmp_path / "scene.json"
@@ -132,7 +132,7 @@ def fit_scene(addon, tmp_path):
 
 
 def look(live):
-    """Let the timer draw what has changed."""
+    """Run the timer until all changes are drawn."""
     while live.tick() == live.POLL_INTERVAL:
         pass
 
@@ -164,6 +164,6 @@ LISTED = {"cells": [[0, 0], [1, 0], [0, -1]], "origin": [0.04, 0.01, 0.06], "dir
 
 
 def oval(angle, height):
-    """A bent, tapered oval tube of 80 mm that is like none of its mirror images."""
+    """Return a curved, tapered oval tube of 80 mm without mirror symmetry."""
     a, b = 0.04 - 0.005 * height, 0.03 + 0.002 * np.sin(angle + 0.4)
     return np.column_stack((a * np.cos(angle) + 0.004 * height**2, b * np.sin(angle) + 0.01, 0.02 + 0.08 * height))

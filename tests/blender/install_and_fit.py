@@ -1,6 +1,6 @@
-"""Run in a Python of its own, with Blender's module and NumPy alone: install a zip, fit a scene, tell what was used.
+"""Install a zip file, fit a scene and report the libraries; run with only Blender's module and NumPy.
 
-python -S install_and_fit.py EXTENSION.zip SCENE.blend OUT.json TOLD.json
+python -S install_and_fit.py EXTENSION.zip SCENE.blend OUT.json REPORT.json
 """
 
 import importlib.util
@@ -11,8 +11,8 @@ from pathlib import Path
 import bpy
 
 
-def main(archive, scene, out, told):
-    """Do what a user does with a fresh Blender."""
+def main(archive, scene, out, report):
+    """Install the extension, fit the scene, export the result, and report the libraries."""
     before = {name: importlib.util.find_spec(name) is not None for name in ("scipy", "trimesh", "skin_calib_addon")}
     bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
     bpy.ops.wm.open_mainfile(filepath=scene)
@@ -21,7 +21,7 @@ def main(archive, scene, out, told):
     places = {name: str(Path(sys.modules[name].__file__).parent) for name in ("numpy", "scipy", "trimesh")}
     ours = [name for name in sys.modules if name.endswith("skin_calib_addon.pipeline")]
     version = sys.modules["scipy"].__version__
-    Path(told).write_text(json.dumps({"before": before, "places": places, "ours": ours, "version": version}))
+    Path(report).write_text(json.dumps({"before": before, "places": places, "ours": ours, "version": version}))
 
 
 if __name__ == "__main__":

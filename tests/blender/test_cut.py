@@ -1,4 +1,4 @@
-"""What of a link is covered: planes across it, and faces that are cut away without touching the mesh."""
+"""The covered part of a link: planes across it, and faces that are removed without a change of the mesh."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ AWAY = slice(0, 96, 3)  # faces to cut away: a part of the wall
 
 @pytest.fixture
 def choose(bpy):
-    """Selects faces of the active object as an author does, in Edit Mode."""
+    """Select faces of the active object as an author does, in Edit Mode."""
 
     def choose(faces=AWAY):
         link = bpy.context.object
@@ -30,7 +30,7 @@ def choose(bpy):
 
 @pytest.fixture
 def left(bpy, addon):
-    """How many faces of an object count."""
+    """Return a function that counts the remaining faces of an object."""
 
     def left(name="arm"):
         link = bpy.data.objects[name]
@@ -41,7 +41,7 @@ def left(bpy, addon):
 
 
 def geometry(link):
-    """What the mesh itself is."""
+    """Return the data of the mesh itself."""
     return [v.co[:] for v in link.data.vertices], [tuple(p.vertices) for p in link.data.polygons]
 
 
@@ -49,20 +49,20 @@ ALL = 384
 
 
 def test_selected_faces_are_left_out_and_come_back(bpy, link, choose, left):
-    """What is fitted goes without them, in both modes; the mesh keeps them; bringing back leaves nothing of ours."""
+    """The fit ignores them in both modes and the mesh keeps them; restoring them leaves no data of the extension."""
     before = geometry(link)
-    gone = choose()
+    removed_count = choose()
     assert bpy.ops.skin_calib.cut_away() == {"FINISHED"} and link.mode == "OBJECT"
-    assert left() == ALL - gone and geometry(link) == before and link.skin_calib.result.outdated
+    assert left() == ALL - removed_count and geometry(link) == before and link.skin_calib.result.outdated
     bpy.ops.object.mode_set(mode="EDIT")
-    assert left() == ALL - gone
+    assert left() == ALL - removed_count
     assert bpy.ops.skin_calib.bring_back() == {"FINISHED"}
     assert left() == ALL and geometry(link) == before and link.mode == "OBJECT"
     assert not link.modifiers and not bpy.data.node_groups and not [a for a in link.data.attributes if "skin" in a.name]
 
 
 def test_more_can_be_cut_away(bpy, link, choose, left):
-    """Selections add up, in one modifier."""
+    """Several selections add up in one modifier."""
     first = choose(slice(0, 20))
     bpy.ops.skin_calib.cut_away()
     choose(slice(10, 40))
@@ -70,47 +70,47 @@ def test_more_can_be_cut_away(bpy, link, choose, left):
     assert left() == ALL - 40 > ALL - 40 - first and len(link.modifiers) == len(bpy.data.node_groups) == 1
 
 
-def test_undo_takes_all_of_it_back(bpy, link, choose, left):
-    """One step: the faces, the modifier and the nodes; and redo brings them again."""
-    gone = choose()
+def test_undo_restores_everything(bpy, link, choose, left):
+    """One undo step restores faces, modifier and nodes; redo removes them again."""
+    removed_count = choose()
     bpy.ops.ed.undo_push(message="chosen")
     assert bpy.ops.skin_calib.cut_away("EXEC_DEFAULT", True) == {"FINISHED"}
     bpy.ops.ed.undo()
     assert bpy.context.mode == "EDIT_MESH" and left() == ALL
     assert not bpy.context.object.modifiers and not bpy.data.node_groups
     bpy.ops.ed.redo()
-    assert bpy.context.mode == "OBJECT" and left() == ALL - gone
+    assert bpy.context.mode == "OBJECT" and left() == ALL - removed_count
     assert bpy.ops.skin_calib.bring_back("EXEC_DEFAULT", True) == {"FINISHED"} and left() == ALL
     bpy.ops.ed.undo()
-    assert left() == ALL - gone
+    assert left() == ALL - removed_count
 
 
 def test_file_keeps_it_with_and_without_the_extension(bpy, addon, extension, link, choose, left, tmp_path):
-    """Saved and opened, the same faces are gone; with the extension disabled Blender still hides them."""
+    """A saved file has the same faces removed, also with the extension disabled."""
     import addon_utils
 
-    gone = choose()
+    removed_count = choose()
     bpy.ops.skin_calib.cut_away()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "arm.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
-    assert left() == ALL - gone
+    assert left() == ALL - removed_count
     addon_utils.disable(extension)
     try:
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
         link = bpy.context.object
         evaluated = link.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        assert len(evaluated.data.polygons) == ALL - gone and len(link.data.polygons) == ALL
+        assert len(evaluated.data.polygons) == ALL - removed_count and len(link.data.polygons) == ALL
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "arm.blend"))
     finally:
         addon_utils.enable(extension)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "arm.blend"))
-    assert left() == ALL - gone
+    assert left() == ALL - removed_count
     bpy.ops.skin_calib.bring_back()
     assert left() == ALL
 
 
 def test_objects_on_one_mesh_are_cut_each_for_itself(bpy, link, choose, left):
-    """A twin without a modifier, one that was copied with it, and one cut after that: none changes another."""
+    """Objects with the same mesh do not affect each other: without a modifier, copied with it, and cut later."""
     data = link.data
 
     def twin(name):
@@ -146,41 +146,41 @@ def test_objects_on_one_mesh_are_cut_each_for_itself(bpy, link, choose, left):
     assert left("arm") == ALL and not bpy.data.node_groups and not [a for a in data.attributes if "skin" in a.name]
 
 
-def test_bringing_back_leaves_a_twin_as_it_is(bpy, link, choose, left):
-    """A copy on the same mesh that looks at the same mark still does."""
-    gone = choose()
+def test_restoring_does_not_change_a_copy(bpy, link, choose, left):
+    """A copy with the same mesh and the same attribute does not change."""
+    removed_count = choose()
     bpy.ops.skin_calib.cut_away()
     twin = link.copy()
     twin.name = "twin"
     bpy.context.scene.collection.objects.link(twin)
     bpy.ops.skin_calib.bring_back()
-    assert (left("arm"), left("twin")) == (ALL, ALL - gone)
+    assert (left("arm"), left("twin")) == (ALL, ALL - removed_count)
 
 
-def test_copy_of_the_mesh_keeps_what_is_gone(bpy, link, choose, left):
-    """A full copy is cut and brought back without the first."""
-    gone = choose()
+def test_copy_of_the_mesh_keeps_removed_faces(bpy, link, choose, left):
+    """A full copy is cut and restored independently."""
+    removed_count = choose()
     bpy.ops.skin_calib.cut_away()
     copy = link.copy()
     copy.data = link.data.copy()
     copy.name = "copy"
     bpy.context.scene.collection.objects.link(copy)
-    assert left("copy") == left("arm") == ALL - gone
+    assert left("copy") == left("arm") == ALL - removed_count
     bpy.context.view_layer.objects.active = copy
     bpy.ops.skin_calib.bring_back()
-    assert (left("copy"), left("arm")) == (ALL, ALL - gone)
+    assert (left("copy"), left("arm")) == (ALL, ALL - removed_count)
 
 
 def test_modifiers_of_the_author_come_after(bpy, link, choose, left):
-    """What is marked is gone before it is made finer."""
+    """Faces are removed before other modifiers, for example a subdivision."""
     link.modifiers.new("finer", "SUBSURF").levels = 1
-    gone = choose()
+    removed_count = choose()
     bpy.ops.skin_calib.cut_away()
-    assert link.modifiers[0].type == "NODES" and left() == 6 * (ALL - gone)
+    assert link.modifiers[0].type == "NODES" and left() == 6 * (ALL - removed_count)
 
 
 def test_renamed_modifier_and_nodes_are_known(bpy, link, choose, left):
-    """Names belong to the author."""
+    """Authors can change the names."""
     choose(slice(0, 10))
     bpy.ops.skin_calib.cut_away()
     link.modifiers[0].name, bpy.data.node_groups[0].name = "mine", "mine too"
@@ -192,7 +192,7 @@ def test_renamed_modifier_and_nodes_are_known(bpy, link, choose, left):
 
 
 def test_modifier_that_was_deleted_by_hand_is_made_again(bpy, link, choose, left):
-    """What it hid is there again; the marks it left are used anew, without the old ones."""
+    """Its faces are visible again; a new cut uses the attribute without the old faces."""
     choose(slice(0, 10))
     bpy.ops.skin_calib.cut_away()
     link.modifiers.clear()
@@ -203,16 +203,16 @@ def test_modifier_that_was_deleted_by_hand_is_made_again(bpy, link, choose, left
 
 
 def test_attribute_of_that_name_is_left_alone(bpy, link, choose, left):
-    """An author's own numbers of vertices stay what they are."""
+    """An attribute of the author with the same name does not change."""
     own = link.data.attributes.new("skin_cut_away", "FLOAT", "POINT")
     own.data[3].value = 7
-    gone = choose()
+    removed_count = choose()
     bpy.ops.skin_calib.cut_away()
-    assert left() == ALL - gone and link.data.attributes["skin_cut_away"].data[3].value == 7
+    assert left() == ALL - removed_count and link.data.attributes["skin_cut_away"].data[3].value == 7
 
 
 def test_exported_plan_gives_the_bytes_of_the_scene(bpy, link, choose, fit_scene, fit_plainly, tmp_path):
-    """The plan's mesh file goes without what was cut away; the command line fits the same."""
+    """The mesh file of the plan is without the removed faces; the command line gives the same calibration."""
     link.location, link.scale = (0.01, 0.02, 0.03), (-1, 1, 1)
     bpy.context.view_layer.update()
     whole = fit_scene()
@@ -225,8 +225,8 @@ def test_exported_plan_gives_the_bytes_of_the_scene(bpy, link, choose, fit_scene
 @pytest.mark.parametrize(
     "faces, words", [(slice(0, 0), "no face of arm is selected"), (slice(0, ALL), "leave no face")]
 )
-def test_selection_without_sense_is_refused(bpy, addon, link, choose, left, faces, words):
-    """Nothing, or everything: the author stays in Edit Mode with the selection."""
+def test_selection_of_no_or_all_faces_is_refused(bpy, addon, link, choose, left, faces, words):
+    """Selections of no face or of all faces are refused; mode and selection stay."""
     chosen = choose(faces)
     before = scene_state(bpy, addon)
     with pytest.raises(RuntimeError, match=f"Error: .*{words}"):
@@ -236,7 +236,7 @@ def test_selection_without_sense_is_refused(bpy, addon, link, choose, left, face
 
 
 def test_button_that_cannot_work_says_why(bpy, link):
-    """Outside of Edit Mode there is no selection; without a cut there is nothing to bring back."""
+    """Outside of Edit Mode there is no selection; without a cut there is nothing to restore."""
     with pytest.raises(RuntimeError, match="Select faces in Edit Mode"):
         bpy.ops.skin_calib.cut_away()
     with pytest.raises(RuntimeError, match="No face of this link was cut away by hand"):
@@ -248,7 +248,7 @@ def cuts(link):
 
 
 def test_new_cut_stands_across_the_link(bpy, link):
-    """At the cursor, across the axis, with the larger part kept; the last one is the active one."""
+    """It is at the cursor, across the axis, keeps the larger part, and becomes the active one."""
     for z in (0.03, 0.09):
         bpy.context.scene.cursor.location = (0.3, 0.2, z)
         bpy.ops.skin_calib.cut_add()
@@ -257,7 +257,7 @@ def test_new_cut_stands_across_the_link(bpy, link):
 
 
 def test_cut_is_placed_at_a_point_across_the_axis_of_the_author(bpy, link):
-    """The twin of the click; where the axis is typed, the cut stands across it; in a scene of millimetres too."""
+    """The same operator as a click uses the typed axis, also in a scene of millimetres."""
     link.skin_calib.grid.auto_axis, link.skin_calib.grid.direction = False, (3, 0, 4)
     bpy.ops.ed.undo_push(message="start")
     assert bpy.ops.skin_calib.cut_place("EXEC_DEFAULT", True, point=(0.03, 0.0, 0.09)) == {"FINISHED"}
@@ -272,7 +272,7 @@ def test_cut_is_placed_at_a_point_across_the_axis_of_the_author(bpy, link):
 
 
 def test_flipped_cut_keeps_the_other_side(bpy, link):
-    """And the first one again after a second time, to the bit."""
+    """Two flips give the first cut back in every bit."""
     bpy.ops.skin_calib.cut_add()
     cut = link.skin_calib.cover.cuts[0]
     cut.normal = (0.1, 0, -0.7)
@@ -287,8 +287,8 @@ def test_flipped_cut_keeps_the_other_side(bpy, link):
 
 
 @pytest.mark.parametrize("active, removed, after", [(2, 0, 1), (0, 2, 0), (2, 2, 1), (1, 1, 1), (0, 0, 0)])
-def test_chosen_cut_stays_when_another_goes(bpy, link, active, removed, after):
-    """The numbers that are shown are those of the same cut; of the next one where that is gone."""
+def test_active_cut_stays_when_another_is_removed(bpy, link, active, removed, after):
+    """The displayed numbers are those of the same cut, or of the next one if the cut itself is removed."""
     for _ in range(3):
         bpy.ops.skin_calib.cut_add()
     link.skin_calib.cover.cut_index = active
@@ -301,14 +301,14 @@ def test_chosen_cut_stays_when_another_goes(bpy, link, active, removed, after):
     [((0, 0, 1), "+Z"), ((-2, 0, 0), "-X"), ((0, 0.9, -1), "about -Z"), ((0, 0, 0), "nothing: no normal")],
 )
 def test_row_of_a_cut_says_what_it_keeps(bpy, extension, normal, words):
-    """In words of the link frame."""
+    """The row uses the axes of the link frame."""
     import importlib
 
     assert importlib.import_module(f"{extension}.panels.cut").kept_side(normal) == words
 
 
 def test_mesh_of_another_file_is_not_edited(bpy, link, tmp_path):
-    """The object is ours, its mesh is linked: the buttons say what to do."""
+    """The object is local and its mesh is linked: the buttons state what to do."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):

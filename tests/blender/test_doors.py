@@ -1,4 +1,4 @@
-"""One calibration, whichever door one takes: the button, the command, a batch, plain Python."""
+"""The button, the command, a batch and plain Python give the same calibration."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ SAMPLES = ROOT / "sample_scenes"
 
 @pytest.fixture
 def run(tmp_path):
-    """Runs this Python where no wheels of the extension are installed: another SciPy rounds otherwise."""
+    """Return a function that runs this Python without the wheels of the extension: another SciPy rounds differently."""
     environment = os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path / "resources")}
 
     def run(*words):
@@ -27,8 +27,8 @@ def run(tmp_path):
 
 
 @pytest.mark.parametrize("name", [slow("wrist"), slow("sole"), "edge"])
-def test_sample_gives_the_same_bytes_at_every_door(bpy, addon, run, tmp_path, name):
-    """Operator, command inside Blender, batch process and command line agree on each sample."""
+def test_sample_gives_the_same_bytes_with_every_interface(bpy, addon, run, tmp_path, name):
+    """Operator, command in Blender, batch process and command line agree on each sample."""
     button, command, batch, plain = (tmp_path / f"{door}.json" for door in ("button", "command", "batch", "plain"))
     bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / f"{name}.blend"))
     assert bpy.ops.skin_calib.fit() == {"FINISHED"}
@@ -40,8 +40,8 @@ def test_sample_gives_the_same_bytes_at_every_door(bpy, addon, run, tmp_path, na
 
 
 @pytest.mark.slow
-def test_skins_of_all_sorts_give_the_same_bytes_at_every_door(bpy, addon, run, plan_file, fit_plainly, tmp_path):
-    """Boards, excluded zones, a left hand, an offset, trimming and landmarks go through each door unchanged."""
+def test_all_kinds_of_skins_give_the_same_bytes_with_every_interface(bpy, addon, run, plan_file, fit_plainly, tmp_path):
+    """This includes boards, excluded zones, left-handed sheets, offsets, trimming and landmarks."""
     button, command, batch = (tmp_path / f"{door}.json" for door in ("button", "command", "batch"))
     source = plan_file(skins=[BOARDS | {"cells": "all", "excluded": CLEAR}, LEFT, PINNED | {"name": "pinned"}])
     bpy.ops.skin_calib.import_plan(filepath=str(source))
@@ -55,7 +55,7 @@ def test_skins_of_all_sorts_give_the_same_bytes_at_every_door(bpy, addon, run, p
 
 @pytest.mark.parametrize("name", ["wrist", "sole", "edge"])
 def test_sample_opens_ready_to_fit(bpy, name):
-    """The link is active and named, lengths are in millimetres, the view is on the link with the sidebar open."""
+    """The link is active and named, lengths are in millimetres, and the view shows link and sidebar."""
     bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / f"{name}.blend"))
     link = bpy.context.object
     assert link.skin_calib.link == f"sample_{name}" and not link.skin_calib.result.key
@@ -70,7 +70,7 @@ def test_sample_opens_ready_to_fit(bpy, name):
 
 
 @pytest.mark.slow
-def test_batch_without_links_says_so(bpy, tmp_path):
+def test_batch_without_links_is_refused(bpy, tmp_path):
     """An empty scene is wrong data: one line, code 1, no file."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "empty.blend"))
     words = ["examples/batch_fit.py", tmp_path / "empty.blend", "--", "-o", tmp_path / "out.json"]
@@ -81,7 +81,7 @@ def test_batch_without_links_says_so(bpy, tmp_path):
 
 
 def test_command_fits_every_link_of_the_scene(bpy, addon, plan_file, fit_plainly, tmp_path):
-    """Two links of one scene become two files in a folder, each as its plan alone gives it."""
+    """Two links of one scene give two files in a folder, equal to those of their plans."""
     plans = [plan_file("left"), plan_file("right", numbers_in="mm", degree=[2, 4])]
     for path in plans:
         bpy.ops.skin_calib.import_plan(filepath=str(path))
@@ -95,7 +95,7 @@ def test_command_fits_every_link_of_the_scene(bpy, addon, plan_file, fit_plainly
 
 
 def test_command_takes_plan_files_too(addon, plan_file, fit_plainly, tmp_path, capsys):
-    """A plan named on the command line is fitted in place of the scene."""
+    """A plan on the command line is fitted instead of the scene."""
     path = plan_file()
     assert addon.command.main(["fit", str(path), "-o", str(tmp_path / "out.json")]) == 0
     assert (tmp_path / "out.json").read_bytes() == fit_plainly(path)
@@ -103,7 +103,7 @@ def test_command_takes_plan_files_too(addon, plan_file, fit_plainly, tmp_path, c
 
 
 def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
-    """Every format, byte for byte what ``skin-calib export`` makes; one that cannot hold the skin says why."""
+    """Every format has the bytes of ``skin-calib export``; a format that cannot contain the skin states why."""
     bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / "wrist.blend"))
     calibration = tmp_path / "wrist.json"
     bpy.ops.skin_calib.export_calibration(filepath=str(calibration))

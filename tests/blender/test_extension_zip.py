@@ -1,4 +1,4 @@
-"""The built zip works in a Blender that has nothing of ours: SciPy and trimesh come from its own wheels."""
+"""The built zip file works in a new Blender: SciPy and trimesh come from its own wheels."""
 
 import json
 import os
@@ -17,7 +17,7 @@ SOURCES = ("*.py", "*.toml", "*.json", "LICENSE*")
 
 
 def zip_of_these_sources(platform):
-    """The zip in ``dist/``, built anew where it is missing or older than a source."""
+    """The zip in ``dist/``, built again if it is missing or older than a source."""
     name = platform.replace("-", "_")
     newest = max(path.stat().st_mtime for pattern in SOURCES for path in sources(pattern))
     fresh = [path for path in (ROOT / "dist").glob(f"skin_calib-*-{name}.zip") if path.stat().st_mtime > newest]
@@ -30,7 +30,7 @@ def zip_of_these_sources(platform):
 
 
 def sources(pattern):
-    """Files that the zip is made of."""
+    """Return the files that the zip file consists of."""
     yield from ROOT.glob(pattern)
     for folder in ("skin_calib_addon", "operators", "panels", "scripts"):
         yield from (ROOT / folder).rglob(pattern)
@@ -38,7 +38,7 @@ def sources(pattern):
 
 @pytest.fixture
 def bare_python(extension, tmp_path):
-    """Runs a script with Blender's module and NumPy on the path, and nothing else."""
+    """Return a function that runs a script with only Blender's module and NumPy on the path."""
     site = tmp_path / "site"
     site.mkdir()
     packages = Path(np.__file__).parent.parent
@@ -62,19 +62,19 @@ def bare_python(extension, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform not in PLATFORMS, reason="no zip is built for this platform")
-def test_zip_installs_and_fits_in_a_fresh_blender(bare_python, tmp_path):
-    """Installed, enabled, fitted, exported; the libraries are the extension's, the numbers those of this Python."""
+def test_zip_installs_and_fits_in_a_new_blender(bare_python, tmp_path):
+    """It is installed, enabled, fitted and exported with its own libraries; the numbers are those of this Python."""
     out, plain = tmp_path / "out.json", tmp_path / "plain.json"
     script = Path(__file__).with_name("install_and_fit.py")
     archive = zip_of_these_sources(PLATFORMS[sys.platform])
-    bare_python(script, archive, ROOT / "sample_scenes" / "wrist.blend", out, tmp_path / "told.json")
-    told = json.loads((tmp_path / "told.json").read_text())
-    assert told["before"] == {"scipy": False, "trimesh": False, "skin_calib_addon": False}
-    assert told["ours"] == ["bl_ext.user_default.skin_calib.skin_calib_addon.pipeline"]
+    bare_python(script, archive, ROOT / "sample_scenes" / "wrist.blend", out, tmp_path / "report.json")
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["before"] == {"scipy": False, "trimesh": False, "skin_calib_addon": False}
+    assert report["ours"] == ["bl_ext.user_default.skin_calib.skin_calib_addon.pipeline"]
     wheels = str(tmp_path / "resources" / "extensions" / ".local")
-    assert told["places"]["scipy"].startswith(wheels) and told["places"]["trimesh"].startswith(wheels)
-    assert not told["places"]["numpy"].startswith(wheels)
-    assert f"scipy-{told['version']}-" in (ROOT / "blender_manifest.toml").read_text()
+    assert report["places"]["scipy"].startswith(wheels) and report["places"]["trimesh"].startswith(wheels)
+    assert not report["places"]["numpy"].startswith(wheels)
+    assert f"scipy-{report['version']}-" in (ROOT / "blender_manifest.toml").read_text()
 
     words = ["-m", "skin_calib_addon", "fit", "sample_scenes/wrist.plan.json", "-o", str(plain)]
     subprocess.run([sys.executable, *words], cwd=ROOT, check=True, capture_output=True)

@@ -1,4 +1,4 @@
-"""Taxels of a file as a skin in the scene: in and out with the plan, their frame, and the file on the disk."""
+"""Skins from taxel files in the scene: plan import and export, frame, and the file on the disk."""
 
 import json
 import os
@@ -17,7 +17,7 @@ SKIN = {"name": "worn", "kind": "imported", "file": "taxels.csv"}
 
 
 def write_taxels(path, frame=None):
-    """A table of 40 taxels at vertices of the small link, in the frame that ``frame`` leads back from."""
+    """Write a table of 40 taxels at vertices of the small link, in the frame whose inverse is ``frame``."""
     angle, height = np.meshgrid(2 * np.pi * np.arange(1, 16, 2) / 24, np.arange(2, 7) / 8)
     places = oval(angle.ravel(), height.ravel())
     if frame:
@@ -28,7 +28,7 @@ def write_taxels(path, frame=None):
 
 @pytest.fixture
 def worn(bpy, plan_file, tmp_path):
-    """The small link with a skin of a file that lies as it should."""
+    """Return the small link with a skin of a file in its correct position."""
     write_taxels(tmp_path / "taxels.csv")
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[SKIN])))
     return bpy.context.object
@@ -46,7 +46,7 @@ KINDS = {
 def test_plan_in_and_out_gives_the_same_bytes(
     bpy, plan_file, fit_plainly, fit_scene, tmp_path, capfd, kind, unit_scale
 ):
-    """The plan exported elsewhere, also into a folder that is a link, names the file from there."""
+    """A plan that is exported to another folder, also through a link, has the right relative path of the file."""
     options, frame = KINDS[kind]
     (tmp_path / "data").mkdir()
     write_taxels(tmp_path / "data" / "taxels.csv", frame)
@@ -65,7 +65,7 @@ def test_plan_in_and_out_gives_the_same_bytes(
 
 
 def test_file_is_kept_as_blender_keeps_files(bpy, addon, worn, fit_scene, tmp_path, monkeypatch):
-    """Beside a saved .blend by //, where the author likes that; it is found again from any current folder."""
+    """The path is relative to a saved .blend file if the author prefers this, and valid from any current folder."""
     skin = worn.skin_calib.skins[0]
     assert skin.file == str(tmp_path / "taxels.csv")
     before = fit_scene()
@@ -89,7 +89,7 @@ def test_file_is_kept_as_blender_keeps_files(bpy, addon, worn, fit_scene, tmp_pa
 
 
 def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd, document):
-    """Called like the file, after the skins that are there; a file that is none adds nothing; undo takes it away."""
+    """The skin has the name of the file and is the last one; an invalid file adds nothing; undo removes the skin."""
     write_taxels(tmp_path / "thigh.csv")
     (tmp_path / "none.csv").write_text("nothing")
     before = scene_state(bpy, addon)
@@ -103,8 +103,8 @@ def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd, docum
     for options in ({}, {"format": "csv", "only": "taxel_1*"}):
         arguments = {"filepath": str(tmp_path / "thigh.csv")} | options
         assert bpy.ops.skin_calib.skin_import("EXEC_DEFAULT", True, **arguments) == {"FINISHED"}
-    told = capfd.readouterr().out
-    assert "thigh.csv: 40 taxels" in told and "thigh.csv: 11 taxels" in told
+    output = capfd.readouterr().out
+    assert "thigh.csv: 40 taxels" in output and "thigh.csv: 11 taxels" in output
     bpy.ops.skin_calib.fit()
     link = bpy.context.object
     skins = document(link)["skins"]
@@ -117,7 +117,10 @@ def test_taxels_are_added_by_their_file(bpy, addon, link, tmp_path, capfd, docum
 
 @pytest.mark.parametrize("unit_scale", [1.0, slow(0.001)])
 def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tmp_path, unit_scale):
-    """From nothing and from a wrong guess; the taxels then lie where they did, and undo takes the frame back."""
+    """This works from no frame and from a wrong one.
+
+    The taxels then have their positions, and undo restores the frame.
+    """
     bpy.context.scene.unit_settings.scale_length = unit_scale
     write_taxels(tmp_path / "taxels.csv")
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[SKIN])))
@@ -148,13 +151,13 @@ def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tm
 
 
 def taxels(addon):
-    """Where the taxels of the fitted link are [m]."""
+    """Return the positions of the taxels of the fitted link [m]."""
     (patch,) = addon.overlay.patches_of(sys.modules["bpy"].context.object)
     return patch.taxels.positions_link
 
 
-def test_file_that_changes_on_the_disk_is_read_anew(bpy, addon, worn, live, tmp_path):
-    """Neither a fit nor a preview takes the old taxels for those of the new file."""
+def test_changed_file_is_read_again(bpy, addon, worn, live, tmp_path):
+    """Fit and preview use the taxels of the new file."""
     bpy.ops.skin_calib.fit()
     assert len(taxels(addon)) == 40
     path = tmp_path / "taxels.csv"
@@ -172,7 +175,7 @@ def test_file_that_changes_on_the_disk_is_read_anew(bpy, addon, worn, live, tmp_
 
 
 def test_live_follows_a_frame_that_changes(bpy, addon, worn, live):
-    """Taxels move with the numbers; once they lie off the mesh, the panel says why nothing follows."""
+    """Taxels move with the numbers; when they are off the mesh, the panel states the problem."""
     worn.skin_calib.live = True
     look(live)
     before = cells(addon, worn)
@@ -186,13 +189,13 @@ def test_live_follows_a_frame_that_changes(bpy, addon, worn, live):
 
 
 def cells(addon, link):
-    """Corners of the cells that a preview draws."""
+    """Return the corners of the cells of a preview."""
     (layer,) = [layer for layer in addon.overlay.previews[link.name].shown({"CELLS"}) if layer.what == "CELLS"]
     return layer.points
 
 
-def test_findings_of_the_file_are_told_and_kept(bpy, addon, worn, tmp_path, capfd):
-    """With those of the place, as warnings of the fit."""
+def test_findings_of_the_file_are_reported_and_stored(bpy, addon, worn, tmp_path, capfd):
+    """They are stored with those of the placement, as warnings of the fit."""
     path = tmp_path / "taxels.csv"
     path.write_text(path.read_text() + "stray,40,0.02,0.01,0.15\n")
     capfd.readouterr()
@@ -201,8 +204,8 @@ def test_findings_of_the_file_are_told_and_kept(bpy, addon, worn, tmp_path, capf
     assert "is the only taxel" in messages and "worn.stray" in messages and "worn.stray" in capfd.readouterr().out
 
 
-def test_imported_taxels_have_no_places_to_move(bpy, addon, worn, extension):
-    """No handle in the view, and no origin to put somewhere: the file says where they lie."""
+def test_imported_taxels_have_no_handles(bpy, addon, worn, extension):
+    """They have no handle and no origin: the file contains their positions."""
 
     handles = modules(extension, "handles.skin_handles").skin_handles
     assert handles.targets_of(worn.skin_calib) == []
@@ -213,7 +216,7 @@ def test_imported_taxels_have_no_places_to_move(bpy, addon, worn, extension):
 
 
 def test_linked_library_finds_its_file(bpy, worn, fit_scene, tmp_path):
-    """A path beside the .blend that an object comes from, not beside the one it is used in."""
+    """A relative path starts at the .blend file of the object, not at the one that uses it."""
     own = fit_scene()
     (tmp_path / "library").mkdir()
     os.rename(tmp_path / "taxels.csv", tmp_path / "library" / "taxels.csv")

@@ -1,4 +1,4 @@
-"""What is drawn of a fitted link: layers as arrays, colours and their legends, names that have room."""
+"""What is drawn of a fitted link: layers as arrays, colours and legends, labels without overlap."""
 
 from types import SimpleNamespace
 
@@ -13,31 +13,31 @@ LINES = {"SECTIONS", "LINES", "NET", "SURFACE", "CELLS", "NORMALS"}
 
 @pytest.fixture
 def ours(extension, bpy):
-    """Modules of the running extension."""
+    """Return modules of the running extension."""
     names = ("overlay.layers", "overlay.scales", "overlay.labels", "overlay.overlay")
     return modules(extension, *names, "scene.units", "scene.results", "scene.scene")
 
 
 @pytest.fixture
 def fitted(bpy, link):
-    """A fitted link."""
+    """Return a fitted link."""
     bpy.ops.skin_calib.fit()
     return bpy.context.object
 
 
 @pytest.fixture
 def result(ours, fitted):
-    """What the fit gave."""
+    """Return the result of the fit."""
     return ours.results.find(fitted.skin_calib.result.key)
 
 
 def by_name(layers):
-    """Layers by what they show."""
+    """Return layers by name."""
     return {layer.what: layer for layer in layers}
 
 
 def test_layer_is_made_when_it_is_first_shown(ours, result):
-    """And then kept: a redraw prepares nothing."""
+    """It is then kept, and a redraw computes nothing."""
     layers = ours.layers.layers_of(result)
     assert not layers._made
     (cells,) = layers.shown({"CELLS", "OTHER"})
@@ -46,24 +46,24 @@ def test_layer_is_made_when_it_is_first_shown(ours, result):
 
 
 def test_sections_are_where_planes_cut_the_cover(ours, result):
-    """Each end lies in a plane; along v-lines as well, on the side that the lines point to."""
+    """Each end is in a plane; for v-lines it is also on the side of their direction."""
     layers = by_name(ours.layers.layers_of(result))
     lines = result.fit.lines
     ends = layers["SECTIONS"].points.astype(float)
     heights = (ends[:, None] - lines.planes_u.points) * lines.planes_u.normals
     assert_allclose(np.abs(heights.sum(axis=2)).min(axis=1), 0, atol=1e-8)
     ends = ours.layers.line_sections(result.fit).reshape(-1, 3)
-    start, ways = lines.origins[0], lines.directions[0]
+    start, outward = lines.origins[0], lines.directions[0]
     axis = lines.planes_u.normals[0]
     out = ends[:, None] - start
-    off = np.abs((out * np.cross(axis, ways)).sum(axis=2))
-    off[(out * ways).sum(axis=2) < -1e-9] = 1
+    off = np.abs((out * np.cross(axis, outward)).sum(axis=2))
+    off[(out * outward).sum(axis=2) < -1e-9] = 1
     assert_allclose(off.min(axis=1), 0, atol=1e-7)
-    assert len(np.unique(off.argmin(axis=1))) == len(ways)
+    assert len(np.unique(off.argmin(axis=1))) == len(outward)
 
 
 def test_sections_along_a_sector_are_on_its_side(bpy, ours, plan_file):
-    """A plane cuts the link twice; what lies behind the axis is none of the line's."""
+    """A plane has two sections with the link; the one behind the axis is left out."""
     grid = {"kind": "patch", "n": 5, "lines": 7, "axis": "auto", "margin": 0.004, "from": -1.0, "to": 1.0}
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("part", grid=grid, skins=[])))
     bpy.ops.skin_calib.fit()
@@ -74,7 +74,7 @@ def test_sections_along_a_sector_are_on_its_side(bpy, ours, plan_file):
 
 
 def test_net_joins_the_control_points(ours, result):
-    """To those beside them, a closed one's first and last included."""
+    """The segments connect adjacent points, also the first and the last of a closed net."""
     net = result.fit.surface.control_net
     n, m = net.shape[:2]
     points = by_name(ours.layers.layers_of(result))["NET"].points
@@ -83,7 +83,7 @@ def test_net_joins_the_control_points(ours, result):
 
 
 def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan_file):
-    """A sheet and boards side by side: one strain, one tilt, grey where nothing is known."""
+    """A sheet and boards have one scale of strain and one of tilt; unknown values are grey."""
     sheet = BAND | {"origin": [-0.03, 0.02, 0.05]}
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("two", skins=[sheet, BOARDS | {"cells": [[0, 0], [1, 0]]}])))
     bpy.ops.skin_calib.fit()
@@ -101,7 +101,7 @@ def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan
     assert layers["TILT"].legend.maximum >= tilt > 0
 
 
-def test_error_is_told_in_the_scenes_units(ours, result):
+def test_error_has_the_units_of_the_scene(ours, result):
     """The legend ends at the largest distance along the rays."""
     layer = by_name(ours.layers.layers_of(result))["ERROR"]
     assert_allclose(layer.legend.maximum, np.nanmax(np.abs(result.fit.residuals)))
@@ -111,7 +111,7 @@ def test_error_is_told_in_the_scenes_units(ours, result):
 
 @pytest.mark.parametrize("signed, ends", [(False, (0.0, 2.0)), (True, (-2.0, 2.0))])
 def test_colours_run_over_the_scale(ours, signed, ends):
-    """From its first colour to its last; what is not known is grey, and a skin without any value too."""
+    """The colours are those of the scale from start to end; unknown values, and skins without values, are grey."""
     legend = ours.scales.Legend("Strain", "FRACTION", 2.0, signed)
     colours = legend.colours(np.array((*ends, np.mean(ends), np.nan)))
     assert_allclose(colours[:3, :3], legend.scale[[0, -1, 2]], atol=1e-7)
@@ -133,7 +133,7 @@ NUMBERS = [
 
 @pytest.mark.parametrize("kind, system, unit, scale, values, expected", NUMBERS)
 def test_numbers_are_written_as_the_scene_does(bpy, ours, kind, system, unit, scale, values, expected):
-    """In its unit; where that is left open, in one that suits the largest."""
+    """They are in the unit of the scene; if it is adaptive, in one that suits the largest number."""
     settings = bpy.context.scene.unit_settings
     settings.system, settings.scale_length = system, scale
     if system != "NONE":
@@ -142,7 +142,7 @@ def test_numbers_are_written_as_the_scene_does(bpy, ours, kind, system, unit, sc
 
 
 def test_normals_follow_the_cells_unless_a_length_is_given(ours, fitted, result):
-    """No array is made again but when the length changes."""
+    """Arrays are computed again only if the length changes."""
     layer = by_name(ours.layers.layers_of(result))["NORMALS"]
     taxels = result.calibration.patches[0].taxels
     assert_allclose(layer.length, 0.6 * np.sqrt(np.median(taxels.areas)))
@@ -152,7 +152,7 @@ def test_normals_follow_the_cells_unless_a_length_is_given(ours, fitted, result)
 
 
 def test_layers_are_switched_by_the_link(ours, fitted):
-    """One heat map at a time; layers that another module hands over need no switch."""
+    """There is one heat map at a time; layers of other modules need no switch."""
     looks = fitted.skin_calib.inspect
     fitted.skin_calib.layers = {"CELLS", "NET"}
     assert [a.what for a in ours.overlay.shown_layers(fitted)] == ["NET", "CELLS"]
@@ -168,21 +168,21 @@ def test_layers_are_switched_by_the_link(ours, fitted):
     assert "PLANES" not in {a.what for a in ours.overlay.shown_layers(fitted)}
 
 
-def test_names_that_have_no_room_are_left_out(ours):
-    """No two cover each other; the first in order stay; where there is room, all do."""
+def test_labels_that_overlap_are_left_out(ours):
+    """No two labels overlap; the first ones stay; all stay if there is enough space."""
     rng = np.random.default_rng(3)
-    pixels, room = rng.uniform(0, 900, (3000, 2)), np.array((60.0, 14.0))
+    pixels, size = rng.uniform(0, 900, (3000, 2)), np.array((60.0, 14.0))
     order = rng.permutation(3000)
-    kept = ours.labels.without_overlap(pixels, order, room)
-    gap = np.abs(pixels[kept][:, None] - pixels[kept][None]) / room
+    kept = ours.labels.without_overlap(pixels, order, size)
+    gap = np.abs(pixels[kept][:, None] - pixels[kept][None]) / size
     assert ((gap >= 1).any(axis=2) | np.eye(len(kept), dtype=bool)).all()
     assert kept[0] == order[0] and len(kept) > 300
-    assert sorted(ours.labels.without_overlap(pixels[:200] * 30, range(200), room)) == list(range(200))
-    assert ours.labels.without_overlap(pixels, [], room) == []
+    assert sorted(ours.labels.without_overlap(pixels[:200] * 30, range(200), size)) == list(range(200))
+    assert ours.labels.without_overlap(pixels, [], size) == []
 
 
 def test_names_are_written_at_taxels_that_face_the_viewer(bpy, ours, plan_file):
-    """Seen along x from far away: those that look along -x, where they project to."""
+    """In a view along x from far away, taxels with normals along -x have labels at their projections."""
     from mathutils import Matrix
 
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("round", skins=[BAND | {"columns": 16}])))
@@ -201,7 +201,7 @@ def test_names_are_written_at_taxels_that_face_the_viewer(bpy, ours, plan_file):
 
 
 def test_taxel_is_read_by_id_and_by_channel(bpy, ours, fitted, result):
-    """With the numbers of the calibration in scene units; it and its neighbours are marked; undo takes all back."""
+    """The numbers are those of the calibration in scene units; it is marked with its neighbours; undo removes all."""
     bpy.context.scene.unit_settings.scale_length = 0.001
     bpy.ops.ed.undo_push(message="start")
     assert bpy.ops.skin_calib.taxel("EXEC_DEFAULT", True, taxel="4") == {"FINISHED"}
@@ -226,7 +226,7 @@ def test_taxel_is_read_by_id_and_by_channel(bpy, ours, fitted, result):
 
 
 def test_typed_taxel_is_read_at_once(bpy, ours, fitted):
-    """What is not there is told, and the last one stays; after another fit nothing is marked."""
+    """An unknown taxel is reported and the last one stays; after another fit there is no mark."""
     taxel = fitted.skin_calib.inspect.taxel
     taxel.wanted = "band.0.2"
     assert (taxel.id, taxel.channel, taxel.problem) == ("band.0.2", 2, "")
@@ -241,15 +241,15 @@ def test_typed_taxel_is_read_at_once(bpy, ours, fitted):
     assert "MARKED" not in {a.what for a in ours.overlay.shown_layers(fitted)}
 
 
-def test_taxels_of_a_link_without_a_result_are_not_there(bpy, ours, link):
-    """The button says so; so does a name that is typed after a file was opened."""
+def test_link_without_a_result_has_no_taxels(bpy, ours, link):
+    """The button and a typed name report it after a file was opened."""
     assert not bpy.ops.skin_calib.taxel.poll()
     link.skin_calib.inspect.taxel.wanted = "band.0.0"
     assert "arm has no result since this file was opened. Fit it first" in link.skin_calib.inspect.taxel.problem
 
 
 def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, result):
-    """In a posed and scaled scene; not one on the far side, nor one that the link hides."""
+    """This is in a posed and scaled scene; hidden taxels and those on the far side are not read."""
     from mathutils import Vector
 
     from tests.blender.test_link_frame import frame_for
@@ -275,7 +275,7 @@ def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, resul
 
 
 def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
-    """Figures in scene units and lines in the view, which undo takes away; the plan is as before."""
+    """The result is numbers in scene units and lines in the view; undo removes them; the plan does not change."""
     path, plan = tmp_path / "moved.csv", ours.scene.read_plan(fitted, bpy.context.scene)
     bpy.ops.skin_calib.export_taxels(filepath=str(path), format="csv")
     header, *rows = path.read_text().splitlines()
@@ -305,8 +305,8 @@ def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
     assert "COMPARED" not in {a.what for a in ours.overlay.shown_layers(link)}
 
 
-def test_comparison_ends_when_it_is_asked_to_and_is_not_drawn_of_another_fit(bpy, ours, fitted, tmp_path):
-    """What it says stays until then, with the fit it is of."""
+def test_comparison_ends_on_request_and_with_another_fit(bpy, ours, fitted, tmp_path):
+    """Its text stays until then, and belongs to its fit."""
     path = tmp_path / "same.calibration.json"
     bpy.ops.skin_calib.export_calibration(filepath=str(path))
     bpy.ops.skin_calib.compare(filepath=str(path))
@@ -323,8 +323,8 @@ def test_comparison_ends_when_it_is_asked_to_and_is_not_drawn_of_another_fit(bpy
 
 
 def test_file_that_cannot_be_compared_is_refused(bpy, fitted, tmp_path):
-    """With the reason; the last comparison stays."""
-    path = tmp_path / "strange.txt"
+    """The reason is reported; the last comparison stays."""
+    path = tmp_path / "unknown.txt"
     path.write_text("nothing")
     with pytest.raises(RuntimeError, match="the taxel format of .* is unknown"):
         bpy.ops.skin_calib.compare(filepath=str(path))

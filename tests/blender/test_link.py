@@ -1,4 +1,4 @@
-"""Links in from files of meshes and robots, in metres; their unit; what is odd about their mesh."""
+"""Import of links from meshes and robots, in metres; their unit; defects of their mesh."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ INNER = box((-0.01, 0, 0.04), (0.01, 0.02, 0.08))
 
 
 def written(mesh, path, scale=1.0):
-    """A mesh as a file of any format."""
+    """Write a mesh to a file of any format."""
     trimesh.Trimesh(mesh.vertices * scale, mesh.faces, process=False).export(path)
     return path
 
 
 @pytest.fixture
 def shown(bpy, tmp_path):
-    """Imports a mesh as a link; gives its object."""
+    """Return a function that imports a mesh as a link and returns its object."""
 
     def show(mesh, name="arm"):
         bpy.ops.skin_calib.import_mesh(filepath=str(written(mesh, tmp_path / f"{name}.ply")))
@@ -44,7 +44,7 @@ def shown(bpy, tmp_path):
 @pytest.mark.parametrize("unit, taken, scale", [("auto", 1, 1), ("auto", 1e-3, 1000), ("mm", 1e-3, 1000)])
 @pytest.mark.parametrize("metre", [1.0, 0.01])
 def test_mesh_becomes_a_link_in_metres(bpy, addon, tmp_path, kind, unit, taken, scale, metre):
-    """The numbers of the file are kept, the object is scaled, in any scene; the link has the file's name."""
+    """The numbers of the file stay and the object is scaled, in any scene; the link has the name of the file."""
     bpy.context.scene.unit_settings.scale_length = metre
     path = written(TUBE, tmp_path / f"l_forearm.{kind}", scale)
     assert bpy.ops.skin_calib.import_mesh(filepath=str(path), unit=unit) == {"FINISHED"}
@@ -58,15 +58,15 @@ def test_mesh_becomes_a_link_in_metres(bpy, addon, tmp_path, kind, unit, taken, 
 
 
 @pytest.mark.parametrize("unit, factor", [("cm", 0.01), ("in", 0.0254), ("m", 1.0)])
-def test_unit_that_is_told_is_taken(bpy, tmp_path, unit, factor):
-    """Whatever the size says."""
+def test_given_unit_is_used(bpy, tmp_path, unit, factor):
+    """The given unit is used for any size."""
     path = written(TUBE, tmp_path / "arm.stl", 1 if unit == "m" else 10)
     bpy.ops.skin_calib.import_mesh(filepath=str(path), unit=unit)
     assert_allclose(bpy.context.object.scale, [factor] * 3, rtol=1e-6)
 
 
 def test_unreadable_mesh_is_refused(bpy, addon, tmp_path):
-    """No file, no mesh, no format: one line each, and nothing in the scene."""
+    """A missing file, an invalid mesh and an unknown format give one line each, and no object."""
     (tmp_path / "text.stl").write_text("no mesh")
     (tmp_path / "link.dae").write_text("<COLLADA/>")
     before = scene_state(bpy, addon)
@@ -81,7 +81,7 @@ def test_unreadable_mesh_is_refused(bpy, addon, tmp_path):
 
 
 def test_plan_of_an_imported_mesh_names_its_file(bpy, shown, tmp_path):
-    """A mesh in metres is not written a second time."""
+    """A mesh in metres is not written again."""
     shown(TUBE)
     bpy.ops.skin_calib.skin_add(kind="sheet")
     kept = (tmp_path / "arm.ply").read_bytes()
@@ -92,7 +92,7 @@ def test_plan_of_an_imported_mesh_names_its_file(bpy, shown, tmp_path):
 
 @pytest.fixture
 def urdf(tmp_path):
-    """A robot with a link of two visual meshes and a collision mesh, and one of boxes, in a package."""
+    """Write a robot in a package: a link with two visual meshes and a collision mesh, and a link of boxes."""
     (tmp_path / "bot" / "urdf").mkdir(parents=True)
     (tmp_path / "bot" / "meshes").mkdir()
     written(TUBE, tmp_path / "bot" / "meshes" / "tube.STL", 1000)
@@ -108,7 +108,7 @@ def urdf(tmp_path):
 @pytest.mark.parametrize("use", ["visual", "collision"])
 @pytest.mark.parametrize("metre", [1.0, 0.001])
 def test_link_of_a_robot_lies_in_its_frame(bpy, addon, urdf, use, metre):
-    """What the fit is given is the mesh that the URDF describes, to single precision; the object is not moved."""
+    """The mesh of the fit is that of the URDF, to single precision; the object is not moved."""
     bpy.context.scene.unit_settings.scale_length = metre
     assert bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="arm", mesh=use) == {"FINISHED"}
     link = bpy.context.object
@@ -122,7 +122,7 @@ def test_link_of_a_robot_lies_in_its_frame(bpy, addon, urdf, use, metre):
 
 
 def test_link_without_a_name_is_asked_for(bpy, addon, urdf):
-    """Without a window the names are listed; one link alone needs none; wrong names are refused."""
+    """Without a window the names are listed; a single link needs none; wrong names are refused."""
     before = scene_state(bpy, addon)
     with pytest.raises(RuntimeError, match='Error: bot.urdf has several links with a mesh; name one of "arm"'):
         bpy.ops.skin_calib.import_urdf(filepath=str(urdf))
@@ -140,7 +140,7 @@ def test_link_without_a_name_is_asked_for(bpy, addon, urdf):
 
 
 def test_wrong_unit_is_noticed_and_scaled_in_one_step(bpy, addon, shown):
-    """79 m that are millimetres: the panel says so, one click scales the object, one undo takes it back."""
+    """The panel reports a length of 79 m; one click scales the object, one undo restores it."""
     link = shown(TUBE)
     assert not any("long" in line for line in draw(bpy, "link"))
     link.scale = (1000, 1000, 1000)
@@ -158,7 +158,7 @@ def test_wrong_unit_is_noticed_and_scaled_in_one_step(bpy, addon, shown):
 
 
 def test_metres_taken_for_millimetres_are_noticed(bpy, shown):
-    """In a scene of millimetres too; mirrored objects stay mirrored."""
+    """This works in a scene of millimetres too; mirrored objects stay mirrored."""
     bpy.context.scene.unit_settings.scale_length = 0.001
     link = shown(TUBE)
     link.scale = (-1, 1, 1)
@@ -169,8 +169,8 @@ def test_metres_taken_for_millimetres_are_noticed(bpy, shown):
     assert not any("long" in line for line in draw(bpy, "link"))
 
 
-def test_object_that_is_no_link_is_not_doubted(bpy, shown):
-    """A house in the scene is nobody's wrong unit."""
+def test_object_that_is_no_link_has_no_warning(bpy, shown):
+    """The size of other objects in the scene gives no warning."""
     link = shown(TUBE)
     link.scale, link.skin_calib.link = (1000, 1000, 1000), ""
     bpy.context.view_layer.update()
@@ -178,12 +178,12 @@ def test_object_that_is_no_link_is_not_doubted(bpy, shown):
 
 
 def said(link):
-    """The findings of the last check, and whether each is a warning."""
+    """Return the findings of the last check, and whether each is a warning."""
     return {finding.message: finding.severity == "warning" for finding in link.skin_calib.diagnosis.findings}
 
 
 def test_check_finds_what_is_there_and_offers_the_outer_shell(bpy, shown):
-    """A servo inside, a hole in the wall: counted, stored, and shown with what to do."""
+    """An inner part and a hole are counted, stored, and shown with advice."""
     link = shown(together(with_hole(TUBE, (0.04, 0.01, 0.06), 0.012), INNER))
     assert draw(bpy, "mesh") == ["Check Mesh"]
     assert bpy.ops.skin_calib.diagnose() == {"FINISHED"}
@@ -194,8 +194,8 @@ def test_check_finds_what_is_there_and_offers_the_outer_shell(bpy, shown):
     assert "The mesh has changed: check again" not in panel
 
 
-def test_sound_mesh_offers_nothing(bpy, shown):
-    """A closed box: no shells to choose from, no edges to show."""
+def test_valid_mesh_offers_nothing(bpy, shown):
+    """A closed box has no shells to select and no edges to show."""
     shown(box((0, 0, 0), (0.1, 0.05, 0.025)))
     bpy.ops.skin_calib.diagnose()
     assert draw(bpy, "mesh")[1:] == ["12 faces, 100 x 50 x 25 mm", "One connected part", "No hole"]
@@ -216,7 +216,7 @@ def modify(bpy, link):
 
 @pytest.mark.parametrize("change", [move_vertex, scale, modify], ids=lambda f: f.__name__)
 def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change):
-    """Told at once, and after a rest still; a new check is of the new mesh."""
+    """The check is unverified at once, and still after the comparison; a new check is of the new mesh."""
     monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     link = shown(TUBE)
     bpy.ops.skin_calib.diagnose()
@@ -233,7 +233,7 @@ def test_changed_mesh_outdates_the_check(bpy, addon, shown, monkeypatch, change)
 
 
 def test_pose_of_the_frame_outdates_no_check(bpy, addon, shown, monkeypatch):
-    """Doubted for a moment, and then not: the link is the same wherever its parent stands."""
+    """The check is unverified for a moment only: the pose of the parent does not change the link."""
     monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     link = shown(TUBE)
     frame = frame_for(bpy, link)
@@ -246,7 +246,7 @@ def test_pose_of_the_frame_outdates_no_check(bpy, addon, shown, monkeypatch):
 
 
 def test_undo_and_reload_compare_the_check_with_the_mesh(bpy, addon, shown, monkeypatch, tmp_path):
-    """A check that undo brings back with another mesh is doubted; in a saved file it is what it was."""
+    """A check that undo restores with another mesh is unverified; a saved file restores the check."""
     monkeypatch.setattr(addon.diagnoses, "CHECK_DELAY", 0)
     shown(TUBE)
     bpy.ops.ed.undo_push(message="start")
@@ -266,13 +266,13 @@ def test_undo_and_reload_compare_the_check_with_the_mesh(bpy, addon, shown, monk
 
 
 def selected(link):
-    """Ends of the edges that are selected, in Object Mode."""
+    """Return the ends of the selected edges, in Object Mode."""
     return {tuple(sorted(e.vertices)) for e in link.data.edges if e.select}
 
 
 @pytest.mark.parametrize("from_mode", ["OBJECT", "EDIT"])
 def test_show_selects_rims_in_edit_mode(bpy, shown, from_mode):
-    """Those of holes that are seen, and no other edge; wherever the object stands, and in one step of undo."""
+    """It selects the edges of visible holes and no others, at any pose of the object, in one undo step."""
     link = shown(together(TUBE, INNER))
     link.scale, link.location = (-1, 1, 1.5), (0.1, 0, 0)
     bpy.ops.object.mode_set(mode=from_mode)
@@ -287,14 +287,14 @@ def test_show_selects_rims_in_edit_mode(bpy, shown, from_mode):
 
 
 def test_edges_that_modifiers_make_are_not_selected(bpy, shown):
-    """Nothing to select is told, and the mode stays."""
+    """The operator reports that there is nothing to select, and the mode stays."""
     link = shown(TUBE)
     link.modifiers.new("finer", "SUBSURF")
     assert bpy.ops.skin_calib.show_defects() == {"CANCELLED"} and link.mode == "OBJECT"
 
 
 def test_mesh_without_faces_cannot_be_checked(bpy, addon):
-    """One line, and no check is stored."""
+    """One line is reported, and no check is stored."""
     bare = bare_object(bpy)
     for press in (bpy.ops.skin_calib.diagnose, bpy.ops.skin_calib.show_defects):
         with pytest.raises(RuntimeError, match="Error: bare: The mesh has no faces"):
@@ -305,8 +305,8 @@ def test_mesh_without_faces_cannot_be_checked(bpy, addon):
 @pytest.mark.slow
 @pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
-def test_real_link_comes_in_as_it_is(bpy, addon, path):
-    """In its own unit, to the bit, without a doubt about it; the check says what it says without Blender."""
+def test_real_link_is_imported_unchanged(bpy, addon, path):
+    """It has its own unit and all bits, without a warning; the check agrees with that outside of Blender."""
     bpy.ops.skin_calib.import_mesh(filepath=str(path))
     link, mesh = bpy.context.object, load_mesh(path)
     bpy.context.view_layer.update()

@@ -1,4 +1,4 @@
-"""What leaves Blender is metres in the link frame, however the object and its parent are placed."""
+"""Exported data are in metres in the link frame, for any pose of the object and its parent."""
 
 import json
 from math import radians
@@ -9,7 +9,10 @@ from numpy.testing import assert_allclose
 
 
 def frame_for(bpy, link, scale=(1, 1, 1), keep=False):
-    """Hang the link on a frame that is somewhere in the world; ``keep`` as Blender's Parent does, in place."""
+    """Give the link a parent somewhere in the world.
+
+    With ``keep`` the object stays in place, as with Blender's Parent.
+    """
     frame = bpy.data.objects.new("frame", None)
     bpy.context.scene.collection.objects.link(frame)
     frame.location, frame.rotation_euler, frame.scale = (0.3, -0.2, 0.9), (0.4, 1.1, -2.0), scale
@@ -22,13 +25,13 @@ def frame_for(bpy, link, scale=(1, 1, 1), keep=False):
 
 
 def taxels(data):
-    """Positions and normals of the first patch."""
+    """Return positions and normals of the first patch."""
     table = json.loads(data)["patches"][0]["taxels"]
     return np.array(table["position"]), np.array(table["normal"])
 
 
 def test_pose_of_the_parent_does_not_matter_to_the_bit(bpy, link, fit_scene):
-    """The frame's place and turn in the world are the robot's pose, not the link's shape."""
+    """The pose of the parent is that of the robot, and does not change the link."""
     alone = fit_scene()
     frame = frame_for(bpy, link)
     assert fit_scene() == alone
@@ -38,7 +41,7 @@ def test_pose_of_the_parent_does_not_matter_to_the_bit(bpy, link, fit_scene):
 
 @pytest.mark.parametrize("scale", [0.001, 25.4])
 def test_even_scale_of_the_parent_counts(bpy, link, fit_scene, scale):
-    """A link in millimetres under a frame of scale 0.001 is as large as it looks."""
+    """A link in millimetres under a parent with the scale 0.001 has its displayed size."""
     alone = taxels(fit_scene())
     frame_for(bpy, link, (scale,) * 3)
     link.scale = (1 / scale,) * 3
@@ -48,14 +51,14 @@ def test_even_scale_of_the_parent_counts(bpy, link, fit_scene, scale):
 
 @pytest.mark.parametrize("scale", [(-1, 1, 1), (-1, -1, -1), (1, 1, 2)])
 def test_parent_that_is_no_frame_is_refused(bpy, link, scale):
-    """Mirrored or stretched, the parent's axes are no rotation."""
+    """A mirrored or stretched parent is not a rotation."""
     frame_for(bpy, link, scale)
     with pytest.raises(RuntimeError, match="frame, the parent of arm .* mirrored or scaled unevenly; apply its scale"):
         bpy.ops.skin_calib.fit()
 
 
 def test_parented_in_place_is_measured_from_the_parent(bpy, link, fit_scene):
-    """Blender's own way to parent keeps the object in place: taxels move from world to parent axes."""
+    """Blender's Parent operator keeps the object in place: taxels change from world to parent axes."""
     world = taxels(fit_scene())
     frame = frame_for(bpy, link, keep=True)
     to_link = np.array(frame.matrix_world.inverted())
@@ -66,7 +69,7 @@ def test_parented_in_place_is_measured_from_the_parent(bpy, link, fit_scene):
 
 
 def test_moved_and_turned_object_carries_its_taxels(bpy, link, fit_scene):
-    """Without a parent the world is the link frame: the object's place in it counts."""
+    """Without a parent the world is the link frame, and the pose of the object counts."""
     before = taxels(fit_scene())
     link.location, link.rotation_euler = (0.1, -0.3, 0.02), (radians(20), radians(-35), radians(80))
     bpy.context.view_layer.update()
@@ -79,7 +82,7 @@ def test_moved_and_turned_object_carries_its_taxels(bpy, link, fit_scene):
 
 @pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -1, 1), (-1, -1, -1)])
 def test_mirrored_object_keeps_outward_normals(bpy, link, fit_scene, fit_plainly, tmp_path, scale):
-    """The other arm's link: a mirrored mesh looks outward still, and its plan gives the same without Blender."""
+    """Normals of a mirrored mesh point outward, and its plan gives the same result without Blender."""
     link.scale = scale
     middle = np.array([(link.matrix_basis @ v.co)[:] for v in link.data.vertices]).mean(axis=0)
     data = fit_scene()
@@ -90,7 +93,7 @@ def test_mirrored_object_keeps_outward_normals(bpy, link, fit_scene, fit_plainly
 
 
 def test_placed_object_and_its_exported_plan_agree_to_the_bit(bpy, link, fit_scene, fit_plainly, tmp_path):
-    """Moved, turned, scaled, under a frame, in a scene of centimetres: the exported plan gives the scene's bytes."""
+    """The object is moved, turned, scaled and has a parent, in a scene of centimetres."""
     bpy.context.scene.unit_settings.scale_length = 0.01
     frame_for(bpy, link, (2, 2, 2))
     link.location, link.rotation_euler, link.scale = (1.0, -3.0, 2.0), (0.3, 0.7, 0.2), (-49, 51, 50)
@@ -111,7 +114,7 @@ def test_cut_starts_at_the_cursor(bpy, addon, link):
 
 
 def test_modifiers_count(bpy, addon, link):
-    """The mesh is the one that is seen: with its modifiers, in object and in edit mode."""
+    """The mesh is the displayed one, with its modifiers, in object and in edit mode."""
     plain = addon.scene.read_mesh(link, bpy.context)
     link.modifiers.new("finer", "SUBSURF").levels = 1
     assert len(addon.scene.read_mesh(link, bpy.context).faces) == 6 * len(plain.faces)  # three quads of each
@@ -121,7 +124,10 @@ def test_modifiers_count(bpy, addon, link):
 
 
 def test_link_switched_off_is_fitted_or_refused(bpy, link, fit_scene):
-    """Blender evaluates no modifiers of what is switched off: without any, nothing is lost; with some, we say so."""
+    """Blender does not evaluate modifiers of disabled objects.
+
+    A link without any is fitted, one with some is refused.
+    """
     seen = fit_scene()
     link.hide_viewport = True
     assert fit_scene() == seen

@@ -1,4 +1,4 @@
-"""Live fit: surface and skin follow the plan; no file, no undo step and no other link knows of a preview."""
+"""Live updates: surface and skin follow the plan; files, undo steps and other links are not affected."""
 
 from threading import Event
 
@@ -9,20 +9,20 @@ from tests.blender.conftest import look
 
 @pytest.fixture
 def following(bpy, link, addon):
-    """A fitted link that follows its plan."""
+    """Return a fitted link with Live on."""
     bpy.ops.skin_calib.fit()
     bpy.context.object.skin_calib.live = True
     return bpy.context.object
 
 
 def rest(live, monkeypatch):
-    """Let the plan rest: the timer draws, then finishes."""
+    """Run the timer until the complete fit has ended."""
     while live.tick() is not None:
         monkeypatch.setattr(live, "FIT_DELAY", 0.0)
 
 
 def test_surface_and_skin_follow_a_change(bpy, addon, live, following, monkeypatch):
-    """A preview is drawn at once, with its mean; after a rest the result is the one that the button gives."""
+    """A preview with its mean error is drawn at once; after a delay the result is that of the button."""
     plan = following.skin_calib
     before = plan.result.key
     plan.grid.n += 2
@@ -38,7 +38,7 @@ def test_surface_and_skin_follow_a_change(bpy, addon, live, following, monkeypat
 
 
 def test_many_changes_make_one_fit(live, preview, following, monkeypatch):
-    """While the hand moves only the last state counts."""
+    """During many changes only the last state is fitted."""
     fits = []
     monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
     for n in range(6, 16):
@@ -49,7 +49,7 @@ def test_many_changes_make_one_fit(live, preview, following, monkeypatch):
 
 
 def test_change_of_a_skin_needs_no_other_surface(bpy, addon, live, preview, following, monkeypatch):
-    """Rows, origins and the like lay the skin anew on the last surface; planes and the mesh ask for another."""
+    """Changes of the skin use the last surface; planes and mesh need a new one."""
     fits = []
     monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
     plan = following.skin_calib
@@ -72,7 +72,7 @@ def test_change_of_a_skin_needs_no_other_surface(bpy, addon, live, preview, foll
 
 
 def test_plan_that_cannot_be_fitted_says_why_and_recovers(live, following, monkeypatch):
-    """The last result stays; the next sound plan is drawn again."""
+    """The last result stays; the next valid plan is drawn again."""
     plan = following.skin_calib
     key = plan.result.key
     plan.skins[0].rows = 900
@@ -84,7 +84,7 @@ def test_plan_that_cannot_be_fitted_says_why_and_recovers(live, following, monke
 
 
 def test_link_that_does_not_follow_is_left_alone(bpy, live, link):
-    """Without Live a change fits nothing; switched off, what waits is forgotten."""
+    """Without Live a change starts no fit; when Live is switched off, requests are removed."""
     bpy.ops.skin_calib.fit()
     plan = bpy.context.object.skin_calib
     plan.grid.n += 1
@@ -94,8 +94,8 @@ def test_link_that_does_not_follow_is_left_alone(bpy, live, link):
     assert live.tick() is None and plan.result.outdated
 
 
-def test_object_that_goes_or_changes_its_name_stops_nothing(bpy, live, following):
-    """Renamed, deleted, without a link name: forgotten."""
+def test_removed_and_renamed_objects_are_forgotten(bpy, live, following):
+    """Requests of renamed and deleted objects, and of those without a link name, are removed."""
     plan = following.skin_calib
     plan.grid.n += 1
     following.name = "other"
@@ -108,8 +108,8 @@ def test_object_that_goes_or_changes_its_name_stops_nothing(bpy, live, following
     assert live.tick() is None
 
 
-def test_undo_takes_the_preview_away(bpy, addon, live, following, monkeypatch):
-    """And the link catches up with the plan that came back."""
+def test_undo_removes_the_preview(bpy, addon, live, following, monkeypatch):
+    """The link is then updated to the restored plan."""
     bpy.ops.ed.undo_push(message="before")
     following.skin_calib.grid.n = 14
     bpy.ops.ed.undo_push(message="after")
@@ -122,7 +122,7 @@ def test_undo_takes_the_preview_away(bpy, addon, live, following, monkeypatch):
     assert not link.skin_calib.result.outdated
 
 
-def test_new_file_forgets_what_waits(bpy, addon, live, following):
+def test_new_file_removes_requests(bpy, addon, live, following):
     """Nothing of the old file is fitted in the new one."""
     following.skin_calib.grid.n += 1
     look(live)
@@ -140,7 +140,7 @@ OTHER = {
 @pytest.mark.parametrize("change", OTHER.values(), ids=OTHER)
 @pytest.mark.parametrize("follow", [False, True])
 def test_other_mesh_modifier_or_place_outdates_the_result(bpy, live, link, change, follow, monkeypatch):
-    """Of links that follow, and of those that do not; what changes nothing is not taken for a change."""
+    """This is for links with and without Live; edits without an effect do not count."""
     bpy.ops.skin_calib.fit()
     link = bpy.context.object
     link.skin_calib.live = follow
@@ -158,8 +158,8 @@ def test_other_mesh_modifier_or_place_outdates_the_result(bpy, live, link, chang
     assert (link.skin_calib.result.key != key) == follow
 
 
-def test_fit_goes_on_beside_the_window(bpy, live, following, monkeypatch):
-    """A change while the last step runs stops that, and the plan's own result is the one that is kept."""
+def test_fit_runs_in_a_thread(bpy, live, following, monkeypatch):
+    """A change during the last step stops the fit, and the result of the new plan is kept."""
     go_on, begun = Event(), Event()
 
     def slowly(plan, mesh, begin, real=live.results.fit):
@@ -182,7 +182,7 @@ def test_fit_goes_on_beside_the_window(bpy, live, following, monkeypatch):
 
 
 def test_link_that_does_not_follow_is_never_fitted(bpy, live, link, monkeypatch):
-    """Its cuts are sketched; however slow the window is, its author fits it."""
+    """Its cuts are sketched, but only the button fits it."""
     bpy.ops.skin_calib.fit()
     key = link.skin_calib.result.key
     monkeypatch.setattr(live, "FIT_DELAY", 0.0)
@@ -192,14 +192,14 @@ def test_link_that_does_not_follow_is_never_fitted(bpy, live, link, monkeypatch)
     assert link.name in live.sketches and link.skin_calib.result.outdated and link.skin_calib.result.key == key
 
 
-def test_mesh_that_is_touched_by_looking_at_it_is_looked_at_once(bpy, live, link, monkeypatch):
-    """Blender evaluates an object with nodes anew when a property of it is written or its mesh is read."""
+def test_mesh_that_changes_by_reading_is_compared_once(bpy, live, link, monkeypatch):
+    """Blender evaluates an object with nodes again when its property is written or its mesh is read."""
     bpy.ops.skin_calib.fit()
     looks = []
 
     def touching(link, context, real=live.scene.read_facets):
         looks.append(link.name)
-        assert len(looks) < 9, "it looks for ever"
+        assert len(looks) < 9, "endless comparison"
         live._possibly_changed.add(link.name)
         return real(link, context)
 

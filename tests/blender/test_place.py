@@ -1,4 +1,4 @@
-"""Points of a skin are put on the link by hand: typed, at the 3D cursor, or where a ray from the eye meets the mesh."""
+"""Points of a skin are placed on the link: typed, at the 3D cursor, or at the intersection of a ray from the eye."""
 
 import importlib
 
@@ -14,7 +14,7 @@ TARGETS = [(0, "origin", 0), (1, "landmark", 0), (2, "zone", 1)]  # row of `poin
 
 
 def points(link):
-    """Origin, landmark and zone of the two skins that `with_skins` makes."""
+    """Return origin, landmark and zone of the two skins of `with_skins`."""
     sheet, boards = link.skin_calib.skins
     places = (sheet.origin, sheet.landmarks[0].point, boards.excluded[0].point)
     return np.array([tuple(place) for place in places])
@@ -22,7 +22,7 @@ def points(link):
 
 @pytest.fixture
 def with_skins(bpy, link):
-    """A sheet with a landmark, and boards with an excluded zone."""
+    """Return a link with a sheet with a landmark, and boards with an excluded zone."""
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     bpy.ops.skin_calib.landmark_add(skin=0)
     bpy.ops.skin_calib.zone_add(skin=1)
@@ -31,7 +31,7 @@ def with_skins(bpy, link):
 
 @pytest.mark.parametrize("row, what, skin", TARGETS)
 def test_given_point_is_put_there_and_nowhere_else(bpy, with_skins, row, what, skin):
-    """The twin of the click takes the point itself, in the link frame, and undoes in one step."""
+    """The operator of the click uses the given point in the link frame, in one undo step."""
     bpy.ops.ed.undo_push(message="start")
     before = points(with_skins)
     assert bpy.ops.skin_calib.place("EXEC_DEFAULT", True, what=what, skin=skin, point=POINT) == {"FINISHED"}
@@ -47,7 +47,7 @@ def test_given_point_is_put_there_and_nowhere_else(bpy, with_skins, row, what, s
 
 @pytest.mark.parametrize("row, what, skin", TARGETS)
 def test_cursor_is_taken_in_the_link_frame(bpy, with_skins, row, what, skin):
-    """However the parent stands in the world, what the cursor points at is kept as the link sees it."""
+    """For any pose of the parent, the position of the cursor is stored in the link frame."""
     from mathutils import Vector
 
     frame = frame_for(bpy, with_skins, (2, 2, 2))
@@ -57,7 +57,7 @@ def test_cursor_is_taken_in_the_link_frame(bpy, with_skins, row, what, skin):
 
 
 def test_ray_meets_the_mesh_that_one_sees(bpy, addon, link):
-    """First the near side, with modifiers, scale and parent counted, in the frame in which the plan's points are."""
+    """It finds the near side, with modifiers, scale and parent, in the frame of the plan's points."""
     from mathutils import Vector
 
     link.modifiers.new("thick", "SOLIDIFY").thickness = -0.002  # outwards
@@ -66,30 +66,30 @@ def test_ray_meets_the_mesh_that_one_sees(bpy, addon, link):
     depsgraph = bpy.context.evaluated_depsgraph_get()
     seen = addon.scene.read_mesh(link, bpy.context)
     middle = np.array((0.0, 0.015, 0.03))
-    for way in np.array(((1, 0, 0), (-0.6, 0.8, 0.1), (0, -1, 0.2))):
-        eye = middle - 0.5 * way / np.linalg.norm(way)
+    for direction in np.array(((1, 0, 0), (-0.6, 0.8, 0.1), (0, -1, 0.2))):
+        eye = middle - 0.5 * direction / np.linalg.norm(direction)
         to_world = addon.scene.link_frame(link)
-        start, ahead = (to_world @ Vector(p) for p in (eye, eye + way))
+        start, ahead = (to_world @ Vector(p) for p in (eye, eye + direction))
         point = np.array(addon.scene.point_on(link, depsgraph, start, ahead - start))
-        expected = first_crossing(seen, eye, way)
+        expected = first_crossing(seen, eye, direction)
         assert_allclose(point, expected, atol=1e-6)
     assert addon.scene.point_on(link, depsgraph, start, start - ahead) is None
 
 
-def first_crossing(mesh, eye, way):
-    """Where a ray first meets a mesh, by looking at every triangle (Moeller and Trumbore)."""
+def first_crossing(mesh, eye, direction):
+    """Return the first intersection of a ray and a mesh, over all triangles (Moeller and Trumbore)."""
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
-    across = np.cross(way, c - a)
+    across = np.cross(direction, c - a)
     scale = ((b - a) * across).sum(axis=1)
     u = ((eye - a) * across).sum(axis=1) / scale
     up = np.cross(eye - a, b - a)
-    v, t = (up @ way) / scale, ((c - a) * up).sum(axis=1) / scale
+    v, t = (up @ direction) / scale, ((c - a) * up).sum(axis=1) / scale
     met = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
-    return eye + t[met].min() * way
+    return eye + t[met].min() * direction
 
 
 def test_link_that_cannot_be_clicked_on_is_refused(bpy, addon, link):
-    """Rays miss what is edited or hidden; the message says what to do."""
+    """Rays do not find edited or hidden objects; the message states what to do."""
     addon.scene.check_seen(link)
     bpy.ops.object.mode_set(mode="EDIT")
     with pytest.raises(Exception, match="arm is being edited; leave Edit Mode"):
@@ -100,8 +100,8 @@ def test_link_that_cannot_be_clicked_on_is_refused(bpy, addon, link):
         addon.scene.check_seen(link)
 
 
-def test_manual_shows_what_works(bpy):
-    """The lines in ``docs/reference/window.md`` lay boards on the sample sole and keep one zone clear."""
+def test_lines_of_the_manual_work(bpy):
+    """The lines in ``docs/reference/window.md`` place boards on the sample sole and keep one zone free."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "sole.blend"))
     bpy.ops.skin_calib.skin_remove(index=0)
     _, example = (ROOT / "docs" / "reference" / "window.md").read_text().split("```python\n")
@@ -112,18 +112,18 @@ def test_manual_shows_what_works(bpy):
 
 
 def test_origin_that_is_placed_holds_the_sheet(bpy, addon, link):
-    """The calibration has cell (0, 0) where the origin was put, next to it on the surface."""
+    """Cell (0, 0) of the calibration is at the placed origin, next to it on the surface."""
     bpy.ops.skin_calib.place(skin=0, point=POINT)
     bpy.ops.skin_calib.fit()
     result = addon.results.find(link.skin_calib.result.key)
     taxels = result.calibration.patches[0].taxels
-    way, normal = taxels.positions_link[0] - POINT, taxels.normals_link[0]
-    assert np.linalg.norm(way) < 0.001
-    assert_allclose(way - (way @ normal) * normal, 0, atol=2e-7)
+    direction, normal = taxels.positions_link[0] - POINT, taxels.normals_link[0]
+    assert np.linalg.norm(direction) < 0.001
+    assert_allclose(direction - (direction @ normal) * normal, 0, atol=2e-7)
 
 
 def test_what_can_be_moved_has_a_handle(addon, with_skins):
-    """Landmarks take the place of the origin; taxels of a file lie where that says."""
+    """Landmarks replace the origin; taxels of a file have no handle."""
     handles = importlib.import_module(addon.scene.__name__.replace(".scene.scene", ".handles.skin_handles"))
     plan = with_skins.skin_calib
     sheet = [("direction", 0, 0), ("landmark", 0, 0)]

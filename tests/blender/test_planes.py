@@ -1,4 +1,4 @@
-"""Planes one by one in a scene: placed, changed in lists, sketched; an axis through two sections."""
+"""Hand-placed planes in a scene: placed, changed in lists, sketched; an axis through two sections."""
 
 import json
 
@@ -11,18 +11,18 @@ from tests.blender.conftest import look
 
 @pytest.fixture
 def placed(bpy, link):
-    """A link with its planes placed by hand."""
+    """Return a link with hand-placed planes."""
     bpy.ops.skin_calib.planes_place()
     return bpy.context.object
 
 
 def points(listed):
-    """Points of listed planes."""
+    """Return the points of the planes of a list."""
     return np.array([tuple(plane.point) for plane in listed])
 
 
 def test_placed_planes_are_those_of_the_grid(bpy, placed, fit_scene):
-    """As many as before, closed, and a fit along them is as good."""
+    """Their number is the same, they are closed, and a fit along them is as good."""
     grid = placed.skin_calib.grid
     assert (grid.kind, grid.closed, len(grid.u), len(grid.v)) == ("planes", True, 5, 6)
     table = json.loads(fit_scene())
@@ -32,7 +32,7 @@ def test_placed_planes_are_those_of_the_grid(bpy, placed, fit_scene):
 
 
 def test_lists_are_changed_by_buttons_each_in_one_step(bpy, placed):
-    """Added half way, spread, mirrored, removed; undo goes back through all of it."""
+    """Planes are added, spread, mirrored and removed; undo restores each step."""
     grid = placed.skin_calib.grid
     seen = [points(grid.u)]
     grid.u_index = 1
@@ -53,8 +53,8 @@ def test_lists_are_changed_by_buttons_each_in_one_step(bpy, placed):
         assert_allclose(points(bpy.context.object.skin_calib.grid.u), expected)
 
 
-def test_first_plane_comes_at_the_cursor(bpy, link):
-    """An empty list can be filled; what works on planes says that there are none."""
+def test_first_plane_is_at_the_cursor(bpy, link):
+    """An empty list can be filled; operators on planes report an empty list."""
     grid = link.skin_calib.grid
     with pytest.raises(RuntimeError, match="Place the planes by hand first"):
         bpy.ops.skin_calib.plane_add(family="u")
@@ -70,8 +70,8 @@ def test_first_plane_comes_at_the_cursor(bpy, link):
         bpy.ops.skin_calib.plane_remove(family="u", index=4)
 
 
-def test_planes_that_are_wrong_are_told_while_they_are_placed(bpy, placed, live):
-    """Off the mesh, past a neighbour, without a normal; a cut that removes all, or nothing."""
+def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, live):
+    """A plane can miss the mesh, be in the wrong order, or have no normal; a cut can remove all or nothing."""
     grid = placed.skin_calib.grid
     look(live)
     sketch = live.sketches[placed.name]
@@ -91,8 +91,8 @@ def test_planes_that_are_wrong_are_told_while_they_are_placed(bpy, placed, live)
     assert wrong["CUT", 1].startswith("removes nothing; distance 1")
 
 
-def test_cut_shows_what_it_takes_away(bpy, addon, live, link):
-    """Red triangles on the far side of the plane, none on the side that is kept."""
+def test_cut_shows_the_removed_part(bpy, addon, live, link):
+    """Red triangles are on the far side of the plane only."""
     bpy.ops.skin_calib.cut_add()
     cut = link.skin_calib.cover.cuts[0]
     cut.point, cut.normal = (0, 0, 0.06), (0, 0, -1)
@@ -105,7 +105,7 @@ def test_cut_shows_what_it_takes_away(bpy, addon, live, link):
 
 
 def test_axis_goes_through_two_sections(bpy, link):
-    """Given points are twins of clicks; the axis runs from the first section to the second."""
+    """Given points replace clicks; the axis points from the first section to the second."""
     grid, vertices = link.skin_calib.grid, points_of(link)
     low, high = (vertices[np.argmin(np.abs(vertices[:, 2] - z))] for z in (0.04, 0.08))
     bpy.ops.skin_calib.axis_from_sections(first=low, second=high)
@@ -119,5 +119,5 @@ def test_axis_goes_through_two_sections(bpy, link):
 
 
 def points_of(link):
-    """Vertices of the link's mesh, which is in metres in its frame."""
+    """Return the vertices of the link's mesh, in metres in its frame."""
     return np.array([tuple(vertex.co) for vertex in link.data.vertices])

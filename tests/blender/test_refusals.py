@@ -1,4 +1,4 @@
-"""What cannot be done is refused with the reason, and leaves scene and files as they were."""
+"""Impossible operations are refused with the reason, and do not change scene and files."""
 
 import math
 
@@ -8,14 +8,14 @@ from tests.blender.conftest import PLAN
 
 
 def scene_state(bpy, addon):
-    """Everything that a refused operator might have changed."""
+    """Return everything that a refused operator could change."""
     return [(o.name, values(o.skin_calib), tuple(o.location)) for o in bpy.data.objects], [
         m.name for m in bpy.data.meshes
     ]
 
 
 def values(group):
-    """All properties of a group and of those in it."""
+    """Return all properties of a group and of its groups."""
     return {
         item.identifier: values(value)
         if item.type == "POINTER"
@@ -122,7 +122,7 @@ def no_radius(bpy, link):
     link.skin_calib.skins[0].excluded.add().radius = 0
 
 
-def no_way(bpy, link):
+def no_direction(bpy, link):
     boards_of(link, auto_direction=False, direction=(0, 0, 0))
 
 
@@ -130,16 +130,16 @@ def no_file(bpy, link):
     link.skin_calib.skins[0].kind = "imported"
 
 
-def lost_file(bpy, link):
+def missing_file(bpy, link):
     link.skin_calib.skins[0].kind, link.skin_calib.skins[0].file = "imported", "/lost.csv"
 
 
 def no_rotation(bpy, link):
-    lost_file(bpy, link)
+    missing_file(bpy, link)
     link.skin_calib.skins[0].framed, link.skin_calib.skins[0].rotation[0] = True, math.nan
 
 
-def landmark_beside(bpy, link):
+def landmark_beyond_the_sheet(bpy, link):
     link.skin_calib.skins[0].landmarks.add().cell = (2, 0)
 
 
@@ -182,11 +182,11 @@ BAD_LINKS = {
     wide_boards: "no board with sides of 300 mm fits completely in the region",
     no_side: "arm: Skin 'band', Side: must be at least 0.1 mm, not 0 mm",
     no_radius: "arm: Skin 'band', Excluded Zone 0, Radius: must be more than 0 mm, not 0 mm",
-    no_way: "The direction of skin 'band' is zero",
+    no_direction: "The direction of skin 'band' is zero",
     no_file: "Skin 'band', File: is empty; choose the file that has the taxels",
-    lost_file: "/lost.csv",
+    missing_file: "/lost.csv",
     no_rotation: "arm: Skin 'band', Rotation: must be a finite number",
-    landmark_beside: r"Skin 'band' has a landmark at cell \[2, 0\], but the sheet has 2 x 3 cells",
+    landmark_beyond_the_sheet: r"Skin 'band' has a landmark at cell \[2, 0\], but the sheet has 2 x 3 cells",
     same_landmarks: "landmarks 0 and 1 have the same cell or the same point",
     channel_beyond: "Skin 'band' would end on channel 2147483652",
     not_a_number: "arm: Skin 'band', Direction: must be a finite number",
@@ -194,18 +194,18 @@ BAD_LINKS = {
 }
 
 
-@pytest.mark.parametrize("spoil", BAD_LINKS, ids=lambda spoil: spoil.__name__)
-def test_bad_link_is_refused_by_every_door(bpy, addon, link, tmp_path, capsys, spoil):
-    """Fit, both exports and the command say the same, and change nothing."""
+@pytest.mark.parametrize("change", BAD_LINKS, ids=lambda change: change.__name__)
+def test_bad_link_is_refused_by_every_interface(bpy, addon, link, tmp_path, capsys, change):
+    """Fit, both exports and the command give the same message, and change nothing."""
     bpy.ops.skin_calib.fit()
     out = tmp_path / "out.json"
     out.write_bytes(b"as it was")
-    spoil(bpy, link)
+    change(bpy, link)
     bpy.context.view_layer.update()
     scene, files = scene_state(bpy, addon), folder_state(tmp_path)
-    with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[spoil]}"):
+    with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[change]}"):
         bpy.ops.skin_calib.fit()
-    with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[spoil]}"):
+    with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[change]}"):
         bpy.ops.skin_calib.export_calibration(filepath=str(out))
     assert addon.command.main(["fit", "-o", str(out)]) == 1
     assert len(capsys.readouterr().err.splitlines()) == 1
@@ -226,7 +226,7 @@ BAD_PLANS = {
 
 @pytest.mark.parametrize("case", BAD_PLANS)
 def test_bad_plan_is_refused(bpy, addon, plan_file, tmp_path, case):
-    """A plan that cannot be read, or does not fit its mesh, opens nothing."""
+    """A plan that cannot be read, or does not fit its mesh, is not opened."""
     changes, message = BAD_PLANS[case]
     path = plan_file(**changes)
     scene, files = scene_state(bpy, addon), folder_state(tmp_path)
@@ -236,7 +236,7 @@ def test_bad_plan_is_refused(bpy, addon, plan_file, tmp_path, case):
 
 
 def test_unreadable_plan_is_refused(bpy, addon, tmp_path):
-    """No file, no JSON, a folder: one line each."""
+    """A missing file, invalid JSON and a folder give one line each."""
     (tmp_path / "broken.json").write_text("{")
     for path in ("missing.json", "broken.json", "."):
         with pytest.raises(RuntimeError, match="Error: .+"):
@@ -245,8 +245,8 @@ def test_unreadable_plan_is_refused(bpy, addon, tmp_path):
 
 
 @pytest.mark.parametrize("operator", ["export_plan", "export_calibration", "export_taxels"])
-def test_place_that_cannot_be_written_is_refused(bpy, addon, link, tmp_path, operator):
-    """A missing folder, a folder in the file's place, no path: the scene and the files stay."""
+def test_path_that_cannot_be_written_is_refused(bpy, addon, link, tmp_path, operator):
+    """A missing folder, a folder instead of a file, and an empty path change neither scene nor files."""
     (tmp_path / "folder").mkdir()
     scene, files = scene_state(bpy, addon), folder_state(tmp_path)
     for path in (tmp_path / "missing" / "out.json", tmp_path / "folder"):
@@ -267,7 +267,7 @@ def bare_object(bpy, kind="MESH"):
     "operator", ["fit", "skin_add", "cut_add", "place", "export_plan", "export_calibration", "export_taxels"]
 )
 def test_button_without_a_link_says_why(bpy, operator):
-    """Nothing active, an empty active, a mesh without a name: the message tells what to do."""
+    """For no active object, an empty, and a mesh without a name, the message states what to do."""
     press = getattr(bpy.ops.skin_calib, operator)
     with pytest.raises(RuntimeError, match="Select the mesh object of a link"):
         press()
@@ -300,7 +300,7 @@ NOT_THERE = {
 
 
 def with_entries(bpy):
-    """A landmark on the sheet that is there, and a zone on boards beside it."""
+    """Add a landmark to the sheet, and boards with a zone."""
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     bpy.ops.skin_calib.landmark_add(skin=0)
     bpy.ops.skin_calib.zone_add(skin=1)
@@ -308,7 +308,7 @@ def with_entries(bpy):
 
 @pytest.mark.parametrize("operator", NOT_THERE)
 def test_entry_that_is_not_there_is_refused(bpy, addon, link, operator):
-    """An index beyond the list is named, with how many there are."""
+    """The message has the index and the length of the list."""
     with_entries(bpy)
     before = scene_state(bpy, addon)
     with pytest.raises(RuntimeError, match=r"Error: There is no .+ \d; there are \d, counted from 0"):
@@ -329,7 +329,7 @@ OTHER_KIND = {
 
 @pytest.mark.parametrize("operator", OTHER_KIND)
 def test_what_the_other_kind_has_is_refused(bpy, addon, link, operator):
-    """Boards have no landmarks, sheets no zones."""
+    """Boards have no landmarks, sheets have no zones."""
     with_entries(bpy)
     before = scene_state(bpy, addon)
     with pytest.raises(
@@ -340,7 +340,7 @@ def test_what_the_other_kind_has_is_refused(bpy, addon, link, operator):
 
 
 def test_linked_library_is_fitted_from_outside_and_not_edited(bpy, addon, link, fit_scene, tmp_path):
-    """An object of another file keeps its plan: the command fits it, the buttons say where to edit it."""
+    """The command fits an object of another file; the buttons state where to edit it."""
     own = fit_scene()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -357,7 +357,7 @@ def test_linked_library_is_fitted_from_outside_and_not_edited(bpy, addon, link, 
 
 
 def test_import_from_edit_mode_leaves_it(bpy, plan_file, link):
-    """The new link is active in object mode; the mesh that was edited is whole."""
+    """The new link is active in object mode; the edited mesh is complete."""
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("leg")))
     assert bpy.context.object.name == "leg" and bpy.context.mode == "OBJECT"

@@ -1,4 +1,4 @@
-"""The extension comes and goes without a trace, and says what each of its parts is for."""
+"""The extension can be removed without a trace, and each of its parts has a description."""
 
 from types import MethodType, SimpleNamespace
 
@@ -25,7 +25,7 @@ PANELS = (
 
 
 def traces(bpy):
-    """Everything of ours that Blender knows of."""
+    """Return everything of the extension that is registered in Blender."""
     return {
         "classes": sorted(name for name in dir(bpy.types) if name.startswith("SKIN_")),
         "operators": sorted(dir(bpy.ops.skin_calib)),
@@ -47,7 +47,7 @@ def traces(bpy):
 
 
 def test_extension_leaves_nothing_behind(bpy, addon, extension):
-    """Disabled, enabled, disabled: Blender knows nothing of ours, all of it, nothing."""
+    """It is disabled, enabled and disabled: nothing, all, and nothing is registered."""
     import addon_utils
 
     enabled = traces(bpy)
@@ -63,7 +63,7 @@ def test_extension_leaves_nothing_behind(bpy, addon, extension):
 
 
 def test_operator_has_tooltip_and_undo(bpy):
-    """Each says what it does; each that changes the scene can be undone."""
+    """Each operator has a description; each one that changes the scene can be undone."""
     for name in (*OPERATORS, *EXCHANGE):
         operator = getattr(bpy.ops.skin_calib, name)
         assert len(operator.get_rna_type().description) > 15, name
@@ -73,7 +73,7 @@ def test_operator_has_tooltip_and_undo(bpy):
 
 
 def properties(group, path=""):
-    """Every property of a group and of those in it, with its path."""
+    """Yield every property of a group and of its groups, with its path."""
     for item in group.properties:
         if item.identifier not in ("rna_type", "name") or path.endswith("skins."):
             yield path + item.identifier, item
@@ -82,7 +82,7 @@ def properties(group, path=""):
 
 
 def test_property_has_tooltip_and_no_animation(bpy):
-    """Each property of a plan is explained, and none can be keyed."""
+    """Each property of a plan has a description, and none can be animated."""
     found = dict(properties(bpy.types.Object.bl_rna.properties["skin_calib"].fixed_type))
     assert {
         "link",
@@ -97,7 +97,7 @@ def test_property_has_tooltip_and_no_animation(bpy):
 
 
 class Layout:
-    """Stands in for a panel's layout: takes what Blender would, and writes down what is shown."""
+    """A substitute for a panel's layout: it accepts the same calls, and records what is shown."""
 
     def __init__(self, bpy, shown):
         self.bpy, self.shown = bpy, shown
@@ -133,7 +133,7 @@ class Layout:
 
 
 class Drawn:
-    """Stands in for a panel, of which Blender alone makes one."""
+    """A substitute for a panel, which only Blender can create."""
 
     def __init__(self, panel, layout):
         self.panel, self.layout = panel, layout
@@ -143,7 +143,7 @@ class Drawn:
 
 
 def draw(bpy, name):
-    """What a panel shows; None if it is not there."""
+    """Return what a panel shows; None if it is not shown."""
     panel = getattr(bpy.types, f"SKIN_PT_{name}")
     if not panel.poll(bpy.context):
         return None
@@ -153,8 +153,8 @@ def draw(bpy, name):
 
 
 @pytest.mark.parametrize("kind", ["tube", "auto", "sector", "across", "planes"])
-def test_panel_lays_out_what_there_is(bpy, link, kind):
-    """Every button and field that a panel names exists, whatever the plan is."""
+def test_panel_shows_existing_properties(bpy, link, kind):
+    """Every button and field of a panel exists, for any plan."""
     plan = link.skin_calib
     plan.grid.kind, plan.grid.auto_axis, plan.grid.auto_margin = kind, False, False
     plan.skins[0].centred = False
@@ -171,15 +171,15 @@ def test_panel_lays_out_what_there_is(bpy, link, kind):
 
 
 EVERY_SKIN = {"name", "kind", "auto_channel", "first_channel"}
-LAID = {"offset", "centred", "origin", "direction"}
-SHEETS = LAID | {"rows", "columns", "pitch", "hand", "trim"}
-BOARDS = LAID | {"side", "auto_gap", "gap", "choice", "cells", "auto_direction"}
+SHOWN_LINES = {"offset", "centred", "origin", "direction"}
+SHEETS = SHOWN_LINES | {"rows", "columns", "pitch", "hand", "trim"}
+BOARDS = SHOWN_LINES | {"side", "auto_gap", "gap", "choice", "cells", "auto_direction"}
 IMPORTED = {"file", "format", "only", "framed", "rotation", "translation", "snap"}
 
 
 @pytest.mark.parametrize("kind, own", [("sheet", SHEETS), ("hexagons", BOARDS), ("imported", IMPORTED)])
 def test_panel_shows_what_applies_to_the_kind(bpy, link, kind, own):
-    """Each option of a skin has its field, those of the other kinds have none, and none is forgotten."""
+    """Each option of a skin has a field, and those of other kinds have none."""
     skin = link.skin_calib.skins[0]
     names = {p.identifier for p in skin.bl_rna.properties} - {"rna_type", "landmarks", "excluded", "cells_wrong"}
     assert names == EVERY_SKIN | SHEETS | BOARDS | IMPORTED
@@ -208,7 +208,7 @@ def test_panel_lists_landmarks_and_zones(bpy, link):
 
 
 def test_panel_shows_warnings_line_by_line(bpy, link):
-    """Message and advice, each in lines that the sidebar can show."""
+    """Message and advice are in lines that the sidebar can show."""
     result = link.skin_calib.result
     result.key, warning = "key", result.warnings.add()
     warning.severity, warning.message = "warning", "The surface is 7.1 mm off the mesh at the first plane."
@@ -218,7 +218,7 @@ def test_panel_shows_warnings_line_by_line(bpy, link):
 
 
 def test_add_button_says_which_kind_it_adds(bpy):
-    """One operator, two buttons, a tooltip for each."""
+    """One operator has two buttons, with a tooltip for each."""
     describe = bpy.types.SKIN_CALIB_OT_skin_add.description
     for kind, words in KINDS.items():
         button = SimpleNamespace(bl_rna=bpy.ops.skin_calib.skin_add.get_rna_type(), kind=kind)
@@ -226,7 +226,7 @@ def test_add_button_says_which_kind_it_adds(bpy):
 
 
 def test_panel_says_what_to_do_next(bpy):
-    """Without a mesh, without a name, after a change: the tab tells."""
+    """The tab reports a missing mesh, a missing name, and a changed plan."""
     assert draw(bpy, "link")[0] == "Select the mesh of a link,"
     assert draw(bpy, "fit") is None
     mesh = bpy.data.meshes.new("bare")

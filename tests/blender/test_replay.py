@@ -1,4 +1,4 @@
-"""A recording over the skin: its forces, contacts, CoP and polygons follow the frame; a timer plays it."""
+"""A recording over the skin: forces, contacts, CoP and polygons follow the frame; a timer plays it."""
 
 from types import SimpleNamespace
 
@@ -12,13 +12,13 @@ from tests.blender.test_inspect import by_name
 
 @pytest.fixture
 def ours(extension, bpy):
-    """Modules of the running extension."""
+    """Return modules of the running extension."""
     return modules(extension, "overlay.overlay", "inspection.replay", "scene.results", "registration")
 
 
 @pytest.fixture
 def record(tmp_path):
-    """Writes a recording of the small link's six taxels: a press of 1 N and more that goes from one to the next."""
+    """Return a function that writes a recording of six taxels: a press of at least 1 N moves from one to the next."""
 
     def write(frames=6, channels=6, step=0.1):
         rows = [[k * step, *((k + 1.0) * (c == k % channels) for c in range(channels))] for k in range(frames)]
@@ -32,26 +32,26 @@ def record(tmp_path):
 
 @pytest.fixture
 def shown(bpy, link, record):
-    """A fitted link with a recording over it."""
+    """Return a fitted link with a recording."""
     bpy.ops.skin_calib.fit()
     bpy.ops.skin_calib.replay_open(filepath=record())
     return bpy.context.object
 
 
 def drawn(ours, link):
-    """Layers that are drawn of a link now, by name."""
+    """Return the drawn layers of a link by name."""
     return by_name(ours.overlay.shown_layers(link))
 
 
 def pressed(ours, link):
-    """Which cells are not in the colour of no force."""
+    """Return which cells do not have the colour of zero force."""
     layer = drawn(ours, link)["FORCE"]
     colours = layer.colours[:: len(layer.colours) // 6]
     return np.flatnonzero((np.abs(colours - layer.legend.colours(np.zeros(1))) > 0.01).any(axis=1)).tolist()
 
 
 def test_cells_show_the_forces_of_the_frame(bpy, ours, shown):
-    """One scale for the whole recording; the contact is outlined."""
+    """The complete recording has one scale; the contact has an outline."""
     record = shown.skin_calib.inspect.replay
     assert shown.skin_calib.inspect.heat == "FORCE" and pressed(ours, shown) == [0]
     record.frame = 3
@@ -68,7 +68,7 @@ def test_cells_show_the_forces_of_the_frame(bpy, ours, shown):
 
 
 def test_flat_skin_shows_cop_and_polygons(bpy, ours, record, tmp_path):
-    """On the plane that it stands on; in another heat map nothing of the recording is drawn."""
+    """They are in the plane of the skin; with another heat map nothing of the recording is drawn."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "sole.blend"))
     bpy.ops.skin_calib.fit()
     link = bpy.context.object
@@ -90,8 +90,8 @@ def test_flat_skin_shows_cop_and_polygons(bpy, ours, record, tmp_path):
     assert not {"POLYGONS", "COP", "CONTACTS", "FORCE"} & set(drawn(ours, link))
 
 
-def test_recording_that_is_none_of_this_skin_is_refused(bpy, ours, shown, record):
-    """With the reason; the one that is shown stays."""
+def test_recording_of_another_skin_is_refused(bpy, ours, shown, record):
+    """The reason is reported; the last recording stays."""
     before = shown.skin_calib.inspect.replay.token
     with pytest.raises(RuntimeError, match="frame 0: the reading has 5 channels, the skin of arm needs 6"):
         bpy.ops.skin_calib.replay_open(filepath=record(channels=5))
@@ -100,14 +100,14 @@ def test_recording_that_is_none_of_this_skin_is_refused(bpy, ours, shown, record
 
 @pytest.fixture
 def clock(ours, monkeypatch):
-    """A clock that is moved by hand."""
+    """Return a clock that the test sets."""
     now = SimpleNamespace(seconds=100.0)
     monkeypatch.setattr(ours.replay, "perf_counter", lambda: now.seconds)
     return now
 
 
-def test_timer_plays_at_the_speed_that_is_asked_for(bpy, ours, shown, clock):
-    """From where it stands; another speed, or a frame that is chosen meanwhile, goes on from there."""
+def test_timer_plays_at_the_given_speed(bpy, ours, shown, clock):
+    """Playback starts at the displayed frame, and continues after a change of speed or frame."""
     record = shown.skin_calib.inspect.replay
     assert bpy.ops.skin_calib.replay_play() == {"FINISHED"} and bpy.app.timers.is_registered(ours.replay.tick)
     clock.seconds += 0.25
@@ -125,8 +125,8 @@ def test_timer_plays_at_the_speed_that_is_asked_for(bpy, ours, shown, clock):
     assert ours.replay.tick() is None and record.frame == 2
 
 
-def test_playing_leaves_the_mesh_alone(bpy, ours, shown, clock):
-    """A property that is watched has Blender evaluate the object anew, as the speed does; none changes in play."""
+def test_playing_does_not_evaluate_the_mesh(bpy, ours, shown, clock):
+    """Changes of watched properties, such as the speed, evaluate the object again; playback changes none."""
     touched = []
     bpy.context.view_layer.update()
     bpy.app.handlers.depsgraph_update_post.append(
@@ -145,7 +145,7 @@ def test_playing_leaves_the_mesh_alone(bpy, ours, shown, clock):
 
 
 def test_end_is_the_end_unless_it_loops(bpy, ours, shown, clock):
-    """Then it goes on from the beginning; from the end it is played anew."""
+    """With looping it continues from the start; after the end, playback starts again."""
     record = shown.skin_calib.inspect.replay
     bpy.ops.skin_calib.replay_play()
     clock.seconds += 0.75
@@ -159,7 +159,7 @@ def test_end_is_the_end_unless_it_loops(bpy, ours, shown, clock):
 
 
 def test_playing_ends_with_what_it_plays_on(bpy, ours, shown, clock, record):
-    """Undo, another fit, another name, removal, another file."""
+    """Undo, another fit, another name, removal and another file end it."""
     bpy.ops.skin_calib.replay_play()
     bpy.ops.ed.undo_push(message="a step")
     shown.skin_calib.inspect.replay.frame = 4
@@ -184,7 +184,7 @@ def test_playing_ends_with_what_it_plays_on(bpy, ours, shown, clock, record):
 
 
 def test_recording_of_another_fit_is_not_drawn(bpy, ours, shown):
-    """Its channels may be others; the panel says to open it again."""
+    """Its channels can differ; the panel says to open it again."""
     shown.skin_calib.grid.n += 1
     bpy.ops.skin_calib.fit()
     assert ours.replay.find(shown) is None and "FORCE" not in drawn(ours, shown)
@@ -192,7 +192,7 @@ def test_recording_of_another_fit_is_not_drawn(bpy, ours, shown):
 
 
 def test_close_and_undo(bpy, ours, shown):
-    """Closed, nothing is drawn of it; undo brings it back."""
+    """A closed recording is not drawn; undo restores it."""
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.skin_calib.replay_close("EXEC_DEFAULT", True)
     link = bpy.context.object
@@ -204,7 +204,7 @@ def test_close_and_undo(bpy, ours, shown):
 
 
 def test_example_recording_plays_on_the_sample(bpy, ours):
-    """The finger of the example slides over the sheet: each frame's contact is where it was put."""
+    """The contact of each frame is at the true position of the example's finger."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "wrist.blend"))
     bpy.ops.skin_calib.fit()
     link, path = bpy.context.object, ROOT / "examples" / "wrist_recording.csv"

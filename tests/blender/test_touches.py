@@ -1,4 +1,4 @@
-"""Touches in the scene: compared with the last fit, drawn, and the skins moved to where they were touched."""
+"""Touches in the scene: compared with the last fit, drawn, and used to move the skins."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,13 @@ from tests.blender.conftest import BAND, modules
 
 @pytest.fixture
 def ours(extension):
-    """Modules of the running extension."""
+    """Return modules of the running extension."""
     return modules(extension, "overlay.overlay", "scene.results", "scene.scene")
 
 
 @pytest.fixture(params=[1.0, 0.001], ids=["m", "mm"])
 def table(request, bpy, ours, plan_file, tmp_path):
-    """A fitted link with a sheet, in scenes of either unit, and touches of all cells 2 mm further along the rows."""
+    """Return a table of touches 2 mm along the rows from each cell of a fitted sheet, in scenes of two units."""
     bpy.context.scene.unit_settings.scale_length = request.param
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file("band", skins=[BAND])))
     bpy.ops.skin_calib.fit()
@@ -28,17 +28,17 @@ def table(request, bpy, ours, plan_file, tmp_path):
 
 
 def taxels_of(bpy, ours):
-    """The taxels of the last fit."""
+    """Return the taxels of the last fit."""
     return ours.results.find(bpy.context.object.skin_calib.result.key).calibration.patches[0].taxels
 
 
 def shown(bpy, ours):
-    """What is drawn of touches."""
+    """Return the drawn layers of touches."""
     return [layer for layer in ours.overlay.shown_layers(bpy.context.object) if layer.what == "TOUCHED"]
 
 
-def test_touches_are_told_drawn_and_forgotten(bpy, ours, table):
-    """Words in the panel, lines of 2 mm in the view; Ctrl-Z and the button take both away."""
+def test_touches_are_reported_drawn_and_removed(bpy, ours, table):
+    """The panel has text, the view has lines of 2 mm; Ctrl-Z and the button remove both."""
     bpy.ops.ed.undo_push(message="start")
     assert bpy.ops.skin_calib.touches("EXEC_DEFAULT", True, filepath=str(table)) == {"FINISHED"}
     found = bpy.context.object.skin_calib.inspect.touches
@@ -57,7 +57,7 @@ def test_touches_are_told_drawn_and_forgotten(bpy, ours, table):
 
 
 def test_skins_move_to_where_they_were_touched(bpy, ours, table):
-    """In one step of undo; fitted again nothing is left of the shift."""
+    """This is one undo step; after a new fit there is no shift."""
     before = taxels_of(bpy, ours).positions_link
     bpy.ops.skin_calib.touches(filepath=str(table))
     bpy.ops.ed.undo_push(message="start")
@@ -71,14 +71,14 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     after = taxels_of(bpy, ours).positions_link
     assert_allclose(np.linalg.norm(after - before, axis=1), 0.002, rtol=0, atol=2e-5)
     bpy.ops.skin_calib.touches(filepath=str(table))
-    told = bpy.context.object.skin_calib.inspect.touches.told
-    assert "Shifted 0.00 +-" in told, told
+    text = bpy.context.object.skin_calib.inspect.touches.told
+    assert "Shifted 0.00 +-" in text, text
     bpy.ops.ed.undo()
     assert ours.scene.read_plan(bpy.context.object, bpy.context.scene) == plan
 
 
 def test_what_cannot_be_compared_or_moved_says_why(bpy, table, tmp_path):
-    """The last comparison stays, and so does the plan."""
+    """The last comparison and the plan do not change."""
     with pytest.raises(RuntimeError, match="Compare with touches first"):
         bpy.ops.skin_calib.touches_move()
     bpy.ops.skin_calib.touches(filepath=str(table))

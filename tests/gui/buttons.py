@@ -1,7 +1,7 @@
-"""Find and press buttons of the sidebar: many places are looked at in one turn of Blender's event loop.
+"""Find and press buttons of the sidebar: many positions are checked in one iteration of Blender's event loop.
 
-Hovering one place per turn draws the sidebar each time, and a long sidebar takes hundreds of places. Mouse moves that
-are queued together are handled together: behind each a key is queued that notes what is under the mouse.
+With one position per iteration the sidebar is drawn each time, and a long sidebar needs hundreds of positions. Mouse
+moves in one queue are handled together. After each of them a key in the queue records what is under the mouse.
 """
 
 import bpy
@@ -14,7 +14,7 @@ _seen = []
 
 
 class Seen(bpy.types.Operator):
-    """Note the button under the mouse."""
+    """Record the button under the mouse."""
 
     bl_idname = "wm.skin_calib_seen"
     bl_label = "Note the button under the mouse"
@@ -25,7 +25,7 @@ class Seen(bpy.types.Operator):
 
 
 def _under_mouse(manager):
-    """The operator's call or the property's path that the button under the mouse has; None where there is none."""
+    """Return the operator call or the property path of the button under the mouse; None without a button."""
     asks = ((bpy.ops.ui.copy_python_command_button, {}), (bpy.ops.ui.copy_data_path_button, {"full_path": True}))
     for ask, options in asks:
         manager.clipboard = ""
@@ -42,7 +42,7 @@ def press(gui, name):
 
 
 def find(gui, name):
-    """Move to the middle of a button of the sidebar, named as for ``gui.find``; scroll where it must be."""
+    """Move to the centre of a button of the sidebar, named as for ``gui.find``; scroll if necessary."""
     here, known, place = gui.region("UI"), set(), None
     for key in (None, "HOME", *["PAGE_DOWN"] * 20):
         if key:
@@ -66,13 +66,13 @@ def find(gui, name):
 
 
 def _is_named(button, name):
-    """Whether this is an operator's call that starts with the name, or a data path that ends with it."""
+    """Return whether this is an operator call that starts with the name, or a data path that ends with it."""
     call = "bpy.ops." + (name if "(" in name else name + "(")
     return button.startswith(call) or button == name or button.endswith("." + name)
 
 
 def _middle(gui, here, button, place):
-    """Move to the middle of the button that has this place: at its ends a number field has arrows."""
+    """Move to the centre of the button at this position: number fields have arrows at their ends."""
     x, y = place
     xs = [here.x + k for k in range(0, here.width, FINE)]
     x = yield from _between(gui, button, [(one, y) for one in xs], 0)
@@ -83,22 +83,22 @@ def _middle(gui, here, button, place):
 
 
 def _between(gui, button, places, coordinate):
-    """The middle of those places that the button has, in one coordinate."""
+    """Return the centre of the positions of a button, in one coordinate."""
     first = yield from _first(gui, button, places)
     last = yield from _first(gui, button, places[::-1])
     return round((first[coordinate] + last[coordinate]) / 2)
 
 
 def _first(gui, button, places):
-    """The first of the places that a button has."""
+    """Return the first position of a button."""
     seen = yield from _look(gui, places)
     return places[seen.index(button)]
 
 
 def _look(gui, places):
-    """The button that was last under the mouse, when it has moved on to each place, one after the other.
+    """Return the button that was last under the mouse at each position, one after the other.
 
-    A button that the mouse leaves needs one move, the next one another. Over no button the last one is named again.
+    To leave a button takes one move, to enter the next one another. Without a button the last one is recorded again.
     """
     _ready()
     yield from gui.move(*places[0])  # and draw: that forgets the last one
@@ -111,7 +111,7 @@ def _look(gui, places):
 
 
 def _ready():
-    """Bind the key that notes what is under the mouse."""
+    """Bind the key that records what is under the mouse."""
     if not Seen.is_registered:
         bpy.utils.register_class(Seen)
         keymap = bpy.context.window_manager.keyconfigs.addon.keymaps.new("Window")

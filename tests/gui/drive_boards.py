@@ -1,4 +1,7 @@
-"""Drives the window from the sample sole with its sheet to boards on it that keep clear of a zone placed by a click."""
+"""Drives the window from the sample sole with its sheet to boards that keep a zone free.
+
+The zone is placed by a click.
+"""
 
 import bpy
 from buttons import find, press
@@ -18,7 +21,7 @@ def drive(gui):
 
 
 def fills_with_boards(gui):
-    """The sheet goes, boards come and are fitted, each in a step that Ctrl-Z takes back; where Fit is."""
+    """The sheet is removed, boards are added and fitted; Ctrl-Z undoes each step."""
     yield from hover_view(gui)
     yield from gui.redraw()
     empty = red(gui)
@@ -51,13 +54,13 @@ def fits(gui, fit):
 
 
 def keeps_boards_off_a_screw(gui, fit):
-    """A zone is put under the mouse by a click; Esc and a click beside the link leave it where it is."""
+    """A click places a zone under the mouse; Esc and a click next to the link do not change it."""
     before = plan().result.taxels
     yield from press(gui, "skin_calib.zone_add")
     x, y = yield from find(gui, "skin_calib.zone_remove")
     button = x - PLACE * bpy.context.preferences.system.ui_scale, y
     toe = seen(TOE)
-    for leave in (escape, click_beside):
+    for leave in (escape, click_next_to_the_link):
         yield from gui.click(*button)
         yield from leave(gui)
         assert tuple(zone().point) == (0, 0, 0)
@@ -78,12 +81,12 @@ def keeps_boards_off_a_screw(gui, fit):
 
 
 def zone():
-    """The excluded zone of the first skin."""
+    """Return the excluded zone of the first skin."""
     return plan().skins[0].excluded[0]
 
 
 def seen(below):
-    """The point of the sole that is seen from straight below it; the sole is in the world as in its frame."""
+    """Return the point of the sole that is visible from below; the sole's frame is the world."""
     met, point, _, _ = link().ray_cast(below - Vector((0, 0, 1)), (0, 0, 1))
     assert met
     return point
@@ -95,17 +98,17 @@ def escape(gui):
     yield from gui.redraw()
 
 
-def click_beside(gui):
-    """Nothing of the link is there: the click is not taken, and Esc ends it."""
+def click_next_to_the_link(gui):
+    """A click next to the link is ignored, and Esc ends the operator."""
     region = gui.region()
     yield from gui.click(region.x + 120, region.y + 60)
     yield from gui.redraw()
-    yield from gui.shot("beside.png")
+    yield from gui.shot("next_to_the_link.png")
     yield from escape(gui)
 
 
 def shows_the_regions_of_an_automatic_grid(gui):
-    """The grid that finds itself is told where to lie: the menu has the whole tube, a sector and a face."""
+    """The menu of an automatic grid has the complete tube, a sector and a face."""
     plan().grid.kind = "auto"
     yield from gui.redraw()
     yield from press(gui, "skin_calib.grid.region")

@@ -1,4 +1,4 @@
-"""Drives what is covered: cuts by click, in a list, flipped; faces that are cut away in Edit Mode and brought back."""
+"""Drives the cover: cuts by click, in a list, flipped; faces that are removed in Edit Mode and restored."""
 
 import bpy
 from buttons import find, press
@@ -30,7 +30,7 @@ def place(gui):
 
 
 def cuts_by_click(gui):
-    """A click on the link cuts it there and keeps the larger part; Esc and a click beside it leave it whole."""
+    """A click on the link adds a cut there and keeps the larger part; Esc and a click next to it add none."""
     x, y = gui.at(Vector((0, -0.03, 0.08)))
     yield from place(gui)
     yield from gui.move(x, y)
@@ -53,7 +53,7 @@ def cuts_by_click(gui):
 
 
 def keeps_the_other_side(gui):
-    """The arrows in the row of a cut turn it round; undo turns it back."""
+    """The arrows in the row of a cut flip it; undo flips it back."""
     x, y = yield from find(gui, "skin_calib.cut_remove(index=0")
     yield from gui.click(x - FLIP, y)
     yield from gui.redraw()
@@ -66,7 +66,7 @@ def keeps_the_other_side(gui):
 
 
 def lists_five(gui):
-    """Five cuts stay readable; the numbers are those of the row that was clicked."""
+    """Five cuts are readable; the numbers are those of the selected row."""
     yield from press(gui, "skin_calib.cut_add")
     for k in range(1, 4):
         bpy.context.scene.cursor.location = (0, 0, 0.005 + 0.005 * k)
@@ -93,7 +93,7 @@ def lists_five(gui):
 
 
 def cuts_a_selection_away(gui):
-    """Faces are chosen by dragging a box, cut away, fitted without; each step is undone, and brought back at last."""
+    """Faces are selected with a box, removed, and fitted without; each step is undone; at the end they are restored."""
     x, y = gui.at(Vector((0, -0.03, 0.05)))
     yield from hover_view(gui)
     yield from gui.key("TAB")
@@ -134,6 +134,6 @@ def cuts_a_selection_away(gui):
 
 
 def faces():
-    """How many faces Blender shows of the link."""
+    """Return the number of faces of the link in Blender."""
     evaluated = link().evaluated_get(bpy.context.evaluated_depsgraph_get())
     return len(evaluated.data.polygons)

@@ -1,4 +1,4 @@
-"""Drives the window through edits of the plan: refused ones, lists, typed numbers, a moved frame."""
+"""Drives edits of the plan: refused ones, lists, typed numbers, a moved frame."""
 
 import bpy
 from buttons import find, press
@@ -20,7 +20,7 @@ def drive(gui):
 
 
 def hides_the_overlay(gui, bare):
-    """The switch of the overlay works, and Ctrl-Z takes it back."""
+    """The switch of the overlay works, and Ctrl-Z switches it back."""
     yield from hover_view(gui)
     yield from gui.redraw()
     drawn = red(gui)
@@ -34,7 +34,7 @@ def hides_the_overlay(gui, bare):
 
 
 def says_what_is_wrong(gui):
-    """A plan that cannot be fitted is refused with a message; the last result stays."""
+    """An impossible plan is refused with a message; the last result stays."""
     key = plan().result.key
     plan().grid.n = 2
     yield from press(gui, "skin_calib.fit")
@@ -46,7 +46,7 @@ def says_what_is_wrong(gui):
 
 
 def edits_lists(gui):
-    """Sheets and cuts come and go, each in one undo step."""
+    """Sheets and cuts are added and removed, each in one undo step."""
     yield from press(gui, "skin_calib.skin_add(kind='sheet'")
     assert [s.name for s in plan().skins] == ["wrist", "skin"] and plan().skins[1].auto_channel
     yield from press(gui, "skin_calib.cut_add")
@@ -66,7 +66,7 @@ def edits_lists(gui):
 
 
 def types_a_number(gui):
-    """A number typed into the sidebar outdates the result; a second fit brings it up to date."""
+    """A typed number makes the result outdated; a second fit updates it."""
     yield from find(gui, "skin_calib.grid.n")
     yield from gui.key("RET")
     yield from gui.key("A", "ctrl")
@@ -83,7 +83,7 @@ def types_a_number(gui):
 
 
 def follows_the_parent(gui, bare):
-    """The frame that a link hangs on may be moved and turned: the overlay goes along, the calibration stays."""
+    """The parent of a link is moved and turned: the overlay follows, the calibration does not change."""
     yield from run(gui, "fit")
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the fit")
     yield from hover_view(gui)

@@ -21,7 +21,7 @@ def drive(gui):
 
 
 def opens_ready_to_fit(gui):
-    """Framed, in millimetres, the sidebar open."""
+    """The view shows the link, lengths are in millimetres, the sidebar is open."""
     assert bpy.context.object == link() and plan().link == "sample_wrist"
     assert bpy.context.scene.unit_settings.length_unit == "MILLIMETERS"
     assert gui.area().spaces.active.show_region_ui
@@ -35,7 +35,7 @@ def opens_ready_to_fit(gui):
 
 
 def fits_and_undoes(gui):
-    """The overlay comes with the fit, goes with Ctrl-Z, and comes back with Ctrl-Shift-Z."""
+    """The overlay appears with the fit, disappears with Ctrl-Z, and returns with Ctrl-Shift-Z."""
     empty = red(gui)
     yield from press(gui, "skin_calib.fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
@@ -52,7 +52,7 @@ def fits_and_undoes(gui):
 
 
 def shows_the_error(gui):
-    """Layers come and go: the error covers the link in violet to yellow, without normals nothing is red."""
+    """Layers are switched: the error covers the link in violet to yellow; without normals nothing is red."""
     before, drawn = gui.pixels("VIEW_3D").astype(float), red(gui)
     plan().layers, plan().inspect.heat = {"CELLS"}, "ERROR"
     yield from gui.redraw()
@@ -65,7 +65,7 @@ def shows_the_error(gui):
 
 
 def exports(gui):
-    """The file from the window is that of the command line with the same libraries, to the byte."""
+    """The file of the window is that of the command line with the same libraries, in every byte."""
     path = gui.out / "wrist.calibration.json"
     path.unlink(missing_ok=True)
     yield from press(gui, "skin_calib.export_calibration")
@@ -83,7 +83,7 @@ def exports(gui):
 
 
 def exports_taxels(gui):
-    """The browser proposes the link's name with the ending of the format; what is chosen there is what is written."""
+    """The file browser proposes the link's name with the extension of the format; the selected name is written."""
     path = gui.out / "wrist.xml"
     path.unlink(missing_ok=True)
     yield from press(gui, "skin_calib.export_taxels")

@@ -1,4 +1,4 @@
-"""Drives taxels of a file into the window: chosen in the file browser, refused in a wrong frame, laid by one click."""
+"""Drives a taxel file into the window: selected in the file browser, refused in a wrong frame, placed by one click."""
 
 import bpy
 import numpy as np
@@ -18,14 +18,14 @@ def drive(gui):
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     write(path)
     yield from chooses_the_file(gui, path)
-    yield from is_told_of_the_frame(gui)
+    yield from reports_the_frame(gui)
     yield from finds_the_frame(gui)
     yield from follows_the_file(gui)
     yield from goes_back(gui)
 
 
 def write(path):
-    """The taxels of the fitted sheet, in another frame, in a table of a program that knows no more."""
+    """Write the taxels of the fitted sheet in another frame, as a table of another program."""
     (patch,) = ours("scene.results").find(plan().result.key).calibration.patches
     places = (patch.taxels.positions_link - SHIFT) @ TURN
     rows = [f"t{k},{x:.9f},{y:.9f},{z:.9f}" for k, (x, y, z) in enumerate(places)]
@@ -33,7 +33,7 @@ def write(path):
 
 
 def chooses_the_file(gui, path):
-    """The sheet goes, the button opens the file browser, the file becomes a skin of its name."""
+    """The sheet is removed, the button opens the file browser, and the file becomes a skin with its name."""
     yield from run(gui, "skin_remove", index=0)
     yield from gui.redraw(2)
     yield from press(gui, "skin_calib.skin_import")
@@ -49,19 +49,19 @@ def chooses_the_file(gui, path):
     yield from gui.shot("chosen.png")
 
 
-def is_told_of_the_frame(gui):
-    """Live says why the taxels cannot be laid, and goes on when they can."""
+def reports_the_frame(gui):
+    """Live reports why the taxels cannot be placed, and continues when they can."""
     yield from follow(gui)
-    told = ours("live.live").reports
-    yield from gui.wait(lambda: any("off the mesh" in t.problem for t in told.values()), 60, "the refusal")
+    reports = ours("live.live").reports
+    yield from gui.wait(lambda: any("off the mesh" in t.problem for t in reports.values()), 60, "the refusal")
     yield from hover_view(gui)
     yield from gui.redraw(3)
-    assert all("press Find Frame" in t.problem and "{" not in t.problem for t in told.values())
+    assert all("press Find Frame" in t.problem and "{" not in t.problem for t in reports.values())
     yield from gui.shot("refused.png")
 
 
 def finds_the_frame(gui):
-    """One click, and they lie where the sheet lay; their number is in the result."""
+    """After one click they are at the positions of the sheet; the result has their number."""
     yield from press(gui, "skin_calib.frame_find")
     yield from gui.wait(lambda: not plan().result.outdated and plan().result.taxels == 120, 60, "the result")
     (skin,) = plan().skins
@@ -74,7 +74,7 @@ def finds_the_frame(gui):
 
 
 def follows_the_file(gui):
-    """A pattern that is typed leaves out taxels, and Live follows."""
+    """A typed pattern leaves out taxels, and Live follows."""
     yield from press(gui, "skins[0].only")
     yield from gui.key("A", "ctrl")
     yield from gui.type("t1*")
@@ -87,7 +87,7 @@ def follows_the_file(gui):
 
 
 def goes_back(gui):
-    """Ctrl-Z: the pattern, the frame, the file and the removal of the sheet, one by one."""
+    """Ctrl-Z undoes the pattern, the frame, the file and the removal of the sheet, one by one."""
     yield from undo(gui)
     yield from gui.wait(lambda: plan().skins[0].only == "", 20, "the pattern undone")
     for _ in range(12):

@@ -1,4 +1,4 @@
-"""Drives the Inspect panel: layers, heat maps with their legends, labels; taxels clicked on, compared, replayed."""
+"""Drives the Inspect panel: layers, heat maps with legends, labels; taxels that are clicked, compared, replayed."""
 
 from pathlib import Path
 
@@ -19,26 +19,26 @@ def drive(gui):
     yield from writes_labels(gui)
     yield from reads_taxels(gui)
     yield from compares(gui)
-    yield from holds_against_touches(gui)
+    yield from compares_with_touches(gui)
     yield from replays(gui)
 
 
 def changed(gui, before):
-    """Share of the view's pixels that are not as before."""
+    """Return the fraction of the view's pixels that have changed."""
     width = gui.region("UI").x - gui.area().x
     after = gui.pixels("VIEW_3D")[:, :width].astype(int)
     return float((abs(after - before[:, :width]).max(axis=2) > 25).mean())
 
 
-def looks(gui):
-    """The view when the mouse is out of the way."""
+def screenshot(gui):
+    """Return the view while the mouse is elsewhere."""
     yield from hover_view(gui)
     yield from gui.redraw()
     return gui.pixels("VIEW_3D").astype(int)
 
 
 def chooses_from_the_menu(gui):
-    """A heat map by the mouse, which Ctrl-Z takes back."""
+    """A heat map is selected by the mouse; Ctrl-Z restores the old one."""
     yield from press(gui, "skin_calib.inspect.heat")
     yield 0.5
     yield from gui.key("T")  # Tilt
@@ -49,11 +49,11 @@ def chooses_from_the_menu(gui):
 
 
 def shows_layers(gui):
-    """Sections, lines and net come over the link."""
+    """Sections, lines and net appear over the link."""
     plan().layers = set()
-    empty = yield from looks(gui)
+    empty = yield from screenshot(gui)
     plan().layers = {"SECTIONS", "LINES", "NET"}
-    yield from looks(gui)
+    yield from screenshot(gui)
     yield from gui.shot("layers.png")
     assert changed(gui, empty) > 0.005
 
@@ -61,45 +61,45 @@ def shows_layers(gui):
 def shows_heat_maps(gui):
     """Each fills the skin, with a legend."""
     plan().layers = {"CELLS"}
-    before = yield from looks(gui)
+    before = yield from screenshot(gui)
     for heat in ("ERROR", "STRAIN", "TILT"):
         plan().inspect.heat = heat
-        yield from looks(gui)
+        yield from screenshot(gui)
         yield from gui.shot(f"{heat.lower()}.png")
         assert changed(gui, before) > 0.05, heat
 
 
 def writes_labels(gui):
-    """Ids, then channels in larger letters."""
+    """Ids are written, then channels in larger letters."""
     plan().inspect.heat = "NONE"
-    before = yield from looks(gui)
+    before = yield from screenshot(gui)
     plan().inspect.labels = "ID"
-    yield from looks(gui)
+    yield from screenshot(gui)
     yield from gui.shot("ids.png")
     assert changed(gui, before) > 0.003
     plan().inspect.labels, plan().inspect.text_size = "CHANNEL", 16
-    yield from looks(gui)
+    yield from screenshot(gui)
     yield from gui.shot("channels.png")
     plan().inspect.labels = "NONE"
 
 
-def place_of(name):
-    """Where a taxel is in the world."""
+def position_of(name):
+    """Return the position of a taxel in the world."""
     taxels = ours("inspection.taxels").taxels_of(link())
     return link().matrix_world @ ours("scene.scene").Vector(taxels.positions[taxels.rows[name]])
 
 
 def reads_taxels(gui):
-    """Two clicks, a miss, Esc: the last one stays, in one step that Ctrl-Z takes back."""
+    """Two clicks, a miss, Esc: the last taxel stays, in one step that Ctrl-Z undoes."""
     yield from press(gui, "skin_calib.taxel")
     for name in ("wrist.2.7", "wrist.4.6"):
-        yield from gui.click(*gui.at(place_of(name)))
+        yield from gui.click(*gui.at(position_of(name)))
         assert plan().inspect.taxel.id == name, plan().inspect.taxel.id
     region = gui.region()
     yield from gui.click(region.x + 150, region.y + 300)
     assert plan().inspect.taxel.id == "wrist.4.6"
     yield from gui.key("ESC")
-    yield from looks(gui)
+    yield from screenshot(gui)
     yield from gui.shot("taxel.png")
     yield from undo(gui)
     assert not plan().inspect.taxel.id
@@ -109,42 +109,42 @@ def reads_taxels(gui):
 
 
 def answer(gui, path):
-    """Give a file to the browser that has opened."""
+    """Give a file to the open file browser."""
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
     yield from gui.choose_file(path)
     yield from gui.redraw(3)
 
 
 def compares(gui):
-    """With its own taxels, moved: told as another frame; Ctrl-Z takes lines and figures away."""
+    """Its own taxels, moved, are reported as another frame; Ctrl-Z removes lines and numbers."""
     path = gui.out / "moved.csv"
     bpy.ops.skin_calib.export_taxels(filepath=str(path), format="csv")
     header, *rows = path.read_text().splitlines()
     x = header.split(",").index("x")
     moved = [[*cells[:x], str(float(cells[x]) + 0.004), *cells[x + 1 :]] for cells in (row.split(",") for row in rows)]
     path.write_text("\n".join([header, *(",".join(cells) for cells in moved)]) + "\n")
-    before = yield from looks(gui)
+    before = yield from screenshot(gui)
     yield from press(gui, "skin_calib.compare")
     yield from answer(gui, path)
     found = plan().inspect.comparison
     assert found.pairs == 120 and abs(found.mean - 0.004) < 1e-6 and "Another frame?" in found.told, found.told
-    yield from looks(gui)
+    yield from screenshot(gui)
     yield from gui.shot("compared.png")
     assert changed(gui, before) > 0.002
     yield from undo(gui)
     assert not plan().inspect.comparison.file
-    yield from looks(gui)
+    yield from screenshot(gui)
     assert changed(gui, before) < 0.001
 
 
-def holds_against_touches(gui):
-    """The example's touches: a shift is told, two wires stand out; the sheet moves there, Ctrl-Z brings it back."""
-    before = yield from looks(gui)
+def compares_with_touches(gui):
+    """For the example's touches, a shift and two swapped wires are reported; the sheet is moved, Ctrl-Z restores it."""
+    before = yield from screenshot(gui)
     yield from press(gui, "skin_calib.touches")
     yield from answer(gui, ROOT / "examples" / "wrist_touches.csv")
     found = plan().inspect.touches
     assert "Shifted 2.87" in found.told and "wrist.5.1" in found.warnings[0].message, found.told
-    yield from looks(gui)
+    yield from screenshot(gui)
     yield from gui.shot("touches.png")
     assert changed(gui, before) > 0.002
     yield from press(gui, "skin_calib.touches_move")
@@ -155,18 +155,18 @@ def holds_against_touches(gui):
 
 
 def replays(gui):
-    """The example's recording: opened, its slider dragged, played, stopped by Ctrl-Z."""
-    before = yield from looks(gui)
+    """The example's recording is opened, its slider dragged, played, and stopped by Ctrl-Z."""
+    before = yield from screenshot(gui)
     yield from press(gui, "skin_calib.replay_open")
     yield from answer(gui, ROOT / "examples" / "wrist_recording.csv")
     assert plan().inspect.heat == "FORCE" and plan().inspect.replay.file
-    yield from looks(gui)
+    yield from screenshot(gui)
     yield from gui.shot("opened_recording.png")
     assert changed(gui, before) > 0.05
     x, y = yield from find(gui, "skin_calib.inspect.replay.share")
     yield from gui.drag((x - 30, y), (x + 10, y), mods=())
     assert plan().inspect.replay.frame > 5, plan().inspect.replay.frame
-    yield from looks(gui)
+    yield from screenshot(gui)
     yield from gui.shot("dragged_recording.png")
     plan().inspect.replay.speed = 0.1
     frame = plan().inspect.replay.frame

@@ -1,4 +1,4 @@
-"""Drives links into the window: a mesh in millimetres with a hole and a servo inside, its check, a robot's link."""
+"""Drives links into the window: a mesh in millimetres with a hole and an inner part, its check, a robot's link."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def drive(gui):
 
 
 def ugly():
-    """A tube of 70 mm with a hole in its wall and a box inside, in millimetres."""
+    """Return a tube of 70 mm with a hole in its wall and a box inside, in millimetres."""
     tube = trimesh.creation.cylinder(radius=35, height=100, sections=96).subdivide().subdivide().subdivide()
     centres = tube.triangles_center
     lids = np.abs(np.abs(centres[:, 2]) - 50) < 1e-6
@@ -38,12 +38,12 @@ def ugly():
 
 
 def active():
-    """The active object, looked up anew."""
+    """Return the active object, without a stored reference."""
     return bpy.context.view_layer.objects.active
 
 
 def imports_the_mesh(gui, path):
-    """File > Import and the panel have it; the side bar of the file browser asks for the unit."""
+    """File > Import and the panel have the entry; the sidebar of the file browser asks for the unit."""
     yield from press(gui, "skin_calib.import_mesh")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
     assert gui.area("FILE_BROWSER").spaces.active.active_operator.unit == "auto"
@@ -58,7 +58,7 @@ def imports_the_mesh(gui, path):
 
 
 def checks_it(gui):
-    """Parts, holes and edges are told, and stay told until the mesh changes."""
+    """Parts, holes and edges are reported until the mesh changes."""
     yield from press(gui, "skin_calib.diagnose")
     yield from gui.wait(lambda: active().skin_calib.diagnosis.key, 20, "the check")
     yield from hover_view(gui)
@@ -73,7 +73,7 @@ def checks_it(gui):
 
 
 def keeps_all_parts(gui):
-    """One click keeps the servo too, another, or undo, the outer shell only."""
+    """One click keeps the inner part too; another click, or undo, keeps the outer shell only."""
     _, y = yield from find(gui, "skin_calib.cover.shell")
     side = gui.region("UI")
     shells = []
@@ -87,7 +87,7 @@ def keeps_all_parts(gui):
 
 
 def shows_its_holes(gui):
-    """The rims are selected in Edit Mode; Ctrl-Z leads back to Object Mode, and the check holds."""
+    """The edges of holes are selected in Edit Mode; Ctrl-Z returns to Object Mode, and the check is valid."""
     yield from press(gui, "skin_calib.show_defects")
     yield from gui.wait(lambda: bpy.context.mode == "EDIT_MESH", 10, "Edit Mode")
     yield from gui.redraw(3)
@@ -102,7 +102,7 @@ def shows_its_holes(gui):
 
 
 def notices_a_wrong_unit(gui):
-    """An object that is a thousand times too large; one click, one undo."""
+    """An object that is a thousand times too large is scaled with one click, and restored with one undo."""
     active().scale = [1000 * s for s in active().scale]
     bpy.ops.ed.undo_push(message="wrong unit")
     yield 1.0
@@ -121,7 +121,7 @@ def notices_a_wrong_unit(gui):
 
 
 def imports_a_link_of_a_robot(gui, path):
-    """The file, then the link from a list that is searched by typing; undo takes it out again."""
+    """First the file, then the link in a list with search; undo removes it."""
     path.write_text(ROBOT.format("".join(LINK.format(name) for name in ("l_forearm", "l_upper_leg", "r_upper_leg"))))
     yield from press(gui, "skin_calib.import_urdf")
     yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")

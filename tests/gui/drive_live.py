@@ -1,4 +1,4 @@
-"""Drives a plan by the mouse while the link follows: surface and skin change under a drag, and after undo."""
+"""Drives a plan by the mouse with Live on: surface and skin change during a drag, and after undo."""
 
 import bpy
 from buttons import find, press
@@ -6,12 +6,12 @@ from sample import ours, plan, run, undo
 
 
 def overlay():
-    """The extension's overlay, with what it draws."""
+    """Return the extension's overlay, with the drawn layers."""
     return ours("overlay.overlay")
 
 
 def points_drawn():
-    """Points of each layer of the preview."""
+    """Return the number of points of each layer of the preview."""
     return {layer.what: len(layer.points) for layer in overlay().previews[bpy.context.object.name]}
 
 
@@ -26,7 +26,7 @@ def drive(gui):
 
 
 def follows_a_drag(gui):
-    """The button of the mouse is still down when the new surface is there."""
+    """The new surface is drawn while the mouse button is still down."""
     was, before = plan().grid.n, plan().result.key
     ours("live.live").FIT_DELAY = 60.0  # a software renderer rests between two moves
     x, y = yield from find(gui, "skin_calib.grid.n")
@@ -44,7 +44,7 @@ def follows_a_drag(gui):
 
 
 def follows_undo(gui):
-    """Ctrl-Z takes the planes back, and the surface with them."""
+    """Ctrl-Z restores the planes, and the surface follows."""
     now = plan().grid.n
     yield from undo(gui)
     assert plan().grid.n != now

@@ -1,4 +1,4 @@
-"""Drives boards on the sample sole by clicks: one goes, one comes, the lattice slides; Ctrl-Z takes all of it back."""
+"""Drives boards on the sample sole by clicks: one is removed, one added, the lattice moves; Ctrl-Z undoes all of it."""
 
 import bpy
 from buttons import press
@@ -21,36 +21,36 @@ def drive(gui):
 
 
 def boards():
-    """The boards that are drawn."""
+    """Return the drawn boards."""
     return ours("overlay.overlay").patches_of(link())[0].taxels
 
 
-def laid(gui, count):
-    """Wait for a result with so many boards."""
+def placed(gui, count):
+    """Wait for a result with this number of boards."""
     done = lambda: plan().result.taxels == count and not plan().result.outdated  # noqa: E731
     yield from gui.wait(done, 60, f"{count} boards")
     yield from gui.redraw(3)
 
 
 def at(gui, point):
-    """Window pixel of a point in the link frame, which is the world's."""
+    """Return the pixel of the window of a point in the link frame, which is the world."""
     return gui.at(Vector(point) / ours("scene.scene").metres_per_unit(bpy.context.scene))
 
 
 def paints(gui):
-    """Live is switched on, for it shows what a click does."""
+    """Live is on, because it shows the effect of a click."""
     before = boards()
     count = len(before.ids)
     inner = int(abs(before.positions_link[:, :2] - before.positions_link[:, :2].mean(axis=0)).sum(axis=1).argmin())
     yield from press(gui, "skin_calib.boards_paint")
     yield from gui.wait(lambda: plan().live, 10, "the brush")
     yield from gui.click(*at(gui, before.positions_link[inner]))
-    yield from laid(gui, count - 1)
+    yield from placed(gui, count - 1)
     yield from gui.shot("out.png")
     yield from gui.click(*at(gui, before.positions_link[inner]))
-    yield from laid(gui, count)
+    yield from placed(gui, count)
     yield from gui.click(*at(gui, before.positions_link[(inner + 3) % count]))
-    yield from laid(gui, count - 1)
+    yield from placed(gui, count - 1)
     yield from hover_view(gui)
     yield from gui.key("RET")
     yield from gui.redraw(2)
@@ -60,7 +60,7 @@ def paints(gui):
 
 
 def slides(gui):
-    """The ball at the root takes the whole lattice along."""
+    """The ball at the root moves the complete lattice."""
     yield from follow(gui)
     yield from gui.wait(lambda: not plan().result.outdated and plan().result.key, 60, "the result")
     yield from gui.redraw(3)

@@ -1,4 +1,4 @@
-"""Drives planes by hand in the window: placed, dragged, tilted, one that misses the mesh, undone all the way back."""
+"""Drives hand-placed planes: placed, dragged, tilted, one that misses the mesh, and undo of all steps."""
 
 from math import pi, radians, sin
 
@@ -11,7 +11,7 @@ RING = 79  # [pixels] radius of a dial
 
 
 def handle(family, i):
-    """Where the handle of a plane is, in the world; the sample's frame is the world's."""
+    """Return the position of a plane's handle in the world, which is the sample's frame."""
     planes = getattr(plan().grid, family)
     metre = ours("scene.scene").metres_per_unit(bpy.context.scene)
     return Vector(planes[i].point) + Vector(ours("live.live").sketches[link().name].arms[family.upper(), i]) / metre
@@ -24,15 +24,15 @@ def drive(gui):
     yield from gui.redraw(3)
     yield from moves_a_plane(gui)
     yield from tilts_a_plane(gui)
-    yield from tells_of_a_plane_that_misses(gui)
-    yield from tells_of_a_plane_out_of_order(gui)
+    yield from reports_a_plane_that_misses(gui)
+    yield from reports_a_plane_out_of_order(gui)
     yield from adds_and_removes(gui)
     yield from follows_live(gui)
-    yield from goes_all_the_way_back(gui)
+    yield from undoes_everything(gui)
 
 
 def moves_a_plane(gui):
-    """Its section follows while the mouse is down; Ctrl-Z puts it back, and no more than it."""
+    """Its section follows while the mouse button is down; Ctrl-Z restores this plane only."""
     was = [tuple(p.point) for p in plan().grid.u]
     x, y = gui.at(handle("u", 4))
     yield from gui.drag((x, y), (x, y + 15), mods=(), release=False)
@@ -51,7 +51,7 @@ def moves_a_plane(gui):
 
 
 def tilts_a_plane(gui):
-    """A dial of the chosen plane turns it about an axis in it; Ctrl-Z turns it back."""
+    """A dial of the selected plane turns it about an axis in it; Ctrl-Z turns it back."""
     was, point = tuple(plan().grid.u[4].normal), tuple(plan().grid.u[4].point)
     x, y = gui.at(Vector(point))
     down = x - RING * sin(pi / 4), y - RING * sin(pi / 4)
@@ -69,8 +69,8 @@ def tilts_a_plane(gui):
     assert tuple(plan().grid.u[4].normal) == was
 
 
-def tells_of_a_plane_that_misses(gui):
-    """Dragged off the link it turns red and says so; the fit is refused; Ctrl-Z brings it back."""
+def reports_a_plane_that_misses(gui):
+    """A plane off the link becomes red with a message; the fit is refused; Ctrl-Z restores it."""
     x, y = gui.at(handle("u", 9))
     yield from gui.drag((x, y), (x, y + 120), mods=())
     yield from gui.wait(lambda: ("U", 9) in ours("live.live").sketches[link().name].wrong, 20, "the plane that misses")
@@ -81,18 +81,18 @@ def tells_of_a_plane_that_misses(gui):
     yield from gui.wait(lambda: not ours("live.live").sketches[link().name].wrong, 20, "the plane to be back")
 
 
-def tells_of_a_plane_out_of_order(gui):
-    """Dragged past its neighbour, the neighbour is what does not lie beyond it."""
+def reports_a_plane_out_of_order(gui):
+    """A plane is dragged beyond the next one, which is then reported."""
     x, y = gui.at(handle("u", 4))
     yield from gui.drag((x, y), (x, y + 45), mods=())
-    yield from gui.wait(lambda: ours("live.live").sketches[link().name].wrong, 20, "the order to be told")
+    yield from gui.wait(lambda: ours("live.live").sketches[link().name].wrong, 20, "the message about the order")
     assert ours("live.live").sketches[link().name].wrong == {("U", 5): "is not beyond u-plane 4"}
     yield from undo(gui)
     yield from gui.wait(lambda: not ours("live.live").sketches[link().name].wrong, 20, "the plane to be back")
 
 
 def adds_and_removes(gui):
-    """Buttons beside the list; each is a step of undo."""
+    """Each button next to the list makes one undo step."""
     yield from press(gui, "skin_calib.plane_add")
     assert len(plan().grid.u) == 11
     yield from press(gui, "skin_calib.planes_spread")
@@ -109,7 +109,7 @@ def adds_and_removes(gui):
 
 
 def follows_live(gui):
-    """With Live the surface follows a plane under the mouse, and the result comes when it rests."""
+    """With Live on the surface follows a plane under the mouse, and the result comes after the drag."""
     yield from follow(gui)
     yield from gui.wait(lambda: plan().result.key and not plan().result.outdated, 30, "the first result")
     before = plan().result.key
@@ -126,8 +126,8 @@ def follows_live(gui):
     assert plan().result.key != before
 
 
-def goes_all_the_way_back(gui):
-    """Ctrl-Z to the file as it was opened."""
+def undoes_everything(gui):
+    """Ctrl-Z returns to the file as it was opened."""
     for _ in range(6):
         if plan().grid.kind == "tube":
             break

@@ -1,4 +1,4 @@
-"""Drives skins by their handles: a sheet's origin slides over the link, its direction turns; boards are painted."""
+"""Drives skins by their handles: the origin of a sheet moves over the link, its direction turns; boards are painted."""
 
 import bpy
 from mathutils import Vector
@@ -6,7 +6,7 @@ from sample import follow, link, ours, plan, run, undo
 
 
 def basis(what, skin=0, index=0):
-    """Where a handle is, in the world."""
+    """Return the transform of a handle in the world."""
     return ours("handles.skin_handles").basis_of(bpy.context, (what, skin, index))
 
 
@@ -22,16 +22,16 @@ def drive(gui):
     yield from gui.shot("handles.png")
     yield from slides_the_origin(gui)
     yield from turns_the_direction(gui)
-    yield from lets_go_with_escape(gui)
+    yield from cancels_with_escape(gui)
 
 
 def skin():
-    """The sheet of the sample."""
+    """Return the sheet of the sample."""
     return plan().skins[0]
 
 
 def slides_the_origin(gui):
-    """The ball follows the mouse over the link, the sheet follows the ball; Ctrl-Z brings both back."""
+    """The ball follows the mouse over the link, the sheet follows the ball; Ctrl-Z restores both."""
     start = gui.at(basis("origin").translation)
     goal = start[0] - 40, start[1] + 15
     ours("live.live").FIT_DELAY = 60.0  # a software renderer rests between two moves
@@ -55,7 +55,7 @@ def slides_the_origin(gui):
 
 
 def turns_the_direction(gui):
-    """The arrow's tip follows the mouse."""
+    """The tip of the arrow follows the mouse."""
     was = Vector(skin().direction)
     skin().trim = True  # turned, it runs off the link
     yield from gui.redraw(3)
@@ -71,16 +71,16 @@ def turns_the_direction(gui):
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after undo")
 
 
-def ahead(gui, share):
-    """Window pixel on the arrow, at a share of its length of 75 pixels."""
+def ahead(gui, fraction):
+    """Return the pixel of the window on the arrow, at a fraction of its length of 75 pixels."""
     place = basis("direction")
     foot, tip = Vector(gui.at(place.translation)), Vector(gui.at(place.translation + 0.001 * place.to_3x3().col[2]))
     scale = bpy.context.preferences.view.gizmo_size * bpy.context.preferences.system.ui_scale
-    return tuple(foot + share * scale * (tip - foot).normalized())
+    return tuple(foot + fraction * scale * (tip - foot).normalized())
 
 
-def lets_go_with_escape(gui):
-    """Esc under a drag leaves the origin where it was."""
+def cancels_with_escape(gui):
+    """Esc during a drag restores the origin."""
     was = tuple(skin().origin)
     start = gui.at(basis("origin").translation)
     yield from gui.drag(start, (start[0] - 20, start[1] + 8), mods=(), release=False)

@@ -29,12 +29,12 @@ def drive(gui):
 
 
 def plan():
-    """The plan of the imported link."""
+    """Return the plan of the imported link."""
     return bpy.context.view_layer.objects.active.skin_calib
 
 
 def imports(gui):
-    """A mesh file becomes a link that is called like the file."""
+    """A mesh file becomes a link with the name of the file."""
     yield from press(gui, "skin_calib.import_mesh")
     yield from gui.choose_file(ROOT / "sample_scenes" / "wrist.ply")
     yield from gui.wait(lambda: bpy.context.object, 20, "the link")
@@ -49,7 +49,7 @@ def imports(gui):
 
 
 def fits(gui):
-    """One button, with the values that are there."""
+    """One button, with the default values."""
     yield from press(gui, "skin_calib.fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     assert plan().result.mean < 5e-5
@@ -58,7 +58,7 @@ def fits(gui):
 
 
 def adds_a_sheet(gui):
-    """It is laid in the middle; its columns are typed."""
+    """It is placed in the middle; its columns are typed."""
     yield from press(gui, "skin_calib.skin_add(kind='sheet'")
     for name, value in (("columns", "12"), ("rows", "5")):
         yield from find(gui, f"skin_calib.skins[0].{name}")
@@ -71,7 +71,7 @@ def adds_a_sheet(gui):
 
 
 def moves_it(gui):
-    """By its handle, over the link."""
+    """Its handle moves it over the link."""
     x, y = gui.at(ours("handles.skin_handles").basis_of(bpy.context, ("origin", 0, 0)).translation)
     yield from gui.drag((x, y), (x + 40, y + 60), mods=())
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the sheet elsewhere")
@@ -87,7 +87,7 @@ def looks_at_the_error(gui):
 
 
 def exports(gui):
-    """What a controller loads."""
+    """The file that a controller loads."""
     path = gui.out / "wrist.calibration.json"
     path.unlink(missing_ok=True)
     yield from press(gui, "skin_calib.export_calibration")

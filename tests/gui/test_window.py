@@ -1,4 +1,4 @@
-"""A real Blender: its window driven by mouse and keys, and its command line; each runs in preferences of its own."""
+"""A real Blender: its window driven by mouse and keys, and its command line, with separate preferences."""
 
 import importlib.util
 import json
@@ -24,17 +24,19 @@ SAMPLES = ROOT / "sample_scenes"
 
 @pytest.fixture(scope="session")
 def blender():
-    """The command that runs a Blender with a window; skips, and says why, where there is none."""
+    """Return the command that runs Blender with a window; skip with a reason if it is missing."""
     if not (TOOLS / "gui-blender").exists():
-        pytest.skip("no ../shared/blender beside this checkout, which has the Blender with a window")
+        pytest.skip("the Blender with a window is missing: ../shared/blender")
     done = subprocess.run([TOOLS / "gui-blender", "--version"], cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         pytest.skip(f"the Blender with a window does not start: {' '.join(done.stderr.split())}")
     return TOOLS / "gui-blender"
 
 
-# Pictures are compared as coarse as this, by levels of 255: a label may change, a panel or an overlay must not be gone.
-COARSE, MEAN_OFF, FAR_OFF = (70, 87), 5.0, 40.0
+# Size of the pictures that are compared [pixel]. Larger: a changed label fails the test; smaller: a missing panel does not.
+COARSE_SIZE = (70, 87)
+MAX_MEAN_DIFFERENCE = 5.0  # of the levels of 255
+MAX_DIFFERENCE = 40.0  # of the levels of 255, after the blur
 DRIVERS = [
     ("drive_fit.py", "wrist", "1200x1300"),
     ("drive_edit.py", "wrist", "1000x1350"),
@@ -53,7 +55,7 @@ DRIVERS = [
 
 @pytest.mark.parametrize("driver, sample, size", DRIVERS)
 def test_window(blender, driver, sample, size, tmp_path):
-    """Every step of the driver does in the window what it says."""
+    """Every step of the driver has its effect in the window."""
     scene = SAMPLES / f"{sample}.blend"
     words = ["--install", ROOT, "--blend", scene, "--size", size, "--out", tmp_path, "--timeout", 900]
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver)]
@@ -63,7 +65,9 @@ def test_window(blender, driver, sample, size, tmp_path):
 
 def test_first_steps_look_as_in_the_manual(blender, tmp_path):
     """From an empty scene to an exported calibration; each picture is close to that of docs/tutorial/blender.md."""
-    image = pytest.importorskip("PIL.Image", reason="no Pillow here, which compares pictures; '.[picture]' brings it")
+    image = pytest.importorskip(
+        "PIL.Image", reason="Pillow, which compares pictures, is not installed; '.[picture]' installs it"
+    )
     words = ["--install", ROOT, "--size", "1000x1150", "--out", tmp_path, "--timeout", 900]
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name("drive_steps.py")]
     done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -72,14 +76,16 @@ def test_first_steps_look_as_in_the_manual(blender, tmp_path):
     assert len(pictures) == 6
     for path in pictures:
         kept, shot = image.open(path).convert("RGB"), image.open(tmp_path / path.name).convert("RGB")
-        coarse = [np.asarray(one.resize(COARSE), float) for one in (kept, shot)]
+        coarse = [np.asarray(one.resize(COARSE_SIZE), float) for one in (kept, shot)]
         off = np.abs(coarse[0] - coarse[1]).max(axis=2)
-        assert off.mean() < MEAN_OFF and (off > FAR_OFF).mean() < 0.04, f"{path.name}: {off.mean():.1f} levels off"
+        assert off.mean() < MAX_MEAN_DIFFERENCE and (off > MAX_DIFFERENCE).mean() < 0.04, (
+            f"{path.name}: {off.mean():.1f} levels off"
+        )
 
 
 @pytest.fixture(scope="module")
 def installed(blender, tmp_path_factory):
-    """Runs that Blender with the extension installed and enabled; its Python has SciPy and trimesh of its own."""
+    """Return a function that runs this Blender with the extension; its Python has its own SciPy and trimesh."""
     if importlib.util.find_spec("bpy") is None:
         pytest.skip("no module bpy here, whose builder makes the zip; pip install '.[blender]' brings it")
     folder = tmp_path_factory.mktemp("installed")
@@ -104,7 +110,7 @@ def installed(blender, tmp_path_factory):
 
 
 def test_command_line_of_blender_fits_the_scene(installed, tmp_path):
-    """``--command skin_calib`` and a batch script give one file, and the numbers of plain Python."""
+    """``--command skin_calib`` and a batch script give the same file, with the numbers of plain Python."""
     command, batch, plain = (tmp_path / f"{door}.json" for door in ("command", "batch", "plain"))
     scene = SAMPLES / "wrist.blend"
     for done in (
@@ -122,8 +128,8 @@ def test_command_line_of_blender_fits_the_scene(installed, tmp_path):
         assert_allclose(ours[name], theirs[name], atol=1e-9)  # another NumPy and SciPy round otherwise
 
 
-def test_command_line_of_blender_fits_plans_side_by_side(installed, tmp_path):
-    """``--jobs`` is taken, though Blender's process has to do them one by one."""
+def test_command_line_of_blender_fits_several_plans(installed, tmp_path):
+    """``--jobs`` is accepted, although Blender's process runs the jobs one by one."""
     plans = [SAMPLES / "wrist.plan.json", SAMPLES / "edge.plan.json"]
     done = installed("--command", "skin_calib", "fit", *plans, "-o", tmp_path, "--jobs", 2)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -132,7 +138,7 @@ def test_command_line_of_blender_fits_plans_side_by_side(installed, tmp_path):
 
 
 def test_command_line_of_blender_ends_with_the_codes(installed, tmp_path):
-    """1 where the data is wrong, 2 where the call is, as without Blender, with one line that says why."""
+    """As without Blender, the code is 1 for wrong data and 2 for a wrong call, with one line that states why."""
     out = tmp_path / "out.json"
     done = installed("--background", "--factory-startup", "--command", "skin_calib", "fit", "-o", out)
     assert done.returncode != 0  # factory settings have no extension
