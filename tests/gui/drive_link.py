@@ -77,8 +77,8 @@ def keeps_all_parts(gui):
     _, y = yield from find(gui, "skin_calib.cover.shell")
     side = gui.region("UI")
     shells = []
-    for share in (0.7, 0.3, 0.7):
-        yield from gui.click(side.x + share * side.width, y)
+    for fraction in (0.7, 0.3, 0.7):
+        yield from gui.click(side.x + fraction * side.width, y)
         yield from gui.redraw()
         shells.append(active().skin_calib.cover.shell)
     yield from undo(gui)

@@ -33,10 +33,11 @@ def blender():
     return TOOLS / "gui-blender"
 
 
-# Size of the pictures that are compared [pixel]. Larger: a changed label fails the test; smaller: a missing panel does not.
+# Size of the pictures that are compared [pixel]. Larger: a changed label fails the test.
 COARSE_SIZE = (70, 87)
-MAX_MEAN_DIFFERENCE = 5.0  # of the levels of 255
-MAX_DIFFERENCE = 40.0  # of the levels of 255, after the blur
+# Mean difference of two pictures, and difference of at most 4 % of their pixels [levels of 255].
+MAX_MEAN_DIFFERENCE = 5.0
+MAX_DIFFERENCE = 40.0
 DRIVERS = [
     ("drive_fit.py", "wrist", "1200x1300"),
     ("drive_edit.py", "wrist", "1000x1350"),
