@@ -24,7 +24,7 @@ MAX_REMAINING_RATIO = 0.5
 MAX_SKIN_THICKNESS = 1e-2  # [m] of the thickest skin. Larger: thicker skins stay, wrong frames are missed
 # [fraction of the cloud size] mean distance above which a cloud is not on the mesh. Larger: worse poses are accepted.
 MAX_MEAN_FRACTION = 0.01
-# [fraction of the cloud size] mean distance between the points of two poses above which they are at different places.
+# [fraction of the cloud size] mean distance between the points of two poses above which the poses differ.
 # Larger: fewer ambiguous results.
 DISTINCT_FRACTION = 0.1
 # [1] ratio of the mean distances of another pose and the best pose below which both fit. Larger: more ambiguous
@@ -49,7 +49,7 @@ TRIMMED_FRACTION = 0.9
 MOTION_COST = 1e-2
 # [1] weight of the squared motion in the final refinement. Larger: shorter steps, slower convergence.
 FINAL_MOTION_COST = 1e-6
-# [1] numbers of poses: refined on some points, at different places among them, refined on all points. Larger: a safer
+# [1] numbers of poses: refined on some points, different ones among them, refined on all points. Larger: a safer
 # search, more time.
 CANDIDATES = 16
 RIVALS = 2
@@ -94,7 +94,7 @@ class RigidFit:
     after: DistanceStatistics  # after the motion
     verdict: Verdict
     slack: float  # distance that the points can slide before their distances show it [m]; at most the cloud size
-    rival: float  # mean distance in the best pose at another place [m]; infinite without such a pose
+    rival: float  # mean distance in the best different pose [m]; infinite without such a pose
 
     def __post_init__(self):
         freeze(self, rotation=(3, 3), translation=(3,))
@@ -217,7 +217,7 @@ class SampledMesh:
 
 
 def _search(samples: SampledMesh, cloud: Cloud) -> tuple[Pose, list[Pose]]:
-    """Return the pose with the least distance to the mesh, and the best poses at other places."""
+    """Return the pose with the least distance to the mesh, and the best different poses."""
     few = cloud.points[farthest_points(cloud.points, DESCENT_POINTS)]
     positions = np.vstack((samples.centre, samples.points[farthest_points(samples.points, START_POSITIONS)]))
     rotations, positions = (

@@ -81,7 +81,7 @@ def maximum_deviation(
     """Return the largest distance of a sample site's surface point from the mesh [m], and its place.
 
     The distance is measured to the plane of the facet that the ray hit. Where that is far, it is measured to the
-    nearest facet, because a ray that just misses a rim hits what lies behind it.
+    nearest facet, because a ray that just misses a rim hits a part behind it.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def maximum_deviation(
 def fit_warnings(
     mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples, smallest_area: float, converged: bool
 ) -> Iterator[Warning]:
-    """Yield everything that an author should look at before trusting a fit.
+    """Yield the warnings that an author should check before trusting a fit.
 
     Parameters
     ----------

@@ -282,7 +282,7 @@ def AutoGrid(
     sector: tuple[float, float] | None = None,
     normal: Vector | None = None,
 ) -> Grid:
-    """Return the smallest grid within a tolerance: all round a tube, in a sector, or across a face.
+    """Return the smallest grid within a tolerance: over a full turn of a tube, in a sector, or across a face.
 
     Parameters
     ----------
@@ -457,7 +457,7 @@ class PlanesGrid:
         """Return 1 where the mean normal of the faces is along the lines, -1 where it is against them."""
         outward = (mesh.face_normals * mesh.face_areas[:, None]).sum(axis=0) / mesh.face_areas.sum()
         side = float(outward @ mean)
-        if abs(side) < 0.1:
+        if abs(side) < MIN_SIDE_COSINE:
             raise InvalidPlan("The mesh has faces on both sides of the planes. Cut it so that one side is left.")
         return float(np.sign(side))
 

@@ -128,9 +128,9 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
     order = np.lexsort(vertices.T[::-1])
     ordered = vertices[order]
     new = np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)]
-    place = np.empty(len(vertices), np.int64)
-    place[order] = np.cumsum(new) - 1
-    faces = place[faces]
+    index = np.empty(len(vertices), np.int64)
+    index[order] = np.cumsum(new) - 1
+    faces = index[faces]
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     if len(faces) == 0:
         raise InvalidMesh("Every face of the mesh is degenerate (two equal corners). Export it again.")

@@ -69,11 +69,11 @@ def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections
     cut = np.flatnonzero(count)
     count, first = count[cut].astype(np.int64), first[cut].astype(np.int64)
     part = np.repeat(np.arange(len(cut)), count)
-    place = np.arange(len(part)) + np.repeat(first - np.cumsum(count) + count, count)
-    by_plane = np.argsort(order[place].astype(np.int16), kind="stable")
-    part, place = part[by_plane], place[by_plane]
-    plane = order[place]
-    is_above = [rank[cut][part] > place for rank in (a, b, c)]
+    level_index = np.arange(len(part)) + np.repeat(first - np.cumsum(count) + count, count)
+    by_plane = np.argsort(order[level_index].astype(np.int16), kind="stable")
+    part, level_index = part[by_plane], level_index[by_plane]
+    plane = order[level_index]
+    is_above = [rank[cut][part] > level_index for rank in (a, b, c)]
     above = is_above[0] + 2 * is_above[1] + 4 * is_above[2]
     face, lift = cut[part], level[plane]
     ends = _segments(mesh, values, face, above, lambda vertex: height[vertex] - lift)

@@ -15,7 +15,7 @@ MIN_SITES = {False: 20, True: 60}
 
 
 def clamped_knots(n: int, degree: int) -> Array:
-    """Return uniform knots on [0, 1], repeated at the ends, so that the spline meets its end control points.
+    """Return uniform knots on [0, 1], repeated at the ends, so that the spline ends at its end control points.
 
     Parameters
     ----------
