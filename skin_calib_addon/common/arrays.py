@@ -23,7 +23,7 @@ def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
     Raises
     ------
     ValueError
-        If a field has another shape, or holds a number that is not finite.
+        If a field has another shape, or contains a number that is not finite.
     """
     for name, shape in shapes.items():
         value = np.array(getattr(record, name))
@@ -32,7 +32,7 @@ def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
         if not fits:
             raise ValueError(f"{type(record).__name__}.{name} has shape {value.shape}, expected {shape}")
         if not np.isfinite(value).all():
-            raise ValueError(f"{type(record).__name__}.{name} holds a number that is not finite")
+            raise ValueError(f"{type(record).__name__}.{name} contains a number that is not finite")
         value.setflags(write=False)
         object.__setattr__(record, name, value)
 

@@ -99,7 +99,7 @@ def _check_array(value: list[Any], schema: Schema, pointer: str, root: Schema) -
     if not fits_length(len(value), schema):
         low, high = schema.get("minItems", 0), schema.get("maxItems")
         wanted = f"at least {low}" if high is None else f"{low}" if low == high else f"{low} to {high}"
-        yield error("length", pointer, f"must hold {wanted}, not {len(value)}", value)
+        yield error("length", pointer, f"must have {wanted} elements, not {len(value)}", value)
     heads = schema.get("prefixItems", [])
     for index, (item, part) in enumerate(zip(value, heads)):
         yield from _check(item, part, child(pointer, index), root)
