@@ -1,4 +1,4 @@
-"""Slow obvious versions of what the package does fast: one function, one face, one point at a time."""
+"""Slow, obvious versions of fast functions of the package: one function, one face, one point at a time."""
 
 from fractions import Fraction
 from functools import cache
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def basis_function(i, degree, knots, u):
-    """Cox-de Boor recursion (The NURBS Book, eq. 2.5) with 0/0 = 0; the last span holds its right end too."""
+    """Return the Cox-de Boor recursion (The NURBS Book, eq. 2.5) with 0/0 = 0; the last span includes its right end."""
     knots = [float(knot) for knot in knots]
     last = max(j for j in range(len(knots) - 1) if knots[j] < knots[j + 1])
     span = last if u == knots[last + 1] else next(j for j in range(last + 1) if knots[j] <= u < knots[j + 1])
@@ -28,13 +28,13 @@ def basis_function(i, degree, knots, u):
 
 
 def basis_matrix(parameters, knots, degree):
-    """Every basis function at every parameter, one after the other."""
+    """Return every basis function at every parameter, one after the other."""
     count = len(knots) - degree - 1
     return np.array([[basis_function(i, degree, knots, u) for i in range(count)] for u in parameters])
 
 
 def surface_point(surface, u, v):
-    """The double sum of the definition, for parameters within [0, 1]."""
+    """Return the double sum of the definition, for parameters in [0, 1]."""
     point = np.zeros(3)
     for i, row in enumerate(surface.control_net):
         for j, control_point in enumerate(row):
@@ -44,7 +44,7 @@ def surface_point(surface, u, v):
 
 
 def cut_triangle(corners, point, normal):
-    """Ends of the segment in which a plane cuts one triangle, in no order; None where it does not.
+    """Return the ends of the segment in which a plane cuts one triangle, in any order; None without a cut.
 
     A corner on the plane counts as below it.
     """
@@ -57,7 +57,7 @@ def cut_triangle(corners, point, normal):
 
 
 def cast_on_segments(origin, direction, segments):
-    """Distance along one ray in the plane to the furthest of the segments that it meets; NaN for a miss."""
+    """Return the distance along one ray in the plane to the furthest segment that it hits; NaN for a miss."""
     furthest = np.nan
     for start, stop in segments:
         system = np.column_stack((direction, start - stop))
@@ -70,7 +70,7 @@ def cast_on_segments(origin, direction, segments):
 
 
 def cast_on_mesh(origin, direction, triangles):
-    """Distance along one ray in space to the furthest of the triangles that it meets; NaN for a miss."""
+    """Return the distance along one ray in space to the furthest triangle that it hits; NaN for a miss."""
     furthest = np.nan
     for a, b, c in triangles:
         system = np.column_stack((-direction, b - a, c - a))
@@ -83,14 +83,14 @@ def cast_on_mesh(origin, direction, triangles):
 
 
 def nearest_on_segment(point, start, stop):
-    """Nearest point of a segment, which may be no longer than a point."""
+    """Return the nearest point of a segment, whose length may be zero."""
     along = stop - start
     share = (point - start) @ along / (along @ along) if along.any() else 0.0
     return start + min(max(share, 0.0), 1.0) * along
 
 
 def nearest_on_triangle(point, corners):
-    """Nearest point of one triangle: the foot on its plane if that lies inside, else the best of its three sides."""
+    """Return the nearest point of one triangle: the projection if it is inside, else the best of its three sides."""
     a, b, c = corners
     feet = [nearest_on_segment(point, *side) for side in ((a, b), (b, c), (c, a))]
     normal = np.cross(b - a, c - a)
@@ -103,12 +103,12 @@ def nearest_on_triangle(point, corners):
 
 
 def distance_to_mesh(point, triangles):
-    """Distance from one point to the nearest of all triangles."""
+    """Return the distance from one point to the nearest of all triangles."""
     return min(np.linalg.norm(nearest_on_triangle(point, corners) - point) for corners in triangles)
 
 
 def components(active, neighbours):
-    """Groups of active taxels that hang together, by flood fill; ``neighbours[i]`` are the rows adjacent to row i."""
+    """Return the connected groups of active taxels, by flood fill; ``neighbours[i]`` are the rows adjacent to row i."""
     groups, waiting = set(), {i for i, is_active in enumerate(active) if is_active}
     while waiting:
         group, edge = set(), {min(waiting)}
@@ -121,7 +121,7 @@ def components(active, neighbours):
 
 
 def best_step(fit):
-    """Offsets by which the control points of a finished fit should still move along their lines, shape (n, m).
+    """Return the movements of the control points of a fit that reduce its residuals further, shape (n, m).
 
     Dense least squares: every sample ray is cast on every triangle, and every control point has its own column. Also
     returned: the root mean square of the residuals before and after that step [m].
@@ -149,7 +149,7 @@ def best_step(fit):
 
 
 def _line_of(surface, lines, column):
-    """Which line the control points of a column of the net lie on."""
+    """Return the line of each column of the net."""
     gap = surface.control_net[:, column, None] - lines.origins
     off = np.linalg.norm(gap - (gap * lines.directions).sum(axis=2, keepdims=True) * lines.directions, axis=2)
     side = (gap * lines.directions).sum(axis=2) < 0  # half-planes have one direction only
@@ -157,7 +157,7 @@ def _line_of(surface, lines, column):
 
 
 def is_inside(point, loops):
-    """Whether a ray from the point along x crosses the loops 1, 3, 5 ... times, one edge after the other."""
+    """Return whether a ray from the point along x crosses the loops 1, 3, 5 ... times, one edge after the other."""
     crossings = 0
     for loop in loops:
         for (ax, ay), (bx, by) in zip(loop, np.roll(loop, -1, axis=0)):
@@ -167,18 +167,18 @@ def is_inside(point, loops):
 
 
 def edges_of(loops):
-    """All edges of loops, one after the other, shape (e, 2, 2)."""
+    """Return all edges of loops, one after the other, shape (e, 2, 2)."""
     return np.array([edge for loop in loops for edge in zip(loop, np.roll(loop, -1, axis=0))])
 
 
 def points_on(loop, count):
-    """So many points on each edge of a loop, its corners among them."""
+    """Return a number of points on each edge of a loop, including its corners."""
     share = np.arange(count)[:, None] / count
     return np.concatenate([a + share * (b - a) for a, b in zip(loop, np.roll(loop, -1, axis=0))])
 
 
 def depth_in(point, outline):
-    """How deep a point lies in an outline that turns left at every corner; negative outside, as the distance to it."""
+    """Return the depth of a point in a convex outline; outside, the negative distance to the outline."""
     sides = list(zip(outline, np.roll(outline, -1, axis=0)))
     gap = min(np.linalg.norm(point - nearest_on_segment(point, a, b)) for a, b in sides)
     left = [(b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0]) for a, b in sides]
@@ -186,7 +186,7 @@ def depth_in(point, outline):
 
 
 def room_of(outline, loops, count):
-    """Signed clearance of one board in loops: from its corners to all edges, and from points on edges to the board."""
+    """Return the signed clearance of one board in loops: of its corners, and of points on the edges of the loops."""
     edges = edges_of(loops)
     apart = [min(np.linalg.norm(corner - nearest_on_segment(corner, *edge)) for edge in edges) for corner in outline]
     corners = [gap if is_inside(corner, loops) else -gap for corner, gap in zip(outline, apart)]
@@ -194,7 +194,7 @@ def room_of(outline, loops, count):
 
 
 def boards_inside(centres, corners, edges):
-    """Which hexagons with ``corners`` about ``centres`` lie inside: the centre does, and no edge enters one."""
+    """Return which hexagons with ``corners`` about ``centres`` are inside: the centre is, and no edge enters one."""
     x, y = centres.T
     inside = np.zeros(len(centres), bool)
     for (ax, ay), (bx, by) in edges:
@@ -220,7 +220,7 @@ def boards_inside(centres, corners, edges):
 
 
 def most_boards(edges, lattice, offsets, angles):
-    """The most boards inside at any of the offsets (n, 2), given on the lattice, and any of the angles."""
+    """Return the most boards inside at any of the offsets (n, 2), given on the lattice, and any of the angles."""
     low, high = (getattr(edges, way)(axis=(0, 1)) for way in ("min", "max"))
     reach = np.linalg.norm(high - low) / 2 + np.linalg.norm(offsets, axis=1).max()
     n = int(reach / lattice.pitch) + 2
@@ -238,7 +238,7 @@ def most_boards(edges, lattice, offsets, angles):
 
 
 def all_offsets(lattice, step):
-    """The offsets of a lattice in steps not longer than this, (n, 2)."""
+    """Return the offsets of a lattice in steps of at most this length, (n, 2)."""
     parts = int(np.ceil(lattice.pitch / step))
     share = np.array([(i, j) for i in range(parts) for j in range(parts)]) / parts - 0.5
     return share @ lattice.centres(np.eye(2, dtype=int))
@@ -265,17 +265,17 @@ def felt(skin, forces, active):
 
 
 def exact(points):
-    """Points as pairs of fractions, which hold what floats hold."""
+    """Return points as pairs of fractions, equal to the floats."""
     return [(Fraction(float(x)), Fraction(float(y))) for x, y in points]
 
 
 def turn(a, b, c):
-    """Twice the area of a triangle of fractions or whole numbers, positive where it turns left."""
+    """Return twice the area of a triangle of fractions or whole numbers, positive if it is counter-clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def hull_corners(points):
-    """Corners of a convex hull, counter-clockwise from the leftmost: edges are pairs with all others to the left."""
+    """Return the corners of a convex hull, counter-clockwise from the leftmost."""
     places = sorted(set(points))
     if len(places) < 2:
         return places
@@ -292,7 +292,7 @@ def hull_corners(points):
 
 
 def is_between(c, a, b):
-    """Whether a point of the line through two others lies between them, or on one."""
+    """Return whether a point of the line through two others is between them, or on one."""
     return min(a, b) <= c <= max(a, b)
 
 
@@ -324,7 +324,7 @@ def moved_lines(corners, distances):
 
 
 def fraction_root(value):
-    """The square root of a positive fraction, to 100 bits."""
+    """Return the square root of a positive fraction, to 100 bits."""
     shift = 200 + value.denominator.bit_length() - value.numerator.bit_length()
     shift += shift % 2
     whole = isqrt(int(value * Fraction(2) ** shift))
@@ -332,7 +332,7 @@ def fraction_root(value):
 
 
 def fraction_area(corners):
-    """Area of a polygon of fractions, by the shoelace formula."""
+    """Return the area of a polygon of fractions, by the shoelace formula."""
     return sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(corners, corners[1:] + corners[:1])) / 2
 
 
@@ -344,7 +344,7 @@ def fraction_centroid(corners):
 
 
 def is_in_convex(point, corners):
-    """Whether a point of fractions lies in a convex polygon, a segment or a point of them, or on its border."""
+    """Return whether a point of fractions is in a convex polygon, a segment or a point of them, or on its border."""
     if len(corners) == 1:
         return point == corners[0]
     sides = [turn(a, b, point) for a, b in zip(corners, corners[1:] + corners[:1])]
@@ -352,7 +352,7 @@ def is_in_convex(point, corners):
 
 
 def nearest_in_convex(point, corners):
-    """The nearest point of a convex polygon of fractions: itself, or the nearest on any edge."""
+    """Return the nearest point of a convex polygon of fractions: itself, or the nearest on any edge."""
     if is_in_convex(point, corners):
         return point
     feet = []

@@ -16,13 +16,13 @@ Z_AXIS = Axis((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 @cache
 def cylinder(radius=RADIUS, length=LENGTH, around=96, along=26):
-    """A tube about z from 0 to ``length``; its first vertices lie in the x-z plane."""
+    """Return a tube about z from 0 to ``length``; its first vertices are in the x-z plane."""
     return cone(radius, radius, length, around, along)
 
 
 @cache
 def cone(bottom=0.045, top=0.030, length=LENGTH, around=96, along=26):
-    """A tube about z whose radius goes from ``bottom`` to ``top``."""
+    """Return a tube about z whose radius changes from ``bottom`` to ``top``."""
 
     def point(angle, height):
         radius = bottom + (top - bottom) * height
@@ -33,17 +33,17 @@ def cone(bottom=0.045, top=0.030, length=LENGTH, around=96, along=26):
 
 @cache
 def wrist():
-    """The sample of a tapered, bent, irregular tube."""
+    """Return the sample of a tapered, bent, irregular tube."""
     return welded(shapes.wrist())
 
 
 def welded(mesh):
-    """A trimesh in the canonical order."""
+    """Return a trimesh in the canonical order."""
     return weld(mesh.vertices, mesh.faces)
 
 
 def sheet(height, size=(0.1, 0.08), cells=(20, 16)):
-    """The graph z = height(x, y) over a rectangle that starts at the origin; faces look up."""
+    """Return the graph z = height(x, y) over a rectangle that starts at the origin; normals point up."""
     a, b = cells
     i, j = (k.ravel() for k in np.meshgrid(np.arange(a + 1), np.arange(b + 1), indexing="ij"))
     x, y = size[0] * i / a, size[1] * j / b
@@ -54,36 +54,36 @@ def sheet(height, size=(0.1, 0.08), cells=(20, 16)):
 
 
 def dome():
-    """A sheet bent upwards in the middle, looking up."""
+    """Return a sheet bent upwards at the centre; normals point up."""
     return sheet(lambda x, y: 0.02 - 2 * ((x - 0.05) ** 2 + (y - 0.04) ** 2))
 
 
 def box(low, high):
-    """A closed box; faces look outward."""
+    """Return a closed box; normals point outward."""
     corners = np.array(np.meshgrid(*zip(low, high), indexing="ij")).reshape(3, -1).T
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     return weld(corners, [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))])
 
 
 def together(*meshes):
-    """Several meshes as one."""
+    """Return several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts)])
     return weld(np.concatenate([mesh.vertices for mesh in meshes]), faces)
 
 
 def keep(mesh, wanted):
-    """The faces whose centre is ``wanted(centres)``."""
+    """Return the faces whose centre is ``wanted(centres)``."""
     return weld(mesh.vertices, mesh.faces[wanted(mesh.triangles.mean(axis=1))])
 
 
 def with_hole(mesh, centre, radius):
-    """The mesh without the faces near a point."""
+    """Return the mesh without the faces near a point."""
     return keep(mesh, lambda centres: np.linalg.norm(centres - centre, axis=1) > radius)
 
 
 class Motion:
-    """A rotation, a shift and a scale, and what they do to meshes, points and directions."""
+    """A rotation, a translation and a scale of meshes, points and directions."""
 
     def __init__(self, seed, scale=1.0):
         self.rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
@@ -92,30 +92,30 @@ class Motion:
 
     @classmethod
     def none(cls):
-        """Everything stays."""
+        """Return the identity."""
         motion = cls(0)
         motion.rotation, motion.shift = np.eye(3), np.zeros(3)
         return motion
 
     def points(self, points):
-        """Where points go."""
+        """Return the moved points."""
         return self.scale * np.asarray(points) @ self.rotation.T + self.shift
 
     def directions(self, directions):
-        """Where directions point to."""
+        """Return the rotated directions."""
         return np.asarray(directions) @ self.rotation.T
 
     def mesh(self, mesh):
-        """The mesh in its new place."""
+        """Return the moved mesh."""
         return weld(self.points(mesh.vertices), mesh.faces)
 
     def axis(self, axis):
-        """The axis in its new place."""
+        """Return the moved axis."""
         return axis and Axis(tuple(self.points(axis.point)), tuple(self.directions(axis.direction)))
 
 
 def shuffled(mesh, seed):
-    """The same triangles, listed in another order and starting at other corners."""
+    """Return the same triangles in another order, with other first corners."""
     rng = np.random.default_rng(seed)
     order = rng.permutation(len(mesh.vertices))
     faces = np.argsort(order)[mesh.faces[rng.permutation(len(mesh.faces))]]
@@ -124,13 +124,13 @@ def shuffled(mesh, seed):
 
 
 def same_mesh(a: TriangleMesh, b: TriangleMesh):
-    """Equal to the bit."""
+    """Return whether two meshes are equal to the bit."""
     return a.vertices.tobytes() == b.vertices.tobytes() and a.faces.tobytes() == b.faces.tobytes()
 
 
 @cache
 def cone_surface(bottom=0.045, top=0.030, length=LENGTH, lines=64):
-    """A closed cubic surface on a cone about z, off by ten nanometres: what a perfect fit would give."""
+    """Return a closed cubic surface with an error of ten nanometres on a cone about z, like a perfect fit."""
     knots_u, knots_v = clamped_knots(4, 3), periodic_knots(lines, 3)
     height = greville(knots_u, 3)
     # Through a point at each knot, a uniform cubic's own angles; the net is a ring of one radius by symmetry.
@@ -145,7 +145,7 @@ def cone_surface(bottom=0.045, top=0.030, length=LENGTH, lines=64):
 
 @cache
 def plane_surface(width=0.1, depth=0.08):
-    """The surface z = 0 over a rectangle at the origin, with x and y linear in u and v; it looks up."""
+    """Return the surface z = 0 over a rectangle at the origin, with x and y linear in u and v; normals point up."""
     knots = clamped_knots(6, 3)
     place = greville(knots, 3)
     x, y = np.meshgrid(width * place, depth * place, indexing="ij")
@@ -154,5 +154,5 @@ def plane_surface(width=0.1, depth=0.08):
 
 @cache
 def wrist_surface():
-    """A fit of the wrist sample: doubly curved."""
+    """Return a fit of the wrist sample: doubly curved."""
     return fit_surface(wrist(), TubeGrid(10, 20, margin=0.002, spacing="uniform")).surface

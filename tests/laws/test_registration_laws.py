@@ -1,4 +1,4 @@
-"""What holds for any cloud that lies on a mesh: its place is found, wherever both are and however they are listed."""
+"""Laws for any cloud on a mesh: its pose is found, in any frame and for any order of points and faces."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def piece(seed, share, noise=0.0):
 @examples(6)
 @given(seed=seeds, share=st.floats(0.4, 1))
 def test_any_motion_of_a_large_piece_is_undone(seed, share):
-    """A piece of the link, or the whole: brought back to a hundredth of a millimetre from any frame."""
+    """A piece of the link, or the whole, returns to a hundredth of a millimetre from any frame."""
     points, motion = piece(seed, share), Motion(seed)
     fit = find_frame(wrist(), motion.points(points))
     assert fit.verdict in ("moved", "ambiguous")  # a piece may well fit elsewhere to a tenth of a millimetre
@@ -35,7 +35,7 @@ def test_any_motion_of_a_large_piece_is_undone(seed, share):
 
 @examples(4)
 @given(seed=seeds, noise=st.floats(0, 5e-4))
-def test_noise_moves_the_place_by_no_more_than_the_slack(seed, noise):
+def test_noise_moves_the_pose_by_at_most_the_slack(seed, noise):
     """Taxels off the mesh: no further from it than before, and within the reported distance of their origin."""
     points, motion = piece(seed, 1.0, noise), Motion(seed)
     fit = find_frame(wrist(), motion.points(points))
@@ -48,7 +48,7 @@ def test_noise_moves_the_place_by_no_more_than_the_slack(seed, noise):
 @examples(3)
 @given(seed=seeds)
 def test_moving_the_mesh_moves_the_cloud(seed):
-    """The mesh elsewhere, the cloud where it was: it goes to the same place on the mesh."""
+    """If only the mesh is moved, the cloud gets the same pose relative to the mesh."""
     points, motion = Motion(seed + 7).points(piece(seed, 1.0)), Motion(seed)
     here, there = find_frame(wrist(), points), find_frame(motion.mesh(wrist()), points)
     assert there.verdict == here.verdict

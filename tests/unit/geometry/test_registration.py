@@ -39,7 +39,7 @@ def assert_consistent(fit, mesh, points):
 
 @pytest.mark.parametrize("seed", [0, slow(1), slow(2)])
 def test_cloud_in_another_frame_is_brought_back(seed):
-    """Turned and moved by a metre: the inverse motion is found to a micrometre, and no other place fits."""
+    """Rotated and moved by a metre: the inverse motion is found to a micrometre, and no other pose fits."""
     points, motion = on_wrist(), Motion(seed)
     fit = find_frame(wrist(), motion.points(points))
     assert fit.verdict == "moved"
@@ -50,7 +50,7 @@ def test_cloud_in_another_frame_is_brought_back(seed):
 
 @pytest.mark.parametrize("seed", [0, slow(1), slow(2)])
 def test_inner_parts_do_not_catch_a_piece(seed):
-    """A small piece of the shell of a link with boxes in it, which stand between its middle and the piece's place."""
+    """A small piece of the shell of a link, with boxes between the centre of the link and the piece."""
     low, high = wrist().vertices.min(axis=0), wrist().vertices.max(axis=0)
     places = np.array([(1, 1, 1), (-1, 1, 0), (0, -1, 1), (1, 0, -1), (0, 0, 0)])
     middles = (low + high) / 2 + 0.2 * places * (high - low)
@@ -64,7 +64,7 @@ def test_inner_parts_do_not_catch_a_piece(seed):
 
 @pytest.mark.parametrize("height", [0.0, 0.8, -0.8])
 def test_cloud_near_the_mesh_stays(height):
-    """On it, above it or below it by less than `NEAR`: it is right as it is, and nothing is proposed."""
+    """On it, above it or below it by less than `ON_MESH_DISTANCE`: the verdict is right, without a motion."""
     points = on_wrist()
     _, face, _ = MeshDistance(wrist())(points)
     fit = find_frame(wrist(), points + height * ON_MESH_DISTANCE * wrist().face_normals[face])
@@ -74,7 +74,7 @@ def test_cloud_near_the_mesh_stays(height):
 
 
 def test_cloud_a_little_aside_stays():
-    """Shifted by less than a skin is thick, though a motion would undo it: who knows which of the two is off."""
+    """Shifted by less than the thickness of a skin: it stays, because the mesh or the cloud may be wrong."""
     points = on_wrist() + (0.002, 0, 0)
     fit = find_frame(wrist(), points)
     assert (
@@ -86,7 +86,7 @@ def test_cloud_a_little_aside_stays():
 
 @pytest.mark.slow
 def test_thick_skin_stays():
-    """All round a tube, 6 mm above it: no motion brings it much nearer, so it lies where it should."""
+    """A full turn about a tube, 6 mm above it: no motion reduces the distance much, so the cloud stays."""
     points = on_wrist(count=300)
     _, face, _ = MeshDistance(wrist())(points)
     raised = points + 0.006 * wrist().face_normals[face]
@@ -104,7 +104,7 @@ def test_thick_skin_stays():
     ],
 )
 def test_symmetric_links_are_ambiguous(mesh):
-    """A turn about the axis, a half turn, a slide in the plane: that the cloud lies on it in several places is said."""
+    """A rotation about the axis, half a turn, a translation in the plane: the verdict is ambiguous."""
     points = mesh_samples(mesh)[0]
     points = Motion(5).points(points[:: max(1, len(points) // 120)])
     fit = find_frame(mesh, points)
@@ -115,13 +115,13 @@ def test_symmetric_links_are_ambiguous(mesh):
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_few_points_are_ambiguous(count):
-    """Three points lie on any mesh."""
+    """Three points fit any mesh."""
     assert find_frame(wrist(), on_wrist(count=count) + 0.3).verdict == "ambiguous"
 
 
 @pytest.mark.parametrize("size", [0.04, slow(0.1)])
 def test_noise_is_refused(size):
-    """Points anywhere in a box lie on no mesh; the nearest place still leaves them far off, in right numbers."""
+    """Random points in a box fit no mesh; the reported distances of the best pose are large and correct."""
     points = np.random.default_rng(1).uniform(-size / 2, size / 2, (150, 3)) + 0.2
     fit = find_frame(wrist(), points)
     assert fit.verdict == "lost" and fit.after.mean > 0.01 * size
@@ -135,8 +135,8 @@ def test_cloud_of_another_link_is_refused():
     assert find_frame(wrist(), Motion(2).points(other)).verdict == "lost"
 
 
-def test_slack_tells_how_far_a_cloud_may_slide():
-    """Nowhere on a box; round and along a cylinder without end; more where the distances are larger."""
+def test_slack_is_the_distance_that_a_cloud_can_slide():
+    """Not at all on a box; without limit about and along a cylinder; further for larger distances."""
     block = box((0, 0, 0), (0.1, 0.05, 0.02))
     points = mesh_samples(block)[0]
     assert find_frame(block, points).slack < 1e-3
@@ -157,7 +157,7 @@ def test_near_faces_are_nearly_the_nearest():
 
 
 def test_planes_of_the_grid_lie_near():
-    """The plane that a cell of the grid knows is hardly further than the nearest; beyond the grid there is one too."""
+    """The plane of a cell of the grid is nearly the nearest; points beyond the grid have one too."""
     samples = SampledMesh(wrist())
     rng = np.random.default_rng(5)
     points = samples.centre + rng.uniform(-0.1, 0.1, (200, 3))
@@ -169,8 +169,8 @@ def test_planes_of_the_grid_lie_near():
     assert np.isfinite(far).all()
 
 
-def test_points_beside_a_mesh_are_not_on_it():
-    """The plane of a face goes on beyond it; a pose in the plane, but aside, is off by how far it is aside."""
+def test_points_next_to_a_mesh_are_not_on_it():
+    """The plane of a face extends beyond it; a pose in the plane has its tangential distance from the face."""
     samples = SampledMesh(sheet(lambda x, y: 0 * x))
     cloud = np.random.default_rng(8).uniform(-0.02, 0.02, (40, 3)) * (1, 1, 0)
     places = np.array([(0.05, 0.04, 0), (0.05, 0.04, 0.01), (0.18, 0.04, 0)])  # on it, above it, next to it
