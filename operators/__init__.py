@@ -18,7 +18,7 @@ def register():
 
 
 def unregister():
-    """Take them away."""
+    """Remove them."""
     bpy.types.TOPBAR_MT_file_export.remove(exchange.draw_export)
     bpy.types.TOPBAR_MT_file_import.remove(exchange.draw_import)
     for cls in reversed(CLASSES):

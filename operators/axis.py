@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The axis of the grid through two sections that the author picks, the paper's way."""
+"""The axis of the grid through two sections that the author picks, as in the paper."""
 
 import bpy
 
@@ -12,7 +12,7 @@ from .picking import POINT, Picking
 
 
 class SKIN_OT_axis_from_sections(Picking, OnLink, Edit, bpy.types.Operator):
-    """Click on the link twice: the axis joins the centres of the two sections there, and runs to the second"""
+    """Click on the link twice: the axis joins the centres of the two sections there, towards the second"""
 
     bl_idname = "skin_calib.axis_from_sections"
     bl_label = "Axis from Two Sections"
@@ -27,9 +27,7 @@ class SKIN_OT_axis_from_sections(Picking, OnLink, Edit, bpy.types.Operator):
         plan.grid.auto_axis = False
         plan.grid.point, plan.grid.direction = in_units(axis.point, metre), axis.direction
 
-    prompts = tuple(
-        f"Click on the {which} section of the link    Esc: leave the axis as it is" for which in ("first", "second")
-    )
+    prompts = tuple(f"Click on the {which} section of the link    Esc: keep the axis" for which in ("first", "second"))
 
     def take(self, points):
         self.first, self.second = points

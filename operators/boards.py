@@ -15,14 +15,14 @@ from .picking import POINT, Picking
 
 
 class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
-    """Click on boards to take them out, and beside them to put boards in; Live shows what comes of it"""
+    """Click on a board to remove it, or next to the boards to add one; Live shows the result"""
 
     bl_idname = "skin_calib.boards_paint"
     bl_label = "Paint Boards"
 
-    point: bpy.props.FloatVectorProperty(name="Point", description="On the board, in the link frame", **POINT)
+    point: bpy.props.FloatVectorProperty(name="Point", description="A point of the board, in the link frame", **POINT)
 
-    prompts = ("Click on a board to take it out, beside the boards to put one in    Esc, Return: end",)
+    prompts = ("Click on a board to remove it, next to the boards to add one    Esc, Return: end",)
     repeats = True
 
     def check(self, context):
@@ -33,11 +33,11 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
         (self.point,) = points
 
     def boards(self, context):
-        """The skin, and its boards as they lie now."""
+        """Return the skin and its boards of the last fit."""
         plan = context.object.skin_calib
         skin, patches = self.of_kind(plan, "hexagons", "boards"), overlay.patches_of(context.object)
         if len(patches) != len(plan.skins) or patches[self.skin].kind != "hexagons":
-            raise SkinCalibError("fit the link first, to see the boards that are there")
+            raise SkinCalibError("Fit the link first, to see its boards.")
         return skin, patches[self.skin].taxels
 
     def edit(self, context, plan):
@@ -47,7 +47,7 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
         cell = board_at(taxels, boards.lattice, vector(self.point, metre))
         cells = list(boards.choice) if skin.choice == "listed" else [tuple(c) for c in taxels.index.tolist()]
         if cells == [cell]:
-            raise SkinCalibError("this is the last board; remove the skin instead")
+            raise SkinCalibError("This is the last board. Remove the skin instead.")
         if skin.choice != "listed":
             skins.fix_pose(skin, taxels, metre)
             skin.choice = "listed"

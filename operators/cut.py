@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of the link is covered: planes that cut it, and faces that the author cuts away."""
+"""Which part of the link is covered: planes that cut it, and faces that the author cuts away."""
 
 import bpy
 import numpy as np
@@ -16,25 +16,25 @@ from .picking import POINT, Picking
 
 
 class AddCut:
-    """Adds a plane across the link through a point, keeping the larger part."""
+    """Adds a plane across the link through a point; it keeps the larger part."""
 
     def add(self, context, plan, point):
-        """A cut through a point in the link frame in Blender units, as the active one."""
+        """Add a cut through a point in the link frame in scene units, and select it."""
         normal = self.normal(context, plan, point)
         cut = plan.cover.cuts.add()
         cut.point, cut.normal = point, normal
         plan.cover.cut_index = len(plan.cover.cuts) - 1
 
     def normal(self, context, plan, point):
-        """Across the author's axis, or the mesh's own; what is no mesh yet is cut from below."""
+        """Return the normal: along the author's axis, else along that of the mesh, else along z."""
         grid = plan.grid
-        is_told = not grid.auto_axis and grid.kind != "planes" and any(grid.direction)
+        has_axis = not grid.auto_axis and grid.kind != "planes" and any(grid.direction)
         try:
             mesh = scene.read_facets(context.object, context).welded()
         except InvalidMesh:
             return (0, 0, 1)
         at = np.array(vector(point, scene.metres_per_unit(context.scene)))
-        return cut_normal(mesh, at, np.array(grid.direction) if is_told else None)
+        return cut_normal(mesh, at, np.array(grid.direction) if has_axis else None)
 
 
 class SKIN_OT_cut_add(AddCut, Edit, bpy.types.Operator):
@@ -48,14 +48,14 @@ class SKIN_OT_cut_add(AddCut, Edit, bpy.types.Operator):
 
 
 class SKIN_OT_cut_place(Picking, AddCut, Edit, bpy.types.Operator):
-    """Click on the link where a plane is to cut it, across the link; the larger part is kept. Esc adds none"""
+    """Click on the link to add a plane that cuts it there, across the link, and keeps the larger part"""
 
     bl_idname = "skin_calib.cut_place"
     bl_label = "Add Cut on Link"
 
-    point: bpy.props.FloatVectorProperty(name="Point", description="Where the link is cut, in the link frame", **POINT)
+    point: bpy.props.FloatVectorProperty(name="Point", description="A point of the cut, in the link frame", **POINT)
 
-    prompts = ("Click on the link: it is cut there    Esc: no cut",)
+    prompts = ("Click on the link to cut it there    Esc: no cut",)
 
     def take(self, points):
         (self.point,) = points
@@ -94,7 +94,7 @@ class SKIN_OT_cut_remove(Edit, bpy.types.Operator):
 
 
 class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
-    """Leave the selected faces out of the cover; the mesh keeps them, and they can be brought back"""
+    """Remove the selected faces from the cover; the mesh keeps them, and Bring Back restores them"""
 
     bl_idname = "skin_calib.cut_away"
     bl_label = "Cut Away Selection"
@@ -109,7 +109,7 @@ class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
 
     def execute(self, context):
         link = context.object
-        bpy.ops.object.mode_set(mode="OBJECT")  # there the result is seen, and one step of undo takes all of it back
+        bpy.ops.object.mode_set(mode="OBJECT")  # the result is visible there, and one step of undo reverts all of it
         try:
             chosen = cut_away.selected(link)
         except SkinCalibError as error:
@@ -123,7 +123,7 @@ class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
 
 
 class SKIN_OT_bring_back(OnMesh, bpy.types.Operator):
-    """Take the faces that were cut away by hand into the cover again"""
+    """Add the faces that were cut away by hand to the cover again"""
 
     bl_idname = "skin_calib.bring_back"
     bl_label = "Bring Back"

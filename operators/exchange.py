@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plans and calibrations, in from files and out to them."""
+"""Plans and calibrations, read from files and written to them."""
 
 from dataclasses import replace
 from itertools import count
@@ -20,7 +20,7 @@ from .on_link import OnLink
 
 
 class SKIN_OT_import_plan(FromFile, bpy.types.Operator):
-    """Open a skin plan: its mesh becomes an object that carries the plan"""
+    """Open a skin plan: its mesh becomes an object that has the plan"""
 
     bl_idname = "skin_calib.import_plan"
     bl_label = "Import Skin Plan"
@@ -48,7 +48,7 @@ class SKIN_OT_import_plan(FromFile, bpy.types.Operator):
 
 
 class Export(ExportHelper):
-    """Writes a file about the active link; the browser proposes the link's name, in the folder used last."""
+    """Writes a file about the active link; the browser proposes the name of the link, in the last folder."""
 
     filename_ext = ".json"
     filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})
@@ -70,7 +70,7 @@ class Export(ExportHelper):
 
 
 class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
-    """Write the plan of the active link, and its mesh beside it unless the file there is the same"""
+    """Write the plan of the active link, and its mesh next to it unless the file there is the same"""
 
     bl_idname = "skin_calib.export_plan"
     bl_label = "Export Skin Plan"
@@ -83,7 +83,7 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
         mesh = scene.read_mesh(link, context)
         plan = scene.read_plan(link, context.scene)
         target = path.parent / plan.mesh
-        if not self._holds(target, mesh):
+        if not self._has(target, mesh):
             target = self._free(path, mesh)
             plan = replace(plan, mesh=Path(target.name))
             save_mesh(mesh, target)
@@ -92,14 +92,14 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
             link.skin_calib.mesh_file = target.name
 
     def _free(self, path, mesh):
-        """A place for the mesh beside the plan where it overwrites no other one."""
+        """Return a path for the mesh next to the plan where it overwrites no other mesh."""
         stem = path.name.removesuffix(".json").removesuffix(".plan")
         names = (f"{stem}.ply" if k == 1 else f"{stem}_{k}.ply" for k in count(1))
-        places = (path.with_name(name) for name in names)
-        return next(place for place in places if not place.exists() or self._holds(place, mesh))
+        paths = (path.with_name(name) for name in names)
+        return next(path for path in paths if not path.exists() or self._has(path, mesh))
 
     @staticmethod
-    def _holds(path, mesh):
+    def _has(path, mesh):
         try:
             return load_mesh(path, "m").sha256 == mesh.sha256
         except InvalidMesh:
@@ -107,7 +107,7 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
 
 
 class SKIN_OT_export_calibration(OnLink, Export, bpy.types.Operator):
-    """Write the calibration of the active link, as its plan and mesh are now"""
+    """Write the calibration of the active link, from its current plan and mesh"""
 
     bl_idname = "skin_calib.export_calibration"
     bl_label = "Export Skin Calibration"
@@ -122,7 +122,7 @@ class SKIN_OT_export_calibration(OnLink, Export, bpy.types.Operator):
 
 
 class SKIN_OT_export_taxels(OnLink, Export, bpy.types.Operator):
-    """Write the taxels of the active link, as its plan and mesh are now, for another program"""
+    """Write the taxels of the active link for another program, from its current plan and mesh"""
 
     bl_idname = "skin_calib.export_taxels"
     bl_label = "Export Taxels"
@@ -133,23 +133,23 @@ class SKIN_OT_export_taxels(OnLink, Export, bpy.types.Operator):
     )
     format: bpy.props.EnumProperty(
         name="Format",
-        description="Program that is to read the file",
+        description="Program that reads the file",
         items=[(name, name, FORMATS[name].what) for name in WRITABLE],
         default="csv",
     )
 
     @property
     def filename_ext(self):
-        """The ending that the file browser keeps to as the format changes."""
+        """Return the suffix of the format, which the file browser applies."""
         return FORMATS[self.format].ending
 
     @property
     def ending(self):
-        """Of the name that is proposed."""
+        """Return the suffix of the proposed name."""
         return self.filename_ext
 
     def check(self, context):
-        """The name's ending follows the format, in place of that of another one."""
+        """Replace the suffix of another format by that of the selected one."""
         path = Path(self.filepath)
         if path.suffix in {f.ending for f in FORMATS.values()} - {self.filename_ext}:
             self.filepath = str(path.with_suffix(self.filename_ext))
@@ -163,14 +163,14 @@ class SKIN_OT_export_taxels(OnLink, Export, bpy.types.Operator):
 
 
 def draw_import(menu, _context):
-    """Entries in File > Import."""
+    """Add the entries in File > Import."""
     menu.layout.operator(SKIN_OT_import_plan.bl_idname, text="Skin Plan (.json)")
     menu.layout.operator("skin_calib.import_mesh", text="Skin Link Mesh (.stl, .ply, .obj)")
     menu.layout.operator("skin_calib.import_urdf", text="Skin Link of a Robot (.urdf)")
 
 
 def draw_export(menu, _context):
-    """Entries in File > Export."""
+    """Add the entries in File > Export."""
     menu.layout.operator(SKIN_OT_export_plan.bl_idname, text="Skin Plan (.json)")
     menu.layout.operator(SKIN_OT_export_calibration.bl_idname, text="Skin Calibration (.json)")
     menu.layout.operator(SKIN_OT_export_taxels.bl_idname, text="Skin Taxels (MuJoCo, URDF, iCub, ...)")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that the author chooses in Blender's browser."""
+"""Files that the author chooses in the file browser."""
 
 import bpy
 from bpy_extras.io_utils import ImportHelper
@@ -8,7 +8,7 @@ from ..skin_calib_addon.common.errors import SkinCalibError
 
 
 class FromFile(ImportHelper):
-    """Asks for a file to read; its path may be relative to the .blend, as Blender keeps them."""
+    """Asks for a file to read; its path may be relative to the .blend."""
 
     filepath: bpy.props.StringProperty(
         name="File Path",
@@ -19,15 +19,15 @@ class FromFile(ImportHelper):
 
 
 class LooksAtFile(FromFile):
-    """Shows what a file has to say of the active link; ``look`` gives that in a line."""
+    """Compares the active link with a file; ``look`` returns the result in one line."""
 
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
         try:
-            told = self.look(context, bpy.path.abspath(self.filepath))
+            result = self.look(context, bpy.path.abspath(self.filepath))
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, told)
+        self.report({"INFO"}, result)
         return {"FINISHED"}

@@ -13,11 +13,12 @@ from ..skin_calib_addon.blender.scene import results, scene, skins
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .on_link import OnLink, OnResult
 
-AT_ONCE = 0.3  # [s] for which a fit may hold the window; a longer one goes on beside it
+# [s] A fit that takes longer continues in a thread, and the window stays responsive.
+MAX_BLOCKING_TIME = 0.3
 
 
 class SKIN_OT_fit(OnLink, bpy.types.Operator):
-    """Fit the surface and lay the skins of the active link; Esc stops a fit that takes long"""
+    """Fit the surface and place the skins of the active link; Esc stops a long fit"""
 
     bl_idname = "skin_calib.fit"
     bl_label = "Fit"
@@ -31,13 +32,13 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
             return self.refuse(error)
 
     def task(self, context):
-        """Read the scene; what is then computed needs no Blender."""
+        """Read the scene, and return the computation, which needs no Blender."""
         plan, facets = scene.read_plan(context.object, context.scene), live.facets_of(context.object)
-        self.asked = plan, facets
+        self.given = plan, facets
         return lambda begin: results.fit(plan, facets.mesh(), begin)
 
     def keep(self, context, link, key, result):
-        """Store and draw the result, and say how good it is."""
+        """Store and draw the result, and report its errors."""
         overlay.prepare(key, result)
         scene.write_result(link, context.scene, result, key)
         overlay.redraw()
@@ -48,7 +49,7 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
         return {"FINISHED"}
 
     def refuse(self, error):
-        """The last result stays."""
+        """Report an error; the last result stays."""
         self.report({"ERROR"}, skins.in_window(error))
         return {"CANCELLED"}
 
@@ -58,7 +59,7 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
         except SkinCalibError as error:
             return self.refuse(error)
         self.link, self.start = context.object.name, perf_counter()
-        if self.work.is_done(AT_ONCE):
+        if self.work.is_done(MAX_BLOCKING_TIME):
             return self.take(context)
         self.timer = context.window_manager.event_timer_add(0.1, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -77,21 +78,21 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def take(self, context):
-        """Keep what has been computed, for the plan as it was; a plan changed meanwhile is outdated again."""
+        """Store the result; it is outdated where the plan or the mesh has changed since the start."""
         link = bpy.data.objects.get(self.link)
         if link is None:
-            return self.refuse(SkinCalibError(f"{self.link} was removed or renamed while it was fitted"))
+            return self.refuse(SkinCalibError(f"{self.link} was removed or renamed during the fit. Fit again."))
         try:
             self.keep(context, link, *self.work.result())
         except SkinCalibError as error:
             return self.refuse(error)
-        if not self.is_as_asked(context, link):
+        if not self.is_unchanged(context, link):
             link.skin_calib.result.outdated = True
         return {"FINISHED"}
 
-    def is_as_asked(self, context, link):
-        """Whether plan and mesh are still those that were fitted."""
-        plan, facets = self.asked
+    def is_unchanged(self, context, link):
+        """Return whether plan and mesh are still those of the fit."""
+        plan, facets = self.given
         try:
             is_same = scene.read_plan(link, context.scene) == plan
             return is_same and scene.read_facets(link, context).is_same(facets)
@@ -99,21 +100,21 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
             return False
 
     def cancel(self, context):
-        """Blender opens a file, or quits."""
+        """End because Blender opens a file, or quits."""
         self.end(context)
 
     def end(self, context):
-        """Give the status bar back; what is still being computed comes to nothing."""
+        """Clear the status bar and stop the computation."""
         self.work.stop()
         context.window_manager.event_timer_remove(self.timer)
         context.workspace.status_text_set(None)
 
 
 class SKIN_OT_show_worst(OnResult, bpy.types.Operator):
-    """Put the 3D cursor where the surface is furthest from the mesh, in the middle of the view"""
+    """Move the 3D cursor and the view to the position of the maximum deviation of surface from mesh"""
 
     bl_idname = "skin_calib.show_worst"
-    bl_label = "Show Worst Spot"
+    bl_label = "Show Maximum Deviation"
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
@@ -122,7 +123,7 @@ class SKIN_OT_show_worst(OnResult, bpy.types.Operator):
         context.scene.cursor.location = place
         if context.region_data is not None:
             context.region_data.view_location = place
-        self.report({"INFO"}, f"The surface is {distance * 1e3:.4f} mm off the mesh at the 3D cursor")
+        self.report({"INFO"}, f"Distance from surface to mesh at the 3D cursor: {distance * 1e3:.4f} mm")
         return {"FINISHED"}
 
 

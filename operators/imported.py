@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Taxels that stand in a file already: add them as a skin, and find the frame that they are in."""
+"""Taxels of a file: add them as a skin, and find their frame."""
 
 from pathlib import Path
 
@@ -42,7 +42,7 @@ class SKIN_OT_skin_import(Edit, FromFile, bpy.types.Operator):
 
 
 class SKIN_OT_frame_find(OnSkin, Edit, bpy.types.Operator):
-    """Turn and move the taxels of the file so that they lie on the mesh, if only one place fits"""
+    """Find the rotation and translation that put the taxels of the file on the mesh, if only one pose fits"""
 
     bl_idname = "skin_calib.frame_find"
     bl_label = "Find Frame"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Look at the fitted skin of the active link: read taxels, compare them with those of a file, replay recordings."""
+"""Inspect the fitted skin of the active link: read taxels, compare them with a file, replay recordings."""
 
 import bpy
 
@@ -12,7 +12,7 @@ from .picking import NAVIGATION
 
 
 class SKIN_OT_taxel(OnResult, bpy.types.Operator):
-    """Click on taxels to read their numbers; Esc or Return ends it"""
+    """Click on taxels to read their values; Esc or Return ends"""
 
     bl_idname = "skin_calib.taxel"
     bl_label = "Read Taxels"
@@ -38,8 +38,8 @@ class SKIN_OT_taxel(OnResult, bpy.types.Operator):
     def modal(self, context, event):
         if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
             return {"PASS_THROUGH"}
-        gone = context.object is None or context.object.name != self.link or not self.poll(context)
-        if gone or event.type in {"ESC", "RIGHTMOUSE", "RET", "NUMPAD_ENTER"}:
+        is_over = context.object is None or context.object.name != self.link or not self.poll(context)
+        if is_over or event.type in {"ESC", "RIGHTMOUSE", "RET", "NUMPAD_ENTER"}:
             self.end(context)
             return {"FINISHED"} if self.taxel else {"CANCELLED"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
@@ -52,23 +52,23 @@ class SKIN_OT_taxel(OnResult, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def cancel(self, context):
-        """Blender opens a file, or quits."""
+        """End because Blender opens a file, or quits."""
         self.end(context)
 
     def end(self, context):
-        """Give the mouse and the status bar back."""
+        """Restore the cursor and the status bar."""
         context.window.cursor_modal_restore()
         context.workspace.status_text_set(None)
 
 
 def taxel_under(context, x, y):
-    """The id of the active link's taxel under a pixel of the window; None where there is none."""
+    """Return the id of the active link's taxel under a pixel of the window; None where there is none."""
     ray = ray_under(context, x, y)
     return taxels.taxel_on_ray(context.object, context, *ray) if ray else None
 
 
 class SKIN_OT_compare(OnResult, LooksAtFile, bpy.types.Operator):
-    """Compare the taxels of the active link with those of a calibration, or of another program's file"""
+    """Compare the taxels of the active link with those of a calibration or of another program's file"""
 
     bl_idname = "skin_calib.compare"
     bl_label = "Compare with File"
@@ -77,11 +77,11 @@ class SKIN_OT_compare(OnResult, LooksAtFile, bpy.types.Operator):
 
     def look(self, context, path):
         found = comparing.compare_with(context.object, path, context.scene)
-        return f"{len(found.ours)} taxels paired, {1e3 * found.distances.mean():.4f} mm apart on the mean"
+        return f"{len(found.ours)} taxels paired, {1e3 * found.distances.mean():.4f} mm apart on average"
 
 
 class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
-    """Forget the comparison"""
+    """Remove the comparison"""
 
     bl_idname = "skin_calib.compare_end"
     bl_label = "End Comparison"
@@ -93,7 +93,7 @@ class SKIN_OT_compare_end(OnLink, bpy.types.Operator):
 
 
 class SKIN_OT_replay_open(OnResult, LooksAtFile, bpy.types.Operator):
-    """Show a recorded reading over the skin of the active link: a table or an NPZ file of times and readings"""
+    """Show a recording over the skin of the active link: a table or an NPZ file of times and readings"""
 
     bl_idname = "skin_calib.replay_open"
     bl_label = "Open Recording"
@@ -116,7 +116,7 @@ class OnRecording(OnLink):
 
 
 class SKIN_OT_replay_close(OnRecording, bpy.types.Operator):
-    """Show this recording no more"""
+    """Remove this recording"""
 
     bl_idname = "skin_calib.replay_close"
     bl_label = "Close Recording"
@@ -128,7 +128,7 @@ class SKIN_OT_replay_close(OnRecording, bpy.types.Operator):
 
 
 class SKIN_OT_replay_play(OnRecording, bpy.types.Operator):
-    """Play the recording over the skin, or let it stand still"""
+    """Play the recording over the skin, or pause it"""
 
     bl_idname = "skin_calib.replay_play"
     bl_label = "Play"
@@ -137,7 +137,7 @@ class SKIN_OT_replay_play(OnRecording, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         return super().poll(context) and cls.says(
-            "" if replay.find(context.object) else "Open the recording again: the fit or the file is another one"
+            "" if replay.find(context.object) else "Open the recording again: the fit or the file has changed"
         )
 
     def execute(self, context):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Links in from mesh files and robots; their unit; what is odd about their mesh."""
+"""Links from mesh files and robots; their unit; defects of their mesh."""
 
 from pathlib import Path
 
@@ -18,11 +18,11 @@ from ..skin_calib_addon.robot.urdf import read_robot
 from .files import FromFile
 from .on_link import OnMesh
 
-_choices: list[tuple[str, str, str]] = []  # what the search of the open URDF offers; Blender keeps no texts alive
+_choices: list[tuple[str, str, str]] = []  # items of the search in the open URDF; Blender does not keep their texts
 
 
 class Import(FromFile):
-    """Brings a link into the scene, named and active, or refuses and leaves the scene as it was."""
+    """Adds a link to the scene and makes it active, or refuses and leaves the scene as it was."""
 
     bl_options = {"REGISTER", "UNDO"}
 
@@ -34,20 +34,20 @@ class Import(FromFile):
             return {"CANCELLED"}
 
     def add(self, context, mesh, unit, name, file):
-        """The link as the active object; its size is told, and doubted where no link has it."""
+        """Add the link as the active object; report its size, as a warning where links do not have this size."""
         link = scene.add_link(context, mesh, unit, name)
         link.skin_calib.link, link.skin_calib.mesh_file = name, file
         scene.activate(context, link)
         side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
-        told = f"{name}: {count(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
+        size = f"{name}: {count(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
         self.report(
-            {"WARNING"} if likely_mistake(side) else {"INFO"}, told + "; is that right?" * bool(likely_mistake(side))
+            {"WARNING"} if likely_mistake(side) else {"INFO"}, size + ". Check the unit" * bool(likely_mistake(side))
         )
         return {"FINISHED"}
 
 
 class SKIN_OT_import_mesh(Import, bpy.types.Operator):
-    """Open the mesh of a robot link: it becomes an object that is a link of the file's name"""
+    """Open the mesh of a robot link: it becomes a link with the name of the file"""
 
     bl_idname = "skin_calib.import_mesh"
     bl_label = "Import Link Mesh"
@@ -57,7 +57,7 @@ class SKIN_OT_import_mesh(Import, bpy.types.Operator):
         name="Unit",
         description="Unit of the numbers in the file",
         items=[
-            ("auto", "Automatic", "Metres or millimetres: the one in which the mesh has the size of a robot link"),
+            ("auto", "Automatic", "Metres or millimetres: the unit in which the mesh has the size of a robot link"),
             *((unit, name.capitalize(), f"The file has {name}") for unit, name in UNIT_NAMES.items()),
         ],
     )
@@ -69,7 +69,7 @@ class SKIN_OT_import_mesh(Import, bpy.types.Operator):
 
 
 class FromRobot(Import):
-    """Brings a link of a URDF, with all its meshes as one, in metres in the link frame."""
+    """Adds a link of a URDF, with all its meshes as one, in metres in the link frame."""
 
     def take(self, context, path, robot, link, use):
         mesh = load_link(path, robot, link, use)
@@ -79,19 +79,19 @@ class FromRobot(Import):
 
 
 class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
-    """Open a link of a robot, placed in its frame as the robot's URDF has it"""
+    """Open a link of a robot, with its meshes in the link frame as in the URDF"""
 
     bl_idname = "skin_calib.import_urdf"
     bl_label = "Import Link of a Robot"
 
     filter_glob: bpy.props.StringProperty(default="*.urdf;*.xml", options={"HIDDEN"})
-    link: bpy.props.StringProperty(name="Link", description="Name of the link; left empty, it is chosen from a list")
+    link: bpy.props.StringProperty(name="Link", description="Name of the link; empty: choose it from a list")
     mesh: bpy.props.EnumProperty(
         name="Mesh",
         description="Which meshes of the link",
         items=[
-            ("visual", "Visual", "What is seen of the link"),
-            ("collision", "Collision", "What the link collides with, often coarser"),
+            ("visual", "Visual", "The meshes for display"),
+            ("collision", "Collision", "The meshes for collisions, often coarser"),
         ],
     )
 
@@ -107,17 +107,17 @@ class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
         if len(choices) == 1:
             return self.take(context, path, robot, *choices[0])
         if not choices:
-            raise UnknownLink(f"no link of {path.name} has a mesh; boxes and cylinders carry no skin")
+            raise UnknownLink(f"No link of {path.name} has a mesh. Boxes and cylinders cannot carry skin.")
         if not getattr(self, "by_hand", False):
             names = ", ".join(dict.fromkeys(show(name) for name, _ in choices))
-            raise UnknownLink(f"{path.name} has several links with a mesh; name one of {names}")
+            raise UnknownLink(f"{path.name} has several links with a mesh. Name one of {names}.")
         _choices[:] = [(f"{use} {name}", f"{name}: {use}", f"The {use} mesh of {name}") for name, use in choices]
         bpy.ops.skin_calib.choose_link("INVOKE_DEFAULT", filepath=self.filepath)
-        return {"CANCELLED"}  # nothing has changed yet
+        return {"CANCELLED"}  # the scene is unchanged
 
 
 class SKIN_OT_choose_link(FromRobot, bpy.types.Operator):
-    """Choose a link of this robot by typing a part of its name"""
+    """Choose a link of this robot: type a part of its name"""
 
     bl_idname = "skin_calib.choose_link"
     bl_label = "Choose Link"
@@ -141,7 +141,7 @@ def _has(meshes, use):
 
 
 class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
-    """Scale the object, not its mesh, to what its numbers are in another unit than the one they were taken for"""
+    """Scale the object, not its mesh, because its numbers have another unit than assumed"""
 
     bl_idname = "skin_calib.scale_to_unit"
     bl_label = "Scale to Unit"
@@ -151,9 +151,9 @@ class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
         name="Unit",
         description="Unit of the mesh's numbers",
         items=[
-            ("mm", "Millimetres", "What was taken for metres is millimetres: a thousandth of the size"),
-            ("cm", "Centimetres", "What was taken for metres is centimetres: a hundredth of the size"),
-            ("m", "Metres", "What was taken for millimetres is metres: a thousand times the size"),
+            ("mm", "Millimetres", "The numbers are millimetres, not metres: a thousandth of the size"),
+            ("cm", "Centimetres", "The numbers are centimetres, not metres: a hundredth of the size"),
+            ("m", "Metres", "The numbers are metres, not millimetres: a thousand times the size"),
         ],
     )
 
@@ -163,12 +163,12 @@ class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
         link.scale = [factor * s for s in link.scale]
         link.skin_calib.result.outdated = True
         context.view_layer.update()
-        self.report({"INFO"}, f"{link.name} is {scene.longest_side(link, context.scene) * 1e3:.4g} mm long now")
+        self.report({"INFO"}, f"{link.name} is now {scene.longest_side(link, context.scene) * 1e3:.4g} mm long")
         return {"FINISHED"}
 
 
 class SKIN_OT_diagnose(OnMesh, bpy.types.Operator):
-    """Look for parts, holes and faces of the mesh, with its modifiers, that a fit may suffer from"""
+    """Check the mesh, with its modifiers, for parts, holes and faces that affect the fit"""
 
     bl_idname = "skin_calib.diagnose"
     bl_label = "Check Mesh"
@@ -191,7 +191,7 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
     """Select the edges of holes, and those with more than two faces, in Edit Mode"""
 
     bl_idname = "skin_calib.show_defects"
-    bl_label = "Select Holes and Odd Edges"
+    bl_label = "Select Holes and Bad Edges"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -210,15 +210,15 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
             return {"CANCELLED"}
         chosen = edges_at(found.mesh.vertices[found.edges()], vertices, edges)
         if not chosen.any():
-            made = "are made by modifiers" if len(found.edges()) else "none is there"
-            self.report({"INFO"}, f"{link.name}: no edge to select, {made}")
+            made = "modifiers make them" if len(found.edges()) else "the mesh has none"
+            self.report({"INFO"}, f"{link.name}: no edge to select; {made}")
             return {"CANCELLED"}
         self.select(context, link.data, edges, chosen)
         self.report({"INFO"}, f"{link.name}: {count(int(chosen.sum()), 'edge')} selected")
         return {"FINISHED"}
 
     def select(self, context, data, edges, chosen):
-        """These edges and nothing else, in Edit Mode."""
+        """Select these edges and nothing else, in Edit Mode."""
         bpy.ops.object.mode_set(mode="OBJECT")
         at_end = np.zeros(len(data.vertices), bool)
         at_end[edges[chosen]] = True

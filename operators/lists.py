@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Add to what the plan of the active link lists, and take away: skins, landmarks, excluded zones."""
+"""Add and remove entries of the plan of the active link: skins, landmarks, excluded zones."""
 
 import bpy
 
@@ -18,7 +18,7 @@ class OnSkin:
     skin: bpy.props.IntProperty(name="Skin", description="Which skin, from 0", **INDEX)
 
     def of_kind(self, plan, kind, what):
-        """The skin, if it is of the kind that has such things."""
+        """Return the skin, which must be of the kind that has such things."""
         return of_kind(entry(plan.skins, self.skin, "skin"), kind, what)
 
 
@@ -59,7 +59,7 @@ class SKIN_OT_skin_remove(Edit, bpy.types.Operator):
 
 
 class SKIN_OT_landmark_add(OnSkin, Edit, bpy.types.Operator):
-    """Pin a cell of this sheet to the place of the 3D cursor; the first landmark takes the place of the origin"""
+    """Pin a cell of this sheet to the 3D cursor; the first landmark replaces the origin"""
 
     bl_idname = "skin_calib.landmark_add"
     bl_label = "Add Landmark"
@@ -70,7 +70,7 @@ class SKIN_OT_landmark_add(OnSkin, Edit, bpy.types.Operator):
 
 
 class SKIN_OT_landmark_remove(OnSkin, Edit, bpy.types.Operator):
-    """Let go of this cell; without landmarks the origin holds the sheet again"""
+    """Remove this landmark; without landmarks the sheet has its origin again"""
 
     bl_idname = "skin_calib.landmark_remove"
     bl_label = "Remove Landmark"
@@ -84,7 +84,7 @@ class SKIN_OT_landmark_remove(OnSkin, Edit, bpy.types.Operator):
 
 
 class SKIN_OT_zone_add(OnSkin, Edit, bpy.types.Operator):
-    """Keep boards away from the place of the 3D cursor"""
+    """Keep boards away from the 3D cursor"""
 
     bl_idname = "skin_calib.zone_add"
     bl_label = "Add Excluded Zone"
@@ -96,7 +96,7 @@ class SKIN_OT_zone_add(OnSkin, Edit, bpy.types.Operator):
 
 
 class SKIN_OT_zone_remove(OnSkin, Edit, bpy.types.Operator):
-    """Let boards lie in this zone again"""
+    """Remove this zone, so that boards may cover it again"""
 
     bl_idname = "skin_calib.zone_remove"
     bl_label = "Remove Excluded Zone"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators on a link have in common: when they can work, and how an edit of its plan ends."""
+"""Base classes of operators on a link: when they are available, and how an edit of its plan ends."""
 
 from ..skin_calib_addon.blender.scene import results, scene
 from ..skin_calib_addon.common.errors import SkinCalibError
@@ -14,7 +14,7 @@ class OnMesh:
 
     @classmethod
     def says(cls, reason):
-        """Whether there is no reason to refuse; Blender shows the reason at the button."""
+        """Return whether there is no reason to refuse; Blender shows the reason at the button."""
         if reason:
             cls.poll_message_set(reason)
         return not reason
@@ -40,7 +40,7 @@ class OnResult(OnLink):
 
 
 class Edit(OnMesh):
-    """Changes the plan of the active object, in one step of undo, or refuses and leaves it as it was."""
+    """Changes the plan of the active object in one step of undo, or refuses and leaves it as it was."""
 
     bl_options = {"REGISTER", "UNDO"}
 

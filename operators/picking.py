@@ -2,27 +2,26 @@
 """Points that the author picks on the link with the mouse."""
 
 from ..skin_calib_addon.blender.handles.view import point_under
-from ..skin_calib_addon.blender.properties.options import PLACE
 from ..skin_calib_addon.blender.scene import scene
 from ..skin_calib_addon.common.errors import SkinCalibError
 
-# What moves the view, and no more.
+# Events that only move the view.
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "MOUSEROTATE", "TIMER"}
-# Of a property that holds a picked point; it is no part of the plan.
-POINT = {name: value for name, value in PLACE.items() if name not in ("update", "options")}
+# Options of a property for a picked point, which is not part of the plan.
+POINT = {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5}
 
 
 class Picking:
-    """An operator that is invoked to click on the active link, once for each prompt, and then executes."""
+    """An operator that asks for a click on the active link for each prompt, and then executes."""
 
-    prompts = ()  # what the status bar says before each click
-    repeats = False  # whether it executes with each click, until Esc or Return ends it
+    prompts = ()  # text of the status bar before each click
+    repeats = False  # whether it executes after each click, until Esc or Return
 
     def check(self, context):
-        """Raise a SkinCalibError where clicks would come to nothing."""
+        """Raise a SkinCalibError where clicks would have no effect."""
 
     def take(self, points):
-        """Set the operator's properties from the points, in the link frame in Blender units."""
+        """Set the operator's properties from the points, in the link frame in scene units."""
         raise NotImplementedError
 
     def invoke(self, context, event):
@@ -41,8 +40,8 @@ class Picking:
     def modal(self, context, event):
         if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
             return {"PASS_THROUGH"}
-        gone = context.object is None or context.object.name != self.link
-        if gone or event.type in {"ESC", "RIGHTMOUSE"} or self.repeats and event.type in {"RET", "NUMPAD_ENTER"}:
+        is_over = context.object is None or context.object.name != self.link
+        if is_over or event.type in {"ESC", "RIGHTMOUSE"} or self.repeats and event.type in {"RET", "NUMPAD_ENTER"}:
             self.end(context)
             return {"FINISHED"} if self.done else {"CANCELLED"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
@@ -50,7 +49,7 @@ class Picking:
         return {"RUNNING_MODAL"}
 
     def click(self, context, event):
-        """Take the point under the mouse; with the last one, execute."""
+        """Use the point under the mouse; after the last one, execute."""
         point = point_under(context, event.mouse_x, event.mouse_y)
         if point is None:
             self.report({"WARNING"}, f"{self.link} is not under the mouse: click on it, or press Esc")
@@ -68,10 +67,10 @@ class Picking:
         return {"RUNNING_MODAL"}
 
     def cancel(self, context):
-        """Blender opens a file, or quits."""
+        """End because Blender opens a file, or quits."""
         self.end(context)
 
     def end(self, context):
-        """Give the mouse and the status bar back."""
+        """Restore the cursor and the status bar."""
         context.window.cursor_modal_restore()
         context.workspace.status_text_set(None)

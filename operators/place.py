@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Put a point of a skin on the link: by a click, at the 3D cursor, or at a point that is given."""
+"""Move a point of a skin: to a click on the link, to the 3D cursor, or to a given point."""
 
 import bpy
 
@@ -18,19 +18,19 @@ class Place(OnSkin, Edit):
         items=[
             ("origin", "Origin", "Where the centre of cell (0, 0) lies"),
             ("landmark", "Landmark", "Where a cell is pinned"),
-            ("zone", "Excluded Zone", "Middle of a zone that boards keep clear of"),
+            ("zone", "Excluded Zone", "Centre of a zone that boards must not cover"),
         ],
         options={"HIDDEN"},
     )
     index: bpy.props.IntProperty(name="Index", description="Which landmark or zone, from 0", **INDEX)
 
     def put(self, plan, point):
-        """Set the point, in the link frame in Blender units."""
+        """Set the point, in the link frame in scene units."""
         skins.put_point(plan, self.what, self.skin, self.index, point)
 
 
 class SKIN_OT_place_at_cursor(Place, bpy.types.Operator):
-    """Put this point where the 3D cursor is"""
+    """Move this point to the 3D cursor"""
 
     bl_idname = "skin_calib.place_at_cursor"
     bl_label = "Place at 3D Cursor"
@@ -40,7 +40,7 @@ class SKIN_OT_place_at_cursor(Place, bpy.types.Operator):
 
 
 class SKIN_OT_place(Picking, Place, bpy.types.Operator):
-    """Click on the link where this point is to lie; Esc leaves it where it is"""
+    """Click on the link to move this point there; Esc leaves it where it is"""
 
     bl_idname = "skin_calib.place"
     bl_label = "Place on Link"
@@ -50,7 +50,7 @@ class SKIN_OT_place(Picking, Place, bpy.types.Operator):
     def edit(self, context, plan):
         self.put(plan, self.point)
 
-    prompts = ("Click on the link: the point goes there    Esc: leave it",)
+    prompts = ("Click on the link to move the point there    Esc: leave it",)
 
     def check(self, context):
         skins.point_of(context.object.skin_calib, self.what, self.skin, self.index)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Planes one by one: from a grid to a list of them, and what can be done with that list."""
+"""Planes one by one: from a grid to a list of planes, and operations on that list."""
 
 import bpy
 
@@ -14,7 +14,7 @@ from .on_link import Edit, OnLink
 
 
 class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
-    """Turn the grid into planes one by one, which lie where it put them, to move, tilt, add and remove by hand"""
+    """Replace the grid by its planes one by one, to move, tilt, add and remove them by hand"""
 
     bl_idname = "skin_calib.planes_place"
     bl_label = "Place by Hand"
@@ -54,12 +54,12 @@ class OnPlanes(Edit):
     def edit(self, context, plan):
         planes = plane_lists.read_planes(plan.grid, self.family, context.scene)
         if planes is None:
-            raise SkinCalibError(f"there are no {self.family}-planes yet; add one")
+            raise SkinCalibError(f"There are no {self.family}-planes yet. Add one.")
         plane_lists.write_planes(plan.grid, self.family, self.changed(planes, plan.grid), context.scene)
 
 
 class SKIN_OT_plane_add(OnPlanes, bpy.types.Operator):
-    """Add a plane half way from the chosen one to the next, or as far beyond the last; the first at the 3D cursor"""
+    """Add a plane midway between the selected one and the next, or beyond the last; the first at the 3D cursor"""
 
     bl_idname = "skin_calib.plane_add"
     bl_label = "Add Plane"
@@ -95,7 +95,7 @@ class SKIN_OT_plane_remove(OnPlanes, bpy.types.Operator):
 
 
 class SKIN_OT_planes_spread(OnPlanes, bpy.types.Operator):
-    """Space the planes evenly from the first to the last; the v-planes of a closed grid, all round their axis"""
+    """Space the planes evenly from the first to the last; v-planes of a closed grid, all round their axis"""
 
     bl_idname = "skin_calib.planes_spread"
     bl_label = "Space Evenly"
@@ -105,7 +105,7 @@ class SKIN_OT_planes_spread(OnPlanes, bpy.types.Operator):
 
 
 class SKIN_OT_planes_mirror(OnPlanes, bpy.types.Operator):
-    """Put mirror images of the planes before the chosen one behind it, in place of those that are there"""
+    """Replace the planes after the selected one by mirror images of those before it"""
 
     bl_idname = "skin_calib.planes_mirror"
     bl_label = "Mirror"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hold the skin of the active link against touches of known places, and move it there."""
+"""Compare the skin of the active link with touches at known points, and move it there."""
 
 import bpy
 
@@ -9,7 +9,7 @@ from .on_link import Edit, OnLink, OnResult
 
 
 class SKIN_OT_touches(OnResult, LooksAtFile, bpy.types.Operator):
-    """Compare the taxels of the active link with a table of touches: which taxel felt most, and where the probe was"""
+    """Compare the taxels of the active link with a table of touches: the strongest taxel, and the probe position"""
 
     bl_idname = "skin_calib.touches"
     bl_label = "Compare with Touches"
@@ -22,7 +22,7 @@ class SKIN_OT_touches(OnResult, LooksAtFile, bpy.types.Operator):
 
 
 class SKIN_OT_touches_move(OnResult, Edit, bpy.types.Operator):
-    """Move the skins of the active link to where they were touched: origins and directions, or landmarks"""
+    """Move the skins of the active link to fit the touches: origins and directions, or landmarks"""
 
     bl_idname = "skin_calib.touches_move"
     bl_label = "Move Skins There"
@@ -41,7 +41,7 @@ class SKIN_OT_touches_move(OnResult, Edit, bpy.types.Operator):
 
 
 class SKIN_OT_touches_end(OnLink, bpy.types.Operator):
-    """Show these touches no more"""
+    """Remove these touches"""
 
     bl_idname = "skin_calib.touches_end"
     bl_label = "Forget Touches"

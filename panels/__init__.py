@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar tab Skin, from top to bottom like the job: they lay out stored values and compute nothing."""
+"""The panels of the sidebar tab Skin, in the order of the work; they draw stored values and compute nothing."""
 
 import bpy
 
@@ -15,6 +15,6 @@ def register():
 
 
 def unregister():
-    """Take them away."""
+    """Remove them."""
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

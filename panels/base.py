@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panels have in common: where they are, and when; how a plane placed by hand looks in them."""
+"""What the panels have in common: where and when they are shown, and how they draw texts and planes."""
 
 import textwrap
 
@@ -10,7 +10,7 @@ LINE_WIDTH = 34
 
 
 class SkinPanel:
-    """Where the panels are, and when."""
+    """States where and when the panels are shown."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -23,19 +23,19 @@ class SkinPanel:
     def draw(self, context):
         layout = self.layout
         layout.use_property_split = True
-        layout.use_property_decorate = False  # nothing here is animatable
-        self.lay_out(layout, context.object and context.object.skin_calib)
+        layout.use_property_decorate = False  # no property is animatable
+        self.draw_plan(layout, context.object and context.object.skin_calib)
 
 
 def show_text(layout, text, icon):
-    """A message, in lines as wide as the sidebar."""
+    """Draw a message in lines as wide as the sidebar."""
     column = layout.column(align=True)
     for k, line in enumerate(textwrap.wrap(text, LINE_WIDTH)):
         column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
 
 
 def show_warning(layout, warning):
-    """A warning: its message, and below it the advice."""
+    """Draw a warning: its message, and the advice below it."""
     column = layout.column(align=True)
     icon = {"note": "DOT" if warning.advice else "CHECKMARK"}.get(warning.severity, "ERROR")
     show_text(column, warning.message, icon)
@@ -44,13 +44,13 @@ def show_warning(layout, warning):
 
 
 def what_is_wrong(settings, family, index):
-    """Why a plane is drawn red, as the last sketch of the link's planes has it; empty if it is sound."""
+    """Return why a plane is drawn red, from the last sketch of the planes of the link; empty if it is valid."""
     sketch = live.sketches.get(settings.id_data.name)
     return sketch.wrong.get((family, index), "") if sketch else ""
 
 
-def lay_out_plane(layout, plane, wrong):
-    """The place of a plane, below what is wrong with it."""
+def draw_plane(layout, plane, wrong):
+    """Draw what is wrong with a plane, and below it its point and normal."""
     column = layout.column()
     if wrong:
         column.alert = True

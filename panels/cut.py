@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of the mesh is covered."""
+"""Which part of the mesh is covered."""
 
 import bpy
 
 from ..skin_calib_addon.blender.scene import cut_away
-from .base import SkinPanel, lay_out_plane, what_is_wrong
+from .base import SkinPanel, draw_plane, what_is_wrong
 
-ROWS = 5  # of the list, at most
-ALONG = 0.9999  # a normal whose largest component is more than this is an axis
+MAX_ROWS = 5  # of the list
+# A unit normal whose largest component is above this is along an axis.
+AXIS_COMPONENT = 0.9999
 
 
 class SKIN_UL_cuts(bpy.types.UIList):
-    """Cuts, one in a row: which side it keeps, and what can be done with it"""
+    """Cuts, one in a row: which side it keeps, and its buttons"""
 
     def draw_item(self, _context, layout, cover, cut, _icon, _active, _property, index):
         row = layout.row(align=True)
@@ -23,26 +24,26 @@ class SKIN_UL_cuts(bpy.types.UIList):
 
 
 def kept_side(normal):
-    """The axis that a normal points along, in words."""
+    """Return the axis that a normal points along, in words."""
     largest = max(range(3), key=lambda i: abs(normal[i]))
     if not normal[largest]:
         return "nothing: no normal"
     length = sum(x * x for x in normal) ** 0.5
-    about = "" if abs(normal[largest]) > ALONG * length else "about "
+    about = "" if abs(normal[largest]) > AXIS_COMPONENT * length else "about "
     return f"{about}{'-' if normal[largest] < 0 else '+'}{'XYZ'[largest]}"
 
 
 class SKIN_PT_cut(SkinPanel, bpy.types.Panel):
     bl_label = "Cut"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         cover, cuts = plan.cover, plan.cover.cuts
         layout.row().prop(cover, "shell", expand=True)
         if cuts:
-            rows = min(len(cuts), ROWS)
+            rows = min(len(cuts), MAX_ROWS)
             layout.template_list("SKIN_UL_cuts", "", cover, "cuts", cover, "cut_index", rows=rows, sort_lock=True)
         if cover.cut_index < len(cuts):
-            lay_out_plane(layout, cuts[cover.cut_index], what_is_wrong(cover, "CUT", cover.cut_index))
+            draw_plane(layout, cuts[cover.cut_index], what_is_wrong(cover, "CUT", cover.cut_index))
         row = layout.row(align=True)
         row.operator("skin_calib.cut_add", icon="ADD")
         row.operator("skin_calib.cut_place", text="", icon="EYEDROPPER")

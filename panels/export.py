@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that leave the scene."""
+"""Export of files."""
 
 import bpy
 
@@ -9,7 +9,7 @@ from .base import SkinPanel
 class SKIN_PT_export(SkinPanel, bpy.types.Panel):
     bl_label = "Export"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         column = layout.column()
         column.operator("skin_calib.export_calibration", text="Calibration", icon="EXPORT")
         column.operator("skin_calib.export_plan", text="Plan", icon="EXPORT")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The fit, and what it gave."""
+"""The fit and its result."""
 
 import bpy
 
@@ -10,7 +10,7 @@ from .base import SkinPanel, show_text, show_warning
 class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
     bl_label = "Fit"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         row = layout.row(align=True)
         row.operator("skin_calib.fit", icon="SURFACE_DATA")
         row.prop(plan, "live", toggle=True, icon="PLAY")

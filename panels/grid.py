@@ -4,12 +4,12 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene.scene import record_of
-from .base import SkinPanel, lay_out_plane, what_is_wrong
-from .rows import keys_in, lay_out_keys, lay_out_value
+from .base import SkinPanel, draw_plane, what_is_wrong
+from .rows import draw_keys, draw_value, keys_in
 
 
 class SKIN_UL_planes(bpy.types.UIList):
-    """Planes one by one; those that are wrong are marked."""
+    """Planes one by one; a mark is at those that are wrong."""
 
     def draw_item(self, _context, layout, data, _item, _icon, _active, property_name, index):
         family = property_name.split("_")[0].upper()
@@ -21,28 +21,28 @@ class SKIN_UL_planes(bpy.types.UIList):
 class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
     bl_label = "Grid"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         grid = plan.grid
         layout.prop(grid, "kind")
         if grid.kind == "auto":
             layout.prop(grid, "region")
-        own = {"axis": self.lay_out_axis, "u": self.lay_out_planes, "v": self.lay_out_planes}
-        lay_out_keys(layout, grid, record_of(grid).keys, own)
+        own = {"axis": self.draw_axis, "u": self.draw_planes, "v": self.draw_planes}
+        draw_keys(layout, grid, record_of(grid).keys, own)
         if grid.kind != "planes":
             layout.operator("skin_calib.planes_place", icon="MESH_PLANE")
-        lay_out_keys(layout, plan, keys_in("Grid"))
+        draw_keys(layout, plan, keys_in("Grid"))
 
-    def lay_out_axis(self, layout, grid, key):
+    def draw_axis(self, layout, grid, key):
         is_face = "across" in (grid.kind, grid.kind == "auto" and grid.region)
         row = layout.row()
         row.prop(grid, key.switch.name)
         if not is_face:
             row.operator("skin_calib.axis_from_sections", text="", icon="EYEDROPPER")
-            lay_out_value(layout, grid, key)
+            draw_value(layout, grid, key)
         elif not grid.auto_axis:
             layout.prop(grid, "direction")
 
-    def lay_out_planes(self, layout, grid, key):
+    def draw_planes(self, layout, grid, key):
         family = key.property_name
         listed, index = getattr(grid, family), getattr(grid, f"{family}_index")
         row = layout.row()
@@ -55,7 +55,7 @@ class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
         column.operator("skin_calib.planes_spread", text="", icon="ALIGN_JUSTIFY").family = family
         column.operator("skin_calib.planes_mirror", text="", icon="MOD_MIRROR").family = family
         if index < len(listed):
-            lay_out_plane(layout, listed[index], what_is_wrong(grid, family.upper(), index))
+            draw_plane(layout, listed[index], what_is_wrong(grid, family.upper(), index))
 
 
 CLASSES = (SKIN_UL_planes, SKIN_PT_grid)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of the fitted skin is drawn, and how."""
+"""Which parts of the fitted skin are drawn, and how."""
 
 import bpy
 
@@ -11,11 +11,11 @@ from .base import SkinPanel, show_text, show_warning
 class SKIN_PT_inspect(SkinPanel, bpy.types.Panel):
     bl_label = "Inspect"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         if not plan.result.key:
             layout.label(text="Fit the link to see its skin", icon="INFO")
         elif results.find(plan.result.key) is None:
-            layout.label(text="Fit again to see the skin", icon="INFO")  # a file keeps no surface
+            layout.label(text="Fit again to see the skin", icon="INFO")  # a .blend has no surface
         layout.prop(plan, "show_overlay")
         column = layout.column(align=True)
         column.active = plan.show_overlay
@@ -33,7 +33,7 @@ class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
     bl_label = "Taxel"
     bl_parent_id = "SKIN_PT_inspect"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         taxel = plan.inspect.taxel
         layout.operator("skin_calib.taxel", icon="EYEDROPPER")
         layout.prop(taxel, "wanted", icon="VIEWZOOM")
@@ -58,9 +58,9 @@ class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
     bl_label = "Compare"
     bl_parent_id = "SKIN_PT_inspect"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         found = plan.inspect.comparison
-        if not lay_out_file(layout, found, plan, "compare"):
+        if not draw_file(layout, found, plan, "compare"):
             return
         for line in found.told.splitlines():
             show_text(layout, line, "ERROR")
@@ -77,9 +77,9 @@ class SKIN_PT_inspect_touches(SkinPanel, bpy.types.Panel):
     bl_label = "Touches"
     bl_parent_id = "SKIN_PT_inspect"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         found = plan.inspect.touches
-        if not lay_out_file(layout, found, plan, "touches"):
+        if not draw_file(layout, found, plan, "touches"):
             return
         for warning in found.warnings:
             show_warning(layout, warning)
@@ -88,7 +88,7 @@ class SKIN_PT_inspect_touches(SkinPanel, bpy.types.Panel):
         layout.operator("skin_calib.touches_move", icon="SNAP_ON")
 
 
-def lay_out_file(layout, found, plan, operator):
+def draw_file(layout, found, plan, operator):
     """The buttons that compare with a file and end that, and which file it was; whether there is one."""
     row = layout.row(align=True)
     row.operator(f"skin_calib.{operator}", icon="FILEBROWSER")
@@ -105,7 +105,7 @@ class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
     bl_label = "Replay"
     bl_parent_id = "SKIN_PT_inspect"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         record, link = plan.inspect.replay, plan.id_data
         row = layout.row(align=True)
         row.operator("skin_calib.replay_open", icon="FILEBROWSER")
@@ -133,7 +133,7 @@ class SKIN_PT_inspect_sizes(SkinPanel, bpy.types.Panel):
     bl_parent_id = "SKIN_PT_inspect"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         looks = plan.inspect
         layout.prop(looks, "auto_length")
         if not looks.auto_length:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which object is which link, and what its mesh is like."""
+"""Which object is which link, and the state of its mesh."""
 
 import bpy
 
@@ -7,7 +7,7 @@ from ..skin_calib_addon.blender.live import diagnoses
 from ..skin_calib_addon.blender.scene.scene import longest_side
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
 from .base import SkinPanel, show_warning
-from .rows import keys_in, lay_out_keys
+from .rows import draw_keys, keys_in
 
 
 class SKIN_PT_link(SkinPanel, bpy.types.Panel):
@@ -20,7 +20,7 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
     def draw(self, context):
         if SkinPanel.poll(context):
             SkinPanel.draw(self, context)
-            self.lay_out_unit(context)
+            self.draw_unit(context)
         else:
             self.layout.label(text="Select the mesh of a link,", icon="INFO")
             self.layout.label(text="or open one:")
@@ -29,14 +29,14 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
         row.operator("skin_calib.import_urdf", text="URDF", icon="IMPORT")
         row.operator("skin_calib.import_plan", text="Plan", icon="IMPORT")
 
-    def lay_out(self, layout, plan):
-        lay_out_keys(layout, plan, keys_in("Link"))
+    def draw_plan(self, layout, plan):
+        draw_keys(layout, plan, keys_in("Link"))
         if not plan.link:
             layout.label(text="Enter the name of the link", icon="INFO")
         layout.prop(plan, "mesh_file")
 
-    def lay_out_unit(self, context):
-        """A link of a size that none has, and what to do about it."""
+    def draw_unit(self, context):
+        """Draw a warning about a size that links do not have, and the button that corrects it."""
         side = longest_side(context.object, context.scene)
         wrong = likely_mistake(side) if context.object.skin_calib.link and side else None
         if wrong is None:
@@ -55,7 +55,7 @@ class SKIN_PT_mesh(SkinPanel, bpy.types.Panel):
     bl_label = "Mesh"
     bl_parent_id = "SKIN_PT_link"
 
-    def lay_out(self, layout, plan):
+    def draw_plan(self, layout, plan):
         found = plan.diagnosis
         layout.operator("skin_calib.diagnose", icon="VIEWZOOM")
         if not found.key:
@@ -70,7 +70,7 @@ class SKIN_PT_mesh(SkinPanel, bpy.types.Panel):
             row.prop_enum(plan.cover, "shell", "outer", text="Keep Outer Shell")
             row.prop_enum(plan.cover, "shell", "all", text="Keep All")
         if found.edges:
-            layout.operator("skin_calib.show_defects", text="Show Holes and Odd Edges", icon="RESTRICT_SELECT_OFF")
+            layout.operator("skin_calib.show_defects", text="Show Holes and Bad Edges", icon="RESTRICT_SELECT_OFF")
 
 
 CLASSES = (SKIN_PT_link, SKIN_PT_mesh)

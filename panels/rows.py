@@ -10,8 +10,8 @@ def keys_in(panel):
     return [key for key in PLAN.keys if key.panel == panel and is_simple(key)]
 
 
-def lay_out_keys(layout, group, keys, own=None):
-    """Lay out the rows of keys, one below the other.
+def draw_keys(layout, group, keys, own=None):
+    """Draw the rows of keys, one below the other.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def lay_out_keys(layout, group, keys, own=None):
     keys : iterable of Key
         Those without a label have no row.
     own : dict of str to callable, optional
-        By the name of a key: lays out its row by hand, given the layout, the group and the key.
+        By the name of a key: draws its row by hand, given the layout, the group and the key.
     """
     column = None
     for key in keys:
@@ -29,22 +29,22 @@ def lay_out_keys(layout, group, keys, own=None):
             continue
         if column is None or not key.joined:
             column = layout.column(align=True)
-        (own or {}).get(key.name, lay_out_key)(column, group, key)
+        (own or {}).get(key.name, draw_key)(column, group, key)
 
 
-def lay_out_key(layout, group, key):
-    """Lay out the row of one key: its switch first, and its value where it does not have the default."""
+def draw_key(layout, group, key):
+    """Draw the row of one key: its switch first, and its value where it does not have the default."""
     if has_switch(key):
         layout.prop(group, key.switch.name)
-    lay_out_value(layout, group, key)
+    draw_value(layout, group, key)
 
 
-def lay_out_value(layout, group, key):
-    """Lay out the value of a key, where its switch does not hide it."""
+def draw_value(layout, group, key):
+    """Draw the value of a key, where its switch does not hide it."""
     if has_switch(key) and getattr(group, key.switch.name) == key.switch.means_default:
         return
     if key.type.record is not None:
-        lay_out_keys(layout, group, key.type.record.keys)
+        draw_keys(layout, group, key.type.record.keys)
     elif key.labels:
         for i, label in enumerate(key.labels):
             layout.prop(group, key.property_name, index=i, text=label)

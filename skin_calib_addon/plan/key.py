@@ -109,7 +109,7 @@ class Key:
 class Record:
     """The keys of one object of the plan file, and the frozen record that it is read to.
 
-    Records with the same constant ``kind`` share one object of the schema.
+    Records with the same constant ``kind`` have one object of the schema together.
     """
 
     name: str  # in the schema

@@ -798,7 +798,7 @@ PLAN = Record(
         ),
     ),
 )
-# Objects of the schema; records with the same constant "kind" share one.
+# Objects of the schema; records with the same constant "kind" have one together.
 RECORDS: tuple[Record, ...] = (
     PLANE,
     COVER,

@@ -72,5 +72,5 @@ def test_painting_without_boards_is_refused(bpy, boards, link):
     with pytest.raises(RuntimeError, match="has no boards, which belong to Kind: Hexagons"):
         bpy.ops.skin_calib.boards_paint(skin=0, point=(0, 0, 0))
     link.skin_calib.skins[0].kind = "hexagons"
-    with pytest.raises(RuntimeError, match="fit the link first"):
+    with pytest.raises(RuntimeError, match="Fit the link first, to see its boards"):
         bpy.ops.skin_calib.boards_paint(skin=0, point=(0, 0, 0))

@@ -223,7 +223,8 @@ def test_exported_plan_gives_the_bytes_of_the_scene(bpy, link, choose, fit_scene
 
 
 @pytest.mark.parametrize(
-    "faces, words", [(slice(0, 0), "no face of arm is selected"), (slice(0, ALL), "leave no face")]
+    "faces, words",
+    [(slice(0, 0), "No remaining face of arm is selected"), (slice(0, ALL), "No face of arm would be left")],
 )
 def test_selection_of_no_or_all_faces_is_refused(bpy, addon, link, choose, left, faces, words):
     """Selections of no face or of all faces are refused; mode and selection stay."""

@@ -124,7 +124,7 @@ def test_link_of_a_robot_lies_in_its_frame(bpy, addon, urdf, use, metre):
 def test_link_without_a_name_is_asked_for(bpy, addon, urdf):
     """Without a window the names are listed; a single link needs none; wrong names are refused."""
     before = scene_state(bpy, addon)
-    with pytest.raises(RuntimeError, match='Error: bot.urdf has several links with a mesh; name one of "arm"'):
+    with pytest.raises(RuntimeError, match='Error: bot.urdf has several links with a mesh. Name one of "arm"'):
         bpy.ops.skin_calib.import_urdf(filepath=str(urdf))
     with pytest.raises(RuntimeError, match='Error: bot.urdf has no link "arms"; did you mean "arm"?'):
         bpy.ops.skin_calib.import_urdf(filepath=str(urdf), link="arms")
@@ -190,7 +190,7 @@ def test_check_finds_what_is_there_and_offers_the_outer_shell(bpy, shown):
     assert said(link)["2 connected parts, 1 of them inside others"] is False
     assert [matters for what, matters in said(link).items() if what.startswith("3 holes, ")] == [True]
     panel = draw(bpy, "mesh")
-    assert {"shell: outer", "shell: all", "Select Holes and Odd Edges"} <= set(panel)
+    assert {"shell: outer", "shell: all", "Select Holes and Bad Edges"} <= set(panel)
     assert "The mesh has changed: check again" not in panel
 
 

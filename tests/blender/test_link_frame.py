@@ -53,7 +53,9 @@ def test_even_scale_of_the_parent_counts(bpy, link, fit_scene, scale):
 def test_parent_that_is_no_frame_is_refused(bpy, link, scale):
     """A mirrored or stretched parent is not a rotation."""
     frame_for(bpy, link, scale)
-    with pytest.raises(RuntimeError, match="frame, the parent of arm .* mirrored or scaled unevenly; apply its scale"):
+    with pytest.raises(
+        RuntimeError, match="frame, the parent of arm .* mirrored or has a scale that is not uniform. Apply its scale"
+    ):
         bpy.ops.skin_calib.fit()
 
 
@@ -132,6 +134,6 @@ def test_link_switched_off_is_fitted_or_refused(bpy, link, fit_scene):
     link.hide_viewport = True
     assert fit_scene() == seen
     link.modifiers.new("finer", "SUBSURF")
-    refused = pytest.raises(RuntimeError, match="arm is switched off in the viewport, so its modifiers do not count")
+    refused = pytest.raises(RuntimeError, match="arm is disabled in the viewport, so its modifiers are not evaluated")
     with refused, bpy.context.temp_override(object=link):
         bpy.ops.skin_calib.fit()

@@ -92,11 +92,11 @@ def test_link_that_cannot_be_clicked_on_is_refused(bpy, addon, link):
     """Rays do not find edited or hidden objects; the message states what to do."""
     addon.scene.check_seen(link)
     bpy.ops.object.mode_set(mode="EDIT")
-    with pytest.raises(Exception, match="arm is being edited; leave Edit Mode"):
+    with pytest.raises(Exception, match="arm is in Edit Mode. Leave Edit Mode"):
         addon.scene.check_seen(link)
     bpy.ops.object.mode_set(mode="OBJECT")
     link.hide_set(True)
-    with pytest.raises(Exception, match="arm is hidden; show it"):
+    with pytest.raises(Exception, match="arm is hidden. Show it"):
         addon.scene.check_seen(link)
 
 

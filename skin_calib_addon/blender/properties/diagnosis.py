@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was found on the mesh of a link, as properties."""
+"""The result of the check of the mesh of a link, as properties."""
 
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
@@ -9,16 +9,14 @@ from .warning import SKIN_PG_warning
 
 
 class SKIN_PG_diagnosis(bpy.types.PropertyGroup):
-    """What the last check of the mesh found."""
+    """The result of the last check of the mesh."""
 
-    key: StringProperty(description="Which mesh was looked at; empty before the first check", **FIXED)
+    key: StringProperty(description="Key of the mesh that was checked; empty before the first check", **FIXED)
     findings: CollectionProperty(
         type=SKIN_PG_warning, name="Findings", description="What the check of the mesh found", **FIXED
     )
     inner: IntProperty(name="Inner Parts", description="Connected parts that lie inside others", **FIXED)
-    edges: IntProperty(
-        name="Edges", description="Edges of holes, and edges with more than two faces, that can be shown", **FIXED
-    )
+    edges: IntProperty(name="Edges", description="Edges of holes, and edges with more than two faces", **FIXED)
 
 
 CLASSES = (SKIN_PG_diagnosis,)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The plan as properties of an object, saved in the .blend. Each group mirrors one member of the plan file."""
+"""The plan as properties of an object, saved in the .blend; each group has one member of the plan file."""
 
 import bpy
 from bpy.props import (
@@ -30,7 +30,7 @@ class SKIN_PG_number(bpy.types.PropertyGroup):
 
 
 class SKIN_PG_result(bpy.types.PropertyGroup):
-    """What the last fit gave."""
+    """The result of the last fit."""
 
     key: StringProperty(description="Key of the plan and mesh that were fitted; empty before the first fit", **FIXED)
     outdated: BoolProperty(
@@ -42,9 +42,9 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
     control_points: IntProperty(name="Control Points", description="Control points of the surface", **FIXED)
     taxels: IntProperty(name="Taxels", description="Taxels of all skins", **FIXED)
     warnings: CollectionProperty(
-        type=warning.SKIN_PG_warning, name="Warnings", description="What to look at before the result is used", **FIXED
+        type=warning.SKIN_PG_warning, name="Warnings", description="Warnings of the last fit", **FIXED
     )
-    seconds: FloatProperty(name="Time", description="How long the fit took", unit="TIME_ABSOLUTE", precision=3, **FIXED)
+    seconds: FloatProperty(name="Time", description="Duration of the fit", unit="TIME_ABSOLUTE", precision=3, **FIXED)
 
 
 @of_keys(keys.PLAN)
@@ -53,12 +53,12 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
 
     mesh_file: StringProperty(name="Mesh File", description="Name of the mesh file in exported plans", **PLAN)
     diagnosis: PointerProperty(
-        type=link_properties.SKIN_PG_diagnosis, name="Diagnosis", description="What the last check of the mesh found"
+        type=link_properties.SKIN_PG_diagnosis, name="Diagnosis", description="The result of the last check of the mesh"
     )
     cover: PointerProperty(
         type=grid_properties.SKIN_PG_cover, name="Cover", description="What of the mesh is covered with skin"
     )
-    grid: PointerProperty(type=grid_properties.SKIN_PG_grid, name="Grid", description="Where the planes are")
+    grid: PointerProperty(type=grid_properties.SKIN_PG_grid, name="Grid", description="Where planes and lines are")
     skins: CollectionProperty(
         type=skin_properties.SKIN_PG_skin, name="Skins", description="Sheets and boards on the link", **FIXED
     )
@@ -73,7 +73,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         description="Members of the plan that begin with x_, and a response that is more than a polynomial, as JSON",
         **FIXED,
     )
-    result: PointerProperty(type=SKIN_PG_result, name="Result", description="What the last fit gave")
+    result: PointerProperty(type=SKIN_PG_result, name="Result", description="The result of the last fit")
     held: EnumProperty(
         name="Handles",
         description="Which planes have handles; they tilt the selected one",
@@ -101,7 +101,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         options={"ENUM_FLAG"},
     )
     inspect: PointerProperty(
-        type=inspect_properties.SKIN_PG_inspect, name="Inspect", description="How the fitted skin is looked at"
+        type=inspect_properties.SKIN_PG_inspect, name="Inspect", description="How the fitted skin is inspected"
     )
 
 

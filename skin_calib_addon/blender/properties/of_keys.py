@@ -26,7 +26,7 @@ GROUPS: dict[str, type] = {}
 def of_keys(*records: Record) -> Callable[[type], type]:
     """Return a decorator that gives a group the properties of the keys of some records.
 
-    Keys with the same property share it; the first one describes it.
+    Keys with the same property have one together; the first key describes it.
     """
 
     def give(group: type) -> type:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A scene's mesh as arrays that no longer hang on Blender, so that another thread can make a mesh of them."""
+"""A mesh of the scene as arrays that are independent of Blender, so that another thread can use them."""
 
 from dataclasses import dataclass
 
@@ -12,29 +12,29 @@ from ...geometry.mesh.triangle_mesh import MAX_MESH_SIZE, MIN_MESH_SIZE, Triangl
 
 @dataclass(frozen=True, eq=False)
 class Facets:
-    """Triangles of an object as Blender holds them, and where they lie in the link frame."""
+    """Triangles of an object as Blender has them, and their transformation into the link frame."""
 
     name: str  # of the object
     vertices: Array  # (v, 3) float32, in the object's own axes and units
     faces: IntArray  # (f, 3) int32
-    placed: Array  # (3, 4) from there to metres in the link frame
+    placed: Array  # (3, 4) from there into metres in the link frame
 
     def is_same(self, other: "Facets | None") -> bool:
-        """Whether another object's facets would make the same mesh."""
+        """Return whether other facets make the same mesh."""
         pairs = ((getattr(self, n), getattr(other, n, None)) for n in ("placed", "vertices", "faces"))
         return all(np.array_equal(one, another) for one, another in pairs)
 
     def triangles(self) -> tuple[Array, IntArray]:
-        """Vertices (v, 3) in metres in the link frame, and faces (f, 3) that look outward, as many as Blender holds."""
+        """Return all vertices (v, 3) in metres in the link frame, and all faces (f, 3), with outward orientation."""
         points, faces = self.vertices.astype(float), self.faces
-        if not np.array_equal(self.placed, np.eye(3, 4)):  # times one plus zero is exact, but only for finite numbers
+        if not np.array_equal(self.placed, np.eye(3, 4)):  # times one plus zero is exact only for finite numbers
             points = points @ self.placed[:, :3].T + self.placed[:, 3]
-        if np.linalg.det(self.placed[:, :3]) < 0:  # mirrored by its scale: the faces would look inward
+        if np.linalg.det(self.placed[:, :3]) < 0:  # mirrored by its scale, which reverses the faces
             faces = faces[:, ::-1]
         return points, faces
 
     def welded(self) -> TriangleMesh:
-        """The mesh in metres in the link frame, of any size.
+        """Return the mesh in metres in the link frame, of any size.
 
         Raises
         ------
@@ -47,7 +47,7 @@ class Facets:
             raise InvalidMesh(f"{self.name}: {error}", **error.numbers) from error
 
     def mesh(self) -> TriangleMesh:
-        """The same if it has the size of a link.
+        """Return the same mesh, which must have the size of a link.
 
         Raises
         ------

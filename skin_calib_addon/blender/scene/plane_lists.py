@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lists of planes in a plan's properties to arrays, and back."""
+"""Lists of planes in a plan's properties as arrays, and back."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,20 +17,20 @@ FAMILIES = ("CUT", "U", "V")
 
 @dataclass(frozen=True, eq=False)
 class HandPlanes:
-    """The planes of a plan that its author placed one by one, by family; row i of each pair of arrays is one plane."""
+    """The planes of a plan that the author placed one by one, by family; row i of both arrays is one plane."""
 
     points: dict[str, Array]  # (k, 3) [m]
     normals: dict[str, Array]  # (k, 3), of any length
     shell: str  # which shells of the mesh are kept, as in a CoverSpec
-    closed: bool  # whether the v-planes go all the way round
+    closed: bool  # whether the v-planes go all round the link
 
     @property
     def are_there(self) -> bool:
-        """Whether there is anything to sketch."""
+        """Return whether there is any plane."""
         return any(len(points) for points in self.points.values())
 
     def is_same(self, other: "HandPlanes") -> bool:
-        """Whether other planes would make the same sketch."""
+        """Return whether other planes make the same sketch."""
         pairs = (
             (getattr(self, n)[family], getattr(other, n)[family]) for n in ("points", "normals") for family in FAMILIES
         )
@@ -38,7 +38,7 @@ class HandPlanes:
 
 
 def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlanes:
-    """The planes that were placed one by one, sound or not: cuts, and those of a grid of such planes.
+    """Return the planes that were placed one by one, valid or not: cuts, and those of a grid of such planes.
 
     In metres in the link frame; normals as they are written, of any length.
     """
@@ -60,7 +60,7 @@ def read_hand_planes(link: bpy.types.Object, scene: bpy.types.Scene) -> HandPlan
 
 
 def read_planes(grid: Any, family: str, scene: bpy.types.Scene) -> Planes | None:
-    """The "u" or "v" planes of a grid that are listed one by one, in metres in the link frame; None without any."""
+    """Return the "u" or "v" planes of a grid, in metres in the link frame; None if the list is empty."""
     metre, listed = metres_per_unit(scene), getattr(grid, family)
     if not listed:
         return None
@@ -70,7 +70,7 @@ def read_planes(grid: Any, family: str, scene: bpy.types.Scene) -> Planes | None
 
 
 def write_planes(grid: Any, family: str, planes: Planes, scene: bpy.types.Scene) -> None:
-    """List planes one by one."""
+    """Replace the "u" or "v" planes of a grid."""
     listed = getattr(grid, family)
     listed.clear()
     for point, normal in zip(planes.points, planes.normals):
@@ -78,5 +78,5 @@ def write_planes(grid: Any, family: str, planes: Planes, scene: bpy.types.Scene)
 
 
 def set_plane(item: Any, point: Array, normal: Array, scene: bpy.types.Scene) -> None:
-    """Set a listed plane."""
+    """Set one plane of a list."""
     item.point, item.normal = in_units(point, metres_per_unit(scene)), normal

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last fits of this Blender, by a key of all that went into them.
+"""Cache of the last fits in this Blender, by a key of all their input.
 
-An object keeps the key of its fit: undo brings both back, and no object can take another's result for its own.
+An object keeps the key of its fit: undo restores both, and an object never uses the result of another.
 """
 
 import hashlib
@@ -16,13 +16,13 @@ from ...plan import Plan, plan_document
 
 KEPT = 16
 _results: dict[str, Calibrated] = {}
-_lock = Lock()  # fits run beside the main thread
+_lock = Lock()  # fits run in other threads
 
 
 def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda stage: None) -> tuple[str, Calibrated]:
-    """Calibrate, or take what the same plan and mesh gave before; the result and its key.
+    """Calibrate, or return the result of the same plan and mesh before; with its key.
 
-    ``begin`` is told the name of each stage as it begins, and may raise to stop there.
+    ``begin`` is called with the name of each stage at its start, and may raise an exception to stop.
 
     Raises
     ------
@@ -35,17 +35,17 @@ def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda st
     result = _results.get(key) or calibrate(plan, mesh, begin)
     with _lock:
         _results.pop(key, None)
-        _results[key] = result  # the last one used is the last to go
+        _results[key] = result  # the cache drops those that were not used for the longest time
         while len(_results) > KEPT:
             del _results[next(iter(_results))]
     return key, result
 
 
 def find(key: str) -> Calibrated | None:
-    """The result of this key, if it is still kept."""
+    """Return the result with this key; None if it is not in the cache."""
     return _results.get(key)
 
 
 def clear() -> None:
-    """Forget all results."""
+    """Empty the cache."""
     _results.clear()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects to plans and arrays, and back. What leaves here is metres in the link frame.
+"""From objects to plans and arrays, and back; plans and arrays are in metres in the link frame.
 
-The link frame is the place and turn of the object's parent, or the world where it has none: a link's mesh is placed
-in its frame by the object's own location, rotation and scale. How the parent is posed does not alter a bit of it.
+The link frame is the pose of the object's parent, or the world where it has none. The object's own location, rotation
+and scale place the mesh in that frame; they are independent of the pose of the parent.
 """
 
 import json
@@ -33,14 +33,14 @@ from .fields import OWN, read, read_key, write, write_key
 from .skins import read_skin, seen_from, write_skin
 from .warnings import write_warnings
 
-# Blender's numbers are single; these are the largest it holds.
+# Largest numbers of Blender's properties, which have single precision and 32 bits.
 LARGEST_NUMBER, LARGEST_COUNT = 3e38, 2**31 - 1
-# Columns of a parent's frame that differ in length, or lean, by more than this share are no rotation with a scale.
-UNEVEN = 1e-4
+# Deviation of a parent's matrix from a rotation with one scale, relative to the scale, above which it is refused.
+MAX_FRAME_DEVIATION = 1e-4
 
 
 def links(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Objects of the scene that have a link name, by name."""
+    """Return the objects of the scene that have a link name, sorted by name."""
     return sorted((o for o in context.scene.objects if o.type == "MESH" and o.skin_calib.link), key=lambda o: o.name)
 
 
@@ -173,7 +173,7 @@ def numbers_of(part: Any) -> Iterator[float]:
 
 
 def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMesh:
-    """The object's mesh with its modifiers, in metres in the link frame.
+    """Return the object's mesh with its modifiers, in metres in the link frame.
 
     Raises
     ------
@@ -184,17 +184,16 @@ def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMes
 
 
 def read_facets(link: bpy.types.Object, context: bpy.types.Context) -> Facets:
-    """The object's triangles with its modifiers, and where they lie.
+    """Return the object's triangles with its modifiers, and their transformation into the link frame.
 
     Raises
     ------
     InvalidMesh
-        If the object is switched off so that its modifiers do not count, or its parent's scale leaves no frame to
-        measure in.
+        If the object is disabled, so that its modifiers are not evaluated, or its parent's scale is not uniform.
     """
     evaluated = link.evaluated_get(context.evaluated_depsgraph_get())
     if not evaluated.is_evaluated and link.modifiers:
-        raise InvalidMesh(f"{link.name} is switched off in the viewport, so its modifiers do not count; switch it on")
+        raise InvalidMesh(f"{link.name} is disabled in the viewport, so its modifiers are not evaluated. Enable it.")
     unit = metres_per_unit(context.scene) * _scale(link)
     data = evaluated.to_mesh()
     try:
@@ -210,9 +209,9 @@ def read_facets(link: bpy.types.Object, context: bpy.types.Context) -> Facets:
 
 
 def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Array, IntArray]:
-    """Vertices (v, 3) [m] in the link frame and edges (e, 2) of the object without its modifiers.
+    """Return vertices (v, 3) [m] in the link frame and edges (e, 2) of the object without its modifiers.
 
-    A vertex that no modifier moves has the same bits as in :func:`read_facets`, which raises what this raises.
+    A vertex that no modifier moves has exactly the coordinates of :func:`read_facets`. Raises the same errors.
     """
     vertices = np.empty(len(link.data.vertices) * 3, np.float32)
     link.data.vertices.foreach_get("co", vertices)
@@ -223,24 +222,24 @@ def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Arra
 
 
 def _local(link: bpy.types.Object) -> Matrix:
-    """From the object to its parent, in Blender units; no rounding of the parent's pose is in it."""
+    """Return the matrix from the object to its parent, in scene units, without rounding by the parent's pose."""
     if link.constraints or (link.parent and link.parent_type != "OBJECT"):
         return link.matrix_local
     return link.matrix_parent_inverse @ link.matrix_basis if link.parent else link.matrix_basis
 
 
 def _scale(link: bpy.types.Object) -> float:
-    """How many times the parent enlarges its children."""
+    """Return the scale of the parent."""
     if link.parent is None:
         return 1.0
     axes = np.array(_parent(link).to_3x3())
     scale = np.cbrt(np.linalg.det(axes))
-    if scale <= 0 or np.abs(axes.T @ axes - scale**2 * np.eye(3)).max() > UNEVEN * scale**2:
+    if scale <= 0 or np.abs(axes.T @ axes - scale**2 * np.eye(3)).max() > MAX_FRAME_DEVIATION * scale**2:
         raise InvalidMesh(
-            f"{link.parent.name}, the parent of {link.name} and so its link frame, is mirrored or scaled unevenly; "
-            "apply its scale"
+            f"{link.parent.name}, the parent of {link.name} and so its link frame, is mirrored or has a scale that is "
+            "not uniform. Apply its scale."
         )
-    return float(f"{scale:.6g}")  # single-precision noise of a turned frame ends here
+    return float(f"{scale:.6g}")  # without the single-precision noise of a rotated frame
 
 
 def _parent(link: bpy.types.Object) -> Matrix:
@@ -248,59 +247,59 @@ def _parent(link: bpy.types.Object) -> Matrix:
 
 
 def link_frame(link: bpy.types.Object) -> Matrix:
-    """The link frame in the world, a rotation and a place in Blender units."""
+    """Return the link frame in the world: a rotation, and a translation in scene units."""
     if link.parent is None:
         return Matrix.Identity(4)
-    place, turn, _ = _parent(link).decompose()
-    return Matrix.LocRotScale(place, turn, None)
+    location, rotation, _ = _parent(link).decompose()
+    return Matrix.LocRotScale(location, rotation, None)
 
 
 def cursor_on(link: bpy.types.Object, scene: bpy.types.Scene) -> Vector:
-    """The 3D cursor in the link frame, in Blender units."""
+    """Return the 3D cursor in the link frame, in scene units."""
     return link_frame(link).inverted() @ scene.cursor.location
 
 
 def check_seen(link: bpy.types.Object) -> None:
-    """Refuse an object that rays do not meet.
+    """Refuse an object that rays do not hit.
 
     Raises
     ------
     InvalidMesh
-        Says how to make it seen.
+        Says how to make it visible.
     """
     if link.mode == "EDIT":
-        raise InvalidMesh(f"{link.name} is being edited; leave Edit Mode to click on it")
+        raise InvalidMesh(f"{link.name} is in Edit Mode. Leave Edit Mode to click on it.")
     if not link.visible_get():
-        raise InvalidMesh(f"{link.name} is hidden; show it to click on it")
+        raise InvalidMesh(f"{link.name} is hidden. Show it to click on it.")
 
 
-def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, way: Vector) -> Vector | None:
-    """Where a ray in the world first meets the object, in the link frame in Blender units; None where it does not."""
-    met = met_by(link, depsgraph, start, way)
+def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, direction: Vector) -> Vector | None:
+    """Return where a ray in the world first hits the object, in the link frame in scene units; None if it misses."""
+    met = met_by(link, depsgraph, start, direction)
     return met[0] if met else None
 
 
 def met_by(
-    link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, way: Vector
+    link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, direction: Vector
 ) -> tuple[Vector, Vector] | None:
-    """The same point, and the unit normal of the face there, on the side from which the ray comes."""
+    """Return the same point, and the unit normal of the face there, on the side of the start of the ray."""
     to_world, to_frame = link.matrix_world, link_frame(link).inverted()
     local = to_world.inverted_safe()
-    met, place, normal, _ = link.evaluated_get(depsgraph).ray_cast(local @ start, local.to_3x3() @ way)
+    met, point, normal, _ = link.evaluated_get(depsgraph).ray_cast(local @ start, local.to_3x3() @ direction)
     if not met:
         return None
     upright = to_frame.to_3x3() @ (local.to_3x3().transposed() @ normal)
-    upright = upright.normalized() * (-1 if upright.dot(to_frame.to_3x3() @ way) > 0 else 1)
-    return to_frame @ (to_world @ place), upright
+    upright = upright.normalized() * (-1 if upright.dot(to_frame.to_3x3() @ direction) > 0 else 1)
+    return to_frame @ (to_world @ point), upright
 
 
 def metres_per_unit(scene: bpy.types.Scene) -> float:
-    """Length of one Blender unit [m]."""
+    """Return the length of one scene unit [m]."""
     return exact(scene.unit_settings.scale_length)
 
 
 def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: str) -> bpy.types.Object:
-    """A new object in the scene for a mesh whose numbers are in ``unit``; they are kept, the object is scaled."""
+    """Return a new object for a mesh whose numbers are in ``unit``; it keeps the numbers and has a scale."""
     data = bpy.data.meshes.new(name)
     data.from_pydata(mesh.vertices.tolist(), [], mesh.faces.tolist())
     data.update()
@@ -312,7 +311,7 @@ def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: st
 
 
 def activate(context: bpy.types.Context, link: bpy.types.Object) -> None:
-    """Make an object the active one, in Object Mode, and the only one that is selected."""
+    """Make an object the active and only selected one, in Object Mode."""
     if context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     for other in context.selected_objects:
@@ -322,12 +321,12 @@ def activate(context: bpy.types.Context, link: bpy.types.Object) -> None:
 
 
 def longest_side(link: bpy.types.Object, scene: bpy.types.Scene) -> float:
-    """Longest side of the object's box as it stands in the scene [m]; Blender keeps it."""
+    """Return the longest side of the object's box in the scene [m], from Blender's cache."""
     return max(link.dimensions) * metres_per_unit(scene)
 
 
 def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, key: str) -> None:
-    """Keep the figures of a fit on its object."""
+    """Store the figures of a fit on its object."""
     record, errors = link.skin_calib.result, result.fit.errors
     record.key, record.outdated = key, False
     metre = metres_per_unit(scene)
@@ -340,12 +339,12 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
 
 
 def why_no_link(context: bpy.types.Context, named: bool = True) -> str:
-    """Why the active object is no link that one can work on, and what to do; empty if it is one."""
+    """Return why the active object is not an editable link, and what to do; empty if it is one."""
     return why_not(context.object, named)
 
 
 def why_not(link: bpy.types.Object | None, named: bool = True) -> str:
-    """Why an object is no link that one can work on, and what to do; empty if it is one."""
+    """Return why an object is not an editable link, and what to do; empty if it is one."""
     if link is None or link.type != "MESH":
         return "Select the mesh object of a link"
     if link.library or link.override_library:
@@ -356,5 +355,5 @@ def why_not(link: bpy.types.Object | None, named: bool = True) -> str:
 
 
 def why_not_editable(link: bpy.types.Object) -> str:
-    """Why the mesh of an object cannot be edited, and what to do; empty if it can."""
+    """Return why the mesh of an object cannot be edited, and what to do; empty if it can."""
     return "The mesh of this link belongs to another file; make it local" if link.data.library else ""

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Numbers as the scene's settings write them, where Blender's own fields do not."""
+"""Numbers in the units of the scene, for texts; Blender's fields convert theirs."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-# How many of each are a metre, and what it is called.
+# How many of each unit are a metre, and its symbol.
 UNITS = {
     "KILOMETERS": (1e-3, "km"),
     "METERS": (1.0, "m"),
@@ -18,18 +18,18 @@ UNITS = {
     "INCHES": (1 / 0.0254, "in"),
     "THOU": (1 / 2.54e-5, "thou"),
 }
-# What is tried where the scene leaves the choice to the number.
+# Units for a scene without a fixed unit; the first that makes the largest number at least one is used.
 METRIC, IMPERIAL = ("METERS", "MILLIMETERS", "MICROMETERS"), ("FEET", "INCHES", "THOU")
 
 
 def unit_of(kind: str, largest: float, settings: Any) -> tuple[float, str]:
-    """What numbers of a kind are to be multiplied by to be shown, and the name of their unit.
+    """Return the factor by which numbers of a kind are shown, and the symbol of their unit.
 
     Parameters
     ----------
     kind : "LENGTH" [m], "ANGLE" [rad], "FRACTION" or "FORCE" [N]
     largest : float
-        The largest of them, which tells the unit where the scene leaves it open.
+        The largest of them, which selects the unit in a scene without a fixed unit.
     settings : UnitSettings
         Of the scene.
     """
@@ -48,6 +48,6 @@ def unit_of(kind: str, largest: float, settings: Any) -> tuple[float, str]:
 
 
 def written(values: Sequence[float], kind: str, settings: Any) -> tuple[list[str], str]:
-    """Numbers with three digits in one unit, and its name."""
+    """Return numbers with three digits in one unit, and its symbol."""
     factor, name = unit_of(kind, max(map(abs, values), default=0.0), settings)
     return [f"{value * factor + 0.0:.3g}" for value in values], name  # no minus zero
