@@ -57,7 +57,7 @@ def test_click_next_to_the_boards_adds_one(bpy, addon, boards):
     bpy.ops.skin_calib.fit()
     (alone,) = taxels(addon, boards).index.tolist()
     assert alone == before.index[i].tolist()
-    with pytest.raises(RuntimeError, match="this is the last board"):
+    with pytest.raises(RuntimeError, match="This is the last board"):
         bpy.ops.skin_calib.boards_paint(skin=0, point=before.positions_link[i])
     bpy.ops.ed.undo_push(message="one board")
     adjacent = before.positions_link[i] + 0.02 * before.tangents_link[i]

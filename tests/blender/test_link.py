@@ -135,7 +135,7 @@ def test_link_without_a_name_is_asked_for(bpy, addon, urdf):
     assert bpy.ops.skin_calib.import_urdf(filepath=str(urdf)) == {"FINISHED"}
     assert bpy.context.object.name == "a"
     urdf.write_text('<robot name="b"><link name="a"/></robot>')
-    with pytest.raises(RuntimeError, match="Error: no link of bot.urdf has a mesh"):
+    with pytest.raises(RuntimeError, match="Error: No link of bot.urdf has a mesh"):
         bpy.ops.skin_calib.import_urdf(filepath=str(urdf))
 
 
