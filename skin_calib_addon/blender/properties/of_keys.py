@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Properties of Blender from the table of plan keys."""
 
+import inspect
 import math
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -31,7 +32,7 @@ def of_keys(*records: Record) -> Callable[[type], type]:
 
     def give(group: type) -> type:
         given = properties_of([key for record in records for key in record.keys])
-        group.__annotations__ = given | group.__dict__.get("__annotations__", {})
+        group.__annotations__ = given | inspect.get_annotations(group)
         for record in records:
             GROUPS[record.name] = group
         return group
