@@ -10,7 +10,7 @@ from links import Array, Fan, Link
 from samples import holes
 from scipy.interpolate import BSpline
 
-from skin_calib_addon.geometry.surface.distance import MeshDistance
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 
 # Cells in which every surface is measured; prime numbers do not align with its knots or with the facets.
 ROWS, COLUMNS = 37, 151

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from skin_calib_addon.calibration import LinkCalibration, Response
-from skin_calib_addon.geometry.surface.distance import MeshDistance
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.plan.skins import BoardSkin

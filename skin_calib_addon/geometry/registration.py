@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import DistanceStatistics
+from .mesh.closest import MeshDistance, closest_on_triangles, split_faces
 from .mesh.triangle_mesh import TriangleMesh
-from .surface.distance import MeshDistance, closest_on_triangles, split_faces
 
 # [m] mean distance below which a cloud is on the mesh: the thickness of a cover separates taxels from the mesh. Larger:
 # wrong frames of less than this distance are not found.
@@ -357,7 +357,8 @@ def _slack(mesh: TriangleMesh, exact: MeshDistance, points: Array) -> float:
 
     Of all small motions with a root mean square of one, one changes the distances least (Gelfand et al., 2003). With
     the least eigenvalue :math:`\lambda` of this change and the root mean square :math:`\sigma` [m] of the distances,
-    the result is :math:`\sigma / \sqrt{\lambda}`, and at most the size of the cloud."""
+    the result is :math:`\sigma / \sqrt{\lambda}`, and at most the size of the cloud.
+    """
     distance, face, _ = exact(points)
     cloud = Cloud.of(points)
     normals = mesh.face_normals[face]

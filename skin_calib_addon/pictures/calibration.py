@@ -11,9 +11,9 @@ from ..calibration.model import LinkCalibration
 from ..common.arrays import Array, unit
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import SkinCalibError
+from ..geometry.mesh.closest import MeshDistance
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.sampling.planes import perpendicular
-from ..geometry.surface.distance import MeshDistance
 from ..pipeline.calibrate import surface_of
 
 # Faces of a drawn surface along u and v. Larger: smoother, slower.

@@ -15,10 +15,11 @@ from ..common.arrays import Array, BoolArray, IntArray, unit
 from ..common.errors import InvalidPlan
 from ..common.findings import Finding, error, warning
 from ..common.surface_errors import DistanceStatistics
+from ..geometry.mesh.closest import MeshDistance
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import ON_MESH_DISTANCE, RigidFit, find_frame
 from ..geometry.surface.bspline import BSplineSurface
-from ..geometry.surface.distance import MeshDistance, footpoints
+from ..geometry.surface.distance import footpoints
 from .sheet.taxels import fan_areas
 
 # Largest deviation of a given matrix from a rotation; covers four decimals. Larger: accepts less exact matrices.

@@ -18,8 +18,8 @@ from skin_calib_addon.geometry import (
     weld,
 )
 from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, periodic_knots
-from skin_calib_addon.geometry.surface.distance import MeshDistance
 from tests.examples import examples
 from tests.shapes import LENGTH, TURN, Motion, dome, keep, sheet, shuffled, with_hole, wrist
 

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.registration import find_frame
-from skin_calib_addon.geometry.surface.distance import MeshDistance, mesh_samples
+from skin_calib_addon.geometry.surface.distance import mesh_samples
 from tests.examples import examples
 from tests.shapes import Motion, weld, wrist
 

@@ -17,7 +17,7 @@ from skin_calib_addon.geometry import (
     fit_to_tolerance,
     load_mesh,
 )
-from skin_calib_addon.geometry.surface.distance import MeshDistance
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan
 

@@ -13,8 +13,8 @@ from skin_calib_addon.calibration.exchange import read_taxels
 from skin_calib_addon.calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.geometry import AcrossGrid, Axis, CoverSpec, Cut, SectorGrid, cut_cover, fit_surface, load_mesh
+from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
 from skin_calib_addon.geometry.registration import find_frame
-from skin_calib_addon.geometry.surface.distance import MeshDistance, closest_on_triangles
 from skin_calib_addon.skin.imported import imported_taxels, placed
 from tests.shapes import Motion
 

@@ -7,7 +7,7 @@ import pytest
 
 from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError
 from skin_calib_addon.geometry import AcrossGrid, AutoGrid, CoverSpec, TubeGrid, cut_cover, fit_grid, load_mesh
-from skin_calib_addon.geometry.surface.distance import MeshDistance, closest_on_triangles
+from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
 from skin_calib_addon.skin import HexLattice, SheetLattice, board_taxels, lay_boards, sheet_taxels, wrap_sheet
 from tests.real.test_real_links import DATA, FACES, MESHES, fit_of
 

@@ -14,9 +14,9 @@ from ..grid.error_model import ErrorModel
 from ..grid.grids import AutoGrid, Grid, PlanesGrid, Size, Tolerance, Vector, region_of
 from ..grid.parametrizations import parametrized_lines
 from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
+from ..mesh.closest import MeshDistance
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
-from ..surface.distance import MeshDistance
 from .proof import MIN_DISTANCE, confirmed_error
 from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface
 
@@ -78,7 +78,8 @@ class ErrorCurve:
     """The error of planes, or of lines, as a function of their number.
 
     The errors of even positions are computed for a few numbers, and those of the best positions for fewer. Between
-    them, the errors and the gains of the best positions follow power laws."""
+    them, the errors and the gains of the best positions follow power laws.
+    """
 
     def __init__(self, even: Callable[[int], float], best: Callable[[int], tuple[float, Array]], first: int, most: int):
         self.counts: IntArray = np.arange(first, most + 1)
@@ -389,7 +390,8 @@ class Search:
         """Fit the smallest grid that is predicted to meet the tolerance; each fit corrects the next prediction.
 
         A net without improvement may have too many planes and too few lines. The next net then has a much smaller
-        predicted error. If it does not improve either, the search stops."""
+        predicted error. If it does not improve either, the search stops.
+        """
         while len(self.tried) < MAX_FITS:
             below = net_size(self.best) / MIN_SIZE_RATIO if self.best else np.inf
             size = self.predictor.smallest_size(self.target, MIN_SIZE_RATIO * self.largest_failed, below)

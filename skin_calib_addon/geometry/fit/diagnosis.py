@@ -6,12 +6,12 @@ import numpy as np
 
 from ...common.arrays import IntArray
 from ...common.warnings import Place, Warning, point_of
+from ..mesh.closest import MeshDistance
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.curves import curves
 from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples, SampleRows
-from ..surface.distance import MeshDistance
 
 # [1] smallest area element to the mean area element below which a surface nearly folds, or closes to a point. Larger:
 # more warnings.

@@ -10,21 +10,14 @@ from ...common.errors import EmptySection, PoorFit, millimetres
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
 from ...common.warnings import Warning
 from ..grid.grids import Grid, PlanesGrid
+from ..mesh.closest import MeshDistance, closest_on_triangles
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import SITES_PER_SPAN, TensorBasis
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.samples import RaySamples, SampleRows
 from ..surface.bspline import BSplineSurface, greville
-from ..surface.distance import (
-    SAMPLES_PER_SPAN,
-    MeshDistance,
-    closest_on_triangles,
-    footpoints,
-    is_sampled,
-    surface_errors,
-    surface_samples,
-)
+from ..surface.distance import SAMPLES_PER_SPAN, footpoints, is_sampled, surface_errors, surface_samples
 from .chords import chord_gaps
 from .diagnosis import condition, dropped_loops, fit_warnings, maximum_deviation
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
@@ -107,7 +100,8 @@ class SurfaceFit:
         """Return the least ``|r_u x r_v|`` over its mean, on a dense grid.
 
         It is near zero where the surface closes to a point. It is negative where ``r_u x r_v`` is opposite to the rays:
-        the surface is folded."""
+        the surface is folded.
+        """
         k, l = (AREA_SITES_PER_CONTROL_POINT * size for size in self.offsets.shape)
         v = np.arange(l) / l if self.lines.closed else np.linspace(0, 1, l)
         uv = np.column_stack((np.repeat(np.linspace(0, 1, k), l), np.tile(v, k)))
@@ -220,7 +214,8 @@ class SurfaceFit:
 
         It is the mean distance from the section of the omitted plane to the surface of the others. It shows where the
         planes are too far apart, which the error of the fit itself cannot show. It is empty if the degree needs all
-        planes."""
+        planes.
+        """
         inner = range(1, len(self.lines.planes_u) - 1 if len(self.lines.planes_u) > self.surface.degree[0] + 1 else 1)
         return np.array([self._without(i) for i in inner])
 

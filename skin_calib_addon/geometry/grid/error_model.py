@@ -50,7 +50,8 @@ class ErrorModel:
     """Heights of a mesh over a region: distances along its rays, on a few dense lines in each direction.
 
     Splines fitted to the outlines predict the errors of lines. Splines fitted to the profiles predict the errors of
-    planes."""
+    planes.
+    """
 
     parametrization: Parametrization
     outline_t: Array  # (l,) of a full turn, or from edge to edge

@@ -262,7 +262,8 @@ def _sides(
     """Return which faces have a normal opposite to most of their part (by area), and the number of one-sided parts.
 
     Adjacent faces agree if they traverse their edge in opposite directions. Each face has two nodes: as it is, and
-    reversed. Nodes that agree are connected. A part whose two nodes are connected to each other has one side only."""
+    reversed. Nodes that agree are connected. A part whose two nodes are connected to each other has one side only.
+    """
     n = len(mesh.faces)
     order = np.argsort(edge, kind="stable")
     order = order[faces_at[edge[order]] == 2].reshape(-1, 2)

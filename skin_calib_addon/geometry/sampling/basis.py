@@ -219,7 +219,8 @@ class TensorBasis:
 
         The start is the inverse for ``M``, which all grids of a size have in common. The cosines in ``B`` change it
         little if the lines are close to each other. Newton-Schulz iterations ``X <- 2 X - X A X`` (Schulz, 1933)
-        correct it. If the lines are far from each other, they are few, and the exact inverse is computed."""
+        correct it. If the lines are far from each other, they are few, and the exact inverse is computed.
+        """
         gram, inverse = product(self.B.T, self.B), self.v.gram_inverse
         for _ in range(SCHULZ_ITERATIONS):
             inverse = 2 * inverse - product(product(inverse, gram), inverse)
@@ -257,7 +258,8 @@ class TensorBasis:
         """Solve the weighted normal equations by conjugate gradients in modes.
 
         In modes, the normal equations without holes are diagonal and serve as the preconditioner. Only the rows and
-        columns of sites with missing samples remain to be multiplied."""
+        columns of sites with missing samples remain to be multiplied.
+        """
         U, V, bend = self._modes
         rows, columns = ((~known).any(axis=axis) for axis in (1, 0))
         hole = ~known[rows][:, columns]

@@ -12,7 +12,8 @@ class LineGrid:
     """One line per control point: ``origins[i, j] + t * directions[i, j]`` is in u-plane i and v-plane j.
 
     The order of the lines makes ``r_u x r_v`` point outward for outward directions. Seen along the u-direction, the
-    lines of a tube are in clockwise order."""
+    lines of a tube are in clockwise order.
+    """
 
     planes_u: Planes
     origins: Array  # (n, m, 3) [m]

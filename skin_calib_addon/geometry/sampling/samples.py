@@ -29,7 +29,8 @@ class RaySamples:
         e_{kl} = h_{kl} - \lVert \mathbf{a}_{kl} \rVert \quad [\text{m}]
 
     where :math:`h_{kl}` is the distance along the ray from its origin to the mesh, and the arm :math:`\mathbf{a}_{kl}`
-    leads from the origin to the surface."""
+    leads from the origin to the surface.
+    """
 
     residuals: Array  # (k, l) from the surface outward to the mesh along the ray [m]; NaN without a hit
     origins: Array  # (k, l, 3) of the rays [m]
@@ -148,7 +149,8 @@ class SampleRows:
 
         A ray from :math:`\mathbf{o}` in direction :math:`\mathbf{r}` hits the plane through :math:`\mathbf{p}` with the
         normal :math:`\mathbf{n}` at :math:`t = (\mathbf{p} - \mathbf{o}) \cdot \mathbf{n} / (\mathbf{r} \cdot
-        \mathbf{n})`."""
+        \mathbf{n})`.
+        """
         normal = self.mesh.face_normals[self.sections.face[hit]]
         slope = (rays * normal).sum(axis=2)
         offset = ((self.sections.ends[hit, 0] - self.origins) * normal).sum(axis=2)

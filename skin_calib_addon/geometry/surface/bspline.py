@@ -421,7 +421,8 @@ class BSplineSurface:
         """Return the largest rotation of the normal along coordinate lines, over at most this length [rad].
 
         Rotations over shorter lengths that cancel each other do not add up. A surface that follows the facets of a mesh
-        has such rotations."""
+        has such rotations.
+        """
         angles, per_length = self._turns
         return float(np.minimum(angles, per_length * length).max())
 

@@ -22,7 +22,8 @@ def surface_centre(surface: BSplineSurface) -> tuple[float, float]:
     """Return the parameters of the point at half of the length of its two coordinate lines.
 
     A closed line starts at the seam, which is at angle zero: the side of the mesh vertex with the largest distance from
-    the axis."""
+    the axis.
+    """
     start = seam_of(surface)
     uv = np.where(surface.closed, start + 0.5, 0.5)[None]
     for _ in range(CENTRE_ITERATIONS):

@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 from ...common.arrays import Array, BoolArray, IntArray, cross
 from ...common.errors import EmptySection
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
+from ..mesh.closest import MeshDistance, split_faces
 from ..mesh.triangle_mesh import TriangleMesh
 from .bspline import MIN_SITES, BSplineSurface, sites_per_span
 
@@ -19,12 +20,8 @@ STARTS_PER_SPAN = 3
 MAX_FOOTPOINT_ITERATIONS = 8
 # [1] step of the parameters below which a footpoint search has converged. Larger: less accurate footpoints.
 FOOTPOINT_TOLERANCE = 1e-9
-# [1] most parts of one side of a face. Larger: denser samples on long faces, more memory.
-MAX_PARTS = 64
 # [1] least number of points for which a search tree is built. It affects the time only.
 MIN_TREE_POINTS = 8
-# [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
-FLAT_TRIANGLE_RATIO = 1e-8
 
 
 def surface_errors(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray) -> SurfaceErrors:
@@ -134,123 +131,6 @@ def mesh_samples(mesh: TriangleMesh) -> tuple[Array, Array, IntArray]:
     """Return points on the faces, at most 2 % of the mesh size apart, the area of each [m^2], and its face."""
     points, face, parts = split_faces(mesh, 0.02 * mesh.size)
     return points, mesh.face_areas[face] / parts[face] ** 2, face
-
-
-def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntArray]:
-    """Split long faces into congruent triangles with sides of at most ``size``, and return their centres.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The mesh, [m] in the link frame.
-    size : float
-        [m]
-
-    Returns
-    -------
-    centres : array, shape (p, 3)
-        [m]
-    face : array of int, shape (p,)
-        Face of each centre.
-    parts : array of int, shape (f,)
-        Number of parts of each side of each face. A face has the square of this number of triangles.
-    """
-    corners = mesh.triangles
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    parts = np.clip(np.ceil(longest / size).astype(int), 1, MAX_PARTS)
-    centres, face = [], []
-    for k in np.unique(parts):
-        chosen = np.flatnonzero(parts == k)
-        i, j = (x.ravel() for x in np.meshgrid(np.arange(k), np.arange(k), indexing="ij"))
-        up, down = i + j < k, i + j < k - 1  # triangles oriented like the face, and rotated by half a turn
-        a = np.r_[i[up] + 1 / 3, i[down] + 2 / 3] / k
-        b = np.r_[j[up] + 1 / 3, j[down] + 2 / 3] / k
-        centres.append(np.einsum("sb,fbc->fsc", np.column_stack((1 - a - b, a, b)), corners[chosen]).reshape(-1, 3))
-        face.append(np.repeat(chosen, len(a)))
-    return np.concatenate(centres), np.concatenate(face), parts
-
-
-class MeshDistance:
-    """The exact distance from points to a mesh.
-
-    A search tree of small triangles gives the candidates. The distances to their faces decide.
-    """
-
-    def __init__(self, mesh: TriangleMesh):
-        self.triangles = mesh.triangles
-        sides = np.linalg.norm(self.triangles - np.roll(self.triangles, 1, axis=1), axis=2).max(axis=1)
-        centres, self.face, parts = split_faces(mesh, max(float(np.median(sides)), 0.01 * mesh.size))
-        self.radius = 2 / 3 * float((sides / parts).max())  # largest distance of a point of a triangle from its centre
-        self.tree = cKDTree(centres)
-
-    def __call__(self, points: Array) -> tuple[Array, IntArray, Array]:
-        """Return the distance [m], the nearest face and the nearest point of each point; shapes (k,), (k,), (k, 3)."""
-        distance = np.full(len(points), np.inf)
-        face = np.zeros(len(points), np.int64)
-        nearest = np.zeros((len(points), 3))
-
-        def try_pairs(which: IntArray, faces: IntArray) -> None:
-            foot = closest_on_triangles(points[which], self.triangles[faces])
-            d = np.linalg.norm(foot - points[which], axis=1)
-            order = np.lexsort((d, which))  # the nearest candidate of each point comes first
-            first = order[np.append(True, which[order][1:] != which[order][:-1])] if len(order) else order
-            first = first[d[first] < distance[which[first]]]
-            distance[which[first]], face[which[first]], nearest[which[first]] = d[first], faces[first], foot[first]
-
-        open_, seen, k = np.arange(len(points)), 0, 8
-        while len(open_):
-            k = min(k, self.tree.n)
-            far, index = map(np.asarray, self.tree.query(points[open_], k=np.arange(seen + 1, k + 1)))
-            if seen == 0:
-                try_pairs(open_, self.face[index[:, 0]])
-            # The distance to a triangle is at least the distance to its centre minus the radius.
-            row, column = np.nonzero(far - self.radius < distance[open_, None])
-            try_pairs(open_[row], self.face[index[row, column]])
-            open_ = open_[(far[:, -1] - self.radius < distance[open_]) & (k < self.tree.n)]
-            seen, k = k, 2 * k
-        return distance, face, nearest
-
-
-def closest_on_triangles(points: Array, triangles: Array) -> Array:
-    """Return the nearest point of each triangle to each point (Ericson, Real-Time Collision Detection, 5.1.5).
-
-    Parameters
-    ----------
-    points : array, shape (k, 3)
-        The points [m].
-    triangles : array, shape (k, 3, 3)
-        Corners of the triangles [m].
-
-    Returns
-    -------
-    array, shape (k, 3)
-    """
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    ab, ac, ap = b - a, c - a, points - a
-    normal = np.cross(ab, ac)
-    square = (normal**2).sum(axis=1)
-    flat = square <= (FLAT_TRIANGLE_RATIO * np.maximum((ab**2).sum(axis=1), (ac**2).sum(axis=1))) ** 2
-    square = np.where(flat, 1.0, square)
-    v = (np.cross(ap, ac) * normal).sum(axis=1) / square
-    w = (np.cross(ab, ap) * normal).sum(axis=1) / square
-    best = a + v[:, None] * ab + w[:, None] * ac
-    outside = (v < 0) | (w < 0) | (v + w > 1) | flat
-    if outside.any():
-        p = points[outside]
-        best_edge = np.full(len(p), np.inf)
-        for start, stop in ((a, b), (b, c), (c, a)):
-            s, e = start[outside], stop[outside] - start[outside]
-            t = np.clip(((p - s) * e).sum(axis=1) / np.maximum((e**2).sum(axis=1), 1e-300), 0, 1)
-            q = s + t[:, None] * e
-            d = ((p - q) ** 2).sum(axis=1)
-            better = d < best_edge
-            best_edge = np.where(better, d, best_edge)
-            if start is a:
-                edge = q
-            else:
-                edge[better] = q[better]
-        best[outside] = edge
-    return best
 
 
 def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:

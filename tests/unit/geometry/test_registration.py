@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.registration import (
     MAX_SKIN_THICKNESS,
     ON_MESH_DISTANCE,
@@ -14,7 +15,7 @@ from skin_calib_addon.geometry.registration import (
     farthest_points,
     find_frame,
 )
-from skin_calib_addon.geometry.surface.distance import MeshDistance, mesh_samples
+from skin_calib_addon.geometry.surface.distance import mesh_samples
 from tests.examples import slow
 from tests.oracles import nearest_on_triangle
 from tests.shapes import Motion, box, cylinder, sheet, together, wrist

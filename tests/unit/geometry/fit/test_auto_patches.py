@@ -18,7 +18,8 @@ from skin_calib_addon.geometry.fit.auto import SizePredictor, net_size
 from skin_calib_addon.geometry.fit.surface_fit import fit_lines
 from skin_calib_addon.geometry.grid.error_model import ErrorModel
 from skin_calib_addon.geometry.grid.grids import Tolerance, region_of
-from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.surface.distance import surface_samples
 from skin_calib_addon.plan import plan_from
 from tests.examples import slow
 from tests.shapes import Z_AXIS, cone, cylinder, dome, keep, sheet, welded, wrist

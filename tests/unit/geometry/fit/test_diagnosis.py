@@ -13,7 +13,7 @@ from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry.fit import diagnosis
 from skin_calib_addon.geometry.fit import surface_fit as fit_module
-from skin_calib_addon.geometry.surface.distance import MeshDistance
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from tests.shapes import (
     LENGTH,
     RADIUS,

@@ -5,8 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.geometry import TubeGrid, fit_surface, weld
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.sampling.basis import TensorBasis, bending_matrix
-from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
+from skin_calib_addon.geometry.surface.distance import surface_samples
 from tests.shapes import Z_AXIS, cylinder, wrist
 
 

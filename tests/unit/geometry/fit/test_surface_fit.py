@@ -11,9 +11,10 @@ from skin_calib_addon.common.errors import EmptySection, UnderdeterminedFit
 from skin_calib_addon.common.surface_errors import DistanceStatistics
 from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
 from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.sampling.basis import TensorBasis
 from skin_calib_addon.geometry.sampling.samples import SampleRows
-from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
+from skin_calib_addon.geometry.surface.distance import surface_samples
 from tests.examples import slow
 from tests.oracles import best_step, cast_on_mesh, distance_to_mesh
 from tests.shapes import (

@@ -21,9 +21,10 @@ from skin_calib_addon.geometry.grid.spacing import (
     positions_at,
     rotated_map,
 )
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.frames import frame_of
-from skin_calib_addon.geometry.surface.distance import MeshDistance, surface_samples
+from skin_calib_addon.geometry.surface.distance import surface_samples
 from tests.examples import examples
 from tests.shapes import (
     LENGTH,

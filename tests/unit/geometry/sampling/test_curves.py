@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.sampling.curves import curves, fold_distances, short_runs
 from skin_calib_addon.geometry.sampling.rays import RayCaster
-from skin_calib_addon.geometry.surface.distance import MeshDistance
 from tests.examples import slow
 from tests.shapes import TURN, Z_AXIS, box, cylinder, keep, together, welded
 

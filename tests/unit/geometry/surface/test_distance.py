@@ -1,7 +1,6 @@
 """Distances between points, meshes and surfaces against brute force."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -9,74 +8,14 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.common.surface_errors import DistanceStatistics
 from skin_calib_addon.geometry import TubeGrid, fit_surface
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
-from skin_calib_addon.geometry.surface.distance import (
-    MeshDistance,
-    closest_on_triangles,
-    footpoints,
-    mesh_samples,
-    surface_errors,
-    surface_samples,
-)
+from skin_calib_addon.geometry.surface.distance import footpoints, mesh_samples, surface_errors, surface_samples
 from tests.examples import examples
-from tests.oracles import distance_to_mesh, nearest_on_triangle
+from tests.oracles import nearest_on_triangle
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, keep, plane_surface, sheet, wrist_surface
 
 seeds = st.integers(0, 2**32 - 1)
 whole = st.integers(-3, 3)
 points_on_a_grid = st.tuples(whole, whole, whole).map(lambda p: np.array(p, float))
-
-
-@given(corners=st.tuples(*3 * [points_on_a_grid]).map(np.array), point=points_on_a_grid, seed=seeds)
-def test_closest_point_of_a_triangle_is_the_best_of_plane_and_sides(corners, point, seed):
-    """Points over the inside, the sides and the corners; triangles of any shape, squeezed to a line or a point too."""
-    for aside in (0.0, np.random.default_rng(seed).normal(size=3)):
-        found = closest_on_triangles((point + aside)[None], corners[None])[0]
-        best = nearest_on_triangle(point + aside, corners)
-        gap = np.linalg.norm(found - point - aside)
-        assert_allclose(gap, np.linalg.norm(best - point - aside), rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
-def test_slivers_are_measured_like_any_triangle(scale):
-    """Needles, and triangles flat to the rounding: the nearest point is on them, never a corner far away."""
-    rng = np.random.default_rng(0)
-    for width in (0.0, 1e-18, 1e-15, 1e-12, 1e-9, 1e-6):
-        corners = scale * np.array([[0, 0, 0], [1, 0.3, -0.2], [0.4 + width, 0.12, -0.08 + width]])
-        for point in scale * rng.normal(size=(10, 3)):
-            gap = np.linalg.norm(closest_on_triangles(point[None], corners[None])[0] - point)
-            assert_allclose(gap, np.linalg.norm(nearest_on_triangle(point, corners) - point), rtol=1e-5)
-
-
-@given(seed=seeds)
-def test_mesh_distance_is_the_smallest_of_all_triangles(seed):
-    """A soup of small and large triangles, points near, far and on it; the face and the nearest point belong to it."""
-    rng = np.random.default_rng(seed)
-    sizes = 10.0 ** rng.uniform(-2, 0, (8, 1, 1))
-    mesh = weld(
-        (rng.uniform(-1, 1, (8, 1, 3)) + sizes * rng.normal(size=(8, 3, 3))).reshape(-1, 3), np.arange(24).reshape(8, 3)
-    )
-    points = np.concatenate((rng.uniform(-2, 2, (5, 3)), 100 * rng.normal(size=(1, 3)), mesh.vertices[:2]))
-    distance, face, nearest = MeshDistance(mesh)(points)
-    assert_allclose(distance, [distance_to_mesh(p, mesh.triangles) for p in points], rtol=1e-12, atol=1e-12)
-    assert_allclose(np.linalg.norm(nearest - points, axis=1), distance, rtol=1e-12, atol=1e-15)
-    on_face = [np.linalg.norm(nearest_on_triangle(q, mesh.triangles[f]) - q) for q, f in zip(nearest, face)]
-    assert max(on_face) < 1e-12
-
-
-def test_mesh_distance_is_exact_on_a_box():
-    """Few and large faces: distances from every side are those of the formula."""
-    low, high = np.array((0, 0, 0)), np.array((0.1, 0.05, 0.02))
-    points = np.random.default_rng(1).uniform(-0.1, 0.2, (300, 3))
-    outside = np.maximum(np.maximum(low - points, points - high), 0)
-    inside = np.minimum(points - low, high - points).min(axis=1)
-    expected = np.where(inside > 0, inside, np.linalg.norm(outside, axis=1))
-    assert_allclose(MeshDistance(box(low, high))(points)[0], expected, rtol=1e-12, atol=1e-16)
-
-
-def test_mesh_distance_of_no_points_is_empty():
-    """Nothing asked, nothing answered."""
-    distance, face, nearest = MeshDistance(box((0, 0, 0), (1, 1, 1)))(np.empty((0, 3)))
-    assert distance.shape == face.shape == (0,) and nearest.shape == (0, 3)
 
 
 @given(seed=seeds)
