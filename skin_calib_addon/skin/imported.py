@@ -186,7 +186,7 @@ def _proper(rotation: ArrayLike) -> Array:
     u, _, v = np.linalg.svd(matrix)
     if np.linalg.det(matrix) < 0 or np.abs(u @ v - matrix).max() > ROTATION_MATRIX_TOLERANCE:
         raise InvalidPlan(
-            f'"rotation" {np.round(matrix, 4).tolist()} is not a rotation; its rows must be orthogonal unit vectors, '
+            f"the matrix {np.round(matrix, 4).tolist()} is not a rotation; its rows must be orthogonal unit vectors, "
             "right-handed"
         )
     return u @ v

@@ -1,6 +1,7 @@
 """Impossible operations are refused with the reason, and do not change scene and files."""
 
 import math
+import re
 
 import pytest
 
@@ -157,6 +158,29 @@ def not_a_number(bpy, link):
     link.skin_calib.skins[0].direction = (0, math.nan, 0)
 
 
+def broken_name(bpy, link):
+    link.skin_calib.link = "a\nb"
+
+
+def no_skin_name(bpy, link):
+    link.skin_calib.skins[0].name = ""
+
+
+def no_sector(bpy, link):
+    grid = link.skin_calib.grid
+    grid.kind, grid.start, grid.stop = "sector", 1, 0.5
+
+
+def no_face(bpy, link):
+    bpy.ops.skin_calib.cut_add()
+    link.skin_calib.cover.cuts[0].point, link.skin_calib.cover.cuts[0].normal = (0, 0.025, 0), (0, 1, 0)
+    link.skin_calib.grid.kind, link.skin_calib.grid.normal = "across", (0, -1, 0)
+
+
+def no_outward(bpy, link):
+    link.skin_calib.grid.kind, link.skin_calib.grid.normal = "across", (0, 0, 0)
+
+
 def no_tolerance(bpy, link):
     link.skin_calib.grid.kind, link.skin_calib.grid.tolerance = "auto", 0
 
@@ -190,21 +214,33 @@ BAD_LINKS = {
     same_landmarks: "landmarks 0 and 1 have the same cell or the same point",
     channel_beyond: "Skin 'band' would end on channel 2147483652",
     not_a_number: "arm: Skin 'band', Direction: must be a finite number",
+    broken_name: "arm: Link: must have at least one character, and no control characters",
+    no_skin_name: "arm: Skin '', Name: must have at least one character, and no control characters",
+    no_sector: "The sector from 1 to 0.5 rad must span more than 0",
+    no_face: r"No mesh face has the outward normal \[0\.0, -1\.0, 0\.0\]",
+    no_outward: "arm: The outward normal of the grid is zero",
     no_tolerance: "arm: Tolerance: must be more than 0 mm, not 0 mm",
 }
 
 
+# Keys, pointers and patterns of plan files, which the window does not have.
+OF_FILES = re.compile(
+    r"""/(grid|skins|cover|degree)\b|"(n|m|lines|from|to|normal|axis|origin|frame|rotation|first_channel)"|\^\["""
+)
+
+
 @pytest.mark.parametrize("change", BAD_LINKS, ids=lambda change: change.__name__)
 def test_bad_link_is_refused_by_every_interface(bpy, addon, link, tmp_path, capsys, change):
-    """Fit, both exports and the command give the same message, and change nothing."""
+    """Fit, both exports and the command give the same message, in words of the window, and change nothing."""
     bpy.ops.skin_calib.fit()
     out = tmp_path / "out.json"
     out.write_bytes(b"as it was")
     change(bpy, link)
     bpy.context.view_layer.update()
     scene, files = scene_state(bpy, addon), folder_state(tmp_path)
-    with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[change]}"):
+    with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[change]}") as caught:
         bpy.ops.skin_calib.fit()
+    assert not OF_FILES.search(str(caught.value))
     with pytest.raises(RuntimeError, match=f"Error: .*{BAD_LINKS[change]}"):
         bpy.ops.skin_calib.export_calibration(filepath=str(out))
     assert addon.command.main(["fit", "-o", str(out)]) == 1

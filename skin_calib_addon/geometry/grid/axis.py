@@ -80,7 +80,8 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
         x, y, z = np.round(axes[:, 2], 2) + 0.0
         raise InvalidPlan(
             f"The mesh is a thin sheet, {thickness * 1e3:.1f} mm thick and {width * 1e3:.1f} mm wide, with two sides. "
-            f'Choose the side with the skin: a grid across a face with "normal" ({x:g}, {y:g}, {z:g}), or its opposite.'
+            "Choose the side with the skin: a grid across a face with the outward normal "
+            f"({x:g}, {y:g}, {z:g}), or its opposite."
         )
     direction = axes[:, 0]
     point = (areas[:, None] * mesh.triangles.mean(axis=1)).sum(axis=0) / areas.sum()
