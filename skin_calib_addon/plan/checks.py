@@ -68,6 +68,19 @@ def check_landmarks(skin: SheetSkin) -> None:
 
 
 def check_direction(vector: Any, message: str) -> None:
-    """Refuse a direction of no length with a message."""
+    """Refuse a direction of no length with a message.
+
+    Parameters
+    ----------
+    vector : sequence of float, length 3
+        Link frame, of any length.
+    message : str
+        Of the error.
+
+    Raises
+    ------
+    InvalidPlan
+        If the vector is shorter than ``SHORTEST``.
+    """
     if np.linalg.norm(vector) < SHORTEST:
         raise InvalidPlan(message)

@@ -43,7 +43,22 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def save_plan(plan: Plan, path: str | Path) -> None:
-    """Write a plan file, whole or not at all; the mesh path is written as it is in the plan."""
+    """Write a plan file; an error leaves an old file unchanged.
+
+    Parameters
+    ----------
+    plan : Plan
+        In metres in the link frame; the path of its mesh is written unchanged.
+    path : path
+        The file.
+
+    Raises
+    ------
+    InvalidPlan
+        If two skins have a channel in common, or one ends beyond the highest channel.
+    OutputError
+        If the file cannot be written.
+    """
     write_bytes_safely(path, (json.dumps(plan_document(plan), indent=2, ensure_ascii=False) + "\n").encode())
 
 

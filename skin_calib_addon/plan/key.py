@@ -143,8 +143,14 @@ def problem(key: Key, value: Any) -> str:
     Parameters
     ----------
     key : Key
+        Of the plan file.
     value : int, float, str, Path or nested tuple
         In the units of the plan file.
+
+    Returns
+    -------
+    str
+        Such as "must be at least 1 mm, not 0.5 mm".
     """
     schema = dict(key.type.schema["oneOf"][-1] if "oneOf" in key.type.schema else key.type.schema)
     if isinstance(value, str):

@@ -28,7 +28,20 @@ class Plan:
 
 
 def named_from(plan: Plan, folder: Path) -> Plan:
-    """Return the plan with its files named from a folder, as a plan file in that folder has them."""
+    """Return the plan with its files named from a folder, as a plan file in that folder has them.
+
+    Parameters
+    ----------
+    plan : Plan
+        Its files have absolute paths, or paths from the current folder.
+    folder : Path
+        Start of the relative paths.
+
+    Returns
+    -------
+    Plan
+        Its files have paths from ``folder``, or absolute paths if they are on another drive.
+    """
 
     def named(path: Path) -> Path:
         try:

@@ -88,9 +88,14 @@ def first_channels(skins: tuple[Skin, ...], counts: list[int | None]) -> list[in
 
     Parameters
     ----------
-    skins : tuple of Skin
-    counts : list of int or None
-        Number of channels of each skin, where it is known.
+    skins : tuple of Skin, length k
+        In the order of the plan.
+    counts : list of int or None, length k
+        Number of channels of each skin; None where it is not known.
+
+    Returns
+    -------
+    list of int or None, length k
 
     Raises
     ------

@@ -5,7 +5,15 @@ from typing import Any
 
 
 def outdate(group: Any, _context: Any) -> None:
-    """Mark the result of a link as outdated, because its plan has changed."""
+    """Mark the result of a link as outdated, because its plan has changed.
+
+    Parameters
+    ----------
+    group : PropertyGroup
+        The group that has changed; its object is the link.
+    _context : Context
+        Not used; Blender calls with it.
+    """
     group.id_data.skin_calib.result.outdated = True
 
 

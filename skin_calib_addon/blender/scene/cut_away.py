@@ -40,7 +40,15 @@ def selected(link: bpy.types.Object) -> BoolArray:
 
 
 def cut(link: bpy.types.Object, chosen: BoolArray) -> None:
-    """Cut faces (f,) away from an object in Object Mode, in addition to those before."""
+    """Cut faces away from an object in Object Mode, in addition to those before.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    chosen : array of bool, shape (f,)
+        Which faces of the mesh without modifiers are cut away.
+    """
     data, removed, modifier = link.data, _marked(link), modifier_of(link)
     mark = modifier.node_group[OURS] if modifier else MARK
     if mark in _marks_of_others(link) or not _can_mark(data.attributes.get(mark)):

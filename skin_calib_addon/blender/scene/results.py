@@ -22,12 +22,26 @@ _lock = Lock()  # fits run in other threads
 def fit(plan: Plan, mesh: TriangleMesh, begin: Callable[[str], None] = lambda stage: None) -> tuple[str, Calibrated]:
     """Calibrate, or return the result of the same plan and mesh before; with its key.
 
-    ``begin`` is called with the name of each stage at its start, and may raise an exception to stop.
+    Parameters
+    ----------
+    plan : Plan
+        Of the link.
+    mesh : TriangleMesh
+        Of the link, in metres in the link frame.
+    begin : function, optional
+        Called with the name of each stage at its start; an exception aborts the calibration.
+
+    Returns
+    -------
+    key : str
+        SHA-256 of the plan, the mesh and the taxel files.
+    result : Calibrated
+        The calibration, its fit and its warnings.
 
     Raises
     ------
     SkinCalibError
-        As :func:`calibrate` does.
+        As :func:`calibrate`.
     """
     files = [file_hash(path) for path in taxel_files(plan)]
     content = json.dumps((plan_document(plan), files), sort_keys=True) + mesh.sha256

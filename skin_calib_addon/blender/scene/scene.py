@@ -47,6 +47,18 @@ def links(context: bpy.types.Context) -> list[bpy.types.Object]:
 def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
     """Return the plan in an object's properties; its mesh has a name there, and is not read.
 
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Its unit settings give the length of a scene unit.
+
+    Returns
+    -------
+    Plan
+        In metres in the link frame.
+
     Raises
     ------
     InvalidPlan
@@ -80,9 +92,11 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> No
     Parameters
     ----------
     link : Object
+        Mesh object of the link.
     scene : Scene
+        Its unit settings give the length of a scene unit.
     plan : Plan
-        Files of skins have absolute paths, or paths from the current folder.
+        In metres in the link frame. Files of skins have absolute paths, or paths from the current folder.
     """
     settings, metre = link.skin_calib, metres_per_unit(scene)
     for key in PLAN.keys:
@@ -105,7 +119,20 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> No
 
 
 def is_kept(plan: Plan, kept: Plan) -> bool:
-    """Return whether properties have all numbers of a plan whose digits they can round."""
+    """Return whether properties have all numbers of a plan whose digits they can round.
+
+    Parameters
+    ----------
+    plan : Plan
+        That was written to the properties.
+    kept : Plan
+        That was read from them.
+
+    Returns
+    -------
+    bool
+        Whether cover, grid, skins and response are equal.
+    """
     skins = seen_from(Path(), plan.skins), seen_from(Path(), kept.skins)
     pairs = ((plan.cover, kept.cover), (plan.grid, kept.grid), skins, (plan.response, kept.response))
     return all(one == other for one, other in pairs)
@@ -117,7 +144,25 @@ def is_simple(key: Key) -> bool:
 
 
 def read_grid(group: Any, metre: float) -> Grid | PlanesGrid:
-    """Return the grid in a group of properties; raises as :func:`read_plan`."""
+    """Return the grid in a group of properties.
+
+    Parameters
+    ----------
+    group : SKIN_PG_grid
+        In scene units in the link frame.
+    metre : float
+        Length of a scene unit [m].
+
+    Returns
+    -------
+    Grid or PlanesGrid
+        In metres in the link frame.
+
+    Raises
+    ------
+    InvalidPlan
+        If a value is beyond its limits; the message names it as the window does.
+    """
     grid: Grid | PlanesGrid = read(record_of(group), group, metre)
     return without_axis_point(grid) if group.kind == "across" else grid
 
@@ -128,7 +173,17 @@ def record_of(group: Any) -> Record:
 
 
 def write_grid(group: Any, grid: Grid | PlanesGrid, metre: float) -> None:
-    """Set a group of properties from a grid."""
+    """Set a group of properties from a grid.
+
+    Parameters
+    ----------
+    group : SKIN_PG_grid
+        Set in scene units.
+    grid : Grid or PlanesGrid
+        In metres in the link frame.
+    metre : float
+        Length of a scene unit [m].
+    """
     group.kind, region = grid_kind(grid)
     if region:
         group.region = region
@@ -147,6 +202,13 @@ def _read_response(settings: Any, kept: Any) -> AnyResponse:
 
 def check_numbers(plan: Plan, metre: float = 1.0) -> None:
     """Refuse a plan with a number that is too large for Blender's properties, or not finite.
+
+    Parameters
+    ----------
+    plan : Plan
+        In metres in the link frame.
+    metre : float, optional
+        Length of a scene unit [m].
 
     Raises
     ------
@@ -175,16 +237,40 @@ def numbers_of(part: Any) -> Iterator[float]:
 def read_mesh(link: bpy.types.Object, context: bpy.types.Context) -> TriangleMesh:
     """Return the object's mesh with its modifiers, in metres in the link frame.
 
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    context : Context
+        Has the evaluated scene.
+
+    Returns
+    -------
+    TriangleMesh
+        In metres in the link frame.
+
     Raises
     ------
     InvalidMesh
-        As :func:`read_facets` and :meth:`Facets.mesh` do.
+        As :func:`read_facets` and :meth:`Facets.mesh`.
     """
     return read_facets(link, context).mesh()
 
 
 def read_facets(link: bpy.types.Object, context: bpy.types.Context) -> Facets:
     """Return the object's triangles with its modifiers, and their transformation into the link frame.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    context : Context
+        Has the evaluated scene.
+
+    Returns
+    -------
+    Facets
+        Vertices in the axes and units of the object.
 
     Raises
     ------
@@ -209,9 +295,28 @@ def read_facets(link: bpy.types.Object, context: bpy.types.Context) -> Facets:
 
 
 def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Array, IntArray]:
-    """Return vertices (v, 3) [m] in the link frame and edges (e, 2) of the object without its modifiers.
+    """Return vertices and edges of the object without its modifiers.
 
-    A vertex that no modifier moves has exactly the coordinates of :func:`read_facets`. Raises the same errors.
+    A vertex that no modifier moves has exactly the coordinates of :func:`read_facets`.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    context : Context
+        Has the evaluated scene.
+
+    Returns
+    -------
+    vertices : array, shape (v, 3)
+        [m], link frame.
+    edges : array of int, shape (e, 2)
+        Indices of vertices.
+
+    Raises
+    ------
+    InvalidMesh
+        As :func:`read_facets`.
     """
     vertices = np.empty(len(link.data.vertices) * 3, np.float32)
     link.data.vertices.foreach_get("co", vertices)
@@ -255,7 +360,20 @@ def link_frame(link: bpy.types.Object) -> Matrix:
 
 
 def cursor_on(link: bpy.types.Object, scene: bpy.types.Scene) -> Vector:
-    """Return the 3D cursor in the link frame, in scene units."""
+    """Return the 3D cursor in the link frame.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Has the cursor.
+
+    Returns
+    -------
+    Vector, length 3
+        Link frame, in scene units.
+    """
     return link_frame(link).inverted() @ scene.cursor.location
 
 
@@ -274,7 +392,24 @@ def check_seen(link: bpy.types.Object) -> None:
 
 
 def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, direction: Vector) -> Vector | None:
-    """Return where a ray in the world first hits the object, in the link frame in scene units; None if it misses."""
+    """Return where a ray first hits the object.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    depsgraph : Depsgraph
+        Evaluates the modifiers of the object.
+    start : Vector, length 3
+        Of the ray, in the world, in scene units.
+    direction : Vector, length 3
+        Of the ray, in the world, of any length.
+
+    Returns
+    -------
+    Vector of length 3, or None
+        Link frame, in scene units; None if the ray misses.
+    """
     met = met_by(link, depsgraph, start, direction)
     return met[0] if met else None
 
@@ -282,7 +417,26 @@ def point_on(link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vect
 def met_by(
     link: bpy.types.Object, depsgraph: bpy.types.Depsgraph, start: Vector, direction: Vector
 ) -> tuple[Vector, Vector] | None:
-    """Return the same point, and the unit normal of the face there, on the side of the start of the ray."""
+    """Return where a ray first hits the object, and the unit normal of the face there.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    depsgraph : Depsgraph
+        Evaluates the modifiers of the object.
+    start : Vector, length 3
+        Of the ray, in the world, in scene units.
+    direction : Vector, length 3
+        Of the ray, in the world, of any length.
+
+    Returns
+    -------
+    point : Vector, length 3
+        Link frame, in scene units.
+    normal : Vector, length 3
+        Link frame, unit length, on the side of the start of the ray. None instead of the pair if the ray misses.
+    """
     to_world, to_frame = link.matrix_world, link_frame(link).inverted()
     local = to_world.inverted_safe()
     met, point, normal, _ = link.evaluated_get(depsgraph).ray_cast(local @ start, local.to_3x3() @ direction)
@@ -299,7 +453,24 @@ def metres_per_unit(scene: bpy.types.Scene) -> float:
 
 
 def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: str) -> bpy.types.Object:
-    """Return a new object for a mesh whose numbers are in ``unit``; it keeps the numbers and has a scale."""
+    """Return a new object for a mesh; its data keeps the numbers, and its scale converts their unit.
+
+    Parameters
+    ----------
+    context : Context
+        Has the scene.
+    mesh : TriangleMesh
+        In ``unit``.
+    unit : "m", "cm", "mm" or "in"
+        Of the numbers in the mesh.
+    name : str
+        Of the object and its data.
+
+    Returns
+    -------
+    Object
+        Linked to the collection of the scene.
+    """
     data = bpy.data.meshes.new(name)
     data.from_pydata(mesh.vertices.tolist(), [], mesh.faces.tolist())
     data.update()
@@ -311,7 +482,15 @@ def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: st
 
 
 def activate(context: bpy.types.Context, link: bpy.types.Object) -> None:
-    """Make an object the active and only selected one, in Object Mode."""
+    """Make an object the active and only selected one, in Object Mode.
+
+    Parameters
+    ----------
+    context : Context
+        Has the view layer.
+    link : Object
+        The object to activate.
+    """
     if context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     for other in context.selected_objects:
@@ -321,12 +500,37 @@ def activate(context: bpy.types.Context, link: bpy.types.Object) -> None:
 
 
 def longest_side(link: bpy.types.Object, scene: bpy.types.Scene) -> float:
-    """Return the longest side of the object's box in the scene [m], from Blender's cache."""
+    """Return the longest side of the object's box in the scene, from Blender's cache.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Its unit settings give the length of a scene unit.
+
+    Returns
+    -------
+    float
+        [m]
+    """
     return max(link.dimensions) * metres_per_unit(scene)
 
 
 def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, key: str) -> None:
-    """Store the figures of a fit on its object."""
+    """Store the figures of a fit on its object.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Its unit settings give the length of a scene unit.
+    result : Calibrated
+        In metres in the link frame.
+    key : str
+        Of the result in the cache.
+    """
     record, errors = link.skin_calib.result, result.fit.errors
     record.key, record.outdated = key, False
     metre = metres_per_unit(scene)
@@ -339,12 +543,36 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
 
 
 def why_no_link(context: bpy.types.Context, named: bool = True) -> str:
-    """Return why the active object is not an editable link, and what to do; empty if it is one."""
+    """Return why the active object is not an editable link, and what to do; empty if it is one.
+
+    Parameters
+    ----------
+    context : Context
+        Has the active object.
+    named : bool, optional
+        Whether the link must have a name.
+
+    Returns
+    -------
+    str
+    """
     return why_not(context.object, named)
 
 
 def why_not(link: bpy.types.Object | None, named: bool = True) -> str:
-    """Return why an object is not an editable link, and what to do; empty if it is one."""
+    """Return why an object is not an editable link, and what to do; empty if it is one.
+
+    Parameters
+    ----------
+    link : Object or None
+        The object; None if no object is active.
+    named : bool, optional
+        Whether the link must have a name.
+
+    Returns
+    -------
+    str
+    """
     if link is None or link.type != "MESH":
         return "Select the mesh object of a link"
     if link.library or link.override_library:

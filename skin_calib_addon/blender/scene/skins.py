@@ -22,10 +22,22 @@ from .decimals import in_units
 def read_skin(group: Any, metre: float) -> Skin:
     """Return the frozen skin in a group of properties.
 
+    Parameters
+    ----------
+    group : SKIN_PG_skin
+        In scene units in the link frame.
+    metre : float
+        Length of a scene unit [m].
+
+    Returns
+    -------
+    Skin
+        In metres in the link frame.
+
     Raises
     ------
     InvalidPlan
-        If a value is beyond its limits; names it as the window does.
+        If a value is beyond its limits; the message names it as the window does.
     """
     skin: Skin = fields.read(SKINS_OF[group.kind], group, metre, (f"Skin {group.name!r}",))
     is_pinned = isinstance(skin, SheetSkin) and skin.landmarks
@@ -33,7 +45,17 @@ def read_skin(group: Any, metre: float) -> Skin:
 
 
 def write_skin(skin: Skin, group: Any, metre: float) -> None:
-    """Set a new group of properties from a frozen skin, whose file has an absolute path."""
+    """Set a new group of properties from a frozen skin.
+
+    Parameters
+    ----------
+    skin : Skin
+        In metres in the link frame; its file has an absolute path.
+    group : SKIN_PG_skin
+        Set in scene units.
+    metre : float
+        Length of a scene unit [m].
+    """
     _write_first(group, metre)
     group.kind = skin_kind(skin)
     fields.write(SKINS_OF[group.kind], skin, group, metre)
@@ -46,7 +68,24 @@ def _write_first(group: Any, metre: float) -> None:
 
 
 def add_skin(skins: Any, kind: str, metre: float, name: str = "skin") -> Any:
-    """Return a new skin at the end of a collection, with the usual sizes and a name of its own."""
+    """Return a new skin at the end of a collection, with the usual sizes and a name of its own.
+
+    Parameters
+    ----------
+    skins : collection of SKIN_PG_skin
+        The skins of the plan.
+    kind : "sheet", "hexagons" or "imported"
+        What the skin is made of.
+    metre : float
+        Length of a scene unit [m].
+    name : str, optional
+        With a number behind it if another skin has the name.
+
+    Returns
+    -------
+    SKIN_PG_skin
+        In scene units.
+    """
     names = {skin.name for skin in skins}
     skin = skins.add()
     skin.name = next(n for n in chain([name], (f"{name}_{k}" for k in count(2))) if n not in names)
@@ -56,7 +95,20 @@ def add_skin(skins: Any, kind: str, metre: float, name: str = "skin") -> Any:
 
 
 def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
-    """Return skins whose files have paths from a folder."""
+    """Return skins whose files have paths from a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Start of the relative paths.
+    skins : tuple of Skin
+        Their files have absolute paths, or paths from the current folder.
+
+    Returns
+    -------
+    tuple of Skin
+        Their files have paths from ``folder``.
+    """
     return tuple(
         replace(skin, file=Path(relative_path(folder, skin.file))) if isinstance(skin, ImportedSkin) else skin
         for skin in skins
@@ -64,12 +116,32 @@ def seen_from(folder: Path, skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
 
 
 def write_frame(group: Any, frame: Frame, metre: float) -> None:
-    """Set the frame of an imported skin."""
+    """Set the frame of an imported skin.
+
+    Parameters
+    ----------
+    group : SKIN_PG_skin
+        Of the imported skin; set in scene units.
+    frame : Frame
+        Of the file in the link frame, translation in metres.
+    metre : float
+        Length of a scene unit [m].
+    """
     fields.write_key(SKINS_OF["imported"].key("frame"), group, frame, metre)
 
 
 def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
-    """Set the pose of a skin and nothing else: origin and direction, or landmarks; and which boards there are."""
+    """Set the pose of a skin and nothing else: origin and direction, or landmarks; and which boards there are.
+
+    Parameters
+    ----------
+    skin : SKIN_PG_skin
+        Set in scene units.
+    moved : SheetSkin or BoardSkin
+        The same skin in its new pose, in metres in the link frame.
+    metre : float
+        Length of a scene unit [m].
+    """
     for item, mark in zip(skin.landmarks, getattr(moved, "landmarks", ())):
         item.point = in_units(mark.point, metre)
     if moved.origin is not None:
@@ -82,10 +154,28 @@ def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
 def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
     """Return the group of properties that has an origin, a landmark or a zone, and the name of its point there.
 
+    Parameters
+    ----------
+    plan : SKIN_PG_link
+        Properties of the link.
+    what : "origin", "landmark" or "zone"
+        Which point.
+    skin : int
+        Index of the skin.
+    index : int
+        Of the landmark or zone; not used for an origin.
+
+    Returns
+    -------
+    group : PropertyGroup
+        That has the point.
+    name : str
+        Of its property, in scene units in the link frame.
+
     Raises
     ------
     SkinCalibError
-        If there is none.
+        If the list has no such entry, or the skin is of a kind without such a point.
     """
     owner = entry(plan.skins, skin, "skin")
     if what == "landmark":
@@ -98,7 +188,26 @@ def point_of(plan: Any, what: str, skin: int, index: int) -> tuple[Any, str]:
 
 
 def put_point(plan: Any, what: str, skin: int, index: int, point: Any) -> None:
-    """Set an origin, a landmark or a zone to a point in the link frame in scene units; raises as :func:`point_of`."""
+    """Set an origin, a landmark or a zone to a point.
+
+    Parameters
+    ----------
+    plan : SKIN_PG_link
+        Properties of the link.
+    what : "origin", "landmark" or "zone"
+        Which point.
+    skin : int
+        Index of the skin.
+    index : int
+        Of the landmark or zone; not used for an origin.
+    point : Vector, length 3
+        Link frame, in scene units.
+
+    Raises
+    ------
+    SkinCalibError
+        If the list has no such entry, or the skin is of a kind without such a point.
+    """
     owner, name = point_of(plan, what, skin, index)
     setattr(owner, name, point)
     if what == "origin":
@@ -113,7 +222,17 @@ def in_window(error: SkinCalibError) -> str:
 
 
 def fix_pose(skin: Any, taxels: TaxelArray, metre: float) -> None:
-    """Give a skin the origin and direction that it has now; boards that fill become all that fit from there."""
+    """Give a skin the origin and direction that it has now; boards that fill become all that fit from there.
+
+    Parameters
+    ----------
+    skin : SKIN_PG_skin
+        A sheet or boards; set in scene units.
+    taxels : TaxelArray
+        Of the skin, in metres in the link frame.
+    metre : float
+        Length of a scene unit [m].
+    """
     i = root_row(taxels)
     is_free = skin.kind == "hexagons" and skin.choice == "fill"
     if is_free or skin.centred and not skin.landmarks:
@@ -131,6 +250,20 @@ def root_row(taxels: TaxelArray) -> int:
 def of_kind(skin: Any, kind: str, what: str) -> Any:
     """Return a skin that must be of the kind that has such things.
 
+    Parameters
+    ----------
+    skin : SKIN_PG_skin
+        The skin to check.
+    kind : "sheet", "hexagons" or "imported"
+        The kind it must be of.
+    what : str
+        What only skins of this kind have, in the plural, for the message.
+
+    Returns
+    -------
+    SKIN_PG_skin
+        ``skin``
+
     Raises
     ------
     SkinCalibError
@@ -144,6 +277,19 @@ def of_kind(skin: Any, kind: str, what: str) -> Any:
 
 def entry(entries: Any, index: int, what: str) -> Any:
     """Return one entry of a list of the plan.
+
+    Parameters
+    ----------
+    entries : collection of PropertyGroup
+        The list.
+    index : int
+        Counted from 0.
+    what : str
+        What an entry is, for the message.
+
+    Returns
+    -------
+    PropertyGroup
 
     Raises
     ------

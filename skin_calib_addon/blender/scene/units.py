@@ -27,11 +27,19 @@ def unit_of(kind: str, largest: float, settings: Any) -> tuple[float, str]:
 
     Parameters
     ----------
-    kind : "LENGTH" [m], "ANGLE" [rad], "FRACTION" or "FORCE" [N]
+    kind : "LENGTH", "ANGLE", "FRACTION" or "FORCE"
+        Of the numbers: [m], [rad], [1] or [N].
     largest : float
         The largest of them, which selects the unit in a scene without a fixed unit.
     settings : UnitSettings
         Of the scene.
+
+    Returns
+    -------
+    factor : float
+        Number of units in a metre, a radian, 1 or a newton.
+    symbol : str
+        Of the unit; empty in a scene without units.
     """
     if kind == "FRACTION":
         return 100.0, "%"
@@ -48,6 +56,23 @@ def unit_of(kind: str, largest: float, settings: Any) -> tuple[float, str]:
 
 
 def written(values: Sequence[float], kind: str, settings: Any) -> tuple[list[str], str]:
-    """Return numbers with three digits in one unit, and its symbol."""
+    """Return numbers with three digits in one unit, and its symbol.
+
+    Parameters
+    ----------
+    values : sequence of float, length k
+        [m], [rad], [1] or [N], by ``kind``.
+    kind : "LENGTH", "ANGLE", "FRACTION" or "FORCE"
+        Of the numbers.
+    settings : UnitSettings
+        Of the scene.
+
+    Returns
+    -------
+    texts : list of str, length k
+        The numbers in the unit.
+    symbol : str
+        Of the unit; empty in a scene without units.
+    """
     factor, name = unit_of(kind, max(map(abs, values), default=0.0), settings)
     return [f"{value * factor + 0.0:.3g}" for value in values], name  # no minus zero

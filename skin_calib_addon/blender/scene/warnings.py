@@ -13,7 +13,9 @@ def write_warnings(records: Any, warnings: Iterable[Warning]) -> None:
     Parameters
     ----------
     records : collection of SKIN_PG_warning
+        Its entries are replaced.
     warnings : iterable of Warning
+        Points in metres in the link frame.
     """
     records.clear()
     for warning in warnings:

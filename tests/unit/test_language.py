@@ -1,0 +1,103 @@
+"""The words that `docs/glossary.md` rejects are in no code, string, comment or Markdown file."""
+
+import io
+import re
+import tokenize
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+GLOSSARY = ROOT / "docs" / "glossary.md"
+FOLDERS = (
+    "skin_calib_addon",
+    "operators",
+    "panels",
+    "tests",
+    "benchmarks",
+    "examples",
+    "sample_scenes",
+    "scripts",
+    "docs",
+)
+TEXT = {"COMMENT", "STRING", "FSTRING_MIDDLE"}
+OWN = {GLOSSARY, Path(__file__)}  # these two name the words
+KEYS = ('"doubts"',)  # of files of earlier versions
+
+
+def words_out(glossary):
+    """The words and phrases in the column "not" of the glossary's table."""
+    rows = [line.strip("| ").split("|") for line in glossary.splitlines() if line.startswith("|")]
+    header = next(i for i, row in enumerate(rows) if [cell.strip() for cell in row[:2]] == ["use", "not"])
+    columns = []
+    for row in rows[header + 2 :]:
+        if len(row) != len(rows[header]):
+            break
+        columns.append(row[1])
+    return [word.strip() for column in columns for word in column.split(",") if word.strip()]
+
+
+def pattern_of(words):
+    """A pattern that finds each of the words as a whole word, in any case."""
+    return re.compile(rf"\b({'|'.join(re.escape(word) for word in words)})\b", re.IGNORECASE)
+
+
+def texts(path):
+    """Line number and text of everything in a file that a person reads."""
+    source = path.read_text("utf-8")
+    if path.suffix == ".md":
+        yield from enumerate(source.splitlines(), 1)
+        return
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        name = tokenize.tok_name[token.type]
+        if name in TEXT:
+            yield from enumerate(token.string.splitlines(), token.start[0])
+        elif name == "NAME":
+            yield token.start[0], token.string.replace("_", " ")
+
+
+def files():
+    """All Python and Markdown files of the repository."""
+    yield from (path for path in ROOT.glob("*.md"))
+    yield from (path for path in ROOT.glob("*.py"))
+    for folder in FOLDERS:
+        yield from (path for ending in ("*.py", "*.md") for path in sorted((ROOT / folder).rglob(ending)))
+
+
+def test_words_that_are_out_stand_nowhere():
+    """The offenders are listed as file:line."""
+    pattern = pattern_of(words_out(GLOSSARY.read_text("utf-8")))
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {match[0]!r} in {text.strip()[:80]!r}"
+        for path in files()
+        if path not in OWN
+        for line, text in texts(path)
+        if text not in KEYS
+        for match in pattern.finditer(text)
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("text", "hits"),
+    [
+        ("# it tells\nx = 1\n", ["tells"]),
+        ('def f():\n    """Is told."""\n    return f"a {x} doubt"\n', ["told", "doubt"]),
+        ("share_of = 2\n", ["share"]),
+        ("shared = halfway + teller\n", []),
+    ],
+)
+def test_each_kind_of_text_is_read(tmp_path, text, hits):
+    """Comments, docstrings, formatted strings and names; whole words only."""
+    path = tmp_path / "a.py"
+    path.write_text(text)
+    pattern = pattern_of(["tells", "told", "doubt", "share"])
+    assert [match[0] for _, line in texts(path) for match in pattern.finditer(line)] == hits
+
+
+def test_table_is_read():
+    """The second column alone, up to the end of the table."""
+    table = (
+        "| a | b |\n|---|---|\n| x | y |\n\n| use | not | by eye |\n|---|---|---|\n| p | q, r s | t |\n| u |  | v |\n"
+    )
+    assert words_out(table) == ["q", "r s"]
