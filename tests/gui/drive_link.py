@@ -65,7 +65,7 @@ def checks_it(gui):
     yield from gui.redraw()
     yield from gui.shot("checked.png")
     found = active().skin_calib.diagnosis
-    assert found.inner == 1 and found.edges > 100 and any(r.matters for r in found.remarks)
+    assert found.inner == 1 and found.edges > 100 and any(f.severity == "warning" for f in found.findings)
     yield from undo(gui)
     assert not active().skin_calib.diagnosis.key
     yield from undo(gui, "shift")
