@@ -119,6 +119,7 @@ def test_axis_joins_the_centres_of_two_sections(seed):
             assert_allclose(axis.direction, sign * motion.directions(np.array((0, 0, 1.0))), atol=1e-4)
             foot = motion.points(np.array((0, 0, first[2])))
             assert np.linalg.norm(np.cross(axis.point - foot, axis.direction)) < 1e-5
+            assert abs((axis.point - foot) @ axis.direction) < 1e-5  # the first section's centre, not the second's
 
 
 def test_sections_that_tell_no_axis_are_refused():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh
-from skin_calib_addon.geometry.mesh.units import UNITS, likely_mistake, likely_unit
+from skin_calib_addon.geometry.mesh.units import UNIT_NAMES, UNITS, likely_mistake, likely_unit
 from tests.real.test_real_links import MESHES
 
 
@@ -26,6 +26,11 @@ def test_mistaken_unit_is_named_with_the_factor(side, unit, factor):
 def test_size_that_no_unit_explains(side):
     """Nothing is proposed that would be as wrong."""
     assert likely_mistake(side) == ("", 1.0)
+
+
+def test_units_have_their_lengths():
+    """The inch of 1959 is 25.4 mm; a name for each."""
+    assert UNITS == {"m": 1.0, "mm": 0.001, "cm": 0.01, "in": 0.0254} and UNIT_NAMES.keys() == UNITS.keys()
 
 
 @pytest.mark.skipif(not MESHES, reason="no real links here: ../shared/data/meshes has no STL file")
