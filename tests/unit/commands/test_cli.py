@@ -345,7 +345,7 @@ def test_check_refuses_a_plan_that_fit_refuses(folder, capsys):
     """Members that are valid alone but contradict each other."""
     plan = write_plan(folder, grid=TUBE | {"m": 6})
     assert main(["check", str(plan)]) == 1
-    assert '"m" (planes) or "lines"' in capsys.readouterr().out
+    assert 'Give exactly one of "m" and "lines"' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", ["check", "show"])
