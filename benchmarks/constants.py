@@ -27,6 +27,7 @@ import json
 import multiprocessing
 import os
 import re
+import resource
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -549,7 +550,9 @@ def main() -> None:
     print(printed(effects))
     inert = [e.constant.key for e in effects if e.words == ("inert", "inert")]
     never = [e.constant.key for e in effects if e.words == ("not run", "not run")]
-    print(f"\n{len(effects)} varied, {len(chosen) - len(effects)} derived, of a format or a contract.")
+    cpu = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"\n{(cpu.ru_utime + cpu.ru_stime) / 60:.1f} minutes of CPU time in this run.")
+    print(f"{len(effects)} varied, {len(chosen) - len(effects)} derived, of a format or a contract.")
     print(f"{len(inert)} inert: {', '.join(inert)}\n{len(never)} not run by any case: {', '.join(never)}")
 
 
