@@ -6,8 +6,9 @@ from figure_style import OURS_COLOUR, PAPER_COLOUR, STYLES, curve, describe, fig
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from measure import Row
 from methods import AUTO, BEST_NET, LETTER, PLACED, SAME, STRENGTHENED
-from time_error import README_LINKS, Row, best_variants
+from time_error import README_LINKS, best_variants
 
 JOINED = ((5, 5), (5, 10), (10, 10), (20, 30))  # sizes along a method's line; 10 x 5 is a point next to it
 LABELLED = ((5, 5), (10, 10), (20, 30))

@@ -19,6 +19,30 @@ LONG = 0.5  # [s] a run that takes longer is not repeated
 BUDGET = 0.15  # [s] after which the median of the runs so far is taken
 
 
+@dataclass(frozen=True)
+class Row:
+    """One method on one link at one size; distances [mm]."""
+
+    link: str
+    method: str
+    variant: str
+    n: int
+    m: float
+    control_points: int
+    mean: float
+    max: float
+    truth_mean: float
+    truth_max: float
+    milliseconds: float  # median of warm calls
+    cold_milliseconds: float  # first call in a fresh process
+    note: str
+
+    @property
+    def failed(self) -> bool:
+        """Whether there is no surface."""
+        return not np.isfinite(self.mean)
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A surface of any method over (u, v) in [0, 1] x [0, 1]."""

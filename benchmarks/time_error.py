@@ -14,7 +14,7 @@ import numpy as np
 import peers
 from cold import cold_milliseconds
 from links import PAPERS_LINK, Link, link_of, present_links
-from measure import Deviation, Judge, Surface, timed
+from measure import Deviation, Judge, Row, Surface, timed
 from verdict import verdict
 
 SIZES = ((5, 5), (5, 10), (10, 5), (10, 10), (20, 30))  # u-planes, full v-planes
@@ -29,30 +29,6 @@ QUICK_SIZES = (SIZES[0], SIZES[3])
 # Sensors 2023, 23, 4569, Table 2: mean and largest distance [mm], time [ms] on the authors' laptop.
 TABLE_2 = {(5, 5): (0.987, 3.820, 344), (5, 10): (0.824, 3.856, 414), (10, 5): (1.006, 3.820, 598)}
 TABLE_2 |= {(10, 10): (0.854, 3.856, 766)}
-
-
-@dataclass(frozen=True)
-class Row:
-    """One method on one link at one size; distances [mm]."""
-
-    link: str
-    method: str
-    variant: str
-    n: int
-    m: float
-    control_points: int
-    mean: float
-    max: float
-    truth_mean: float
-    truth_max: float
-    milliseconds: float  # median of warm calls
-    cold_milliseconds: float  # first call in a fresh process
-    note: str
-
-    @property
-    def failed(self) -> bool:
-        """Whether there is no surface."""
-        return not np.isfinite(self.mean)
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,8 @@ control points. A peer is dominated if some mode of ours with no more control po
 larger error; the peers that no mode dominates are on the Pareto front of the link.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
+from measure import Row
 from methods import MODES, is_peer
-
-if TYPE_CHECKING:
-    from time_error import Row
 
 LEVEL = 0.02  # relative change of a mean with the positions where it is measured: a smaller difference is level
 
