@@ -62,7 +62,7 @@ class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
         found = plan.inspect.comparison
         if not draw_file(layout, found, plan, "compare"):
             return
-        for line in found.told.splitlines():
+        for line in found.remarks.splitlines():
             show_text(layout, line, "ERROR")
         column = layout.column(align=True)
         column.enabled = False
@@ -83,7 +83,7 @@ class SKIN_PT_inspect_touches(SkinPanel, bpy.types.Panel):
             return
         for warning in found.warnings:
             show_warning(layout, warning)
-        for line in found.told.splitlines():
+        for line in found.remarks.splitlines():
             show_text(layout, line, "DOT")
         layout.operator("skin_calib.touches_move", icon="SNAP_ON")
 
@@ -121,7 +121,7 @@ class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
         row.operator("skin_calib.replay_play", text="Pause" if playing else "Play", icon="PAUSE" if playing else "PLAY")
         row.prop(record, "loop", text="", icon="FILE_REFRESH", toggle=True)
         column = layout.column(align=True)
-        column.prop(record, "share", slider=True)
+        column.prop(record, "progress", slider=True)
         column.prop(record, "frame")
         column.prop(record, "speed")
         for line in replay.messages.get(record.token, ()):

@@ -289,7 +289,7 @@ def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
     assert bpy.ops.skin_calib.compare("EXEC_DEFAULT", True, filepath=str(path)) == {"FINISHED"}
     link = bpy.context.object
     found = link.skin_calib.inspect.comparison
-    assert (found.pairs, found.by, found.worst, found.told) == (6, "by id", "band.1.2", "")
+    assert (found.pairs, found.by, found.worst, found.remarks) == (6, "by id", "band.1.2", "")
     assert_allclose((found.mean, found.max), (0.8 / 6, 0.3), rtol=1e-4)
     assert found.has_angles and found.max_angle < 1e-4
     lines, worst = (a for a in ours.overlay.shown_layers(link) if a.what == "COMPARED")

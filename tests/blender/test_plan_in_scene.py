@@ -70,7 +70,7 @@ def test_plan_in_and_out_gives_the_same_bytes(
 
 
 def test_export_names_the_mesh_that_lies_there(bpy, link, fit_scene, fit_plainly, tmp_path):
-    """Beside its own mesh file, a plan refers to that one and writes none."""
+    """Next to its own mesh file, a plan refers to that file and does not write another."""
     before = sorted(tmp_path.iterdir())
     bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "new.plan.json"))
     assert sorted(set(tmp_path.iterdir()) - set(before)) == [tmp_path / "new.plan.json"]
@@ -98,7 +98,7 @@ def test_typed_number_is_the_decimal_typed(bpy, link, document):
     assert written["grid"]["margin"] == 0.0049 and written["skins"][0]["pitch"] == [0.0081, 0.0123]
 
 
-def test_rounded_number_is_told(bpy, plan_file, capfd):
+def test_rounded_number_is_reported(bpy, plan_file, capfd):
     """Blender keeps seven digits; a plan with more is imported with a warning."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file()))
     assert "seven digits" not in capfd.readouterr().out
@@ -197,7 +197,7 @@ def test_what_is_removed_outdates_the_result(bpy, link):
 
 
 def test_export_is_of_the_plan_as_it_is_now(bpy, link, fit_scene, tmp_path):
-    """A plan changed after the fit is told to be outdated, and the file is that of the changed one."""
+    """A change of the plan outdates the fit, and the file is that of the changed plan."""
     bpy.ops.skin_calib.fit()
     assert not link.skin_calib.result.outdated
     link.skin_calib.grid.n = 6
@@ -335,7 +335,7 @@ def test_added_skins_follow_the_others(bpy, addon, link):
 
 
 def test_worst_spot_is_shown_by_the_cursor(bpy, addon, link):
-    """In the world, however the link hangs; the distance there is the largest that was told."""
+    """In the world, whatever the pose of the link; the distance there is the reported maximum."""
     with pytest.raises(RuntimeError, match="Fit the link first"):
         bpy.ops.skin_calib.show_worst()
     bpy.ops.skin_calib.fit()

@@ -62,9 +62,9 @@ def test_cells_show_the_forces_of_the_frame(bpy, ours, shown):
     assert_allclose(layers["COP"].points[4], taxels.positions_link[3], atol=1e-6)
     assert ours.replay.messages[record.token] == ("0.300 s: 1 contact, 4.00 N",)
     record.frame = 999
-    assert record.frame == 5 and record.share == 100
-    record.share = 41
-    assert record.frame == 2 and record.share == 40
+    assert record.frame == 5 and record.progress == 100
+    record.progress = 41
+    assert record.frame == 2 and record.progress == 40
 
 
 def test_flat_skin_shows_cop_and_polygons(bpy, ours, record, tmp_path):

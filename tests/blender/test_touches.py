@@ -43,10 +43,10 @@ def test_touches_are_reported_drawn_and_removed(bpy, ours, table):
     assert bpy.ops.skin_calib.touches("EXEC_DEFAULT", True, filepath=str(table)) == {"FINISHED"}
     found = bpy.context.object.skin_calib.inspect.touches
     assert (
-        found.told.splitlines()[0].startswith("6 touches, distance along the skin: mean 2.00")
+        found.remarks.splitlines()[0].startswith("6 touches, distance along the skin: mean 2.00")
         and len(found.warnings) == 0
     )
-    assert "Shifted 2.0" in found.told
+    assert "Shifted 2.0" in found.remarks
     (lines,) = shown(bpy, ours)
     assert_allclose(np.linalg.norm(lines.points[1::2] - lines.points[::2], axis=1), 0.002, rtol=1e-4)
     bpy.ops.ed.undo()
@@ -71,7 +71,7 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     after = taxels_of(bpy, ours).positions_link
     assert_allclose(np.linalg.norm(after - before, axis=1), 0.002, rtol=0, atol=2e-5)
     bpy.ops.skin_calib.touches(filepath=str(table))
-    text = bpy.context.object.skin_calib.inspect.touches.told
+    text = bpy.context.object.skin_calib.inspect.touches.remarks
     assert "Shifted 0.00 +-" in text, text
     bpy.ops.ed.undo()
     assert ours.scene.read_plan(bpy.context.object, bpy.context.scene) == plan

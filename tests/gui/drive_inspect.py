@@ -127,7 +127,7 @@ def compares(gui):
     yield from press(gui, "skin_calib.compare")
     yield from answer(gui, path)
     found = plan().inspect.comparison
-    assert found.pairs == 120 and abs(found.mean - 0.004) < 1e-6 and "Another frame?" in found.told, found.told
+    assert found.pairs == 120 and abs(found.mean - 0.004) < 1e-6 and "Another frame?" in found.remarks, found.remarks
     yield from screenshot(gui)
     yield from gui.shot("compared.png")
     assert changed(gui, before) > 0.002
@@ -143,7 +143,7 @@ def compares_with_touches(gui):
     yield from press(gui, "skin_calib.touches")
     yield from answer(gui, ROOT / "examples" / "wrist_touches.csv")
     found = plan().inspect.touches
-    assert "Shifted 2.87" in found.told and "wrist.5.1" in found.warnings[0].message, found.told
+    assert "Shifted 2.87" in found.remarks and "wrist.5.1" in found.warnings[0].message, found.remarks
     yield from screenshot(gui)
     yield from gui.shot("touches.png")
     assert changed(gui, before) > 0.002
@@ -163,7 +163,7 @@ def replays(gui):
     yield from screenshot(gui)
     yield from gui.shot("opened_recording.png")
     assert changed(gui, before) > 0.05
-    x, y = yield from find(gui, "skin_calib.inspect.replay.share")
+    x, y = yield from find(gui, "skin_calib.inspect.replay.progress")
     yield from gui.drag((x - 30, y), (x + 10, y), mods=())
     assert plan().inspect.replay.frame > 5, plan().inspect.replay.frame
     yield from screenshot(gui)

@@ -58,7 +58,7 @@ def _write(record: bpy.types.PropertyGroup, found: Comparison, metre: float) -> 
     record.has_angles = found.angles is not None
     if found.angles is not None:
         record.mean_angle, record.max_angle = found.angles.mean(), found.angles.max()
-    record.told = "\n".join(found.notes[:MAX_NOTES])
+    record.remarks = "\n".join(found.notes[:MAX_NOTES])
 
 
 def name_of(path: str) -> str:

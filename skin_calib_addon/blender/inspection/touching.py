@@ -36,7 +36,7 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     found = placements(calibration, read_touches(path, calibration))
     many = len(calibration.patches) > 1
     record.file, record.key = path, key
-    record.told = "\n".join(_named(p, line, many) for p in found for line in summarize(p))
+    record.remarks = "\n".join(_named(p, line, many) for p in found for line in summarize(p))
     write_warnings(record.warnings, (warning for p in found for warning in p.warnings()))
     places = np.concatenate([p.places for p in found])
     record.token = "touches " + hashlib.sha256(key.encode() + places.tobytes()).hexdigest()

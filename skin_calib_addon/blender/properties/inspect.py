@@ -80,7 +80,7 @@ class SKIN_PG_comparison(bpy.types.PropertyGroup):
     mean_angle: FloatProperty(name="Mean Angle", description="Mean angle between the normals of a pair", **ANGLE)
     max_angle: FloatProperty(name="Max", description="Largest angle between the normals of a pair", **ANGLE)
     worst: StringProperty(name="Worst", description="Taxel with the largest distance", **FIXED)
-    told: StringProperty(description="Further remarks, one in a line", **FIXED)
+    remarks: StringProperty(description="Further remarks, one in a line", **FIXED)
 
 
 class SKIN_PG_touches(bpy.types.PropertyGroup):
@@ -89,20 +89,20 @@ class SKIN_PG_touches(bpy.types.PropertyGroup):
     file: StringProperty(name="File", description="The table of touches", **FIXED)
     key: StringProperty(description="Key of the fit that was compared", **FIXED)
     token: StringProperty(description="Name under which its drawing is cached", **FIXED)
-    told: StringProperty(description="Results, one in a line", **FIXED)
+    remarks: StringProperty(description="Results, one in a line", **FIXED)
     warnings: CollectionProperty(type=SKIN_PG_warning, description="Warnings of the comparison", **FIXED)
 
 
-def _share(record):
+def _progress(record):
     """Return the position of the frame in the recording, in percent."""
     shown = replay.find(record.id_data)
     return 0.0 if shown is None or len(shown) == 1 else 100 * replay.frame_of(record) / (len(shown) - 1)
 
 
-def _set_share(record, share):
+def _set_progress(record, progress):
     shown = replay.find(record.id_data)
     if shown is not None:
-        replay.choose(record, round(share / 100 * (len(shown) - 1)))
+        replay.choose(record, round(progress / 100 * (len(shown) - 1)))
 
 
 class SKIN_PG_replay(bpy.types.PropertyGroup):
@@ -120,14 +120,14 @@ class SKIN_PG_replay(bpy.types.PropertyGroup):
         set=replay.choose,
         options=set(),
     )
-    share: FloatProperty(
+    progress: FloatProperty(
         name="Position",
         description="Position of the frame in the recording",
         subtype="PERCENTAGE",
         min=0,
         max=100,
-        get=_share,
-        set=_set_share,
+        get=_progress,
+        set=_set_progress,
         options=set(),
     )
     speed: FloatProperty(

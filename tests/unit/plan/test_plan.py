@@ -161,7 +161,7 @@ def test_plan_round_trip_is_the_identity(document, tmp_path_factory):
 
 @given(document=documents)
 def test_plan_keeps_what_the_author_wrote(document):
-    """Nothing is dropped on the way: each member of the document is in the one that is written, defaults beside it."""
+    """Nothing is lost: each member of the document is in the one that is written, next to defaults."""
     written = plan_document(plan_from(document))
     for name in ("link", "mesh", "unit", "degree", "x_free"):
         assert written.get(name) == document.get(name, written.get(name))
@@ -317,7 +317,7 @@ def test_each_place_that_breaks_the_schema_is_found(pointer, value, where, messa
 
 @pytest.mark.parametrize("cells", ["fill", "all", [[0, 0], [1, -1]], None])
 def test_boards_are_chosen_in_three_ways(cells):
-    """By filling, all that fit, or one by one; what is none of these is told, not tripped over."""
+    """By filling, all that fit, or one by one; another value gives one finding."""
     findings = check_plan(WHOLE | {"skins": [{"name": "sole", "kind": "hexagons", "cells": cells}]})
     assert [(f.pointer, f.code) for f in findings] == ([] if cells else [("/skins/0/cells", "type")])
 

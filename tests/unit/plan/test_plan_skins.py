@@ -115,7 +115,7 @@ def test_what_does_not_go_together_is_refused(document, message):
 
 
 def test_channels_follow_what_is_known_and_wait_for_what_is_not():
-    """After a skin that is not laid yet the channel is not known; once it is, skins with a common channel are named."""
+    """After a skin that is not placed yet the channel is unknown; then skins with a common channel are named."""
     skins = skins_from(
         [BOARDS | {"cells": "fill", "first_channel": 0}, {k: v for k, v in SHEET.items() if k != "first_channel"}]
     )
