@@ -179,7 +179,7 @@ def balance(folder: Path) -> Result:
             areas.append([np.nan if shape is None else shape.area for shape in shapes])
             rows = cone.wrench_cone(polygon, 0.6)
             margins.append(np.nan if rows is None else cone.margin(rows, (1, 2, 30, 0.1, 0.2, 0.05)))
-            shares = foothold.foothold_fractions(polygon, 0.002, polygon.inset(0.002), 0.03)
-            margins += [polygon.margin((0.01, 0.0)), *(float(x) for x in vars(shares).values())]
+            fractions = foothold.foothold_fractions(polygon, 0.002, polygon.inset(0.002), 0.03)
+            margins += [polygon.margin((0.01, 0.0)), *(float(x) for x in vars(fractions).values())]
     frequency = np.array([walking.pendulum_frequency(0.8)])
     return {"areas": np.array(areas), "margins": np.array(margins), "pendulum frequency": frequency}

@@ -147,8 +147,8 @@ def unrolled(sheet: WrappedSheet, ends: tuple[float, float]) -> Array:
         turn, far, z = a / radius, np.full_like(a, radius), height + b
     else:
         tip = radius / np.sin(slope)
-        reach, turn = np.hypot(a, tip - b), np.arctan2(a, tip - b) / np.sin(slope)
-        far, z = reach * np.sin(slope), height + (tip - reach) * np.cos(slope)
+        limit, turn = np.hypot(a, tip - b), np.arctan2(a, tip - b) / np.sin(slope)
+        far, z = limit * np.sin(slope), height + (tip - limit) * np.cos(slope)
     return np.column_stack((far * np.cos(start + turn), far * np.sin(start + turn), z))
 
 

@@ -63,8 +63,8 @@ def cast_on_segments(origin, direction, segments):
         system = np.column_stack((direction, start - stop))
         if np.linalg.det(system) == 0:
             continue
-        distance, share = np.linalg.solve(system, start - origin)
-        if distance > 0 and -1e-9 <= share <= 1 + 1e-9 and not distance <= furthest:
+        distance, fraction = np.linalg.solve(system, start - origin)
+        if distance > 0 and -1e-9 <= fraction <= 1 + 1e-9 and not distance <= furthest:
             furthest = distance
     return furthest
 
@@ -85,8 +85,8 @@ def cast_on_mesh(origin, direction, triangles):
 def nearest_on_segment(point, start, stop):
     """Return the nearest point of a segment, whose length may be zero."""
     along = stop - start
-    share = (point - start) @ along / (along @ along) if along.any() else 0.0
-    return start + min(max(share, 0.0), 1.0) * along
+    fraction = (point - start) @ along / (along @ along) if along.any() else 0.0
+    return start + min(max(fraction, 0.0), 1.0) * along
 
 
 def nearest_on_triangle(point, corners):
@@ -135,13 +135,13 @@ def best_step(fit):
     rows, targets = [], []
     for k in range(sites):
         for l in range(sides):
-            share = np.zeros((n, m))
+            fraction = np.zeros((n, m))
             for j, line in enumerate(place):
-                share[:, line] += N[k] * M[l, j]
-            origin = np.tensordot(share, lines.origins, 2)
+                fraction[:, line] += N[k] * M[l, j]
+            origin = np.tensordot(fraction, lines.origins, 2)
             arm = surface_point(surface, u[k], v[l]) - origin
             ray = arm / np.linalg.norm(arm)
-            rows.append((share * (lines.directions @ ray)).ravel())
+            rows.append((fraction * (lines.directions @ ray)).ravel())
             targets.append(cast_on_mesh(origin, ray, fit.mesh.triangles) - np.linalg.norm(arm))
     rows, targets = np.array(rows), np.array(targets)
     step = np.linalg.lstsq(rows, targets, rcond=None)[0]
@@ -173,8 +173,8 @@ def edges_of(loops):
 
 def points_on(loop, count):
     """Return a number of points on each edge of a loop, including its corners."""
-    share = np.arange(count)[:, None] / count
-    return np.concatenate([a + share * (b - a) for a, b in zip(loop, np.roll(loop, -1, axis=0))])
+    fraction = np.arange(count)[:, None] / count
+    return np.concatenate([a + fraction * (b - a) for a, b in zip(loop, np.roll(loop, -1, axis=0))])
 
 
 def depth_in(point, outline):
@@ -185,7 +185,7 @@ def depth_in(point, outline):
     return gap if min(left) >= 0 else -gap
 
 
-def room_of(outline, loops, count):
+def clearance_of(outline, loops, count):
     """Return the signed clearance of one board in loops: of its corners, and of points on the edges of the loops."""
     edges = edges_of(loops)
     apart = [min(np.linalg.norm(corner - nearest_on_segment(corner, *edge)) for edge in edges) for corner in outline]
@@ -221,11 +221,11 @@ def boards_inside(centres, corners, edges):
 
 def most_boards(edges, lattice, offsets, angles):
     """Return the most boards inside at any of the offsets (n, 2), given on the lattice, and any of the angles."""
-    low, high = (getattr(edges, way)(axis=(0, 1)) for way in ("min", "max"))
-    reach = np.linalg.norm(high - low) / 2 + np.linalg.norm(offsets, axis=1).max()
-    n = int(reach / lattice.pitch) + 2
+    low, high = (getattr(edges, direction)(axis=(0, 1)) for direction in ("min", "max"))
+    limit = np.linalg.norm(high - low) / 2 + np.linalg.norm(offsets, axis=1).max()
+    n = int(limit / lattice.pitch) + 2
     cells = lattice.centres(np.array([(q, r) for q in range(-2 * n, 2 * n + 1) for r in range(-n, n + 1)]))
-    cells = cells[np.linalg.norm(cells, axis=1) <= reach]
+    cells = cells[np.linalg.norm(cells, axis=1) <= limit]
     board = np.sqrt(0.75) * lattice.side - 1e-9
     most = 0
     for angle in angles:
@@ -240,8 +240,8 @@ def most_boards(edges, lattice, offsets, angles):
 def all_offsets(lattice, step):
     """Return the offsets of a lattice in steps of at most this length, (n, 2)."""
     parts = int(np.ceil(lattice.pitch / step))
-    share = np.array([(i, j) for i in range(parts) for j in range(parts)]) / parts - 0.5
-    return share @ lattice.centres(np.eye(2, dtype=int))
+    fraction = np.array([(i, j) for i in range(parts) for j in range(parts)]) / parts - 0.5
+    return fraction @ lattice.centres(np.eye(2, dtype=int))
 
 
 def felt(skin, forces, active):
@@ -249,16 +249,16 @@ def felt(skin, forces, active):
 
     ``forces`` are those of all taxels [N], ``active`` whether each is part of a contact.
     """
-    wrench, beside = np.zeros(6), {i: set() for i in range(len(skin.ids))}
+    wrench, near = np.zeros(6), {i: set() for i in range(len(skin.ids))}
     for i, j in skin.pairs.tolist():
-        beside[i].add(j)
-        beside[j].add(i)
+        near[i].add(j)
+        near[j].add(i)
     for i in range(len(skin.ids)):
         if active[i]:
             push = -forces[i] * skin.normals[i]
             wrench += np.concatenate((push, np.cross(skin.positions[i], push)))
     contacts = {}
-    for group in components(active, beside):
+    for group in components(active, near):
         force = sum(forces[i] for i in group)
         contacts[group] = force, sum(forces[i] * skin.positions[i] for i in group) / force
     return wrench, contacts
@@ -318,8 +318,8 @@ def moved_lines(corners, distances):
     for i, (ax, ay) in enumerate(corners):
         bx, by = corners[(i + 1) % len(corners)]
         dx, dy = bx - ax, by - ay
-        share = distances[i] / fraction_root(dx * dx + dy * dy)
-        lines.append(((ax - share * dy, ay + share * dx), (dx, dy)))
+        fraction = distances[i] / fraction_root(dx * dx + dy * dy)
+        lines.append(((ax - fraction * dy, ay + fraction * dx), (dx, dy)))
     return lines
 
 

@@ -118,8 +118,8 @@ def test_control_point_moves_its_neighbourhood_only(surface, i, j, seed):
     moved = BSplineSurface(net, surface.knots_u, surface.knots_v, surface.degree)
     still = BSplineSurface(surface.control_net, surface.knots_u, surface.knots_v, surface.degree)
     uv = np.random.default_rng(seed).uniform(0, 1, (20, 2))
-    share = basis_functions(uv[:, 0], surface.knots_u, surface.degree[0])[:, i]
-    share = share * basis_functions(uv[:, 1], surface.knots_v, surface.degree[1])[:, j]
+    fraction = basis_functions(uv[:, 0], surface.knots_u, surface.degree[0])[:, i]
+    fraction = fraction * basis_functions(uv[:, 1], surface.knots_v, surface.degree[1])[:, j]
     step = moved.points(uv) - still.points(uv)
-    assert_allclose(step, share[:, None] * (1.0, -2.0, 0.5), rtol=0, atol=1e-12)
-    assert (step[share == 0] == 0).all()
+    assert_allclose(step, fraction[:, None] * (1.0, -2.0, 0.5), rtol=0, atol=1e-12)
+    assert (step[fraction == 0] == 0).all()

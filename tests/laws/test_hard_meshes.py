@@ -34,17 +34,18 @@ def fit_or_error(mesh, grid, **options):
         return None
 
 
-def slivered(mesh, rng, share, width):
+def slivered(mesh, rng, fraction, width):
     """Some faces split at a point ``width`` [m] from a corner: one sliver each, and the rest."""
     vertices, faces = [*mesh.vertices], []
     for face in mesh.faces:
-        if rng.random() > share:
+        if rng.random() > fraction:
             faces.append(face)
             continue
         a, b, c = np.roll(face, rng.integers(3))
-        way = mesh.vertices[b] - mesh.vertices[a]
+        direction = mesh.vertices[b] - mesh.vertices[a]
         # Inside of the face, so that the neighbours need no split.
-        inner = mesh.vertices[a] + width * way / np.linalg.norm(way) + width * (mesh.vertices[c] - mesh.vertices[a])
+        inner = mesh.vertices[a] + width * direction / np.linalg.norm(direction)
+        inner = inner + width * (mesh.vertices[c] - mesh.vertices[a])
         d = len(vertices)
         vertices.append(inner)
         faces += [(a, b, d), (b, c, d), (c, a, d)]
@@ -92,7 +93,7 @@ def test_winding_does_not_matter_to_tubes(case, seed):
     assert fit.missing == 0 and fit.warnings == ()
 
 
-def test_face_of_mixed_winding_is_fitted_where_its_edges_are_told():
+def test_face_of_mixed_winding_is_fitted_where_its_edges_are_given():
     """Half of a dome's faces wound wrongly: those that look up still span it, and rays meet the others too."""
     mesh, grid = CASES["face"]
     wrong = np.random.default_rng(3).random(len(mesh.faces)) < 0.5
@@ -273,13 +274,13 @@ def test_walls_outside_of_the_margin_do_not_matter(height, margin):
 
 @pytest.mark.parametrize("case", CASES)
 @examples(6)
-@given(seed=seeds, share=st.floats(0.02, 0.97))
-def test_torn_meshes_are_fitted_or_refused(case, seed, share):
+@given(seed=seeds, fraction=st.floats(0.02, 0.97))
+def test_torn_meshes_are_fitted_or_refused(case, seed, fraction):
     """Without any fraction of the faces at random: a finite surface, or one line."""
     mesh, grid = CASES[case]
     rng = np.random.default_rng(seed)
     try:
-        torn = keep(mesh, lambda c: rng.random(len(c)) > share)
+        torn = keep(mesh, lambda c: rng.random(len(c)) > fraction)
     except InvalidMesh as error:
         assert "\n" not in str(error)
         return

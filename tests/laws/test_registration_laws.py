@@ -16,19 +16,19 @@ seeds = st.integers(0, 2**32 - 1)
 POINTS, _, FACES = mesh_samples(wrist())
 
 
-def piece(seed, share, noise=0.0):
+def piece(seed, fraction, noise=0.0):
     """Points on the wrist within a radius of one of them, which cover a fraction of its length, with noise [m]."""
     rng = np.random.default_rng(seed)
-    near = np.linalg.norm(POINTS - POINTS[rng.integers(len(POINTS))], axis=1) < share * wrist().size
+    near = np.linalg.norm(POINTS - POINTS[rng.integers(len(POINTS))], axis=1) < fraction * wrist().size
     chosen = rng.choice(np.flatnonzero(near), min(120, int(near.sum())), replace=False)
     return POINTS[chosen] + noise * rng.normal(size=(len(chosen), 1)) * wrist().face_normals[FACES[chosen]]
 
 
 @examples(6)
-@given(seed=seeds, share=st.floats(0.4, 1))
-def test_any_motion_of_a_large_piece_is_undone(seed, share):
+@given(seed=seeds, fraction=st.floats(0.4, 1))
+def test_any_motion_of_a_large_piece_is_undone(seed, fraction):
     """A piece of the link, or the whole, returns to a hundredth of a millimetre from any frame."""
-    points, motion = piece(seed, share), Motion(seed)
+    points, motion = piece(seed, fraction), Motion(seed)
     fit = find_frame(wrist(), motion.points(points))
     assert fit.verdict in ("moved", "ambiguous")  # a piece may well fit elsewhere to a tenth of a millimetre
     assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).max() < 1e-5

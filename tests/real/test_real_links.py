@@ -56,8 +56,8 @@ def fit_of(path):
 def test_real_mesh_loads(path):
     """Every one is a surface of the size of a link, with as many faces as its header says, less the degenerate ones."""
     mesh = load_mesh(path)
-    told = int.from_bytes(path.read_bytes()[80:84], "little")
-    assert 0.9 * told <= len(mesh.faces) <= told
+    stated = int.from_bytes(path.read_bytes()[80:84], "little")
+    assert 0.9 * stated <= len(mesh.faces) <= stated
     assert 0.03 < mesh.size < 1.0 and np.isfinite(mesh.face_areas).all()
 
 

@@ -119,7 +119,7 @@ def may_import(path, name):
     return any(inner == a or (a and inner.startswith(a + ".")) for a in allowed)
 
 
-def room_of(name):
+def subpackage_of(name):
     """Package and subpackage of a module, each None where it has none."""
     parts = name.removeprefix(f"{OURS}.").split(".")
     rooms = ORDER.get(parts[0], ())
@@ -157,12 +157,14 @@ def layer_offenders(root):
 def order_offenders(root):
     """Imports of a later subpackage of the same package, or of its loose modules by an earlier subpackage's."""
     for path in sources(root):
-        here = room_of(".".join(path.relative_to(root / OURS).with_suffix("").parts)) if OURS in path.parts else None
+        here = (
+            subpackage_of(".".join(path.relative_to(root / OURS).with_suffix("").parts)) if OURS in path.parts else None
+        )
         if here is None or here[1] is None:
             continue
         for i in imports(root, path):
-            package, room = room_of(i.name)
-            if is_ours(i.name) and package == here[0] and room is not None and room > here[1]:
+            package, subpackage = subpackage_of(i.name)
+            if is_ours(i.name) and package == here[0] and subpackage is not None and subpackage > here[1]:
                 yield str(i)
 
 
@@ -173,7 +175,7 @@ def circles(root):
         name = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
         graph[name] = {i.name for i in imports(root, path) if is_ours(i.name) and i.relative} - {name}
 
-    def reached(start):
+    def found(start):
         seen, todo = set(), list(graph.get(start, ()))
         while todo:
             name = todo.pop()
@@ -182,7 +184,7 @@ def circles(root):
                 todo += graph.get(name, ())
         return seen
 
-    return sorted(name for name in graph if name in reached(name))
+    return sorted(name for name in graph if name in found(name))
 
 
 def library_offenders(root):

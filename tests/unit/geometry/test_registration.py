@@ -33,9 +33,9 @@ def assert_consistent(fit, mesh, points):
     assert_allclose(np.linalg.det(fit.rotation), 1, rtol=1e-12)
     moved = points @ fit.rotation.T + fit.translation
     assert_allclose(fit(points), moved, rtol=0, atol=1e-12)
-    for there, told in ((points, fit.before), (moved, fit.after)):
+    for there, stated in ((points, fit.before), (moved, fit.after)):
         distance = MeshDistance(mesh)(there)[0]
-        assert_allclose((told.mean, told.max), (distance.mean(), distance.max()), rtol=1e-6, atol=1e-9)
+        assert_allclose((stated.mean, stated.max), (distance.mean(), distance.max()), rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", [0, slow(1), slow(2)])
@@ -202,7 +202,7 @@ def test_spread_points_are_far_apart():
     points = np.concatenate((rng.uniform(0, 1, (20, 3)), rng.normal(scale=1e-3, size=(500, 3))))
     chosen = farthest_points(points, 20)
     assert len(set(chosen.tolist())) == 20
-    reach = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1).max()
+    limit = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1).max()
     apart = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=2) + 9 * np.eye(20)
-    assert reach <= apart.min()
+    assert limit <= apart.min()
     assert sorted(farthest_points(points[:5], 20).tolist()) == [0, 1, 2, 3, 4]

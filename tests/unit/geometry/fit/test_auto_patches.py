@@ -32,10 +32,10 @@ FACE = {"normal": UP, "margin": 0.002}
 def coarse_wrist():
     """A bent, tapered tube of few facets."""
 
-    def point(angle, share):
-        radius = 0.037 * (1 + 0.03 * np.cos(3 * angle + share) + 0.1 * np.cos(2 * angle)) * (1 - 0.1 * share)
+    def point(angle, fraction):
+        radius = 0.037 * (1 + 0.03 * np.cos(3 * angle + fraction) + 0.1 * np.cos(2 * angle)) * (1 - 0.1 * fraction)
         return np.column_stack(
-            (radius * np.cos(angle) + 0.004 * np.sin(3 * share), radius * np.sin(angle), 0.1 * share)
+            (radius * np.cos(angle) + 0.004 * np.sin(3 * fraction), radius * np.sin(angle), 0.1 * fraction)
         )
 
     return welded(tube_mesh(point, 36, 16))
@@ -240,7 +240,7 @@ def test_chords_go_on_from_the_smallest_grid():
     assert np.abs(truth - 0.035).mean() < 2e-5 < 1e-4 < np.abs(inside - 0.035).mean()
 
 
-def test_chart_of_an_automatic_grid_is_that_of_its_kind():
+def test_parametrization_of_an_automatic_grid_is_that_of_its_kind():
     """A tube, a sector, a face: the same stations and edges as the grids of given size have."""
     tube, sector, face = (
         AutoGrid(1.0, "mean", Z_AXIS, 0.004).region.parametrization(wrist()),

@@ -52,6 +52,6 @@ def test_gaps_end_where_the_surface_meets_the_corners():
     assert (gaps[~met] == 0).all()
 
 
-def test_gap_is_none_beside_a_sharp_edge():
+def test_gap_is_zero_next_to_a_sharp_edge():
     """All faces of a box have one."""
     assert (largest_sagittas(box((0, 0, 0), (0.1, 0.1, 0.1))) == 0).all()

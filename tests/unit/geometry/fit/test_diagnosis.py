@@ -47,10 +47,10 @@ def holed():
 def with_fin(height, at=1.0, around=192, along=52):
     """A tube whose own wall protrudes at an angle, over a fifth of its length."""
 
-    def point(angle, share):
-        stands_out = (np.abs(np.angle(np.exp(1j * (angle - at)))) < 0.1) & (share > 0.4) & (share < 0.6)
+    def point(angle, fraction):
+        stands_out = (np.abs(np.angle(np.exp(1j * (angle - at)))) < 0.1) & (fraction > 0.4) & (fraction < 0.6)
         radius = RADIUS + height * stands_out
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * share))
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * fraction))
 
     return welded(tube_mesh(point, around, along))
 
@@ -58,9 +58,9 @@ def with_fin(height, at=1.0, around=192, along=52):
 def with_step(height, at=0.5):
     """A tube that is wider from a fraction of its length on."""
 
-    def point(angle, share):
-        radius = RADIUS + height * (share > at)
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * share))
+    def point(angle, fraction):
+        radius = RADIUS + height * (fraction > at)
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * fraction))
 
     return welded(tube_mesh(point, 192, 52))
 
@@ -193,7 +193,7 @@ def test_hole_is_not_trusted_and_all_else_is(holed):
     assert trusted.tolist() == [bool(holed.is_trusted(one)) for one in uv.tolist()]
 
 
-def test_nothing_beside_a_missing_sample_is_trusted(holed):
+def test_nothing_next_to_a_missing_sample_is_trusted(holed):
     """The middles of all four cells about a ray that met nothing."""
     missed = np.isnan(holed.residuals)
     k, l = missed.shape
@@ -259,8 +259,8 @@ def test_fin_of_the_wall_is_refused_with_its_place(size, at):
     assert np.linalg.norm(place - foot - max((place - foot) @ outward, 0) * outward) < 0.015
     assert_names_go_together(message, lines)
     assert_one_line_with_advice(message)
-    told = float(re.search(r"is (\S+) mm", message)[1])
-    assert_allclose(caught.value.numbers["distance"] * 1e3, told, atol=0.051)
+    stated = float(re.search(r"is (\S+) mm", message)[1])
+    assert_allclose(caught.value.numbers["distance"] * 1e3, stated, atol=0.051)
     assert caught.value.numbers["distance"] > fit_module.MAX_DEVIATION_FRACTION * mesh.size
 
 
@@ -329,9 +329,9 @@ def test_box_through_the_wall_is_not_followed():
 def test_surface_that_closes_to_a_point_is_a_warning(n):
     """A cone up to its tip: the lines come together, and it says so however many planes there are."""
 
-    def point(angle, share):
-        radius = RADIUS * (1 - share) + 1e-6
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * share))
+    def point(angle, fraction):
+        radius = RADIUS * (1 - fraction) + 1e-6
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * fraction))
 
     fit = fit_surface(welded(tube_mesh(point, 96, 40)), TubeGrid(n, 16, Z_AXIS, 1e-4))
     (warning,) = fit.warnings

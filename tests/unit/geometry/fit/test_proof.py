@@ -20,7 +20,7 @@ def case(seed, loose=0.3, unknown=0):
     return distances, areas, bounds
 
 
-def told(distances, areas, measure):
+def stated(distances, areas, measure):
     """The mean or the largest."""
     return np.average(distances, weights=areas) if measure == "mean" else distances.max()
 
@@ -28,19 +28,19 @@ def told(distances, areas, measure):
 @given(
     seed=st.integers(0, 1000),
     measure=st.sampled_from(["mean", "max"]),
-    share=st.floats(0.5, 2),
+    fraction=st.floats(0.5, 2),
     unknown=st.sampled_from([0, 3, 400]),
 )
-def test_tolerance_is_claimed_only_where_it_is_kept(seed, measure, share, unknown):
+def test_tolerance_is_claimed_only_where_it_is_kept(seed, measure, fraction, unknown):
     """Within the tolerance the result is no less than the true error; elsewhere it is an estimate."""
     distances, areas, bounds = case(seed, unknown=unknown)
-    truth = told(distances, areas, measure)
-    error = confirmed_error(bounds, areas, lambda chosen: distances[chosen], measure, share * truth)
-    if error <= share * truth:
+    truth = stated(distances, areas, measure)
+    error = confirmed_error(bounds, areas, lambda chosen: distances[chosen], measure, fraction * truth)
+    if error <= fraction * truth:
         assert error >= truth * (1 - 1e-12)
     else:
         assert_allclose(error, truth, rtol=0.35)
-    assert not (share < 1 and error <= share * truth)
+    assert not (fraction < 1 and error <= fraction * truth)
 
 
 @pytest.mark.parametrize("measure", ["mean", "max"])
@@ -54,7 +54,7 @@ def test_proof_takes_no_more_exact_distances_than_it_needs(measure):
         asked.append(len(chosen))
         return distances[chosen]
 
-    most, truth = told(bounds, areas, measure), told(distances, areas, measure)
+    most, truth = stated(bounds, areas, measure), stated(distances, areas, measure)
     for tolerance, least, largest in (
         (1.001 * most, 0, 0),
         (0.5 * truth, 1, 2 * FIRST_BATCH),

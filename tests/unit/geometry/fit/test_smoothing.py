@@ -48,7 +48,7 @@ def test_coarse_net_takes_a_sample_for_each_vertex_of_a_scan(size, monkeypatch):
     assert fit_surface(wrist(), grid).residuals.shape == few.residuals.shape  # a clean mesh keeps three
 
 
-def test_scan_noise_is_smoothed_beside_holes():
+def test_scan_noise_is_smoothed_next_to_holes():
     """A tenth of the faces is missing too."""
     scan = scanned(wrist(), 3e-4)
     scan = weld(scan.vertices, scan.faces[np.random.default_rng(1).random(len(scan.faces)) > 0.1])

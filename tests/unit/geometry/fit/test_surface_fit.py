@@ -57,9 +57,9 @@ def assert_lies_on_tube(fit, bottom, top, spline):
     """
     points, normals = fit.surface.points(UV), fit.surface.normals(UV)
     radius = bottom + (top - bottom) * points[:, 2] / LENGTH
-    share = np.linalg.norm(points[:, :2], axis=1) / radius
-    assert 1 - SAGITTA - spline < share.min() and share.max() < 1 + spline
-    outward = np.column_stack((points[:, :2], np.full(len(points), (bottom - top) / LENGTH) * radius * share))
+    fraction = np.linalg.norm(points[:, :2], axis=1) / radius
+    assert 1 - SAGITTA - spline < fraction.min() and fraction.max() < 1 + spline
+    outward = np.column_stack((points[:, :2], np.full(len(points), (bottom - top) / LENGTH) * radius * fraction))
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     assert np.degrees(np.arccos(np.clip((normals * outward).sum(axis=1), -1, 1))).max() < 1.0
 
@@ -202,10 +202,10 @@ def test_distances_are_weighted_with_the_area_of_each_site(side):
     diagonals = points[1:, 1:] - points[:-1, :-1], points[1:, :-1] - points[:-1, 1:]
     quads = np.pad(np.linalg.norm(np.cross(*diagonals), axis=2) / 2, 1)
     areas = (quads[1:, 1:] + quads[:-1, 1:] + quads[1:, :-1] + quads[:-1, :-1]) / 4
-    told, heights = fit.distances(3), np.abs(points[..., 2])
-    assert_allclose(told.mean, np.average(heights, weights=areas), rtol=0.01)
-    assert_allclose(told.rms, np.sqrt(np.average(heights**2, weights=areas)), rtol=0.01)
-    assert_allclose(told.max, heights.max(), rtol=1e-9)
+    stated, heights = fit.distances(3), np.abs(points[..., 2])
+    assert_allclose(stated.mean, np.average(heights, weights=areas), rtol=0.01)
+    assert_allclose(stated.rms, np.sqrt(np.average(heights**2, weights=areas)), rtol=0.01)
+    assert_allclose(stated.max, heights.max(), rtol=1e-9)
 
 
 def test_residuals_are_distances_along_the_sample_rays():
@@ -415,12 +415,12 @@ def test_holes_have_no_bounds(mesh, hole, unknown):
     assert over.sum() == unknown and (np.linalg.norm(points[over] - centre, axis=1) < 1.1 * hole).all()
 
 
-def test_passes_that_go_to_and_fro_end_early(monkeypatch):
+def test_oscillating_iterations_end_early(monkeypatch):
     """Over a step of 50 mm they come to no rest: fewer than ten leave no more than ten do."""
 
-    def stepped(angle, share):
-        radius = 0.03 + 0.05 * (share > 0.5) * (np.cos(angle) > 0)
-        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * share))
+    def stepped(angle, fraction):
+        radius = 0.03 + 0.05 * (fraction > 0.5) * (np.cos(angle) > 0)
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * fraction))
 
     mesh = welded(tube_mesh(stepped, 120, 60))
     lines = TubeGrid(20, 20, Z_AXIS, 0.004, "uniform").line_grid(mesh)

@@ -60,8 +60,8 @@ def test_axis_joins_the_centres_of_its_own_sections():
     """Of a bent, tapered, irregular tube: the line through the circles of sections across it is the axis itself."""
     frame = find_axis(wrist())
     height = frame.stations(wrist().vertices)
-    middle, reach = (height.min() + height.max()) / 2, np.ptp(height) / 4
-    sections = cut_sections(wrist(), frame.planes(np.linspace(middle - reach, middle + reach, 9)))
+    middle, limit = (height.min() + height.max()) / 2, np.ptp(height) / 4
+    sections = cut_sections(wrist(), frame.planes(np.linspace(middle - limit, middle + limit, 9)))
     centres, _ = section_circles(sections, frame)
     direction = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
     assert np.linalg.norm(np.cross(direction, frame.e3)) < 1e-6
@@ -134,7 +134,7 @@ def test_stations_leave_the_margin_free():
     assert_allclose((low, high), (0.2 + 0.004, 0.3 - 0.004), rtol=1e-14)
 
 
-def test_stations_reach_as_far_as_sections_are_complete():
+def test_stations_extend_as_far_as_sections_are_complete():
     """Without a margin: the longest complete run; ragged ends and a slot are left out."""
     slotted = keep(cylinder(along=41), lambda c: ~((c[:, 2] > 0.070) & (c[:, 2] < 0.080) & (c[:, 0] > 0.02)))
     ragged = keep(slotted, lambda c: (c[:, 2] > 0.01) | (c[:, 1] > 0))
@@ -143,7 +143,7 @@ def test_stations_reach_as_far_as_sections_are_complete():
     assert low >= 0.01 and high <= 0.07
 
 
-def test_stations_of_a_whole_tube_reach_both_ends():
+def test_stations_of_a_whole_tube_extend_to_both_ends():
     """Nothing more than half a step is given away."""
     low, high = stations_between(cylinder(), z_frame(cylinder()), None, FULL_TURN_ANGLES)
     assert 0 <= low <= LENGTH / 192 and LENGTH - LENGTH / 192 <= high <= LENGTH

@@ -15,7 +15,7 @@ def test_cut_keeps_the_larger_part(height, sign):
         assert cut_normal(cylinder(length=length), np.array((0.1, 0, height * length))).tolist() == [0, 0, sign]
 
 
-def test_direction_that_is_told_is_taken():
+def test_given_direction_is_taken():
     """Of any length, and made an axis of the frame where it nearly is one."""
     for x, sign in ((-0.02, 1), (0.1, -1)):
         normal = cut_normal(cylinder(), np.array((x, 0, 0.03)), np.array((3.0, 0, 4.0)))
@@ -26,7 +26,7 @@ def test_direction_that_is_told_is_taken():
 def test_long_direction_moves_with_the_mesh():
     """Of a tube that is no axis of the frame, and of a plate that is no tube."""
     plate = sheet(lambda x, y: 0 * x, size=(0.1, 0.03))
-    for mesh, way in ((wrist(), None), (plate, (1.0, 0, 0))):
+    for mesh, direction in ((wrist(), None), (plate, (1.0, 0, 0))):
         motion = Motion(5)
-        expected = motion.directions(long_direction(mesh) if way is None else way)
+        expected = motion.directions(long_direction(mesh) if direction is None else direction)
         assert abs(long_direction(motion.mesh(mesh)) @ expected) > 1 - 1e-6

@@ -74,10 +74,10 @@ def test_lines_lie_in_their_u_planes(mesh, grid):
 def test_lines_run_so_that_the_surface_looks_outward(mesh, grid):
     """(next row) x (next line) points along the lines, out of the robot, everywhere in the grid."""
     lines = grid.line_grid(mesh)
-    reach = lines.origins + 0.3 * mesh.size * lines.directions  # before fanned planes meet
-    after = np.roll(reach, -1, axis=1) if lines.closed else reach[:, 1:]
-    here = reach if lines.closed else reach[:, :-1]
-    outward = np.cross(reach[1:, : here.shape[1]] - here[:-1], (after - here)[:-1])
+    limit = lines.origins + 0.3 * mesh.size * lines.directions  # before fanned planes meet
+    after = np.roll(limit, -1, axis=1) if lines.closed else limit[:, 1:]
+    here = limit if lines.closed else limit[:, :-1]
+    outward = np.cross(limit[1:, : here.shape[1]] - here[:-1], (after - here)[:-1])
     turn = (outward * lines.directions[:-1, : here.shape[1]]).sum(axis=2)
     assert (turn > 0).all()
 
@@ -87,8 +87,8 @@ def test_lines_start_inside_and_meet_the_mesh(mesh, grid):
     """The control points of a fit lie beyond the origins: no line goes inward."""
     fit = fit_surface(mesh, grid)
     n, m = fit.lines.origins.shape[:2]
-    reach = [((net - fit.lines.origins) * fit.lines.directions).sum(axis=2).min() for net in rolls(fit.surface, m)]
-    assert max(reach) > 0
+    limit = [((net - fit.lines.origins) * fit.lines.directions).sum(axis=2).min() for net in rolls(fit.surface, m)]
+    assert max(limit) > 0
     outward = fit.surface.normals(np.random.default_rng(0).uniform(0.01, 0.99, (50, 2)))
     points = fit.surface.points(np.random.default_rng(0).uniform(0.01, 0.99, (50, 2)))
     nearest = np.argmin(np.linalg.norm(points[:, None] - mesh.triangles.mean(axis=1), axis=2), axis=1)
@@ -212,7 +212,7 @@ def test_author_planes_may_be_named_by_any_of_their_points(seed):
     assert min(np.abs(net - rolls(surface, 16)[0]).max() for net in rolls(again, 16)) < 1e-9
 
 
-def test_author_planes_may_share_a_hinge():
+def test_author_planes_may_have_a_common_hinge():
     """u-planes that all pass through one line outside of the tube, each named by the same point: an elbow."""
     tilts = np.deg2rad(np.linspace(-20, 20, 8))
     hinge = np.tile((-0.15, 0, 0.05), (8, 1))

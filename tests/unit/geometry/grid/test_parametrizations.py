@@ -13,7 +13,7 @@ from tests.shapes import TURN, Motion
 seeds = st.integers(0, 2**32 - 1)
 
 
-def charts(seed):
+def parametrizations(seed):
     """A closed tube, a sector and a face, anywhere."""
     motion = Motion(seed)
     axes = motion.rotation.T
@@ -28,9 +28,9 @@ def charts(seed):
 
 
 @given(seed=seeds)
-def test_rays_of_charts_lie_in_their_planes(seed):
+def test_rays_of_parametrizations_lie_in_their_planes(seed):
     """Origins and unit directions, at every pair of s and t."""
-    for parametrization in charts(seed):
+    for parametrization in parametrizations(seed):
         s, t = np.linspace(*parametrization.span, 5), np.linspace(*parametrization.breadth, 9)
         origins, rays = parametrization.rays(s, t)
         planes = parametrization.planes(s)
@@ -42,9 +42,9 @@ def test_rays_of_charts_lie_in_their_planes(seed):
 
 
 @given(seed=seeds)
-def test_charts_are_oriented_outward(seed):
+def test_parametrizations_are_oriented_outward(seed):
     """A step along s, crossed with a step along t, points along the ray."""
-    for parametrization in charts(seed):
+    for parametrization in parametrizations(seed):
         s, t = np.linspace(*parametrization.span, 5), np.linspace(*parametrization.breadth, 40)
         origins, rays = parametrization.rays(s, t)
         points = origins + 0.05 * rays
@@ -53,9 +53,9 @@ def test_charts_are_oriented_outward(seed):
 
 
 @given(seed=seeds)
-def test_sector_chart_runs_from_its_last_angle_to_its_first(seed):
+def test_sector_parametrization_runs_from_its_last_angle_to_its_first(seed):
     """t = 0 is where the sector stops, and t at the far end where it starts: clockwise about the axis."""
-    whole, sector, _ = charts(seed)
+    whole, sector, _ = parametrizations(seed)
     assert whole.closed and not sector.closed
     assert whole.breadth == (0.0, TURN)
     first, last = (sector.angles(np.array(sector.breadth)) - sector.sector[1]).tolist()
@@ -66,20 +66,20 @@ def test_sector_chart_runs_from_its_last_angle_to_its_first(seed):
 @given(seed=seeds, degree=st.integers(2, 5))
 def test_blended_points_are_those_of_the_spline(seed, degree):
     """A spline whose control points stand on the lines: the place and the height of its points, row by row."""
-    for parametrization in charts(seed)[::2]:
+    for parametrization in parametrizations(seed)[::2]:
         count, rng = 9, np.random.default_rng(seed)
         t = parametrization.breadth[0] + np.ptp(parametrization.breadth) * np.arange(count) / count
         heights, s = rng.uniform(0.03, 0.05, (3, count)), np.linspace(*parametrization.span, 3)
         weights = spline_sites(count, degree, parametrization.closed).values
-        at, reached = parametrization.blend(weights, t, heights)
+        at, found = parametrization.blend(weights, t, heights)
         origins, lines = parametrization.rays(s, t)
         points = weights @ (origins + heights[..., None] * lines)
         for i in range(3):
             starts, rays = (a[0] for a in parametrization.rays(s[i : i + 1], at[i]))
-            assert_allclose(starts + reached[i, :, None] * rays, points[i], atol=1e-14)
+            assert_allclose(starts + found[i, :, None] * rays, points[i], atol=1e-14)
 
 
-def test_chart_lines_are_named_for_the_author():
+def test_parametrization_lines_are_named_for_the_author():
     """Half-planes by degrees from 0 to below 360, those a degree apart by names of their own; planes by number."""
     tube, face = (
         TubeParametrization(frame_of(np.zeros(3), np.array((0, 0, 1.0))), (0, 1)),

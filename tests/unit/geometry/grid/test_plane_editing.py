@@ -51,7 +51,7 @@ def test_uneven_lines_become_even_ones_about_the_same_axis():
     assert np.abs(((centres[:, None] - v.points) * v.normals).sum(axis=2)).max() < 1e-9
 
 
-def test_new_plane_is_half_way_to_the_next_or_as_far_beyond_the_last():
+def test_new_plane_is_midway_to_the_next_or_as_far_beyond_the_last():
     """Point and normal."""
     planes = u_planes([0.02, 0.04, 0.06], [0.0, 0.2, 0.0])
     point, normal = between(planes, 0)
@@ -74,7 +74,7 @@ def test_planes_are_spaced_evenly():
 
 
 @given(seeds, st.integers(2, 9))
-def test_full_planes_are_spaced_evenly_about_the_line_they_share(seed, count):
+def test_full_planes_are_spaced_evenly_about_their_common_line(seed, count):
     """From the first one on, in the sense in which the second follows it, wherever the line is."""
     rng, motion = np.random.default_rng(seed), Motion(seed)
     angles = np.r_[0.0, np.sort(rng.uniform(0.1, 1.4, count - 1))] * rng.choice((-1, 1))
@@ -122,7 +122,7 @@ def test_axis_joins_the_centres_of_two_sections(seed):
             assert abs((axis.point - foot) @ axis.direction) < 1e-5  # the first section's centre, not the second's
 
 
-def test_sections_that_tell_no_axis_are_refused():
+def test_sections_without_an_axis_are_refused():
     """On each other, or off the mesh."""
     mesh = cylinder()
     with pytest.raises(InvalidPlan, match="further apart"):

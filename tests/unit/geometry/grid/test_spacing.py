@@ -48,9 +48,9 @@ seeds = st.integers(0, 2**32 - 1)
 def tube(radius, around=96, along=26):
     """A tube about z of this radius by angle and fraction of its length."""
 
-    def point(angle, share):
-        r = radius(angle, share)
-        return np.column_stack((r * np.cos(angle), r * np.sin(angle), LENGTH * share))
+    def point(angle, fraction):
+        r = radius(angle, fraction)
+        return np.column_stack((r * np.cos(angle), r * np.sin(angle), LENGTH * fraction))
 
     return welded(tube_mesh(point, around, along))
 
@@ -149,9 +149,10 @@ def test_places_leave_less_than_even_ones(mesh, grid):
         plane_positions(error_model, grid.size.n, "auto", 3),
         line_positions(error_model, grid.size.lines, "auto", 3),
     )
-    told = [np.hypot(error_model.error_along(a, 3)[0], error_model.error_across(b, 3)[0]) for a, b in ((s, t), chosen)]
+    pairs = ((s, t), chosen)
+    stated = [np.hypot(error_model.error_along(a, 3)[0], error_model.error_across(b, 3)[0]) for a, b in pairs]
     true = [true_error(mesh, parametrization, a, b) for a, b in ((s, t), chosen)]
-    assert told[1] < 0.2 * told[0] and true[1] < 0.2 * true[0]
+    assert stated[1] < 0.2 * stated[0] and true[1] < 0.2 * true[0]
 
 
 @pytest.mark.parametrize(
@@ -318,14 +319,14 @@ def test_evened_maps_are_maps(seed, closed, spans):
     def error(places, degree):
         return float(places.sum()), rng.exponential(size=spans) ** 8
 
-    shares = np.linspace(0, 1, spans + 3)
-    maps, errors = equalized_maps(error, start, shares, 3, closed)
+    fractions = np.linspace(0, 1, spans + 3)
+    maps, errors = equalized_maps(error, start, fractions, 3, closed)
     assert maps[0] is start and len(maps) == len(errors) > 1
-    for (share, places), left in zip(maps, errors):
-        assert (np.diff(share) > 0).all() and (np.diff(places) > 0).all()
-        assert_allclose(share[[0, -1]], (0, 1), atol=1e-15)
+    for (fraction, places), left in zip(maps, errors):
+        assert (np.diff(fraction) > 0).all() and (np.diff(places) > 0).all()
+        assert_allclose(fraction[[0, -1]], (0, 1), atol=1e-15)
         assert_allclose(places[[0, -1]], (0.2, 0.9), rtol=1e-14)
-        assert left == positions_at((share, places), shares).sum()
+        assert left == positions_at((fraction, places), fractions).sum()
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -369,8 +370,9 @@ def test_slopes_are_differences(mesh, grid):
     error_model = error_model_of(mesh, grid)
     for slopes, places in zip((error_model.slopes_along, error_model.slopes_across), even_places(grid, error_model)):
         residuals, change = slopes(places, 3)
-        way = 1e-4 * np.ptp(places) * np.eye(len(places))[1:-1]
-        differences = np.array([(slopes(places + w, 3)[0] - slopes(places - w, 3)[0]) / (2 * w.max()) for w in way]).T
+        direction = 1e-4 * np.ptp(places) * np.eye(len(places))[1:-1]
+        both = [(slopes(places + w, 3)[0], slopes(places - w, 3)[0]) for w in direction]
+        differences = np.array([(a - b) / (2 * w.max()) for (a, b), w in zip(both, direction)]).T
         downhill, expected = change[:, 1:-1].T @ residuals, differences.T @ residuals
         assert downhill @ expected > 0.98 * np.linalg.norm(downhill) * np.linalg.norm(expected)
 
@@ -386,17 +388,17 @@ def test_noise_does_not_attract_lines(lines):
     assert_array_equal(plane_positions(error_model, 8, "auto", 3), np.linspace(*error_model.parametrization.span, 8))
 
 
-@given(seed=seeds, share=st.floats(0, 0.999))
-def test_turned_map_is_the_map_started_elsewhere(seed, share):
+@given(seed=seeds, fraction=st.floats(0, 0.999))
+def test_turned_map_is_the_map_started_elsewhere(seed, fraction):
     """Fractions count from the rotated start, across the seam."""
     rng = np.random.default_rng(seed)
-    shares = np.r_[0.0, np.sort(rng.uniform(0.05, 0.95, 6)), 1.0]
+    fractions = np.r_[0.0, np.sort(rng.uniform(0.05, 0.95, 6)), 1.0]
     places = 1.3 + TURN * np.r_[0.0, np.sort(rng.uniform(0.05, 0.95, 6)), 1.0]
-    after = rotated_map((shares, places), share)
+    after = rotated_map((fractions, places), fraction)
     assert_allclose(after[0][[0, -1]], (0, 1), atol=1e-12)
     wanted = np.linspace(0, 1, 41)
-    period = np.r_[shares, 1 + shares[1:]], np.r_[places, TURN + places[1:]]
-    assert_allclose(positions_at(after, wanted), np.interp(share + wanted, *period), atol=1e-9)
+    period = np.r_[fractions, 1 + fractions[1:]], np.r_[places, TURN + places[1:]]
+    assert_allclose(positions_at(after, wanted), np.interp(fraction + wanted, *period), atol=1e-9)
 
 
 def test_uniform_lines_are_even():

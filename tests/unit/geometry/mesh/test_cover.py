@@ -9,7 +9,7 @@ from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, wrist
 
 INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))  # a servo inside the tube
-BESIDE = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))  # a bracket outside of it
+NEAR = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))  # a bracket outside of it
 
 
 def test_cover_without_cuts_is_the_mesh():
@@ -63,7 +63,7 @@ def test_cover_drops_the_inner_parts():
 
 def test_cover_keeps_what_one_sees_from_outside():
     """A bracket next to the tube is outside its hull and stays."""
-    mesh = together(cylinder(), BESIDE)
+    mesh = together(cylinder(), NEAR)
     assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
 
 
@@ -71,7 +71,7 @@ def test_part_between_two_outer_shells_is_an_inner_part():
     """It is outside the hull of the tube, and inside the hull of the tube and its bracket."""
     between = box((0.045, -0.003, 0.045), (0.048, 0.003, 0.055))
     assert same_mesh(cut_cover(together(cylinder(), between), CoverSpec("outer")), together(cylinder(), between))
-    expected = together(cylinder(), BESIDE)
+    expected = together(cylinder(), NEAR)
     assert same_mesh(cut_cover(together(expected, between), CoverSpec("outer")), expected)
 
 
@@ -85,11 +85,11 @@ def test_cover_isolates_shells_after_the_cut():
 
 def test_cover_moves_with_the_mesh():
     """The same faces stay, wherever the link lies and however its vertices are numbered."""
-    mesh, motion = together(cylinder(), INNER, BESIDE), Motion(3, 2.0)
+    mesh, motion = together(cylinder(), INNER, NEAR), Motion(3, 2.0)
     moved = cut_cover(motion.mesh(mesh), CoverSpec("outer"))
-    expected = motion.mesh(together(cylinder(), BESIDE))
+    expected = motion.mesh(together(cylinder(), NEAR))
     np.testing.assert_allclose(moved.vertices, expected.vertices, rtol=0, atol=1e-12)
-    assert same_mesh(cut_cover(weld(*shuffled(mesh, 5)), CoverSpec("outer")), together(cylinder(), BESIDE))
+    assert same_mesh(cut_cover(weld(*shuffled(mesh, 5)), CoverSpec("outer")), together(cylinder(), NEAR))
 
 
 def test_cover_survives_a_shell_without_area():

@@ -11,7 +11,7 @@ from tests.shapes import RADIUS, Motion, box, cylinder, dome, keep, sheet, shuff
 
 BLOCK = box((0, 0, 0), (0.1, 0.05, 0.025))
 INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))
-BESIDE = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))
+NEAR = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))
 
 
 def seen(mesh):
@@ -60,7 +60,7 @@ def test_hole_in_the_skin_matters():
 def test_inner_part_is_counted_and_its_holes_are_not():
     """A servo inside the tube, without its lid, and a bracket next to it."""
     open_box = keep(INNER, lambda centres: centres[:, 2] < 0.07 - 1e-9)
-    found = seen(together(cylinder(), open_box, BESIDE))
+    found = seen(together(cylinder(), open_box, NEAR))
     assert (found.parts, found.inner) == (3, 1)
     assert len(found.holes()) == 2 and found.seen.sum() == len(cylinder().faces) + 12
     assert "3 connected parts, 1 of them inside others" in findings(found)
@@ -103,11 +103,11 @@ def test_turned_faces_are_found(seed):
     """Whichever they are, as long as they are the lesser part; turned over, all is well."""
     mesh = wrist()
     chosen = np.random.default_rng(seed).random(len(mesh.faces)) < 0.2
-    spoilt = turned(mesh, chosen)
-    found = seen(spoilt)
+    invalid = turned(mesh, chosen)
+    found = seen(invalid)
     assert found.flipped.sum() == chosen.sum() and found.inward == ()
     assert findings(found)[f"{chosen.sum()} faces with a flipped normal"] is True
-    assert not seen(turned(spoilt, found.flipped)).flipped.any()
+    assert not seen(turned(invalid, found.flipped)).flipped.any()
 
 
 TURNED = {"box": BLOCK, "tube": cylinder(), "wrist": wrist()}
@@ -122,13 +122,13 @@ def test_part_that_looks_inward_is_found(name):
     assert inward.inward == (0,) and not inward.flipped.any() and findings(inward)["1 part with inward normals"] is True
 
 
-def test_flat_part_looks_neither_way():
+def test_flat_part_faces_neither_side():
     """The sides of a plate are indistinguishable, and those of a slightly bent one nearly so."""
     for plate in (sheet(lambda x, y: 0 * x), dome()):
         assert seen(plate).inward == seen(turned(plate, np.ones(len(plate.faces), bool))).inward == ()
 
 
-def test_inner_part_may_look_either_way():
+def test_inner_part_may_face_either_side():
     """The wall of a cavity looks inward, and rightly."""
     cavity = turned(INNER, np.ones(12, bool))
     found = seen(together(cylinder(), cavity))
@@ -139,9 +139,9 @@ def test_moebius_strip_has_one_side():
     """No winding is right; no face is blamed."""
     n = 40
     angle = 2 * np.pi * np.arange(n) / n
-    way = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
-    across = np.cos(angle / 2)[:, None] * way + np.sin(angle / 2)[:, None] * (0, 0, 1.0)
-    ends = np.stack((0.05 * way - 0.01 * across, 0.05 * way + 0.01 * across), axis=1).reshape(-1, 3)
+    direction = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
+    across = np.cos(angle / 2)[:, None] * direction + np.sin(angle / 2)[:, None] * (0, 0, 1.0)
+    ends = np.stack((0.05 * direction - 0.01 * across, 0.05 * direction + 0.01 * across), axis=1).reshape(-1, 3)
     i = np.arange(n)
     a, b, c, d = 2 * i, 2 * i + 1, 2 * i + 2, 2 * i + 3
     c[-1], d[-1] = 1, 0  # half a turn

@@ -79,7 +79,7 @@ def test_mesh_measures_are_those_of_the_box():
     assert ((BLOCK.face_normals * outward).sum(axis=1) > 0).all()
 
 
-def test_hash_tells_meshes_apart():
+def test_hash_distinguishes_meshes():
     """A vertex moved by the last bit, a face turned over, and a face less each give another hash."""
     moved = BLOCK.vertices.copy()
     moved[3, 0] = np.nextafter(moved[3, 0], 1)

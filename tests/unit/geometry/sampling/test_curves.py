@@ -99,9 +99,9 @@ def test_fold_keeps_the_area(corners, rays):
 def test_crossings_in_order_by_hand():
     """One ray meets 5, 3 and 2; one meets two, one meets one, one none."""
     ray, distance = np.array((1, 1, 1, 2, 2, 4)), np.array((3.0, 5.0, 2.0, 1.0, 2.0, 7.0))
-    folded, way = fold_distances(ray, distance, 60)
+    folded, direction = fold_distances(ray, distance, 60)
     assert_array_equal(folded, [1])
-    assert_allclose(way, [5 - 3 + 2])
+    assert_allclose(direction, [5 - 3 + 2])
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def test_outermost_of_overlapping_shells_counts(seed):
     """An inner polygon, whole or in parts, is never hit; the outer one hides it, in each row its own."""
     rng = np.random.default_rng(seed)
     outer = [sides(polygon(seed + i, radius=3.0)) for i in range(3)]
-    inner = [sides(polygon(seed + 9, corners=7))[rng.random(7) < share] for share in (0.5, 0.0, 1.0)]
+    inner = [sides(polygon(seed + 9, corners=7))[rng.random(7) < fraction] for fraction in (0.5, 0.0, 1.0)]
     ends = np.concatenate([in_random_order(seed, np.concatenate(pair)) for pair in zip(outer, inner)])
     row = np.repeat(np.arange(3), [len(a) + len(b) for a, b in zip(outer, inner)])
     directions = np.stack([fan(seed + i, 15) for i in range(3)])
@@ -137,16 +137,16 @@ def test_folded_section_is_met_where_it_is_furthest(seed):
     assert_allclose(distance, expected(row, ends, 0 * directions, directions), rtol=1e-9)
 
 
-@given(seed=seeds, gone=st.sets(st.integers(0, 11), min_size=1, max_size=12))
-def test_rays_through_gaps_meet_nothing(seed, gone):
+@given(seed=seeds, missing=st.sets(st.integers(0, 11), min_size=1, max_size=12))
+def test_rays_through_gaps_meet_nothing(seed, missing):
     """NaN exactly where sides are missing, also in a row that has lost its first, last or every side."""
     whole = sides(polygon(seed))
-    ends = np.delete(whole, sorted(gone), axis=0)
+    ends = np.delete(whole, sorted(missing), axis=0)
     directions = fan(seed)[None]
     row = np.zeros(len(ends), int)
     distance, _ = cast_all(row, ends, 0 * directions, directions, centres=CENTRE)
     free = [
-        [not np.isnan(cast_on_segments(np.zeros(2), d, side[None])) for side in whole[sorted(gone)]]
+        [not np.isnan(cast_on_segments(np.zeros(2), d, side[None])) for side in whole[sorted(missing)]]
         for d in directions[0]
     ]
     assert_array_equal(np.isnan(distance[0]), np.any(free, axis=1))

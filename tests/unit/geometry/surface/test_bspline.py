@@ -184,14 +184,14 @@ def test_wrap_leaves_open_parameters_alone():
     assert open_surface().wrap(uv).tolist() == uv.tolist() == [[1.5, -0.25], [-0.5, 2.0]]
 
 
-@given(seed=seeds, reach=st.floats(0, 2), v=st.floats(0, 1))
-def test_surface_goes_on_straight_beyond_an_open_edge(seed, reach, v):
+@given(seed=seeds, limit=st.floats(0, 2), v=st.floats(0, 1))
+def test_surface_goes_on_straight_beyond_an_open_edge(seed, limit, v):
     """Beyond u = 0 and u = 1: the tangent there, the same normal along it in a closed surface's v, no curvature."""
     surface = closed_surface(seed)
     for edge, sign in ((0.0, -1), (1.0, 1)):
-        at, beyond = [[edge, v]], [[edge + sign * reach, v]]
+        at, beyond = [[edge, v]], [[edge + sign * limit, v]]
         r, s = surface.derivatives(at, order=2), surface.derivatives(beyond, order=2)
-        assert_allclose(s[0, 0], r[0, 0] + sign * reach * r[1, 0], rtol=0, atol=1e-12)
+        assert_allclose(s[0, 0], r[0, 0] + sign * limit * r[1, 0], rtol=0, atol=1e-12)
         assert_allclose(s[1, 0], r[1, 0], rtol=0, atol=1e-12)
         if beyond != at:
             assert (s[2, 0] == 0).all()
@@ -270,7 +270,7 @@ def tube(radii, length=0.1):
     return BSplineSurface(net, clamped_knots(6, 3), periodic_knots(len(radii), 3), (3, 3), (False, True))
 
 
-def test_turning_is_the_way_over_the_radius():
+def test_turning_is_the_length_over_the_radius():
     """On a cylinder the normal rotates by the length of an arc over the radius, and by half a turn at most."""
     surface = tube(np.full(64, 0.03))
     radius = np.linalg.norm(surface.points([[0.5, 0.2]])[0, :2])

@@ -122,7 +122,7 @@ def test_middle_moves_with_the_mesh():
     assert_allclose(there.points(surface_centre(there)), moved, atol=1e-8)
 
 
-def test_shares_are_those_of_lengths_measured_along_the_line():
+def test_fractions_are_those_of_lengths_measured_along_the_line():
     """On a wrist, along and round it, from the edge and from another start; beyond an edge the line goes on.
 
     Chords on both sides of a point shorten their arcs by different fractions: on a full turn, by a hundredth of a
@@ -136,8 +136,8 @@ def test_shares_are_those_of_lengths_measured_along_the_line():
             line = np.tile(uv, (len(fine), 1))
             line[:, axis] = start + fine
             done = np.append(0, np.cumsum(np.linalg.norm(np.diff(surface.points(line), axis=0), axis=1)))
-            share, growth = length_fractions(surface, uv, axis, 64, start)
-            assert_allclose(share, np.interp(at, fine, done) / done[-1], rtol=0, atol=5e-5)
+            fraction, growth = length_fractions(surface, uv, axis, 64, start)
+            assert_allclose(fraction, np.interp(at, fine, done) / done[-1], rtol=0, atol=5e-5)
             assert_allclose(growth, np.gradient(done, fine)[int(at * 20000)] / done[-1], rtol=1e-3)
     beyond = length_fractions(surface, np.array([[-0.1, 0.2], [1.1, 0.2]]), 0, 16)[0]
     assert beyond[0] < -0.05 and beyond[1] > 1.05

@@ -24,8 +24,8 @@ def test_footpoints_on_a_plane_are_projections(seed):
     points = np.random.default_rng(seed).uniform((-0.02, -0.02, -0.01), (0.12, 0.10, 0.01), (30, 3))
     uv, distance = footpoints(plane_surface(), points)
     assert_allclose(uv, np.clip(points[:, :2] / (0.1, 0.08), 0, 1), rtol=0, atol=1e-9)
-    beside = points - np.clip(points, 0, (0.1, 0.08, 0))
-    assert_allclose(distance, np.linalg.norm(beside, axis=1), rtol=1e-9)
+    near = points - np.clip(points, 0, (0.1, 0.08, 0))
+    assert_allclose(distance, np.linalg.norm(near, axis=1), rtol=1e-9)
 
 
 def test_footpoints_on_a_tube_are_nearest():
@@ -103,8 +103,8 @@ def test_errors_of_a_closed_surface_hold_over_the_seam():
     sagitta = RADIUS * (1 - np.cos(np.pi / 96))
     assert fit.errors.hausdorff < sagitta
     points, _, _ = mesh_samples(cylinder())
-    beside = (points[:, 2] > 0.01) & (points[:, 2] < LENGTH - 0.01)
-    assert footpoints(fit.surface, points[beside])[1].max() < sagitta
+    near = (points[:, 2] > 0.01) & (points[:, 2] < LENGTH - 0.01)
+    assert footpoints(fit.surface, points[near])[1].max() < sagitta
 
 
 @given(values=st.lists(st.tuples(st.floats(0, 1), st.floats(1e-3, 1)), min_size=1, max_size=9))

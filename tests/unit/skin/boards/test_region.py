@@ -10,7 +10,7 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.skin.boards.region import Region
 from skin_calib_addon.skin.lattice import HexLattice
 from tests.examples import examples
-from tests.oracles import is_inside, room_of
+from tests.oracles import clearance_of, is_inside
 
 seeds = st.integers(0, 2**32 - 1)
 BOARD = HexLattice(0.0163, 0.0).corners
@@ -75,7 +75,7 @@ def test_clearances_are_those_between_the_outlines(seed):
     centres = rng.uniform(-0.08, 0.08, (3, 2))
     step = np.linalg.norm(np.diff(region.edges, axis=1), axis=2).max() / 30
     for centre, clearance in zip(centres, region.clearances(centres, outline)):
-        slow = room_of(centre + outline, loops, 30)
+        slow = clearance_of(centre + outline, loops, 30)
         assert slow - 0.5 * step - 1e-12 < clearance < slow + 1e-12
 
 
