@@ -334,7 +334,7 @@ def test_added_skins_follow_the_others(bpy, addon, link):
     assert list(skins[1].pitch) == [10.0, 10.0] and f"{skins[1].side:g}" == "16.3"
 
 
-def test_worst_spot_is_shown_by_the_cursor(bpy, addon, link):
+def test_maximum_deviation_is_shown_by_the_cursor(bpy, addon, link):
     """In the world, whatever the pose of the link; the distance there is the reported maximum."""
     with pytest.raises(RuntimeError, match="Fit the link first"):
         bpy.ops.skin_calib.show_worst()

@@ -316,7 +316,7 @@ def test_each_place_that_breaks_the_schema_is_found(pointer, value, where, messa
 
 
 @pytest.mark.parametrize("cells", ["fill", "all", [[0, 0], [1, -1]], None])
-def test_boards_are_chosen_in_three_ways(cells):
+def test_boards_are_chosen_by_three_methods(cells):
     """By filling, all that fit, or one by one; another value gives one finding."""
     findings = check_plan(WHOLE | {"skins": [{"name": "sole", "kind": "hexagons", "cells": cells}]})
     assert [(f.pointer, f.code) for f in findings] == ([] if cells else [("/skins/0/cells", "type")])
