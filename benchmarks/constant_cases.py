@@ -86,10 +86,14 @@ def command(*words: str | Path) -> tuple[int, str]:
     return code, messages.getvalue()
 
 
-def without_numbers(text: str) -> list[str]:
-    """Return the warnings and errors of a text, sorted, with # for numbers."""
-    lines = [line for line in text.splitlines() if line.startswith(("skin-calib", "warning"))]
-    return sorted(re.sub(r"-?\d+(\.\d+)?(e-?\d+)?", "#", line) for line in lines)
+def warnings_in(text: str, folder: Path, name: str = "") -> Result:
+    """Return the warnings and errors of a text with # for numbers, and their numbers."""
+    lines = sorted(line for line in text.splitlines() if line.startswith(("skin-calib", "warning")))
+    behind = f", {name}" if name else ""
+    return {
+        f"warnings{behind}": [re.sub(r"-?\d+(\.\d+)?(e-?\d+)?", "#", line) for line in lines],
+        f"numbers of the warnings{behind}": numbers("\n".join(lines).replace(str(folder), "")),
+    }
 
 
 def numbers(text: str) -> Array:
@@ -107,12 +111,8 @@ def calibrated(folder: Path, name: str, plan: dict[str, Any] | Path) -> Result:
     output = folder / f"{name}.calibration.json"
     output.unlink(missing_ok=True)
     code, messages = command("fit", path, "-o", output)
-    result: Result = {"exit code": code, "warnings": without_numbers(messages)}
-    if output.exists():
-        result |= contents(output)
-    elif code == 1:
-        result["numbers of the error"] = numbers(messages.replace(str(folder), ""))
-    return result
+    result: Result = {"exit code": code} | warnings_in(messages, folder)
+    return result | (contents(output) if output.exists() else {})
 
 
 def several(folder: Path, plans: dict[str, dict[str, Any]]) -> Result:
@@ -471,6 +471,22 @@ def with_errors(folder: Path) -> Result:
         "sheet": {"mesh": "square.ply", "grid": tube_grid, "skins": [big]},
     }
     return several(folder, plans)
+
+
+@case("dome, boards and a sheet", only=("skin",))
+def on_a_dome(folder: Path) -> Result:
+    """Boards that are too large for the curvature, and a sheet that is strained."""
+    grid = {"kind": "patch", "n": 8, "lines": 8, "normal": [0, 0, 1], "margin": 0.004}
+    boards = {
+        "name": "boards",
+        "kind": "hexagons",
+        "side": 0.0163,
+        "gap": 0.0,
+        "cells": [[0, 0], [1, 0], [0, 1], [-1, 1]],
+    }
+    sheet = {"name": "sheet", "kind": "sheet", "rows": 7, "columns": 9, "pitch": [0.008, 0.008], "trim": True}
+    skins = [boards, {**sheet, "origin": "center", "direction": [1, 0, 0]}]
+    return calibrated(folder, "on_a_dome", {"mesh": "dome.ply", "grid": grid, "skins": skins})
 
 
 @case("imported taxels")

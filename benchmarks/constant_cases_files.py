@@ -16,7 +16,7 @@ from constant_cases import (
     case,
     command,
     numbers,
-    without_numbers,
+    warnings_in,
     write_csv,
 )
 
@@ -112,7 +112,7 @@ def touches(folder: Path) -> Result:
     code, messages = command("touches", *files, "--refine", "-o", output)
     return {
         "exit code": code,
-        "warnings": without_numbers(messages),
+        **warnings_in(messages, folder),
         "numbers": numbers(messages.replace(str(folder), "")),
         "plan": numbers(output.read_text()) if output.exists() else np.zeros(0),
     }
@@ -126,7 +126,7 @@ def responses(folder: Path) -> Result:
         name, output = path.stem, path.with_suffix(".response.json")
         output.unlink(missing_ok=True)
         code, messages = command("response", folder / "wrist.calibration.json", path, "-o", output)
-        result |= {f"exit code, {name}": code, f"warnings, {name}": without_numbers(messages)}
+        result |= {f"exit code, {name}": code} | warnings_in(messages, folder, name)
         if output.exists():
             response = json.dumps(json.loads(output.read_text())["response"])
             result |= {f"kind, {name}": re.sub(r"[\d.e-]+", "#", response)[:40], f"response, {name}": numbers(response)}
@@ -172,7 +172,7 @@ def other_formats(folder: Path) -> Result:
         result |= {f"exit code, {name}": code, f"size, {name}": len(text), f"text, {name}": text}
         if form.readable and path.exists():
             code, messages = command("import", path, "--from", name, "-o", back)
-            result |= {f"exit code, from {name}": code, f"messages, from {name}": without_numbers(messages)}
+            result |= {f"exit code, from {name}": code} | warnings_in(messages, folder, f"from {name}")
             result[f"text, from {name}"] = back.read_text() if back.exists() else ""
     return result
 
@@ -185,6 +185,6 @@ def recorded_files(folder: Path) -> Result:
         back = folder / "raw.csv"
         back.unlink(missing_ok=True)
         code, messages = command("import", path, "-o", back)
-        result |= {f"exit code, {path.stem}": code, f"messages, {path.stem}": without_numbers(messages)}
+        result |= {f"exit code, {path.stem}": code} | warnings_in(messages, folder, path.stem)
         result[f"text, {path.stem}"] = back.read_text() if back.exists() else ""
     return result

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from constant_cases import PREPARATIONS, ROOT, SHARED, Array, Result, case, command, without_numbers
+from constant_cases import PREPARATIONS, ROOT, SHARED, Array, Result, case, command, warnings_in
 
 
 @PREPARATIONS.append
@@ -63,7 +63,7 @@ def replayed(folder: Path, calibration: Path, readings: Path, *words: str) -> Re
     polygons = [np.array(corners) for frame in frames for corners in frame["polygon"].values()]
     return {
         "exit code": code,
-        "warnings": without_numbers(messages),
+        **warnings_in(messages, folder),
         "flags": [flag for frame in frames for flag in frame["flags"]],
         "reasons": [str(frame["reason"]) for frame in frames],
         "contacts": len(contacts),
