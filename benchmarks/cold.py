@@ -10,7 +10,6 @@ import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from statistics import median
 from time import perf_counter
 
 import numpy as np
@@ -19,11 +18,10 @@ import numpy as np
 LIBRARIES = ["time_error", "geomdl.fitting", "splipy", "splipy.surface_factory", "splinepy", "splinepy.helpme.fit"]
 LIBRARIES += ["OCP.GeomAPI", "OCP.Approx", "OCP.GeomAbs", "OCP.gp", "OCP.collections", "scipy.interpolate"]
 LONGEST = 120.0  # [s] for one child; a longer one is ended and gives no time
-LONG = 500.0  # [ms] a call that takes longer is not repeated
 
 
-def cold_milliseconds(link: str, prepare: Callable, repeats: int) -> float:
-    """Return the median of some first calls [ms], each in a process of its own; NaN where none succeeds.
+def cold_milliseconds(link: str, prepare: Callable) -> float:
+    """Return the time of a first call in a process of its own [ms]; NaN where it fails.
 
     Parameters
     ----------
@@ -31,27 +29,21 @@ def cold_milliseconds(link: str, prepare: Callable, repeats: int) -> float:
         Name of a link, which each process loads.
     prepare : function
         From the link to the function that is timed; it must be picklable.
-    repeats : int
     """
     context = multiprocessing.get_context("forkserver")
     os.environ["PYTHONPATH"] = str(Path(__file__).parent)  # where the server finds our modules
     context.set_forkserver_preload(LIBRARIES)  # has an effect on the first call only
-    times: list[float] = []
-    while len(times) < repeats and max(times, default=0.0) < LONG:
-        receiver, sender = context.Pipe(duplex=False)
-        process = context.Process(target=first_call, args=(sender, link, prepare))
-        process.start()
-        sender.close()
-        try:
-            seconds = receiver.recv() if receiver.poll(LONGEST) else None
-        except EOFError:  # the process crashed
-            seconds = None
-        process.kill()
-        process.join()
-        if seconds is None:
-            return np.nan
-        times.append(1e3 * seconds)
-    return median(times)
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=first_call, args=(sender, link, prepare))
+    process.start()
+    sender.close()
+    try:
+        seconds = receiver.recv() if receiver.poll(LONGEST) else None
+    except EOFError:  # the process crashed
+        seconds = None
+    process.kill()
+    process.join()
+    return np.nan if seconds is None else 1e3 * seconds
 
 
 def first_call(sender, link: str, prepare: Callable) -> None:

@@ -114,7 +114,7 @@ def draw_placement(rows: list[placement.Row]) -> Figure:
             time = f"{r.milliseconds:.0f}" if r.milliseconds >= 1 else "< 1"
             over_bar(panel, f"{time}\nms", x, r.max)
     panel.set_yscale("log")
-    panel.set_ylim(bottom=2e-5, top=20 * max(r.max for r in rows))
+    panel.set_ylim(bottom=5e-6, top=20 * max(r.max for r in rows))
     describe(panel, "", "", "distance from the exact position [mm]")
     panel.set_xticks(range(len(surfaces)), [s.replace(", ", ",\n") for s in surfaces], fontsize=LETTERS)
     panel.legend(fontsize=LETTERS, loc="upper left", ncols=3, frameon=False)

@@ -208,7 +208,7 @@ MIDDLE = Axis((0.0, 0.0, 0.0), Z)
 LINKS: dict[str, Callable[[], Link]] = {
     BUNDLED: bundled_wrist,
     "cylinder": lambda: shape("cylinder", MIDDLE),
-    "wrist sample": lambda: shape("wrist sample", Axis((0.0032, 0.0008, 0.0), Z)),
+    "wrist sample": lambda: shape("wrist sample", MIDDLE),
     "rounded square": lambda: shape("rounded square", MIDDLE),
     "half tube": lambda: shape("half tube", MIDDLE, (-HALF_TUBE, HALF_TUBE)),
     "cone": lambda: shape("cone", MIDDLE),

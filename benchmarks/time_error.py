@@ -125,7 +125,7 @@ def run(judge: Judge, method: Method, n: int, m: float, repeats: int) -> Row:
     except Exception as error:  # whatever a library raises is its result here
         text = f"{type(error).__name__}: {error}".replace("\n", " ").strip()
         return Row(judge.link.name, method.name, method.variant, n, m, 0, *[np.nan] * 6, text)
-    cold = cold_milliseconds(judge.link.name, method.prepare, min(repeats, 3))
+    cold = cold_milliseconds(judge.link.name, method.prepare)
     figures = d.mean, d.max, d.truth_mean, d.truth_max, milliseconds, cold
     return Row(judge.link.name, method.name, method.variant, n, m, surface.control_points, *figures, surface.note)
 
