@@ -3,13 +3,26 @@
 from .fit.auto import fit_grid, fit_to_count, fit_to_tolerance
 from .fit.surface_fit import SurfaceFit, fit_surface
 from .grid.axis import Axis
-from .grid.grids import AcrossGrid, AutoGrid, Grid, PlanesGrid, SectorGrid, TubeGrid
+from .grid.grids import (
+    Across,
+    AcrossGrid,
+    AutoGrid,
+    Grid,
+    PlanesGrid,
+    Sector,
+    SectorGrid,
+    Size,
+    Tolerance,
+    Tube,
+    TubeGrid,
+)
 from .mesh.cover import CoverSpec, Cut, cut_cover
 from .mesh.triangle_mesh import TriangleMesh, load_mesh, weld
 from .sampling.planes import Planes
 from .surface.bspline import BSplineSurface
 
 __all__ = [
+    "Across",
     "AcrossGrid",
     "AutoGrid",
     "Axis",
@@ -19,9 +32,13 @@ __all__ = [
     "Grid",
     "Planes",
     "PlanesGrid",
+    "Sector",
     "SectorGrid",
+    "Size",
     "SurfaceFit",
+    "Tolerance",
     "TriangleMesh",
+    "Tube",
     "TubeGrid",
     "cut_cover",
     "fit_grid",

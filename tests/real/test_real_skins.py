@@ -97,7 +97,7 @@ def test_thin_sheet_asks_for_its_side(grid):
     if not path.exists():
         pytest.skip(f"no {path.name} here")
     cover = cut_cover(load_mesh(path), CoverSpec())
-    with pytest.raises(InvalidPlan, match='thin sheet, 2.0 mm thick .* with two sides. Choose the side .* normal'):
+    with pytest.raises(InvalidPlan, match="thin sheet, 2.0 mm thick .* with two sides. Choose the side .* normal"):
         fit_grid(cover, grid, (3, 3))
     fit = fit_grid(cover, AcrossGrid(8, 8, (0, 0, 1)), (3, 3))
     assert (fit.surface.normals(np.random.default_rng(0).random((200, 2)))[:, 2] > 0.5).all()

@@ -3,7 +3,6 @@
 from bisect import insort
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -63,15 +62,6 @@ MINOR_ERROR_RATIO = 0.7
 FIRST_AIM_RATIO = 0.9
 # [1] ratio of the aim to an error that is less than half used, because the errors of smaller grids are estimates.
 CAUTIOUS_AIM_RATIO = 1.3
-
-
-class Where(TypedDict, total=False):
-    """The region of an automatic grid, as of ``AutoGrid``."""
-
-    axis: Axis | None
-    margin: float | None
-    sector: tuple[float, float] | None
-    normal: Vector | None
 
 
 class ErrorCurve:
@@ -270,7 +260,10 @@ def fit_to_tolerance(
     tolerance: float,
     measure: str = "mean",
     degree: int | tuple[int, int] = 3,
-    **where: Unpack[Where],
+    axis: Axis | None = None,
+    margin: float | None = None,
+    sector: tuple[float, float] | None = None,
+    normal: Vector | None = None,
 ) -> SurfaceFit:
     """Fit the smallest grid whose distance from surface to mesh is within a tolerance.
 
@@ -284,8 +277,8 @@ def fit_to_tolerance(
         The distance that the tolerance limits.
     degree : int or pair of int
         As for ``fit_surface``.
-    **where
-        ``axis``, ``margin``, ``sector``, ``normal``: the region, as for ``AutoGrid``.
+    axis, margin, sector, normal
+        The region, as for ``AutoGrid``.
 
     Returns
     -------
@@ -298,7 +291,7 @@ def fit_to_tolerance(
         If no grid meets the tolerance, because the mesh is faceted; the message states the best achievable error.
     """
     degrees = (degree, degree) if isinstance(degree, int) else degree
-    return _smallest(mesh, AutoGrid(tolerance, measure, **where), degrees)
+    return _smallest(mesh, AutoGrid(tolerance, measure, axis, margin, sector, normal), degrees)
 
 
 def _smallest(mesh: TriangleMesh, grid: Grid, degrees: tuple[int, int]) -> SurfaceFit:
@@ -326,7 +319,10 @@ def fit_to_count(
     mesh: TriangleMesh,
     control_points: int,
     degree: int | tuple[int, int] = 3,
-    **where: Unpack[Where],
+    axis: Axis | None = None,
+    margin: float | None = None,
+    sector: tuple[float, float] | None = None,
+    normal: Vector | None = None,
 ) -> SurfaceFit:
     """Fit the grid with the least error and at most some control points, in any proportion of planes and lines.
 
@@ -338,8 +334,8 @@ def fit_to_count(
         Most control points.
     degree : int or pair of int
         As for ``fit_surface``.
-    **where
-        The region, as for ``fit_to_tolerance``.
+    axis, margin, sector, normal
+        The region, as for ``AutoGrid``.
 
     Returns
     -------
@@ -359,7 +355,7 @@ def fit_to_count(
             f"{control_points} are allowed. Allow more, or lower the degree."
         )
     most = min(control_points // fewest_m, MAX_PLANES)
-    error_model = ErrorModel.of(mesh, region_of(**where).parametrization(mesh), most)
+    error_model = ErrorModel.of(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), most)
     predictor = SizePredictor(error_model, degrees, most=min(control_points // fewest_n, MAX_LINES))
     fits = [
         fit_lines(mesh, predictor.lines(size), degrees)

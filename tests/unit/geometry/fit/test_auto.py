@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from sample_scenes import shapes
 from skin_calib_addon.common.errors import InvalidPlan, UnreachableTolerance
-from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface, fit_to_tolerance, weld
+from skin_calib_addon.geometry import Axis, TubeGrid, fit_surface, fit_to_count, fit_to_tolerance, weld
 from skin_calib_addon.geometry.fit.auto import net_size
 from skin_calib_addon.geometry.fit.surface_fit import fit_lines
 
@@ -58,6 +58,14 @@ def test_tolerance_below_the_facets_is_refused(wrist):
     achievable = caught.value.numbers["achievable"]
     best = fit_surface(wrist, TubeGrid(20, 60, Z, MARGIN)).errors.surface_to_mesh.mean
     assert_allclose(achievable, best, rtol=0.5)
+
+
+@pytest.mark.parametrize("region", [(Z, MARGIN), (Z, MARGIN, (-1.0, 1.5)), (Z, MARGIN, None, (1.0, 0.0, 0.0))])
+@pytest.mark.parametrize("fit, size", [(fit_to_tolerance, (5e-4, "max", 3)), (fit_to_count, (60, 3))])
+def test_region_by_position_is_the_region_by_name(wrist, fit, size, region):
+    """Every argument has a position, in the order of ``AutoGrid``: calls without names give the same surface."""
+    names = dict(zip(("axis", "margin", "sector", "normal"), region))
+    assert_array_equal(fit(wrist, *size, *region).surface.control_net, fit(wrist, *size, **names).surface.control_net)
 
 
 @pytest.mark.parametrize("tolerance, measure", [(0.0, "mean"), (-1.0, "mean"), (np.nan, "mean"), (1e-4, "median")])
