@@ -56,6 +56,23 @@ def cut_triangle(corners, point, normal):
     return np.array(ends) if ends else None
 
 
+def rim_in_plane(mesh, face, point, normal):
+    """Return the ends of a face's edge in a plane where the mesh ends at the plane; None without one.
+
+    The face is below the plane, no face at this edge is above it, and no other face below it is listed before.
+    """
+    corners = mesh.faces[face].tolist()
+    height = (mesh.vertices - point) @ normal
+    edge = [v for v in corners if height[v] == 0]
+    if len(edge) != 2 or min(height[corners]) == 0:
+        return None
+    for other, others in enumerate(mesh.faces.tolist()):
+        tips = [height[v] for v in others if v not in edge]
+        if len(tips) == 1 and (tips[0] > 0 or (tips[0] < 0 and other < face)):
+            return None
+    return mesh.vertices[edge]
+
+
 def cast_on_segments(origin, direction, segments):
     """Return the distance along one ray in the plane to the furthest segment that it hits; NaN for a miss."""
     furthest = np.nan

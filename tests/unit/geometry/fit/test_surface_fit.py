@@ -323,8 +323,8 @@ def test_too_few_planes_for_the_degree_are_refused(grid, degree, message):
             r"u-plane 4, through \(0\.0, 0\.0, 200\.0\) mm, does not intersect the mesh",
         ),
         (
-            TubeGrid(6, 12, Z_AXIS, margin=0.0),
-            r"u-plane 5, through \(0\.0, 0\.0, 100\.0\) mm, does not intersect the mesh",
+            planes_grid(np.linspace(0, 0.1001, 6)),
+            r"u-plane 5, through \(0\.0, 0\.0, 100\.1\) mm, does not intersect the mesh",
         ),
         (
             TubeGrid(6, 12, Axis((1, 0, 0), (0, 0, 1)), margin=0.01),

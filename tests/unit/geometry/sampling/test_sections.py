@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.planes import Planes, perpendicular
 from skin_calib_addon.geometry.sampling.sections import cut_sections
-from tests.oracles import cut_triangle
+from tests.oracles import cut_triangle, rim_in_plane
 from tests.shapes import LENGTH, RADIUS, Motion, box, cylinder, wrist
 
 seeds = st.integers(0, 2**32 - 1)
@@ -43,6 +43,7 @@ def assert_is_the_oracle(sections, mesh, planes):
     for i, (point, normal) in enumerate(zip(planes.points, planes.normals)):
         for j, corners in enumerate(mesh.triangles):
             expected, got = cut_triangle(corners, point, normal), found.pop((i, j), None)
+            expected = rim_in_plane(mesh, j, point, normal) if expected is None else expected
             assert (expected is None) == (got is None)
             if expected is not None:
                 off = min(np.abs(got - expected).max(), np.abs(got - expected[::-1]).max())
@@ -110,14 +111,43 @@ def test_section_through_vertices_is_closed(k, nudge):
     assert (turn * np.sign(turn.sum()) > -1e-12).all()
 
 
-def test_vertex_on_the_plane_counts_as_below():
-    """A plane through the top of a box meets nothing, one through its bottom meets all its sides."""
+def test_planes_through_top_and_bottom_meet_all_sides():
+    """A vertex on the plane counts as below it, and a rim of the mesh in the plane is a section."""
     block = box((0, 0, 0), (1, 1, 1))
     sections = cut_sections(block, level([0.0, 1.0]))
-    assert np.bincount(sections.plane, minlength=2).tolist() == [8, 0]
-    assert (sections.ends[..., 2] == 0).all()
-    ends = sections.ends
-    assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum(), 4.0, rtol=1e-15)  # each side once
+    assert np.bincount(sections.plane, minlength=2).tolist() == [8, 4]
+    assert (sections.ends[..., 2] == sections.plane[:, None]).all()
+    lengths = np.linalg.norm(sections.ends[:, 1] - sections.ends[:, 0], axis=1)
+    assert_allclose(np.bincount(sections.plane, lengths), 4.0, rtol=1e-15)  # each side once
+
+
+def test_ridge_in_the_plane_is_one_curve():
+    """Two faces below their common edge give it once; a face above the edge leaves the cut of that face."""
+    vertices, faces = ((0, 0, 1), (1, 0, 1), (0, 1, 0), (0, -1, 0), (0, 0, 2)), ((0, 1, 2), (1, 0, 3), (0, 1, 4))
+    roof, wall = weld(vertices, faces[:2]), weld(vertices, faces)
+    for planes in (level([1.0, 1.0]), tilted_too(level([1.0, 1.0]))):
+        for mesh in (roof, wall):
+            sections = cut_sections(mesh, planes)
+            assert np.bincount(sections.plane)[:2].tolist() == [1, 1]
+            assert (np.sort(sections.ends[0], axis=0) == ((0, 0, 1), (1, 0, 1))).all()
+
+
+@given(seed=seeds)
+def test_rim_and_cuts_next_to_it_are_one_closed_curve(seed):
+    """A tube whose upper rim is partly in the plane and partly above it: ends are equal to the bit."""
+    rng = np.random.default_rng(seed)
+    tube = cylinder(around=16, along=6)
+    top = tube.vertices[:, 2] == LENGTH
+    raised = tube.vertices + np.outer(top * rng.integers(0, 2, len(top)), (0, 0, rng.uniform(1e-4, 1e-2)))
+    motion = Motion(seed)
+    mesh = motion.mesh(weld(raised, tube.faces))
+    planes = Planes(motion.points((0, 0, LENGTH))[None], motion.directions(UP)[None])
+    for cut in (planes, tilted_too(planes)):
+        sections = cut_sections(mesh, cut)
+        ends = sections.ends[sections.plane == 0]
+        long = (ends[:, 0] != ends[:, 1]).any(axis=1)
+        starts, stops = (sorted(map(bytes, ends[long, k])) for k in (0, 1))
+        assert len(starts) >= 16 and starts == stops
 
 
 @pytest.mark.parametrize("planes", [level([0.02, 0.05]), tilted_too(level([0.02, 0.05]))])
