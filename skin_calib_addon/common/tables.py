@@ -78,7 +78,7 @@ def read_named_rows(text: str) -> Iterator[tuple[int, list[str]]]:
             cells, width = [cell.lower() for cell in cells], len(cells)
         elif len(cells) != width:
             column = min(len(cells), width) + 1
-            raise CellError(line, column, f"has {len(cells)} columns, but the header has {width}")
+            raise CellError(line, column, f"the row has {len(cells)} columns, but the header has {width}")
         yield line, cells
 
 

@@ -44,8 +44,7 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
 
     - ``x``, ``y``, ``z``: the tip of the probe in the link frame [m];
     - ``fx``, ``fy``, ``fz``, ``tx``, ``ty``, ``tz``: the wrench about the origin of the link, measured by a
-    force-torque
-      sensor [N, N m].
+      force-torque sensor [N, N m].
 
     The order and the case of the names are free. Other columns are ignored.
 
@@ -83,12 +82,12 @@ def read_touches(path: str | os.PathLike[str], calibration: LinkCalibration) -> 
         for line, row in table:
             if row[owner] not in known:
                 hint = did_you_mean(row[owner], known) if who == "taxel" else ""
-                raise CellError(line, owner + 1, f"names no {who} of the calibration: {show(row[owner])}{hint}")
+                raise CellError(line, owner + 1, f"the calibration has no {who} {show(row[owner])}{hint}")
             names.append(known[row[owner]])
             lines.append(line)
             points_and_directions.append(_place(row, columns, line))
         if not names:
-            raise CellError(line, 1, "has no touch below it")
+            raise CellError(line, 1, "the table has no row below its header")
     points, directions = (np.array(part) for part in zip(*points_and_directions))
     return Touches(tuple(names), np.array(lines), points, directions)
 
@@ -110,8 +109,8 @@ def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]
         far = int(np.abs(numbers).argmax())
         if abs(numbers[far]) > MAX_COORDINATE:
             message = (
-                f"has {numbers[far]:g} m, more than {MAX_COORDINATE:g} m from the link's origin. Coordinates are in "
-                "metres; divide millimetres by 1000"
+                f"the coordinate {numbers[far]:g} m is more than {MAX_COORDINATE:g} m from the origin of the link. "
+                "Coordinates are in metres; divide millimetres by 1000"
             )
             raise CellError(line, columns[far] + 1, message)
         return numbers, np.zeros(3)
@@ -119,8 +118,8 @@ def _place(row: list[str], columns: list[int], line: int) -> tuple[Array, Array]
     strength = float(np.linalg.norm(force))
     if not MIN_FORCE <= strength < np.inf:
         message = (
-            f"has a force of {strength:.3g} N, too small for a reliable line of action. Remove touches below "
-            f"{MIN_FORCE:g} N"
+            f"the force of {strength:.3g} N gives no reliable line of action, which needs {MIN_FORCE:g} N or more. "
+            "Remove this touch"
         )
         raise CellError(line, columns[0] + 1, message)
     return np.cross(force / strength, moment / strength), unit(force)

@@ -84,7 +84,7 @@ def test_what_cannot_be_compared_or_moved_says_why(bpy, table, tmp_path):
     bpy.ops.skin_calib.touches(filepath=str(table))
     wrong = tmp_path / "wrong.csv"
     wrong.write_text("taxel,x,y,z\nnone,0,0,0\n")
-    with pytest.raises(RuntimeError, match="line 2, column 1: names no taxel of the calibration"):
+    with pytest.raises(RuntimeError, match="line 2, column 1: the calibration has no taxel"):
         bpy.ops.skin_calib.touches(filepath=str(wrong))
     found = bpy.context.object.skin_calib.inspect.touches
     assert found.file == str(table)

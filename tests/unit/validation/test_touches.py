@@ -229,17 +229,20 @@ def test_tables_are_read_by_their_names(tmp_path):
     [
         ([("taxel", "x", "y")], 'line 1, column 4: the header names no column "z"'),
         ([("id", "x", "y", "z")], 'line 1, column 5: the header names no column "taxel"'),
-        ([("taxel", "x", "y", "z")], "line 1, column 1: has no touch below it"),
-        ([("taxel", "x", "y", "z"), ("s1.2", 0, 0)], "line 2, column 4: has 3 columns, but the header has 4"),
+        ([("taxel", "x", "y", "z")], "line 1, column 1: the table has no row below its header"),
+        ([("taxel", "x", "y", "z"), ("s1.2", 0, 0)], "line 2, column 4: the row has 3 columns, but the header has 4"),
         (
             [("taxel", "x", "y", "z"), ("s1.22", 0, 0, 0)],
-            'line 2, column 1: names no taxel of the calibration: "s1.22"',
+            'line 2, column 1: the calibration has no taxel "s1.22"',
         ),
-        ([("channel", "x", "y", "z"), (900, 0, 0, 0)], 'line 2, column 1: names no channel of the calibration: "900"'),
+        ([("channel", "x", "y", "z"), (900, 0, 0, 0)], 'line 2, column 1: the calibration has no channel "900"'),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, "nan", 0)], "line 2, column 3: "),
         ([("taxel", "x", "y", "z"), ("s1.2", 0, 31.5, 0)], "divide millimetres by 1000"),
         ([("taxel", "fx", "fy", "fz", "tx", "ty")], 'the header names no column "tz"'),
-        ([("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), ("s1.2", 0, 0, 0.01, 0, 0, 0)], "has a force of 0.01 N"),
+        (
+            [("taxel", "fx", "fy", "fz", "tx", "ty", "tz"), ("s1.2", 0, 0, 0.01, 0, 0, 0)],
+            "column 2: the force of 0.01 N gives no reliable line of action",
+        ),
     ],
 )
 def test_error_of_a_table_is_one_line(tmp_path, table, message):
