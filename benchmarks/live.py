@@ -28,7 +28,7 @@ def main():
     repository = bpy.context.preferences.extensions.repos.new(name="b", module="b", custom_directory=str(folder))
     name = f"bl_ext.{repository.module}.skin_calib"
     assert addon_utils.enable(name, default_set=True)
-    live = importlib.import_module(f"{name}.skin_calib_addon.blender.live.live")
+    live = importlib.import_module(f"{name}.skin_calib_addon.blender.live.updates")
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / "wrist.blend"))
     link = bpy.context.object
     plan = link.skin_calib

@@ -55,7 +55,7 @@ def drive(gui):
 
 def measure(gui, name, link):
     """Print one line of the table."""
-    overlay = ours("overlay")
+    overlay = ours("overlay.drawing")
     region = next(r for r in gui.area().regions if r.type == "WINDOW")
     took = []
     with gui.context():

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.overlay import overlay
+from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.scene import scene, skins
 from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.fields import written_cells
@@ -35,7 +35,7 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
     def boards(self, context):
         """Return the skin and its boards of the last fit."""
         plan = context.object.skin_calib
-        skin, patches = self.of_kind(plan, "hexagons", "boards"), overlay.patches_of(context.object)
+        skin, patches = self.of_kind(plan, "hexagons", "boards"), drawing.patches_of(context.object)
         if len(patches) != len(plan.skins) or patches[self.skin].kind != "hexagons":
             raise SkinCalibError("Fit the link first, to see its boards.")
         return skin, patches[self.skin].taxels

@@ -6,9 +6,9 @@ from time import perf_counter
 import bpy
 from mathutils import Vector
 
-from ..skin_calib_addon.blender.live import live
+from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.background import Work
-from ..skin_calib_addon.blender.overlay import overlay
+from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.scene import results, scene, skins
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .on_link import OnLink, OnResult
@@ -33,15 +33,15 @@ class SKIN_OT_fit(OnLink, bpy.types.Operator):
 
     def task(self, context):
         """Read the scene, and return the computation, which needs no Blender."""
-        plan, facets = scene.read_plan(context.object, context.scene), live.facets_of(context.object)
+        plan, facets = scene.read_plan(context.object, context.scene), updates.facets_of(context.object)
         self.given = plan, facets
         return lambda begin: results.fit(plan, facets.mesh(), begin)
 
     def keep(self, context, link, key, result):
         """Store and draw the result, and report its errors."""
-        overlay.prepare(key, result)
+        drawing.prepare(key, result)
         scene.write_result(link, context.scene, result, key)
-        overlay.redraw()
+        drawing.redraw()
         mean = result.fit.errors.surface_to_mesh.mean
         self.report({"INFO"}, f"{link.skin_calib.link}: mean error {mean * 1e3:.4f} mm")
         for warning in result.warnings:  # last, because the window shows what was reported last

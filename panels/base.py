@@ -3,7 +3,7 @@
 
 import textwrap
 
-from ..skin_calib_addon.blender.live import live
+from ..skin_calib_addon.blender.live import updates
 
 # Characters in a line of the sidebar at its initial width.
 LINE_WIDTH = 34
@@ -45,7 +45,7 @@ def show_warning(layout, warning):
 
 def what_is_wrong(settings, family, index):
     """Return why a plane is drawn red, from the last sketch of the planes of the link; empty if it is valid."""
-    sketch = live.sketches.get(settings.id_data.name)
+    sketch = updates.sketches.get(settings.id_data.name)
     return sketch.wrong.get((family, index), "") if sketch else ""
 
 

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.live import live
+from ..skin_calib_addon.blender.live import updates
 from .base import SkinPanel, show_text, show_warning
 
 
@@ -14,7 +14,7 @@ class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("skin_calib.fit", icon="SURFACE_DATA")
         row.prop(plan, "live", toggle=True, icon="PLAY")
-        result, note = plan.result, live.reports.get(plan.id_data.name)
+        result, note = plan.result, updates.reports.get(plan.id_data.name)
         if note and note.problem:
             show_text(layout, note.problem, "ERROR")
         if not result.key:

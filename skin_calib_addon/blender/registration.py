@@ -7,8 +7,8 @@ from types import ModuleType
 from . import command
 from .handles import plane_handles, skin_handles
 from .inspection import replay
-from .live import diagnoses, live
-from .overlay import overlay
+from .live import diagnoses, updates
+from .overlay import drawing
 from .properties import link as properties
 from .scene import results
 
@@ -24,7 +24,7 @@ def register(package: str) -> None:
         Name of the extension's package, which contains ``operators`` and ``panels``.
     """
     outside = [import_module(f"{package}.{name}") for name in ("operators", "panels")]
-    for module in (properties, *outside, overlay, live, diagnoses, plane_handles, skin_handles, replay, command):
+    for module in (properties, *outside, drawing, updates, diagnoses, plane_handles, skin_handles, replay, command):
         module.register()
         _modules.append(module)
 

@@ -56,7 +56,7 @@ def bpy(extension):
 def addon(extension, bpy):
     """Return the extension's modules, which differ from those that plain Python imports."""
 
-    found = modules(extension, "command", "live.diagnoses", "overlay.overlay", "scene.results", "scene.scene")
+    found = modules(extension, "command", "live.diagnoses", "overlay.drawing", "scene.results", "scene.scene")
     found.plan_document = importlib.import_module(f"{extension}.skin_calib_addon.plan").plan_document
     found.skins = importlib.import_module(f"{extension}.skin_calib_addon.plan.skins")
     return found
@@ -73,9 +73,9 @@ def document(addon, bpy):
 
 
 @pytest.fixture
-def live(extension):
+def updates(extension):
     """Return the module of the running extension."""
-    return modules(extension, "live.live").live
+    return modules(extension, "live.updates").updates
 
 
 @pytest.fixture
@@ -131,9 +131,9 @@ def fit_scene(addon, tmp_path):
     return fit
 
 
-def look(live):
+def look(updates):
     """Run the timer until all changes are drawn."""
-    while live.tick() == live.POLL_INTERVAL:
+    while updates.tick() == updates.POLL_INTERVAL:
         pass
 
 

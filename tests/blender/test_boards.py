@@ -17,7 +17,7 @@ def boards(bpy, plan_file):
 
 def taxels(addon, link):
     """Return the drawn taxels of the last fit."""
-    return addon.overlay.patches_of(link)[0].taxels
+    return addon.drawing.patches_of(link)[0].taxels
 
 
 @pytest.fixture

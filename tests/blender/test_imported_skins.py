@@ -152,11 +152,11 @@ def test_wrong_frame_is_refused_and_found_by_one_click(bpy, addon, plan_file, tm
 
 def taxels(addon):
     """Return the positions of the taxels of the fitted link [m]."""
-    (patch,) = addon.overlay.patches_of(sys.modules["bpy"].context.object)
+    (patch,) = addon.drawing.patches_of(sys.modules["bpy"].context.object)
     return patch.taxels.positions_link
 
 
-def test_changed_file_is_read_again(bpy, addon, worn, live, tmp_path):
+def test_changed_file_is_read_again(bpy, addon, worn, updates, tmp_path):
     """Fit and preview use the taxels of the new file."""
     bpy.ops.skin_calib.fit()
     assert len(taxels(addon)) == 40
@@ -169,28 +169,28 @@ def test_changed_file_is_read_again(bpy, addon, worn, live, tmp_path):
         path.write_text("\n".join(path.read_text().splitlines()[:rows]) + "\n")
         worn.skin_calib.grid.n = n
         worn.skin_calib.result.outdated = True
-        look(live)
-        (cells,) = [layer for layer in addon.overlay.previews[worn.name].shown({"CELLS"}) if layer.what == "CELLS"]
+        look(updates)
+        (cells,) = [layer for layer in addon.drawing.previews[worn.name].shown({"CELLS"}) if layer.what == "CELLS"]
         assert len(cells.points) == (rows - 1) * 16 * 2
 
 
-def test_live_follows_a_frame_that_changes(bpy, addon, worn, live):
+def test_live_follows_a_frame_that_changes(bpy, addon, worn, updates):
     """Taxels move with the numbers; when they are off the mesh, the panel states the problem."""
     worn.skin_calib.live = True
-    look(live)
+    look(updates)
     before = cells(addon, worn)
     skin = worn.skin_calib.skins[0]
     skin.framed, skin.translation = True, (0, 0, 0.001)
-    look(live)
+    look(updates)
     assert np.allclose(cells(addon, worn).mean(axis=0) - before.mean(axis=0), (0, 0, 0.001), atol=1e-4)
     skin.translation = (0.3, 0, 0)
-    look(live)
-    assert live.reports[worn.name].problem.endswith("if that is right, press Find Frame")
+    look(updates)
+    assert updates.reports[worn.name].problem.endswith("if that is right, press Find Frame")
 
 
 def cells(addon, link):
     """Return the corners of the cells of a preview."""
-    (layer,) = [layer for layer in addon.overlay.previews[link.name].shown({"CELLS"}) if layer.what == "CELLS"]
+    (layer,) = [layer for layer in addon.drawing.previews[link.name].shown({"CELLS"}) if layer.what == "CELLS"]
     return layer.points
 
 

@@ -14,7 +14,7 @@ LINES = {"SECTIONS", "LINES", "NET", "SURFACE", "CELLS", "NORMALS"}
 @pytest.fixture
 def ours(extension, bpy):
     """Return modules of the running extension."""
-    names = ("overlay.layers", "overlay.scales", "overlay.labels", "overlay.overlay")
+    names = ("overlay.layers", "overlay.scales", "overlay.labels", "overlay.drawing")
     return modules(extension, *names, "scene.units", "scene.results", "scene.scene")
 
 
@@ -155,17 +155,17 @@ def test_layers_are_switched_by_the_link(ours, fitted):
     """There is one heat map at a time; layers of other modules need no switch."""
     looks = fitted.skin_calib.inspect
     fitted.skin_calib.layers = {"CELLS", "NET"}
-    assert [a.what for a in ours.overlay.shown_layers(fitted)] == ["NET", "CELLS"]
+    assert [a.what for a in ours.drawing.shown_layers(fitted)] == ["NET", "CELLS"]
     looks.heat, looks.labels = "TILT", "ID"
-    assert [a.what for a in ours.overlay.shown_layers(fitted)] == ["TILT", "NET", "CELLS", "LABELS"]
+    assert [a.what for a in ours.drawing.shown_layers(fitted)] == ["TILT", "NET", "CELLS", "LABELS"]
     own = ours.layers.Layer("OTHER", np.zeros((2, 3), np.float32))
-    ours.overlay.set_layers("planes", fitted.name, (own,))
-    assert list(ours.overlay.shown_layers(fitted))[-1] is own
-    ours.overlay.previews[fitted.name] = (own,)
-    assert list(ours.overlay.shown_layers(fitted)) == [own, own]
-    del ours.overlay.previews[fitted.name]
-    ours.overlay.remove_layers("planes", fitted.name)
-    assert "PLANES" not in {a.what for a in ours.overlay.shown_layers(fitted)}
+    ours.drawing.set_layers("planes", fitted.name, (own,))
+    assert list(ours.drawing.shown_layers(fitted))[-1] is own
+    ours.drawing.previews[fitted.name] = (own,)
+    assert list(ours.drawing.shown_layers(fitted)) == [own, own]
+    del ours.drawing.previews[fitted.name]
+    ours.drawing.remove_layers("planes", fitted.name)
+    assert "PLANES" not in {a.what for a in ours.drawing.shown_layers(fitted)}
 
 
 def test_labels_that_overlap_are_left_out(ours):
@@ -214,15 +214,15 @@ def test_taxel_is_read_by_id_and_by_channel(bpy, ours, fitted, result):
     assert_allclose(strain, taxels.quality["strain"][4], rtol=1e-5)
     assert_allclose(taxel.area, 1e6 * taxels.areas[4], rtol=1e-5)
     assert taxel.neighbours == "band.0.1, band.1.0, band.1.2" and taxel.has_strain and taxel.has_tilt
-    marks = [a for a in ours.overlay.shown_layers(link) if a.what == "MARKED"]
+    marks = [a for a in ours.drawing.shown_layers(link) if a.what == "MARKED"]
     assert [len(a.points) for a in marks] == [3 * 8, 8, 2]
     assert_allclose(marks[1].points[::2], taxels.corners_link[4], atol=1e-7)
     bpy.ops.ed.undo()
     link = bpy.context.object
     assert not link.skin_calib.inspect.taxel.id
-    assert "MARKED" not in {a.what for a in ours.overlay.shown_layers(link)}
+    assert "MARKED" not in {a.what for a in ours.drawing.shown_layers(link)}
     bpy.ops.ed.redo()
-    assert len([a for a in ours.overlay.shown_layers(bpy.context.object) if a.what == "MARKED"]) == 3
+    assert len([a for a in ours.drawing.shown_layers(bpy.context.object) if a.what == "MARKED"]) == 3
 
 
 def test_typed_taxel_is_read_at_once(bpy, ours, fitted):
@@ -238,7 +238,7 @@ def test_typed_taxel_is_read_at_once(bpy, ours, fitted):
     assert not taxel.problem
     fitted.skin_calib.grid.n += 1
     bpy.ops.skin_calib.fit()
-    assert "MARKED" not in {a.what for a in ours.overlay.shown_layers(fitted)}
+    assert "MARKED" not in {a.what for a in ours.drawing.shown_layers(fitted)}
 
 
 def test_link_without_a_result_has_no_taxels(bpy, ours, link):
@@ -292,7 +292,7 @@ def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
     assert (found.pairs, found.by, found.worst, found.remarks) == (6, "by id", "band.1.2", "")
     assert_allclose((found.mean, found.max), (0.8 / 6, 0.3), rtol=1e-4)
     assert found.has_angles and found.max_angle < 1e-4
-    lines, worst = (a for a in ours.overlay.shown_layers(link) if a.what == "COMPARED")
+    lines, worst = (a for a in ours.drawing.shown_layers(link) if a.what == "COMPARED")
     assert_allclose(
         lines.points[1::2] - lines.points[::2], [(3e-4 if k == 5 else 1e-4, 0, 0) for k in range(6)], atol=2e-8
     )
@@ -302,7 +302,7 @@ def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
     bpy.ops.ed.undo()
     link = bpy.context.object
     assert not link.skin_calib.inspect.comparison.file
-    assert "COMPARED" not in {a.what for a in ours.overlay.shown_layers(link)}
+    assert "COMPARED" not in {a.what for a in ours.drawing.shown_layers(link)}
 
 
 def test_comparison_ends_on_request_and_with_another_fit(bpy, ours, fitted, tmp_path):
@@ -314,12 +314,12 @@ def test_comparison_ends_on_request_and_with_another_fit(bpy, ours, fitted, tmp_
     assert found.max == 0 and found.file == str(path)
     fitted.skin_calib.grid.n += 1
     bpy.ops.skin_calib.fit()
-    assert found.pairs == 6 and "COMPARED" not in {a.what for a in ours.overlay.shown_layers(fitted)}
+    assert found.pairs == 6 and "COMPARED" not in {a.what for a in ours.drawing.shown_layers(fitted)}
     bpy.ops.skin_calib.compare(filepath=str(path))
-    assert "COMPARED" in {a.what for a in ours.overlay.shown_layers(fitted)} and found.max > 0
+    assert "COMPARED" in {a.what for a in ours.drawing.shown_layers(fitted)} and found.max > 0
     bpy.ops.skin_calib.compare_end()
     assert not fitted.skin_calib.inspect.comparison.file
-    assert "COMPARED" not in {a.what for a in ours.overlay.shown_layers(fitted)}
+    assert "COMPARED" not in {a.what for a in ours.drawing.shown_layers(fitted)}
 
 
 def test_file_that_cannot_be_compared_is_refused(bpy, fitted, tmp_path):

@@ -15,119 +15,120 @@ def following(bpy, link, addon):
     return bpy.context.object
 
 
-def rest(live, monkeypatch):
+def rest(updates, monkeypatch):
     """Run the timer until the complete fit has ended."""
-    while live.tick() is not None:
-        monkeypatch.setattr(live, "FIT_DELAY", 0.0)
+    while updates.tick() is not None:
+        monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
 
 
-def test_surface_and_skin_follow_a_change(bpy, addon, live, following, monkeypatch):
+def test_surface_and_skin_follow_a_change(bpy, addon, updates, following, monkeypatch):
     """A preview with its mean error is drawn at once; after a delay the result is that of the button."""
     plan = following.skin_calib
     before = plan.result.key
     plan.grid.n += 2
-    assert plan.result.outdated and bpy.app.timers.is_registered(live.tick)
-    look(live)
-    assert following.name in addon.overlay.previews and plan.result.key == before
-    assert 0 < live.reports[following.name].mean < 1e-3
-    rest(live, monkeypatch)
-    assert not addon.overlay.previews and not live.reports and not plan.result.outdated
+    assert plan.result.outdated and bpy.app.timers.is_registered(updates.tick)
+    look(updates)
+    assert following.name in addon.drawing.previews and plan.result.key == before
+    assert 0 < updates.reports[following.name].mean < 1e-3
+    rest(updates, monkeypatch)
+    assert not addon.drawing.previews and not updates.reports and not plan.result.outdated
     followed = plan.result.key, plan.result.mean
     bpy.ops.skin_calib.fit()
     assert (plan.result.key, plan.result.mean) == followed and followed[0] != before
 
 
-def test_many_changes_make_one_fit(live, preview, following, monkeypatch):
+def test_many_changes_make_one_fit(updates, preview, following, monkeypatch):
     """During many changes only the last state is fitted."""
     fits = []
     monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
     for n in range(6, 16):
         following.skin_calib.grid.n = n
-    look(live)
-    look(live)
+    look(updates)
+    look(updates)
     assert len(fits) == 1
 
 
-def test_change_of_a_skin_needs_no_other_surface(bpy, addon, live, preview, following, monkeypatch):
+def test_change_of_a_skin_needs_no_other_surface(bpy, addon, updates, preview, following, monkeypatch):
     """Changes of the skin use the last surface; planes and mesh need a new one."""
     fits = []
     monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
     plan = following.skin_calib
     plan.grid.n += 1
-    look(live)
+    look(updates)
     for rows in (1, 3):
         plan.skins[0].rows = rows
-        look(live)
-        cells = next(a for a in addon.overlay.previews[following.name] if a.what == "CELLS")
+        look(updates)
+        cells = next(a for a in addon.drawing.previews[following.name] if a.what == "CELLS")
         assert len(cells.points) == rows * plan.skins[0].columns * 8
     assert len(fits) == 1
     following.data.vertices[0].co.z += 1e-4
     plan.skins[0].rows = 2
-    look(live)
+    look(updates)
     plan.grid.n += 1
-    look(live)
+    look(updates)
     assert len(fits) == 3
-    rest(live, monkeypatch)
+    rest(updates, monkeypatch)
     assert not plan.result.outdated
 
 
-def test_plan_that_cannot_be_fitted_says_why_and_recovers(live, following, monkeypatch):
+def test_plan_that_cannot_be_fitted_says_why_and_recovers(updates, following, monkeypatch):
     """The last result stays; the next valid plan is drawn again."""
     plan = following.skin_calib
     key = plan.result.key
     plan.skins[0].rows = 900
-    rest(live, monkeypatch)
-    assert "beyond the edge" in live.reports[following.name].problem and plan.result.key == key and plan.result.outdated
+    rest(updates, monkeypatch)
+    assert "beyond the edge" in updates.reports[following.name].problem
+    assert plan.result.key == key and plan.result.outdated
     plan.skins[0].rows = 2
-    rest(live, monkeypatch)
-    assert not live.reports and not plan.result.outdated
+    rest(updates, monkeypatch)
+    assert not updates.reports and not plan.result.outdated
 
 
-def test_link_that_does_not_follow_is_left_alone(bpy, live, link):
+def test_link_that_does_not_follow_is_left_alone(bpy, updates, link):
     """Without Live a change starts no fit; when Live is switched off, requests are removed."""
     bpy.ops.skin_calib.fit()
     plan = bpy.context.object.skin_calib
     plan.grid.n += 1
-    assert live.tick() is None and plan.result.outdated
+    assert updates.tick() is None and plan.result.outdated
     plan.live = True
     plan.live = False
-    assert live.tick() is None and plan.result.outdated
+    assert updates.tick() is None and plan.result.outdated
 
 
-def test_removed_and_renamed_objects_are_forgotten(bpy, live, following):
+def test_removed_and_renamed_objects_are_forgotten(bpy, updates, following):
     """Requests of renamed and deleted objects, and of those without a link name, are removed."""
     plan = following.skin_calib
     plan.grid.n += 1
     following.name = "other"
-    assert live.tick() is None
+    assert updates.tick() is None
     plan.grid.n += 1
     plan.link = ""
-    assert live.tick() is None
+    assert updates.tick() is None
     plan.link = "arm"
     bpy.data.objects.remove(following)
-    assert live.tick() is None
+    assert updates.tick() is None
 
 
-def test_undo_removes_the_preview(bpy, addon, live, following, monkeypatch):
+def test_undo_removes_the_preview(bpy, addon, updates, following, monkeypatch):
     """The link is then updated to the restored plan."""
     bpy.ops.ed.undo_push(message="before")
     following.skin_calib.grid.n = 14
     bpy.ops.ed.undo_push(message="after")
-    look(live)
-    assert addon.overlay.previews
+    look(updates)
+    assert addon.drawing.previews
     bpy.ops.ed.undo()
     link = bpy.context.object
-    assert not addon.overlay.previews and link.skin_calib.grid.n != 14
-    rest(live, monkeypatch)
+    assert not addon.drawing.previews and link.skin_calib.grid.n != 14
+    rest(updates, monkeypatch)
     assert not link.skin_calib.result.outdated
 
 
-def test_new_file_removes_requests(bpy, addon, live, following):
+def test_new_file_removes_requests(bpy, addon, updates, following):
     """Nothing of the old file is fitted in the new one."""
     following.skin_calib.grid.n += 1
-    look(live)
+    look(updates)
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert not addon.overlay.previews and not live.reports and live.tick() is None
+    assert not addon.drawing.previews and not updates.reports and updates.tick() is None
 
 
 OTHER = {
@@ -139,72 +140,72 @@ OTHER = {
 
 @pytest.mark.parametrize("change", OTHER.values(), ids=OTHER)
 @pytest.mark.parametrize("follow", [False, True])
-def test_other_mesh_modifier_or_place_outdates_the_result(bpy, live, link, change, follow, monkeypatch):
+def test_other_mesh_modifier_or_place_outdates_the_result(bpy, updates, link, change, follow, monkeypatch):
     """This is for links with and without Live; edits without an effect do not count."""
     bpy.ops.skin_calib.fit()
     link = bpy.context.object
     link.skin_calib.live = follow
     for act in (lambda link: None, change):
-        rest(live, monkeypatch)
+        rest(updates, monkeypatch)
         assert not link.skin_calib.result.outdated
         key = link.skin_calib.result.key
         act(link)
         link.data.update()
         bpy.context.view_layer.update()
-        live.tick()
+        updates.tick()
     assert link.skin_calib.result.outdated
-    rest(live, monkeypatch)
+    rest(updates, monkeypatch)
     assert link.skin_calib.result.outdated != follow
     assert (link.skin_calib.result.key != key) == follow
 
 
-def test_fit_runs_in_a_thread(bpy, live, following, monkeypatch):
+def test_fit_runs_in_a_thread(bpy, updates, following, monkeypatch):
     """A change during the last step stops the fit, and the result of the new plan is kept."""
     go_on, begun = Event(), Event()
 
-    def slowly(plan, mesh, begin, real=live.results.fit):
+    def slowly(plan, mesh, begin, real=updates.results.fit):
         begun.set()
         go_on.wait(20)
         return real(plan, mesh, begin)
 
     plan = following.skin_calib
-    monkeypatch.setattr(live.results, "fit", slowly)
+    monkeypatch.setattr(updates.results, "fit", slowly)
     plan.grid.n = 8
-    look(live)
-    monkeypatch.setattr(live, "FIT_DELAY", 0.0)
-    assert live.tick() == live.POLL_INTERVAL and begun.is_set()
+    look(updates)
+    monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
+    assert updates.tick() == updates.POLL_INTERVAL and begun.is_set()
     plan.grid.n = 12
-    look(live)
-    assert live.reports[following.name].mean > 0, "the new plan is drawn while the old fit still runs"
+    look(updates)
+    assert updates.reports[following.name].mean > 0, "the new plan is drawn while the old fit still runs"
     go_on.set()
-    rest(live, monkeypatch)
+    rest(updates, monkeypatch)
     assert not plan.result.outdated and plan.result.control_points == 12 * 12
 
 
-def test_link_that_does_not_follow_is_never_fitted(bpy, live, link, monkeypatch):
+def test_link_that_does_not_follow_is_never_fitted(bpy, updates, link, monkeypatch):
     """Its cuts are sketched, but only the button fits it."""
     bpy.ops.skin_calib.fit()
     key = link.skin_calib.result.key
-    monkeypatch.setattr(live, "FIT_DELAY", 0.0)
+    monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
     bpy.context.scene.cursor.location = (0, 0, 0.03)
     bpy.ops.skin_calib.cut_add()
-    rest(live, monkeypatch)
-    assert link.name in live.sketches and link.skin_calib.result.outdated and link.skin_calib.result.key == key
+    rest(updates, monkeypatch)
+    assert link.name in updates.sketches and link.skin_calib.result.outdated and link.skin_calib.result.key == key
 
 
-def test_mesh_that_changes_by_reading_is_compared_once(bpy, live, link, monkeypatch):
+def test_mesh_that_changes_by_reading_is_compared_once(bpy, updates, link, monkeypatch):
     """Blender evaluates an object with nodes again when its property is written or its mesh is read."""
     bpy.ops.skin_calib.fit()
     looks = []
 
-    def touching(link, context, real=live.scene.read_facets):
+    def touching(link, context, real=updates.scene.read_facets):
         looks.append(link.name)
         assert len(looks) < 9, "endless comparison"
-        live._possibly_changed.add(link.name)
+        updates._possibly_changed.add(link.name)
         return real(link, context)
 
-    monkeypatch.setattr(live.scene, "read_facets", touching)
+    monkeypatch.setattr(updates.scene, "read_facets", touching)
     link.location = (0.001, 0, 0)
     bpy.context.view_layer.update()
-    live._check_possibly_changed()
+    updates._check_possibly_changed()
     assert looks == ["arm"] and link.skin_calib.result.outdated

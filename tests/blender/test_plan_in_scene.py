@@ -137,7 +137,7 @@ def test_steps_are_undone_and_redone_one_by_one(bpy, addon, link):
 
     def state():
         plan = bpy.context.scene.objects["arm"].skin_calib
-        drawn = bool(addon.overlay._prepared.get(plan.result.key))
+        drawn = bool(addon.drawing._prepared.get(plan.result.key))
         points = [len(entries) for s in plan.skins for entries in (s.landmarks, s.excluded)]
         return len(plan.skins), len(plan.cover.cuts), sum(points), plan.result.taxels, plan.result.outdated, drawn
 
@@ -310,7 +310,7 @@ def test_overlay_draws_boards_as_it_draws_cells(bpy, addon, plan_file):
     bpy.ops.skin_calib.fit()
     key = bpy.context.object.skin_calib.result.key
     (patch,) = addon.results.find(key).calibration.patches
-    outlines, sticks = addon.overlay._prepared[key].shown({"CELLS", "NORMALS"})
+    outlines, sticks = addon.drawing._prepared[key].shown({"CELLS", "NORMALS"})
     corners = patch.taxels.corners_link
     sides = np.stack((corners, np.roll(corners, -1, axis=1)), axis=2)
     assert_allclose(outlines.points.reshape(3, 6, 2, 3), sides, atol=1e-7)

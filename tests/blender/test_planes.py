@@ -70,11 +70,11 @@ def test_first_plane_is_at_the_cursor(bpy, link):
         bpy.ops.skin_calib.plane_remove(family="u", index=4)
 
 
-def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, live):
+def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, updates):
     """A plane can miss the mesh, be in the wrong order, or have no normal; a cut can remove all or nothing."""
     grid = placed.skin_calib.grid
-    look(live)
-    sketch = live.sketches[placed.name]
+    look(updates)
+    sketch = updates.sketches[placed.name]
     assert not sketch.wrong and {("U", 4), ("V", 5)} < sketch.arms.keys()
     grid.u[4].point[2] += 1
     grid.v[0].normal = (0, 0, 0)
@@ -83,25 +83,25 @@ def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, live):
         bpy.ops.skin_calib.cut_add()
         cut = placed.skin_calib.cover.cuts[-1]
         cut.point, cut.normal = point, normal
-    look(live)
-    wrong = live.sketches[placed.name].wrong
+    look(updates)
+    wrong = updates.sketches[placed.name].wrong
     assert wrong["U", 4].startswith("misses the mesh; distance 9") and wrong["V", 0] == "has a normal of length zero"
     assert wrong["U", 2] == "is not beyond u-plane 1"
     assert wrong["CUT", 0] == "removes the complete mesh. Flip its normal"
     assert wrong["CUT", 1].startswith("removes nothing; distance 1")
 
 
-def test_cut_shows_the_removed_part(bpy, addon, live, link):
+def test_cut_shows_the_removed_part(bpy, addon, updates, link):
     """Red triangles are on the far side of the plane only."""
     bpy.ops.skin_calib.cut_add()
     cut = link.skin_calib.cover.cuts[0]
     cut.point, cut.normal = (0, 0, 0.06), (0, 0, -1)
-    look(live)
-    removed = next(a for a in addon.overlay.additional["planes"][link.name] if a.colours is not None)
+    look(updates)
+    removed = next(a for a in addon.drawing.additional["planes"][link.name] if a.colours is not None)
     assert removed.points[:, 2].min() > 0.06 - 1e-6 and removed.points[:, 2].max() > 0.09
     bpy.ops.skin_calib.cut_remove(index=0)
-    look(live)
-    assert link.name not in addon.overlay.additional["planes"]
+    look(updates)
+    assert link.name not in addon.drawing.additional["planes"]
 
 
 def test_axis_goes_through_two_sections(bpy, link):

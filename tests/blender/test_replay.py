@@ -13,7 +13,7 @@ from tests.blender.test_inspect import by_name
 @pytest.fixture
 def ours(extension, bpy):
     """Return modules of the running extension."""
-    return modules(extension, "overlay.overlay", "inspection.replay", "scene.results", "registration")
+    return modules(extension, "overlay.drawing", "inspection.replay", "scene.results", "registration")
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def shown(bpy, link, record):
 
 def drawn(ours, link):
     """Return the drawn layers of a link by name."""
-    return by_name(ours.overlay.shown_layers(link))
+    return by_name(ours.drawing.shown_layers(link))
 
 
 def pressed(ours, link):
@@ -76,7 +76,7 @@ def test_flat_skin_shows_cop_and_polygons(bpy, ours, record, tmp_path):
     row = ",".join(["0.0", *("3.0" if c % 20 in (3, 15) else "0" for c in range(160))])
     path.write_text(",".join(["time", *(f"c{c}" for c in range(160))]) + "\n" + row + "\n")
     bpy.ops.skin_calib.replay_open(filepath=str(path))
-    layers = list(ours.overlay.shown_layers(link))
+    layers = list(ours.drawing.shown_layers(link))
     polygons = [a for a in layers if a.what == "POLYGONS"]
     taxels = ours.results.find(link.skin_calib.result.key).calibration.patches[0].taxels
     loaded = taxels.positions_link[np.isin(np.arange(160) % 20, (3, 15))]

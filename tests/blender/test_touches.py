@@ -10,7 +10,7 @@ from tests.blender.conftest import BAND, modules
 @pytest.fixture
 def ours(extension):
     """Return modules of the running extension."""
-    return modules(extension, "overlay.overlay", "scene.results", "scene.scene")
+    return modules(extension, "overlay.drawing", "scene.results", "scene.scene")
 
 
 @pytest.fixture(params=[1.0, 0.001], ids=["m", "mm"])
@@ -34,7 +34,7 @@ def taxels_of(bpy, ours):
 
 def shown(bpy, ours):
     """Return the drawn layers of touches."""
-    return [layer for layer in ours.overlay.shown_layers(bpy.context.object) if layer.what == "TOUCHED"]
+    return [layer for layer in ours.drawing.shown_layers(bpy.context.object) if layer.what == "TOUCHED"]
 
 
 def test_touches_are_reported_drawn_and_removed(bpy, ours, table):

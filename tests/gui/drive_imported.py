@@ -52,7 +52,7 @@ def chooses_the_file(gui, path):
 def reports_the_frame(gui):
     """Live reports why the taxels cannot be placed, and continues when they can."""
     yield from follow(gui)
-    reports = ours("live.live").reports
+    reports = ours("live.updates").reports
     yield from gui.wait(lambda: any("off the mesh" in t.problem for t in reports.values()), 60, "the refusal")
     yield from hover_view(gui)
     yield from gui.redraw(3)

@@ -7,7 +7,7 @@ from sample import ours, plan, run, undo
 
 def overlay():
     """Return the extension's overlay, with the drawn layers."""
-    return ours("overlay.overlay")
+    return ours("overlay.drawing")
 
 
 def points_drawn():
@@ -28,7 +28,7 @@ def drive(gui):
 def follows_a_drag(gui):
     """The new surface is drawn while the mouse button is still down."""
     was, before = plan().grid.n, plan().result.key
-    ours("live.live").FIT_DELAY = 60.0  # a software renderer rests between two moves
+    ours("live.updates").FIT_DELAY = 60.0  # a software renderer rests between two moves
     x, y = yield from find(gui, "skin_calib.grid.n")
     yield from gui.drag((x, y), (x + 60, y), mods=(), release=False)
     yield from gui.wait(lambda: bpy.context.object.name in overlay().previews, 20, "a preview under the drag")
@@ -37,7 +37,7 @@ def follows_a_drag(gui):
     yield from gui.shot("dragged.png")
     assert points_drawn()["CELLS"] == 120 * 8
     yield from gui.release()
-    ours("live.live").FIT_DELAY = 0.4
+    ours("live.updates").FIT_DELAY = 0.4
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
     assert plan().result.key != before and not overlay().previews
     yield from gui.shot("rested.png")

@@ -22,7 +22,7 @@ def drive(gui):
 
 def boards():
     """Return the drawn boards."""
-    return ours("overlay.overlay").patches_of(link())[0].taxels
+    return ours("overlay.drawing").patches_of(link())[0].taxels
 
 
 def placed(gui, count):

@@ -14,13 +14,13 @@ def handle(family, i):
     """Return the position of a plane's handle in the world, which is the sample's frame."""
     planes = getattr(plan().grid, family)
     metre = ours("scene.scene").metres_per_unit(bpy.context.scene)
-    return Vector(planes[i].point) + Vector(ours("live.live").sketches[link().name].arms[family.upper(), i]) / metre
+    return Vector(planes[i].point) + Vector(ours("live.updates").sketches[link().name].arms[family.upper(), i]) / metre
 
 
 def drive(gui):
     yield from gui.tab("Skin")
     yield from press(gui, "skin_calib.planes_place")
-    yield from gui.wait(lambda: link().name in ours("live.live").sketches, 20, "the sketch")
+    yield from gui.wait(lambda: link().name in ours("live.updates").sketches, 20, "the sketch")
     yield from gui.redraw(3)
     yield from moves_a_plane(gui)
     yield from tilts_a_plane(gui)
@@ -73,22 +73,22 @@ def reports_a_plane_that_misses(gui):
     """A plane off the link becomes red with a message; the fit is refused; Ctrl-Z restores it."""
     x, y = gui.at(handle("u", 9))
     yield from gui.drag((x, y), (x, y + 120), mods=())
-    yield from gui.wait(lambda: ("U", 9) in ours("live.live").sketches[link().name].wrong, 20, "the plane that misses")
+    yield from gui.wait(lambda: ("U", 9) in ours("live.updates").sketches[link().name].wrong, 20, "the missing plane")
     yield from gui.redraw(3)
     yield from gui.shot("missed.png")
-    assert ours("live.live").sketches[link().name].wrong["U", 9].startswith("misses the mesh; distance ")
+    assert ours("live.updates").sketches[link().name].wrong["U", 9].startswith("misses the mesh; distance ")
     yield from undo(gui)
-    yield from gui.wait(lambda: not ours("live.live").sketches[link().name].wrong, 20, "the plane to be back")
+    yield from gui.wait(lambda: not ours("live.updates").sketches[link().name].wrong, 20, "the plane to be back")
 
 
 def reports_a_plane_out_of_order(gui):
     """A plane is dragged beyond the next one, which is then reported."""
     x, y = gui.at(handle("u", 4))
     yield from gui.drag((x, y), (x, y + 45), mods=())
-    yield from gui.wait(lambda: ours("live.live").sketches[link().name].wrong, 20, "the message about the order")
-    assert ours("live.live").sketches[link().name].wrong == {("U", 5): "is not beyond u-plane 4"}
+    yield from gui.wait(lambda: ours("live.updates").sketches[link().name].wrong, 20, "the message about the order")
+    assert ours("live.updates").sketches[link().name].wrong == {("U", 5): "is not beyond u-plane 4"}
     yield from undo(gui)
-    yield from gui.wait(lambda: not ours("live.live").sketches[link().name].wrong, 20, "the plane to be back")
+    yield from gui.wait(lambda: not ours("live.updates").sketches[link().name].wrong, 20, "the plane to be back")
 
 
 def adds_and_removes(gui):
@@ -113,15 +113,15 @@ def follows_live(gui):
     yield from follow(gui)
     yield from gui.wait(lambda: plan().result.key and not plan().result.outdated, 30, "the first result")
     before = plan().result.key
-    ours("live.live").FIT_DELAY = 60.0  # a software renderer rests between two moves
+    ours("live.updates").FIT_DELAY = 60.0  # a software renderer rests between two moves
     x, y = gui.at(handle("u", 6))
     yield from gui.drag((x, y), (x, y + 15), mods=(), release=False)
-    yield from gui.wait(lambda: link().name in ours("overlay.overlay").previews, 20, "a preview under the drag")
+    yield from gui.wait(lambda: link().name in ours("overlay.drawing").previews, 20, "a preview under the drag")
     yield from gui.redraw()
     yield from gui.shot("followed.png")
-    print("preview", ours("live.live").reports[link().name])
+    print("preview", ours("live.updates").reports[link().name])
     yield from gui.release()
-    ours("live.live").FIT_DELAY = 0.4
+    ours("live.updates").FIT_DELAY = 0.4
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
     assert plan().result.key != before
 
@@ -135,4 +135,4 @@ def undoes_everything(gui):
     assert plan().grid.kind == "tube" and not len(plan().grid.u) and not plan().live
     yield from gui.redraw(3)
     yield from gui.shot("back.png")
-    assert not ours("live.live").sketches
+    assert not ours("live.updates").sketches

@@ -34,13 +34,13 @@ def slides_the_origin(gui):
     """The ball follows the mouse over the link, the sheet follows the ball; Ctrl-Z restores both."""
     start = gui.at(basis("origin").translation)
     goal = start[0] - 40, start[1] + 15
-    ours("live.live").FIT_DELAY = 60.0  # a software renderer rests between two moves
+    ours("live.updates").FIT_DELAY = 60.0  # a software renderer rests between two moves
     yield from gui.drag(start, goal, mods=(), release=False)
-    yield from gui.wait(lambda: link().name in ours("overlay.overlay").previews, 20, "a preview under the drag")
+    yield from gui.wait(lambda: link().name in ours("overlay.drawing").previews, 20, "a preview under the drag")
     yield from gui.redraw(3)
     yield from gui.shot("slid.png")
     yield from gui.release()
-    ours("live.live").FIT_DELAY = 0.4
+    ours("live.updates").FIT_DELAY = 0.4
     yield from gui.wait(lambda: not plan().result.outdated, 30, "the result after the rest")
     yield from gui.redraw(3)
     x, y = gui.at(basis("origin").translation)

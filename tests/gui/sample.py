@@ -6,7 +6,7 @@ import bpy
 
 
 def ours(name):
-    """Return the module of the extension with this name below ``blender``, for example "live.live"."""
+    """Return the module of the extension with this name below ``blender``, for example "live.updates"."""
     return next(m for n, m in sys.modules.items() if n.startswith("bl_ext.") and n.endswith(f".blender.{name}"))
 
 

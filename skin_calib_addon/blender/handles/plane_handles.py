@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 from mathutils import Matrix, Quaternion, Vector
 
-from ..live import live
+from ..live import updates
 from ..live.sketch import COLOURS, FAMILIES, MISSED
 from ..scene.scene import link_frame, metres_per_unit, why_no_link
 
@@ -138,7 +138,7 @@ class SKIN_GGT_planes(bpy.types.GizmoGroup):
             Index of the plane in its list.
         """
         plane, metre = listed(plan, family)[i], metres_per_unit(context.scene)
-        sketch = live.sketches.get(context.object.name)
+        sketch = updates.sketches.get(context.object.name)
         arm = sketch.arms.get((family, i), (0, 0, 0)) if sketch else (0, 0, 0)
         is_wrong = sketch is not None and (family, i) in sketch.wrong
         is_chosen = chosen(plan) == (family, i)

@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 from mathutils.geometry import intersect_line_plane
 
-from ..overlay import overlay
+from ..overlay import drawing
 from ..scene.scene import link_frame, metres_per_unit
 from ..scene.skins import fix_pose, point_of, put_point, root_row
 from .plane_handles import basis_at, end_drag, is_shown, undo_drags
@@ -94,7 +94,7 @@ class SKIN_GT_spot(bpy.types.Gizmo):
     def begin(self, context):
         """Fix the current position of a skin that was placed automatically, so that the drag starts there."""
         plan, (what, skin, _) = context.object.skin_calib, self.target
-        patches = overlay.patches_of(context.object)
+        patches = drawing.patches_of(context.object)
         if what in ("origin", "direction") and len(patches) == len(plan.skins):
             fix_pose(plan.skins[skin], patches[skin].taxels, metres_per_unit(context.scene))
             self.normal = Vector(patches[skin].taxels.normals_link[root_row(patches[skin].taxels)])
@@ -246,7 +246,7 @@ def basis_of(context: bpy.types.Context, target: Target) -> Matrix | None:
     if what in ("landmark", "zone") or what == "origin" and not context.object.skin_calib.skins[skin].centred:
         owner, name = point_of(context.object.skin_calib, what, skin, index)
         return basis_at(context, Vector(getattr(owner, name)), Vector((0, 0, 1)))
-    patches = overlay.patches_of(context.object)
+    patches = drawing.patches_of(context.object)
     if len(patches) != len(context.object.skin_calib.skins):
         return None
     taxels = patches[skin].taxels

@@ -11,7 +11,7 @@ import bpy
 
 from ...calibration.exchange import FORMATS
 from ...inspection.comparison import Comparison, compare, read_others
-from ..overlay import overlay
+from ..overlay import drawing
 from ..overlay.layers import comparison_of
 from ..scene.scene import metres_per_unit
 from .taxels import result_of, taxels_of
@@ -45,8 +45,8 @@ def compare_with(link: bpy.types.Object, path: str, scene: bpy.types.Scene) -> C
     record, key = settings.inspect.comparison, settings.result.key
     record.file, record.key = path, key
     record.token = "comparison " + hashlib.sha256(key.encode() + found.ends.tobytes()).hexdigest()
-    overlay.cache(record.token, comparison_of(taxels, found))
-    overlay.redraw()
+    drawing.cache(record.token, comparison_of(taxels, found))
+    drawing.redraw()
     return found
 
 

@@ -17,7 +17,7 @@ from bpy.app.handlers import persistent
 
 from ...inspection.replaying import Replay
 from ..live import events
-from ..overlay import overlay
+from ..overlay import drawing
 from ..overlay.layers import Layer, heat_layer, replay_lines
 from ..overlay.scales import Legend
 from .taxels import result_of
@@ -91,9 +91,9 @@ def show(link: bpy.types.Object) -> None:
     if replay is None:
         return
     frame = replay.frame(frame_of(record))
-    overlay.cache(record.token, (_forces(replay, frame), *replay_lines(replay.taxels, frame)))
+    drawing.cache(record.token, (_forces(replay, frame), *replay_lines(replay.taxels, frame)))
     messages[record.token] = tuple(_message_lines(replay, frame))
-    overlay.redraw()
+    drawing.redraw()
 
 
 def _forces(replay: Replay, frame: Any) -> Layer:
@@ -201,7 +201,7 @@ def tick() -> float | None:
         if is_over:
             stop(link)
     if not _playing:
-        overlay.redraw()  # for the button
+        drawing.redraw()  # for the button
     return TIMER_INTERVAL if _playing else None
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...common.errors import SkinCalibError
 from ...inspection.all_taxels import AllTaxels
 from ...pipeline import Calibrated
-from ..overlay import overlay
+from ..overlay import drawing
 from ..overlay.layers import mark_of
 from ..scene import results
 from ..scene.scene import link_frame, metres_per_unit, point_on
@@ -32,7 +32,7 @@ def result_of(link: bpy.types.Object) -> Calibrated:
 
 def taxels_of(link: bpy.types.Object) -> AllTaxels:
     """Return the taxels of the last result of a link; raises as :func:`result_of` does."""
-    return overlay.prepare(link.skin_calib.result.key, result_of(link)).taxels
+    return drawing.prepare(link.skin_calib.result.key, result_of(link)).taxels
 
 
 def token_of(key: str, taxel: str) -> str:
@@ -69,8 +69,8 @@ def read_taxel(link: bpy.types.Object, word: str, scene: bpy.types.Scene) -> str
     row = taxels.row_of(word)
     _write(link.skin_calib.inspect.taxel, taxels, row, metres_per_unit(scene))
     link.skin_calib.inspect.taxel.key = key
-    overlay.cache(token_of(key, taxels.ids[row]), mark_of(taxels, row))
-    overlay.redraw()
+    drawing.cache(token_of(key, taxels.ids[row]), mark_of(taxels, row))
+    drawing.redraw()
     return taxels.ids[row]
 
 

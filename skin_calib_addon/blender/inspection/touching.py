@@ -8,7 +8,7 @@ import numpy as np
 
 from ...pipeline.refine import refine
 from ...validation import Placement, placements, read_touches, summarize
-from ..overlay import overlay
+from ..overlay import drawing
 from ..overlay.layers import touches_of
 from ..scene.scene import metres_per_unit, read_plan
 from ..scene.skins import move_skin
@@ -40,8 +40,8 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     write_warnings(record.warnings, (warning for p in found for warning in p.warnings()))
     places = np.concatenate([p.places for p in found])
     record.token = "touches " + hashlib.sha256(key.encode() + places.tobytes()).hexdigest()
-    overlay.cache(record.token, touches_of(found))
-    overlay.redraw()
+    drawing.cache(record.token, touches_of(found))
+    drawing.redraw()
     return found
 
 

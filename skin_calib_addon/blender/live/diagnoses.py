@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 
 from ...common.errors import InvalidMesh, SkinCalibError
 from ...geometry.mesh.defects import Diagnosis, diagnose
-from ..overlay import overlay
+from ..overlay import drawing
 from ..scene import scene
 from ..scene.warnings import write_warnings
 from . import events
@@ -96,7 +96,7 @@ def verify() -> float | None:
         elif is_current(link, bpy.context):
             unverified.discard(name)
         _changed.pop(name)
-    overlay.redraw()
+    drawing.redraw()
     return CHECK_DELAY if _changed else None
 
 

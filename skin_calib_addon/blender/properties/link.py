@@ -13,7 +13,7 @@ from bpy.props import (
 )
 
 from ...plan import keys
-from ..live import live
+from ..live import updates
 from . import diagnosis as link_properties
 from . import grid as grid_properties
 from . import inspect as inspect_properties
@@ -34,7 +34,7 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
 
     key: StringProperty(description="Key of the plan and mesh that were fitted; empty before the first fit", **FIXED)
     outdated: BoolProperty(
-        name="Outdated", description="The plan was changed after the fit", update=live.changed, **FIXED
+        name="Outdated", description="The plan was changed after the fit", update=updates.changed, **FIXED
     )
     mean: FloatProperty(name="Mean", description="Mean distance from surface to mesh", **LENGTH)
     max: FloatProperty(name="Max", description="Largest distance from surface to mesh", **LENGTH)
@@ -81,7 +81,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         **FIXED,
     )
     live: BoolProperty(
-        name="Live", description="Fit surface and skin while the plan changes", update=live.switched, **FIXED
+        name="Live", description="Fit surface and skin while the plan changes", update=updates.switched, **FIXED
     )
     show_overlay: BoolProperty(name="Overlay", description="Draw the fitted skin of this link", default=True, **FIXED)
     layers: EnumProperty(

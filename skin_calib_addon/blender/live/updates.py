@@ -15,7 +15,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...common.errors import SkinCalibError
-from ..overlay import overlay
+from ..overlay import drawing
 from ..scene import results, scene
 from ..scene.facets import Facets
 from ..scene.plane_lists import read_hand_planes
@@ -110,7 +110,7 @@ def tick() -> float | None:
     if _job is not None and _job.work.is_done(PREVIEW_WAIT):
         job, _job = _job, None
         _use_result(job)
-    overlay.redraw()
+    drawing.redraw()
     if _job is not None:
         return POLL_INTERVAL
     return 0.05 if _changed else None
@@ -203,7 +203,7 @@ def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
     elif not planes.are_there:
         _remove_sketch(link.name)
         return None
-    given = PreviewInput(start, facets_of(link), planes, plan, problem, overlay.switched_on(link))
+    given = PreviewInput(start, facets_of(link), planes, plan, problem, drawing.switched_on(link))
     cache = _caches.setdefault(link.name, StepCache())
     return lambda begin: compute_preview(cache, given)
 
@@ -211,14 +211,14 @@ def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
 def _show(link: bpy.types.Object, preview: Preview) -> None:
     """Draw a preview."""
     sketches[link.name] = preview.sketch
-    overlay.set_layers("planes", link.name, tuple(preview.sketch.layers))
+    drawing.set_layers("planes", link.name, tuple(preview.sketch.layers))
     reports.pop(link.name, None)
     if preview.report is None:
         return
     if preview.report.problem:
         _report_problem(link, preview.report.problem)
     else:
-        reports[link.name], overlay.previews[link.name] = preview.report, preview.layers
+        reports[link.name], drawing.previews[link.name] = preview.report, preview.layers
 
 
 def _finish(link: bpy.types.Object) -> Callable[..., Any]:
@@ -230,7 +230,7 @@ def _finish(link: bpy.types.Object) -> Callable[..., Any]:
 def _store(link: bpy.types.Object, fitted: Any) -> None:
     """Store the result of a complete fit."""
     key, result = fitted
-    overlay.prepare(key, result)
+    drawing.prepare(key, result)
     scene.write_result(link, bpy.context.scene, result, key)
     forget(link.name)
 
@@ -239,7 +239,7 @@ def forget(name: str) -> None:
     """Remove the requests and the preview of an object; the sketch of its planes stays."""
     _changed.pop(name, None)
     _previewed.discard(name)
-    overlay.previews.pop(name, None)
+    drawing.previews.pop(name, None)
     reports.pop(name, None)
     if name not in bpy.data.objects:
         _remove_sketch(name)
@@ -249,7 +249,7 @@ def forget(name: str) -> None:
 
 def _remove_sketch(name: str) -> None:
     sketches.pop(name, None)
-    overlay.remove_layers("planes", name)
+    drawing.remove_layers("planes", name)
 
 
 @persistent
@@ -285,10 +285,10 @@ def _clear() -> None:
         _caches,
         reports,
         sketches,
-        overlay.previews,
+        drawing.previews,
     ):
         of_names.clear()
-    overlay.remove_layers("planes")
+    drawing.remove_layers("planes")
 
 
 HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {"depsgraph_update_post": _updated}
