@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..common.arrays import Array
 from ..common.atomic_file import write_bytes_safely
 from ..common.encoding import checksum, encode
 from ..common.errors import CalibrationFormatError
@@ -13,8 +14,10 @@ from ..common.findings import Finding, in_short
 from ..common.schema_check import check
 from ..common.strict_json import parse, read
 from ..common.surface_errors import DistanceStatistics, SurfaceErrors
+from ..common.warnings import from_document as warnings_from
+from ..common.warnings import to_document as warnings_document
 from .migration import migrated
-from .model import LinkCalibration, MeshSource, Patch, SurfaceModel, TaxelArray
+from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray
 from .response import response_document, response_from
 from .validate import FORMAT, SCHEMA, VERSION, validate, validate_content
 
@@ -123,6 +126,7 @@ def to_document(calibration: LinkCalibration) -> Document:
         "patches": [_patch_document(patch) for patch in calibration.patches],
         "response": response_document(calibration.response),
         **({"responses": [response_document(r) for r in calibration.responses]} if calibration.responses else {}),
+        "warnings": warnings_document(calibration.warnings),
         **_free(calibration.extra),
     }
     try:
@@ -143,6 +147,7 @@ def from_document(document: Document) -> LinkCalibration:
         patches=tuple(_patch(patch) for patch in document["patches"]),
         response=response_from(document["response"]),
         responses=tuple(response_from(response) for response in document.get("responses", ())),
+        warnings=warnings_from(document["warnings"]),
         generator=document["generator"],
         extra=_extra(document),
     )
@@ -189,6 +194,7 @@ def _patch_document(patch: Patch) -> Document:
         "neighbours": [list(ids) for ids in taxels.neighbours],
         **({"ports": [list(ids) for ids in taxels.ports]} if taxels.ports else {}),
         **({"response": taxels.responses.tolist()} if len(taxels.responses) else {}),
+        **({"sigma": _rows_or_null(taxels.sigma)} if len(taxels.sigma) else {}),
         **{name: _floats(column) for name, column in sorted(taxels.quality.items())},
     }
     return {
@@ -198,6 +204,7 @@ def _patch_document(patch: Patch) -> Document:
         "shape": [int(count) for count in patch.shape],
         "pitch": _floats(patch.pitch),
         **({"offset": float(patch.offset)} if patch.offset else {}),
+        **({"registration": _registration_document(patch.registration)} if patch.registration else {}),
         "taxels": columns,
         **_free(patch.extra),
     }
@@ -213,6 +220,7 @@ def _patch(document: Document) -> Patch:
         neighbours=tuple(map(tuple, columns["neighbours"])),
         ports=tuple(map(tuple, columns.get("ports", ()))),
         responses=np.array(columns.get("response", ()), np.int64),
+        sigma=_rows_or_nan(columns.get("sigma", ())),
         quality={name: np.array(columns[name], float) for name in _QUALITY if name in columns},
     )
     return Patch(
@@ -222,9 +230,23 @@ def _patch(document: Document) -> Patch:
         shape=_pair(document["shape"], int),
         pitch=_pair(document["pitch"], float),
         offset=float(document.get("offset", 0.0)),
+        registration=_registration(document["registration"]) if "registration" in document else None,
         taxels=taxels,
         extra=_extra(document),
     )
+
+
+def _registration_document(registration: Registration) -> Document:
+    return {
+        "origin": float(registration.origin),
+        "direction": float(registration.direction),
+        "anchor": _floats(registration.anchor),
+    }
+
+
+def _registration(document: Document) -> Registration:
+    x, y, z = map(float, document["anchor"])
+    return Registration(float(document["origin"]), float(document["direction"]), (x, y, z))
 
 
 def _distances_document(statistics: DistanceStatistics) -> Document:
@@ -238,6 +260,16 @@ def _distances(document: Document) -> DistanceStatistics:
 def _floats(values: Any) -> Any:
     """Return nested lists of floats; 1 becomes 1.0, so that equal calibrations have equal files."""
     return np.asarray(values, float).tolist()
+
+
+def _rows_or_null(rows: Array) -> list[Any]:
+    """Return nested lists of floats; null for a row of NaN."""
+    return [None if np.isnan(row).any() else row.tolist() for row in rows]
+
+
+def _rows_or_nan(rows: Iterable[list[float] | None]) -> Array:
+    """Return rows (n, 3) of numbers; NaN for null."""
+    return np.array([[np.nan] * 3 if row is None else row for row in rows], float).reshape(-1, 3)
 
 
 def _pair(values: list[Any], kind: Callable[[Any], T]) -> tuple[T, T]:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..common.encoding import checksum
 from ..common.findings import Finding
-from ..common.schema_check import check
+from ..common.schema_check import check, read_schema
 from ..common.schema_types import Schema, has_type
-from .validate import VERSION, checksum_findings
+from .validate import FORMAT, VERSION, checksum_findings, other_file
 
 Document = dict[str, Any]
 
@@ -21,9 +22,16 @@ class Step:
     migrate: Callable[[Document], Document]  # of a valid document; the caller renews the checksum
 
 
-# Keys are the older versions. Version 1 is the first version, so that no step exists yet. The folder
-# tests/golden/versions contains a file of each released version.
-STEPS: dict[int, Step] = {}
+def _to_version_2(document: Document) -> Document:
+    """Add an empty list of warnings: version 1 did not store them."""
+    return {**document, "version": 2, "warnings": []}
+
+
+# Keys are the older versions, each with its schema, which never changes. The folder tests/golden/versions contains a
+# file of each released version.
+STEPS: dict[int, Step] = {
+    1: Step(read_schema(Path(__file__).with_name("schema_1.json")), _to_version_2),
+}
 
 
 def migrated(document: Any) -> tuple[Any, tuple[Finding, ...]]:
@@ -36,6 +44,9 @@ def migrated(document: Any) -> tuple[Any, tuple[Finding, ...]]:
     findings : tuple of Finding
         Problems of the returned document. Empty if the document has the current version.
     """
+    other = tuple(other_file(document, FORMAT, VERSION))
+    if other:
+        return document, other
     while step := _step(document):
         findings = check(document, step.schema)
         findings += tuple(checksum_findings(document, findings))

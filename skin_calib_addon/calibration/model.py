@@ -7,6 +7,7 @@ import numpy as np
 
 from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import SurfaceErrors
+from ..common.warnings import Warning
 from .response import AnyResponse, Response
 
 MAX_CHANNEL = 2**31 - 1  # Contract: a channel fits into a signed 32-bit integer
@@ -62,6 +63,9 @@ class TaxelArray:
     quality: dict[str, Array] = field(default_factory=dict)  # e.g. strain (n, 3), gap (n,), tilt (n,)
     # (n,) positions in `LinkCalibration.responses`; empty where all taxels have the response of the link
     responses: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+    # (n, 3) standard uncertainty: along the surface per axis [m], along the normal [m], of the normal in its worst
+    # direction [rad]. A row is NaN where nothing can be stated; empty if no taxel has one.
+    sigma: Array = field(default_factory=lambda: np.empty((0, 3)))
 
     def __post_init__(self):
         n = len(self.ids)
@@ -77,10 +81,32 @@ class TaxelArray:
             areas=(n,),
             responses=(n if len(self.responses) else 0,),
         )
+        object.__setattr__(self, "sigma", _checked_sigma(self.sigma, n))
         if len(self.neighbours) != n:
             raise ValueError(f"TaxelArray.neighbours has {len(self.neighbours)} rows, expected {n}")
         if self.ports and len(self.ports) != n:
             raise ValueError(f"TaxelArray.ports has {len(self.ports)} rows, expected {n}")
+
+
+def _checked_sigma(sigma: Array, n: int) -> Array:
+    """Return a read-only copy of the uncertainties of n taxels; a row is known or NaN as a whole."""
+    sigma = np.array(sigma, float)
+    if sigma.shape not in {(0, 3), (n, 3)}:
+        raise ValueError(f"TaxelArray.sigma has shape {sigma.shape}, expected ({n}, 3) or (0, 3)")
+    known = ~np.isnan(sigma).all(axis=1)
+    if not (np.isfinite(sigma[known]) & (sigma[known] >= 0)).all():
+        raise ValueError("TaxelArray.sigma contains a number that is negative or not finite in a row that is not NaN")
+    sigma.setflags(write=False)
+    return sigma
+
+
+@dataclass(frozen=True)
+class Registration:
+    """How exactly a patch is mounted where the calibration says: standard uncertainties, independent of each other."""
+
+    origin: float  # of the anchor along the surface, per axis [m]
+    direction: float  # of the rotation about the normal at the anchor [rad]
+    anchor: tuple[float, float, float]  # point of the patch that is placed, link frame [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +121,7 @@ class Patch:
     taxels: TaxelArray
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, unchanged
     offset: float = 0.0  # height of the middle plane of the skin above the surface [m]
+    registration: Registration | None = None  # which the uncertainties of the taxels assume; None: not stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,3 +136,4 @@ class LinkCalibration:
     generator: str = ""
     extra: dict[str, Any] = field(default_factory=dict)  # top-level ``x_`` members, unchanged
     responses: tuple[AnyResponse, ...] = ()  # of single taxels, see `TaxelArray.responses`
+    warnings: tuple[Warning, ...] = ()  # of fit and placement

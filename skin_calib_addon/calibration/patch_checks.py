@@ -24,6 +24,8 @@ MAX_PITCH = 1.0  # [m]. Larger: a pitch in millimetres is accepted.
 # Smallest and largest distances of neighbours, and of corners from the centre (0.7 for squares, 0.6 for hexagons), in
 # pitches. A wider range: wrong units pass.
 DISTANCE_IN_PITCHES = (0.1, 10.0)
+MAX_SIGMA = 1.0  # [m]. Larger: an uncertainty in millimetres is accepted.
+MAX_ANGLE = np.pi  # [rad] between two directions
 
 
 def _columns_are_parallel(patch: Part) -> Iterator[Finding]:
@@ -146,6 +148,32 @@ def _neighbours_fit_pitch(
         yield error("units", patch.at("position"), message)
 
 
+@needs("sigma")
+def _sigma_is_in_si_units(patch: Part, sigma: list[list[float] | None]) -> Iterator[Finding]:
+    known = [row for row, values in enumerate(sigma) if values is not None]
+    values = np.array([sigma[row] for row in known], float).reshape(-1, 3)
+    for row, column in np.argwhere(values > (MAX_SIGMA, MAX_SIGMA, MAX_ANGLE)):
+        stated, pointer = float(values[row, column]), patch.at("sigma", known[row], int(column))
+        if column == 2:
+            yield error("units", pointer, f"is {stated:.6g} rad; an angle is at most {MAX_ANGLE:.4f} rad", stated)
+        else:
+            message = f"is {stated:.6g} m; divide lengths by 1000 if they are in millimetres"
+            yield error("units", pointer, message, stated)
+
+
+@needs("registration")
+def _registration_is_in_si_units(patch: Part, registration: dict[str, Any]) -> Iterator[Finding]:
+    limits = (("origin", MAX_SIGMA, "m"), ("direction", MAX_ANGLE, "rad"))
+    for name, limit, unit in limits:
+        if registration[name] > limit:
+            message = f"is {registration[name]:.6g} {unit}; it must be at most {limit:.4g} {unit}"
+            yield error("units", patch.at("registration", name), message, registration[name])
+    distance = float(np.linalg.norm(np.array(registration["anchor"], float)))
+    if distance > MAX_DISTANCE:
+        message = f"is {distance:.6g} m from the link frame; divide lengths by 1000 if they are in millimetres"
+        yield error("units", patch.at("registration", "anchor"), message, registration["anchor"])
+
+
 def _fan(corners: Array) -> Array:
     """Return area vectors [m^2] of the triangles of centroid and side, for each cell, shape (n, k, 3)."""
     spokes = corners - corners.mean(axis=1, keepdims=True)
@@ -164,4 +192,6 @@ CHECKS = (
     _pitch_is_in_metres,
     _corners_fit_pitch,
     _neighbours_fit_pitch,
+    _sigma_is_in_si_units,
+    _registration_is_in_si_units,
 )

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 
 from ..common.encoding import checksum
-from ..common.findings import Finding, did_you_mean, error, first, show, warning
+from ..common.findings import Finding, child, did_you_mean, error, first, show, warning
 from ..common.schema_check import check, read_schema
 from ..common.schema_types import has_type
 from . import patch_checks, surface_checks
-from .parts import Part, parts_of
+from .parts import Part, parts_of, pointers_with_findings
 from .response_checks import responses_are_monotone, responses_exist
 
 Findings = tuple[Finding, ...]
 
 FORMAT = "skin-calibration"
-VERSION = 1  # Format: version of calibration files
+VERSION = 2  # Format: version of calibration files
 # Description of each file format of this program, and advice if it is used in place of another.
 FILE_FORMATS = {
     FORMAT: "a calibration. Use the plan from which it was made.",
@@ -104,11 +104,23 @@ def _meaning(document: Any, findings: Findings) -> Findings:
         *first(_one_sided_neighbours(patches, near)),
         *first(responses_are_monotone(document, findings)),
         *first(responses_exist(document, patches)),
+        *first(_stored_warnings(document, findings)),
     )
 
 
 def _run(checks: Iterable[Callable[[Part], Iterator[Finding]]], parts: list[Part]) -> Findings:
     return tuple(finding for check in checks for finding in first(f for part in parts for f in check(part)))
+
+
+def _stored_warnings(document: Any, findings: Findings) -> Iterator[Finding]:
+    """Yield the warnings of fit and placement that the document has; a note is no problem."""
+    warnings = document.get("warnings") if isinstance(document, dict) else None
+    wrong = pointers_with_findings(findings)
+    for index, stored in enumerate(warnings if isinstance(warnings, list) else ()):
+        pointer = child("/warnings", index)
+        if pointer not in wrong and stored["severity"] != "note":
+            message = f"reports: {stored['message']} {stored['advice']}".strip()
+            yield Finding(stored["code"], stored["severity"], pointer, message, stored["value"])
 
 
 def _repeats(parts: list[Part], name: str, code: str) -> Iterator[Finding]:

@@ -5,7 +5,7 @@ import json
 from typing import Any
 
 _OBJECT_LISTS = {"surfaces", "patches"}  # objects, each with one member per line
-_ROW_LISTS = {"control_net", "responses"}  # one row or object per line
+_ROW_LISTS = {"control_net", "responses", "warnings"}  # one row or object per line
 
 
 def checksum(document: dict[str, Any]) -> str:
@@ -57,6 +57,8 @@ def _column(name: str, value: Any, margin: str) -> str:
 
 def _rows(table: list[Any], margin: str) -> str:
     """Encode all rows of a table at once; a line break in the text can only be the separator."""
+    if None in table:  # rows of a table and null
+        return f",\n{margin}".join(map(_inline, table))
     text = json.dumps(table, separators=(",\n", ": "), ensure_ascii=False, allow_nan=False)[1:-1]
     depth, row = 0, table[0]
     while isinstance(row, list):

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from math import isfinite
 from typing import Any, Literal
 
 from .arrays import Array
@@ -69,11 +70,15 @@ def point_of(point: Array) -> tuple[float, float, float]:
 
 
 def to_document(warnings: Iterable[Warning]) -> list[dict[str, Any]]:
-    """Convert warnings to JSON values."""
+    """Convert warnings to JSON values; a value that is not finite becomes null."""
     documents = []
     for warning in warnings:
-        where = {name: value for name, value in asdict(warning.where).items() if value}
-        documents.append(asdict(warning) | {"where": where})
+        place = warning.where
+        where: dict[str, Any] = {} if place.point is None else {"point": [float(x) for x in place.point]}
+        where |= {name: text for name, text in (("names", place.names), ("skin", place.skin)) if text}
+        where |= {"taxels": list(place.taxels)} if place.taxels else {}
+        value = None if warning.value is None or not isfinite(warning.value) else float(warning.value)
+        documents.append(asdict(warning) | {"where": where, "value": value})
     return documents
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 from time import perf_counter
 
 import numpy as np
@@ -30,11 +29,10 @@ class Calibrated:
     placed: tuple[PlacedSkin, ...]
     seconds: dict[str, float]  # by stage
 
-    @cached_property
+    @property
     def warnings(self) -> tuple[Warning, ...]:
-        """Return the warnings of the fit and of all skins."""
-        of_skins = ((*_over_holes(placed.patch, self.fit), *placed.warnings) for placed in self.placed)
-        return self.fit.warnings + tuple(warning for warnings in of_skins for warning in warnings)
+        """Return the warnings of the fit and of all skins, which the calibration keeps."""
+        return self.calibration.warnings
 
 
 def calibrate(
@@ -82,9 +80,34 @@ def calibrate(
         surface = surface_model(fit)
     source = MeshSource(plan.mesh.name, mesh.sha256, len(mesh.vertices), len(mesh.faces))
     calibration = LinkCalibration(
-        plan.link, source, (surface,), patches, plan.response, f"skin-calib {__version__}", plan.extra
+        plan.link,
+        source,
+        (surface,),
+        patches,
+        plan.response,
+        f"skin-calib {__version__}",
+        plan.extra,
+        warnings=warnings_of(fit, placed),
     )
     return Calibrated(calibration, cover, fit, placed, seconds)
+
+
+def warnings_of(fit: SurfaceFit, placed: tuple[PlacedSkin, ...]) -> tuple[Warning, ...]:
+    """Return the warnings of a fit and of the skins on it.
+
+    Parameters
+    ----------
+    fit : SurfaceFit
+        The surface.
+    placed : tuple of PlacedSkin
+        The skins.
+
+    Returns
+    -------
+    tuple of Warning
+    """
+    of_skins = ((*_over_holes(skin.patch, fit), *skin.warnings) for skin in placed)
+    return fit.warnings + tuple(warning for warnings in of_skins for warning in warnings)
 
 
 def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:

@@ -15,7 +15,7 @@ from ..plan.skins import BoardSkin, SheetSkin, Skin
 from ..skin.sheet.landmarks import Landmark
 from ..validation.placement import Motion, Placement, flat_places, other_order, placements
 from ..validation.touches import Touches
-from .calibrate import Calibrated
+from .calibrate import Calibrated, warnings_of
 from .place_skins import place_all
 
 MAX_REFINE_STEPS = 8  # Larger: a refinement that converges slowly takes longer before it fails.
@@ -71,7 +71,11 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
             for skin, done in zip(skins, placed)
         )
         placed = place_all(skins, result.fit)
-        calibration = replace(result.calibration, patches=tuple(done.patch for done in placed))
+        calibration = replace(
+            result.calibration,
+            patches=tuple(done.patch for done in placed),
+            warnings=warnings_of(result.fit, placed),
+        )
         found = placements(calibration, touches)
         if all(_largest(placement) < REFINE_TOLERANCE for placement in found):
             return Refined(replace(plan, skins=skins), calibration, found)

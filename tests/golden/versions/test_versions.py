@@ -5,6 +5,7 @@ A file and its numbers are written once, with the release, and never again: what
 
 import hashlib
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,15 @@ from skin_calib_addon.calibration import check_calibration, load_calibration, sa
 from skin_calib_addon.calibration.validate import VERSION
 
 HERE = Path(__file__).parent
-FILES = {1: "5c574a156d36e537c1868582c25eeb4acf6e85e17f86999e16db6127f348249b"}  # by version, the SHA-256 of its file
+FILES = {  # by version, the SHA-256 of its file
+    1: "5c574a156d36e537c1868582c25eeb4acf6e85e17f86999e16db6127f348249b",
+    2: "276a5b04b71dcb09a5ed44a446abea70662116fd93d89e596f8d6bd1e62aeec4",
+}
+FITTED = {  # files of older versions that the program of then fitted to samples
+    "1.sheet": "aaf3827a8102660a3bb3d7fcbe86b4ffa0fab1624bc1551f519251a698e34c88",
+    "1.boards": "bc9d5bc7be6788b2e34a613ba19f9d9f6d2d52e625d7d35c488d5f93cdddb5ab",
+    "1.imported": "190660484b8f4f8baf8fbc77f6093224c5583e0a5b4555c9bfb0b34ba5fe2956",
+}
 
 
 def numbers(calibration):
@@ -56,8 +65,12 @@ def numbers(calibration):
                 "offset": patch.offset,
                 "words": _json(patch.kind, patch.surface, patch.extra, t.ids, t.neighbours, t.ports),
                 **t.quality,
+                **({"sigma": t.sigma} if len(t.sigma) else {}),
+                **({"registration": _json(asdict(patch.registration))} if patch.registration else {}),
             }.items()
         }
+    if calibration.warnings:
+        found["warnings"] = _json([asdict(warning) for warning in calibration.warnings])
     return found
 
 
@@ -79,13 +92,28 @@ def test_every_version_is_read(version):
     """Each released version, also the current one, has an unchanged file that gives its original numbers."""
     path = HERE / f"{version}.calibration.json"
     assert hashlib.sha256(path.read_bytes()).hexdigest() == FILES[version], "a file of a release never changes"
-    assert check_calibration(path) == ()
-    found = numbers(load_calibration(path))
+    calibration = load_calibration(path)
+    found, listed = numbers(calibration), check_calibration(path)
+    assert [f.code for f in listed] == [w.code for w in calibration.warnings if w.severity == "warning"]
     with np.load(HERE / f"{version}.npz") as golden:
         assert set(golden.files) == set(found)
         for name, values in found.items():
             assert values.dtype == golden[name].dtype and values.shape == golden[name].shape, name
             assert values.tobytes() == golden[name].tobytes(), name
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_fitted_file_of_an_older_version_is_read(tmp_path, name):
+    """A file that was fitted with the older program keeps its numbers; only version, warnings and checksum change."""
+    path = HERE / f"{name}.calibration.json"
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == FITTED[name], "a file of a release never changes"
+    assert check_calibration(path) == ()
+    calibration = load_calibration(path)
+    assert calibration.warnings == ()
+    save_calibration(calibration, tmp_path / "c.json")
+    old, new = (json.loads(file.read_bytes()) for file in (path, tmp_path / "c.json"))
+    assert new.pop("warnings") == [] and old.pop("checksum") != new.pop("checksum")
+    assert (old.pop("version"), new.pop("version")) == (1, VERSION) and old == new
 
 
 def test_our_version_is_written_as_it_was(tmp_path):
@@ -113,4 +141,9 @@ def test_file_of_our_version_has_everything():
     assert {name for r in responses for name in r} == {
         name for kind in ("polynomial", "table") for name in parts[kind]["properties"]
     }
+    assert {name for p in patches for row in p["taxels"].get("sigma", ()) for name in [row is None]} == {True, False}
+    warnings = document["warnings"]
+    assert {name for w in warnings for name in w["where"]} == set(parts["place"]["properties"])
+    assert {w["severity"] for w in warnings} == {"warning", "note"}  # an error makes a file invalid
+    assert {w["value"] is None for w in warnings} == {True, False}
     assert set(schema["properties"]) == {name for name in document if name[:2] != "x_"}

@@ -15,6 +15,7 @@ import pytest
 
 from skin_calib_addon.calibration import (
     MeshSource,
+    Registration,
     Response,
     ResponseTable,
     check_calibration,
@@ -29,6 +30,7 @@ from skin_calib_addon.common import atomic_file, strict_json
 from skin_calib_addon.common.atomic_file import write_bytes_safely
 from skin_calib_addon.common.encoding import checksum
 from skin_calib_addon.common.errors import CalibrationFormatError, OutputError
+from skin_calib_addon.common.warnings import Place, Warning
 from tests.samples import boards, cylinder, plane, sheet, small_calibration
 
 ROOT = Path(__file__).parents[3]
@@ -45,7 +47,7 @@ def test_document_keeps_its_order_and_names():
     document = to_document(small_calibration())
     assert list(document) == [
         *("format", "version", "generator", "units", "link", "mesh", "surfaces", "patches", "response"),
-        *("x_note", "checksum"),
+        *("warnings", "x_note", "checksum"),
     ]
     assert list(document["surfaces"][1]) == [
         *("name", "degree", "knots", "control_net", "closed", "errors", "x_material"),
@@ -56,6 +58,67 @@ def test_document_keeps_its_order_and_names():
         *("gap", "tilt"),
     ]
     assert list(document["patches"][0]["taxels"])[-1] == "strain"
+
+
+UNCERTAIN = np.array([[1e-3, 2e-4, 0.02], [np.nan] * 3, [0.0, 0.0, 0.0]] * 2)
+WARNINGS = (
+    Warning(
+        "off-mesh", "warning", "It is 6.2 mm off.", Place((0.0, 0.0, 0.0), "u-plane 3"), np.float64(6.2e-3), "Cut."
+    ),
+    Warning("strain", "warning", "Two cells are strained.", Place(skin="sheet", taxels=("s0.1", "s0.0")), 2),
+    Warning("parts", "note", "Infinitely many.", value=np.inf),
+)
+
+
+def test_warnings_sigma_and_registration_are_read_back(tmp_path):
+    """A row of NaN is null in the file. A value that is not finite is null; integers become floats."""
+    patch = sheet(2, 3, 0.01)
+    patch = dataclasses.replace(
+        patch,
+        taxels=dataclasses.replace(patch.taxels, sigma=UNCERTAIN),
+        registration=Registration(1e-3, 0.0175, (0.035, 0.0, 0.005)),
+    )
+    save_calibration(small_calibration(patches=(patch, boards(6)), warnings=WARNINGS), tmp_path / "c.json")
+    document = json.loads((tmp_path / "c.json").read_bytes())
+    assert document["patches"][0]["taxels"]["sigma"] == [[1e-3, 2e-4, 0.02], None, [0.0, 0.0, 0.0]] * 2
+    assert document["patches"][0]["registration"] == {
+        "origin": 1e-3,
+        "direction": 0.0175,
+        "anchor": [0.035, 0.0, 0.005],
+    }
+    assert "sigma" not in document["patches"][1]["taxels"] and "registration" not in document["patches"][1]
+    assert document["warnings"][0]["where"] == {"point": [0.0, 0.0, 0.0], "names": "u-plane 3"}
+    read = load_calibration(tmp_path / "c.json")
+    np.testing.assert_array_equal(read.patches[0].taxels.sigma, UNCERTAIN)
+    assert read.patches[0].registration == patch.registration and read.patches[1].registration is None
+    assert read.patches[1].taxels.sigma.shape == (0, 3)
+    assert read.warnings == (*WARNINGS[:2], dataclasses.replace(WARNINGS[2], value=None))
+    save_calibration(read, tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "c.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("sigma", "message"),
+    [
+        (np.zeros((5, 3)), r"has shape \(5, 3\), expected \(6, 3\) or \(0, 3\)"),
+        (np.zeros(6), "has shape"),
+        (-UNCERTAIN, "negative or not finite"),
+        (np.where(np.arange(3) == 1, np.nan, np.ones((6, 3))), "negative or not finite"),
+        (np.full((6, 3), np.inf), "negative or not finite"),
+    ],
+)
+def test_sigma_of_a_wrong_form_is_refused(sigma, message):
+    """Each row has three numbers of at least 0, or is unknown as a whole."""
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(sheet(2, 3, 0.01).taxels, sigma=sigma)
+
+
+def test_calibration_with_an_error_among_its_warnings_is_not_written(tmp_path):
+    """An error makes the result unusable."""
+    wrong = Warning("folded", "error", "The surface folds over itself at (0.0, 0.0, 80.0) mm.", advice="Move planes.")
+    with pytest.raises(CalibrationFormatError, match="/warnings/0 reports: The surface folds .* Move planes."):
+        save_calibration(small_calibration(warnings=(wrong,)), tmp_path / "c.json")
+    assert not (tmp_path / "c.json").exists()
 
 
 def test_file_is_json_with_a_taxel_per_line(tmp_path):

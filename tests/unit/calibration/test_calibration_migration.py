@@ -7,7 +7,7 @@ import pytest
 
 from skin_calib_addon.calibration import check_bytes, encode, from_document, to_document
 from skin_calib_addon.calibration.migration import STEPS, Step
-from skin_calib_addon.calibration.validate import SCHEMA
+from skin_calib_addon.calibration.validate import VERSION
 from skin_calib_addon.common.encoding import checksum
 from tests.samples import small_calibration
 
@@ -16,7 +16,7 @@ OURS = to_document(small_calibration())
 
 def renamed(version, old, new):
     """Return a migration step that renames the member of the link to ``new``."""
-    schema = json.loads(json.dumps(SCHEMA).replace('"link"', f'"{old}"'))
+    schema = json.loads(json.dumps(STEPS[1].schema).replace('"link"', f'"{old}"'))
     schema["properties"]["version"]["const"] = version
 
     def migrate(document):
@@ -32,7 +32,7 @@ def older(monkeypatch):
     monkeypatch.setitem(STEPS, -1, renamed(-1, "part", "body"))
     monkeypatch.setitem(STEPS, 0, renamed(0, "body", "link"))
     document = copy.deepcopy(OURS) | {"version": -1, "part": OURS["link"]}
-    del document["link"], document["checksum"]
+    del document["link"], document["checksum"], document["warnings"]
     return document
 
 
@@ -43,7 +43,7 @@ def summed(document):
 def test_older_file_is_migrated(older):
     """Through all versions in between, to a document of the current version with checksum."""
     document, findings = check_bytes(summed(older))
-    assert findings == () and document["version"] == 1 and document["checksum"] == OURS["checksum"]
+    assert findings == () and document["version"] == VERSION and document["checksum"] == OURS["checksum"]
     assert encode(to_document(from_document(document))) == encode(OURS)
 
 
@@ -68,7 +68,36 @@ def test_unknown_version_is_a_finding(older, version):
     assert "/version" in {finding.pointer for finding in findings}
 
 
-@pytest.mark.parametrize("version", [2, 2.0, 10**18])
+def test_version_1_gets_an_empty_list_of_warnings():
+    """It did not store them; its other members are those of version 2."""
+    document = copy.deepcopy(OURS) | {"version": 1}
+    del document["warnings"], document["checksum"]
+    found, findings = check_bytes(summed(document))
+    assert findings == () and found == OURS
+
+
+@pytest.mark.parametrize(
+    ("pointer", "member"),
+    [("", "warnings"), ("/patches/0", "registration"), ("/patches/0/taxels", "sigma")],
+)
+def test_version_1_has_no_member_of_version_2(pointer, member):
+    """A file that states version 1 is validated by the schema of version 1."""
+    document = copy.deepcopy(OURS) | {"version": 1}
+    del document["warnings"]
+    parent = document
+    for key in pointer.split("/")[1:]:
+        parent = parent[int(key) if isinstance(parent, list) else key]
+    parent[member] = []
+    assert [(f.code, f.pointer) for f in check_bytes(summed(document))[1]] == [("unknown", f"{pointer}/{member}")]
+
+
+def test_plan_of_version_1_is_no_old_calibration():
+    """The version of another format is not compared with the versions of calibrations."""
+    (finding,) = check_bytes(b'{"format": "skin-plan", "version": 1}')[1]
+    assert (finding.code, finding.pointer) == ("value", "/format") and "the file is a plan" in finding.message
+
+
+@pytest.mark.parametrize("version", [VERSION + 1, VERSION + 1.0, 10**18])
 def test_newer_version_is_the_only_finding(version):
     """The rest of a newer file cannot be validated."""
     findings = check_bytes(json.dumps(OURS | {"version": version, "new": 1}).encode())[1]

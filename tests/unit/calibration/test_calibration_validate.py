@@ -69,12 +69,37 @@ E0 = "/surfaces/0/errors/mesh_to_surface"
 FAR = {"mean": 0.1, "rms": 0.2, "max": 1.0}
 MILLIMETRES = {"mesh_to_surface": FAR, "surface_to_mesh": FAR, "hausdorff": 1.0}
 T0, T1 = "/patches/0/taxels", "/patches/1/taxels"
+STORED = {"code": "off-mesh", "severity": "warning", "message": "It is 6.2 mm off.", "where": {}, "value": 0.0062}
+STORED |= {"advice": "Cut."}
+MOUNTED = {"origin": 0.001, "direction": 0.0175, "anchor": [0.035, 0.0, 0.005]}
 FORM = [  # errors by the schema: pointer to change, new value, code, pointer of the finding, words of the message
     ("/format", "skin-plan", "value", "/format", 'must be "skin-calibration", not "skin-plan"'),
-    ("/version", 2, "version", "/version", "newer than version 1 of this program; update"),
-    ("/version", 0, "value", "/version", "must be 1, not 0"),
-    ("/version", True, "value", "/version", "must be 1, not true"),
-    ("/version", "1", "value", "/version", 'must be 1, not "1"'),
+    ("/version", 3, "version", "/version", "newer than version 2 of this program; update"),
+    ("/version", 0, "value", "/version", "must be 2, not 0"),
+    ("/version", True, "value", "/version", "must be 2, not true"),
+    ("/version", "2", "value", "/version", 'must be 2, not "2"'),
+    ("/warnings", ..., "missing", "", 'lacks the member "warnings"'),
+    ("/warnings", {}, "type", "/warnings", "must be an array"),
+    ("/warnings", [None], "type", "/warnings/0", "must be an object, not null"),
+    ("/warnings", [STORED | {"severity": "bad"}], "value", "/warnings/0/severity", 'must be one of "error", "warning"'),
+    ("/warnings", [STORED | {"code": "Off Mesh"}], "pattern", "/warnings/0/code", "must match"),
+    ("/warnings", [STORED | {"message": ""}], "length", "/warnings/0/message", "at least 1 characters"),
+    ("/warnings", [STORED | {"value": "6 mm"}], "type", "/warnings/0/value", "must be a finite number or null"),
+    ("/warnings", [STORED | {"where": {"at": 1}}], "unknown", "/warnings/0/where/at", "not a known member"),
+    ("/warnings", [STORED | {"where": {"point": [0, 0]}}], "length", "/warnings/0/where/point", "3 elements"),
+    ("/warnings", [{n: v for n, v in STORED.items() if n != "where"}], "missing", "/warnings/0", 'member "where"'),
+    (f"{T0}/sigma", [None] * 5 + [[1e-3, 1e-3]], "length", f"{T0}/sigma/5", "must have 3 elements, not 2"),
+    (f"{T0}/sigma", [None] * 5 + [[1e-3, -1e-3, 0]], "range", f"{T0}/sigma/5/1", "must be at least 0"),
+    (f"{T0}/sigma", [None] * 5 + [0.001], "type", f"{T0}/sigma/5", "must be an array or null"),
+    (
+        "/patches/0/registration",
+        {"origin": 0.001, "anchor": [0, 0, 0]},
+        "missing",
+        "/patches/0/registration",
+        'lacks the member "direction"',
+    ),
+    ("/patches/0/registration", MOUNTED | {"origin": -1}, "range", "/patches/0/registration/origin", "at least 0"),
+    ("/patches/0/registration", None, "type", "/patches/0/registration", "must be an object, not null"),
     ("/units/length", "mm", "value", "/units/length", 'must be "m", not "mm"'),
     ("/link", "", "pattern", "/link", "must match"),
     ("/link", "fore\narm", "pattern", "/link", "must match"),
@@ -124,6 +149,19 @@ FORM = [  # errors by the schema: pointer to change, new value, code, pointer of
     ("/checksum", "sha256:0", "pattern", "/checksum", "must match"),
 ]
 MEANING = [  # errors that need the complete document
+    (f"{T0}/sigma", [None] * 5, "length", f"{T0}/sigma", "contains 5 taxels, but 'id' has 6"),
+    (f"{T0}/sigma", [[1, 1, 0.1]] * 5 + [[1.5, 1, 0.1]], "units", f"{T0}/sigma/5/0", "1.5 m; divide lengths by 1000"),
+    (f"{T0}/sigma", [None] * 5 + [[0, 2, 0]], "units", f"{T0}/sigma/5/1", "is 2 m; divide lengths by 1000"),
+    (f"{T0}/sigma", [None] * 5 + [[0, 0, 4]], "units", f"{T0}/sigma/5/2", "is 4 rad; an angle is at most 3.1416 rad"),
+    ("/patches/0/registration", MOUNTED | {"origin": 2}, "units", "/patches/0/registration/origin", "at most 1 m"),
+    ("/patches/0/registration", MOUNTED | {"direction": 4}, "units", "/patches/0/registration/direction", "3.142 rad"),
+    (
+        "/patches/0/registration",
+        MOUNTED | {"anchor": [0, 35, 0]},
+        "units",
+        "/patches/0/registration/anchor",
+        "is 35 m from the link frame; divide lengths by 1000",
+    ),
     ("/checksum", "sha256:" + "0" * 64, "checksum", "/checksum", "changed after writing; .* use sha256:"),
     ("/surfaces/1/name", "tube", "duplicate-name", "/surfaces/1/name", 'repeats "tube" of /surfaces/0/name'),
     ("/patches/1/name", "sheet", "duplicate-name", "/patches/1/name", "of /patches/0/name"),
@@ -260,6 +298,17 @@ def test_validate_finds_each_mistake(pointer, value, code, where, words):
     assert len(findings) == 1, found(document)
     assert re.search(words, findings[0].message), findings[0].message
     assert findings[0].severity == ("warning" if code in ("area", "errors", "one-sided-neighbour") else "error")
+
+
+def test_stored_warnings_are_findings_again():
+    """With the code and severity that they had; a note is no problem."""
+    stored = [STORED, STORED | {"severity": "note"}, STORED | {"code": "folded", "severity": "error", "value": None}]
+    findings = validate(changed(**{"/warnings": stored}))
+    assert [(f.code, f.severity, f.pointer, f.value) for f in findings] == [
+        ("off-mesh", "warning", "/warnings/0", 0.0062),
+        ("folded", "error", "/warnings/2", None),
+    ]
+    assert findings[0].message == "reports: It is 6.2 mm off. Cut."
 
 
 def test_validate_finds_repeated_ids_across_patches():

@@ -12,7 +12,7 @@ import pytest
 
 from skin_calib_addon.calibration import Response, ResponseTable, load_calibration, save_calibration, to_document
 from skin_calib_addon.cli import main
-from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.plan import load_plan
 from tests.examples import slow
 from tests.samples import boards, plane, small_calibration
@@ -424,6 +424,24 @@ def test_show_warns(tmp_path, capsys):
     assert main(["show", str(tmp_path / "c.json")]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("link ") and err.startswith("skin-calib: warning: /patches/0/taxels/neighbours/0/0 is ")
+
+
+def test_warnings_of_a_fit_are_repeated_by_every_command(folder, capsys):
+    """The calibration keeps them. `check` and `show` print them with their codes, and `check` counts them."""
+    whole = cylinder(around=24, along=8)
+    save_mesh(TriangleMesh(whole.vertices, np.delete(whole.faces, slice(100, 120), axis=0)), folder / "tube.ply")
+    out = folder / "out.json"
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(out)]) == 0
+    printed = capsys.readouterr().err.splitlines()
+    kept = load_calibration(out).warnings
+    assert "missing-samples" in {w.code for w in kept}
+    assert printed == [f"skin-calib: {w.severity}: {w}" for w in kept]
+    assert main(["check", str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:-1] == [f"warning: /warnings/{i} reports: {w}" for i, w in enumerate(kept)]
+    assert f"0 errors, {len(kept)} warnings" in lines[-1]
+    assert main(["show", str(out)]) == 0
+    assert capsys.readouterr().err.splitlines() == [f"skin-calib: {line}" for line in lines[:-1]]
 
 
 def test_show_draws_all_surfaces_and_reports_missing_ones(tmp_path, capsys):
