@@ -21,6 +21,7 @@ from ..surface.distance import SAMPLES_PER_SPAN, footpoints, is_sampled, surface
 from .chords import chord_gaps
 from .diagnosis import condition, dropped_loops, fit_warnings, maximum_deviation
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
+from .undercut import undercut_warnings
 
 # [1] most iterations of a fit. Larger: slowly converging fits get closer to the mesh, more time.
 MAX_FIT_ITERATIONS = 10
@@ -203,7 +204,8 @@ class SurfaceFit:
     def warnings(self) -> tuple[Warning, ...]:
         """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
-        return tuple(fit_warnings(self.mesh, *parts, self.smallest_area, self.converged))
+        found = list(fit_warnings(self.mesh, *parts, self.smallest_area, self.converged))
+        return (*found, *undercut_warnings(self.mesh, *parts, self.surface))
 
     def is_within(self, tolerance: float) -> bool:
         """Return whether surface and mesh are within ``tolerance`` [m] of each other, without holes and folds."""

@@ -100,6 +100,21 @@ class RayCaster:
         overlaps = self.stop - following > HIT_TOLERANCE * self.width
         return np.bincount(self.row[overlaps], minlength=rows) == 0
 
+    @property
+    def folds(self) -> BoolArray:
+        """Return the rows in which the outer curve folds back, shape (rows,): some rays intersect it more than once."""
+        return self.followed & ~self.clean
+
+    def folded_segments(self, i: int) -> Array:
+        """Return the segments of row ``i`` with an abscissa that other segments have too, shape (s, 2, 2) [m]."""
+        index = slice(self.bounds[i], self.bounds[i + 1])
+        begin, stop = self.key[index], np.sort(self.stop[index])
+        middle = (begin + self.stop[index]) / 2
+        here = np.searchsorted(begin, middle, side="right") - np.searchsorted(stop, middle)
+        if self.centres is not None:  # segments across angle zero
+            here += len(stop) - np.searchsorted(stop, middle + self.width)
+        return self.ends[self.order[index][here > 1]]
+
     def _outer_curves(self, ends: Array) -> BoolArray:
         """Return which segments are kept, shape (s,): in rows with overlaps, those of the outer curve."""
         rows = np.flatnonzero(~self.clean)

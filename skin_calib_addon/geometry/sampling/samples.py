@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray, along, unit
+from ...common.arrays import Array, BoolArray, IntArray, along, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .basis import TensorBasis
 from .lines import LineGrid
@@ -36,6 +36,7 @@ class RaySamples:
     origins: Array  # (k, l, 3) of the rays [m]
     arms: Array  # (k, l, 3) from there to the surface [m]
     faces: IntArray  # (k, l) faces that were hit
+    folds: BoolArray  # (k,) rows whose section folds back, so that some rays intersect it more than once
 
     @cached_property
     def rays(self) -> Array:
@@ -142,7 +143,7 @@ class SampleRows:
         if not self.flat:  # correct rays that leave the plane of a fanned row
             length = np.linalg.norm(arms, axis=2)
             distance = self._onto_facets(distance, hit, arms / length[..., None])
-        return RaySamples(distance - length, self.origins, arms, self.sections.face[hit])
+        return RaySamples(distance - length, self.origins, arms, self.sections.face[hit], self.caster.folds)
 
     def _onto_facets(self, distance: Array, hit: IntArray, rays: Array) -> Array:
         r"""Return the distance to the planes of the facets that rays hit, for rays that leave the plane of their row.

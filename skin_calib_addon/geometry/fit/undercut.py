@@ -1,0 +1,130 @@
+r"""Undercuts: parts of a section that no surface with lines from one axis can follow.
+
+The control points of a section row are at increasing angles about the axis. With B-spline basis functions, two of them
+:math:`i < j` have :math:`N_i N_j' - N_i' N_j \ge 0`, so that the angle of the surface never decreases along the row. A
+section that folds back behind itself, as seen from the axis, therefore stays off the surface with any number of lines.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...common.arrays import Array
+from ...common.warnings import Place, Warning, point_of
+from ..mesh.triangle_mesh import TriangleMesh
+from ..sampling.basis import TensorBasis
+from ..sampling.lines import LineGrid
+from ..sampling.samples import RaySamples, SampleRows, across
+from ..surface.bspline import BSplineSurface
+from .diagnosis import nearest_names
+
+# [m] distance of an undercut from the surface above which there is a warning. Larger: fewer warnings.
+UNDERCUT_DISTANCE = 2e-4
+# [1] points of the surface per sample site to which distances are measured. Larger: more accurate, more time.
+POINTS_PER_SITE = 8
+
+
+def undercut_warnings(
+    mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples, surface: BSplineSurface
+) -> Iterator[Warning]:
+    """Yield a warning where a section folds back behind itself, and the surface is far from this part.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh, [m] in the link frame.
+    lines : LineGrid
+        The lines of the control points.
+    basis : TensorBasis
+        The basis at the sample sites.
+    samples : RaySamples
+        Of the last iteration.
+    surface : BSplineSurface
+        The fitted surface.
+    """
+    distance, place = deepest_undercut(mesh, lines, basis, samples, surface)
+    if distance > UNDERCUT_DISTANCE:
+        yield Warning(
+            "undercut",
+            "warning",
+            f"The section folds back behind itself {place.words}. "
+            "Parallel lines, or lines from one axis, cannot follow it. "
+            f"The surface is {distance * 1e3:.2f} mm off there.",
+            place,
+            distance,
+            "Move the axis so that each ray from it meets the section once, place the planes across the undercut, or "
+            "cut it away. More lines do not help.",
+        )
+
+
+def deepest_undercut(
+    mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples, surface: BSplineSurface
+) -> tuple[float, Place]:
+    """Return the largest distance of a folded part of a section from the surface [m], and its place.
+
+    Parameters
+    ----------
+    mesh, lines, basis, samples, surface
+        As for ``undercut_warnings``.
+
+    Returns
+    -------
+    distance : float
+        [m]; 0 where all sections are star-shaped.
+    place : Place
+        Point, u-plane and v-line.
+    """
+    deepest, place = 0.0, Place()
+    if not samples.folds.any():
+        return deepest, place
+    rows = SampleRows.of(mesh, lines, basis)
+    k, l = samples.residuals.shape
+    count = POINTS_PER_SITE * l
+    v = np.arange(count) / count if lines.closed else np.linspace(0, 1, count)
+    for i in np.flatnonzero(samples.folds):
+        axes, origin = rows.axes[i if len(rows.axes) > 1 else 0], rows.planes.points[i]
+        points = surface.grid_points(np.array([i / (k - 1)]), v)[0] - origin
+        section = rows.caster.folded_segments(int(i)).mean(axis=1)
+        if len(section) == 0:
+            continue
+        distance, nearest = distances_to_curve(section, across(points[None], axes[None])[0], lines.closed)
+        worst = int(np.argmax(distance))
+        if distance[worst] > deepest:
+            deepest = float(distance[worst])
+            column = int(v[nearest[worst]] * (l if lines.closed else l - 1) + 0.5) % l
+            names = nearest_names(lines, basis, (int(i), column))
+            place = Place(point_of(origin + section[worst] @ axes), names)
+    return deepest, place
+
+
+def distances_to_curve(points: Array, curve: Array, closed: bool) -> tuple[Array, Array]:
+    """Return the distances of points to a chain of segments, and the nearest corner of each.
+
+    Parameters
+    ----------
+    points : array, shape (k, 2)
+        [m]
+    curve : array, shape (n, 2)
+        Corners [m].
+    closed : bool
+        Whether the last corner is next to the first. The end of an open curve has no distance: points next to it are
+        beyond the curve.
+
+    Returns
+    -------
+    distance : array, shape (k,)
+        [m]; 0 beyond the ends of an open curve.
+    nearest : array of int, shape (k,)
+    """
+    nearest = np.asarray(cKDTree(curve).query(points)[1])
+    distance = np.full(len(points), np.inf)
+    for step in (-1, 0):
+        start, stop = curve[(nearest + step) % len(curve)], curve[(nearest + step + 1) % len(curve)]
+        side = stop - start
+        part = ((points - start) * side).sum(axis=1) / np.maximum((side**2).sum(axis=1), 1e-300)
+        foot = start + np.clip(part, 0, 1)[:, None] * side
+        distance = np.minimum(distance, np.linalg.norm(points - foot, axis=1))
+    if not closed:
+        distance[(nearest == 0) | (nearest == len(curve) - 1)] = 0.0
+    return distance, nearest

@@ -1,0 +1,135 @@
+"""Sections that fold back behind themselves: the part that the surface cannot follow is named."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
+
+from sample_scenes.shapes import tube_mesh
+from skin_calib_addon.geometry import AcrossGrid, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from skin_calib_addon.geometry.sampling.basis import spline_sites
+from skin_calib_addon.geometry.sampling.planes import Planes
+from tests.shapes import TURN, Z_AXIS, Motion, cone, cylinder, keep, welded, wrist
+
+
+def outline(swing, points=20000, lobes=5, depth=0.004):
+    """Points of a curve with lobes; they lean over where ``swing`` is above one. Shape (k, 2) [m]."""
+    t = TURN * np.arange(points) / points
+    angle, radius = t + swing / lobes * np.sin(lobes * t), 0.035 + depth * np.cos(lobes * t + 1.2)
+    return radius[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
+
+
+def lobed(swing):
+    """A tube about z with this outline from 0 to 100 mm."""
+
+    def point(angle, height):
+        phi, radius = angle + swing / 5 * np.sin(5 * angle), 0.035 + 0.004 * np.cos(5 * angle + 1.2)
+        return np.column_stack((radius * np.cos(phi), radius * np.sin(phi), 0.1 * height))
+
+    return welded(tube_mesh(point, 240, 6))
+
+
+def undercuts(fit):
+    """The warnings with this code."""
+    return [w for w in fit.warnings if w.code == "undercut"]
+
+
+def folded(points, swing):
+    """The points of the outline at angles that it has several times."""
+    angle = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
+    crossings = np.zeros(len(points), int)
+    for turn in (-TURN, 0, TURN):
+        high, low = np.maximum(angle, np.roll(angle, -1)), np.minimum(angle, np.roll(angle, -1))
+        inside = np.abs(high - low) < 1
+        crossings += np.searchsorted(np.sort(low[inside]), angle + turn) - np.searchsorted(
+            np.sort(high[inside]), angle + turn
+        )
+    return points[crossings > 1]
+
+
+@pytest.mark.parametrize("lines", [20, 40, 80])
+@pytest.mark.parametrize("turned", [None, 2])
+def test_undercut_is_a_warning_with_its_place(lines, turned):
+    """Five lobes that lean over: the distance and the place are those of the folded part of the true outline."""
+    motion = Motion.none() if turned is None else Motion(turned)
+    fit = fit_surface(motion.mesh(lobed(1.25)), TubeGrid(5, lines, motion.axis(Z_AXIS), 0.002))
+    (warning,) = undercuts(fit)
+    row = fit.surface.points(np.column_stack((np.full(5000, 0.5), np.arange(5000) / 5000)))
+    row = (row - motion.shift) @ motion.rotation
+    hidden = folded(outline(1.25), 1.25)
+    off = cKDTree(row[:, :2]).query(hidden)[0]
+    assert_allclose(warning.value, off.max(), rtol=0.1)
+    assert warning.value > 4e-4  # and more lines do not help
+    place = (np.array(warning.where.point) - motion.shift) @ motion.rotation
+    assert cKDTree(row[:, :2]).query(place[:2])[0] > 0.9 * warning.value
+    assert cKDTree(hidden).query(place[:2])[0] < 2e-4
+    assert f"{warning.value * 1e3:.2f} mm" in warning.message and "half-plane at" in warning.message
+
+
+@pytest.mark.parametrize("mesh", [lobed(0.95), cylinder(), wrist(), cone()])
+def test_star_shaped_sections_have_no_undercut(mesh):
+    """Lobes that do not lean over, and plain tubes."""
+    fit = fit_surface(mesh, TubeGrid(5, 40, Z_AXIS, 0.002))
+    assert not fit.samples.folds.any() and not undercuts(fit)
+
+
+def test_undercut_in_fanned_planes_is_found():
+    """Planes that are not parallel, through the same five lobes."""
+    tilt = np.array((-0.05, 0, 0.05, 0, -0.05))
+    u = Planes(np.linspace(0.01, 0.09, 5)[:, None] * (0, 0, 1.0), np.column_stack((tilt, 0 * tilt, 1 + 0 * tilt)))
+    angle = np.arange(15) * np.pi / 15
+    v = Planes(np.zeros((15, 3)), np.column_stack((np.cos(angle), np.sin(angle), 0 * angle)))
+    fit = fit_surface(lobed(1.25), PlanesGrid(u, v, True))
+    (warning,) = undercuts(fit)
+    surface = fit.surface.grid_points(np.linspace(0, 1, 161), np.arange(2000) / 2000).reshape(-1, 3)
+    hidden = folded(outline(1.25, 2000), 1.25)
+    heights = np.linspace(0.02, 0.08, 25)
+    points = np.column_stack((np.tile(hidden, (25, 1)), np.repeat(heights, len(hidden))))
+    assert_allclose(warning.value, cKDTree(surface).query(points)[0].max(), rtol=0.1)
+
+
+def test_undercut_outside_a_sector_is_not_named():
+    """A sector between two of the lobes has no warning, one over two of them has."""
+    angles = np.arctan2(*folded(outline(1.25), 1.25).T[::-1])
+    start, stop = next((a, a + 0.3) for a in np.arange(-3, 3, 0.05) if not ((angles > a) & (angles < a + 0.3)).any())
+    between = fit_surface(lobed(1.25), SectorGrid(5, 8, start, stop, Z_AXIS, 0.002))
+    over = fit_surface(lobed(1.25), SectorGrid(5, 14, start, start + 1.5, Z_AXIS, 0.002))
+    assert between.samples.folds.any() and not undercuts(between)
+    assert undercuts(over)
+
+
+def test_undercut_of_a_face_is_found():
+    """A ridge on a sheet that leans over, below parallel lines."""
+    x, y = np.meshgrid(np.linspace(0, 0.1, 201), np.linspace(0, 0.08, 9), indexing="ij")
+    bump = np.exp(-(((x - 0.05) / 0.008) ** 2))
+    points = np.stack((x + 0.012 * bump, y, 0.01 * bump), axis=-1).reshape(-1, 3)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(200), np.arange(8), indexing="ij"))
+    p = i * 9 + j
+    faces = np.concatenate((np.column_stack((p, p + 9, p + 10)), np.column_stack((p, p + 10, p + 1))))
+    fit = fit_surface(weld(points, faces), AcrossGrid(5, 30, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 0.002))
+    (warning,) = undercuts(fit)
+    assert 2e-4 < warning.value < 0.01
+
+
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(7, 40), degree=st.sampled_from((2, 3, 5)))
+def test_angle_of_a_row_never_decreases(seed, count, degree):
+    """Why more lines do not help: control points at increasing angles give a star-shaped row, whatever their radii."""
+    rng = np.random.default_rng(seed)
+    angle = np.sort(rng.uniform(0, TURN, count))
+    gaps = np.diff(np.append(angle, angle[0] + TURN))
+    if gaps.max() > 0.9 * np.pi / degree:
+        angle = TURN * np.arange(count) / count
+    net = 10 ** rng.uniform(-1, 1, count)[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
+    points = spline_sites(count, degree, True, 50).values @ net
+    turn = np.diff(np.unwrap(np.arctan2(points[:, 1], points[:, 0])))
+    assert turn.min() > -1e-9
+
+
+def test_hidden_part_next_to_the_open_side_counts():
+    """A lobed tube with an opening: the sector between the rims still names the undercut."""
+    mesh = keep(lobed(1.25), lambda centres: centres[:, 0] > -0.02)
+    fit = fit_surface(mesh, SectorGrid(5, 20, -1.8, 1.8, Z_AXIS, 0.002))
+    assert undercuts(fit)
