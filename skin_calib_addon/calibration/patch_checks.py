@@ -8,16 +8,27 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array
+from ..common.arrays import Array, BoolArray, IntArray
 from ..common.findings import Finding, error, show, warning
 from .parts import Part, needs
 from .surface_checks import MAX_DISTANCE
 
 # Error of the length of a normal or tangent, and cosine between them. Larger: less precise vectors pass.
 UNIT_TOLERANCE = 1e-9
-# Relative difference between the area of a cell and the area of its corner polygon, which is smaller on curved
-# surfaces. Larger: wrong areas pass.
-AREA_TOLERANCE = 0.2
+# Relative difference between the area of a cell and the area of its outline, by the kind of the patch. The cells of a
+# sheet bend with the surface; their outlines are up to 7 % smaller at a radius of 0.8 pitches. Others are flat.
+# Larger: wrong areas pass.
+AREA_TOLERANCES = {"sheet": 0.1, "hexagons": 0.02, "imported": 0.02}
+# Distance of two taxels in pitches below which they are in one place. Larger: more findings in narrow folds.
+MIN_TAXEL_DISTANCE = 0.1
+# Direction along which taxels are sorted to find near ones; oblique, because taxels are often on planes and lines.
+SORTING_DIRECTION = np.array((0.36, 0.48, 0.8))
+# Doubled area of the triangle of a side and a corner, relative to the square of the size of the cell, up to which the
+# corner is on the side. Larger: narrow crossings pass.
+CROSSING_TOLERANCE = 1e-9
+# Cosine of the angle between the direction to the next taxel and the direction that the tangent gives for it, below
+# which the tangent is wrong; a mirrored board has -0.5. Larger: bent cells have findings.
+MIN_LATTICE_COSINE = -0.25
 # Ratio of these areas from which the unit is wrong; square centimetres give 10 000. Larger: wrong units pass.
 AREA_UNIT_RATIO = 100.0
 MAX_PITCH = 1.0  # [m]. Larger: a pitch in millimetres is accepted.
@@ -80,9 +91,30 @@ def _normals_are_outward(patch: Part, normal: Array, corners: Array) -> Iterator
         yield error("flipped-normal", patch.at("normal", row), message, normal[row].tolist())
 
 
-@needs("area", "corners")
-def _areas_fit_corners(patch: Part, area: Array, corners: Array) -> Iterator[Finding]:
-    spanned = np.linalg.norm(_fan(corners), axis=2).sum(1)
+@needs("normal", "corners")
+def _outlines_do_not_cross(patch: Part, normal: Array, corners: Array) -> Iterator[Finding]:
+    """Check that no two sides of a cell cross, as in a bow-tie."""
+    seen = _seen_along(normal, corners)
+    allowed = CROSSING_TOLERANCE * np.ptp(seen, axis=1).max(axis=1) ** 2
+    following, count = np.roll(seen, -1, axis=1), seen.shape[1]
+    crossing = np.zeros(len(seen), bool)
+    for i in range(count - 2):
+        a, b = seen[:, i, None], following[:, i, None]
+        others = slice(i + 2, count - (i == 0))  # without the adjacent sides
+        c, d = seen[:, others], following[:, others]
+        limit = allowed[:, None]
+        sides = [_turn(a, b, c), _turn(a, b, d), _turn(c, d, a), _turn(c, d, b)]
+        left, right = [s > limit for s in sides], [s < -limit for s in sides]
+        apart = [left[k] & right[k + 1] | right[k] & left[k + 1] for k in (0, 2)]
+        crossing |= (apart[0] & apart[1]).any(axis=1)
+    for row in np.flatnonzero(crossing):
+        message = "cross each other: two sides of the outline intersect; order the corners counter-clockwise"
+        yield error("crossing-outline", patch.at("corners", row), message, corners[row].tolist())
+
+
+@needs("kind", "area", "corners")
+def _areas_fit_corners(patch: Part, kind: str, area: Array, corners: Array) -> Iterator[Finding]:
+    spanned = np.linalg.norm(_fan(corners).sum(1), axis=1)
     ratio = float(np.min(area / np.where(spanned > 0, spanned, np.inf)))
     if ratio > AREA_UNIT_RATIO:
         message = (
@@ -90,9 +122,55 @@ def _areas_fit_corners(patch: Part, area: Array, corners: Array) -> Iterator[Fin
         )
         yield error("units", patch.at("area"), message)
         return
-    for row in np.flatnonzero(~(np.abs(area - spanned) <= AREA_TOLERANCE * spanned)):
+    for row in np.flatnonzero(~(np.abs(area - spanned) <= AREA_TOLERANCES[kind] * spanned)):
         message = f"is {area[row]:.4g} m^2, but the area of the corners is {spanned[row]:.4g} m^2"
         yield warning("area", patch.at("area", row), message, float(area[row]))
+
+
+@needs("kind", "index", "id", "neighbours", "position", "normal", "tangent")
+def _tangents_follow_the_lattice(
+    patch: Part,
+    kind: str,
+    index: list[list[int]],
+    ids: list[str],
+    neighbours: list[Any],
+    position: Array,
+    normal: Array,
+    tangent: Array,
+) -> Iterator[Finding]:
+    """Check that tangent and normal are neither reversed nor mirrored: they give the directions to adjacent taxels.
+
+    With the normal n and the tangent t, the next taxel of the row is along t. The next row of a sheet is along n x t,
+    or against it in all taxels of a left-handed sheet. A board (q, r) is along q t + r (t + sqrt(3) n x t) / 2.
+    """
+    if kind == "imported":
+        return
+    row = {taxel: i for i, taxel in enumerate(ids)}
+    pairs = np.array([(i, row[b]) for i, near in enumerate(neighbours) for b in near if b in row], int).reshape(-1, 2)
+    index_array = np.array(index, int)
+    step = index_array[pairs[:, 1]] - index_array[pairs[:, 0]]
+    is_next = np.abs(step).sum(axis=1) == 1 if kind == "sheet" else _is_hexagonal_step(step)
+    (a, b), step = pairs[is_next].T, step[is_next]
+    arm = position[b] - position[a]
+    ahead, aside = (arm * tangent[a]).sum(axis=1), (arm * np.cross(normal[a], tangent[a])).sum(axis=1)
+    if kind == "sheet":
+        across = step[:, 0] * aside
+        hand = -1.0 if (across < 0).sum() > (across > 0).sum() else 1.0
+        wanted = np.column_stack((step[:, 1], hand * step[:, 0]))
+    else:
+        wanted = np.column_stack((step[:, 0] + step[:, 1] / 2, np.sqrt(0.75) * step[:, 1]))
+    wrong = ahead * wanted[:, 0] + aside * wanted[:, 1] < MIN_LATTICE_COSINE * np.linalg.norm(arm, axis=1)
+    _, first_pairs = np.unique(a[wrong], return_index=True)
+    for pair in np.flatnonzero(wrong)[first_pairs]:
+        taxel, other = a[pair], ids[b[pair]]
+        message = (
+            f"contradicts the index: with the normal it gives another direction to {show(other)}; the frame is mirrored"
+        )
+        yield error("mirrored-tangent", patch.at("tangent", taxel), message, tangent[taxel].tolist())
+
+
+def _is_hexagonal_step(step: IntArray) -> BoolArray:
+    return (np.abs(step).max(axis=1) == 1) & (step[:, 0] != step[:, 1])
 
 
 @needs("ports", "neighbours")
@@ -174,6 +252,52 @@ def _registration_is_in_si_units(patch: Part, registration: dict[str, Any]) -> I
         yield error("units", patch.at("registration", "anchor"), message, registration["anchor"])
 
 
+def taxels_are_apart(patches: list[Part]) -> Iterator[Finding]:
+    """Check that no two taxels of a link are in one place.
+
+    Parameters
+    ----------
+    patches : list of Part
+        All patches of the link.
+    """
+    valid = [patch for patch in patches if patch.members.keys() >= {"position", "pitch", "id"}]
+    if not valid:
+        return
+    where = [(patch, row) for patch in valid for row in range(len(patch.members["position"]))]
+    position = np.concatenate([patch.members["position"] for patch in valid])
+    pitch = np.repeat([patch.members["pitch"].min() for patch in valid], [len(p.members["position"]) for p in valid])
+    along = position @ SORTING_DIRECTION
+    order = np.argsort(along, kind="stable")
+    along, largest = along[order], MIN_TAXEL_DISTANCE * float(pitch.max())
+    for ahead in range(1, len(order)):
+        near = np.flatnonzero(along[ahead:] - along[:-ahead] < largest)
+        if not len(near):
+            return
+        a, b = order[near], order[near + ahead]
+        distance = np.linalg.norm(position[a] - position[b], axis=1)
+        for pair in np.flatnonzero(distance < MIN_TAXEL_DISTANCE * np.minimum(pitch[a], pitch[b])):
+            (first_patch, first_row), (patch, row) = (where[i] for i in sorted((a[pair], b[pair])))
+            other = first_patch.members["id"][first_row]
+            message = f"is {distance[pair] * 1e3:.3g} mm from taxel {show(other)}: two taxels are in one place"
+            yield warning(
+                "duplicate-position", patch.at("position", row), message, patch.members["position"][row].tolist()
+            )
+
+
+def _seen_along(normal: Array, corners: Array) -> Array:
+    """Return the corners (n, k, 2) in the plane perpendicular to each normal, counter-clockwise seen from outside."""
+    least = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    right = np.cross(least, normal)
+    up = np.cross(normal, right)
+    return np.stack([(corners * axis[:, None]).sum(axis=2) for axis in (right, up)], axis=2)
+
+
+def _turn(a: Array, b: Array, c: Array) -> Array:
+    """Return the doubled signed area of triangles of plane points (..., 2), positive if counter-clockwise."""
+    ab, ac = b - a, c - a
+    return ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0]
+
+
 def _fan(corners: Array) -> Array:
     """Return area vectors [m^2] of the triangles of centroid and side, for each cell, shape (n, k, 3)."""
     spokes = corners - corners.mean(axis=1, keepdims=True)
@@ -186,7 +310,9 @@ CHECKS = (
     _normals_are_unit,
     _tangents_are_unit,
     _tangents_are_perpendicular,
+    _tangents_follow_the_lattice,
     _normals_are_outward,
+    _outlines_do_not_cross,
     _areas_fit_corners,
     _positions_are_in_metres,
     _pitch_is_in_metres,

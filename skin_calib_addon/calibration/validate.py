@@ -102,6 +102,8 @@ def _meaning(document: Any, findings: Findings) -> Findings:
         *first(_unknown_surfaces(patches, surfaces)),
         *first(_unknown_neighbours(patches, near)),
         *first(_one_sided_neighbours(patches, near)),
+        *first(_repeated_neighbours(patches, near)),
+        *first(patch_checks.taxels_are_apart(patches)),
         *first(responses_are_monotone(document, findings)),
         *first(responses_exist(document, patches)),
         *first(_stored_warnings(document, findings)),
@@ -166,6 +168,15 @@ def _one_sided_neighbours(patches: list[Part], near: dict[str, set[str]]) -> Ite
         if other in near and taxel not in near[other]:
             message = f"is {show(other)}, which does not list this taxel as neighbour"
             yield warning("one-sided-neighbour", patch.at("neighbours", row, column), message, other)
+
+
+def _repeated_neighbours(patches: list[Part], near: dict[str, set[str]]) -> Iterator[Finding]:
+    for patch in patches if near else ():
+        for row, ids in enumerate(patch.members["neighbours"]):
+            for column, other in enumerate(ids) if len(set(ids)) < len(ids) else ():
+                if other in ids[:column]:
+                    message = f"names {show(other)} a second time"
+                    yield error("duplicate-neighbour", patch.at("neighbours", row, column), message, other)
 
 
 def _neighbours(patches: list[Part]) -> dict[str, set[str]]:

@@ -1,11 +1,16 @@
 """What the members of a plan must be together, where each of them is right alone."""
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
+from ..calibration.parts import pointers_with_findings
+from ..common.arrays import Array
 from ..common.errors import InvalidPlan
+from ..common.findings import Finding, child, error
 from ..geometry.grid.grids import Across, Grid, PlanesGrid
+from ..skin.imported import ROTATION_MATRIX_TOLERANCE
 from .plan import Plan
 from .skins import BoardSkin, SheetSkin, Skin, first_channels
 
@@ -65,6 +70,39 @@ def check_landmarks(skin: SheetSkin) -> None:
                 f"Skin {skin.name!r} has a landmark at cell {list(landmark.cell)}, but the sheet has {rows} "
                 f"x {columns} cells, counted from 0."
             )
+
+
+def frames_are_rotations(document: Any, findings: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield an error for each frame of imported taxels that mirrors, scales or shears.
+
+    Parameters
+    ----------
+    document : JSON value
+        A plan, possibly invalid.
+    findings : iterable of Finding
+        Findings of the schema. A skin with findings is not checked.
+    """
+    wrong = pointers_with_findings(findings)
+    skins = document.get("skins") if isinstance(document, dict) else None
+    for k, skin in enumerate(skins if isinstance(skins, list) else ()):
+        if child("", "skins", k) not in wrong and "frame" in skin:
+            rotation = skin["frame"]["rotation"]
+            problem = not_a_rotation(np.array(rotation, float))
+            if problem:
+                pointer = child("", "skins", k, "frame", "rotation")
+                yield error("rotation", pointer, f"is not a rotation: it {problem}", rotation)
+
+
+def not_a_rotation(matrix: Array) -> str:
+    """Return what a matrix (3, 3) does that a rotation does not, as the end of a sentence; empty for a rotation."""
+    u, stretch, v = np.linalg.svd(matrix)
+    if np.linalg.det(matrix) < 0:
+        return "mirrors. Reverse one of its axes"
+    if np.abs(u @ v - matrix).max() <= ROTATION_MATRIX_TOLERANCE:
+        return ""
+    if np.ptp(stretch) <= ROTATION_MATRIX_TOLERANCE * stretch[0]:
+        return f"scales by {stretch.mean():.6g}. Give rows of length one"
+    return f"stretches directions by {stretch[2]:.4g} to {stretch[0]:.4g}. Give orthogonal rows of length one"
 
 
 def check_direction(vector: Any, message: str) -> None:

@@ -12,6 +12,7 @@ from ..common.errors import CalibrationFormatError, InvalidPlan
 from ..common.findings import Finding, error
 from ..common.schema_check import check
 from ..common.strict_json import parse, read
+from .checks import frames_are_rotations
 from .document import plan_document, plan_from
 from .keys import FORMAT, VERSION
 from .plan import Plan
@@ -63,12 +64,12 @@ def save_plan(plan: Plan, path: str | Path) -> None:
 
 
 def check_plan(document: Any) -> tuple[Finding, ...]:
-    """Return every place where a document breaks the plan's schema, or its response is not monotone."""
+    """Return every place where a document breaks the schema, a response is not monotone, or a frame no rotation."""
     other = tuple(other_file(document, FORMAT, VERSION))
     if other:
         return other
     findings = check(document, plan_schema())
-    return (*findings, *responses_are_monotone(document, findings))
+    return (*findings, *responses_are_monotone(document, findings), *frames_are_rotations(document, findings))
 
 
 def check_plan_wholly(document: Any) -> tuple[Finding, ...]:

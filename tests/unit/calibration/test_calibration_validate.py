@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import dataclasses
 import gzip
 import json
 import re
@@ -12,14 +13,15 @@ import numpy as np
 import pytest
 
 from skin_calib_addon import calibration
-from skin_calib_addon.calibration import encode, to_document, validate
+from skin_calib_addon.calibration import encode, patch_checks, to_document, validate
+from skin_calib_addon.calibration.parts import Part
 from skin_calib_addon.calibration.validate import SCHEMA
 from skin_calib_addon.common import findings, strict_json
 from skin_calib_addon.common.encoding import checksum
 from skin_calib_addon.common.findings import Finding
 from skin_calib_addon.common.schema_check import check, read_schema
 from skin_calib_addon.common.strict_json import MAX_JSON_DEPTH, parse
-from tests.samples import small_calibration
+from tests.samples import seven_boards, sheet, small_calibration
 
 TABLE = {"kind": "table", "readings": [0.0, 10.0, 20.0], "forces": [5.0, 1.0, 0.0]}
 SAMPLE = to_document(small_calibration())
@@ -153,6 +155,50 @@ MEANING = [  # errors that need the complete document
     (f"{T0}/sigma", [[1, 1, 0.1]] * 5 + [[1.5, 1, 0.1]], "units", f"{T0}/sigma/5/0", "1.5 m; divide lengths by 1000"),
     (f"{T0}/sigma", [None] * 5 + [[0, 2, 0]], "units", f"{T0}/sigma/5/1", "is 2 m; divide lengths by 1000"),
     (f"{T0}/sigma", [None] * 5 + [[0, 0, 4]], "units", f"{T0}/sigma/5/2", "is 4 rad; an angle is at most 3.1416 rad"),
+    (
+        f"{T0}/corners/2",
+        lambda c: [c[0], c[2], c[1], c[3]],
+        "crossing-outline",
+        f"{T0}/corners/2",
+        "cross each other: two sides of the outline intersect; order the corners",
+    ),
+    (
+        f"{T1}/corners/1",
+        lambda c: [c[0], c[1], c[4], c[3], c[2], c[5]],
+        "crossing-outline",
+        f"{T1}/corners/1",
+        "cross each other",
+    ),
+    (
+        T0,
+        lambda t: t | {"position": [*t["position"][:5], (np.array(t["position"][1]) + [0, 0, 9e-4]).tolist()]},
+        "duplicate-position",
+        f"{T0}/position/5",
+        'is 0.9 mm from taxel "s0.1": two taxels are in one place',
+    ),
+    (
+        "/patches",
+        lambda p: [p[0], p[1] | {"taxels": p[1]["taxels"] | {"position": [p[0]["taxels"]["position"][4], [0.05] * 3]}}],
+        "duplicate-position",
+        f"{T1}/position/0",
+        'is 0 mm from taxel "s1.1"',
+    ),
+    (
+        f"{T0}/neighbours/1",
+        lambda n: [*n, n[0]],
+        "duplicate-neighbour",
+        f"{T0}/neighbours/1/3",
+        'names "s1.1" a second',
+    ),
+    (f"{T0}/area/0", 1.11e-4, "area", f"{T0}/area/0", "is 0.000111 m.2, but the area of the corners is 0.0001 m.2"),
+    (f"{T1}/area/0", 7.05e-4, "area", f"{T1}/area/0", "is 0.000705 m.2, but the area of the corners is 0.0006903 m.2"),
+    (
+        f"{T0}/tangent/4",
+        lambda t: [-x for x in t],
+        "mirrored-tangent",
+        f"{T0}/tangent/4",
+        'contradicts the index: with the normal it gives another direction to "s0.1"; the frame is mirrored',
+    ),
     ("/patches/0/registration", MOUNTED | {"origin": 2}, "units", "/patches/0/registration/origin", "at most 1 m"),
     ("/patches/0/registration", MOUNTED | {"direction": 4}, "units", "/patches/0/registration/direction", "3.142 rad"),
     (
@@ -297,7 +343,9 @@ def test_validate_finds_each_mistake(pointer, value, code, where, words):
     findings = [finding for finding in validate(document) if (finding.code, finding.pointer) == (code, where)]
     assert len(findings) == 1, found(document)
     assert re.search(words, findings[0].message), findings[0].message
-    assert findings[0].severity == ("warning" if code in ("area", "errors", "one-sided-neighbour") else "error")
+    assert findings[0].severity == (
+        "warning" if code in ("area", "duplicate-position", "errors", "one-sided-neighbour") else "error"
+    )
 
 
 def test_stored_warnings_are_findings_again():
@@ -309,6 +357,71 @@ def test_stored_warnings_are_findings_again():
         ("folded", "error", "/warnings/2", None),
     ]
     assert findings[0].message == "reports: It is 6.2 mm off. Cut."
+
+
+@pytest.mark.parametrize("patch", [sheet(4, 5, 0.01), seven_boards()], ids=["sheet", "boards"])
+@pytest.mark.parametrize("mirror", [np.diag((-1.0, 1, 1)), np.diag((1.0, 1, -1))])
+def test_mirrored_frames_of_all_taxels_are_found(patch, mirror):
+    """All tangents reversed; or positions, normals and tangents of another hand than the corners, or than the index."""
+    taxels = patch.taxels
+    reversed_ = dataclasses.replace(taxels, tangents_link=-taxels.tangents_link)
+    assert {f.code for f in findings_of(patch, reversed_)} == {"mirrored-tangent"}
+    assert len(findings_of(patch, reversed_)) == len(taxels.ids)
+    image = {name: getattr(taxels, name) @ mirror for name in ("positions_link", "normals_link", "tangents_link")}
+    flipped = dataclasses.replace(taxels, **image, corners_link=taxels.corners_link @ mirror)
+    assert {f.code for f in findings_of(patch, flipped)} >= {"flipped-normal"}
+    if patch.kind == "hexagons":  # a mirrored sheet is a sheet of the other hand
+        ordered = dataclasses.replace(flipped, corners_link=flipped.corners_link[:, ::-1])
+        assert {f.code for f in findings_of(patch, ordered)} == {"mirrored-tangent"}
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
+def test_left_handed_and_turned_patches_are_valid(turn):
+    """The rows of a left-handed sheet follow each other on the other side, in all taxels."""
+    c, s = np.cos(turn), np.sin(turn)
+    rotation = np.array(((c, -s, 0), (s, c, 0), (0, 0, 1))) @ np.array(((1, 0, 0), (0, c, -s), (0, s, c)))
+    names = ("positions_link", "normals_link", "tangents_link", "corners_link")
+    for patch in (sheet(4, 5, 0.01), seven_boards()):
+        turned = {name: getattr(patch.taxels, name) @ rotation.T for name in names}
+        assert findings_of(patch, dataclasses.replace(patch.taxels, **turned)) == ()
+    taxels = sheet(4, 5, 0.01).taxels
+    left = dataclasses.replace(taxels, index=taxels.index * (-1, 1) + (3, 0))
+    assert findings_of(sheet(4, 5, 0.01), left) == ()
+
+
+def findings_of(patch, taxels):
+    """Return the findings of a calibration with one patch of these taxels."""
+    only = (dataclasses.replace(patch, taxels=taxels),)
+    return validate(to_document(small_calibration(patches=only)))
+
+
+def test_crossing_outlines_agree_with_triangulation():
+    """Random polygons: Shapely decides whether they are simple. Corners that nearly touch a side are left out."""
+    shapely = pytest.importorskip("shapely")
+    rng = np.random.default_rng(7)
+    for count in (4, 5, 6, 9):
+        flat = rng.uniform(-1, 1, (200, count, 2))
+        flat = flat[[shapely.Polygon(p).exterior.minimum_clearance > 1e-6 for p in flat]]
+        wanted = [not shapely.Polygon(p).is_valid for p in flat]
+        corners = (
+            np.concatenate((flat, np.zeros((*flat.shape[:2], 1))), axis=2) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        )
+        normal = np.cross(*np.linalg.svd(corners[0] - corners[0].mean(0))[2][:2])
+        part = Part("", {"normal": np.tile(normal, (len(flat), 1)), "corners": corners}, frozenset({"corners"}))
+        found_rows = {int(f.pointer.split("/")[-1]) for f in patch_checks._outlines_do_not_cross(part)}
+        assert found_rows == set(np.flatnonzero(wanted)) and 0 < len(found_rows) < len(flat)
+
+
+def test_taxels_in_one_place_agree_with_brute_force():
+    """All pairs nearer than a tenth of a pitch, also on planes and lines, where many have the same height."""
+    rng = np.random.default_rng(3)
+    for flatten in ((1, 1, 1), (1, 1, 0), (0, 0, 1)):
+        position = 0.02 * rng.random((60, 3)) * flatten
+        ids = [f"t{i}" for i in range(60)]
+        part = Part("", {"position": position, "pitch": np.array((0.01, 0.012)), "id": ids}, frozenset({"position"}))
+        near = np.linalg.norm(position[:, None] - position, axis=2) < 1e-3
+        wanted = sorted(int(b) for a, b in zip(*np.nonzero(np.triu(near, 1))))
+        assert sorted(int(f.pointer.split("/")[-1]) for f in patch_checks.taxels_are_apart([part])) == wanted != []
 
 
 def test_validate_finds_repeated_ids_across_patches():

@@ -26,6 +26,18 @@ LINE = {"point": [0.0, 0.0, 0.1], "direction": [0.0, 0.0, 2.0]}
 TUBE = {"kind": "tube", "n": 10, "m": 10, "axis": "auto", "margin": 0.002}
 SECTOR = {"kind": "patch", "n": 6, "lines": 9, "axis": LINE, "from": -1.0, "to": 1.5}
 ACROSS = {"kind": "patch", "n": 6, "lines": 9, "normal": [0.0, 0.0, -1.0]}
+
+
+def framed(*rotation):
+    """Return an imported skin with a frame."""
+    frame = {"rotation": [list(map(float, row)) for row in rotation], "translation": [0, 0, 0]}
+    return {"name": "a", "kind": "imported", "file": "t.csv", "frame": frame}
+
+
+MIRRORED = framed((-1, 0, 0), (0, 1, 0), (0, 0, 1))
+SCALED = framed((0, -1000, 0), (1000, 0, 0), (0, 0, 1000))
+SHEARED = framed((1, 0.1, 0), (0, 1, 0), (0, 0, 1))
+SINGULAR = framed((1, 0, 0), (1, 0, 0), (1, 0, 0))
 PLANES = {"kind": "planes", "u": [PLANE] * 4, "v": [PLANE] * 5, "closed": True}
 SHEET = {
     "name": "wrist",
@@ -292,6 +304,10 @@ def test_planes_are_kept_in_their_order():
         ("/skins/0/directon", [0, 0, 1], "/skins/0/directon", 'did you mean "direction"'),
         ("/skins/0/name", ..., "/skins/0", 'lacks the member "name"'),
         ("/skins/1/first_channel", -1, "/skins/1/first_channel", "must be at least 0"),
+        ("/skins/0", MIRRORED, "/skins/0/frame/rotation", "is not a rotation: it mirrors. Reverse one of its axes"),
+        ("/skins/0", SCALED, "/skins/0/frame/rotation", "is not a rotation: it scales by 1000. Give rows of length"),
+        ("/skins/0", SHEARED, "/skins/0/frame/rotation", "it stretches directions by 0.9512 to 1.051. Give orthogonal"),
+        ("/skins/0", SINGULAR, "/skins/0/frame/rotation", "it stretches directions by 0 to 1.732"),
         (
             "/response/kind",
             "tabel",
