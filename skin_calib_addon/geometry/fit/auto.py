@@ -16,19 +16,18 @@ from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_posit
 from ..mesh.closest import MeshDistance
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
+from ..surface.distance import SAMPLES_PER_SPAN
 from .proof import MIN_DISTANCE, confirmed_error
 from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface
 
 MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
 MAX_LINES = 160  # [1] most lines per plane of an automatic grid. Larger: tighter tolerances, more time
 MAX_FITS = 6  # [1] most fits of a search. Larger: a grid nearer to the smallest, more time
-MAX_SEARCH_ROUNDS = 12  # [1] most rounds in which positions are computed for predicted grids. Larger: little effect
 # [1] proportions of planes and lines that are fitted, of those with the least predicted error. Larger: less error, more
 # time.
 MAX_PROPORTIONS = 3
 # [1] least ratio of the planes of two proportions, because predictions do not separate closer ones. Larger: fewer.
 MIN_PROPORTION_RATIO = 1.12
-CHECK_SITES_PER_SPAN = 5  # [1] sites per span that compare fits; different from those of the fit
 # [fraction of the tolerance] error above which a fit within the tolerance is small enough. Larger: more fits.
 USED_TOLERANCE_RATIO = 0.9
 # [1] ratio of the error of a first fit to the least predicted error, if no prediction meets the tolerance. This net has
@@ -40,14 +39,8 @@ LEAST_ERROR_RATIO = 1.05
 MIN_SIZE_RATIO = 1.1
 # [1] ratio of an expected error to the tolerance above which a net is not fitted. Larger: more fits.
 PREDICTION_MARGIN = 1.05
-# [1] ratio of the error of a net to the least error so far, between which it failed to improve, although its predicted
-# error was less. Wider: earlier stop.
-MIN_FAILED_RATIO = 0.97
-MAX_FAILED_RATIO = 1.5
 # [1] ratio of the upper bound of an error to its prediction above which the error itself is computed, as over steps.
 LOOSE_BOUND_RATIO = 1.5
-MAX_FAILED_NETS = 2  # [1] nets without improvement after which the search stops
-FAILED_STEP_RATIO = 0.7  # [1] ratio of successive predicted errors after a net without improvement
 # [fraction of the tolerance] aim of the next fit, so that it does not exceed the tolerance narrowly. Larger: smaller
 # nets, more fits.
 TARGET_RATIO = 0.97
@@ -60,8 +53,6 @@ INITIAL_GAIN = 0.6  # [1] first estimate of the ratio of the errors at the best 
 MINOR_ERROR_RATIO = 0.7
 # [fraction of an error] first aim of a prediction, because errors at unknown positions are estimates.
 FIRST_AIM_RATIO = 0.9
-# [1] ratio of the aim to an error that is less than half used, because the errors of smaller grids are estimates.
-CAUTIOUS_AIM_RATIO = 1.3
 
 
 class ErrorCurve:
@@ -199,7 +190,7 @@ class SizePredictor:
         allowed = (nets > above) & (nets < below)
         good: tuple[int, int] | None = None  # the last grid with computed positions within the error
         aim = FIRST_AIM_RATIO * error
-        for _ in range(MAX_SEARCH_ROUNDS):
+        while True:
             errors = np.hypot(
                 along.errors(MINOR_ERROR_RATIO * error)[:, None], across.errors(MINOR_ERROR_RATIO * error)
             )
@@ -219,7 +210,7 @@ class SizePredictor:
                 good = size
             if known:
                 break
-            aim = CAUTIOUS_AIM_RATIO * error if self.error(size) < error / 2 else error
+            aim = error
         return good
 
     def best_sizes(self, control_points: int, count: int) -> list[tuple[int, int]]:
@@ -239,7 +230,7 @@ class SizePredictor:
         along, across = self.along, self.across
         widest = np.minimum(control_points // along.counts, across.counts[-1])
         fits = widest >= across.counts[0]
-        for _ in range(MAX_SEARCH_ROUNDS):
+        while True:
             errors = np.hypot(along.errors()[fits], across.errors()[widest[fits] - across.counts[0]])
             sizes: list[tuple[int, int]] = []
             for i in np.argsort(errors, kind="stable"):
@@ -361,7 +352,7 @@ def fit_to_count(
         fit_lines(mesh, predictor.lines(size), degrees)
         for size in predictor.best_sizes(control_points, MAX_PROPORTIONS)
     ]
-    best = min(fits, key=lambda fit: fit.distances(CHECK_SITES_PER_SPAN).mean)
+    best = min(fits, key=lambda fit: fit.distances(SAMPLES_PER_SPAN).mean)
     check_fit(best)
     return best
 
@@ -372,7 +363,6 @@ class Search:
     def __init__(self, mesh: TriangleMesh, predictor: SizePredictor, tolerance: float, measure: str):
         self.mesh, self.predictor, self.tolerance, self.measure = mesh, predictor, tolerance, measure
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
-        self.failed_nets = 0  # number of nets without improvement
         self.achievable = np.inf  # the best achievable error [m], if the tolerance cannot be met
         self.distance = cache(MeshDistance)  # computed when needed
 
@@ -383,11 +373,7 @@ class Search:
         return min(kept, key=net_size, default=None)
 
     def run(self) -> None:
-        """Fit the smallest grid that is predicted to meet the tolerance; each fit corrects the next prediction.
-
-        A net without improvement may have too many planes and too few lines. The next net then has a much smaller
-        predicted error. If it does not improve either, the search stops.
-        """
+        """Fit the smallest grid that is predicted to meet the tolerance; each fit corrects the next prediction."""
         while len(self.tried) < MAX_FITS:
             below = net_size(self.best) / MIN_SIZE_RATIO if self.best else np.inf
             size = self.predictor.smallest_size(self.target, MIN_SIZE_RATIO * self.largest_failed, below)
@@ -404,10 +390,7 @@ class Search:
                     break
             if size is None or size in self.tried:
                 break
-            least = min((error for error, _ in self.tried.values()), default=np.inf)
-            error = self.error(size)
-            self.failed_nets += self.best is None and MIN_FAILED_RATIO * least < error < MAX_FAILED_RATIO * least
-            if self.failed_nets == MAX_FAILED_NETS or USED_TOLERANCE_RATIO * self.tolerance < error <= self.tolerance:
+            if USED_TOLERANCE_RATIO * self.tolerance < self.error(size) <= self.tolerance:
                 break
 
     @property
@@ -425,8 +408,7 @@ class Search:
         """
         missed = [self.predictor.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
         target = TARGET_RATIO * self.tolerance / self.prediction_ratio
-        less = FAILED_STEP_RATIO if self.failed_nets else USED_TOLERANCE_RATIO
-        return min(target, less * min(missed)) if missed and self.best is None else target
+        return min(target, USED_TOLERANCE_RATIO * min(missed)) if missed and self.best is None else target
 
     @property
     def prediction_ratio(self) -> float:
