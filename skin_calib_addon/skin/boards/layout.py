@@ -21,7 +21,7 @@ from ..sheet.wrap import on_surface, root_of, size_of
 from .fill import EQUAL_TOLERANCE, LatticePlacement, fill
 from .outline import FlatMap, Zone, disc, flat_loops, outline
 from .region import Region
-from .wrap import WrappedBoards, relax_boards, unroll_boards
+from .wrap import WrappedBoards, check_board_folds, relax_boards, turned_over_boards, unroll_boards
 
 Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
 # Largest number of nodes of the flat map along the size of the surface. Larger: more exact for small boards, slower.
@@ -76,7 +76,7 @@ def lay_boards(
     Raises
     ------
     InvalidPlan
-        If no board fits.
+        If no board fits, or boards of the given sequence fold over each other.
     OutsideSurface
         If a board of the given sequence is outside the surface.
     """
@@ -108,9 +108,11 @@ def lay_boards(
                 f"board {placement.cells[~inside][0].tolist()} lies beyond the edge of the surface, the first of "
                 f"{np.count_nonzero(~inside)}; leave it out, or move the origin"
             )
+        check_board_folds(layer, placement.cells, boards.uv)
         return boards, overhang
-    # On a doubly curved surface boards keep their pitch and leave their flat positions. Remove those that protrude.
-    inside &= overhang <= FILL_OVERHANG_LIMIT
+    # On a doubly curved surface boards keep their pitch and leave their flat positions. Remove those that protrude or
+    # fold over each other.
+    inside &= (overhang <= FILL_OVERHANG_LIMIT) & ~turned_over_boards(boards.cells, boards.uv)
     if not inside.any():
         raise InvalidPlan("no board fits on this surface: the curvature is too high for this size. Use smaller boards")
     kept = replace(boards, cells=boards.cells[inside], uv=boards.uv[inside], tangents=boards.tangents[inside])

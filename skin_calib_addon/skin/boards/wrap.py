@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ...common.arrays import Array, IntArray, unit
-from ...common.errors import OutsideSurface
+from ...common.arrays import Array, BoolArray, IntArray, unit
+from ...common.errors import InvalidPlan, OutsideSurface, millimetres
 from ...geometry.surface.bspline import BSplineSurface
-from ..lattice import HexLattice
+from ..lattice import PORTS, HexLattice
 from ..sheet.constraints import flat_axes, pin_constraints, row_axis
 from ..sheet.geodesic import unroll
 from ..sheet.net import board_net
@@ -70,8 +70,8 @@ def wrap_boards(
     Raises
     ------
     InvalidPlan
-        If the direction is perpendicular to the surface, the offset folds the surface, or the placement does not
-        converge.
+        If the direction is perpendicular to the surface, the offset folds the surface, the placement does not
+        converge, or the boards fold over each other.
     OutsideSurface
         If the centre of a board is outside the surface; names the first board.
     """
@@ -88,7 +88,56 @@ def wrap_boards(
                 cell=cell,
                 distance=gap,
             )
+    check_board_folds(layer, indices, uv)
     return WrappedBoards(surface, offset, lattice, indices, uv, tangents)
+
+
+def turned_over_boards(cells: IntArray, uv: Array) -> BoolArray:
+    """Return which boards are in a triangle of neighbours that is turned over on the surface, shape (n,).
+
+    Parameters
+    ----------
+    cells : array of int, shape (n, 2)
+        Axial coordinates.
+    uv : array, shape (n, 2)
+        Parameters of the centres, continuous over a seam.
+    """
+    row = {cell: i for i, cell in enumerate(map(tuple, cells.tolist()))}
+    turned = np.zeros(len(cells), bool)
+    for (q, r), i in row.items():
+        for (a, b), (c, d) in zip(PORTS[:2], PORTS[1:3]):  # two of the six triangles around a board; others have these
+            j, k = row.get((q + a, r + b)), row.get((q + c, r + d))
+            if j is not None and k is not None:
+                first, second = uv[j] - uv[i], uv[k] - uv[i]
+                if first[0] * second[1] <= first[1] * second[0]:
+                    turned[[i, j, k]] = True
+    return turned
+
+
+def check_board_folds(layer: BSplineSurface, cells: IntArray, uv: Array) -> None:
+    """Check that no triangle of neighbouring boards is turned over.
+
+    Parameters
+    ----------
+    layer : BSplineSurface
+        Surface of the middle planes.
+    cells : array of int, shape (n, 2)
+        Axial coordinates.
+    uv : array, shape (n, 2)
+        Parameters of the centres.
+
+    Raises
+    ------
+    InvalidPlan
+        If one is; names the first board.
+    """
+    turned = np.flatnonzero(turned_over_boards(cells, uv))
+    if len(turned):
+        place = layer.points(uv[turned[:1]])[0]
+        raise InvalidPlan(
+            f"board {cells[turned[0]].tolist()} at {millimetres(place)} and its neighbours fold over each other, the "
+            f"first of {len(turned)} boards; leave it out, or move the origin"
+        )
 
 
 def relax_boards(

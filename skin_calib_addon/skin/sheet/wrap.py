@@ -14,6 +14,7 @@ from ...geometry.surface.centre import surface_centre
 from ...geometry.surface.distance import footpoints
 from ..lattice import SheetLattice
 from .constraints import Constraints, centring, pin_constraints, row_axis
+from .folds import check_folds, turned_over
 from .geodesic import unroll
 from .landmarks import Landmark, LandmarkTargets
 from .net import Net, grid_net
@@ -106,6 +107,7 @@ def wrap_sheet(
     InvalidPlan
         If a cell is larger than the surface, the direction is perpendicular to the surface, the offset folds the
         surface, two landmarks are equal, or the placement does not converge.
+        If the sheet is folded: a cell is turned over, or two cells are in one place; names the first cell.
     OutsideSurface
         If the centre of a cell is outside the surface; names the first cell.
     """
@@ -141,6 +143,7 @@ def wrap_sheet(
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         _check_inside(layer, lattice, uv)
+    check_folds(layer, lattice, uv, inside)
     return WrappedSheet(surface, offset, layer, lattice, uv, inside)
 
 
@@ -217,11 +220,15 @@ def _relax_sheet(
                 break
         return uv
 
-    net = grid_net(lattice.node_shape, lattice.step, pin)
+    def is_valid(uv: Array) -> bool:
+        inside = on_surface(layer, uv[1::2, 1::2]).ravel()
+        return not (turned_over(layer, lattice, uv) & inside).any()
+
+    net, shape = grid_net(lattice.node_shape, lattice.step, pin), (*lattice.node_shape, 2)
     if start_nodes is not None:
         uv = relaxed(net, start_nodes, step_tolerance=COARSE_STEP_TOLERANCE)
-        if not may_be_folded(layer, net, uv):
-            return uv.reshape(*lattice.node_shape, 2)
+        if not may_be_folded(layer, net, uv) and is_valid(uv.reshape(shape)):
+            return uv.reshape(shape)
     uv = guess(step)
     first = (pin[0] % 2, pin[1] % 2)
     coarse = uv[first[0] :: 2, first[1] :: 2]
@@ -234,7 +241,11 @@ def _relax_sheet(
         )
         if may_be_folded(layer, net, uv.reshape(-1, 2)):
             uv = guess(min(lattice.pitch) / 2)
-    return relaxed(net, uv.reshape(-1, 2)).reshape(uv.shape)
+    uv = relaxed(net, uv.reshape(-1, 2)).reshape(shape)
+    if is_valid(uv):
+        return uv
+    # A fold has no strain and stays. Start again with a geodesic through every node, which has none.
+    return relaxed(net, guess(min(lattice.pitch) / 2).reshape(-1, 2)).reshape(shape)
 
 
 def may_be_folded(layer: BSplineSurface, net: Net, uv: Array) -> bool:
