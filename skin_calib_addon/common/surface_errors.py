@@ -12,6 +12,7 @@ class DistanceStatistics:
     mean: float
     rms: float
     max: float
+    uncertainty: float = 0.0  # half width of a 95 % confidence interval of a mean that was sampled
 
     @classmethod
     def of(cls, distances: Array, weights: Array) -> "DistanceStatistics":

@@ -19,7 +19,7 @@ from ..geometry.mesh.closest import MeshDistance
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import ON_MESH_DISTANCE, RigidFit, find_frame
 from ..geometry.surface.bspline import BSplineSurface
-from ..geometry.surface.distance import footpoints
+from ..geometry.surface.footpoints import footpoints
 from .sheet.taxels import fan_areas
 
 # Largest deviation of a given matrix from a rotation; covers four decimals. Larger: accepts less exact matrices.

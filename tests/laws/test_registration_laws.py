@@ -6,14 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
 from skin_calib_addon.geometry.registration import find_frame
-from skin_calib_addon.geometry.surface.distance import mesh_samples
 from tests.examples import examples
 from tests.shapes import Motion, weld, wrist
 
 seeds = st.integers(0, 2**32 - 1)
-POINTS, _, FACES = mesh_samples(wrist())
+POINTS, FACES, _ = split_faces(wrist(), 0.02 * wrist().size)
 
 
 def piece(seed, fraction, noise=0.0):

@@ -10,16 +10,18 @@ from ...common.errors import EmptySection, PoorFit, millimetres
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
 from ...common.warnings import Warning
 from ..grid.grids import Grid, PlanesGrid
-from ..mesh.closest import MeshDistance, closest_on_triangles
+from ..mesh.closest import closest_on_triangles
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import SITES_PER_SPAN, TensorBasis
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.samples import RaySamples, SampleRows
 from ..surface.bspline import BSplineSurface, greville
-from ..surface.distance import SAMPLES_PER_SPAN, footpoints, is_sampled, surface_errors, surface_samples
+from ..surface.distance import SAMPLES_PER_SPAN, is_sampled, surface_samples
+from ..surface.footpoints import footpoints
 from .chords import chord_gaps
 from .diagnosis import condition, dropped_loops, fit_warnings, maximum_deviation
+from .error_report import mesh_to_surface, surface_to_mesh
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
 from .undercut import undercut_warnings
 
@@ -79,7 +81,19 @@ class SurfaceFit:
     @cached_property
     def errors(self) -> SurfaceErrors:
         """Return the distances between mesh and surface, in both directions [m]."""
-        return surface_errors(self.mesh, self.surface, ~np.isnan(self.residuals))
+        to_mesh, _ = self._to_mesh
+        to_surface = mesh_to_surface(self.mesh, self.surface, ~np.isnan(self.residuals))
+        return SurfaceErrors(to_surface, to_mesh, max(to_surface.max, to_mesh.max))
+
+    @cached_property
+    def _to_mesh(self) -> tuple[DistanceStatistics, int]:
+        """Return the distances from surface to mesh, and which of the points of ``bounds`` is furthest away."""
+        points, bounds, areas = self.bounds()
+        if len(points) == 0:
+            raise EmptySection(
+                "No sample ray hit the mesh next to another one, so the error is unknown. Move the planes."
+            )
+        return surface_to_mesh(self.mesh, points, bounds, areas, self.samples.faces)
 
     @property
     def missing(self) -> float:
@@ -89,12 +103,10 @@ class SurfaceFit:
     @cached_property
     def worst(self) -> tuple[Array, Array, float]:
         """Return the position of the maximum deviation from the mesh: parameters (2,), point (3,) [m], distance [m]."""
-        uv, _ = surface_samples(self.surface)
-        uv = uv[is_sampled(self.surface, uv, ~np.isnan(self.residuals))]
-        points = self.surface.points(uv)
-        distance = MeshDistance(self.mesh)(points)[0]
-        i = int(np.argmax(distance))
-        return uv[i], points[i], float(distance[i])
+        statistics, index = self._to_mesh
+        uv = surface_samples(self.surface)[0]
+        at = uv[self.is_trusted(uv)][index]
+        return at, self.surface.points(at[None])[0], statistics.max
 
     @cached_property
     def smallest_area(self) -> float:

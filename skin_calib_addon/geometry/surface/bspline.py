@@ -331,7 +331,7 @@ class BSplineSurface:
             ``order`` are computed too.
         """
         span_u, span_v, (U, V) = self._monomials(self.wrap(uv).T, order)
-        patches = self._patches[span_u, span_v]
+        patches = self.patches[span_u, span_v]
         rows = np.matmul(U, patches).reshape(len(U), order + 1, V.shape[2], 3)
         return np.matmul(V[:, None], rows).transpose(1, 2, 0, 3)
 
@@ -344,7 +344,7 @@ class BSplineSurface:
         starts, (first, last), spans_u = self._steps
         inside = np.minimum(np.maximum(uv, first), last)
         step = np.empty(uv.shape, np.int64)
-        for s, x, out in zip(self._spans, inside, step):
+        for s, x, out in zip(self.spans, inside, step):
             out[:] = s.starts.searchsorted(x, "right")
         step -= 1
         step[1] += spans_u
@@ -429,7 +429,7 @@ class BSplineSurface:
     @cached_property
     def _turns(self) -> tuple[Array, Array]:
         """Return, for points 1, 2, 4 ... half spans apart, the largest rotation [rad] and the largest per length."""
-        u, v = (spans.starts[:, None] + spans.lengths[:, None] * SPAN_FRACTIONS for spans in self._spans)
+        u, v = (spans.starts[:, None] + spans.lengths[:, None] * SPAN_FRACTIONS for spans in self.spans)
         r = self.derivatives(np.column_stack((np.repeat(u.ravel(), v.size), np.tile(v.ravel(), u.size))))
         points, normals = (x.reshape(u.size, v.size, 3) for x in (r[0, 0], unit(cross(r[1, 0], r[0, 1]))))
         turns = []
@@ -448,20 +448,21 @@ class BSplineSurface:
         return largest, per_length
 
     @cached_property
-    def _spans(self) -> tuple[SpanPolynomials, SpanPolynomials]:
+    def spans(self) -> tuple[SpanPolynomials, SpanPolynomials]:
+        """Return the polynomials of the knot spans along u and v."""
         return SpanPolynomials.of(self.knots_u, self.degree[0]), SpanPolynomials.of(self.knots_v, self.degree[1])
 
     @cached_property
     def _steps(self) -> tuple[Array, Array, int]:
         """Return the starts of the spans in u, then in v; the ends of both domains (2, 2, 1); the spans in u."""
-        starts = np.concatenate([s.starts for s in self._spans])
-        ends = np.array([(s.starts[0], s.starts[-1] + s.lengths[-1]) for s in self._spans]).T[..., None]
-        return starts, ends, len(self._spans[0].starts)
+        starts = np.concatenate([s.starts for s in self.spans])
+        ends = np.array([(s.starts[0], s.starts[-1] + s.lengths[-1]) for s in self.spans]).T[..., None]
+        return starts, ends, len(self.spans[0].starts)
 
     @cached_property
-    def _patches(self) -> Array:
-        """Return the coefficients of each pair of spans, shape (s_u, s_v, powers, powers * 3), zero-padded."""
-        (i, C), (j, D) = ((s.first[:, None] + np.arange(s.coefficients.shape[1]), s.coefficients) for s in self._spans)
+    def patches(self) -> Array:
+        """Return the coefficients [m] of each pair of spans, shape (s_u, s_v, powers, powers * 3), zero-padded."""
+        (i, C), (j, D) = ((s.first[:, None] + np.arange(s.coefficients.shape[1]), s.coefficients) for s in self.spans)
         nets = self.control_net[i[:, None, :, None], j[None, :, None, :]]
         powers = max(self.degree) + 1
         patches = np.zeros((len(C), len(D), powers, powers, 3))

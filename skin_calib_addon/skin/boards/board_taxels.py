@@ -5,7 +5,7 @@ from scipy.spatial import cKDTree
 
 from ...calibration.model import TaxelArray
 from ...common.arrays import Array, IntArray, cross, unit
-from ...geometry.surface.distance import footpoints
+from ...geometry.surface.footpoints import footpoints
 from ..lattice import ROUNDING, HexLattice
 from ..neighbours import neighbours
 from ..sheet.net import board_net

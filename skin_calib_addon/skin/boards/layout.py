@@ -13,7 +13,7 @@ from ...common.arrays import Array
 from ...common.errors import InvalidPlan, OutsideSurface
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.distance import footpoints
+from ...geometry.surface.footpoints import footpoints
 from ..lattice import HexLattice
 from ..sheet.net import board_net
 from ..sheet.offset import offset_surface

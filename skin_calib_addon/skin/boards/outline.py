@@ -13,7 +13,7 @@ from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.distance import footpoints
+from ...geometry.surface.footpoints import footpoints
 
 # Step along an outline, as a fraction of the size of the mesh. It is also the largest distance of a face from the end
 # of the adjacent ray. Larger: a coarser outline.

@@ -5,7 +5,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from ...common.arrays import Array, BoolArray, cross, unit
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.distance import footpoints
+from ...geometry.surface.footpoints import footpoints
 from ..lattice import ROUNDING
 
 # Numbers of substeps of one step, tried in this order.

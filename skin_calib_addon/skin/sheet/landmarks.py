@@ -8,7 +8,7 @@ import numpy as np
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidPlan
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.distance import footpoints
+from ...geometry.surface.footpoints import footpoints
 from ..lattice import SheetLattice
 from .constraints import Constraints, flat_axes, rigid_loads
 from .geodesic import unroll

@@ -11,7 +11,7 @@ from ...common.arrays import Array, BoolArray
 from ...common.errors import InvalidPlan, OutsideSurface
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.centre import surface_centre
-from ...geometry.surface.distance import footpoints
+from ...geometry.surface.footpoints import footpoints
 from ..lattice import SheetLattice
 from .constraints import Constraints, centring, pin_constraints, row_axis
 from .folds import check_folds, turned_over

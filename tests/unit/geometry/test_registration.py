@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
 from skin_calib_addon.geometry.registration import (
     MAX_SKIN_THICKNESS,
     ON_MESH_DISTANCE,
@@ -15,7 +15,6 @@ from skin_calib_addon.geometry.registration import (
     farthest_points,
     find_frame,
 )
-from skin_calib_addon.geometry.surface.distance import mesh_samples
 from tests.examples import slow
 from tests.oracles import nearest_on_triangle
 from tests.shapes import Motion, box, cylinder, sheet, together, wrist
@@ -23,7 +22,7 @@ from tests.shapes import Motion, box, cylinder, sheet, together, wrist
 
 def on_wrist(seed=0, count=150):
     """Points on the faces of the wrist sample."""
-    points = mesh_samples(wrist())[0]
+    points = split_faces(wrist(), 0.02 * wrist().size)[0]
     return points[np.random.default_rng(seed).choice(len(points), count, replace=False)]
 
 
@@ -106,7 +105,7 @@ def test_thick_skin_stays():
 )
 def test_symmetric_links_are_ambiguous(mesh):
     """A rotation about the axis, half a turn, a translation in the plane: the verdict is ambiguous."""
-    points = mesh_samples(mesh)[0]
+    points = split_faces(mesh, 0.02 * mesh.size)[0]
     points = Motion(5).points(points[:: max(1, len(points) // 120)])
     fit = find_frame(mesh, points)
     assert fit.verdict == "ambiguous"
@@ -139,7 +138,7 @@ def test_cloud_of_another_link_is_refused():
 def test_slack_is_the_distance_that_a_cloud_can_slide():
     """Not at all on a box; without limit about and along a cylinder; further for larger distances."""
     block = box((0, 0, 0), (0.1, 0.05, 0.02))
-    points = mesh_samples(block)[0]
+    points = split_faces(block, 0.02 * block.size)[0]
     assert find_frame(block, points).slack < 1e-3
     tube = cylinder()
     assert_allclose(find_frame(tube, tube.vertices).slack, 2 * np.hypot(0.05, 0.035), rtol=1e-3)

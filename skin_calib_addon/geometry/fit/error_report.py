@@ -1,0 +1,390 @@
+r"""Distances between a surface and its mesh, in both directions: exact maxima, and means of samples.
+
+Estimates and upper bounds of all distances are cheap. Exact distances :math:`d_i` of a random sample correct the mean
+of the estimates :math:`\hat{d}_j` with the fractions :math:`w_j` of the area:
+
+.. math::
+
+    \bar{d} = \sum_j w_j \hat{d}_j + \frac{1}{n} \sum_{i=1}^{n} \left( d_i - \hat{d}_i \right) \quad [\text{m}]
+
+For the maximum, exact distances are computed from the largest bound on, until no other point can be further away.
+
+The estimates from mesh to surface are expansions about nodes :math:`\mathbf{q}` of the surface. With the normal
+:math:`\mathbf{n}`, the tangents :math:`J`, the first and the second fundamental form :math:`I` and :math:`II`, and
+:math:`\mathbf{w} = \mathbf{p} - \mathbf{q}`:
+
+.. math::
+
+    \hat{d} = \left| \mathbf{n} \cdot \mathbf{w} - \tfrac{1}{2} \mathbf{w}^T J I^{-1} II\, I^{-1} J^T \mathbf{w}
+    \right| \quad [\text{m}]
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...common.arrays import Array, BoolArray, IntArray, cross, unit
+from ...common.errors import EmptySection
+from ...common.surface_errors import DistanceStatistics
+from ..mesh.closest import MeshDistance
+from ..mesh.triangle_mesh import TriangleMesh
+from ..surface.bspline import BSplineSurface
+from ..surface.distance import is_sampled, sample_lines
+from ..surface.footpoints import footpoints
+
+# [1] points of the mesh, evenly by area, that give its means. Larger: narrower confidence intervals, more time.
+MESH_POINTS = 10_000
+# [1] exact distances that correct the means of estimates. Larger: narrower confidence intervals, more time.
+EXACT_POINTS = 100
+# [1] points of the first round of the search for the maximum; each round has twice as many. It affects the time only.
+FIRST_ROUND = 32
+# [1] nodes in each span and direction. Larger: better estimates, more time.
+NODES_PER_SPAN = 3
+# [node spacing] distance from a node up to which the expansion is used. Larger: worse estimates far from the surface.
+EXPANSION_RADIUS = 4.0
+# [1] ratio of the assumed error of an estimate to the largest error in the sample. Larger: safer maximum, more time.
+SAFETY_FACTOR = 2.0
+# [cosine] between the normals of a face and of the surface above which the face belongs to the cover, not to a wall.
+# Larger: fewer faces count.
+MIN_COVER_COSINE = 0.5
+# [1] faces from which distances are measured to the faces near the points only. It affects the time only.
+MANY_FACES = 30_000
+# [1] cells along the longest side of the box around a mesh, to find faces near points. It affects the time only.
+CELLS_PER_SIDE = 96
+# [1] points from which not they themselves, but the cells that contain them find the nearest node. It affects the time.
+MANY_POINTS = 30_000
+CONFIDENCE_FACTOR = 1.96  # [standard deviations] half width of a 95 % confidence interval
+
+Exact = Callable[[IntArray], Array]
+
+
+def statistics_of(
+    estimates: Array, fractions: Array, sample: IntArray, exact: Array, largest: float
+) -> DistanceStatistics:
+    """Return the statistics of distances from estimates and the exact distances of a random sample.
+
+    Parameters
+    ----------
+    estimates : array, shape (k,)
+        [m]
+    fractions : array, shape (k,)
+        Of the area.
+    sample : array of int, shape (n,)
+        Drawn by `stratified`.
+    exact : array, shape (n,)
+        Its distances [m].
+    largest : float
+        The maximum [m].
+
+    Returns
+    -------
+    DistanceStatistics
+    """
+    guessed = estimates[sample]
+    mean = float((fractions * estimates).sum() + (exact - guessed).mean())
+    mean = min(max(mean, 0.0), largest)
+    square = float((fractions * estimates**2).sum() + (exact**2 - guessed**2).mean())
+    rms = min(max(square, mean**2) ** 0.5, largest)
+    spread = np.sqrt((exact - guessed).var() / len(sample))
+    return DistanceStatistics(mean, rms, largest, float(CONFIDENCE_FACTOR * spread))
+
+
+def stratified(fractions: Array, count: int) -> IntArray:
+    """Return indices of a random sample in proportion to ``fractions`` (k,), one from each of ``count`` equal parts."""
+    at = (np.arange(count) + np.random.default_rng(0).random(count)) / count
+    return np.minimum(np.searchsorted(np.cumsum(fractions), at), len(fractions) - 1)
+
+
+def largest_of(bounds: Array, exact: Exact) -> tuple[float, int]:
+    """Return the largest distance and its index: exact distances from the largest bound on.
+
+    Parameters
+    ----------
+    bounds : array, shape (k,)
+        Upper bounds of the distances [m]; infinite where unknown.
+    exact : function
+        From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
+
+    Returns
+    -------
+    largest : float
+        [m]; -1 if no point counts.
+    index : int
+    """
+    best, at, count, left = -1.0, -1, FIRST_ROUND, np.arange(len(bounds))
+    while len(left):
+        if count < len(left):
+            split = np.argpartition(-bounds[left], count)
+            chosen, left = left[split[:count]], left[split[count:]]
+        else:
+            chosen, left = left, left[:0]
+        found = exact(chosen)
+        i = int(np.argmax(found))
+        if found[i] > best:
+            best, at = float(found[i]), int(chosen[i])
+        left, count = left[bounds[left] > best], 2 * count
+    return best, at
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """The signed distance from a surface, to second order about some of its points, the nodes."""
+
+    uv: Array  # (k, 2)
+    points: Array  # (k, 3) [m]
+    normals: Array  # (k, 3)
+    steps: Array  # (k, 2, 3) change of the parameters for a displacement of the point [1/m]
+    bend: Array  # (k, 3, 3) second derivatives of the distance by the point [1/m]
+    spacing: float  # [m] largest distance of neighbouring nodes
+    tree: cKDTree
+
+    @classmethod
+    def of(cls, surface: BSplineSurface) -> "Expansion":
+        """Expand the distance about even parameters."""
+        lines = sample_lines(surface, NODES_PER_SPAN)
+        shape = len(lines[0]), len(lines[1])
+        uv = np.column_stack((np.repeat(lines[0], shape[1]), np.tile(lines[1], shape[0])))
+        r = surface.derivatives(uv, 2)
+        a, b, points = r[1, 0], r[0, 1], r[0, 0]
+        normals = unit(cross(a, b))
+        aa, ab, bb = ((x * y).sum(axis=1) for x, y in ((a, a), (a, b), (b, b)))
+        determinant = np.maximum(aa * bb - ab**2, np.finfo(float).tiny)[:, None]
+        steps = (
+            np.stack((bb[:, None] * a - ab[:, None] * b, aa[:, None] * b - ab[:, None] * a), 1) / determinant[..., None]
+        )
+        second = np.stack([(normals * x).sum(axis=1) for x in (r[2, 0], r[1, 1], r[1, 1], r[0, 2])], 1).reshape(
+            -1, 2, 2
+        )
+        bend = -steps.transpose(0, 2, 1) @ second.reshape(-1, 2, 2) @ steps
+        grid = points.reshape(*shape, 3)
+        spacing = max(float(np.linalg.norm(np.diff(grid, axis=i), axis=2).max()) for i in (0, 1) if shape[i] > 1)
+        return cls(uv, points, normals, steps, bend, spacing, cKDTree(points))
+
+    def nearest(self, points: Array) -> IntArray:
+        """Return the nearest node of each point; of many points, the node that is nearest to the cell around it."""
+        if len(points) <= MANY_POINTS:
+            return np.asarray(self.tree.query(points)[1])
+        low, cell = points.min(axis=0), self.spacing / 2
+        place = ((points - low) * (1 / cell)).astype(np.int32)
+        shape = place.max(axis=0) + 1
+        key = (place[:, 0] * shape[1] + place[:, 1]) * shape[2] + place[:, 2]
+        node = np.zeros(int(np.prod(shape)), np.int32)
+        node[key] = 1
+        used = np.flatnonzero(node)
+        node[used] = self.tree.query(low + (np.stack(np.unravel_index(used, shape), 1) + 0.5) * cell)[1]
+        return node[key]
+
+    def __call__(self, points: Array, node: IntArray) -> tuple[Array, Array]:
+        """Return estimates and upper bounds of the distances of points (k, 3) from the surface, shape (k,) [m].
+
+        The bound is the distance to the node.
+        """
+        w = points - self.points[node]
+        length = np.sqrt(np.einsum("kc,kc->k", w, w))
+        along = np.einsum("kc,kc->k", self.normals[node], w)
+        near = np.flatnonzero(length < EXPANSION_RADIUS * self.spacing)
+        bent = (self.bend[node[near]] @ w[near, :, None])[:, :, 0]
+        along[near] += np.einsum("kc,kc->k", bent, w[near]) / 2
+        return np.abs(along), length
+
+    def is_over(self, surface: BSplineSurface, points: Array, node: IntArray, known: BoolArray) -> BoolArray:
+        """Return which points (k, 3) are over the inside of the surface, and over sites that hit the mesh."""
+        over = np.ones(len(points), bool)
+        if all(surface.closed) and known.all():
+            return over
+        w = points - self.points[node]
+        uv = self.uv[node] + (self.steps[node] @ w[:, :, None])[:, :, 0]
+        for axis in (0, 1):
+            if not surface.closed[axis]:
+                over &= (uv[:, axis] > 0) & (uv[:, axis] < 1)
+        if not known.all():
+            over &= is_sampled(surface, np.clip(surface.wrap(uv), 0, 1), known)
+        return over
+
+
+def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray) -> DistanceStatistics:
+    """Return the distances from the mesh to the surface: the maximum of all vertices, and means of samples by area.
+
+    Only those parts of the mesh count that have their footpoint inside the surface, over sites that hit the mesh, with
+    a normal nearly parallel to that of the surface, or antiparallel, where the winding is wrong.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh, [m] in the link frame.
+    surface : BSplineSurface
+        The surface, [m] in the link frame.
+    known : array of bool, shape (k, l)
+        Which sample sites of the fit hit the mesh.
+
+    Returns
+    -------
+    DistanceStatistics
+
+    Raises
+    ------
+    EmptySection
+        If no face is near the surface with a parallel normal.
+    """
+    table = Expansion.of(surface)
+    points, normals = points_by_area(mesh, MESH_POINTS)
+    node = table.nearest(points)
+    counts = table.is_over(surface, points, node, known)
+    counts &= np.abs((normals * table.normals[node]).sum(axis=1)) > MIN_COVER_COSINE
+    if not counts.any():
+        raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
+    points, node = points[counts], node[counts]
+    estimates, lengths = table(points, node)
+    even = np.full(len(points), 1 / len(points))
+    sample = stratified(even, min(EXACT_POINTS, len(points)))
+    distances = footpoints(surface, points[sample])[1]
+    margin = SAFETY_FACTOR * float(np.abs(distances - estimates[sample]).max())
+
+    def exact(chosen: IntArray) -> Array:
+        return footpoints(surface, points[chosen])[1]
+
+    largest = max(
+        largest_of(np.minimum(estimates + margin, lengths), exact)[0],
+        largest_at_vertices(mesh, surface, known, table, margin),
+    )
+    statistics = statistics_of(estimates, even, sample, distances, largest)
+    spread = CONFIDENCE_FACTOR * float(estimates.std()) / np.sqrt(len(points))  # the points are a sample, too
+    return replace(statistics, uncertainty=float(np.hypot(statistics.uncertainty, spread)))
+
+
+def points_by_area(mesh: TriangleMesh, count: int) -> tuple[Array, Array]:
+    """Return random points (count, 3) of a mesh [m], evenly by area, and the normals of their faces (count, 3)."""
+    face = stratified(mesh.face_areas / mesh.face_areas.sum(), count)
+    corners = mesh.vertices[mesh.faces[face]]
+    a, b = np.random.default_rng(1).random((2, count, 1))
+    a = np.sqrt(a)  # Turk, Generating Random Points in Triangles (1990)
+    points = (1 - a) * corners[:, 0] + a * (1 - b) * corners[:, 1] + a * b * corners[:, 2]
+    return points, unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+
+
+def largest_at_vertices(
+    mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray, table: Expansion, margin: float
+) -> float:
+    """Return the largest distance of a vertex of the cover from the surface [m]; -1 if there is none.
+
+    Parameters
+    ----------
+    mesh, surface, known
+        As for `mesh_to_surface`.
+    table : Expansion
+        Of the surface.
+    margin : float
+        Assumed largest error of its estimates [m].
+    """
+    node = table.nearest(mesh.vertices)
+    over = np.flatnonzero(table.is_over(surface, mesh.vertices, node, known))
+    estimates, lengths = table(mesh.vertices[over], node[over])
+
+    def exact(chosen: IntArray) -> Array:
+        vertices = over[chosen]
+        distances = np.full(len(vertices), -1.0)
+        counts = np.flatnonzero(is_on_cover(mesh, vertices, table.normals[node[vertices]]))
+        foot, found = footpoints(surface, mesh.vertices[vertices[counts]])
+        inside = is_sampled(surface, foot, known)
+        for axis in (0, 1):
+            if not surface.closed[axis]:
+                inside &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
+        distances[counts[inside]] = found[inside]
+        return distances
+
+    return largest_of(np.minimum(estimates + margin, lengths), exact)[0]
+
+
+def is_on_cover(mesh: TriangleMesh, vertices: IntArray, normals: Array) -> BoolArray:
+    """Return which vertices (k,) have a face whose normal is nearly parallel to the given normals (k, 3)."""
+    row = np.full(len(mesh.vertices), -1, np.int64)
+    row[vertices] = np.arange(len(vertices))
+    a, b, c = mesh.corners
+    used = np.flatnonzero((row[a] >= 0) | (row[b] >= 0) | (row[c] >= 0))
+    corners = mesh.vertices[mesh.faces[used]]
+    of_faces = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    found = np.zeros(len(vertices), bool)
+    for rows in row[mesh.faces[used]].T:
+        parallel = (rows >= 0) & (np.abs((of_faces * normals[rows]).sum(axis=1)) > MIN_COVER_COSINE)
+        found[rows[parallel]] = True
+    return found
+
+
+def surface_to_mesh(
+    mesh: TriangleMesh, points: Array, bounds: Array, areas: Array, hit: IntArray
+) -> tuple[DistanceStatistics, int]:
+    """Return the distances from points of a surface to the mesh, and which of the points is furthest away.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh, [m] in the link frame.
+    points : array, shape (k, 3)
+        [m]
+    bounds : array, shape (k,)
+        Upper bounds of their distances [m]; infinite where unknown.
+    areas : array, shape (k,)
+        Area of each point [m^2].
+    hit : array of int
+        Faces that are candidates of every point, such as those that rays hit.
+
+    Returns
+    -------
+    statistics : DistanceStatistics
+    index : int
+    """
+    bounds = bounds.copy()
+    distance = NearMesh(mesh, hit)
+
+    def exact(chosen: IntArray) -> Array:
+        bounds[chosen] = np.minimum(bounds[chosen], distance(points[chosen], bounds[chosen]))
+        return bounds[chosen]
+
+    unknown = np.flatnonzero(np.isinf(bounds))
+    if len(unknown):
+        exact(unknown)
+    estimates, fractions = bounds.copy(), areas / areas.sum()
+    sample = stratified(fractions, min(EXACT_POINTS, len(points)))
+    distances = exact(sample)
+    largest, index = largest_of(bounds, exact)
+    return statistics_of(estimates, fractions, sample, distances, largest), index
+
+
+class NearMesh:
+    """The exact distance from points to a mesh, where upper bounds of the distances are known.
+
+    Of a mesh with many faces, only those with a vertex within the bound of some point are compared, and given ones.
+    """
+
+    def __init__(self, mesh: TriangleMesh, hit: IntArray):
+        self.mesh = mesh
+        self.hit = np.zeros(len(mesh.faces), bool)
+        self.hit[hit] = True
+        self.whole: MeshDistance | None = None
+        self.low = mesh.vertices.min(axis=0)
+        self.cell = float((mesh.vertices.max(axis=0) - self.low).max()) / CELLS_PER_SIDE
+        self.cells: IntArray | None = None  # of the vertices
+
+    def __call__(self, points: Array, bounds: Array) -> Array:
+        """Return the distances of points (k, 3) with upper bounds (k,) from the mesh, shape (k,) [m]."""
+        if len(self.mesh.faces) > MANY_FACES and np.isfinite(bounds).all():
+            return MeshDistance(self._near(points, bounds))(points)[0]
+        if self.whole is None:
+            self.whole = MeshDistance(self.mesh)
+        return self.whole(points)[0]
+
+    def _near(self, points: Array, bounds: Array) -> TriangleMesh:
+        """Return the faces with a vertex within the bound of some point, and those that were given."""
+        if self.cells is None:
+            self.cells = ((self.mesh.vertices - self.low) * (1 / self.cell)).astype(np.int32)
+        shape = self.cells.max(axis=0) + 1
+        first, last = (np.floor((points + k * bounds[:, None] - self.low) / self.cell).astype(int) for k in (-1, 1))
+        marked = np.zeros(shape, bool)
+        for (i, j, k), (x, y, z) in zip(np.maximum(first, 0), last + 1):
+            marked[i:x, j:y, k:z] = True
+        near = marked.reshape(-1)[(self.cells[:, 0] * shape[1] + self.cells[:, 1]) * shape[2] + self.cells[:, 2]]
+        a, b, c = self.mesh.corners
+        used, corners = np.unique(self.mesh.faces[near[a] | near[b] | near[c] | self.hit], return_inverse=True)
+        return TriangleMesh(self.mesh.vertices[used], corners.reshape(-1, 3))

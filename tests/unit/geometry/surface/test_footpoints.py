@@ -1,0 +1,123 @@
+"""Footpoints against projections, dense grids and brute force."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
+
+from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
+from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.mesh.closest import split_faces
+from skin_calib_addon.geometry.surface.footpoints import footpoints
+from tests.shapes import Z_AXIS, cylinder, plane_surface, wrist_surface
+
+DATA = Path(__file__).parents[5] / "shared" / "data" / "meshes"
+LINKS = ("icub27_l_upper_leg", "jvrc1_r_elbow_p", "talos_tibia", "hrp4c_r_wrist_y_cover_only", "icub27_l_forearm")
+seeds = st.integers(0, 2**32 - 1)
+
+
+@given(seed=seeds)
+def test_footpoints_on_a_plane_are_projections(seed):
+    """Over the plane: straight down, u and v are fractions of the sides; next to it: on the edge, at its distance."""
+    points = np.random.default_rng(seed).uniform((-0.02, -0.02, -0.01), (0.12, 0.10, 0.01), (30, 3))
+    uv, distance = footpoints(plane_surface(), points)
+    assert_allclose(uv, np.clip(points[:, :2] / (0.1, 0.08), 0, 1), rtol=0, atol=1e-9)
+    near = points - np.clip(points, 0, (0.1, 0.08, 0))
+    assert_allclose(distance, np.linalg.norm(near, axis=1), rtol=1e-9)
+
+
+def test_footpoints_on_a_tube_are_nearest():
+    """Points about the wrist, over the seam too: no dense grid has a nearer point, and the gap is along the normal."""
+    surface = wrist_surface()
+    rng = np.random.default_rng(3)
+    places = np.column_stack(
+        (rng.uniform(0.1, 0.9, 60), np.append(rng.uniform(0, 1, 50), rng.uniform(-0.01, 0.01, 10)))
+    )
+    points = surface.points(places) + rng.uniform(-0.004, 0.004, (60, 1)) * surface.normals(places)
+    uv, distance = footpoints(surface, points)
+    u, v = np.linspace(0, 1, 200), np.linspace(0, 1, 400)
+    dense = surface.grid_points(u, v).reshape(-1, 3)
+    assert (distance <= np.linalg.norm(points[:, None] - dense, axis=2).min(axis=1) + 1e-12).all()
+    gap = points - surface.points(uv)
+    assert_allclose(np.abs((gap * surface.normals(uv)).sum(axis=1)), distance, rtol=1e-9, atol=1e-12)
+    assert ((uv[:, 1] >= 0) & (uv[:, 1] < 1)).all()
+
+
+def square_tube(radius=0.001, half=0.03, height=0.08, steps=6, rings=11):
+    """Return a tube with a square section and rounded corners [m]."""
+    corner = np.linspace(0, np.pi / 2, steps)
+    section = np.concatenate(
+        [
+            np.column_stack((np.cos(a), np.sin(a))) * radius
+            + (half - radius) * np.sign((np.cos(middle), np.sin(middle)))
+            for middle, a in ((k * np.pi / 2 + np.pi / 4, corner + k * np.pi / 2) for k in range(4))
+        ]
+    )
+    sides = np.concatenate([np.linspace(a, b, 8)[:-1] for a, b in zip(section, np.roll(section, -1, axis=0))])
+    z = np.repeat(np.linspace(0, height, rings), len(sides))
+    around = np.arange(len(sides))
+    low, next_ = ((np.arange(rings - 1)[:, None] * len(sides) + k).ravel() for k in (around, np.roll(around, -1)))
+    up = len(sides)
+    faces = np.concatenate((np.column_stack((low, next_, next_ + up)), np.column_stack((low, next_ + up, low + up))))
+    return weld(np.column_stack((np.tile(sides, (rings, 1)), z)), faces)
+
+
+def check_against_brute_force(surface, points, per_span=24):
+    """No point of a dense grid is nearer than a footpoint, but for 2 micrometres, and the distances are true."""
+    u, v = (np.linspace(0, 1, 1 + per_span * len(s.starts)) for s in surface.spans)
+    brute = cKDTree(surface.grid_points(u, v).reshape(-1, 3)).query(points)[0]
+    uv, distance = footpoints(surface, points)
+    assert_allclose(np.linalg.norm(surface.points(uv) - points, axis=1), distance, rtol=1e-9, atol=1e-12)
+    assert ((uv >= 0) & (uv <= 1)).all()
+    assert (distance - brute).max() < 2e-6
+
+
+def around_surface(surface, heights, number, seed):
+    """Return random points at some heights over a surface [m]."""
+    rng = np.random.default_rng(seed)
+    uv = rng.random((number, 2))
+    return surface.points(uv) + rng.choice(heights, number)[:, None] * surface.normals(uv)
+
+
+def test_footpoints_over_sharp_corners_are_nearest():
+    """A square tube with corners of 1 mm: points 2 mm outside once went 50 mm along the surface."""
+    fit = fit_lines(square_tube(), TubeGrid(10, 80, Z_AXIS, 0.004, "uniform").line_grid(square_tube(), (3, 3)), (3, 3))
+    check_against_brute_force(fit.surface, around_surface(fit.surface, (0.002, -0.002, 0.02), 3000, 0))
+
+
+def test_a_few_points_have_the_footpoints_of_many():
+    """The number of points in one call does not change a footpoint."""
+    surface = wrist_surface()
+    points = around_surface(surface, (-0.02, 0.002, 0.03), 200, 1)
+    many = footpoints(surface, points)
+    few = [np.concatenate(part) for part in zip(*(footpoints(surface, points[i : i + 4]) for i in range(0, 200, 4)))]
+    assert_allclose(few[1], many[1], rtol=0, atol=1e-9)
+    assert_allclose(few[0], many[0], rtol=0, atol=1e-6)
+
+
+def test_footpoints_from_the_axis_of_a_tube_are_on_its_surface():
+    """On the axis all directions are equal: the distance is the radius, whichever footpoint is chosen."""
+    fit = fit_surface(cylinder(), TubeGrid(6, 30, Z_AXIS, 0.004))
+    points = np.column_stack((np.zeros((20, 2)), np.linspace(0.01, 0.07, 20)))
+    radius = np.linalg.norm(fit.surface.grid_points(np.linspace(0, 1, 60), np.linspace(0, 1, 400))[..., :2], axis=2)
+    found = footpoints(fit.surface, points)[1]
+    assert (found >= radius.min() - 1e-6).all() and (found <= radius.max() + 1e-6).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LINKS)
+def test_footpoints_of_real_links_are_nearest(name):
+    """20 000 points of the mesh and 20 000 up to 30 mm off the surface, on each link."""
+    path = DATA / f"{name}.stl"
+    if not path.exists():
+        pytest.skip(f"no {path.name} here")
+    mesh = cut_cover(load_mesh(path), CoverSpec())
+    surface = fit_lines(mesh, TubeGrid(10, 40, spacing="uniform").line_grid(mesh, (3, 3)), (3, 3)).surface
+    on_mesh = split_faces(mesh, 0.01 * mesh.size)[0]
+    on_mesh = on_mesh[np.random.default_rng(0).choice(len(on_mesh), 20_000)]
+    check_against_brute_force(surface, on_mesh)
+    check_against_brute_force(surface, around_surface(surface, (-0.01, 0.002, 0.01, 0.03), 20_000, 2))
