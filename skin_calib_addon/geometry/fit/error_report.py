@@ -49,6 +49,10 @@ SAFETY_FACTOR = 2.0
 # [cosine] between the normals of a face and of the surface above which the face belongs to the cover, not to a wall.
 # Larger: fewer faces count.
 MIN_COVER_COSINE = 0.5
+# [cosine] the same with the normal at the nearest node, before the footpoint is known. It affects the time only.
+FIRST_COSINE = 0.25
+# [1] parameters beyond an open edge up to which the footpoint may be inside after all. It affects the time only.
+EDGE_SLACK = 0.05
 # [1] faces from which distances are measured to the faces near the points only. It affects the time only.
 MANY_FACES = 30_000
 # [1] cells along the longest side of the box around a mesh, to find faces near points. It affects the time only.
@@ -189,18 +193,30 @@ class Expansion:
         along[near] += np.einsum("kc,kc->k", bent, w[near]) / 2
         return np.abs(along), length
 
-    def is_over(self, surface: BSplineSurface, points: Array, node: IntArray, known: BoolArray) -> BoolArray:
-        """Return which points (k, 3) are over the inside of the surface, and over sites that hit the mesh."""
+    def is_over(self, surface: BSplineSurface, points: Array, node: IntArray, slack: float) -> BoolArray:
+        """Return which points are over the inside of the surface, or next to it.
+
+        Parameters
+        ----------
+        surface : BSplineSurface
+            The surface.
+        points : array, shape (k, 3)
+            [m]
+        node : array of int, shape (k,)
+            Their nearest nodes.
+        slack : float
+            Parameters beyond the edge that count as inside.
+
+        Returns
+        -------
+        array of bool, shape (k,)
+        """
         over = np.ones(len(points), bool)
-        if all(surface.closed) and known.all():
-            return over
         w = points - self.points[node]
-        uv = self.uv[node] + (self.steps[node] @ w[:, :, None])[:, :, 0]
         for axis in (0, 1):
             if not surface.closed[axis]:
-                over &= (uv[:, axis] > 0) & (uv[:, axis] < 1)
-        if not known.all():
-            over &= is_sampled(surface, np.clip(surface.wrap(uv), 0, 1), known)
+                x = self.uv[node, axis] + np.einsum("kc,kc->k", self.steps[node, axis], w)
+                over &= (x > -slack) & (x < 1 + slack)
         return over
 
 
@@ -231,11 +247,11 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
     table = Expansion.of(surface)
     points, normals = points_by_area(mesh, MESH_POINTS)
     node = table.nearest(points)
-    counts = table.is_over(surface, points, node, known)
+    counts = table.is_over(surface, points, node, 0.0) & is_sampled(surface, table.uv[node], known)
     counts &= np.abs((normals * table.normals[node]).sum(axis=1)) > MIN_COVER_COSINE
     if not counts.any():
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
-    points, node = points[counts], node[counts]
+    points, normals, node = points[counts], normals[counts], node[counts]
     estimates, lengths = table(points, node)
     even = np.full(len(points), 1 / len(points))
     sample = stratified(even, min(EXACT_POINTS, len(points)))
@@ -243,7 +259,9 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
     margin = SAFETY_FACTOR * float(np.abs(distances - estimates[sample]).max())
 
     def exact(chosen: IntArray) -> Array:
-        return footpoints(surface, points[chosen])[1]
+        foot, found = footpoints(surface, points[chosen])
+        parallel = np.abs((normals[chosen] * surface.normals(foot)).sum(axis=1)) > MIN_COVER_COSINE
+        return np.where(parallel & is_inside(surface, foot, known), found, -1.0)
 
     largest = max(
         largest_of(np.minimum(estimates + margin, lengths), exact)[0],
@@ -279,26 +297,49 @@ def largest_at_vertices(
         Assumed largest error of its estimates [m].
     """
     node = table.nearest(mesh.vertices)
-    over = np.flatnonzero(table.is_over(surface, mesh.vertices, node, known))
+    over = np.flatnonzero(table.is_over(surface, mesh.vertices, node, EDGE_SLACK))
     estimates, lengths = table(mesh.vertices[over], node[over])
 
     def exact(chosen: IntArray) -> Array:
         vertices = over[chosen]
         distances = np.full(len(vertices), -1.0)
-        counts = np.flatnonzero(is_on_cover(mesh, vertices, table.normals[node[vertices]]))
+        counts = np.flatnonzero(is_on_cover(mesh, vertices, table.normals[node[vertices]], FIRST_COSINE))
         foot, found = footpoints(surface, mesh.vertices[vertices[counts]])
-        inside = is_sampled(surface, foot, known)
-        for axis in (0, 1):
-            if not surface.closed[axis]:
-                inside &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
+        inside = is_on_cover(mesh, vertices[counts], surface.normals(foot), MIN_COVER_COSINE)
+        inside &= is_inside(surface, foot, known)
         distances[counts[inside]] = found[inside]
         return distances
 
     return largest_of(np.minimum(estimates + margin, lengths), exact)[0]
 
 
-def is_on_cover(mesh: TriangleMesh, vertices: IntArray, normals: Array) -> BoolArray:
-    """Return which vertices (k,) have a face whose normal is nearly parallel to the given normals (k, 3)."""
+def is_inside(surface: BSplineSurface, foot: Array, known: BoolArray) -> BoolArray:
+    """Return which footpoints (k, 2) are inside the surface, over sites that hit the mesh (``known``)."""
+    inside = is_sampled(surface, foot, known)
+    for axis in (0, 1):
+        if not surface.closed[axis]:
+            inside &= (foot[:, axis] > 0) & (foot[:, axis] < 1)
+    return inside
+
+
+def is_on_cover(mesh: TriangleMesh, vertices: IntArray, normals: Array, cosine: float) -> BoolArray:
+    """Return which vertices have a face that is nearly parallel to the surface.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    vertices : array of int, shape (k,)
+        No two equal.
+    normals : array, shape (k, 3)
+        Of the surface.
+    cosine : float
+        Least cosine between the normals, or between one and the opposite of the other.
+
+    Returns
+    -------
+    array of bool, shape (k,)
+    """
     row = np.full(len(mesh.vertices), -1, np.int64)
     row[vertices] = np.arange(len(vertices))
     a, b, c = mesh.corners
@@ -307,7 +348,7 @@ def is_on_cover(mesh: TriangleMesh, vertices: IntArray, normals: Array) -> BoolA
     of_faces = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     found = np.zeros(len(vertices), bool)
     for rows in row[mesh.faces[used]].T:
-        parallel = (rows >= 0) & (np.abs((of_faces * normals[rows]).sum(axis=1)) > MIN_COVER_COSINE)
+        parallel = (rows >= 0) & (np.abs((of_faces * normals[rows]).sum(axis=1)) > cosine)
         found[rows[parallel]] = True
     return found
 

@@ -18,8 +18,8 @@ from tests.examples import examples
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, keep, plane_surface, sheet, wrist
 
 DATA = Path(__file__).parents[5] / "shared" / "data" / "meshes"
-LINKS = ("icub27_l_upper_leg", "jvrc1_r_elbow_p", "talos_tibia", "hrp4c_r_wrist_y_cover_only", "icub27_l_forearm")
-LINKS += ("talos_arm_5_forearm", "hrp4c_r_elbow_p", "g1_left_wrist_roll")
+LINKS = ("icub27_l_upper_leg", "jvrc1_r_elbow_p", "hrp4c_r_wrist_y_cover_only", "icub27_l_forearm")
+LINKS += ("talos_arm_5_forearm", "hrp4c_r_elbow_p")
 
 
 def errors_of(mesh, surface, known):
@@ -71,28 +71,26 @@ def test_errors_of_a_closed_surface_hold_over_the_seam():
     assert footpoints(fit.surface, points[near])[1].max() < sagitta
 
 
-def brute_force(fit):
-    """Return the maximum from surface to mesh, and mean and maximum from mesh to surface, of very many points."""
-    points, bounds, areas = fit.bounds()
-    to_mesh = MeshDistance(fit.mesh)(points)[0]
-    points, face, parts = split_faces(fit.mesh, 0.008 * fit.mesh.size)
-    areas = fit.mesh.face_areas[face] / parts[face] ** 2
+def brute_force(fit, number):
+    """Return the maximum from surface to mesh, and mean and maximum from mesh to surface, of all and random points."""
+    to_mesh = MeshDistance(fit.mesh)(fit.bounds()[0])[0]
+    rng = np.random.default_rng(11)
+    face = rng.choice(len(fit.mesh.faces), number, p=fit.mesh.face_areas / fit.mesh.face_areas.sum())
+    inner = np.einsum("kc,kcd->kd", rng.dirichlet(np.ones(3), number), fit.mesh.triangles[face])
     corners = fit.mesh.triangles.reshape(-1, 3)  # as of the face that they belong to
     found = []
-    for at, of in ((points, face), (corners, np.repeat(np.arange(len(fit.mesh.faces)), 3))):
+    for at, of in ((inner, face), (corners, np.repeat(np.arange(len(fit.mesh.faces)), 3))):
         uv, distance = footpoints(fit.surface, at)
         counts = fit.is_trusted(uv) & (uv[:, 0] > 0) & (uv[:, 0] < 1)
         counts &= np.abs((fit.surface.normals(uv) * fit.mesh.face_normals[of]).sum(axis=1)) > 0.5
-        found.append((distance[counts], counts))
-    (inner, counts), (at_corners, _) = found
-    mean = float((areas[counts] * inner).sum() / areas[counts].sum())
-    return float(to_mesh.max()), mean, float(max(inner.max(), at_corners.max()))
+        found.append(distance[counts])
+    return float(to_mesh.max()), float(found[0].mean()), float(max(part.max() for part in found))
 
 
 def test_errors_of_the_wrist_are_those_of_brute_force():
     """Maxima to a per cent, the mean within three times its stated uncertainty."""
     fit = fit_surface(wrist(), TubeGrid(10, 20, Z_AXIS, 0.004, "uniform"))
-    largest, mean, largest_back = brute_force(fit)
+    largest, mean, largest_back = brute_force(fit, 30_000)
     errors = fit.errors
     assert_allclose(errors.surface_to_mesh.max, largest, rtol=1e-12)
     assert_allclose(errors.mesh_to_surface.max, largest_back, rtol=0.01)
@@ -135,8 +133,8 @@ def test_errors_of_real_links_are_those_of_brute_force(name):
         pytest.skip(f"no {path.name} here")
     mesh = cut_cover(load_mesh(path), CoverSpec())
     fit = fit_lines(mesh, TubeGrid(10, 40, spacing="uniform").line_grid(mesh, (3, 3)), (3, 3))
-    largest, mean, largest_back = brute_force(fit)
+    largest, mean, largest_back = brute_force(fit, 10_000)
     errors = fit.errors
     assert_allclose(errors.surface_to_mesh.max, largest, rtol=1e-9)
-    assert errors.mesh_to_surface.max > 0.97 * largest_back
+    assert_allclose(errors.mesh_to_surface.max, largest_back, rtol=0.05)
     assert abs(errors.mesh_to_surface.mean - mean) < 2 * errors.mesh_to_surface.uncertainty + 1e-6

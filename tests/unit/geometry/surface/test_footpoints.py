@@ -67,13 +67,13 @@ def square_tube(radius=0.001, half=0.03, height=0.08, steps=6, rings=11):
 
 
 def check_against_brute_force(surface, points, per_span=24):
-    """No point of a dense grid is nearer than a footpoint, but for 2 micrometres, and the distances are true."""
+    """No point of a dense grid is nearer than a footpoint, but for rounding at cells, and the distances are true."""
     u, v = (np.linspace(0, 1, 1 + per_span * len(s.starts)) for s in surface.spans)
     brute = cKDTree(surface.grid_points(u, v).reshape(-1, 3)).query(points)[0]
     uv, distance = footpoints(surface, points)
     assert_allclose(np.linalg.norm(surface.points(uv) - points, axis=1), distance, rtol=1e-9, atol=1e-12)
     assert ((uv >= 0) & (uv <= 1)).all()
-    assert (distance - brute).max() < 2e-6
+    assert (distance - brute - 5e-4 * distance).max() < 1e-6
 
 
 def around_surface(surface, heights, number, seed):
