@@ -115,7 +115,7 @@ def report_document(result: Calibrated) -> dict[str, Any]:
     """Return errors, sizes and times of one fit as a JSON value, in metres and seconds."""
     fit = result.fit
     errors = {
-        name: {"mean": d.mean, "rms": d.rms, "max": d.max}
+        name: {"mean": d.mean, "mean_uncertainty": d.uncertainty, "rms": d.rms, "max": d.max}
         for name, d in (
             ("mesh_to_surface", fit.errors.mesh_to_surface),
             ("surface_to_mesh", fit.errors.surface_to_mesh),
