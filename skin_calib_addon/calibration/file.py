@@ -19,7 +19,7 @@ from ..common.warnings import to_document as warnings_document
 from .migration import migrated
 from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray
 from .response import response_document, response_from
-from .validate import FORMAT, SCHEMA, VERSION, validate, validate_content
+from .validate import CALIBRATION_VERSION, FORMAT, SCHEMA, validate, validate_content
 
 Document = dict[str, Any]
 T = TypeVar("T")
@@ -112,7 +112,7 @@ def to_document(calibration: LinkCalibration) -> Document:
     name = f"the calibration of '{calibration.link}'"
     document = {
         "format": FORMAT,
-        "version": VERSION,
+        "version": CALIBRATION_VERSION,
         "generator": calibration.generator,
         "units": {"length": "m", "force": "N", "angle": "rad"},
         "link": calibration.link,

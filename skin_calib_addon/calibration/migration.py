@@ -9,7 +9,7 @@ from ..common.encoding import checksum
 from ..common.findings import Finding
 from ..common.schema_check import check, read_schema
 from ..common.schema_types import Schema, has_type
-from .validate import FORMAT, VERSION, checksum_findings, other_file
+from .validate import CALIBRATION_VERSION, FORMAT, checksum_findings, other_file
 
 Document = dict[str, Any]
 
@@ -44,7 +44,7 @@ def migrated(document: Any) -> tuple[Any, tuple[Finding, ...]]:
     findings : tuple of Finding
         Problems of the returned document. Empty if the document has the current version.
     """
-    other = tuple(other_file(document, FORMAT, VERSION))
+    other = tuple(other_file(document, FORMAT, CALIBRATION_VERSION))
     if other:
         return document, other
     while step := _step(document):
@@ -59,4 +59,4 @@ def migrated(document: Any) -> tuple[Any, tuple[Finding, ...]]:
 
 def _step(document: Any) -> Step | None:
     version: Any = document.get("version") if isinstance(document, dict) else None
-    return STEPS.get(int(version)) if has_type(version, "integer") and version < VERSION else None
+    return STEPS.get(int(version)) if has_type(version, "integer") and version < CALIBRATION_VERSION else None

@@ -17,7 +17,7 @@ from .response_checks import responses_are_monotone, responses_exist
 Findings = tuple[Finding, ...]
 
 FORMAT = "skin-calibration"
-VERSION = 2  # Format: version of calibration files
+CALIBRATION_VERSION = 2  # Format: version of calibration files
 # Description of each file format of this program, and advice if it is used in place of another.
 FILE_FORMATS = {
     FORMAT: "a calibration. Use the plan from which it was made.",
@@ -40,7 +40,7 @@ def validate(document: Any) -> Findings:
     tuple of Finding
         Empty if the document is valid. If one member is invalid, the others are still checked.
     """
-    other = tuple(other_file(document, FORMAT, VERSION))
+    other = tuple(other_file(document, FORMAT, CALIBRATION_VERSION))
     if other:
         return other
     findings = validate_content(document)

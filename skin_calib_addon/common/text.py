@@ -10,7 +10,7 @@ from .strict_json import read
 
 # Limits of files that other programs write. Larger: a malicious file takes more time and memory.
 MAX_TEXT_BYTES = 64 * 2**20
-MAX_LINES = 2**21
+MAX_TEXT_LINES = 2**21
 MAX_LINE_LENGTH = 2**20  # characters
 MAX_TAXELS = 100_000  # Contract: the documentation promises this number
 
@@ -73,7 +73,7 @@ def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
     Raises
     ------
     CalibrationFormatError
-        If the file is empty, exceeds `MAX_LINES` or `MAX_LINE_LENGTH`, or is not UTF-8 text.
+        If the file is empty, exceeds `MAX_TEXT_LINES` or `MAX_LINE_LENGTH`, or is not UTF-8 text.
     """
     if not data:
         raise CalibrationFormatError(f"'{path}' is empty. Check that it was written completely.")
@@ -83,8 +83,8 @@ def text_of(data: bytes, path: str | os.PathLike[str]) -> str:
         raise CalibrationFormatError(f"'{path}' {problem}") from problem
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = text.count("\n") + 1
-    if lines > MAX_LINES:
-        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed the limit of {MAX_LINES}.")
+    if lines > MAX_TEXT_LINES:
+        raise CalibrationFormatError(f"cannot read '{path}': its {lines} lines exceed the limit of {MAX_TEXT_LINES}.")
     start = 0
     for number in range(1, lines + 1):
         stop = text.find("\n", start)

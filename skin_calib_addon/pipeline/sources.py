@@ -25,7 +25,7 @@ from ..plan.skins import ImportedSkin
 
 FILE = "sources.json"
 FORMAT = "skin-sources"
-VERSION = 2  # Format: version of sources.json
+SOURCES_VERSION = 2  # Format: version of sources.json
 # Other versions of a library may round differently, or read a mesh differently.
 PROGRAM = f"skin-calib {__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}, trimesh {trimesh.__version__}"
 
@@ -155,7 +155,7 @@ def _migrated(document: Any) -> Any:
     for member in calibrations.values() if isinstance(calibrations, dict) else ():
         if isinstance(member, dict) and isinstance(texts := member.pop("doubts", None), list):
             member["warnings"] = to_document(Warning("earlier-fit", "warning", str(text)) for text in texts)
-    return document | {"version": VERSION}
+    return document | {"version": SOURCES_VERSION}
 
 
 def save_source(folder: Path, name: str, source: Source) -> None:
@@ -173,7 +173,7 @@ def save_source(folder: Path, name: str, source: Source) -> None:
     sources = load_sources(folder) | {name: source}
     document = {
         "format": FORMAT,
-        "version": VERSION,
+        "version": SOURCES_VERSION,
         "calibrations": {
             key: asdict(sources[key]) | {"warnings": to_document(sources[key].warnings)} for key in sorted(sources)
         },

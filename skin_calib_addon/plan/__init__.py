@@ -2,12 +2,12 @@
 
 from .document import plan_document, plan_from
 from .file import check_frame, check_plan, check_plan_wholly, load_plan, save_plan
-from .keys import FORMAT, VERSION
+from .keys import FORMAT, PLAN_VERSION
 from .plan import Plan, named_from
 
 __all__ = [
     "FORMAT",
-    "VERSION",
+    "PLAN_VERSION",
     "Plan",
     "check_frame",
     "check_plan",

@@ -14,7 +14,7 @@ from ..common.schema_check import check
 from ..common.strict_json import parse, read
 from .checks import frames_are_rotations
 from .document import plan_document, plan_from
-from .keys import FORMAT, VERSION
+from .keys import FORMAT, PLAN_VERSION
 from .plan import Plan
 from .schema import plan_schema
 from .skins import ImportedSkin
@@ -65,7 +65,7 @@ def save_plan(plan: Plan, path: str | Path) -> None:
 
 def check_plan(document: Any) -> tuple[Finding, ...]:
     """Return every place where a document breaks the schema, a response is not monotone, or a frame no rotation."""
-    other = tuple(other_file(document, FORMAT, VERSION))
+    other = tuple(other_file(document, FORMAT, PLAN_VERSION))
     if other:
         return other
     findings = check(document, plan_schema())

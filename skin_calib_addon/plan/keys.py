@@ -15,7 +15,7 @@ from .key import Choice, Key, Record, Switch, Type
 from .plan import Plan
 from .skins import GAP, SIDE, BoardSkin, Frame, ImportedSkin, SheetSkin
 
-FORMAT, VERSION = "skin-plan", 1
+FORMAT, PLAN_VERSION = "skin-plan", 1
 FARTHEST = 1_000_000  # [m] from the origin of the link frame; [m] of a margin
 
 
@@ -809,7 +809,7 @@ PLAN = Record(
     Plan,
     (
         Key("format", constant(FORMAT), "The format.", field=""),
-        Key("version", constant(VERSION), "The version of the format.", field=""),
+        Key("version", constant(PLAN_VERSION), "The version of the format.", field=""),
         Key("link", NAME, "Name of the robot link, as in its URDF.", label="Link", panel="Link"),
         Key(
             "mesh",

@@ -35,7 +35,7 @@ MAX_PLAIN_WIDTH = 2.0
 HEAT_MAPS = {"ERROR", "STRAIN", "TILT", "FORCE"}
 FORCE_LAYERS = {"CONTACTS", "COP", "POLYGONS"}  # drawn with the forces
 SWITCHABLE = HEAT_MAPS | FORCE_LAYERS | COLOURS.keys() | {"PLANES"}  # drawn only if they are switched on
-MAX_CACHED = 64  # marks and comparisons; smaller: undo over many steps does not show them again
+MAX_CACHED_LAYERS = 64  # marks and comparisons; smaller: undo over many steps does not show them again
 
 Drawn = Layers | tuple[Layer, ...]
 
@@ -77,7 +77,7 @@ def cache(token: str, layers: tuple[Layer, ...]) -> None:
     """
     _cached.pop(token, None)
     _cached[token] = layers
-    while len(_cached) > MAX_CACHED:
+    while len(_cached) > MAX_CACHED_LAYERS:
         del _cached[next(iter(_cached))]
 
 

@@ -18,7 +18,7 @@ LABEL_SPACING = (1.1, 1.3)
 # Larger: slower redraw; smaller: labels are missing in large views.
 MAX_LABELS = 1500
 # Pairs of views and objects whose labels are stored. Larger: more memory; smaller: computed again in each redraw.
-MAX_CACHED = 32
+MAX_CACHED_LABELS = 32
 MAX_COLUMNS = 2**20  # Derived: more than the cells in a row of any region
 _stored: dict[Any, tuple[Any, list[tuple[str, float, float]]]] = {}
 
@@ -53,7 +53,7 @@ def write(name: str, layer: Labels, settings: Any, frame: Any) -> None:
     )
     where = (region.as_pointer(), name)
     if _stored.get(where, (None,))[0] != state:
-        if len(_stored) > MAX_CACHED:
+        if len(_stored) > MAX_CACHED_LABELS:
             forget()
         widest = blf.dimensions(0, max(texts, key=len, default=""))[0]
         size = np.array((widest * LABEL_SPACING[0], text_size * LABEL_SPACING[1]))

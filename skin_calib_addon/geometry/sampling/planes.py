@@ -8,7 +8,7 @@ from ...common.arrays import Array, freeze, unit
 
 # [1] deviation of a normal's length from one below which it is left unchanged, so that saving and reading a plan does
 # not change it. Larger: normals that are not quite of unit length.
-UNIT_TOLERANCE = 1e-15
+NORMAL_LENGTH_ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Planes:
 
     def __post_init__(self):
         normals = np.asarray(self.normals, float)
-        is_unit = np.abs(np.linalg.norm(normals, axis=-1, keepdims=True) - 1) < UNIT_TOLERANCE
+        is_unit = np.abs(np.linalg.norm(normals, axis=-1, keepdims=True) - 1) < NORMAL_LENGTH_ROUNDING
         object.__setattr__(self, "directions", normals)
         object.__setattr__(self, "normals", np.where(is_unit, normals, unit(normals)))
         freeze(self, points=(None, 3), normals=(len(self.points), 3), directions=(len(self.points), 3))

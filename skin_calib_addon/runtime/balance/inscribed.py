@@ -12,7 +12,7 @@ from .polygon import Polygon
 
 # Relative difference of two areas up to which they are equal.
 # Larger: a shape that is not the best can win; smaller: the last bit decides.
-AREA_TOLERANCE = 1e-12
+EQUAL_AREA_TOLERANCE = 1e-12
 # Relative error of the area of the largest box. Larger: less accurate; smaller: more iterations.
 RELATIVE_GAP = 1e-11
 # Number of directions of the search for the largest parallelogram, in addition to those of the edges.
@@ -288,7 +288,7 @@ def _extents(corners: Array, directions: Array) -> tuple[Array, Array]:
 def _first_maximum(values: Array) -> int:
     """Return the index of the first value that equals the maximum."""
     best = values.max()
-    return int((values >= best - AREA_TOLERANCE * abs(best)).argmax())
+    return int((values >= best - EQUAL_AREA_TOLERANCE * abs(best)).argmax())
 
 
 def _within(polygon: Polygon, corners: Array) -> Polygon:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.calibration import check_calibration, load_calibration, save_calibration
-from skin_calib_addon.calibration.validate import VERSION
+from skin_calib_addon.calibration.validate import CALIBRATION_VERSION
 
 HERE = Path(__file__).parent
 FILES = {  # by version, the SHA-256 of its file
@@ -87,7 +87,7 @@ def _json(*values):
     return np.array(json.dumps(values))
 
 
-@pytest.mark.parametrize("version", range(1, VERSION + 1))
+@pytest.mark.parametrize("version", range(1, CALIBRATION_VERSION + 1))
 def test_every_version_is_read(version):
     """Each released version, also the current one, has an unchanged file that gives its original numbers."""
     path = HERE / f"{version}.calibration.json"
@@ -114,19 +114,19 @@ def test_fitted_file_of_an_older_version_is_read(tmp_path, name):
     save_calibration(calibration, tmp_path / "c.json")
     old, new = (json.loads(file.read_bytes()) for file in (path, tmp_path / "c.json"))
     assert new.pop("warnings") == [] and old.pop("checksum") != new.pop("checksum")
-    assert (old.pop("version"), new.pop("version")) == (1, VERSION) and old == new
+    assert (old.pop("version"), new.pop("version")) == (1, CALIBRATION_VERSION) and old == new
 
 
 def test_our_version_is_written_as_it_was(tmp_path):
     """Byte for byte: the layout of rows and numbers belongs to the version."""
-    path = HERE / f"{VERSION}.calibration.json"
+    path = HERE / f"{CALIBRATION_VERSION}.calibration.json"
     save_calibration(load_calibration(path), tmp_path / "c.json")
     assert (tmp_path / "c.json").read_bytes() == path.read_bytes()
 
 
 def test_file_of_our_version_has_everything():
     """All kinds of patches, columns and responses of the schema of the current version."""
-    document = json.loads((HERE / f"{VERSION}.calibration.json").read_bytes())
+    document = json.loads((HERE / f"{CALIBRATION_VERSION}.calibration.json").read_bytes())
     schema = json.loads((Path(load_calibration.__code__.co_filename).with_name("schema.json")).read_bytes())
     parts = schema["$defs"]
     patches = document["patches"]

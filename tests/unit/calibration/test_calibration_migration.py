@@ -7,7 +7,7 @@ import pytest
 
 from skin_calib_addon.calibration import check_bytes, encode, from_document, to_document
 from skin_calib_addon.calibration.migration import STEPS, Step
-from skin_calib_addon.calibration.validate import VERSION
+from skin_calib_addon.calibration.validate import CALIBRATION_VERSION
 from skin_calib_addon.common.encoding import checksum
 from tests.samples import small_calibration
 
@@ -43,7 +43,7 @@ def summed(document):
 def test_older_file_is_migrated(older):
     """Through all versions in between, to a document of the current version with checksum."""
     document, findings = check_bytes(summed(older))
-    assert findings == () and document["version"] == VERSION and document["checksum"] == OURS["checksum"]
+    assert findings == () and document["version"] == CALIBRATION_VERSION and document["checksum"] == OURS["checksum"]
     assert encode(to_document(from_document(document))) == encode(OURS)
 
 
@@ -97,7 +97,7 @@ def test_plan_of_version_1_is_no_old_calibration():
     assert (finding.code, finding.pointer) == ("value", "/format") and "the file is a plan" in finding.message
 
 
-@pytest.mark.parametrize("version", [VERSION + 1, VERSION + 1.0, 10**18])
+@pytest.mark.parametrize("version", [CALIBRATION_VERSION + 1, CALIBRATION_VERSION + 1.0, 10**18])
 def test_newer_version_is_the_only_finding(version):
     """The rest of a newer file cannot be validated."""
     findings = check_bytes(json.dumps(OURS | {"version": version, "new": 1}).encode())[1]

@@ -647,7 +647,7 @@ def test_sizes_are_limited(read, monkeypatch):
     with pytest.raises(CalibrationFormatError, match="has more than 12 entries in taxel2Repr"):
         monkeypatch.setattr(icub, "MAX_TAXELS", 12)
         read(icub_text(rows, "3 " * 13))
-    monkeypatch.setattr(text, "MAX_LINES", 12)
+    monkeypatch.setattr(text, "MAX_TEXT_LINES", 12)
     with pytest.raises(CalibrationFormatError, match="its 14 lines exceed the limit of 12"):
         read(csv_text(ROUND))
     monkeypatch.setattr(text, "MAX_TEXT_BYTES", 100)
