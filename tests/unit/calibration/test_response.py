@@ -107,6 +107,12 @@ def test_reading_that_is_not_finite_gives_nan(response, reading):
     assert np.isnan(response.newtons(reading))
 
 
+def test_readings_outside_the_range_have_the_force_of_its_ends():
+    """A polynomial is not valid outside its range: this one would give 23.5 N far below it."""
+    assert_allclose(RISING.newtons([-600.0, 250.0, 300.0]), [0.0, 10.75, 10.75])
+    assert_allclose(Response((9.0, -0.5), (2.0, 10.0)).newtons([0.0, 2.0, 10.0, 30.0]), [8.0, 8.0, 4.0, 4.0])
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_overflow_gives_nan_without_warning(sign):
     """A force that overflows in either direction is not finite: it must differ from a taxel at rest."""

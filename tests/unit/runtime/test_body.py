@@ -79,6 +79,13 @@ def test_feet_on_different_heights_are_flagged():
     assert level.flags == frozenset()
 
 
+def test_height_of_both_feet_over_the_ground_is_no_step():
+    """Two feet that drift together from the stated ground are still on one plane."""
+    poses = {"left": pose(0, 0.1, 0.03), "right": pose(0, -0.1, 0.03)}
+    frame = feet().update({"left": np.full(N, 5.0), "right": np.full(N, 10.0)}, 0.0, poses)
+    assert frame.flags == frozenset()
+
+
 def test_sloped_foot_shifts_the_zmp_by_its_shear():
     """The normal force of a tilted foot has a component along the ground, at a height.
 

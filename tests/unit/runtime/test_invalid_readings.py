@@ -14,6 +14,7 @@ from hypothesis.extra import numpy as hnp
 
 from skin_calib_addon.calibration import Response, ResponseTable, TaxelResponses
 from skin_calib_addon.runtime import Skin
+from skin_calib_addon.runtime.clock import Clock
 from tests.samples import plane, small_calibration
 from tests.soles import skin_of, sole_patch
 
@@ -77,6 +78,20 @@ def test_saturated_taxel_is_counted_and_flagged():
     assert frame.contacts[0].force == 100.0
 
 
+def test_saturation_counts_the_baseline():
+    """A sensor that reads 300 too high at rest is saturated 300 later, and one that reads too low earlier."""
+    response = Response((0.0, 0.1), (0.0, 1000.0))
+    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    offsets = np.zeros(N)
+    offsets[5], offsets[6] = 300.0, -300.0
+    skin.tare(offsets)
+    frame = skin.update(offsets + 900.0, 0.0)
+    assert frame.flags == frozenset()
+    pressed = np.zeros(N)
+    pressed[5], pressed[6], pressed[7] = 1299.0, 701.0, 1001.0
+    assert skin.update(pressed, 0.1).saturated.nonzero()[0].tolist() == [6, 7]
+
+
 def test_masked_taxels_are_left_out_of_everything():
     """A masked taxel makes no contact and no flag. Unknown ids raise an error; an empty mask restores all taxels."""
     skin = sole()
@@ -106,6 +121,16 @@ def test_reading_that_never_changes_is_stuck():
         assert ("stuck" in frame.flags) == (k > 30) and frame.stuck.nonzero()[0].tolist() == [3] * (k > 30)
     moving[3] = 5.5
     assert "stuck" not in skin.update(moving, 33.0).flags
+
+
+def test_stuck_readings_are_counted_from_a_step_back_in_time():
+    """A clock that starts again at zero does not hide a stuck reading: it is stuck 30 s after the restart."""
+    skin = sole()
+    reading = np.zeros(N)
+    reading[3] = 5.0
+    for time in (1000.0, 0.0, 29.0):
+        assert "stuck" not in skin.update(reading, time).flags
+    assert skin.update(reading, 31.0).stuck.nonzero()[0].tolist() == [3]
 
 
 def test_baseline_removes_the_offsets():
@@ -161,6 +186,18 @@ def test_time_that_is_wrong_is_flagged(times, flags):
     for time in times:
         frame = skin.update(pressed_everywhere(), time)
     assert frame.flags == set(flags)
+
+
+def test_usual_period_is_that_of_regular_frames():
+    """After any number of regular frames a missing one is found; one long gap changes the period by a tenth at most."""
+    clock, time = Clock(), 0.0
+    for _ in range(100):
+        assert clock.flags(time) == frozenset()
+        clock.accept(time)
+        time += 0.01
+    assert clock.flags(time + 0.01) == {"dropped"}
+    clock.accept(time + 0.4)
+    assert clock.flags(time + 0.41) == frozenset() and clock.flags(time + 0.42) == {"dropped"}
 
 
 @pytest.mark.parametrize(("time", "stays"), [(0.008, True), (0.004, True), (0.0, False), (7.0, False), (np.nan, True)])

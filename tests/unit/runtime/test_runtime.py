@@ -171,6 +171,11 @@ def test_contact_has_its_cells_and_the_message_of_the_paper():
     (contact,) = closed_skin().update(reading, 0.0).contacts
     assert contact.cells == {0: ((0, 0), (COLUMNS - 1, 0))}
     assert_allclose(contact.messages[0].column, COLUMNS - 0.75)
+    (contact,) = closed_skin().update(reading + pressed([(0, 1)], 3.0), 0.0).contacts
+    assert contact.cells == {0: ((0, 0), (COLUMNS - 1, 1))}
+    reading = pressed([(0, COLUMNS - 1)]) + pressed([(0, 0)]) + pressed([(0, 1)], 6.0)
+    (contact,) = closed_skin().update(reading, 0.0).contacts
+    assert_allclose(contact.messages[0].column, 5 / 8)  # beyond the seam columns start again at 0
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i4", "u8", "f2", "f4", "f8", "?"])
