@@ -449,6 +449,16 @@ def test_validate_finds_millimetres_near_the_frame():
     assert [pointer for code, pointer in found(changed(**small)) if code == "units"] == ["/patches/1/pitch"]
 
 
+def test_pitches_may_differ_by_a_factor_of_nine():
+    """Corners are compared with the smaller pitch from below and with the larger one from above."""
+    assert (
+        found(changed(**{"/patches/0/pitch": [0.09, 0.01]}))
+        == found(changed(**{"/patches/0/pitch": [0.01, 0.09]}))
+        == []
+    )
+    assert found(changed(**{"/patches/0/pitch": [0.09, 0.09]})) != []
+
+
 def test_validate_finds_everything_at_once():
     """Errors in different members do not hide each other, in form or meaning."""
     document = changed(

@@ -78,9 +78,11 @@ def test_adjacent_sheets_are_joined(tmp_path):
 def test_warnings_report_skins_that_do_not_fit(tmp_path):
     """Rows too long for the tube, and boards too large for its curvature."""
     long = SHEET | {"columns": 36}
-    warnings = made([long, BOARDS | {"side": 0.025, "origin": [RADIUS, 0, 0.12]}], tmp_path).warnings
+    result = made([long, BOARDS | {"side": 0.025, "origin": [RADIUS, 0, 0.12]}], tmp_path)
+    warnings, row = result.warnings, result.placed[0].closure.gaps.argmin()
     (overlap,) = (w for w in warnings if w.code == "overlap")
-    assert "band overlaps itself by up to 45." in overlap.message and "(row " in overlap.message
+    assert "band overlaps itself by up to 45." in overlap.message
+    assert f"(row {row})" in overlap.message and overlap.where.names == f"row {row}"
     assert overlap.where.skin == "band" and 0.045 < overlap.value < 0.046
     (gap,) = (w for w in warnings if w.code == "board-gap")
     assert "boards of boards have a corner more than 3 mm off the surface" in gap.message

@@ -4,6 +4,7 @@ import copy
 
 import pytest
 
+from skin_calib_addon.calibration.model import MAX_CHANNEL
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.plan.document import skins_from, write_skin
 from skin_calib_addon.plan.skins import (
@@ -103,6 +104,10 @@ def test_defaults_of_a_skin_are_the_documented_ones():
             MARKED | {"landmarks": [{"cell": [6, 0], "point": [0, 0, 0]}]},
             r"landmark at cell \[6, 0\], but the sheet has 6 x 22 cells",
         ),
+        (
+            MARKED | {"landmarks": [{"cell": [0, 22], "point": [0, 0, 0]}]},
+            r"landmark at cell \[0, 22\], but the sheet has 6 x 22 cells",
+        ),
         (BOARDS | {"cells": [[0, 0], [0, 0]]}, "Skin 'sole' lists a cell twice"),
         (BOARDS | {"direction": [0, 0, 0]}, "The direction of skin 'sole' is zero"),
         (BOARDS | {"gap": -0.03}, "hexagons with sides of 12 mm and gaps of -30 mm have no area or no pitch"),
@@ -124,3 +129,11 @@ def test_channels_follow_what_is_known_and_wait_for_what_is_not():
     held = skins_from([BOARDS | {"cells": "fill", "first_channel": 0}, SHEET | {"first_channel": 40}])
     with pytest.raises(InvalidPlan, match="Skins 'sole' and 'band' both have channel 40. Change the first channel"):
         first_channels(held, [42, 132])
+
+
+def test_last_channel_of_a_skin_may_be_the_highest():
+    """A sheet of 132 cells may end on the highest channel of 32 bits, and not one beyond it."""
+    (first,) = first_channels(skins_from([SHEET | {"first_channel": MAX_CHANNEL - 131}]), [132])
+    assert first == MAX_CHANNEL - 131
+    with pytest.raises(InvalidPlan, match=f"Skin 'band' would end on channel {MAX_CHANNEL + 1}; the highest is"):
+        first_channels(skins_from([SHEET | {"first_channel": MAX_CHANNEL - 130}]), [132])

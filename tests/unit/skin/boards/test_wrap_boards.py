@@ -10,6 +10,7 @@ from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface
 from skin_calib_addon.geometry import TubeGrid, fit_surface
 from skin_calib_addon.plan.skins import GAP, SIDE
 from skin_calib_addon.skin import HexLattice, board_taxels, wrap_boards
+from skin_calib_addon.skin.boards.board_taxels import board_at
 from skin_calib_addon.skin.lattice import PORTS
 from tests.examples import examples
 from tests.shapes import Z_AXIS, cone_surface, cylinder, plane_surface, wrist_surface
@@ -74,21 +75,47 @@ def test_tilt_and_gap_on_a_cylinder_are_those_of_tangent_planes():
     assert_allclose(taxels.quality["gap"], np.hypot(radius, extent) - radius, rtol=1e-3)
 
 
-def test_boards_in_a_trough_collide():
-    """In a trough their upper faces collide, more so if they are thicker; on a plane only as much as in the flat
-    lattice.
+def bent(rise):
+    """Return a square of 0.2 m with the height ``rise`` (x - 0.1)^2 [m]."""
+    flat = plane_surface(0.2, 0.2)
+    net = flat.control_net.copy()
+    net[..., 2] = rise * (net[..., 0] - 0.1) ** 2
+    return type(flat)(net, flat.knots_u, flat.knots_v, (3, 3))
+
+
+@pytest.mark.parametrize("rise", [2.0, -2.0])
+def test_boards_on_a_bend_collide(rise):
+    """In a trough their upper faces collide, on a ridge the lower ones, more so if they are thicker; on a plane only as
+    much as in the flat lattice.
     """
-    knots = plane_surface().knots_u
-    net = plane_surface(0.2, 0.2).control_net.copy()
-    net[..., 2] = 2 * (net[..., 0] - 0.1) ** 2
-    trough = type(plane_surface())(net, knots, knots, (3, 3))
     thin, thick = (
-        placed(trough, origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=t).quality["collision"].max()
+        placed(bent(rise), origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=t).quality["collision"].max()
         for t in (0.001, 0.004)
     )
     assert 0 < 4 * thin < thick < 0.004 * TUM.pitch / 0.25  # radius a quarter of a metre: the wedge between two
     flat = placed(plane_surface(0.2, 0.2), origin=(0.1, 0.1, 0), direction=(1, 0, 0), offset=0.004)
     assert_allclose(flat.quality["collision"], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("rise", [2.0, -2.0])
+def test_gap_is_that_of_the_farthest_corner(rise):
+    """In a trough the corners are below the surface, on a ridge above it; those on the middle line touch it."""
+    surface, t = bent(rise), np.linspace(0, 1, 2001)
+    x, _, z = surface.points(np.column_stack((t, np.full_like(t, 0.5)))).T
+    middle, at_corner = np.interp((0.1, 0.1 + SIDE * np.cos(np.pi / 6)), x, z)
+    (gap,) = placed(surface, np.array([(0, 0)]), origin=(0.1, 0.1, 0), direction=(1, 0, 0)).quality["gap"]
+    assert_allclose(gap, middle - at_corner, rtol=0.01)
+
+
+def test_board_at_a_point_continues_the_lattice():
+    """Each board is found at its centre, and one that does not exist beyond the last one, also for turned rows."""
+    taxels = placed(plane_surface(0.2, 0.2), origin=(0.1, 0.1, 0), direction=(1, 0.3, 0))
+    for cell, point in zip(taxels.index.tolist(), taxels.positions_link):
+        assert board_at(taxels, TUM, point) == tuple(cell)
+    e1 = np.array((1, 0.3, 0)) / np.hypot(1, 0.3)
+    for cell in ((-5, 1), (1, 4), (-1, -3)):
+        x, y = TUM.centres(np.array([cell]))[0]
+        assert board_at(taxels, TUM, np.array((0.1, 0.1, 0)) + x * e1 + y * np.cross((0, 0, 1), e1)) == cell
 
 
 def test_frames_are_right_handed_and_corners_lie_on_the_tangent_plane():
