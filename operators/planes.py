@@ -29,7 +29,7 @@ class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
         link = context.object
         read = scene.read_plan(link, context.scene)
         cover = cut_cover(scene.read_mesh(link, context), read.cover)
-        lines = grid_lines(cover, read.grid, read.degree)
+        lines = grid_lines(cover, read.grid, read.degree, read.max_deviation)
         grid = PlanesGrid(*planes_of(lines), lines.closed)
         scene.write_grid(plan.grid, grid, scene.metres_per_unit(context.scene))
         plan.held = "U"

@@ -1,6 +1,6 @@
 """Calculate the calibration of one link: load, cut, fit, wrap, errors."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import __version__
 from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
+from ..common.errors import PoorFit
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
@@ -72,7 +73,8 @@ def calibrate(
     with stage("cut"):
         cover = cut_cover(mesh, plan.cover)
     with stage("fit"):
-        fit = fit_grid(cover, plan.grid, plan.degree, plan.chords)
+        fit = fit_grid(cover, plan.grid, plan.degree, plan.chords, plan.max_deviation)
+        refuse_errors(fit.warnings)
     with stage("wrap"):
         placed = place_all(plan.skins, fit)
         patches = tuple(done.patch for done in placed)
@@ -90,6 +92,19 @@ def calibrate(
         warnings=warnings_of(fit, placed),
     )
     return Calibrated(calibration, cover, fit, placed, seconds)
+
+
+def refuse_errors(warnings: Iterable[Warning]) -> None:
+    """Raise the first error among the warnings of a fit.
+
+    Raises
+    ------
+    PoorFit
+        If there is one, because the surface cannot be used.
+    """
+    for warning in warnings:
+        if warning.severity == "error":
+            raise PoorFit(f"{warning.message} {warning.advice}", place=warning.where)
 
 
 def warnings_of(fit: SurfaceFit, placed: tuple[PlacedSkin, ...]) -> tuple[Warning, ...]:

@@ -5,6 +5,7 @@ from typing import Any
 
 from ..calibration.exchange import FORMATS, READABLE
 from ..calibration.response import Response
+from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, PlanesGrid, Sector, Size, Tolerance, Tube
 from ..geometry.mesh.cover import CoverSpec, Cut
@@ -858,6 +859,16 @@ PLAN = Record(
             label="Facets are Chords",
             panel="Grid",
             acts="geometry/fit/chords.py",
+        ),
+        Key(
+            "max_deviation",
+            length(exclusiveMinimum=0, maximum=1),
+            "Largest distance of the surface from the mesh; a fit above it is refused. A warning starts at a fifth of "
+            "it. With a tolerance, a warning starts at the tolerance, or at five times a tolerance of the mean.",
+            default=MAX_DEVIATION,
+            label="Max. Deviation",
+            panel="Grid",
+            acts="geometry/fit/diagnosis.py",
         ),
         Key(
             "response",

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..calibration.response import AnyResponse, Response
+from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.grids import Grid, PlanesGrid
 from ..geometry.mesh.cover import CoverSpec
 from .skins import ImportedSkin, Skin
@@ -25,6 +26,7 @@ class Plan:
     response: AnyResponse = Response()
     chords: bool = False  # whether the mesh's facets are chords of the true surface
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
+    max_deviation: float = MAX_DEVIATION  # of the surface from the mesh; above, the fit is refused [m]
 
 
 def named_from(plan: Plan, folder: Path) -> Plan:

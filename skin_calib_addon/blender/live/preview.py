@@ -96,10 +96,10 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     if plan is None:
         return Preview(sketch, report=PreviewReport(problem=given.problem) if given.problem else None)
     skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
-    grid = plan.grid, plan.degree, plan.chords
+    grid = plan.grid, plan.degree, plan.chords, plan.max_deviation
     try:
         cover = cache.step("cover", (mesh, plan.cover), _equal, lambda: cut_cover(mesh, plan.cover))
-        fit = cache.step("fit", (cover, *grid), _equal, lambda: fit_grid(cover, plan.grid, plan.degree, plan.chords))
+        fit = cache.step("fit", (cover, *grid), _equal, lambda: fit_grid(cover, *grid))
         near = cache.placed(skins)
         placed = cache.step("placed", (fit, skins), _equal, lambda: place_all(plan.skins, fit, near))
     except SkinCalibError as error:

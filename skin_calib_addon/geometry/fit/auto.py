@@ -2,6 +2,7 @@
 
 from bisect import insort
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..mesh.closest import MeshDistance
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
 from ..surface.distance import SAMPLES_PER_SPAN
+from .diagnosis import MAX_DEVIATION, DeviationLimits
 from .proof import MIN_DISTANCE, confirmed_error
 from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface
 
@@ -280,12 +282,16 @@ def fit_to_tolerance(
     ------
     UnreachableTolerance
         If no grid meets the tolerance, because the mesh is faceted; the message states the best achievable error.
+    PoorFit
+        If the mean distance meets the tolerance, but the surface is far from the mesh somewhere.
     """
     degrees = (degree, degree) if isinstance(degree, int) else degree
     return _smallest(mesh, AutoGrid(tolerance, measure, axis, margin, sector, normal), degrees)
 
 
-def _smallest(mesh: TriangleMesh, grid: Grid, degrees: tuple[int, int]) -> SurfaceFit:
+def _smallest(
+    mesh: TriangleMesh, grid: Grid, degrees: tuple[int, int], max_deviation: float = MAX_DEVIATION
+) -> SurfaceFit:
     """Fit the smallest grid over a region that is within the tolerance of ``grid``."""
     assert isinstance(grid.size, Tolerance)
     tolerance, measure = grid.size.tolerance, grid.size.measure
@@ -303,7 +309,9 @@ def _smallest(mesh: TriangleMesh, grid: Grid, degrees: tuple[int, int]) -> Surfa
             f"{least * 1e3:.2g} mm because the mesh is faceted. Increase the tolerance, or refine the mesh.",
             achievable=float(least),
         )
-    return search.best
+    fit = replace(search.best, limits=DeviationLimits.of(max_deviation, tolerance, measure))
+    check_fit(fit)
+    return fit
 
 
 def fit_to_count(
@@ -475,7 +483,13 @@ def net_size(fit: SurfaceFit) -> int:
     return fit.offsets.size
 
 
-def fit_grid(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
+def fit_grid(
+    mesh: TriangleMesh,
+    grid: Grid | PlanesGrid,
+    degree: tuple[int, int],
+    chords: bool = False,
+    max_deviation: float = MAX_DEVIATION,
+) -> SurfaceFit:
     """Fit along the grid of a plan: planes that the author placed, a size, or the smallest within a tolerance.
 
     Parameters
@@ -488,6 +502,8 @@ def fit_grid(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int
         Of the surface along u and v.
     chords : bool
         As for ``fit_surface``.
+    max_deviation : float
+        As for ``fit_surface``. With a tolerance, warnings follow the tolerance.
 
     Returns
     -------
@@ -495,12 +511,17 @@ def fit_grid(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int
         The surface with its residuals and errors.
     """
     if isinstance(grid, PlanesGrid) or isinstance(grid.size, Size):
-        return fit_surface(mesh, grid, degree, chords)
-    fit = _smallest(mesh, grid, degree)
-    return fit_surface(mesh, fit.lines, degree, chords) if chords else fit
+        return fit_surface(mesh, grid, degree, chords, max_deviation)
+    fit = _smallest(mesh, grid, degree, max_deviation)
+    if chords:
+        fit = replace(fit_lines(mesh, fit.lines, degree, chords), limits=fit.limits)
+        check_fit(fit)
+    return fit
 
 
-def grid_lines(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int]) -> LineGrid:
+def grid_lines(
+    mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, int], max_deviation: float = MAX_DEVIATION
+) -> LineGrid:
     """Return the lines of the grid of a plan, or of the smallest grid within its tolerance.
 
     Parameters
@@ -511,10 +532,12 @@ def grid_lines(mesh: TriangleMesh, grid: Grid | PlanesGrid, degree: tuple[int, i
         The grid.
     degree : (int, int)
         Of the surface along u and v.
+    max_deviation : float
+        As for ``fit_grid``.
 
     Returns
     -------
     LineGrid
     """
     is_given = isinstance(grid, PlanesGrid) or isinstance(grid.size, Size)
-    return grid.line_grid(mesh, degree) if is_given else fit_grid(mesh, grid, degree).lines
+    return grid.line_grid(mesh, degree) if is_given else fit_grid(mesh, grid, degree, False, max_deviation).lines

@@ -1,6 +1,6 @@
 """The constrained fit: each control point moves on its line P_u ∩ P_v until the surface fits the mesh."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,16 @@ from ..surface.bspline import BSplineSurface, greville
 from ..surface.distance import SAMPLES_PER_SPAN, is_sampled, surface_samples
 from ..surface.footpoints import footpoints
 from .chords import chord_gaps
-from .diagnosis import condition, dropped_loops, fit_warnings, maximum_deviation
+from .diagnosis import (
+    MAX_DEVIATION,
+    DeviationLimits,
+    condition,
+    dropped_curve_warnings,
+    dropped_curves,
+    fit_warnings,
+    maximum_deviation,
+    off,
+)
 from .error_report import mesh_to_surface, surface_to_mesh
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
 from .undercut import undercut_warnings
@@ -47,9 +56,7 @@ STIFF_ITERATIONS = 2
 # larger holes are allowed.
 MAX_MISSING_FRACTION = 0.5
 # [1] smallest area element to the mean area element below which a surface is folded, or closes to a point.
-FOLDED_AREA = 1e-3
-# [fraction of the mesh size] largest allowed distance of the surface from the mesh. Larger: worse fits are allowed.
-MAX_DEVIATION_FRACTION = 0.05
+MIN_AREA = 1e-3
 # [1] points per control point and direction at which the area element is evaluated. Larger: smaller folds are found.
 AREA_SITES_PER_CONTROL_POINT = 5
 
@@ -67,6 +74,7 @@ class SurfaceFit:
     iterations: int
     converged: bool  # whether the control points stopped moving
     noise: float  # standard deviation of the scan about a smoothed surface [m]; 0 without smoothing
+    limits: DeviationLimits = DeviationLimits()  # of its distance from the mesh
 
     @property
     def residuals(self) -> Array:
@@ -115,6 +123,11 @@ class SurfaceFit:
         It is near zero where the surface closes to a point. It is negative where ``r_u x r_v`` is opposite to the rays:
         the surface is folded.
         """
+        return self._smallest_area[0]
+
+    @cached_property
+    def _smallest_area(self) -> tuple[float, Array]:
+        """Return ``smallest_area``, and its parameters (2,)."""
         k, l = (AREA_SITES_PER_CONTROL_POINT * size for size in self.offsets.shape)
         v = np.arange(l) / l if self.lines.closed else np.linspace(0, 1, l)
         uv = np.column_stack((np.repeat(np.linspace(0, 1, k), l), np.tile(v, k)))
@@ -123,7 +136,9 @@ class SurfaceFit:
         s = self.surface
         outward = BSplineSurface(self.basis.close(self.lines.directions), s.knots_u, s.knots_v, s.degree, s.closed)
         areas = np.linalg.norm(normals, axis=1)
-        return float((areas * np.sign((normals * outward.points(uv)).sum(axis=1))).min() / areas.mean())
+        signed = areas * np.sign((normals * outward.points(uv)).sum(axis=1))
+        least = int(signed.argmin())
+        return float(signed[least] / areas.mean()), uv[least]
 
     def distances(self, per_span: int) -> DistanceStatistics:
         r"""Return the distances from surface to mesh at other sites than those of the fit.
@@ -207,21 +222,26 @@ class SurfaceFit:
         """Return the condition number of the least squares."""
         return condition(self.basis)
 
-    @cached_property
+    @property
     def dropped_loops(self) -> IntArray:
         """Return the number of curves in the section of each row that the surface does not follow, shape (k,)."""
-        return dropped_loops(SampleRows.of(self.mesh, self.lines, self.basis), self.samples)
+        return self._dropped_curves[0]
+
+    @cached_property
+    def _dropped_curves(self) -> tuple[IntArray, Array, Array]:
+        return dropped_curves(SampleRows.of(self.mesh, self.lines, self.basis), self.samples)
 
     @cached_property
     def warnings(self) -> tuple[Warning, ...]:
         """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
-        found = list(fit_warnings(self.mesh, *parts, self.smallest_area, self.converged))
+        found = list(fit_warnings(self.mesh, *parts, *self._smallest_area, self.converged, self.limits))
+        found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
         return (*found, *undercut_warnings(self.mesh, *parts, self.surface))
 
     def is_within(self, tolerance: float) -> bool:
         """Return whether surface and mesh are within ``tolerance`` [m] of each other, without holes and folds."""
-        return self.missing == 0 and self.smallest_area > FOLDED_AREA and self.errors.hausdorff <= tolerance
+        return self.missing == 0 and self.smallest_area > MIN_AREA and self.errors.hausdorff <= tolerance
 
     def leave_one_out(self) -> Array:
         """Return the error at each inner u-plane of a surface fitted without it, shape (n - 2,) [m].
@@ -246,7 +266,11 @@ class SurfaceFit:
 
 
 def fit_surface(
-    mesh: TriangleMesh, grid: Grid | PlanesGrid | LineGrid, degree: int | tuple[int, int] = 3, chords: bool = False
+    mesh: TriangleMesh,
+    grid: Grid | PlanesGrid | LineGrid,
+    degree: int | tuple[int, int] = 3,
+    chords: bool = False,
+    max_deviation: float = MAX_DEVIATION,
 ) -> SurfaceFit:
     r"""Fit a B-spline surface whose control points are on the lines of a plane grid (paper, Algorithm 1).
 
@@ -273,6 +297,9 @@ def fit_surface(
     chords : bool
         Whether the vertices are on the true surface and the facets are chords of it, as in a tessellated model. The
         surface is then outside the facets, at a distance that follows from its own curvature.
+    max_deviation : float
+        Distance of the surface from the mesh above which the fit is refused [m]. From a fifth of it on, ``warnings``
+        has the largest distance.
 
     Returns
     -------
@@ -290,7 +317,7 @@ def fit_surface(
     """
     degrees = (degree, degree) if isinstance(degree, int) else degree
     lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, degrees)
-    fit = fit_lines(mesh, lines, degrees, chords)
+    fit = replace(fit_lines(mesh, lines, degrees, chords), limits=DeviationLimits.of(max_deviation))
     check_fit(fit)
     return fit
 
@@ -303,11 +330,12 @@ def check_fit(fit: SurfaceFit) -> None:
     PoorFit
         If it is not; the message names the planes and the point.
     """
-    distance, place = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples)
-    if distance > MAX_DEVIATION_FRACTION * fit.mesh.size:
+    limit = fit.limits.refused
+    distance, place = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples, limit)
+    if distance > limit:
         raise PoorFit(
-            f"The surface is {distance * 1e3:.1f} mm off the mesh {place.words}. Cut away what protrudes there, move "
-            "the planes away from it, use more planes, or fit only a sector or one side of the link.",
+            f"The surface is {off(distance, limit)} the mesh {place.words}. Cut away what protrudes there, move the "
+            "planes away from it, use more planes, or fit only a sector or one side of the link.",
             distance=distance,
             place=place,
         )

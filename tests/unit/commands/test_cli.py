@@ -426,6 +426,24 @@ def test_show_warns(tmp_path, capsys):
     assert out.startswith("link ") and err.startswith("skin-calib: warning: /patches/0/taxels/neighbours/0/0 is ")
 
 
+def test_folded_surface_is_refused_with_its_place(folder, capsys):
+    """Planes that cross inside of the tube: one line with the place, and no file."""
+    v = planes([])["v"]
+    tilts = np.deg2rad(np.linspace(-40, 40, 8))
+    u = [{"point": [-0.02, 0, 0.05], "normal": [float(-np.sin(a)), 0, float(np.cos(a))]} for a in tilts]
+    plan = write_plan(folder, grid={"kind": "planes", "u": u, "v": v, "closed": True}, skins=[])
+    assert_refused(capsys, 1, "The surface folds over itself at (", "fit", plan, "-o", folder / "out.json")
+    assert not (folder / "out.json").exists()
+
+
+def test_plan_states_the_largest_deviation(folder, capsys):
+    """A finer limit than the facets allow: refused, with the distance and the limit in millimetres."""
+    plan = write_plan(folder, max_deviation=1e-5)
+    assert_refused(capsys, 1, "mm (limit 0.01 mm) off the mesh at (", "fit", plan, "-o", folder / "out.json")
+    assert main(["fit", str(write_plan(folder, max_deviation=2e-4)), "-o", str(folder / "out.json")]) == 0
+    assert "(limit 0.04 mm) off the mesh" in capsys.readouterr().err
+
+
 def test_warnings_of_a_fit_are_repeated_by_every_command(folder, capsys):
     """The calibration keeps them. `check` and `show` print them with their codes, and `check` counts them."""
     whole = cylinder(around=24, along=8)

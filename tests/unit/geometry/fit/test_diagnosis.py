@@ -10,7 +10,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import InvalidPlan, PoorFit
 from skin_calib_addon.common.warnings import Warning
-from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry import (
+    AcrossGrid,
+    Planes,
+    PlanesGrid,
+    SectorGrid,
+    TubeGrid,
+    fit_surface,
+    fit_to_tolerance,
+)
 from skin_calib_addon.geometry.fit import diagnosis
 from skin_calib_addon.geometry.fit import surface_fit as fit_module
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
@@ -138,7 +146,8 @@ def test_dropped_loops_are_counted_row_by_row():
     z = fit.samples.origins[:, 0, 2]
     assert_array_equal(fit.dropped_loops, 1 * (z < inner.vertices[:, 2].max()) + ((z > 0.043) & (z < 0.083)))
     assert {*fit.dropped_loops.tolist()} == {0, 1, 2}
-    assert fit.warnings == ()
+    (warning,) = fit.warnings
+    assert warning.code == "dropped-curves" and "up to 2 curves that" in warning.message
 
 
 def test_parts_that_are_all_followed_are_not_dropped():
@@ -249,7 +258,9 @@ def test_planes_two_degrees_from_parallel_are_refused():
 def test_fin_of_the_wall_is_refused_with_its_place(size, at):
     """The wall protrudes by 60 mm: no surface follows, and the message names the point and the adjacent planes."""
     mesh, grid = with_fin(0.06, at), TubeGrid(*size, Z_AXIS, 0.004, "uniform")
-    with pytest.raises(PoorFit, match=r"^The surface is \d+\.\d mm off the mesh at .*\. Cut away what") as caught:
+    with pytest.raises(
+        PoorFit, match=r"^The surface is \d+\.\d mm \(limit 10 mm\) off the mesh at .*\. Cut away"
+    ) as caught:
         fit_surface(mesh, grid)
     message, lines = str(caught.value), grid.line_grid(mesh)
     place = named(message, lines)[0]
@@ -261,7 +272,7 @@ def test_fin_of_the_wall_is_refused_with_its_place(size, at):
     assert_one_line_with_advice(message)
     stated = float(re.search(r"is (\S+) mm", message)[1])
     assert_allclose(caught.value.numbers["distance"] * 1e3, stated, atol=0.051)
-    assert caught.value.numbers["distance"] > fit_module.MAX_DEVIATION_FRACTION * mesh.size
+    assert caught.value.numbers["distance"] > diagnosis.MAX_DEVIATION
 
 
 @pytest.mark.parametrize("at", [0.3, 0.45, 0.7])
@@ -270,11 +281,66 @@ def test_step_is_a_warning_with_its_place(at):
     fit = fit_surface(with_step(0.03, at), GRID)
     (warning,) = fit.warnings
     text = str(warning)
-    assert re.match(r"The surface is \d+\.\d mm off the mesh at .*\. Cut away what protrudes there, move", text)
+    assert re.match(
+        r"The surface is \d+\.\d mm \(limit 2 mm\) off the mesh at .*\. Cut away what protrudes there", text
+    )
     assert abs(named(text, fit.lines)[0][2] - LENGTH * at) < 0.015
     assert warning.code == "off-mesh" and abs(warning.where.point[2] - LENGTH * at) < 0.015
     assert_names_go_together(text, fit.lines)
     assert_one_line_with_advice(text)
+
+
+@pytest.mark.parametrize("scale", [0.2, 0.4, 1.0, 2.0, 3.0])
+def test_limits_are_lengths_and_not_fractions_of_the_mesh(scale):
+    """The same shape in five sizes: a warning above 2 mm, refused above 10 mm; the message has both numbers."""
+    mesh = with_step(0.03, 0.3)
+    mesh, grid = weld(scale * mesh.vertices, mesh.faces), TubeGrid(8, 16, Z_AXIS, scale * 0.004, "uniform")
+    fit = fit_surface(mesh, grid, max_deviation=1.0)
+    distance = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
+    assert fit.warnings == () and 4.5e-3 < distance / scale < 4.6e-3
+    if distance > 0.01:
+        with pytest.raises(PoorFit, match=rf"is {distance * 1e3:.1f} mm \(limit 10 mm\) off the mesh at"):
+            fit_surface(mesh, grid)
+        return
+    warnings = fit_surface(mesh, grid).warnings
+    assert [w.code for w in warnings] == (["off-mesh"] if distance > 0.002 else [])
+    assert all(f"is {distance * 1e3:.1f} mm (limit 2 mm) off the mesh at" in w.message for w in warnings)
+
+
+@pytest.mark.parametrize(
+    ("max_deviation", "outcome"), [(0.0044, "refused"), (0.0046, "warning"), (0.022, "warning"), (0.023, "none")]
+)
+def test_limits_follow_the_value_of_the_user(max_deviation, outcome):
+    """The surface is 4.54 mm off: refused below this value, warned of below five times this value."""
+    mesh, grid = with_step(0.03, 0.3), TubeGrid(8, 16, Z_AXIS, 0.004, "uniform")
+    if outcome == "refused":
+        with pytest.raises(PoorFit, match=r"is 4\.5 mm \(limit 4\.4 mm\) off the mesh"):
+            fit_surface(mesh, grid, max_deviation=max_deviation)
+    else:
+        found = [w.code for w in fit_surface(mesh, grid, max_deviation=max_deviation).warnings]
+        assert found == {"warning": ["off-mesh"], "none": []}[outcome]
+
+
+def test_limits_follow_a_tolerance():
+    """A tolerance of the maximum is the limit itself; of the mean, five times it. No tolerance is refused."""
+    limits = diagnosis.DeviationLimits
+    assert limits.of(0.01) == limits(0.002, 0.01) == limits()
+    assert limits.of(0.01, 0.0005, "max") == limits(0.0005, 0.01)
+    assert limits.of(0.01, 0.0005, "mean") == limits(0.0025, 0.01)
+    assert limits.of(0.01, 0.02, "max") == limits(0.02, 0.02)
+    assert limits.of(0.03, 0.001, "mean") == limits(0.005, 0.03)
+    mesh = with_step(0.03, 0.3)
+    fit = fit_to_tolerance(mesh, 0.0005, axis=Z_AXIS, margin=0.004)
+    assert fit.limits == limits(0.0025, 0.01)
+    distance = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
+    assert [w.code for w in fit.warnings if w.code == "off-mesh"] == (["off-mesh"] if distance > 0.0025 else [])
+
+
+def test_number_in_a_message_is_above_its_limit():
+    """A distance just above the limit has as many digits as show it."""
+    assert diagnosis.off(0.00213, 0.002) == "2.1 mm (limit 2 mm) off"
+    assert diagnosis.off(0.002004, 0.002) == "2.004 mm (limit 2 mm) off"
+    assert diagnosis.off(0.000502, 0.0005) == "0.502 mm (limit 0.5 mm) off"
 
 
 def test_high_step_is_refused_with_its_place():
@@ -289,7 +355,11 @@ def test_high_step_is_refused_with_its_place():
 def test_placed_planes_follow_a_step(at):
     """Of 27 mm, by as few planes, little more than half as far off as even ones, and without a warning."""
     mesh = with_step(0.027, at)
-    placed, even = (fit_surface(mesh, TubeGrid(8, 16, Z_AXIS, 0.004, spacing)) for spacing in ("auto", "uniform"))
+    allowed = 5 * 0.02 * mesh.size
+    placed, even = (
+        fit_surface(mesh, TubeGrid(8, 16, Z_AXIS, 0.004, spacing), max_deviation=allowed)
+        for spacing in ("auto", "uniform")
+    )
     assert placed.warnings == () and placed.smallest_area > 0.1
     assert placed.errors.hausdorff < 0.6 * even.errors.hausdorff
 
@@ -298,7 +368,7 @@ def test_distance_of_a_warning_is_no_longer_than_the_truth():
     """A warning states a distance of the surface from the mesh, not one along a slanting ray."""
     fit = fit_surface(with_step(0.03, 0.3), GRID)
     (warning,) = fit.warnings
-    stated = float(re.search(r"is (\S+) mm off", warning.message)[1]) * 1e-3
+    stated = float(re.search(r"is (\S+) mm \(limit 2 mm\) off", warning.message)[1]) * 1e-3
     assert abs(stated - warning.value) < 0.06e-3
     assert 0.4 * fit.errors.hausdorff < stated < fit.errors.hausdorff < np.nanmax(np.abs(fit.residuals))
 
@@ -310,19 +380,36 @@ def test_maximum_deviation_is_a_distance_and_not_along_the_ray(inward):
     fit = fit_surface(mesh, TubeGrid(5, 5, Z_AXIS, 0.003, "uniform"), 4)
     mesh = weld(mesh.vertices, mesh.faces[:, ::-1]) if inward else mesh
     fit = fit_surface(mesh, fit.lines, 4)
-    distance, place = diagnosis.maximum_deviation(mesh, fit.lines, fit.basis, fit.samples)
+    distance, place = diagnosis.maximum_deviation(mesh, fit.lines, fit.basis, fit.samples, 0.02 * mesh.size)
     exact = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
     assert_allclose(distance, exact, rtol=0.1)
     assert distance < 0.6 * np.abs(fit.residuals).max() and place.words.startswith("at (")
 
 
 def test_box_through_the_wall_is_not_followed():
-    """A thin box that protrudes and is not connected to the tube: dropped and counted, without a warning."""
+    """A thin box that protrudes and is not connected to the tube: dropped and counted, with a warning and its place."""
     fin = box((0.03, -0.002, 0.05), (0.08, 0.002, 0.06))
     fit = fit_surface(together(cylinder(), fin), GRID)
     radius = np.linalg.norm(fit.surface.points(np.random.default_rng(3).uniform(0, 1, (200, 2)))[:, :2], axis=1)
     assert np.abs(radius - RADIUS).max() < 1e-3 * RADIUS
-    assert fit.dropped_loops.max() == 1 and fit.warnings == ()
+    assert fit.dropped_loops.max() == 1
+    (warning,) = fit.warnings
+    assert warning.code == "dropped-curves" and "up to 1 curve that" in warning.message
+    x, y, z = warning.where.point
+    assert 0.03 <= x <= 0.08 and abs(y) <= 0.002 + 1e-9 and 0.05 - 1e-9 <= z <= 0.06
+    assert_allclose(warning.value, 2 * (0.05 + 0.004), rtol=1e-9)
+    near = int(re.search(r"u-plane (\d+)", warning.where.names)[1])
+    assert near == np.abs(fit.lines.origins[:, 0, 2] - z).argmin()
+
+
+def test_inner_wall_is_a_warning_with_its_place():
+    """A tube inside the tube: one curve of each section, whose length and place are stated."""
+    fit = fit_surface(together(cylinder(), cylinder(0.5 * RADIUS)), GRID)
+    (warning,) = fit.warnings
+    assert (fit.dropped_loops == 1).all() and warning.code == "dropped-curves"
+    assert_allclose(warning.value, np.pi * RADIUS, rtol=2e-3)
+    assert_allclose(np.hypot(*warning.where.point[:2]), 0.5 * RADIUS, rtol=2e-3)
+    assert "\n" not in str(warning) and len(str(warning)) < 300 and "cut away what hides them" in warning.advice
 
 
 @pytest.mark.parametrize("n", [5, 8, 14])
@@ -336,6 +423,7 @@ def test_surface_that_closes_to_a_point_is_a_warning(n):
     fit = fit_surface(welded(tube_mesh(point, 96, 40)), TubeGrid(n, 16, Z_AXIS, 1e-4))
     (warning,) = fit.warnings
     assert warning.code == "nearly-folded" and warning.value == fit.smallest_area
+    assert warning.where.point[2] > 0.95 * LENGTH
     assert warning.message.startswith("The surface nearly folds or closes to a point")
     assert warning.advice == "Move planes apart, or increase the margin."
 
@@ -347,7 +435,11 @@ def test_surface_folded_by_crossing_planes_is_not_within(n):
     uv = np.random.default_rng(4).uniform(0, 1, (500, 2))
     inward = (fit.surface.normals(uv) * fit.surface.points(uv) * (1, 1, 0)).sum(axis=1) < 0
     assert 0.2 < inward.mean() < 0.5
-    assert any(w.code == "folded" for w in fit.warnings)
+    (folded,) = (w for w in fit.warnings if w.code == "folded")
+    assert folded.severity == "error" and re.search(r" at \(.*\) mm, near u-plane \d+ and ", folded.message)
+    x, y, _ = folded.where.point
+    nearest = np.abs(fit.surface.points(uv) - folded.where.point).sum(axis=1).argsort()[:3]
+    assert inward[nearest].any(), "the place is where the surface is turned over"
     assert not fit.is_within(1.0)
 
 
@@ -389,7 +481,7 @@ def test_folded_surface_is_not_within():
     """A folded surface is not within any tolerance, however near it is."""
     fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(5, 5, (0, 0, 1.0)))
     assert fit.is_within(1e-9)
-    vars(fit)["smallest_area"] = 0.5 * fit_module.FOLDED_AREA
+    vars(fit)["smallest_area"] = 0.5 * fit_module.MIN_AREA
     assert not fit.is_within(1e-9)
 
 
