@@ -105,8 +105,8 @@ def test_defaults_of_a_skin_are_the_documented_ones():
             r"landmark at cell \[6, 0\], but the sheet has 6 x 22 cells",
         ),
         (
-            MARKED | {"landmarks": [{"cell": [0, 22], "point": [0, 0, 0]}]},
-            r"landmark at cell \[0, 22\], but the sheet has 6 x 22 cells",
+            MARKED | {"rows": 22, "columns": 6, "landmarks": [{"cell": [0, 6], "point": [0, 0, 0]}]},
+            r"landmark at cell \[0, 6\], but the sheet has 22 x 6 cells",
         ),
         (BOARDS | {"cells": [[0, 0], [0, 0]]}, "Skin 'sole' lists a cell twice"),
         (BOARDS | {"direction": [0, 0, 0]}, "The direction of skin 'sole' is zero"),
