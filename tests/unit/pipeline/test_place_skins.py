@@ -46,6 +46,9 @@ def test_every_kind_is_placed_saved_and_used(tmp_path):
     save_calibration(result.calibration, path)
     sheet, boards, few = load_calibration(path).patches
     assert (sheet.kind, boards.kind, few.kind) == ("sheet", "hexagons", "imported")
+    assert sheet.shape == (3, 33) and sheet.taxels.index.max(axis=0).tolist() == [2, 32]
+    extent = np.ptp(boards.taxels.index, axis=0) + 1
+    assert boards.shape == tuple(extent) and extent[0] != extent[1]
     assert boards.offset == 0.001 and boards.taxels.ports == result.calibration.patches[1].taxels.ports
     channels = np.concatenate([p.taxels.channels for p in (sheet, boards, few)])
     assert channels.tolist() == list(range(len(channels)))
