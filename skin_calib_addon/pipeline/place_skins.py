@@ -15,10 +15,10 @@ from ..skin.boards.board_taxels import board_taxels
 from ..skin.boards.layout import lay_boards
 from ..skin.imported import ImportedTaxels, imported_taxels
 from ..skin.neighbours import with_neighbours_across
-from ..skin.sheet.strain import Closure, closure
+from ..skin.sheet.closure import Closure, closure
 from ..skin.sheet.taxels import sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
-from ..skin.warnings import placement_warnings
+from ..skin.warnings import check_overlap, placement_warnings
 
 SURFACE = "cover"  # name of the surface in a calibration
 
@@ -66,6 +66,7 @@ def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, 
     ------
     SkinCalibError
         If a skin does not fit, two skins have a channel in common, or imported taxels are in another frame.
+        If a sheet overlaps itself around the link by more than a tenth of a cell, and its plan does not allow it.
     """
     placed: list[PlacedSkin] = []
     counts: list[int | None] = []
@@ -116,7 +117,10 @@ def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | N
     )
     taxels, shape = sheet_taxels(sheet, skin.name, first_channel), (skin.lattice.rows, skin.lattice.columns)
     patch = Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
-    return PlacedSkin(patch, sheet)
+    placed = PlacedSkin(patch, sheet)
+    if not skin.overlap:
+        check_overlap(patch, placed.closure)
+    return placed
 
 
 @place_skin.register

@@ -33,6 +33,7 @@ class SheetSkin:
     offset: float = 0.0  # height of its neutral layer above the surface [m]
     landmarks: tuple[Landmark, ...] = ()
     trim: bool = False  # whether cells that lie off the surface are left out
+    overlap: bool = False  # whether it may overlap itself where it closes around the link
 
     @property
     def count(self) -> int:

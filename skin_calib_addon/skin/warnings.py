@@ -6,11 +6,13 @@ import numpy as np
 
 from ..calibration.model import Patch
 from ..common.arrays import Array, IntArray
+from ..common.errors import InvalidPlan
 from ..common.warnings import Place, Warning, point_of
-from .sheet.strain import Closure
+from .sheet.closure import Closure
 
 # Limits of what real skins tolerate. Larger: fewer warnings.
 STRAIN_LIMIT = 0.05  # relative stretch of a cell of a sheet
+MAX_OVERLAP_FRACTION = 0.1  # overlap of the ends of a sheet in cells; more is an error unless the plan allows it
 OVERLAP_LIMIT = 5e-4  # overlap of the ends of a sheet, or of two boards in excess of the flat lattice [m]
 GAP_LIMIT = 3e-3  # distance between a corner of a board and the surface [m]
 OVERHANG_LIMIT = 1e-3  # overhang of a board over an edge [m]
@@ -69,15 +71,13 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
                 worst,
                 "Move the sheet, or use a smaller one.",
             )
-    if closure is not None and closure.gaps.min() < -OVERLAP_LIMIT:
-        line, overlap = int(closure.gaps.argmin()), -float(closure.gaps.min())
-        name = f"{closure.of[:-1]} {line}"
+    if closure is not None and closure.overlap > OVERLAP_LIMIT:
         yield Warning(
             "overlap",
             "warning",
-            f"{patch.name} overlaps itself by up to {overlap * 1e3:.1f} mm where its {closure.of} close ({name}).",
-            Place(names=name, skin=patch.name),
-            overlap,
+            f"{patch.name} {overlap_words(closure)}.",
+            Place(names=closure.worst_line, skin=patch.name),
+            closure.overlap,
             "Use fewer cells, or a smaller pitch.",
         )
     if "pitch_error" not in quality:
@@ -96,6 +96,41 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
                 worst,
                 advice,
             )
+
+
+def overlap_words(closure: Closure) -> str:
+    """Return the part of a sentence that states the overlap of a sheet."""
+    return (
+        f"overlaps itself by up to {closure.overlap * 1e3:.1f} mm where its {closure.of} close ({closure.worst_line})"
+    )
+
+
+def check_overlap(patch: Patch, closure: Closure | None) -> None:
+    """Check that a sheet does not overlap itself by more than a tenth of a cell where it closes around the link.
+
+    Parameters
+    ----------
+    patch : Patch
+        The placed sheet.
+    closure : Closure or None
+        Its gaps; None if it does not close around the link.
+
+    Raises
+    ------
+    InvalidPlan
+        If it does.
+    """
+    if closure is None:
+        return
+    cell = patch.pitch[1 if closure.of == "rows" else 0]
+    if closure.overlap > MAX_OVERLAP_FRACTION * cell:
+        count = int(np.ceil(closure.overlap / cell - MAX_OVERLAP_FRACTION))
+        what = "columns" if closure.of == "rows" else "rows"
+        raise InvalidPlan(
+            f"skin {patch.name!r} {overlap_words(closure)}. Use {count} fewer {what}, a smaller pitch, or allow it "
+            'with "overlap"',
+            overlap=closure.overlap,
+        )
 
 
 def _place(patch: Patch, which: IntArray, values: Array) -> tuple[Place, float]:

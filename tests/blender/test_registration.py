@@ -172,7 +172,7 @@ def test_panel_shows_existing_properties(bpy, link, kind):
 
 EVERY_SKIN = {"name", "kind", "auto_channel", "first_channel"}
 SHOWN_LINES = {"offset", "centred", "origin", "direction"}
-SHEETS = SHOWN_LINES | {"rows", "columns", "pitch", "hand", "trim"}
+SHEETS = SHOWN_LINES | {"rows", "columns", "pitch", "hand", "trim", "overlap"}
 BOARDS = SHOWN_LINES | {"side", "auto_gap", "gap", "choice", "cells", "auto_direction"}
 IMPORTED = {"file", "format", "only", "framed", "rotation", "translation", "snap"}
 

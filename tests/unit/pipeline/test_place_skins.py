@@ -23,6 +23,7 @@ SHEET = {
     "pitch": [0.01, 0.01],
     "origin": [RADIUS, 0, 0.03],
     "direction": [0, 1, 0],
+    "overlap": True,  # 33 columns are 16 mm longer than the circumference
 }
 BOARDS = {"name": "boards", "kind": "hexagons", "side": 0.01, "gap": 0.0, "cells": "all", "origin": [RADIUS, 0, 0.15]}
 
@@ -91,6 +92,21 @@ def test_warnings_report_skins_that_do_not_fit(tmp_path):
     assert "boards of boards have a corner more than 3 mm off the surface" in gap.message
     assert gap.where.skin == "boards" and gap.where.taxels[0] in gap.message and gap.value > 3e-3
     assert made([SHEET | {"columns": 31}], tmp_path).warnings == ()
+
+
+def test_an_overlap_of_more_than_a_tenth_of_a_cell_is_an_error(tmp_path):
+    """The plan may allow it; 0.15 of a cell is refused, 0.05 is not. The message has the number of columns."""
+    for columns, pitch, error in ((33, 0.01, 2), (35, 0.009, 1), (32, 0.00985, 1), (32, 0.009833, 0), (31, 0.01, 0)):
+        sheet = SHEET | {"columns": columns, "pitch": [0.01, pitch], "overlap": False}
+        if error:
+            off = 1e3 * (columns * pitch - 2 * np.pi * RADIUS)
+            message = rf"skin 'band' overlaps itself by up to ({off:.1f}|{off + 0.1:.1f}) mm where its rows close "
+            message += rf"\(row \d\)\. Use {error} fewer columns, a smaller pitch, or allow it with \"overlap\""
+            with pytest.raises(InvalidPlan, match=message):
+                made([sheet], tmp_path)
+        else:
+            assert made([sheet], tmp_path).placed[0].closure.overlap < 0.1 * pitch
+    assert made([SHEET], tmp_path).placed[0].closure.overlap > 0.015
 
 
 def test_overlapping_channels_are_an_error(tmp_path):

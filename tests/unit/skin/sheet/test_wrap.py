@@ -15,7 +15,7 @@ from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.sheet.constraints import pin_constraints, row_axis
 from skin_calib_addon.skin.sheet.net import grid_net
 from skin_calib_addon.skin.sheet.relax import relax
-from skin_calib_addon.skin.sheet.strain import cell_strain, closure
+from skin_calib_addon.skin.sheet.strain import cell_strain
 from skin_calib_addon.skin.sheet.wrap import WrappedSheet, guess_step, may_be_folded
 from tests.examples import examples
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cone_surface, plane_surface, welded, wrist, wrist_surface
@@ -258,37 +258,6 @@ def test_trimmed_sheet_on_a_curved_surface_has_the_positions_of_a_whole_one():
     assert 60 < len(kept.ids) < 117
     rows = kept.positions_link[np.isin(kept.index[:, 0], range(3, 10))].reshape(7, 9, 3)
     assert np.linalg.norm(rows - small, axis=2).max() < 1e-3
-
-
-@pytest.mark.parametrize("columns", [20, 22, 24, 40])
-def test_closure_of_a_cylinder_is_its_circumference_less_the_rows(columns):
-    """A short row leaves a gap, a long row or a second turn an overlap; there is no step."""
-    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, columns, SQUARE), None, (0, 1, 0))
-    found = closure(sheet)
-    assert found.of == "rows"
-    assert_allclose(found.gaps, 2 * np.pi * RADIUS - 0.01 * columns, rtol=0, atol=5e-6)
-    assert_allclose(found.steps, 0, atol=1e-6)
-
-
-@pytest.mark.parametrize("hand", ["right", "left"])
-def test_closure_of_a_helix_has_a_step(hand):
-    """The beginning of an inclined row is 33 mm to the side of its end, along one arc."""
-    climb, around = 0.15, 2 * np.pi * RADIUS
-    lattice = SheetLattice(2, 21, SQUARE, hand)
-    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), lattice, None, (0, np.cos(climb), np.sin(climb)))
-    found = closure(sheet)
-    assert_allclose(found.gaps, around * np.cos(climb) - 0.21, rtol=0, atol=3e-4)
-    sign = 1 if hand == "right" else -1  # opposite of the x axis the next row of a right-handed sheet lies below
-    assert_allclose(found.steps, sign * around * np.sin(climb), rtol=0, atol=3e-4)
-
-
-def test_closure_of_columns_and_of_a_short_sheet():
-    """With rows along the axis, the columns close. On a cone the gap grows with the radius; a short sheet has none."""
-    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(21, 4, SQUARE), None, (0, 0, 1))
-    assert closure(sheet).of == "columns"
-    assert_allclose(closure(sheet).gaps, 2 * np.pi * RADIUS - 0.21, rtol=0, atol=5e-6)
-    assert closure(wrap_sheet(cone_surface(), SheetLattice(3, 9, SQUARE), None, (0, 1, 0))) is None
-    assert closure(wrap_sheet(plane_surface(), SheetLattice(3, 4, SQUARE), None, (1, 0, 0))) is None
 
 
 def coarse_centres(surface, fine, parts):

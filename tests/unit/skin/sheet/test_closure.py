@@ -1,0 +1,147 @@
+"""Gaps and overlaps where a sheet closes around the link, against the developed plane."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
+
+from skin_calib_addon.skin import SheetLattice, wrap_sheet
+from skin_calib_addon.skin.sheet.closure import closure, shortest_paths
+from tests.shapes import LENGTH, RADIUS, cone_surface, plane_surface, wrist_surface
+
+SQUARE = (0.01, 0.01)
+
+
+@pytest.mark.parametrize("columns", [20, 22, 24, 40])
+def test_closure_of_a_cylinder_is_its_circumference_less_the_rows(columns):
+    """A short row leaves a gap, a long row or a second turn an overlap; there is no step."""
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, columns, SQUARE), None, (0, 1, 0))
+    found = closure(sheet)
+    assert found.of == "rows" and found.lines.tolist() == [0, 1, 2]
+    assert_allclose(found.gaps, 2 * np.pi * RADIUS - 0.01 * columns, rtol=0, atol=5e-6)
+    assert_allclose(found.steps, 0, atol=1e-6)
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_closure_of_a_helix_has_a_step(hand):
+    """The beginning of an inclined row is 33 mm to the side of its end, along one arc; the sheet is 20 mm wide."""
+    climb, around = 0.15, 2 * np.pi * RADIUS
+    lattice = SheetLattice(2, 21, SQUARE, hand)
+    origin = (RADIUS, 0, 0.03)
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), lattice, origin, (0, np.cos(climb), np.sin(climb)))
+    found = closure(sheet)
+    ahead, aside = around * np.cos(climb) - 0.21, around * np.sin(climb)
+    gaps = np.hypot(ahead, aside - np.array((0.01, 0.02)))
+    assert_allclose(found.gaps, gaps[::-1] if hand == "right" else gaps, rtol=0, atol=1e-5)
+    sign = 1 if hand == "right" else -1
+    assert_allclose(found.steps, -sign * aside, rtol=0, atol=3e-5)
+
+
+def test_closure_of_columns_and_of_a_short_sheet():
+    """With rows along the axis, the columns close. On a cone the gap grows with the radius; a short sheet has none."""
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(21, 4, SQUARE), None, (0, 0, 1))
+    assert closure(sheet).of == "columns"
+    assert_allclose(closure(sheet).gaps, 2 * np.pi * RADIUS - 0.21, rtol=0, atol=5e-6)
+    assert closure(wrap_sheet(cone_surface(), SheetLattice(3, 9, SQUARE), None, (0, 1, 0))) is None
+    assert closure(wrap_sheet(plane_surface(), SheetLattice(3, 4, SQUARE), None, (1, 0, 0))) is None
+
+
+HEADINGS = np.deg2rad([-80, -60, -45, -30, -10, 0, 5, 20, 40, 45, 50, 70, 90])
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_gap_of_a_cylinder_is_that_of_the_developed_plane(heading):
+    """For rows in any direction, the smallest gap is the distance of the flat rectangle to itself one turn later."""
+    radius, lattice = 0.025, SheetLattice(4, 9, (0.008, 0.01))
+    around = 2 * np.pi * radius
+    surface = cone_surface(radius, radius, 0.4)
+    sheet = wrap_sheet(surface, lattice, (radius, 0, 0.2), (0, np.cos(heading), np.sin(heading)))
+    found = closure(sheet)
+    size = np.array((0.09, 0.032))
+    covered = size @ np.abs((np.cos(heading), np.sin(heading))) / around
+    if covered < 0.5:
+        assert found is None
+        return
+    offset = around * np.abs((np.cos(heading), np.sin(heading)))
+    truth = np.linalg.norm(np.maximum(offset - size, 0))
+    assert (offset > size).any()
+    assert_allclose(found.gaps.min(), truth, rtol=0, atol=5e-5)
+
+
+@pytest.mark.parametrize(("columns", "rows", "heading", "of", "overlap"), [
+    (22, 8, 45, "columns", 0.0),  # along the rows the sheet is 109 mm too long, but it passes itself 47 mm aside
+    (22, 12, 45, "columns", 0.12 - 0.157080 * 0.70711),
+    (17, 3, 0, "rows", 0.17 - 0.157080),
+    (3, 17, 90, "columns", 0.17 - 0.157080),
+    (19, 6, 20, "columns", 0.06 - 0.157080 * 0.34202),
+])  # fmt: skip
+def test_overlap_of_a_cylinder_is_what_the_lines_are_too_long(columns, rows, heading, of, overlap):
+    """Rows or columns are selected: the ones that lose the smaller fraction of their length."""
+    heading = np.deg2rad(heading)
+    lattice = SheetLattice(rows, columns, (0.008, 0.01) if rows == 8 else SQUARE)
+    sheet = wrap_sheet(
+        cone_surface(0.025, 0.025, 0.6), lattice, (0.025, 0, 0.25), (0, np.cos(heading), np.sin(heading))
+    )
+    found = closure(sheet)
+    assert found.of == of
+    assert_allclose(found.overlap, overlap, rtol=0, atol=5e-5)
+    if overlap == 0:
+        assert_allclose(found.gaps.min(), 0.157080 * 0.70711 - 0.064, rtol=0, atol=5e-5)
+
+
+@pytest.mark.parametrize("bottom, top", [(0.045, 0.030), (0.030, 0.045), (0.06, 0.03)])
+@pytest.mark.parametrize("degrees", [-25, 0, 10, 40])
+def test_gap_of_a_cone_is_that_of_the_developed_plane(bottom, top, degrees):
+    """The sheet one turn later is rotated about the tip of the developed cone; distances are those of dense points."""
+    heading, start, length = np.deg2rad(degrees), 0.15, 0.4
+    columns = 24 if bottom == 0.06 else 16
+    lattice = SheetLattice(3, columns, SQUARE)
+    surface = cone_surface(bottom, top, length)
+    slope = np.arctan((bottom - top) / length)
+    radius = bottom + (top - bottom) * start / length
+    up = np.array((-np.sin(slope), 0, np.cos(slope)))
+    direction = np.cos(heading) * np.array((0, 1, 0)) + np.sin(heading) * up
+    # The corner cell is at the start; flat positions are relative to it.
+    found = closure(wrap_sheet(surface, lattice, (radius, 0, start), direction))
+    c, s = np.cos(heading), np.sin(heading)
+    axes = np.array(((c, s), (-s, c)))
+    tip = np.array((0.0, radius / np.sin(slope)))
+    turn = 2 * np.pi * abs(np.sin(slope)) * np.sign(tip[1])
+    fine = np.linspace(0, 1, 1201)[:, None]
+    corners = np.array(((0, 0), (columns, 0), (columns, 3), (0, 3), (0, 0))) * 0.01 - 0.005
+    outline = np.concatenate([a + fine * (b - a) for a, b in zip(corners, corners[1:])]) @ axes - tip
+    rotation = np.array(((np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))))
+    later = outline @ rotation.T  # counter-clockwise around the tip above: one turn along positive angles
+    truth = cKDTree(later).query(outline)[0].min()
+    assert_allclose(found.gaps.min(), truth, rtol=2e-3, atol=1e-4)
+
+
+def test_trimmed_sheet_closes_between_the_cells_that_remain():
+    """Rows beyond the rim have no gap; the others have that of the circumference."""
+    surface = cone_surface(RADIUS, RADIUS)
+    sheet = wrap_sheet(surface, SheetLattice(14, 20, SQUARE), (RADIUS, 0, 0.055), (0, 1, 0), trim=True)
+    found = closure(sheet)
+    assert found.of == "rows" and found.lines.tolist() == [0, 1, 2, 3, 4] and LENGTH == 0.1
+    assert_allclose(found.gaps, 2 * np.pi * RADIUS - 0.2, rtol=0, atol=5e-6)
+
+
+def test_part_of_a_turn_on_a_link_has_a_large_gap():
+    """A sheet over more than half of an irregular link ends far from itself: its rows and the gap are the perimeter."""
+    surface = wrist_surface()
+    sheet = wrap_sheet(surface, SheetLattice(1, 14, SQUARE), None, (0, 1, 0))
+    found = closure(sheet)
+    v = np.linspace(0, 1, 4001)
+    u = np.interp(v % 1, *np.array(sorted((b % 1, a) for a, b in sheet.uv[1])).T, period=1)
+    ring = np.linalg.norm(np.diff(surface.points(np.column_stack((u, v))), axis=0), axis=1).sum()
+    assert found.of == "rows" and abs(found.gaps[0] - (ring - 0.14)) < 0.002 and found.overlap == 0
+
+
+def test_shortest_path_on_a_cylinder_is_a_helix():
+    """Length and heading are those of the developed plane, over more than half of a turn."""
+    surface = cone_surface(RADIUS, RADIUS)
+    length, heading, up = shortest_paths(surface, np.array([[0.2, 0.1]]), np.array([[0.7, 0.75]]))
+    ends = surface.points([[0.2, 0.1], [0.7, 0.75]])
+    around, rise = 0.65 * 2 * np.pi * RADIUS, ends[1, 2] - ends[0, 2]
+    assert_allclose(length, np.hypot(around, rise), rtol=2e-4)
+    assert_allclose(heading[0, 2], rise / np.hypot(around, rise), rtol=1e-3)
+    assert abs(up[0] @ heading[0]) < 1e-12
