@@ -36,11 +36,11 @@ def draw_touches(found: Sequence[Placement], path: str | Path) -> None:
     if not shown:
         raise SkinCalibError("no picture: only touches on sheets and boards can be drawn, as these have a flat shape")
     figure = blank(FIGURE_WIDTH, PATCH_HEIGHT * len(shown))
+    figure.set_layout_engine("constrained")  # legends are below the axes
     axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
     for (map_axis, cell_axis), placement in zip(axes, shown):
         _draw_map(map_axis, placement)
         _draw_cell(cell_axis, placement)
-    figure.tight_layout()
     save_png(figure, path)
 
 
