@@ -27,7 +27,8 @@ class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
         column.enabled = False
         for name in ("mean", "max", "hausdorff", "control_points", "taxels", "seconds"):
             column.prop(result, name)
-        layout.operator("skin_calib.show_worst", icon="ZOOM_SELECTED")
+        is_marked = plan.inspect.marked == result.key
+        layout.operator("skin_calib.show_worst", icon="ZOOM_SELECTED", depress=is_marked)
         for warning in result.warnings:
             show_warning(layout, warning)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.blender.conftest import BAND, BOARDS, modules
+from tests.blender.conftest import BAND, BOARDS, PLAN, modules
 
 LINES = {"SECTIONS", "LINES", "NET", "SURFACE", "CELLS", "NORMALS"}
 
@@ -101,12 +101,35 @@ def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan
     assert layers["TILT"].legend.maximum >= tilt > 0
 
 
-def test_error_has_the_units_of_the_scene(ours, result):
-    """The legend ends at the largest distance along the rays."""
-    layer = by_name(ours.layers.layers_of(result))["ERROR"]
-    assert_allclose(layer.legend.maximum, np.nanmax(np.abs(result.fit.residuals)))
-    k, l = result.fit.residuals.shape
-    assert layer.colours.shape == (k * (l + 1), 4) and layer.indices.max() == k * (l + 1) - 1
+@pytest.mark.parametrize("sector", [{}, {"kind": "patch", "from": -1.0, "to": 1.0}])
+def test_heat_map_of_the_error_has_the_measure_of_the_panel(bpy, ours, plan_file, sector):
+    """The legend ends at the maximum of the panel, and the brightest point is that of Show Maximum Deviation."""
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("part", grid=PLAN["grid"] | sector, skins=[])))
+    bpy.ops.skin_calib.fit()
+    link = bpy.context.object
+    fit = ours.results.find(link.skin_calib.result.key).fit
+    layer = by_name(ours.layers.layers_of(ours.results.find(link.skin_calib.result.key)))["ERROR"]
+    assert_allclose(layer.legend.maximum, fit.errors.surface_to_mesh.max, rtol=1e-12)
+    assert_allclose(
+        layer.legend.maximum, link.skin_calib.result.max * ours.scene.metres_per_unit(bpy.context.scene), rtol=1e-6
+    )
+    brightest = (layer.colours[:, :3] == np.float32(layer.legend.scale[-1])).all(axis=1)
+    bpy.ops.skin_calib.show_worst()
+    shown = np.array(bpy.context.scene.cursor.location) * ours.scene.metres_per_unit(bpy.context.scene)
+    assert np.linalg.norm(layer.points[brightest] - shown, axis=1).min() < 1e-6
+
+
+def test_heat_map_of_the_error_covers_the_complete_surface(ours, result):
+    """Its points go from edge to edge and once around; each distance is that of its point from the mesh."""
+    layer, surface = by_name(ours.layers.layers_of(result))["ERROR"], result.fit.surface
+    ends = surface.grid_points(np.array((0.0, 1.0)), np.linspace(0, 1, 50)).reshape(-1, 3)
+    gap = np.linalg.norm(layer.points - ends[:, None], axis=2).min(axis=1)
+    assert gap.max() < 0.003  # points of an edge are up to 5 mm apart
+    corners = layer.points[layer.indices].astype(float)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    u, v = np.linspace(0, 1, 200), np.linspace(0, 1, 200, endpoint=False) + 1 / 400
+    true = np.linalg.norm(np.cross(*surface.grid_tangents((u[1:] + u[:-1]) / 2, v)), axis=2).mean()
+    assert_allclose(area, true, rtol=0.003)
 
 
 @pytest.mark.parametrize("signed, ends", [(False, (0.0, 2.0)), (True, (-2.0, 2.0))])
@@ -216,7 +239,10 @@ def test_taxel_is_read_by_id_and_by_channel(bpy, ours, fitted, result):
     assert taxel.neighbours == "band.0.1, band.1.0, band.1.2" and taxel.has_strain and taxel.has_tilt
     marks = [a for a in ours.drawing.shown_layers(link) if a.what == "MARKED"]
     assert [len(a.points) for a in marks] == [3 * 8, 8, 2]
-    assert_allclose(marks[1].points[::2], taxels.corners_link[4], atol=1e-7)
+    raised = marks[1].points[::2] - taxels.corners_link[4]  # along the normal, by less than a tenth of the cell
+    heights = raised @ taxels.normals_link[4]
+    assert_allclose(raised, np.outer(heights, taxels.normals_link[4]), atol=1e-7)
+    assert heights.min() > 0 and heights.max() < 0.1 * np.sqrt(taxels.areas[4])
     bpy.ops.ed.undo()
     link = bpy.context.object
     assert not link.skin_calib.inspect.taxel.id

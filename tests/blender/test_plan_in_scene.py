@@ -313,7 +313,9 @@ def test_overlay_draws_boards_as_it_draws_cells(bpy, addon, plan_file):
     outlines, sticks = addon.drawing._prepared[key].shown({"CELLS", "NORMALS"})
     corners = patch.taxels.corners_link
     sides = np.stack((corners, np.roll(corners, -1, axis=1)), axis=2)
-    assert_allclose(outlines.points.reshape(3, 6, 2, 3), sides, atol=1e-7)
+    raised = outlines.points.reshape(3, 6, 2, 3) - sides  # boards are flat: all corners by the same, along the normal
+    normals = np.broadcast_to(patch.taxels.normals_link[:, None, None], raised.shape)
+    assert_allclose(raised, 0.03 * np.sqrt(patch.taxels.areas[0]) * normals, atol=1e-7)
     assert_allclose(sticks.points.reshape(3, 2, 3)[:, 0], patch.taxels.positions_link, atol=1e-7)
 
 
@@ -345,3 +347,7 @@ def test_maximum_deviation_is_shown_by_the_cursor(bpy, addon, link):
     on_link = addon.scene.cursor_on(link, bpy.context.scene)
     assert_allclose(on_link, fit.worst[1], atol=1e-6)
     assert_allclose(link.skin_calib.result.max, fit.worst[2], rtol=1e-4)
+    (mark,) = (layer for layer in addon.drawing.shown_layers(link) if layer.what == "MAXIMUM")
+    assert_allclose(mark.points[:4].mean(axis=0), fit.worst[1], atol=1e-7)
+    bpy.ops.skin_calib.show_worst()
+    assert "MAXIMUM" not in {layer.what for layer in addon.drawing.shown_layers(link)}

@@ -10,6 +10,7 @@ import numpy as np
 from ...calibration.model import Patch
 from ...geometry.sampling.planes import Planes, perpendicular
 from ...geometry.sampling.sections import cut_sections
+from ...geometry.surface.distance import SAMPLES_PER_SPAN, sample_lines
 from ...inspection.all_taxels import AllTaxels
 from ...inspection.comparison import Comparison
 from ...runtime import Frame
@@ -21,11 +22,14 @@ CURVE_POINTS = 96
 # Length of a drawn normal relative to the width of a cell, and its minimum relative to the size of the surface.
 NORMAL_LENGTH = 0.6
 MIN_NORMAL_LENGTH = 0.01
-# Height of filled cells over the surface, relative to their width. Smaller: a curved surface hides parts of them.
+# Height of cells over the surface, relative to their width. Smaller: facets that are outside of the surface hide parts
+# of their outlines where the view is oblique.
 CELL_LIFT = 0.03
 # Distance of a line of control points from its plane, relative to the size of the mesh, above which it has no section.
 # Larger: sections of curved lines, which are not planes, are drawn.
 MAX_PLANE_DEVIATION = 1e-4
+# Length of the mark of the maximum deviation, relative to the size of the mesh. Larger: a larger mark.
+MARK_SIZE = 0.08
 WHITE = (1.0, 1.0, 1.0, 1.0)
 PINK = (1.0, 0.2, 0.8, 1.0)
 # Of contacts by their number, and of supporting polygons.
@@ -107,7 +111,7 @@ def layers_of(result: Any) -> Layers:
             "LINES": lambda: Layer("LINES", _single(line_sections(fit))),
             "NET": lambda: Layer("NET", np.concatenate(_crossing(fit.surface.control_net))),
             "SURFACE": lambda: _surface_lines(fit),
-            "CELLS": lambda: Layer("CELLS", _segments(_closed(taxels.corners))),
+            "CELLS": lambda: Layer("CELLS", _segments(_closed(raised_corners(taxels)))),
             "NORMALS": lambda: _normals(fit, taxels),
             "LABELS": lambda: labels_of(taxels),
         },
@@ -115,17 +119,21 @@ def layers_of(result: Any) -> Layers:
 
 
 def _error(fit: Any) -> Layer:
-    """Return the surface, coloured by the distance of the mesh along the rays of the fit."""
-    errors = np.abs(fit.residuals)
-    if fit.lines.closed:
-        errors = np.hstack((errors, errors[:, :1]))
+    """Return the surface, coloured by the distances from surface to mesh that the errors of the fit state."""
+    u, v = sample_lines(fit.surface, SAMPLES_PER_SPAN)
+    errors = fit.deviations.reshape(len(u), len(v))
     note = "grey: no mesh there" if np.isnan(errors).any() else ""
-    legend = Legend("Error along the rays", "LENGTH", largest_size(errors), note=note)
-    grid = fit.surface.grid_points(np.linspace(0, 1, errors.shape[0]), np.linspace(0, 1, errors.shape[1]))
+    legend = Legend("Distance to the mesh", "LENGTH", largest_size(errors), note=note)
+    # Samples are in the middle of their cells: the colour of the outermost ones extends to the edges.
+    u, v = np.array((0, *u, 1)), np.array((*v, v[0]) if fit.lines.closed else (0, *v, 1))
+    errors = np.concatenate((errors[:1], errors, errors[-1:]))
+    before = errors[:, :0] if fit.lines.closed else errors[:, :1]
+    errors = np.hstack((before, errors, errors[:, :1] if fit.lines.closed else errors[:, -1:]))
     corners = np.arange(errors.size, dtype=np.int32).reshape(errors.shape)
     a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
     triangles = np.stack((a, b, c, a, c, d), axis=2).reshape(-1, 3)
-    return Layer("ERROR", _single(grid), legend.colours(errors).reshape(-1, 4), triangles, legend=legend)
+    points = _single(fit.surface.grid_points(u, v))
+    return Layer("ERROR", points, legend.colours(errors).reshape(-1, 4), triangles, legend=legend)
 
 
 def _strain(taxels: AllTaxels) -> Layer:
@@ -165,12 +173,33 @@ def fans(taxels: AllTaxels) -> tuple[np.ndarray, np.ndarray]:
     Cells can be curved.
     """
     n, k = taxels.corners.shape[:2]
-    points = np.concatenate((taxels.positions[:, None], taxels.corners), axis=1)
-    points = points + CELL_LIFT * taxels.width * taxels.normals[:, None]
+    middles = taxels.positions + CELL_LIFT * taxels.width * taxels.normals
+    points = np.concatenate((middles[:, None], raised_corners(taxels)), axis=1)
     side = np.arange(k)
     fan = np.column_stack((np.zeros(k, int), 1 + side, 1 + (side + 1) % k))
     triangles = (np.arange(n)[:, None, None] * (k + 1) + fan).reshape(-1, 3)
     return _single(points), np.ascontiguousarray(triangles, np.int32)
+
+
+def raised_corners(taxels: AllTaxels) -> np.ndarray:
+    """Return the corners of the cells over the surface, so that it does not hide the straight lines between them.
+
+    On a sphere of radius r the corners of a square of side a are a^2 / 4r below its middle, and the middles of its
+    sides half of that below the surface. Cells are raised by the first height, and by ``CELL_LIFT``.
+
+    Parameters
+    ----------
+    taxels : AllTaxels
+        The cells.
+
+    Returns
+    -------
+    array, shape (n, k, 3)
+        [m]
+    """
+    below = ((taxels.positions[:, None] - taxels.corners) * taxels.normals[:, None]).sum(axis=2).mean(axis=1)
+    height = CELL_LIFT * taxels.width + np.maximum(below, 0.0)
+    return taxels.corners + (height[:, None] * taxels.normals)[:, None]
 
 
 def heat_colours(taxels: AllTaxels, values: np.ndarray, legend: Legend) -> np.ndarray:
@@ -249,7 +278,7 @@ def mark_of(taxels: AllTaxels, row: int) -> tuple[Layer, ...]:
     row : int
         Of the marked taxel.
     """
-    corners = _closed(taxels.corners)
+    corners = _closed(raised_corners(taxels))
     neighbours = [taxels.rows[name] for name in taxels.neighbours[row] if name in taxels.rows]
     tip = taxels.positions[row] + 1.5 * taxels.width * taxels.normals[row]
     stick = np.stack((taxels.positions[row], tip))
@@ -258,6 +287,13 @@ def mark_of(taxels: AllTaxels, row: int) -> tuple[Layer, ...]:
         Layer("MARKED", _segments(corners[row : row + 1]), colour=(0.1, 1.0, 1.0, 1.0), width=4.5),
         Layer("MARKED", _single(stick), colour=(0.1, 1.0, 1.0, 1.0), width=3.0),
     )
+
+
+def maximum_of(fit: Any) -> Layer:
+    """Return the mark of the maximum deviation of surface from mesh: a cross, and a line along the normal."""
+    uv, point, _ = fit.worst
+    lines = _cross(point, fit.surface.normals(uv[None])[0], MARK_SIZE * fit.mesh.size)
+    return Layer("MAXIMUM", _single(lines), colour=PINK, width=4.0, on_top=True)
 
 
 def comparison_of(taxels: AllTaxels, found: Comparison) -> tuple[Layer, ...]:
@@ -275,7 +311,7 @@ def comparison_of(taxels: AllTaxels, found: Comparison) -> tuple[Layer, ...]:
         Layer("COMPARED", _single(found.ends), colour=(1.0, 0.25, 0.9, 1.0), width=3.0),
         Layer(
             "COMPARED",
-            _segments(_closed(taxels.corners[farthest : farthest + 1])),
+            _segments(_closed(raised_corners(taxels)[farthest : farthest + 1])),
             colour=(1.0, 0.25, 0.9, 1.0),
             width=3.0,
         ),

@@ -19,7 +19,8 @@ MARGIN = 14  # to the edges of the region
 TEXT_SIZE = 11
 TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
 BACKGROUND = (0.05, 0.05, 0.05, 0.6)
-TICKS = 3  # numbers under a colour bar; more than three overlap
+TICKS = 3  # numbers under a colour bar. Larger: wider bars
+TICK_GAP = 8  # between two numbers
 _batches: dict[Any, Any] = {}
 
 
@@ -49,21 +50,26 @@ class LegendArea:
         numbers, unit = written(np.linspace(legend.minimum, legend.maximum, TICKS).tolist(), legend.kind, _units(self))
         has_scale = legend.maximum > 0
         words = [link, f"{legend.title} [{unit}]" if unit else legend.title]
-        width = max(BAR_SIZE[0], *(_width(word, self.pixel) / self.pixel for word in (*words, legend.note)))
+        bar = max(BAR_SIZE[0], TICKS * max(map(self._width, numbers)) + (TICKS - 1) * TICK_GAP)
+        width = max(bar, *(self._width(word) for word in (*words, legend.note)))
         self._fill((-6, -6), (width + 12, height + 8), "shade")
         y = LINE_HEIGHT if legend.note else 0
         if legend.note:
             self._text(legend.note, 0, 0)
         if has_scale:
-            self._fill((0, y + LINE_HEIGHT), BAR_SIZE, legend.signed)
+            self._fill((0, y + LINE_HEIGHT), (bar, BAR_SIZE[1]), legend.signed)
             for k, number in enumerate(numbers):
-                fraction = k / (TICKS - 1)
-                self._text(number, fraction * (BAR_SIZE[0] - _width(number, self.pixel) / self.pixel), y)
+                self._text(number, k / (TICKS - 1) * (bar - self._width(number)), y)
         else:
             self._text("all zero" if not legend.note else "no values", 0, y)
         for k, word in enumerate(reversed(words)):
             self._text(word, 0, y + LINE_HEIGHT + BAR_SIZE[1] + 5 + k * LINE_HEIGHT)
         self.left += (width + 24) * self.pixel
+
+    def _width(self, text: str) -> float:
+        """Return the width of a text on a screen with standard density [pixel]."""
+        blf.size(0, TEXT_SIZE * self.pixel)
+        return blf.dimensions(0, text)[0] / self.pixel
 
     def _text(self, text: str, x: float, y: float) -> None:
         blf.size(0, TEXT_SIZE * self.pixel)
@@ -97,24 +103,22 @@ def _strip(shader: Any, what: Any) -> Any:
     return batch_for_shader(shader, "TRI_STRIP", {"pos": points, "color": colours})
 
 
-def _width(text: str, pixel: float) -> float:
-    blf.size(0, TEXT_SIZE * pixel)
-    return blf.dimensions(0, text)[0]
-
-
 def _units(area: LegendArea) -> Any:
     return area.context.scene.unit_settings
 
 
 def _covered(context: Any) -> tuple[float, float]:
-    """Return the width that the tools cover at the left, and the height of the panel of the last operator below."""
+    """Return the width that the tools cover at the left, and the height of the panel of the last operator below.
+
+    A hidden region keeps its size, and a position outside of the view.
+    """
     if not context.preferences.system.use_region_overlap:
         return 0.0, 0.0
     view = context.region
     open_ = [r for r in context.area.regions if r.width > 1 and r.height > 1 and r.x < view.x + view.width / 2]
     right = max((r.x + r.width - view.x for r in open_ if r.type == "TOOLS"), default=0)
     top = max((r.y + r.height - view.y for r in open_ if r.type == "HUD"), default=0)
-    return float(right), float(top)
+    return max(float(right), 0.0), max(float(top), 0.0)
 
 
 def forget() -> None:

@@ -141,6 +141,11 @@ class SKIN_PG_replay(bpy.types.PropertyGroup):
     loop: BoolProperty(name="Loop", description="Start again at the end", default=True, **FIXED)
 
 
+def maximum_token(key):
+    """Return the token under which the mark of the maximum deviation of a fit is stored."""
+    return f"maximum of {key}"
+
+
 class SKIN_PG_inspect(bpy.types.PropertyGroup):
     """How the fitted skin of a link is inspected."""
 
@@ -149,7 +154,7 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         description="What the colours show",
         items=[
             ("NONE", "None", "No colours"),
-            ("ERROR", "Error", "Distance of the mesh from the surface, along the rays of the fit"),
+            ("ERROR", "Error", "Distance from surface to mesh, as in the panel Fit"),
             ("STRAIN", "Strain", "The larger of the strains of a cell along and across its row"),
             ("TILT", "Tilt", "The largest angle between a taxel and a neighbour"),
             ("FORCE", "Force", "Forces, contacts, CoP and supporting polygons of a replayed recording"),
@@ -180,6 +185,8 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         name="Line Width", description="Width of all lines, as a factor", default=1.0, min=0.25, max=10, **FIXED
     )
 
+    marked: StringProperty(description="Key of the fit whose maximum deviation is marked", **FIXED)
+
     taxel: PointerProperty(type=SKIN_PG_taxel, name="Taxel", description="The taxel whose values are shown")
 
     comparison: PointerProperty(
@@ -193,6 +200,8 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
     def tokens(self):
         """Return the names of further drawings that belong to the last fit."""
         key = self.id_data.skin_calib.result.key
+        if self.marked and self.marked == key:
+            yield maximum_token(key)
         if self.taxel.id and self.taxel.key == key:
             yield taxels.token_of(self.taxel.key, self.taxel.id)
         if self.comparison.token and self.comparison.key == key:

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Computations that continue in a thread if they take longer, so that the window stays responsive."""
+
+from time import perf_counter
+
+import bpy
+
+from ..skin_calib_addon.blender.live import updates
+from ..skin_calib_addon.blender.live.background import Work
+from ..skin_calib_addon.blender.scene import skins
+from ..skin_calib_addon.common.errors import SkinCalibError
+
+# [s] A computation that takes longer continues in a thread.
+MAX_BLOCKING_TIME = 0.3
+
+
+class WhileIdle:
+    """Available while no other computation runs."""
+
+    @classmethod
+    def poll(cls, context):
+        busy = updates.held()
+        return super().poll(context) and cls.says(
+            f"Wait for the work on {busy}, or press Esc to stop it" if busy else ""
+        )
+
+
+class Waiting:
+    """Waits for a computation in a thread; Esc stops it. ``work``, ``subject`` and ``doing`` are set before."""
+
+    def wait(self, context):
+        """Wait, while Blender handles other events."""
+        updates.hold(self.subject)
+        self.start = perf_counter()
+        self.timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC":
+            self.end(context)
+            self.report({"INFO"}, f"{self.doing} {self.subject} was stopped")
+            return {"CANCELLED"}
+        if event.type == "TIMER" and self.work.is_done():
+            self.end(context)
+            return self.take(context)
+        stage = f": {self.work.stage}" if self.work.stage else ""
+        seconds = f"{perf_counter() - self.start:.0f} s"
+        context.workspace.status_text_set(f"{self.doing} {self.subject}{stage}, {seconds}    Esc: stop")
+        return {"PASS_THROUGH"}
+
+    def refuse(self, error):
+        """Report an error; the scene stays as it was."""
+        self.report({"ERROR"}, skins.in_window(error))
+        return {"CANCELLED"}
+
+    def cancel(self, context):
+        """End because Blender opens a file, or quits."""
+        self.end(context)
+
+    def end(self, context):
+        """Clear the status bar and stop the computation."""
+        self.work.stop()
+        updates.release(self.subject)
+        context.window_manager.event_timer_remove(self.timer)
+        context.workspace.status_text_set(None)
+
+
+class Working(Waiting, WhileIdle):
+    """Computes something for the active object, and stores it there; in a script and in batch it blocks."""
+
+    def task(self, context):
+        """Read the scene, and return the computation, which needs no Blender."""
+        raise NotImplementedError
+
+    def store(self, context, link, result):
+        """Write the result to the scene and report it."""
+        raise NotImplementedError
+
+    def execute(self, context):
+        try:
+            task = self.task(context)
+            self.store(context, context.object, task(lambda stage: None))
+        except SkinCalibError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
+
+    def invoke(self, context, event):
+        try:
+            self.work, self.subject = Work(self.task(context)), context.object.name
+        except SkinCalibError as error:
+            return self.refuse(error)
+        return self.take(context) if self.work.is_done(MAX_BLOCKING_TIME) else self.wait(context)
+
+    def take(self, context):
+        """Store the result, if its object still exists."""
+        link = bpy.data.objects.get(self.subject)
+        try:
+            if link is None:
+                raise SkinCalibError(f"{self.subject} was removed or renamed in the meantime. Start again.")
+            self.store(context, link, self.work.result())
+        except SkinCalibError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
