@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.scene import scene, skins
 from ..skin_calib_addon.blender.scene.decimals import vector
@@ -15,19 +16,25 @@ from .picking import POINT, Picking
 
 
 class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
-    """Click on a board to remove it, or next to the boards to add one; Live shows the result"""
+    """Click on a board to remove it, or next to the boards to add one; the skin follows each click"""
 
     bl_idname = "skin_calib.boards_paint"
     bl_label = "Paint Boards"
 
     point: bpy.props.FloatVectorProperty(name="Point", description="A point of the board, in the link frame", **POINT)
 
-    prompts = ("Click on a board to remove it, next to the boards to add one    Esc, Return: end",)
+    prompts = ("Click on a board to remove it, next to the boards to add one    Ctrl-Z: undo    Esc, Return: end",)
     repeats = True
 
     def check(self, context):
         self.boards(context)
-        context.object.skin_calib.live = True
+
+    def begin(self, context):
+        updates.accompany(context.object)
+
+    def end(self, context):
+        super().end(context)
+        updates.leave(self.link)
 
     def take(self, points):
         (self.point,) = points

@@ -12,56 +12,55 @@ from ..skin_calib_addon.geometry.grid.cut_planes import cut_normal
 from ..skin_calib_addon.geometry.mesh.defects import count
 from .lists import INDEX
 from .on_link import Edit, OnMesh
-from .picking import POINT, Picking
+from .picking import NORMAL, POINT, Picking
 
 
-class AddCut:
-    """Adds a plane across the link through a point; it keeps the larger part."""
+class AddCut(Edit):
+    """Adds a plane across the link through a point; it keeps the larger part. The redo panel has point and normal."""
 
-    def add(self, context, plan, point):
-        """Add a cut through a point in the link frame in scene units, and select it."""
-        normal = self.normal(context, plan, point)
+    point: bpy.props.FloatVectorProperty(name="Point", description="A point of the cut, in the link frame", **POINT)
+    normal: bpy.props.FloatVectorProperty(
+        name="Normal", description="Perpendicular to the cut, towards the part that is kept", **NORMAL
+    )
+
+    def edit(self, context, plan):
+        if not self.properties.is_property_set("point"):
+            self.point = scene.cursor_on(context.object, context.scene)
+        if not self.properties.is_property_set("normal"):
+            self.normal = self.across(context, plan)
         cut = plan.cover.cuts.add()
-        cut.point, cut.normal = point, normal
+        cut.point, cut.normal = self.point, self.normal
         plan.cover.cut_index = len(plan.cover.cuts) - 1
 
-    def normal(self, context, plan, point):
-        """Return the normal: along the author's axis, else along that of the mesh, else along z."""
+    def across(self, context, plan):
+        """Return the normal across the link: along the author's axis, else along that of the mesh, else along z."""
         grid = plan.grid
         has_axis = not grid.auto_axis and grid.kind != "planes" and any(grid.direction)
         try:
             mesh = scene.read_facets(context.object, context).welded()
         except InvalidMesh:
             return (0, 0, 1)
-        at = np.array(vector(point, scene.metres_per_unit(context.scene)))
+        at = np.array(vector(self.point, scene.metres_per_unit(context.scene)))
         return cut_normal(mesh, at, np.array(grid.direction) if has_axis else None)
 
 
-class SKIN_OT_cut_add(AddCut, Edit, bpy.types.Operator):
+class SKIN_OT_cut_add(AddCut, bpy.types.Operator):
     """Add a plane that cuts the cover; it starts at the 3D cursor, across the link, and keeps the larger part"""
 
     bl_idname = "skin_calib.cut_add"
     bl_label = "Add Cut"
 
-    def edit(self, context, plan):
-        self.add(context, plan, scene.cursor_on(context.object, context.scene))
 
-
-class SKIN_OT_cut_place(Picking, AddCut, Edit, bpy.types.Operator):
+class SKIN_OT_cut_place(Picking, AddCut, bpy.types.Operator):
     """Click on the link to add a plane that cuts it there, across the link, and keeps the larger part"""
 
     bl_idname = "skin_calib.cut_place"
     bl_label = "Add Cut on Link"
 
-    point: bpy.props.FloatVectorProperty(name="Point", description="A point of the cut, in the link frame", **POINT)
-
     prompts = ("Click on the link to cut it there    Esc: no cut",)
 
     def take(self, points):
         (self.point,) = points
-
-    def edit(self, context, plan):
-        self.add(context, plan, self.point)
 
 
 class SKIN_OT_cut_flip(Edit, bpy.types.Operator):

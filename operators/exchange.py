@@ -17,6 +17,7 @@ from ..skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh,
 from ..skin_calib_addon.plan import load_plan, save_plan
 from .files import FromFile
 from .on_link import OnLink
+from .working import WhileIdle
 
 
 class SKIN_OT_import_plan(FromFile, bpy.types.Operator):
@@ -61,12 +62,26 @@ class Export(ExportHelper):
     def execute(self, context):
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            self.write(context, path)
+            warnings = self.write(context, path)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {path}")
+        for warning in warnings:  # last, because the window shows what was reported last
+            self.report({"WARNING"}, warning)
         return {"FINISHED"}
+
+
+def fit_to_write(context):
+    """Fit the active link as it is now, and return its calibration and what is to be reported about it."""
+    _, result = results.fit(scene.read_plan(context.object, context.scene), scene.read_mesh(context.object, context))
+    warnings = [str(warning) for warning in result.warnings]
+    if not any(patch.taxels.ids for patch in result.calibration.patches):
+        warnings.append("The file has no taxels. Add a skin to the link, then export again.")
+    others = scene.namesakes(context.object, context.scene)
+    if others:
+        warnings.append(f"{others[0]} has the link name of {context.object.name}, too. Rename one of them.")
+    return result.calibration, warnings
 
 
 class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
@@ -90,6 +105,7 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
         save_plan(replace(plan, skins=skins.seen_from(path.parent, plan.skins)), path)
         if link.skin_calib.mesh_file != target.name:
             link.skin_calib.mesh_file = target.name
+        return ()
 
     def _free(self, path, mesh):
         """Return a path for the mesh next to the plan where it overwrites no other mesh."""
@@ -106,7 +122,7 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
             return False
 
 
-class SKIN_OT_export_calibration(OnLink, Export, bpy.types.Operator):
+class SKIN_OT_export_calibration(WhileIdle, OnLink, Export, bpy.types.Operator):
     """Write the calibration of the active link, from its current plan and mesh"""
 
     bl_idname = "skin_calib.export_calibration"
@@ -116,12 +132,12 @@ class SKIN_OT_export_calibration(OnLink, Export, bpy.types.Operator):
     ending = ".calibration.json"
 
     def write(self, context, path):
-        link = context.object
-        _, result = results.fit(scene.read_plan(link, context.scene), scene.read_mesh(link, context))
-        save_calibration(result.calibration, path)
+        calibration, warnings = fit_to_write(context)
+        save_calibration(calibration, path)
+        return warnings
 
 
-class SKIN_OT_export_taxels(OnLink, Export, bpy.types.Operator):
+class SKIN_OT_export_taxels(WhileIdle, OnLink, Export, bpy.types.Operator):
     """Write the taxels of the active link for another program, from its current plan and mesh"""
 
     bl_idname = "skin_calib.export_taxels"
@@ -157,9 +173,9 @@ class SKIN_OT_export_taxels(OnLink, Export, bpy.types.Operator):
         return super().check(context)
 
     def write(self, context, path):
-        link = context.object
-        _, result = results.fit(scene.read_plan(link, context.scene), scene.read_mesh(link, context))
-        write_bytes_safely(path, FORMATS[self.format].write(result.calibration))
+        calibration, warnings = fit_to_write(context)
+        write_bytes_safely(path, FORMATS[self.format].write(calibration))
+        return warnings
 
 
 def draw_import(menu, _context):

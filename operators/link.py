@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.live import diagnoses
+from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.blender.scene import scene
 from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink
 from ..skin_calib_addon.common.findings import show
@@ -17,32 +18,76 @@ from ..skin_calib_addon.robot.link_mesh import USES, load_link, meshes_of
 from ..skin_calib_addon.robot.urdf import read_robot
 from .files import FromFile
 from .on_link import OnMesh
+from .working import MAX_BLOCKING_TIME, Waiting, Working
 
+_reading: list[tuple[str, Work]] = []  # the file that SKIN_OT_import_wait waits for
 _choices: list[tuple[str, str, str]] = []  # items of the search in the open URDF; Blender does not keep their texts
 
 
 class Import(FromFile):
-    """Adds a link to the scene and makes it active, or refuses and leaves the scene as it was."""
+    """Adds a link to the scene and makes it active, or refuses and leaves the scene as it was.
+
+    A large file that was chosen by hand is read in a thread; :class:`SKIN_OT_import_wait` then adds the link.
+    """
 
     bl_options = {"REGISTER", "UNDO"}
 
+    by_hand = False  # whether it was chosen in the window
+
+    def reader(self, path):
+        """Return a function that reads the mesh without Blender; None if another operator continues.
+
+        Its result is the mesh, its unit, the name of the link, and the name of the mesh file in plans.
+        """
+        raise NotImplementedError
+
     def execute(self, context):
+        path = Path(bpy.path.abspath(self.filepath))
         try:
-            return self.bring(context, Path(bpy.path.abspath(self.filepath)))
+            read = self.reader(path)
+            if read is None:
+                return {"CANCELLED"}  # the scene is unchanged
+            work = Work(lambda begin: read())
+            if work.is_done(MAX_BLOCKING_TIME if self.by_hand else None):
+                add(self, context, *work.result())
+                return {"FINISHED"}
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        _reading[:] = [(path.name, work)]
+        bpy.ops.skin_calib.import_wait("INVOKE_DEFAULT")
+        return {"CANCELLED"}
 
-    def add(self, context, mesh, unit, name, file):
-        """Add the link as the active object; report its size, as a warning where links do not have this size."""
-        link = scene.add_link(context, mesh, unit, name)
-        link.skin_calib.link, link.skin_calib.mesh_file = name, file
-        scene.activate(context, link)
-        side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
-        size = f"{name}: {count(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
-        self.report(
-            {"WARNING"} if likely_mistake(side) else {"INFO"}, size + ". Check the unit" * bool(likely_mistake(side))
-        )
+
+def add(operator, context, mesh, unit, name, file):
+    """Add a link as the active object; report its size, as a warning where links do not have this size."""
+    link = scene.add_link(context, mesh, unit, name)
+    link.skin_calib.link, link.skin_calib.mesh_file = name, file
+    scene.activate(context, link)
+    side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
+    wrong = likely_mistake(side)
+    size = f"{name}: {count(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
+    operator.report({"WARNING"} if wrong else {"INFO"}, size + ". Check the unit" * bool(wrong))
+
+
+class SKIN_OT_import_wait(Waiting, bpy.types.Operator):
+    """Wait for the file that is read, and add its mesh as a link"""
+
+    bl_idname = "skin_calib.import_wait"
+    bl_label = "Import Link"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    doing = "Reading"
+
+    def invoke(self, context, event):
+        self.subject, self.work = _reading.pop()
+        return self.wait(context)
+
+    def take(self, context):
+        try:
+            add(self, context, *self.work.result())
+        except SkinCalibError as error:
+            return self.refuse(error)
         return {"FINISHED"}
 
 
@@ -62,20 +107,29 @@ class SKIN_OT_import_mesh(Import, bpy.types.Operator):
         ],
     )
 
-    def bring(self, context, path):
-        mesh = read_mesh(path)
-        unit = likely_unit(float(np.ptp(mesh.vertices, axis=0).max())) if self.unit == "auto" else self.unit
-        return self.add(context, mesh, unit, path.stem, path.name)
+    def invoke(self, context, event):
+        self.by_hand = True
+        return super().invoke(context, event)
+
+    def reader(self, path):
+        chosen = self.unit
+
+        def read():
+            mesh = read_mesh(path)
+            unit = likely_unit(float(np.ptp(mesh.vertices, axis=0).max())) if chosen == "auto" else chosen
+            return mesh, unit, path.stem, path.name
+
+        return read
 
 
 class FromRobot(Import):
     """Adds a link of a URDF, with all its meshes as one, in metres in the link frame."""
 
-    def take(self, context, path, robot, link, use):
-        mesh = load_link(path, robot, link, use)
+    def reader_of(self, path, robot, link, use):
+        """Return the function that reads a link."""
         files = meshes_of(robot, link, use)
         alone = len(files) == 1 and not files[0].moved
-        return self.add(context, mesh, "m", link, files[0].file if alone else "")
+        return lambda: (load_link(path, robot, link, use), "m", link, files[0].file if alone else "")
 
 
 class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
@@ -99,21 +153,21 @@ class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
         self.by_hand = True
         return super().invoke(context, event)
 
-    def bring(self, context, path):
+    def reader(self, path):
         robot = read_robot(path)
         if self.link:
-            return self.take(context, path, robot, self.link, self.mesh)
+            return self.reader_of(path, robot, self.link, self.mesh)
         choices = [(name, use) for name, meshes in robot.links.items() for use in USES if _has(meshes, use)]
         if len(choices) == 1:
-            return self.take(context, path, robot, *choices[0])
+            return self.reader_of(path, robot, *choices[0])
         if not choices:
             raise UnknownLink(f"No link of {path.name} has a mesh. Boxes and cylinders cannot carry skin.")
-        if not getattr(self, "by_hand", False):
+        if not self.by_hand:
             names = ", ".join(dict.fromkeys(show(name) for name, _ in choices))
             raise UnknownLink(f"{path.name} has several links with a mesh. Name one of {names}.")
         _choices[:] = [(f"{use} {name}", f"{name}: {use}", f"The {use} mesh of {name}") for name, use in choices]
         bpy.ops.skin_calib.choose_link("INVOKE_DEFAULT", filepath=self.filepath)
-        return {"CANCELLED"}  # the scene is unchanged
+        return None
 
 
 class SKIN_OT_choose_link(FromRobot, bpy.types.Operator):
@@ -128,12 +182,13 @@ class SKIN_OT_choose_link(FromRobot, bpy.types.Operator):
     )
 
     def invoke(self, context, _event):
+        self.by_hand = True
         context.window_manager.invoke_search_popup(self)
         return {"RUNNING_MODAL"}
 
-    def bring(self, context, path):
+    def reader(self, path):
         use, _, link = self.choice.partition(" ")
-        return self.take(context, path, read_robot(path), link, use)
+        return self.reader_of(path, read_robot(path), link, use)
 
 
 def _has(meshes, use):
@@ -167,24 +222,22 @@ class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SKIN_OT_diagnose(OnMesh, bpy.types.Operator):
-    """Check the mesh, with its modifiers, for parts, holes and faces that affect the fit"""
+class SKIN_OT_diagnose(Working, OnMesh, bpy.types.Operator):
+    """Check the mesh, with its modifiers, for parts, holes and faces that affect the fit; Esc stops a long check"""
 
     bl_idname = "skin_calib.diagnose"
     bl_label = "Check Mesh"
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context):
-        link = context.object
-        try:
-            found = diagnoses.examine(link, context)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+    doing = "Checking"
+
+    def task(self, context):
+        return diagnoses.examination(context.object, context)
+
+    def store(self, context, link, found):
         diagnoses.store(link, found)
         serious = [finding.message for finding in found.findings() if finding.severity != "note"]
         self.report({"INFO"}, f"{link.name}: {'; '.join(serious) or 'found nothing that affects the fit'}")
-        return {"FINISHED"}
 
 
 class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
@@ -203,7 +256,7 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
         if link.mode == "EDIT":
             link.update_from_editmode()
         try:
-            found = diagnoses.examine(link, context)
+            found = diagnoses.examination(link, context)()
             vertices, edges = scene.read_edges(link, context)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
@@ -231,6 +284,7 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
 
 CLASSES = (
     SKIN_OT_import_mesh,
+    SKIN_OT_import_wait,
     SKIN_OT_import_urdf,
     SKIN_OT_choose_link,
     SKIN_OT_scale_to_unit,

@@ -1,24 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Points that the author picks on the link with the mouse."""
 
+import bpy
+
 from ..skin_calib_addon.blender.handles.view import point_under
 from ..skin_calib_addon.blender.scene import scene
 from ..skin_calib_addon.common.errors import SkinCalibError
 
 # Events that only move the view.
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "MOUSEROTATE", "TIMER"}
-# Options of a property for a picked point, which is not part of the plan.
-POINT = {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5}
+# Options of a property for a point and a direction in the link frame; the next call does not start with them.
+POINT = {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5, "options": {"SKIP_SAVE"}}
+NORMAL = {"subtype": "XYZ", "precision": 5, "options": {"SKIP_SAVE"}}
 
 
 class Picking:
     """An operator that asks for a click on the active link for each prompt, and then executes."""
 
     prompts = ()  # text of the status bar before each click
-    repeats = False  # whether it executes after each click, until Esc or Return
+    repeats = False  # whether it executes after each click, in an undo step each, until Esc or Return
 
     def check(self, context):
         """Raise a SkinCalibError where clicks would have no effect."""
+
+    def begin(self, context):
+        """Prepare for clicks, which are possible now."""
 
     def take(self, points):
         """Set the operator's properties from the points, in the link frame in scene units."""
@@ -31,7 +37,8 @@ class Picking:
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.link, self.picked, self.done = context.object.name, [], False
+        self.link, self.picked = context.object.name, []
+        self.begin(context)
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(self.prompts[0])
         context.window_manager.modal_handler_add(self)
@@ -40,10 +47,12 @@ class Picking:
     def modal(self, context, event):
         if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
             return {"PASS_THROUGH"}
+        if self.repeats and event.type == "Z" and (event.ctrl or event.oskey):
+            return {"PASS_THROUGH"}  # Blender undoes or redoes the last click
         is_over = context.object is None or context.object.name != self.link
         if is_over or event.type in {"ESC", "RIGHTMOUSE"} or self.repeats and event.type in {"RET", "NUMPAD_ENTER"}:
             self.end(context)
-            return {"FINISHED"} if self.done else {"CANCELLED"}
+            return {"CANCELLED"}  # each click has its own undo step
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
             return self.click(context, event)
         return {"RUNNING_MODAL"}
@@ -63,7 +72,8 @@ class Picking:
             self.end(context)
             return self.execute(context)
         self.picked = []
-        self.done |= self.execute(context) == {"FINISHED"}
+        if self.execute(context) == {"FINISHED"}:
+            bpy.ops.ed.undo_push(message=self.bl_label)
         return {"RUNNING_MODAL"}
 
     def cancel(self, context):

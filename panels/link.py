@@ -4,9 +4,9 @@
 import bpy
 
 from ..skin_calib_addon.blender.live import diagnoses
-from ..skin_calib_addon.blender.scene.scene import longest_side
+from ..skin_calib_addon.blender.scene.scene import longest_side, namesakes
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
-from .base import SkinPanel, show_warning
+from .base import SkinPanel, show_text, show_warning
 from .rows import draw_keys, keys_in
 
 
@@ -20,6 +20,7 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
     def draw(self, context):
         if SkinPanel.poll(context):
             SkinPanel.draw(self, context)
+            self.draw_namesakes(context)
             self.draw_unit(context)
         else:
             self.layout.label(text="Select the mesh of a link,", icon="INFO")
@@ -34,6 +35,13 @@ class SKIN_PT_link(SkinPanel, bpy.types.Panel):
         if not plan.link:
             layout.label(text="Enter the name of the link", icon="INFO")
         layout.prop(plan, "mesh_file")
+
+    def draw_namesakes(self, context):
+        """Draw a warning about another object with the same link name, as a copy has."""
+        others = namesakes(context.object, context.scene)
+        if others:
+            text = f"{others[0]} has the same link name, so their files have the same names. Rename one."
+            show_text(self.layout.box(), text, "ERROR")
 
     def draw_unit(self, context):
         """Draw a warning about a size that links do not have, and the button that corrects it."""

@@ -117,3 +117,22 @@ def test_taxels_for_other_programs_are_those_of_the_command_line(bpy, tmp_path):
     with pytest.raises(RuntimeError, match='patch "wrist" is not flat'):
         bpy.ops.skin_calib.export_taxels(filepath=str(tmp_path / "none.rsdf"), format="rsdf")
     assert not (tmp_path / "none.rsdf").exists()
+
+
+def test_export_repeats_the_warnings_and_says_that_there_is_no_taxel(bpy, link, tmp_path, capfd):
+    """A link without skins, and one whose name another object has, are exported with a warning for each."""
+    copy = link.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    skins = link.skin_calib.skins
+    assert skins[0].name == "band"
+    skins.clear()
+    bpy.ops.skin_calib.export_calibration(filepath=str(tmp_path / "bare.json"))
+    said = capfd.readouterr().out
+    assert "Warning: The file has no taxels." in said
+    assert f"Warning: {copy.name} has the link name of {link.name}, too." in said
+    copy.skin_calib.link = "other"
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    skins[0].rows, skins[0].columns, skins[0].trim = 2, 40, True
+    bpy.ops.skin_calib.export_calibration(filepath=str(tmp_path / "around.json"))
+    said = capfd.readouterr().out
+    assert "no taxels" not in said and "link name" not in said and "[overlap" in said

@@ -14,7 +14,7 @@ OPERATORS = (
     *("replay_open", "replay_close", "replay_play"),
 )
 EXCHANGE = (
-    *("import_plan", "import_mesh", "import_urdf", "choose_link"),
+    *("import_plan", "import_mesh", "import_wait", "import_urdf", "choose_link"),
     *("export_plan", "export_calibration", "export_taxels"),
 )
 KINDS = {"sheet": "a flexible sheet of taxels", "hexagons": "rigid hexagonal boards"}

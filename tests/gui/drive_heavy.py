@@ -1,31 +1,99 @@
-"""Drives a fit of a mesh of a million facets: the window responds, Esc stops the fit, and without Esc it ends."""
+"""Drives a mesh of a million facets: the window responds while it is read, checked and fitted; Esc stops each."""
+
+from time import perf_counter
 
 import bpy
+import numpy as np
 from buttons import press
-from sample import link, plan
+from sample import link, ours, plan
 
 
 def drive(gui):
+    path = gui.out / "large.ply"
     yield from gui.tab("Skin")
     link().modifiers.new("finer", "SUBSURF").levels = 3
     yield from gui.redraw(2)
-    yield from press(gui, "skin_calib.fit")
-    yield from gui.wait(running, 30, "a fit in a thread")
+    yield from fits(gui)
+    write(path)
+    yield from checks(gui)
+    yield from imports(gui, path)
+
+
+def running(name):
+    """Return whether an operator of this name waits for a computation."""
+    return any(op.bl_idname == f"SKIN_CALIB_OT_{name}" for op in bpy.context.window.modal_operators)
+
+
+def stops(gui, name):
+    """Esc ends an operator that waits."""
+    yield from gui.wait(lambda: running(name), 60, f"{name} in a thread")
     yield from gui.key("ESC")
-    yield from gui.wait(lambda: not running(), 10, "the fit to stop")
+    yield from gui.wait(lambda: not running(name), 30, f"{name} to stop")
+
+
+def fits(gui):
+    """Esc stops the fit; without Esc the view can be turned until it ends."""
+    yield from press(gui, "skin_calib.fit")
+    yield from stops(gui, "fit")
     assert not plan().result.key
     yield from press(gui, "skin_calib.fit")
-    yield from gui.wait(running, 30, "a fit in a thread")
+    yield from gui.wait(lambda: running("fit"), 60, "a fit in a thread")
     with gui.context():
         bpy.ops.view3d.view_orbit(type="ORBITLEFT")  # the window still answers
     yield from gui.redraw()
     yield from gui.shot("running.png")
-    assert running()
-    yield from gui.wait(lambda: plan().result.key, 120, "the fit")
+    assert running("fit")
+    yield from gui.wait(lambda: plan().result.key, 300, "the fit")
     assert plan().result.max < 2e-4
     yield from gui.shot("fitted.png")
 
 
-def running():
-    """Return whether a fit is running in a thread."""
-    return any(op.bl_idname == "SKIN_CALIB_OT_fit" for op in bpy.context.window.modal_operators)
+def checks(gui):
+    """The check of the mesh is stopped by Esc; without Esc it ends, and nothing blocks the window."""
+    yield from press(gui, "skin_calib.diagnose")
+    yield from stops(gui, "diagnose")
+    assert not plan().diagnosis.key
+    yield from press(gui, "skin_calib.diagnose")
+    yield from longest_freeze(gui, "diagnose")
+    yield from gui.wait(lambda: plan().diagnosis.key, 300, "the check")
+    assert link().name not in ours("live.diagnoses").unverified
+
+
+def imports(gui, path):
+    """A large file is read in a thread; the link is there when it is read, and one undo removes it."""
+    for end in (stops, longest_freeze):
+        yield from press(gui, "skin_calib.import_mesh")
+        yield from gui.choose_file(path)
+        yield from end(gui, "import_wait")
+        assert end is longest_freeze or "large" not in bpy.data.objects
+    yield from gui.wait(lambda: "large" in bpy.data.objects, 300, "the link")
+    assert len(bpy.data.objects["large"].data.polygons) > 6e5
+    yield from gui.redraw(2)
+    yield from gui.shot("imported.png")
+    with gui.context():
+        bpy.ops.ed.undo()
+    assert "large" not in bpy.data.objects and link().name
+
+
+def write(path):
+    """Write the finer mesh of the link to a file."""
+    facets = ours("scene.scene").read_facets(link(), bpy.context)
+    corners = np.zeros(len(facets.faces), [("count", "u1"), ("corners", "<i4", 3)])
+    corners["count"], corners["corners"] = 3, facets.faces
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(facets.vertices)}\nproperty float x\n"
+        f"property float y\nproperty float z\nelement face {len(facets.faces)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    path.write_bytes(header.encode() + facets.vertices.astype("<f4").tobytes() + corners.tobytes())
+
+
+def longest_freeze(gui, name):
+    """Wait until an operator ends, and print the longest time without an iteration of the window."""
+    yield from gui.wait(lambda: running(name), 60, f"{name} in a thread")
+    gaps, last = [], perf_counter()
+    while running(name):
+        yield 0.02
+        gaps.append(perf_counter() - last)
+        last = perf_counter()
+    print(f"longest freeze of {name}: {max(gaps):.2f} s of {sum(gaps):.1f} s")

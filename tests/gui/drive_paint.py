@@ -38,25 +38,39 @@ def at(gui, point):
 
 
 def paints(gui):
-    """Live is on, because it shows the effect of a click."""
+    """The skin follows each click, and Live stays off; Ctrl-Z undoes one click, while painting and afterwards."""
     before = boards()
     count = len(before.ids)
     inner = int(abs(before.positions_link[:, :2] - before.positions_link[:, :2].mean(axis=0)).sum(axis=1).argmin())
+    pixels = [at(gui, before.positions_link[row % count]) for row in (inner, inner + 3)]
     yield from press(gui, "skin_calib.boards_paint")
-    yield from gui.wait(lambda: plan().live, 10, "the brush")
-    yield from gui.click(*at(gui, before.positions_link[inner]))
+    yield from gui.wait(is_painting, 10, "the brush")
+    yield from gui.click(*pixels[0])
     yield from placed(gui, count - 1)
     yield from gui.shot("out.png")
-    yield from gui.click(*at(gui, before.positions_link[inner]))
+    yield from undo(gui)
     yield from placed(gui, count)
-    yield from gui.click(*at(gui, before.positions_link[(inner + 3) % count]))
+    assert is_painting() and plan().skins[0].choice == "fill"
+    yield from undo(gui, "shift")
     yield from placed(gui, count - 1)
+    yield from gui.click(*pixels[0])
+    yield from placed(gui, count)
+    yield from gui.click(*pixels[1])
     yield from hover_view(gui)
-    yield from gui.key("RET")
+    yield from gui.key("ESC")
     yield from gui.redraw(2)
-    assert plan().skins[0].choice == "listed"
+    assert not is_painting() and not plan().live
+    yield from placed(gui, count - 1)  # also the last click, although Live is off
+    for left in (count, count - 1):
+        yield from undo(gui)
+        assert plan().skins[0].choice == "listed" and len(plan().skins[0].cells.split()) == left
     yield from undo(gui)
     assert plan().skins[0].choice == "fill" and not plan().live
+
+
+def is_painting():
+    """Return whether the operator waits for clicks."""
+    return any(op.bl_idname == "SKIN_CALIB_OT_boards_paint" for op in bpy.context.window.modal_operators)
 
 
 def slides(gui):

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 from buttons import find, press
 from mathutils import Vector
-from sample import ours
+from sample import hover_view, ours
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -82,6 +82,8 @@ def moves_it(gui):
 def looks_at_the_error(gui):
     """A heat map and its legend."""
     plan().inspect.heat = "ERROR"
+    yield from find(gui, "skin_calib.taxel")  # scrolls to the panel Inspect
+    yield from hover_view(gui)
     yield from gui.redraw(2)
     yield from gui.shot("5_error.png", area="VIEW_3D")
 

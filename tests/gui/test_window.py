@@ -51,6 +51,8 @@ DRIVERS = [
     ("drive_heavy.py", "wrist", "1000x1100"),
     ("drive_inspect.py", "wrist", "1200x1300"),
     ("drive_imported.py", "wrist", "1200x1300"),
+    ("drive_drawing.py", "wrist", "1200x1300"),
+    ("drive_once.py", "wrist", "1200x1300"),
 ]
 
 

@@ -43,8 +43,8 @@ class Work:
         """Stop the computation when its next stage starts."""
         self._is_stopped = True
 
-    def is_done(self, wait: float = 0.0) -> bool:
-        """Return whether the computation has ended, after at most ``wait`` seconds."""
+    def is_done(self, wait: float | None = 0.0) -> bool:
+        """Return whether the computation has ended, after at most ``wait`` seconds; None waits for the end."""
         self._thread.join(wait)
         return not self._thread.is_alive()
 

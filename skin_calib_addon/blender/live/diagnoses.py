@@ -6,6 +6,7 @@ at once. After a short time without changes the mesh is compared. If it is the s
 state is not stored in the file, so that undo cannot make it wrong.
 """
 
+from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
@@ -18,17 +19,22 @@ from ..overlay import drawing
 from ..scene import scene
 from ..scene.warnings import write_warnings
 from . import events
+from .background import Work
 
 # [s] Time without a change after which a mesh is compared with the diagnosed one. Larger: the note stays longer;
 # smaller: large meshes are compared while they change.
 CHECK_DELAY = 0.3
+# [s] Time for which the window waits for the hash of a mesh. Larger: the window freezes longer; smaller: the note stays
+# longer for meshes of medium size.
+HASH_WAIT = 0.2
 
 unverified: set[str] = set()  # names of objects whose mesh may differ from the diagnosed one
+_hashes: dict[str, Work] = {}  # of the meshes that are compared now
 _changed: dict[str, float] = {}  # objects to be compared, and the time of their change
 
 
-def examine(link: bpy.types.Object, context: bpy.types.Context) -> Diagnosis:
-    """Diagnose the mesh of a link as it is displayed, with modifiers.
+def examination(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., Diagnosis]:
+    """Read the mesh of a link as it is displayed, with modifiers, and return what diagnoses it without Blender.
 
     Parameters
     ----------
@@ -37,16 +43,25 @@ def examine(link: bpy.types.Object, context: bpy.types.Context) -> Diagnosis:
     context : Context
         Of Blender.
 
+    Returns
+    -------
+    function
+        Its argument is not used. It raises :class:`InvalidMesh` if the mesh is not a surface.
+
     Raises
     ------
     InvalidMesh
-        If it is not a surface, or cannot be read.
+        If the mesh cannot be read.
     """
     facets = scene.read_facets(link, context)
-    try:
-        return diagnose(*facets.triangles())
-    except InvalidMesh as error:
-        raise InvalidMesh(f"{link.name}: {error}", **error.numbers) from error
+
+    def examine(_begin: Callable[[str], None] | None = None) -> Diagnosis:
+        try:
+            return diagnose(*facets.triangles())
+        except InvalidMesh as error:
+            raise InvalidMesh(f"{facets.name}: {error}", **error.numbers) from error
+
+    return examine
 
 
 def store(link: bpy.types.Object, found: Diagnosis) -> None:
@@ -64,26 +79,11 @@ def store(link: bpy.types.Object, found: Diagnosis) -> None:
     write_warnings(record.findings, found.findings())
     unverified.discard(link.name)
     _changed.pop(link.name, None)
-
-
-def is_current(link: bpy.types.Object, context: bpy.types.Context) -> bool:
-    """Return whether the mesh is the diagnosed one.
-
-    Parameters
-    ----------
-    link : Object
-        The link.
-    context : Context
-        Of Blender.
-    """
-    try:
-        return scene.read_facets(link, context).welded().sha256 == link.skin_calib.diagnosis.key
-    except SkinCalibError:
-        return False
+    _hashes.pop(link.name, None)
 
 
 def verify() -> float | None:
-    """Compare the meshes that have not changed for a while.
+    """Compare the meshes that have not changed for a while; large ones in a thread.
 
     Return the seconds to the next call, None if none are left.
     """
@@ -93,11 +93,34 @@ def verify() -> float | None:
             unverified.discard(name)
         elif perf_counter() - since < CHECK_DELAY:
             continue
-        elif is_current(link, bpy.context):
-            unverified.discard(name)
+        else:
+            if name not in _hashes:
+                _hashes[name] = Work(_hash_of(link))
+                _hashes[name].is_done(HASH_WAIT)
+            if not _hashes[name].is_done():
+                continue
+            if _hashes[name].result() == link.skin_calib.diagnosis.key:
+                unverified.discard(name)
+        _hashes.pop(name, None)
         _changed.pop(name)
-    drawing.redraw()
+        drawing.redraw()
     return CHECK_DELAY if _changed else None
+
+
+def _hash_of(link: bpy.types.Object) -> Callable[..., str]:
+    """Return what computes the hash of the mesh of a link without Blender; empty if the mesh is invalid."""
+    try:
+        facets = scene.read_facets(link, bpy.context)
+    except SkinCalibError:
+        return lambda begin: ""
+
+    def compute(_begin: Callable[[str], None]) -> str:
+        try:
+            return facets.welded().sha256
+        except SkinCalibError:
+            return ""
+
+    return compute
 
 
 def _mark_unverified(link: bpy.types.Object) -> None:
@@ -105,6 +128,7 @@ def _mark_unverified(link: bpy.types.Object) -> None:
     if not link.skin_calib.diagnosis.key:
         return
     unverified.add(link.name)
+    _hashes.pop(link.name, None)
     _changed[link.name] = perf_counter()
     if not bpy.app.background:  # without a window timers do not run, but the exit waits for them
         events.wake(verify, CHECK_DELAY)
@@ -121,8 +145,8 @@ def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 @persistent
 def _scene_replaced(*_: Any) -> None:
     """Compare every diagnosis after undo, redo, or the opening of a file."""
-    unverified.clear()
-    _changed.clear()
+    for of_names in (unverified, _changed, _hashes):
+        of_names.clear()
     for link in bpy.data.objects:
         _mark_unverified(link)
 
@@ -138,5 +162,5 @@ def register() -> None:
 def unregister() -> None:
     """Stop listening."""
     events.ignore(HANDLERS, (verify,))
-    unverified.clear()
-    _changed.clear()
+    for of_names in (unverified, _changed, _hashes):
+        of_names.clear()

@@ -52,19 +52,65 @@ _previewed: set[str] = set()  # objects whose preview shows the last change
 _possibly_changed: set[str] = set()  # objects whose mesh or position may have changed
 _fitted_facets: dict[str, Facets] = {}  # facets of the last fit
 _caches: dict[str, StepCache] = {}
+_guests: set[str] = set()  # objects that are followed although Live is off
+_leaving: set[str] = set()  # guests until their next result
+_held: set[str] = set()  # objects that the button Fit works on
 _job: Job | None = None
 _last_final: Work | None = None  # can still run after it was stopped
 
 
 def request(link: bpy.types.Object) -> None:
     """Request an update, because a plan or its mesh has changed."""
-    global _job
-    if _job is not None and _job.is_final and _job.name == link.name:
-        _job.work.stop()
-        _job = None
+    _stop_final(link.name)
     _changed[link.name] = perf_counter()
     _previewed.discard(link.name)
     events.wake(tick)
+
+
+def _stop_final(name: str) -> None:
+    """Stop the complete fit of an object."""
+    global _job
+    if _job is not None and _job.is_final and _job.name == name:
+        _job.work.stop()
+        _job = None
+
+
+def hold(name: str) -> None:
+    """Stop the complete fit of an object, and start none until :func:`release`: the button Fit makes one."""
+    _stop_final(name)
+    _held.add(name)
+
+
+def release(name: str) -> None:
+    """Allow complete fits of an object again."""
+    _held.discard(name)
+
+
+def held() -> str:
+    """Return the name of the object that the button Fit works on; empty without one."""
+    return next(iter(_held), "")
+
+
+def accompany(link: bpy.types.Object) -> None:
+    """Follow the changes of a link until :func:`leave`, although Live is off."""
+    _guests.add(link.name)
+    _leaving.discard(link.name)
+    request(link)
+
+
+def leave(name: str) -> None:
+    """End :func:`accompany`, after the fit of the last change."""
+    if name in _changed:
+        _leaving.add(name)
+    else:
+        _guests.discard(name)
+
+
+def _leave_now(name: str) -> None:
+    """End :func:`accompany` for an object that waits for it."""
+    if name in _leaving:
+        _leaving.discard(name)
+        _guests.discard(name)
 
 
 def changed(result: Any, _context: Any) -> None:
@@ -110,7 +156,7 @@ def tick() -> float | None:
     if _job is not None and _job.work.is_done(PREVIEW_WAIT):
         job, _job = _job, None
         _use_result(job)
-    drawing.redraw()
+        drawing.redraw()
     if _job is not None:
         return POLL_INTERVAL
     return 0.05 if _changed else None
@@ -144,6 +190,7 @@ def _begin() -> None:
             _start(link, _preview, _show, False)
         elif (
             follows(link)
+            and name not in _held
             and perf_counter() - _changed[name] >= FIT_DELAY
             and (_last_final is None or _last_final.is_done())
         ):
@@ -155,9 +202,10 @@ def _begin() -> None:
 
 
 def follows(link: bpy.types.Object) -> bool:
-    """Return whether Live is on for a link and its result is outdated."""
+    """Return whether Live is on for a link, or it is accompanied, and its result is outdated."""
     plan = link.skin_calib
-    return bool(plan.live and plan.link and (plan.result.outdated or results.find(plan.result.key) is None))
+    is_on = plan.live or link.name in _guests
+    return bool(is_on and plan.link and (plan.result.outdated or results.find(plan.result.key) is None))
 
 
 def _start(link: bpy.types.Object, make: Callable[..., Any], use: Callable[..., None], is_final: bool) -> None:
@@ -189,6 +237,8 @@ def _report_problem(link: bpy.types.Object, problem: str) -> None:
     reports[link.name] = PreviewReport(problem=problem)
     _changed.pop(link.name, None)
     _previewed.discard(link.name)
+    _leave_now(link.name)
+    drawing.redraw()
 
 
 def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
@@ -233,6 +283,7 @@ def _store(link: bpy.types.Object, fitted: Any) -> None:
     drawing.prepare(key, result)
     scene.write_result(link, bpy.context.scene, result, key)
     forget(link.name)
+    _leave_now(link.name)
 
 
 def forget(name: str) -> None:
@@ -248,8 +299,9 @@ def forget(name: str) -> None:
 
 
 def _remove_sketch(name: str) -> None:
-    sketches.pop(name, None)
-    drawing.remove_layers("planes", name)
+    if sketches.pop(name, None) is not None:
+        drawing.remove_layers("planes", name)
+        drawing.redraw()
 
 
 @persistent
@@ -289,6 +341,8 @@ def _clear() -> None:
     ):
         of_names.clear()
     drawing.remove_layers("planes")
+    for name in tuple(_leaving):
+        _leave_now(name)
 
 
 HANDLERS = dict.fromkeys(events.SCENE_REPLACED, _scene_replaced) | {"depsgraph_update_post": _updated}

@@ -44,6 +44,20 @@ def links(context: bpy.types.Context) -> list[bpy.types.Object]:
     return sorted((o for o in context.scene.objects if o.type == "MESH" and o.skin_calib.link), key=lambda o: o.name)
 
 
+def namesakes(link: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
+    """Return the names of the other objects with the same link name, such as copies.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Has the other objects.
+    """
+    name = link.skin_calib.link
+    return [o.name for o in scene.objects if name and o != link and o.type == "MESH" and o.skin_calib.link == name]
+
+
 def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
     """Return the plan in an object's properties; its mesh has a name there, and is not read.
 
@@ -472,8 +486,14 @@ def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: st
         Linked to the collection of the scene.
     """
     data = bpy.data.meshes.new(name)
-    data.from_pydata(mesh.vertices.tolist(), [], mesh.faces.tolist())
-    data.update()
+    data.vertices.add(len(mesh.vertices))  # as from_pydata, which is slow for a million faces
+    data.vertices.foreach_set("co", mesh.vertices.astype(np.float32).ravel())
+    data.loops.add(3 * len(mesh.faces))
+    data.loops.foreach_set("vertex_index", mesh.faces.astype(np.int32).ravel())
+    data.polygons.add(len(mesh.faces))
+    data.polygons.foreach_set("loop_start", np.arange(0, 3 * len(mesh.faces), 3, dtype=np.int32))
+    data.shade_flat()
+    data.update(calc_edges=True)
     link = bpy.data.objects.new(name, data)
     factor = UNITS[unit] / metres_per_unit(context.scene)
     link.scale = (factor, factor, factor)
