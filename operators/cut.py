@@ -12,20 +12,18 @@ from ..skin_calib_addon.geometry.grid.cut_planes import cut_normal
 from ..skin_calib_addon.geometry.mesh.defects import count
 from .lists import INDEX
 from .on_link import Edit, OnMesh
-from .picking import NORMAL, POINT, Picking
+from .picking import NORMAL, AtCursor, Picking
 
 
-class AddCut(Edit):
+class AddCut(AtCursor, Edit):
     """Adds a plane across the link through a point; it keeps the larger part. The redo panel has point and normal."""
 
-    point: bpy.props.FloatVectorProperty(name="Point", description="A point of the cut, in the link frame", **POINT)
     normal: bpy.props.FloatVectorProperty(
         name="Normal", description="Perpendicular to the cut, towards the part that is kept", **NORMAL
     )
 
     def edit(self, context, plan):
-        if not self.properties.is_property_set("point"):
-            self.point = scene.cursor_on(context.object, context.scene)
+        self.start(context)
         if not self.properties.is_property_set("normal"):
             self.normal = self.across(context, plan)
         cut = plan.cover.cuts.add()

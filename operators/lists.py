@@ -8,6 +8,7 @@ from ..skin_calib_addon.blender.scene.fields import write_first
 from ..skin_calib_addon.blender.scene.skins import entry, of_kind
 from ..skin_calib_addon.plan.keys import ZONE
 from .on_link import Edit
+from .picking import AtCursor
 
 INDEX = {"min": 0, "options": {"HIDDEN"}}
 
@@ -58,7 +59,7 @@ class SKIN_OT_skin_remove(Edit, bpy.types.Operator):
         plan.skins.remove(self.index)
 
 
-class SKIN_OT_landmark_add(OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_landmark_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
     """Pin a cell of this sheet to the 3D cursor; the first landmark replaces the origin"""
 
     bl_idname = "skin_calib.landmark_add"
@@ -66,7 +67,7 @@ class SKIN_OT_landmark_add(OnSkin, Edit, bpy.types.Operator):
 
     def edit(self, context, plan):
         skin = self.of_kind(plan, "sheet", "landmarks")
-        skin.landmarks.add().point = scene.cursor_on(context.object, context.scene)
+        skin.landmarks.add().point = self.start(context)
 
 
 class SKIN_OT_landmark_remove(OnSkin, Edit, bpy.types.Operator):
@@ -83,7 +84,7 @@ class SKIN_OT_landmark_remove(OnSkin, Edit, bpy.types.Operator):
         landmarks.remove(self.index)
 
 
-class SKIN_OT_zone_add(OnSkin, Edit, bpy.types.Operator):
+class SKIN_OT_zone_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
     """Keep boards away from the 3D cursor"""
 
     bl_idname = "skin_calib.zone_add"
@@ -91,7 +92,7 @@ class SKIN_OT_zone_add(OnSkin, Edit, bpy.types.Operator):
 
     def edit(self, context, plan):
         zone = self.of_kind(plan, "hexagons", "excluded zones").excluded.add()
-        zone.point = scene.cursor_on(context.object, context.scene)
+        zone.point = self.start(context)
         write_first(ZONE, zone, scene.metres_per_unit(context.scene))
 
 

@@ -14,6 +14,18 @@ POINT = {"subtype": "TRANSLATION", "unit": "LENGTH", "precision": 5, "options": 
 NORMAL = {"subtype": "XYZ", "precision": 5, "options": {"SKIP_SAVE"}}
 
 
+class AtCursor:
+    """Uses a point that is at the 3D cursor first; the panel of the last operation changes it."""
+
+    point: bpy.props.FloatVectorProperty(name="Point", description="Where it is, in the link frame", **POINT)
+
+    def start(self, context):
+        """Set the point to the 3D cursor, unless it is given."""
+        if not self.properties.is_property_set("point"):
+            self.point = scene.cursor_on(context.object, context.scene)
+        return self.point
+
+
 class Picking:
     """An operator that asks for a click on the active link for each prompt, and then executes."""
 

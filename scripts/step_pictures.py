@@ -1,7 +1,11 @@
-"""Make the pictures of docs/tutorial/blender.md from the screenshots of the window's driver.
+"""Make the pictures of the window in the documentation from the screenshots of its drivers.
 
-../shared/blender/drive-gui --install . --size 1000x1150 --out gui-out tests/gui/drive_steps.py
-python scripts/step_pictures.py gui-out
+../shared/blender/drive-gui --install . --size 1000x1150 --out out/steps tests/gui/drive_steps.py
+../shared/blender/drive-gui --install . --size 1200x1300 --out out/cut --blend sample_scenes/wrist.blend \
+    tests/gui/drive_cut.py
+python scripts/step_pictures.py out
+
+The other drivers are called as ``drive_cut.py``. A driver without screenshots in the folder is left out.
 """
 
 import sys
@@ -9,22 +13,35 @@ from pathlib import Path
 
 from PIL import Image
 
-STEPS = Path(__file__).resolve().parents[1] / "docs" / "steps"
-WIDTH = 560  # [pixel]
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+WIDTH = 560  # of a step of the tutorial [pixel]
 COLOURS = 64
+# Picture in docs/: screenshot, and the part of it: left, top, right, lower edge [pixel].
+PARTS = {
+    "cut.png": ("cut/five_cuts.png", (60, 80, 970, 1180)),
+    "planes.png": ("planes/followed.png", (180, 80, 970, 1180)),
+    "live.png": ("live/dragged.png", (180, 80, 970, 1180)),
+    "imported.png": ("imported/found.png", (60, 80, 970, 1180)),
+    "inspect.png": ("inspect/playing.png", (60, 80, 970, 1180)),
+}
+PART_WIDTH = 720  # [pixel]
 
 
-def small(path: Path) -> Image.Image:
-    """Return a screenshot with the width of the manual."""
-    shot = Image.open(path).convert("RGB")
-    return shot.resize((WIDTH, round(shot.height * WIDTH / shot.width)), Image.Resampling.LANCZOS)
+def small(picture: Image.Image, width: int) -> Image.Image:
+    """Return a picture with a width [pixel], and few colours."""
+    height = round(picture.height * width / picture.width)
+    return picture.resize((width, height), Image.Resampling.LANCZOS).quantize(COLOURS)
 
 
 def main() -> None:
-    """Convert the screenshot of each step."""
-    for path in sorted(Path(sys.argv[1]).glob("[0-9]_*.png")):
-        small(path).quantize(COLOURS).save(STEPS / path.name, optimize=True)
-        print(STEPS / path.name)
+    """Convert the screenshots of each driver in the folder."""
+    folder = Path(sys.argv[1])
+    made = {f"steps/{path.name}": (path, None, WIDTH) for path in folder.glob("steps/[0-9]_*.png")}
+    made |= {name: (folder / shot, part, PART_WIDTH) for name, (shot, part) in PARTS.items()}
+    for name, (path, part, width) in sorted(made.items()):
+        if path.exists():
+            small(Image.open(path).convert("RGB").crop(part), width).save(DOCS / name, optimize=True)
+            print(DOCS / name)
 
 
 if __name__ == "__main__":

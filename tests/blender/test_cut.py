@@ -257,6 +257,21 @@ def test_new_cut_stands_across_the_link(bpy, link):
     assert link.skin_calib.cover.cut_index == 1
 
 
+@pytest.mark.parametrize("adds", ["cut_add", "cut_place", "landmark_add", "zone_add"])
+def test_what_is_added_at_a_point_can_be_corrected(bpy, link, adds):
+    """The panel of the last operation has the point; the next call starts at the cursor again."""
+    bpy.ops.skin_calib.skin_add(kind="hexagons")
+    words = {"landmark_add": {"skin": 0}, "zone_add": {"skin": 1}}.get(adds, {})
+    shown = [p for p in getattr(bpy.ops.skin_calib, adds).get_rna_type().properties if not p.is_hidden]
+    assert {"point"} <= {p.identifier for p in shown} and all(p.is_skip_save for p in shown if p.identifier == "point")
+    plan = link.skin_calib
+    listed = {"landmark_add": plan.skins[0].landmarks, "zone_add": plan.skins[1].excluded}.get(adds, plan.cover.cuts)
+    bpy.context.scene.cursor.location = (0.01, 0.02, 0.05)
+    getattr(bpy.ops.skin_calib, adds)(point=(0.03, 0.0, 0.06), **words)
+    getattr(bpy.ops.skin_calib, adds)(**words)
+    assert_allclose([tuple(entry.point) for entry in listed], [(0.03, 0.0, 0.06), (0.01, 0.02, 0.05)], atol=1e-7)
+
+
 def test_cut_is_placed_at_a_point_across_the_axis_of_the_author(bpy, link):
     """The same operator as a click uses the typed axis, also in a scene of millimetres."""
     link.skin_calib.grid.auto_axis, link.skin_calib.grid.direction = False, (3, 0, 4)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array
+from ...common.arrays import Array, IntArray
 from ...common.warnings import Place, Warning, point_of
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
@@ -98,7 +98,7 @@ def deepest_undercut(
     return deepest, place
 
 
-def distances_to_curve(points: Array, curve: Array, closed: bool) -> tuple[Array, Array]:
+def distances_to_curve(points: Array, curve: Array, closed: bool) -> tuple[Array, IntArray]:
     """Return the distances of points to a chain of segments, and the nearest corner of each.
 
     Parameters
