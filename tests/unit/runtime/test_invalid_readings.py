@@ -145,6 +145,15 @@ def test_baseline_removes_the_offsets():
         np.testing.assert_allclose(skin.forces(40.0 + offset), expected, rtol=1e-9)
 
 
+def test_baseline_is_the_mean_of_the_valid_frames_of_a_taxel():
+    """Frames in which one taxel is invalid count for the other taxels only."""
+    skin = sole()
+    rows = np.full((4, N), 2.0)
+    rows[:, 1] = (np.nan, np.inf, 5.0, 7.0)
+    skin.tare(rows)
+    assert skin.forces(np.full(N, 10.0)).tolist() == [8.0, 4.0] + [8.0] * (N - 2)
+
+
 def test_baseline_of_an_invalid_taxel_stays():
     """A baseline of the wrong length changes nothing at all."""
     skin = sole()

@@ -178,6 +178,14 @@ def test_contact_has_its_cells_and_the_message_of_the_paper():
     assert_allclose(contact.messages[0].column, 5 / 8)  # beyond the seam columns start again at 0
 
 
+def test_peak_pressure_is_that_of_one_cell():
+    """The largest pressure may be on a small cell with less force than a large one."""
+    patch = boards()
+    taxels = dataclasses.replace(patch.taxels, areas=np.array([1e-4, 1e-3]))
+    (contact,) = skin_of(dataclasses.replace(patch, taxels=taxels)).update([2.0, 5.0], 0.0).contacts
+    assert_allclose((contact.peak_pressure, contact.area, contact.force), (2e4, 1.1e-3, 7.0), rtol=1e-12)
+
+
 @pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i4", "u8", "f2", "f4", "f8", "?"])
 def test_readings_of_any_type_do_not_overflow(dtype):
     """Maximum values of each type give the same newtons as the same numbers in double precision."""
