@@ -8,6 +8,9 @@ import numpy as np
 
 from ..common.findings import Finding, child
 
+# Relative rounding of stored numbers: of lengths of unit vectors, knots, seams, sums of distances, and forces.
+# Larger: less exact files pass, and simpler responses count as exact.
+STORED_ROUNDING = 1e-9
 NUMERIC = ("degree", "control_net", "pitch", "channel", "position", "normal", "tangent", "corners", "area", "response")
 
 

@@ -9,11 +9,8 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray
 from ..common.findings import Finding, child, error, show
-from .parts import Part, pointers_with_findings
+from .parts import STORED_ROUNDING, Part, pointers_with_findings
 
-# Fraction of the force range by which a polynomial may reverse, because its coefficients are rounded.
-# Larger: polynomials that are visibly not monotone pass.
-REVERSAL_TOLERANCE = 1e-9
 # Fraction of the largest coefficient below which the leading coefficients of a slope count as zero.
 # Smaller: inaccurate roots; larger: real roots are lost.
 COEFFICIENT_TOLERANCE = 1e-14
@@ -199,7 +196,7 @@ def _is_monotone_by_roots(shifted: Array) -> bool:
     # The real part of each complex root is included: additional points do no harm.
     points = np.sort(np.concatenate(((0.0, 1.0), np.clip(np.roots(slope[::-1]).real, 0, 1))))
     values = np.polynomial.polynomial.polyval(points, shifted)
-    steps, most = np.diff(values), REVERSAL_TOLERANCE * np.ptp(values)
+    steps, most = np.diff(values), STORED_ROUNDING * np.ptp(values)
     return bool((steps >= -most).all() or (steps <= most).all())
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.errors import UnderdeterminedFit
 from ..common.warnings import Warning
+from .parts import STORED_ROUNDING
 from .response import AnyResponse, Response, ResponseTable
 from .response_checks import is_monotone
 
@@ -16,9 +17,7 @@ KNOT_COUNTS = (3, 4, 6, 8, 12, 16, 24)  # sizes of tables that are compared. Mor
 FOLDS = 10  # of the cross-validation. Larger: slower, and less random error.
 # Fraction of the smallest mean squared error by which another may be larger. Larger: simpler responses.
 ERROR_TOLERANCE = 0.02
-# Fraction of the force range. Smaller errors count as rounding. Larger: simpler responses.
-ROUNDING_TOLERANCE = 1e-9
-# Rounding errors of a polynomial in powers of the reading, in units of ROUNDING_TOLERANCE. Larger: higher degrees.
+# Rounding errors of a polynomial in powers of the reading, in units of STORED_ROUNDING. Larger: higher degrees.
 POWERS_ROUNDING_RATIO = 100
 # Measurements at the first or last reading are unusable if there are STUCK_COUNT or more of them, and if their forces
 # spread over more than STUCK_FORCE_SPREAD (fraction of the force range) and more than STUCK_EXCESS times the usual
@@ -135,7 +134,7 @@ def _best(readings: Array, forces: Array, sign: float) -> AnyResponse:
     if len(readings) == 2:
         return _table(*_knots(readings, forces, sign, [2])[0], sign)
     errors = _squares(readings, forces, degrees, counts, sign)
-    floor = (ROUNDING_TOLERANCE * float(np.ptp(forces))) ** 2
+    floor = (STORED_ROUNDING * float(np.ptp(forces))) ** 2
     best = min(errors.values(), key=np.mean)
     for degree in degrees:
         if _is_as_good(errors[degree, 0], best, floor):
@@ -196,9 +195,7 @@ def _in_powers(readings: Array, forces: Array, degree: int) -> Response | None:
     chebyshev = np.polynomial.chebyshev.chebfit(points, fitted((low + high) / 2 + (high - low) / 2 * points), degree)
     powers = np.polynomial.Chebyshev(chebyshev, domain=(low, high)).convert(kind=np.polynomial.Polynomial).coef
     deviation = np.abs(np.polynomial.polynomial.polyval(readings, powers) - fitted(readings)).max()
-    if not deviation <= POWERS_ROUNDING_RATIO * ROUNDING_TOLERANCE * np.ptp(forces) or not is_monotone(
-        powers, low, high
-    ):
+    if not deviation <= POWERS_ROUNDING_RATIO * STORED_ROUNDING * np.ptp(forces) or not is_monotone(powers, low, high):
         return None
     return Response(tuple(powers.tolist()), (low, high))
 

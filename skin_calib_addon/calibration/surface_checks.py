@@ -10,13 +10,10 @@ import numpy as np
 
 from ..common.arrays import Array
 from ..common.findings import Finding, error, show, warning
-from .parts import Part, needs
+from .parts import STORED_ROUNDING, Part, needs
 
 MAX_DISTANCE = 20.0  # [m] from the link frame. Larger: numbers in millimetres pass.
 # Larger values of the next three accept surfaces that other programs wrote less precisely.
-SEAM_TOLERANCE = 1e-9  # fraction of the size of the control net
-DOMAIN_TOLERANCE = 1e-9  # deviation of the first and last knot of the domain from 0 and 1
-SUM_TOLERANCE = 1e-9  # relative rounding error of distances, which depends on the order of summation
 
 
 @needs("control_net")
@@ -43,7 +40,7 @@ def _knots_fit(surface: Part, degree: Array, knots: list[list[float]], net: Arra
             at = int(drops[0]) + 1
             message = f"is {show(row[at])}, less than the previous knot ({show(row[at - 1])}); knots must not decrease"
             yield error("knots-decrease", surface.at("knots", axis, at), message, row[at])
-        elif abs(row[d]) > DOMAIN_TOLERANCE or abs(row[n] - 1) > DOMAIN_TOLERANCE:
+        elif abs(row[d]) > STORED_ROUNDING or abs(row[n] - 1) > STORED_ROUNDING:
             message = f"must span [0, 1] from knot {d} to knot {n}, not [{show(row[d])}, {show(row[n])}]"
             yield error("knots-domain", where, message, row)
 
@@ -55,7 +52,7 @@ def _closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Arr
         along = np.moveaxis(net, axis, 0)
         if closed[axis] and len(along) > d:
             gap = np.abs(along[:d] - along[-d:]).max()
-            if not gap <= SEAM_TOLERANCE * size:
+            if not gap <= STORED_ROUNDING * size:
                 message = (
                     f"is closed in {'uv'[axis]}, but its last {d} points deviate from its first {d} by {gap:.3g} m"
                 )
@@ -75,11 +72,11 @@ def _errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
     """Check mean <= rms <= max, and that the Hausdorff distance is the larger maximum."""
     for name in ("mesh_to_surface", "surface_to_mesh"):
         mean, rms, most = (errors[name][key] for key in ("mean", "rms", "max"))
-        if not mean <= rms * (1 + SUM_TOLERANCE) <= most * (1 + 2 * SUM_TOLERANCE):
+        if not mean <= rms * (1 + STORED_ROUNDING) <= most * (1 + 2 * STORED_ROUNDING):
             message = f"has mean {show(mean)}, rms {show(rms)}, max {show(most)}; they must not decrease in this order"
             yield warning("errors", surface.at("errors", name), message, errors[name])
     largest = max(errors[name]["max"] for name in ("mesh_to_surface", "surface_to_mesh"))
-    if abs(errors["hausdorff"] - largest) > SUM_TOLERANCE * largest:
+    if abs(errors["hausdorff"] - largest) > STORED_ROUNDING * largest:
         message = f"is {show(errors['hausdorff'])}, but the larger maximum is {show(largest)}"
         yield warning("errors", surface.at("errors", "hausdorff"), message, errors["hausdorff"])
 

@@ -10,7 +10,7 @@ KNOWN_FORMATS = {
     codecs.BOM_UTF16_BE: "is UTF-16. Save it as UTF-8.",
 }
 _CONTROL_CHARACTER = re.compile(rb"[\0-\x08\x0e-\x1a\x1c-\x1f\x7f]")  # no text encoding needs these
-SEARCH_BYTES = 2**16  # bytes that are searched for control characters. Larger: slower for large invalid files.
+BLOCK_LENGTH = 2**16  # bytes or characters of a file that are searched or parsed at once. Larger: more memory.
 
 
 class DecodingError(ValueError):
@@ -38,8 +38,8 @@ def _instead(data: bytes, offset: int) -> str:
     for beginning, what in KNOWN_FORMATS.items():
         if data.startswith(beginning):
             return what
-    found = _CONTROL_CHARACTER.search(data, 0, SEARCH_BYTES) or _CONTROL_CHARACTER.search(
-        data, offset, offset + SEARCH_BYTES
+    found = _CONTROL_CHARACTER.search(data, 0, BLOCK_LENGTH) or _CONTROL_CHARACTER.search(
+        data, offset, offset + BLOCK_LENGTH
     )
     if found:
         return f"is binary at byte {found.start()}. Check that it is the correct file."

@@ -14,7 +14,7 @@ import numpy as np
 
 from .errors import CalibrationFormatError
 from .findings import Finding, child, error, first, show
-from .plain_text import DecodingError, decoded
+from .plain_text import BLOCK_LENGTH, DecodingError, decoded
 
 MAX_JSON_BYTES = 512 * 2**20  # of any file. Larger: a malicious file uses more memory.
 MAX_VALUES = 2**24  # three times the values of 100 000 taxels. Larger: a malicious file uses more memory.
@@ -22,7 +22,6 @@ MAX_JSON_DEPTH = 32  # nesting levels. Larger: the recursion of the parser is de
 
 _SURROGATE_ESCAPE = re.compile(r"\\u[dD][89a-fA-F]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
-CHUNK_BYTES = 2**18  # bytes that are counted at once. Larger: more memory, hardly faster.
 _STEP = np.zeros(256, np.int8)
 _STEP[list(b"[{")] = 1
 _STEP[list(b"]}")] = -1
@@ -128,8 +127,8 @@ def _measure(data: bytes) -> None:
     unescaped = data.replace(rb"\\", b"__").replace(rb"\"", b"__")  # now every quote opens or closes a string
     depth = deepest = values = 0
     in_text = False
-    for start in range(0, len(unescaped), CHUNK_BYTES):
-        chunk = np.frombuffer(unescaped[start : start + CHUNK_BYTES], np.uint8)
+    for start in range(0, len(unescaped), BLOCK_LENGTH):
+        chunk = np.frombuffer(unescaped[start : start + BLOCK_LENGTH], np.uint8)
         inside = np.logical_xor.accumulate(chunk == ord('"')) ^ in_text
         outside = np.where(inside, 0, chunk)
         steps = _STEP[outside]

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..calibration.model import Patch
+from ..calibration.model import MAX_CHANNEL, Patch
 from ..common.arrays import Array, IntArray, cross
 from ..common.errors import UnknownTaxel
 from ..common.findings import did_you_mean
@@ -17,8 +17,6 @@ from ..common.findings import did_you_mean
 SHARED_SIDE_TOLERANCE = 0.3
 # Barycentric coordinate of a ray outside a triangle that is rounding. Larger: a wider border.
 BARYCENTRIC_ROUNDING = 1e-9
-# Number of digits that a channel can have.
-MAX_CHANNEL_DIGITS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +95,7 @@ class AllTaxels:
         word = word.strip()
         if word in self.rows:
             return self.rows[word]
-        is_channel = word.isascii() and word.isdigit() and len(word) < MAX_CHANNEL_DIGITS
+        is_channel = word.isascii() and word.isdigit() and len(word) <= len(str(MAX_CHANNEL))
         here = np.flatnonzero(self.channels == int(word if is_channel else -1))
         if len(here):
             return int(here[0])

@@ -23,7 +23,7 @@ from .plane import cross
 
 # [m^2] Smallest area of a pressure-driven wrench: half of a small cell. Larger: small contacts get weaker wrenches;
 # smaller: a contact of a fraction of a cell gets a very large one.
-MIN_AREA = 2.5e-5
+MIN_CONTACT_AREA = 2.5e-5
 
 
 def about(wrench: Array, point: Any) -> Array:
@@ -88,7 +88,7 @@ def line_of_action(wrench: Array) -> tuple[Array, float] | None:
     return cross(direction, moment) / size, float(direction @ moment)
 
 
-def pressure_driven(wrench: Array, area: float, gain: float, min_area: float = MIN_AREA) -> Array:
+def pressure_driven(wrench: Array, area: float, gain: float, min_area: float = MIN_CONTACT_AREA) -> Array:
     """Return the wrench that responds to pressure (thesis eq. 3.26, 3.27, corrected).
 
     It is strong for a fingertip and weak for a palm::

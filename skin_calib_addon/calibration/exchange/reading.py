@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from ...common.errors import CalibrationFormatError
 from ...common.findings import did_you_mean, in_short
+from ...common.plain_text import BLOCK_LENGTH
 from ...common.strict_json import read
 from ...common.text import check_size, text_of
 from .icub import BLOCK, read_icub
@@ -29,7 +30,6 @@ READABLE = (*READERS, *CLOUDS)
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
-ROOT_SEARCH_LENGTH = 2**16  # characters that are searched for the root element. Larger: slower for other files.
 
 
 def read_taxels(path: str | os.PathLike[str], format: str | None = None, only: str | None = None) -> TaxelSet:
@@ -89,7 +89,7 @@ def cloud_format_of(data: bytes) -> str | None:
 def format_of(text: str) -> str | None:
     """Return the format of a text, or None."""
     if text.lstrip().startswith("<"):
-        root = _ELEMENT.search(_COMMENT.sub("", text[:ROOT_SEARCH_LENGTH]))
+        root = _ELEMENT.search(_COMMENT.sub("", text[:BLOCK_LENGTH]))
         return "urdf" if root and root[1] == ROOT else "tum"
     if any(content.strip() == BLOCK for content in text.split("\n")):
         return "icub"

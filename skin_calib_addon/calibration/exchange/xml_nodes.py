@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from ...common.findings import error, show
+from ...common.plain_text import BLOCK_LENGTH
 from ...common.text import NumberError, whole
 from .taxel_set import line
 
@@ -12,7 +13,6 @@ from .taxel_set import line
 MAX_XML_DEPTH = 16  # nesting levels
 MAX_NODES = 1000  # in one child of the root, by default; a cell has about 25
 MAX_TEXT_LENGTH = 64  # characters of text that a node keeps; it contains one number
-CHUNK_LENGTH = 2**16  # characters that are parsed at once. Larger: more nodes wait in memory.
 
 
 class XmlError(Exception):
@@ -105,8 +105,8 @@ def children_of_root(text: str, root: str, most_nodes: int = MAX_NODES) -> Itera
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, data
     parser.EntityDeclHandler = entity
     try:
-        for at in range(0, len(text), CHUNK_LENGTH):
-            parser.Parse(text[at : at + CHUNK_LENGTH], False)
+        for at in range(0, len(text), BLOCK_LENGTH):
+            parser.Parse(text[at : at + BLOCK_LENGTH], False)
             yield from done
             done.clear()
         parser.Parse("", True)

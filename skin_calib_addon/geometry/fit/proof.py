@@ -9,8 +9,6 @@ from ...common.arrays import Array, IntArray
 MIN_DISTANCE = 1e-300  # [m] lower bound of a distance in a denominator or a logarithm
 # [1] exact distances that the first round computes. Larger: a better estimate of the other distances, more time.
 FIRST_BATCH = 256
-# [1] ratio of the numbers of exact distances in successive rounds. Larger: fewer rounds, more distances than needed.
-BATCH_GROWTH = 2
 
 
 def confirmed_error(
@@ -59,7 +57,7 @@ def confirmed_error(
         if done == 0:
             finite = np.isfinite(before)
             shrunk = bounds[chosen][finite].sum() / max(before[finite].sum(), MIN_DISTANCE)
-        done, batch, error = done + len(chosen), BATCH_GROWTH * batch, statistic(bounds)
+        done, batch, error = done + len(chosen), 2 * batch, statistic(bounds)
         likely = bounds.copy()
         likely[order[done:]] *= shrunk
         if statistic(likely) > tolerance:

@@ -18,8 +18,6 @@ from .triangle_mesh import TriangleMesh, weld
 FLAT_FACE_RATIO = 1e-7
 # [cosine] A part whose faces point inward by more than this on average is inside out. Larger: fewer parts are reported.
 INWARD_COSINE = 0.2
-# [1] open ends of a tube; more holes give a warning.
-TUBE_ENDS = 2
 # [fraction of the area] Faces back to back give a warning above this fraction. Larger: fewer warnings.
 MAX_DOUBLED_FRACTION = 0.01
 # [1] holes that are listed one by one in a message.
@@ -99,7 +97,7 @@ class Diagnosis:
         )
         advice = "Ends may be open. Elsewhere the fit has no data: fill the holes, or keep the skin away from them."
         what = f"{count(len(lengths), 'hole')}, circumference {listed} mm"
-        yield _finding("holes", what, len(lengths) > TUBE_ENDS, advice)
+        yield _finding("holes", what, len(lengths) > 2, advice)  # a tube has two ends
 
     def _edges(self) -> Iterator[Warning]:
         if not len(self.branching):

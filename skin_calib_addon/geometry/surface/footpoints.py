@@ -29,7 +29,7 @@ CELLS_FOR_MANY = 10_000
 # [1] points up to which the smaller table is used. It affects the time only.
 FEW_POINTS = 500
 # [1] largest deviation of a cell from its triangles, as a fraction of its side. Smaller: more cells where it bends.
-MAX_DEVIATION = 0.05
+MAX_CELL_DEVIATION = 0.05
 # [1] most cells along a span, so that a surface with one sharp bend does not fill the memory.
 MAX_CELLS_PER_SPAN = 200
 # [1] distance in cells up to which a cell belongs to the minimum of a footpoint. Larger: fewer descents; a second
@@ -198,7 +198,7 @@ def _cell_ends(surface: BSplineSurface, cells: int) -> tuple[tuple[Array, Array]
     bend = [bends[2 * axis].max(axis=1 - axis) * surface.spans[axis].lengths ** 2 / 8 for axis in (0, 1)]
     ends, span = [], []
     for axis in (0, 1):
-        count = np.ceil(np.maximum(sides[axis] / size, np.sqrt(bend[axis] / (MAX_DEVIATION * size)))).astype(int)
+        count = np.ceil(np.maximum(sides[axis] / size, np.sqrt(bend[axis] / (MAX_CELL_DEVIATION * size)))).astype(int)
         count = np.clip(count, 1, MAX_CELLS_PER_SPAN)
         span.append(np.repeat(np.arange(len(count)), count))
         within = np.arange(len(span[axis])) - np.repeat(np.cumsum(count) - count, count)

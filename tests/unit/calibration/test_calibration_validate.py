@@ -661,7 +661,7 @@ def test_measure_is_independent_of_chunks(monkeypatch):
     """The positions of chunk borders do not change depth and count."""
     monkeypatch.setattr(strict_json, "MAX_JSON_DEPTH", 2)
     for size in range(1, 12):
-        monkeypatch.setattr(strict_json, "CHUNK_BYTES", size)
+        monkeypatch.setattr(strict_json, "BLOCK_LENGTH", size)
         assert parse(rb'[["[[\"[[", "\\"], [{}]]')[1][0].message.startswith("has 3 nesting levels")
         assert parse(rb'[["[[\"[[", "\\"], [0]]')[1] == ()
 

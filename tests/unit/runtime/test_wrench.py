@@ -71,7 +71,7 @@ def test_pressure_driven_wrench_is_strong_where_the_area_is_small():
     felt = np.array([0, 0, 10.0, 1, 0, 0])
     assert_allclose(wrench.pressure_driven(felt, 0.002, 0.001), felt / 2)
     assert np.isfinite(wrench.pressure_driven(felt, 0.0, 0.001)).all()
-    assert_allclose(wrench.pressure_driven(felt, 0.0, 0.001), felt * 0.001 / wrench.MIN_AREA)
+    assert_allclose(wrench.pressure_driven(felt, 0.0, 0.001), felt * 0.001 / wrench.MIN_CONTACT_AREA)
 
 
 def test_proximity_pushes_away_from_what_is_near():
