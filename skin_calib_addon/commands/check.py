@@ -13,7 +13,7 @@ from ..common.findings import Finding, printable, warning
 from ..common.strict_json import parse, read
 from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh
 from ..plan import FORMAT, check_plan_wholly
-from .common import DONE, WRONG_DATA, complain
+from .common import DONE, WRONG_DATA, complain, say
 
 MAX_UNCOUNTED = 10  # findings without a count by code. Larger: longer lists without a count.
 
@@ -63,12 +63,12 @@ def _check_one(path: Path, mesh: Path | None) -> int:
             outdated, of_mesh = _compare(path, document["mesh"], mesh)
             findings, notes = (*findings, *outdated), [*notes, of_mesh]
     for finding in findings:
-        print(f"{finding}{_taxel(document, finding.pointer)}")
+        say(f"{finding}{_taxel(document, finding.pointer)}")
     errors = sum(f.severity == "error" for f in findings)
     counted = [f"{errors} errors, {len(findings) - errors} warnings", *notes]
     if len(findings) > MAX_UNCOUNTED:
         counted.append(", ".join(f"{n} {code}" for code, n in Counter(f.code for f in findings).most_common()))
-    print(printable(f"{path}: {'; '.join(counted)}"))
+    say(f"{path}: {'; '.join(counted)}")
     return WRONG_DATA if errors else DONE
 
 

@@ -9,16 +9,23 @@ from pathlib import Path
 
 from ..calibration.exchange import FORMATS
 from ..common.errors import OutputError
+from ..common.findings import printable
 
 # Contract: exit codes
 DONE = 0
 WRONG_DATA = 1
 WRONG_CALL = 2
+PICTURES = (".png", ".pdf", ".svg", ".jpg")  # endings of pictures
+
+
+def say(text: str) -> None:
+    """Print text on stdout, with control characters escaped: names in a file must not control the terminal."""
+    print("\n".join(map(printable, text.split("\n"))))
 
 
 def complain(message: str) -> None:
-    """Print a message on one line of stderr."""
-    print("skin-calib:", " ".join(message.splitlines()), file=sys.stderr)
+    """Print a message on one line of stderr, with control characters escaped."""
+    print("skin-calib:", printable(" ".join(message.splitlines())), file=sys.stderr)
 
 
 def check_target(target: Path | None, *others: Path | None) -> None:
@@ -42,6 +49,12 @@ def check_target(target: Path | None, *others: Path | None) -> None:
     for other in others:
         if target is not None and other is not None and _is_same(target, other):
             raise OutputError(f"{target} would replace {other}, which the same call uses. Choose another file.")
+
+
+def check_picture(target: Path | None) -> None:
+    """Check that the name of a picture (None is valid, and a folder) ends as one; raise OutputError if it does not."""
+    if target is not None and not os.path.isdir(target) and target.suffix.lower() not in PICTURES:
+        raise OutputError(f"{target.name} is not a name for a picture. Use one that ends with {', '.join(PICTURES)}.")
 
 
 def _is_same(a: Path, b: Path) -> bool:

@@ -6,7 +6,7 @@ from pathlib import Path
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
 from ..common.atomic_file import write_bytes_safely
-from .common import DONE, check_target, listed
+from .common import DONE, check_target, listed, say
 
 
 def add(commands) -> None:
@@ -32,5 +32,5 @@ def run(options: argparse.Namespace) -> int:
         calibration = only_patches(calibration, options.patch)
     write_bytes_safely(options.output, format.write(calibration))
     taxels, patches = sum(len(patch.taxels.ids) for patch in calibration.patches), len(calibration.patches)
-    print(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; ids in the file: {format.labels}")
+    say(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; ids in the file: {format.labels}")
     return DONE

@@ -12,7 +12,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.sources import Source, load_sources, save_source
 from ..plan import Plan
 from ..robot.urdf import Robot, read_robot
-from .common import DONE, WRONG_DATA, check_target, complain, count
+from .common import DONE, WRONG_CALL, WRONG_DATA, check_picture, check_target, complain, count, say
 from .fit_jobs import Job, Outcome, outcomes
 from .progress import Progress
 
@@ -73,6 +73,7 @@ def run(options: argparse.Namespace) -> int:
             raise OutputError(
                 f"{target} is not a folder; {len(links)} links need one. Create it, or choose an existing folder."
             )
+    check_picture(options.picture)
     if len(set(names)) < len(names):
         raise OutputError(
             f"Two plans have the name {next(n for n in names if names.count(n) > 1)!r}. Rename one of them."
@@ -141,7 +142,9 @@ def _carry_out(jobs: list[Job], processes: int) -> int:
         return INTERRUPTED
     progress.clear()
     if len(jobs) > 1:
-        print(_table([done[job.name] for job in jobs]))
+        say(_table([done[job.name] for job in jobs]))
+    if any(outcome.unwritable for outcome in done.values()):
+        return WRONG_CALL
     return WRONG_DATA if any(outcome.state == "failed" for outcome in done.values()) else DONE
 
 
@@ -153,7 +156,7 @@ def _report(outcome: Outcome, which: str) -> None:
         complain(which + outcome.text)
         sys.stderr.write(outcome.trace)
     elif not which:
-        print(outcome.text if outcome.state == "fitted" else f"{outcome.job.calibration}: {_state(outcome)}")
+        say(outcome.text if outcome.state == "fitted" else f"{outcome.job.calibration}: {_state(outcome)}")
 
 
 def _state(outcome: Outcome) -> str:

@@ -10,7 +10,7 @@ from typing import Literal
 
 from ..calibration.file import load_calibration, save_calibration
 from ..common.atomic_file import write_bytes_safely
-from ..common.errors import CalibrationFormatError, SkinCalibError
+from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError
 from ..common.warnings import Warning
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline import Calibrated, calibrate
@@ -61,6 +61,7 @@ class Outcome:
     mean: float = 0.0  # distance from surface to mesh [m]
     source: Source | None = None
     trace: str = ""  # traceback of an unexpected error
+    unwritable: bool = False  # whether an output cannot be written
 
 
 def outcomes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
@@ -104,7 +105,7 @@ def fit_one(job: Job) -> Outcome:
             write_bytes_safely(job.report, (json.dumps(report_document(result), indent=2) + "\n").encode())
         save_calibration(result.calibration, job.calibration)
     except SkinCalibError as error:
-        return Outcome(job, "failed", str(error))
+        return Outcome(job, "failed", str(error), unwritable=isinstance(error, OutputError))
     taxels = sum(len(patch.taxels.ids) for patch in result.calibration.patches)
     mean = result.fit.errors.surface_to_mesh.mean
     if source and job.folder:

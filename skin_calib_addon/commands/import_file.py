@@ -13,7 +13,7 @@ from ..pipeline import calibrate
 from ..pipeline.report import summary
 from ..plan import Plan, check_frame, check_plan, load_plan, plan_document, plan_from
 from ..skin.imported import placed
-from .common import DONE, check_target, complain, listed
+from .common import DONE, check_target, complain, listed, say
 
 
 def add(commands) -> None:
@@ -62,7 +62,7 @@ def _as_table(options: argparse.Namespace) -> int:
         complain(str(finding))
     frame = "no name of a frame" if taxels.frame is None else f"frame {taxels.frame}"
     channels = f"channels {taxels.channels.min()} to {taxels.channels.max()}"
-    print(f"{options.output}: table of {len(taxels.labels)} taxels, {channels}, {frame}")
+    say(f"{options.output}: table of {len(taxels.labels)} taxels, {channels}, {frame}")
     return DONE
 
 
@@ -73,7 +73,7 @@ def _on_link(options: argparse.Namespace) -> int:
     save_calibration(result.calibration, options.output)
     for warning in result.warnings:
         complain(f"{warning.severity}: {warning}")
-    print(summary(result, options.output))
+    say(summary(result, options.output))
     return DONE
 
 

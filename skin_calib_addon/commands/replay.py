@@ -12,7 +12,7 @@ from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_recording
 from ..runtime import Frame, Skin, load
 from ..runtime.skin import SWITCH_OFF, SWITCH_ON
-from .common import DONE, check_target, complain, count, newtons
+from .common import DONE, check_picture, check_target, complain, count, newtons, say
 
 
 def add(commands) -> None:
@@ -46,6 +46,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     check_target(options.output, options.file, options.readings)
     check_target(options.picture, options.file, options.readings, options.output)
+    check_picture(options.picture)
     off = options.on * SWITCH_OFF / SWITCH_ON if options.off is None else options.off
     if off > options.on:
         options.refuse(
@@ -53,6 +54,10 @@ def run(options: argparse.Namespace) -> int:
         )
     skin = load(options.file, options.on, off)
     recorded = list(read_recording(options.readings))
+    if options.tare > len(recorded):
+        raise CalibrationFormatError(
+            f"'{options.readings}' has {len(recorded)} frames, fewer than the {options.tare} of --tare. Use fewer."
+        )
     if options.tare:
         skin.tare([reading for _, reading in recorded[: options.tare]])
     frames = [skin.update(reading, time) for time, reading in recorded]
@@ -69,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
         write_bytes_safely(options.output, ("\n".join(lines) + "\n").encode())
     for flag, times in sorted(Counter(flag for frame in frames for flag in frame.flags).items()):
         complain(f"warning: {flag} in {times} of {len(frames)} frames")
-    print(_summary(skin, frames))
+    say(_summary(skin, frames))
     return DONE
 
 

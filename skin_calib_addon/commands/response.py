@@ -14,7 +14,7 @@ from ..calibration.response import AnyResponse
 from ..calibration.response_fit import ResponseFit, fit_response
 from ..common.errors import UnderdeterminedFit
 from ..common.warnings import Place, Warning
-from .common import DONE, check_target, complain
+from .common import DONE, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
@@ -34,6 +34,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     check_target(options.output, options.measurements)  # OUT may replace the calibration
     check_target(options.picture, options.file, options.measurements, options.output)
+    check_picture(options.picture)
     calibration = load_calibration(options.file)
     ids = {name for patch in calibration.patches for name in patch.taxels.ids}
     measured = read_measurements(options.measurements, ids)
@@ -47,8 +48,8 @@ def run(options: argparse.Namespace) -> int:
     for warning in _warnings(calibration, measured, fits):
         complain(f"{warning.severity}: {warning}")
     for one, fit in zip(measured, fits):
-        print(_line(one, fit))
-    print(f"calibration      {options.output}")
+        say(_line(one, fit))
+    say(f"calibration      {options.output}")
     return DONE
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..calibration.file import load_with_warnings
 from ..pipeline.report import table
-from .common import DONE, check_target, complain
+from .common import DONE, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
@@ -17,8 +17,9 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     check_target(options.picture, options.file)
+    check_picture(options.picture)
     calibration, warnings = load_with_warnings(options.file)
-    print(table(calibration))
+    say(table(calibration))
     for warning in warnings:
         complain(str(warning))
     if options.picture:

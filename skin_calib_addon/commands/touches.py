@@ -11,7 +11,7 @@ from ..pipeline import calibrate
 from ..pipeline.refine import refine
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, placements, read_touches, summarize
-from .common import DONE, check_target, complain
+from .common import DONE, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
@@ -37,6 +37,7 @@ def run(options: argparse.Namespace) -> int:
         options.refuse("--refine and -o OUT belong together: specify both or neither")
     check_target(options.output, options.touches)  # OUT may replace the plan
     check_target(options.picture, options.file, options.touches, options.output)
+    check_picture(options.picture)
     is_plan = _is_plan(options.file)
     if options.refine and not is_plan:
         raise InvalidPlan(
@@ -47,8 +48,8 @@ def run(options: argparse.Namespace) -> int:
     calibration = result.calibration if result else load_calibration(options.file)
     touches = read_touches(options.touches, calibration)
     found = placements(calibration, touches)
-    print(f"link             {calibration.link}, {_count(calibration)} taxels")
-    print(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
+    say(f"link             {calibration.link}, {_count(calibration)} taxels")
+    say(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")
     _report(found)
     for warning in (warning for placement in found for warning in placement.warnings()):
         complain(f"{warning.severity}: {warning}")
@@ -56,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         refined = refine(plan, result, touches)
         found = refined.placements
         save_plan(named_from(refined.plan, options.output.absolute().parent), options.output)
-        print(f"plan             {options.output}; after the refinement:")
+        say(f"plan             {options.output}; after the refinement:")
         _report(found)
     if options.picture:
         from ..pictures.touches import draw_touches  # matplotlib is optional
@@ -78,4 +79,4 @@ def _report(found: list[Placement]) -> None:
     """Print a few lines for each patch."""
     for placement in found:
         for line in summarize(placement):
-            print(f"{placement.patch.name[:16]:16} {line}")
+            say(f"{placement.patch.name[:16]:16} {line}")

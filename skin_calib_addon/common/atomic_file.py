@@ -3,10 +3,14 @@
 import os
 import secrets
 import stat
+import time
 from contextlib import suppress
 from pathlib import Path
 
 from .errors import OutputError
+
+# [s] age from which a temporary file belongs to a program that was killed. Larger: remains stay longer.
+MAX_AGE = 3600.0
 
 
 def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
@@ -29,6 +33,7 @@ def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
     try:
         target = Path(os.path.realpath(path))
         mode = _mode(target)
+        _remove_remains(target.parent)
         temporary = target.with_name(f".skin-{secrets.token_hex(8)}.tmp")  # same folder: a rename stays atomic
         try:
             _write_new(temporary, data, mode)
@@ -45,6 +50,15 @@ def write_bytes_safely(path: str | os.PathLike[str], data: bytes) -> None:
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the path
         reason = getattr(problem, "strerror", None) or problem
         raise OutputError(f"cannot write '{path}': {reason}. Choose another folder, or free disk space.") from problem
+
+
+def _remove_remains(folder: Path) -> None:
+    """Remove the temporary files of programs that were killed while they wrote."""
+    with suppress(OSError):
+        for path in folder.glob(".skin-*.tmp"):
+            with suppress(OSError):
+                if time.time() - path.stat().st_mtime > MAX_AGE:
+                    path.unlink()
 
 
 def _mode(target: Path) -> int | None:

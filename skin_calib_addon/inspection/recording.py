@@ -1,5 +1,6 @@
 """Recorded readings of a controller, cycle by cycle, from a CSV or NPZ file."""
 
+import math
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,8 +17,9 @@ from ..runtime.balance.polygon import Polygon
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
 
-# Limit of the numbers in an NPZ file; protects the memory. Larger: accepts larger files.
-MAX_NUMBERS = 2**28
+# Limit of the numbers in an array of an NPZ file; protects the memory, because a file can be a thousand times smaller
+# than its arrays. Larger: accepts larger files.
+MAX_NUMBERS = 2**26
 
 
 def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
@@ -41,25 +43,36 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
 
 def _packed(path: Path) -> Iterator[tuple[float, Array]]:
     size_of(path)
+    if not zipfile.is_zipfile(path):  # NumPy would take it for a pickle
+        raise CalibrationFormatError(f"cannot read '{path}': it is not an NPZ file; save it with numpy.savez")
     try:
-        if not zipfile.is_zipfile(path):  # NumPy would take it for a pickle
-            raise CalibrationFormatError(f"cannot read '{path}': it is not an NPZ file; save it with numpy.savez")
-        with np.load(path, allow_pickle=False) as file:
-            missing = [name for name in ("time", "readings") if name not in file.files]
-            if missing:
-                raise CalibrationFormatError(f"'{path}' has no array '{missing[0]}'; it has {sorted(file.files)}")
-            for name in ("time", "readings"):
-                if (size := file.zip.getinfo(f"{name}.npy").file_size) > 8 * MAX_NUMBERS:
-                    raise CalibrationFormatError(
-                        f"array '{name}' of '{path}' has {size} bytes, which is too large to read. Split the file"
-                    )
-            time, readings = file["time"], file["readings"]
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as problem:
-        raise CalibrationFormatError(f"cannot read '{path}': {problem}") from problem
+        with zipfile.ZipFile(path) as archive:
+            time, readings = (_array(archive, name) for name in ("time", "readings"))
+    except CalibrationFormatError as problem:
+        raise CalibrationFormatError(f"'{path}' {problem}") from problem
+    except Exception as problem:  # the readers raise many types of exceptions for damaged files
+        raise CalibrationFormatError(f"cannot read '{path}': {problem}. Save it again with numpy.savez") from problem
     if time.ndim != 1 or time.dtype.kind not in "uif" or readings.shape[:1] != time.shape or readings.ndim != 2:
         shapes = f"time {time.dtype} {time.shape} and readings {readings.dtype} {readings.shape}"
         raise CalibrationFormatError(f"'{path}' has {shapes}. Give numbers of shapes (t,) and (t, channels)")
     yield from zip(time.astype(float).tolist(), readings)
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    """Read an array of an archive; its header states its size before memory is used."""
+    stored = [member.removesuffix(".npy") for member in archive.namelist()]
+    if name not in stored:
+        raise CalibrationFormatError(f"has no array '{name}'; it has {sorted(stored)}")
+    with archive.open(f"{name}.npy") as file:
+        version = np.lib.format.read_magic(file)
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape = read_header(file)[0]
+    if math.prod(shape) > MAX_NUMBERS:
+        raise CalibrationFormatError(
+            f"has {math.prod(shape)} numbers in the array '{name}', more than {MAX_NUMBERS}. Split the file"
+        )
+    with archive.open(f"{name}.npy") as file:
+        return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def _table(path: Path) -> Iterator[tuple[float, Array]]:
@@ -72,6 +85,8 @@ def _table(path: Path) -> Iterator[tuple[float, Array]]:
                 f"'{path}', line 1: the header of a recording must be time and one name for each channel"
             )
         for line, row in rows:
+            if len(row) > len(header):
+                raise TableError(line, f"the row has {len(row)} columns, but the header has {len(header)}")
             cells = [_number(cell, path, line, k + 1) for k, cell in enumerate(row)]
             yield cells[0], np.array(cells[1:])
     except TableError as problem:

@@ -15,6 +15,7 @@ from .triangle_mesh import TriangleMesh, weld
 # [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.
 # Larger: more inner parts are kept.
 INNER_AREA_FRACTION = 0.5
+HULL_BLOCK = 4096  # [1] points that are compared with all planes of a hull at a time. Larger: more memory.
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,10 @@ def fraction_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
     float
     """
     centres, areas = mesh.triangles[faces].mean(axis=1), mesh.face_areas[faces]
-    inside = (centres @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1) & (len(hull) > 0)
+    inside = np.full(len(centres), len(hull) > 0)
+    for i in range(0, len(centres), HULL_BLOCK):
+        block = slice(i, i + HULL_BLOCK)
+        inside[block] &= (centres[block] @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1)
     return float(areas[inside].sum() / areas.sum()) if areas.sum() > 0 else 1.0
 
 

@@ -190,6 +190,8 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
         raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
         vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise ValueError(f"its vertices have {vertices.shape[-1]} coordinates instead of 3")
     except Exception as error:  # the readers of trimesh raise many types of exceptions for broken files
         raise InvalidMesh(f"{path.name} is not a valid {kind.upper()} file: {error}", path=str(path)) from error
     check_face_count(path, kind, len(faces))

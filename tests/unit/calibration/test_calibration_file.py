@@ -8,6 +8,7 @@ import signal
 import stat
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -319,6 +320,16 @@ def test_write_gives_new_files_the_usual_mode(tmp_path):
     (tmp_path / "usual").touch()
     write_bytes_safely(tmp_path / "c.json", b"new")
     assert (tmp_path / "c.json").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def test_remains_of_killed_programs_are_removed(tmp_path):
+    """Only those that nobody can be writing any more."""
+    old, young = tmp_path / ".skin-0123456789abcdef.tmp", tmp_path / ".skin-fedcba9876543210.tmp"
+    for path in (old, young):
+        path.write_bytes(b"half")
+    os.utime(old, (0, time.time() - 7200))
+    write_bytes_safely(tmp_path / "c.json", b"new")
+    assert not old.exists() and young.exists()
 
 
 def test_write_follows_symbolic_links(tmp_path):

@@ -240,15 +240,13 @@ def test_bad_plan_is_one_line_for_a_user_too(folder, case, message):
 
 
 @pytest.mark.parametrize("option", ["-o", "--picture", "--report"])
-@pytest.mark.parametrize("target", ["none/x", "x" * 5000])
+@pytest.mark.parametrize("target", ["none/x.png", "x" * 5000 + ".png"])
 def test_missing_folder_is_reported_before_the_fit(folder, capsys, option, target):
-    """Code 2 before any computation, for each file; an invalid name is one line, too."""
+    """Code 2 for each file; an invalid name is one line, too."""
     words = {"-o": folder / "out.json", option: folder / target}
-    code = 2 if target == "none/x" else 1
-    message = f"the folder {folder / 'none'} for x does not exist. Create it first." if code == 2 else "cannot write"
-    assert_refused(
-        capsys, code, message, "fit", folder / "tube.plan.json", *(w for pair in words.items() for w in pair)
-    )
+    missing = f"the folder {folder / 'none'} for x.png does not exist. Create it first."
+    message = missing if target == "none/x.png" else "cannot write"
+    assert_refused(capsys, 2, message, "fit", folder / "tube.plan.json", *(w for pair in words.items() for w in pair))
     assert not (folder / "none").exists()
 
 
@@ -568,6 +566,33 @@ def test_scene_plans_replace_plan_files(folder, capsys):
     capsys.readouterr()
     assert main(["fit", "-o", str(folder / "c.json")], lambda: []) == 1
     assert "The scene has no link to fit" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["fit", "show"])
+def test_picture_needs_a_name_of_a_picture(folder, capsys, command):
+    """The call is refused before any work."""
+    calibration = folder / "c.json"
+    if command == "show":
+        save_calibration(small_calibration(), calibration)
+    words = {"fit": ["fit", folder / "tube.plan.json", "-o", calibration], "show": ["show", calibration]}[command]
+    assert_refused(capsys, 2, "a.txt is not a name for a picture", *words, "--picture", folder / "a.txt")
+    assert not (folder / "a.txt").exists() and calibration.exists() == (command == "show")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pipes of this kind")
+def test_file_that_cannot_be_written_is_a_wrong_call(folder, capsys):
+    """The exit code of fit is that of the other commands."""
+    os.mkfifo(folder / "pipe")
+    assert main(["fit", str(folder / "tube.plan.json"), "-o", str(folder / "pipe")]) == 2
+    assert "it is not a regular file" in capsys.readouterr().err
+
+
+def test_control_characters_of_a_plan_do_not_get_to_the_terminal(folder, capsys):
+    """The name of a mesh could clear the screen or write into the title."""
+    plan = write_plan(folder, mesh="a\x1b[2Jb\x07.stl")
+    assert main(["fit", str(plan), "-o", str(folder / "c.json")]) == 1
+    out, err = capsys.readouterr()
+    assert "\x1b" not in out + err and "\x07" not in out + err and r"\x1b[2Jb\x07.stl" in err
 
 
 def test_inner_parts_are_cut_away(folder, capsys):

@@ -1,10 +1,13 @@
 """Recorded readings in the runtime, from the command line."""
 
+import io
 import json
 import os
+import zipfile
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from skin_calib_addon.calibration import Response, save_calibration
 from skin_calib_addon.cli import main
@@ -149,6 +152,68 @@ def test_file_that_is_not_an_archive_is_refused(tmp_path):
         CalibrationFormatError, match="cannot read .*r.npz': it is not an NPZ file; save it with numpy.savez"
     ):
         list(read_recording(path))
+
+
+@pytest.mark.parametrize("place", range(24))
+def test_damaged_archive_is_one_error(place, tmp_path):
+    """Wrong bytes anywhere in the file: the reader of the library raises errors of many types."""
+    path = tmp_path / "r.npz"
+    time, rows = readings()
+    np.savez_compressed(path, time=time, readings=rows)
+    data = bytearray(path.read_bytes())
+    at = place * len(data) // 24
+    data[at : at + 9] = bytes(255 - byte for byte in data[at : at + 9])
+    path.write_bytes(data)
+    try:
+        frames = list(read_recording(path))
+    except CalibrationFormatError as error:
+        assert "r.npz" in str(error)
+    else:  # a part of the file that nothing reads
+        assert_array_equal([row for _, row in frames], rows)
+
+
+def test_archive_of_an_unknown_compression_is_one_error(tmp_path):
+    """The library raises NotImplementedError."""
+    path = tmp_path / "r.npz"
+    time, rows = readings()
+    np.savez_compressed(path, time=time, readings=rows)
+    data = bytearray(path.read_bytes())
+    entry = data.index(b"PK\x01\x02")  # of the directory; its method of compression is at byte 10
+    assert data[entry + 10] == zipfile.ZIP_DEFLATED
+    data[entry + 10] = 99
+    path.write_bytes(data)
+    with pytest.raises(CalibrationFormatError, match="cannot read .*r.npz.*compression.*Save it again"):
+        list(read_recording(path))
+
+
+def test_archive_that_expands_too_much_is_refused(tmp_path):
+    """Its header states its size before memory is used: 2 MB of file would become 3 GB."""
+    path = tmp_path / "r.npz"
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (400_000, 1000)})
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("readings.npy", header.getvalue() + bytes(1000))
+        with archive.open("time.npy", "w") as file:
+            np.save(file, np.arange(400_000.0))
+    with pytest.raises(CalibrationFormatError, match="r.npz' has 400000000 numbers in the array 'readings', more than"):
+        list(read_recording(path))
+
+
+def test_row_with_more_cells_than_the_header_is_refused(tmp_path):
+    """A number more in one row moves all channels after it."""
+    path = tmp_path / "r.csv"
+    path.write_text("time,a,b\n0,1,2\n1,1,2,3\n")
+    with pytest.raises(CalibrationFormatError, match="r.csv', line 3: the row has 4 columns, but the header has 3"):
+        list(read_recording(path))
+
+
+def test_tare_beyond_the_recording_is_refused(calibration, tmp_path, capsys):
+    """The rest would be made of fewer frames than the user asked for."""
+    path = as_csv(tmp_path / "r.csv", *readings())
+    assert main(["replay", str(calibration), str(path), "--tare", "12"]) == 0
+    capsys.readouterr()
+    assert main(["replay", str(calibration), str(path), "--tare", "13"]) == 1
+    assert "has 12 frames, fewer than the 13 of --tare" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pipes of this kind")

@@ -203,6 +203,14 @@ def test_read_mesh_names_the_vertex_that_is_not_a_number(tmp_path, kind):
         read_mesh(path)
 
 
+def test_read_mesh_refuses_vertices_of_two_numbers(tmp_path):
+    """OBJ files of drawings have them."""
+    path = tmp_path / "flat.obj"
+    path.write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
+    with pytest.raises(InvalidMesh, match=r"flat\.obj is not a valid OBJ file: its vertices have 2 coordinates"):
+        read_mesh(path)
+
+
 def test_read_mesh_says_where_it_looked(tmp_path):
     """A missing file, a folder in its place, and a path no system takes: the message has the path and a hint."""
     (tmp_path / "folder.stl").mkdir()
