@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import axis, boards, cut, exchange, fit, imported, inspect, link, lists, place, planes, touches
+from . import axis, boards, cut, exchange, files, fit, imported, inspect, link, lists, place, planes, touches
 
-MODULES = (link, cut, fit, lists, imported, place, boards, axis, planes, inspect, touches, exchange)
+MODULES = (files, link, cut, fit, lists, imported, place, boards, axis, planes, inspect, touches, exchange)
 CLASSES = tuple(cls for module in MODULES for cls in module.CLASSES)
 
 

@@ -13,39 +13,51 @@ from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
 from ..skin_calib_addon.common.atomic_file import write_bytes_safely
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
-from ..skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh, save_mesh
+from ..skin_calib_addon.geometry.mesh.triangle_mesh import (
+    METRES_PER_UNIT,
+    TriangleMesh,
+    check_size,
+    load_mesh,
+    read_mesh,
+    save_mesh,
+)
 from ..skin_calib_addon.plan import load_plan, save_plan
-from .files import FromFile
+from .files import Import
 from .on_link import OnLink
 from .working import WhileIdle
 
 
-class SKIN_OT_import_plan(FromFile, bpy.types.Operator):
+def add_plan(operator, context, plan, mesh):
+    """Add a plan and its mesh as the active object."""
+    link = scene.add_link(context, mesh, plan.unit, plan.link)
+    scene.write_plan(link, context.scene, plan)
+    scene.activate(context, link)
+    if not scene.is_kept(plan, scene.read_plan(link, context.scene)):
+        operator.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
+
+
+class SKIN_OT_import_plan(Import, bpy.types.Operator):
     """Open a skin plan: its mesh becomes an object that has the plan"""
 
     bl_idname = "skin_calib.import_plan"
     bl_label = "Import Skin Plan"
-    bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".json"
     filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})
 
-    def execute(self, context):
-        try:
-            path = bpy.path.abspath(self.filepath)
-            plan = load_plan(path)
-            scene.check_numbers(plan, scene.metres_per_unit(context.scene))
-            load_mesh(plan.mesh, plan.unit)  # refuses a wrong unit
+    use = staticmethod(add_plan)
+
+    def reader(self, path):
+        plan = load_plan(path)
+        scene.check_numbers(plan, scene.metres_per_unit(bpy.context.scene))
+
+        def read():
             mesh = read_mesh(plan.mesh)
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        link = scene.add_link(context, mesh, plan.unit, plan.link)
-        scene.write_plan(link, context.scene, plan)
-        scene.activate(context, link)
-        if not scene.is_kept(plan, scene.read_plan(link, context.scene)):
-            self.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
-        return {"FINISHED"}
+            in_metres = TriangleMesh(mesh.vertices * METRES_PER_UNIT[plan.unit], mesh.faces)
+            check_size(in_metres, plan.unit, plan.mesh.name)
+            return plan, mesh
+
+        return read
 
 
 class Export(ExportHelper):

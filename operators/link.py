@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Links from mesh files and robots; their unit; defects of their mesh."""
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.live import diagnoses
-from ..skin_calib_addon.blender.live.background import Work
 from ..skin_calib_addon.blender.scene import scene
 from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink
 from ..skin_calib_addon.common.findings import show
@@ -16,50 +13,14 @@ from ..skin_calib_addon.geometry.mesh.triangle_mesh import read_mesh
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, UNITS, likely_mistake, likely_unit
 from ..skin_calib_addon.robot.link_mesh import USES, load_link, meshes_of
 from ..skin_calib_addon.robot.urdf import read_robot
-from .files import FromFile
+from .files import Import
 from .on_link import OnMesh
-from .working import MAX_BLOCKING_TIME, Waiting, Working
+from .working import Working
 
-_reading: list[tuple[str, Work]] = []  # the file that SKIN_OT_import_wait waits for
 _choices: list[tuple[str, str, str]] = []  # items of the search in the open URDF; Blender does not keep their texts
 
 
-class Import(FromFile):
-    """Adds a link to the scene and makes it active, or refuses and leaves the scene as it was.
-
-    A large file that was chosen by hand is read in a thread; :class:`SKIN_OT_import_wait` then adds the link.
-    """
-
-    bl_options = {"REGISTER", "UNDO"}
-
-    by_hand = False  # whether it was chosen in the window
-
-    def reader(self, path):
-        """Return a function that reads the mesh without Blender; None if another operator continues.
-
-        Its result is the mesh, its unit, the name of the link, and the name of the mesh file in plans.
-        """
-        raise NotImplementedError
-
-    def execute(self, context):
-        path = Path(bpy.path.abspath(self.filepath))
-        try:
-            read = self.reader(path)
-            if read is None:
-                return {"CANCELLED"}  # the scene is unchanged
-            work = Work(lambda begin: read())
-            if work.is_done(MAX_BLOCKING_TIME if self.by_hand else None):
-                add(self, context, *work.result())
-                return {"FINISHED"}
-        except SkinCalibError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        _reading[:] = [(path.name, work)]
-        bpy.ops.skin_calib.import_wait("INVOKE_DEFAULT")
-        return {"CANCELLED"}
-
-
-def add(operator, context, mesh, unit, name, file):
+def add_link(operator, context, mesh, unit, name, file):
     """Add a link as the active object; report its size, as a warning where links do not have this size."""
     link = scene.add_link(context, mesh, unit, name)
     link.skin_calib.link, link.skin_calib.mesh_file = name, file
@@ -70,28 +31,13 @@ def add(operator, context, mesh, unit, name, file):
     operator.report({"WARNING"} if wrong else {"INFO"}, size + ". Check the unit" * bool(wrong))
 
 
-class SKIN_OT_import_wait(Waiting, bpy.types.Operator):
-    """Wait for the file that is read, and add its mesh as a link"""
+class ImportLink(Import):
+    """Adds the mesh that was read as a link; ``reader`` returns mesh, unit, and names of the link and its file."""
 
-    bl_idname = "skin_calib.import_wait"
-    bl_label = "Import Link"
-    bl_options = {"UNDO", "INTERNAL"}
-
-    doing = "Reading"
-
-    def invoke(self, context, event):
-        self.subject, self.work = _reading.pop()
-        return self.wait(context)
-
-    def take(self, context):
-        try:
-            add(self, context, *self.work.result())
-        except SkinCalibError as error:
-            return self.refuse(error)
-        return {"FINISHED"}
+    use = staticmethod(add_link)
 
 
-class SKIN_OT_import_mesh(Import, bpy.types.Operator):
+class SKIN_OT_import_mesh(ImportLink, bpy.types.Operator):
     """Open the mesh of a robot link: it becomes a link with the name of the file"""
 
     bl_idname = "skin_calib.import_mesh"
@@ -107,10 +53,6 @@ class SKIN_OT_import_mesh(Import, bpy.types.Operator):
         ],
     )
 
-    def invoke(self, context, event):
-        self.by_hand = True
-        return super().invoke(context, event)
-
     def reader(self, path):
         chosen = self.unit
 
@@ -122,7 +64,7 @@ class SKIN_OT_import_mesh(Import, bpy.types.Operator):
         return read
 
 
-class FromRobot(Import):
+class FromRobot(ImportLink):
     """Adds a link of a URDF, with all its meshes as one, in metres in the link frame."""
 
     def reader_of(self, path, robot, link, use):
@@ -148,10 +90,6 @@ class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
             ("collision", "Collision", "The meshes for collisions, often coarser"),
         ],
     )
-
-    def invoke(self, context, event):
-        self.by_hand = True
-        return super().invoke(context, event)
 
     def reader(self, path):
         robot = read_robot(path)
@@ -284,7 +222,6 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
 
 CLASSES = (
     SKIN_OT_import_mesh,
-    SKIN_OT_import_wait,
     SKIN_OT_import_urdf,
     SKIN_OT_choose_link,
     SKIN_OT_scale_to_unit,

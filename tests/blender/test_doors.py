@@ -132,7 +132,7 @@ def test_export_repeats_the_warnings_and_says_that_there_is_no_taxel(bpy, link, 
     assert f"Warning: {copy.name} has the link name of {link.name}, too." in said
     copy.skin_calib.link = "other"
     bpy.ops.skin_calib.skin_add(kind="sheet")
-    skins[0].rows, skins[0].columns, skins[0].trim = 2, 40, True
+    skins[0].rows, skins[0].columns, skins[0].trim, skins[0].overlap = 2, 40, True, True
     bpy.ops.skin_calib.export_calibration(filepath=str(tmp_path / "around.json"))
     said = capfd.readouterr().out
     assert "no taxels" not in said and "link name" not in said and "[overlap" in said

@@ -54,6 +54,8 @@ def fits(gui):
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     assert plan().result.mean < 5e-5
     yield from press(gui, "skin_calib.live")
+    yield from find(gui, "skin_calib.show_worst")  # scrolls to the errors
+    yield from hover_view(gui)
     yield from gui.shot("2_fit.png", area="VIEW_3D")
 
 
