@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from ..calibration.exchange import TaxelSet, read_taxels
-from ..calibration.file import load_calibration
+from ..calibration.file import load_with_warnings
 from ..common.arrays import Array, IntArray
 from ..common.errors import CalibrationFormatError
 from ..geometry.mesh.triangle_mesh import TriangleMesh
@@ -54,11 +54,13 @@ def read_others(path: str | os.PathLike[str]) -> TaxelSet:
     """
     if Path(path).suffix.lower() != ".json":
         return read_taxels(path)
-    calibration = load_calibration(path)
+    calibration, findings = load_with_warnings(path)
     taxels = AllTaxels.of(calibration.patches)
     if not len(taxels.ids):
         raise CalibrationFormatError(f"'{path}' is a calibration without taxels. Choose one with taxels")
-    return TaxelSet(taxels.positions, taxels.normals, taxels.ids, taxels.channels, calibration.link)
+    findings = tuple(replace(f, pointer="") if f.pointer.startswith("/warnings/") else f for f in findings)
+    positions, normals = taxels.positions, taxels.normals
+    return TaxelSet(positions, normals, taxels.ids, taxels.channels, calibration.link, findings=findings)
 
 
 def compare(taxels: AllTaxels, others: TaxelSet, mesh: TriangleMesh, link: str = "") -> Comparison:

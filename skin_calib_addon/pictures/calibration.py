@@ -3,6 +3,7 @@
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,10 @@ LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # direction of the light: from the righ
 # Length of a drawn normal [m].
 DRAWN_NORMAL_LENGTH = 0.006
 PLAIN = np.array((0.78, 0.80, 0.83))  # colour of faces without a value
+NOTE_COLOUR = "#8a2b06"  # of warnings
+LINE_HEIGHT = 0.15  # of a line of text [inches]
+WRAP_WIDTH = 85  # characters of text below each panel. Larger: text is cut off.
+MAX_NOTES = 12  # warnings in a picture. Larger: a higher picture.
 # Values that can colour the cells; the first available one is used: name, scale, smallest end of the bar, label.
 SHOWN = (
     ("strain", 100.0, 0.1, "strain of the cell [%]"),
@@ -90,17 +95,31 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     camera = look_at(_visible_normals(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
     panels: list[_Panel] = [_TaxelPanel(calibration, all_quads, all_normals)]
     panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, quads, normals, mesh)] if mesh else []
-    figure.set_size_inches(5 * len(panels), 5)
+    notes = _notes(calibration, WRAP_WIDTH * len(panels))
+    height = 5 + LINE_HEIGHT * len(notes)
+    figure.set_size_inches(5 * len(panels), height)
+    low, scale = 1 - 5 / height, 5 / height  # the panels are above the notes
+    for i, line in enumerate(notes):
+        figure.text(0.01, (len(notes) - i - 0.5) * LINE_HEIGHT / height, line, size=7, va="center", color=NOTE_COLOUR)
     for i, panel in enumerate(panels):
         left, width = i / len(panels), 1 / len(panels)
-        axis = figure.add_axes((left + 0.02 * width, 0.01, 0.76 * width, 0.9))
+        axis = figure.add_axes((left + 0.02 * width, low + 0.01 * scale, 0.76 * width, 0.9 * scale))
         axis.set_title(panel.title)
         _paint(axis, camera, panel.layers)
         panel.decorate(axis, camera)
         if panel.colours:
-            bar = figure.add_axes((left + 0.82 * width, 0.15, 0.03 * width, 0.65))
+            bar = figure.add_axes((left + 0.82 * width, low + 0.15 * scale, 0.03 * width, 0.65 * scale))
             figure.colorbar(panel.colours, bar, label=panel.unit)
     save_png(figure, path)
+
+
+def _notes(calibration: LinkCalibration, width: int) -> list[str]:
+    """Return the warnings of a calibration as numbered lines of limited width, the first `MAX_NOTES` of them."""
+    shown = calibration.warnings[:MAX_NOTES]
+    texts = [f"{number} {w.severity}: {w}" for number, w in enumerate(shown, 1)]
+    left = len(calibration.warnings) - len(shown)
+    texts += [f"{left} more: see show or check"] if left else []
+    return [line for text in texts for line in wrap(text, width, subsequent_indent="   ")]
 
 
 def _quads(grid: Array) -> Array:
@@ -205,6 +224,7 @@ class _ErrorPanel(_Panel):
 
 class _TaxelPanel(_Panel):
     def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array):
+        self.warnings = calibration.warnings[:MAX_NOTES]
         self.taxels = [p.taxels for p in calibration.patches]
         self.title = f"{sum(len(t.ids) for t in self.taxels)} taxels and their normals"
         shown = {name for t in self.taxels for name in t.quality}
@@ -219,6 +239,11 @@ class _TaxelPanel(_Panel):
     def decorate(self, axis: Any, camera: Camera) -> None:
         for t in self.taxels:
             _draw_normals(axis, camera, t.positions_link, t.normals_link)
+        for number, warning in enumerate(self.warnings, 1):
+            if warning.where.point is not None:
+                x, y = 1e3 * camera.project(np.array(warning.where.point))[:2]
+                axis.plot(x, y, "o", markersize=11, markerfacecolor="white", markeredgecolor=NOTE_COLOUR)
+                axis.text(x, y, str(number), size=7, ha="center", va="center", color=NOTE_COLOUR)
 
 
 def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:

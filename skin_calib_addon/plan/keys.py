@@ -873,7 +873,8 @@ PLAN = Record(
             "max_deviation",
             length(exclusiveMinimum=0, maximum=1),
             "Largest distance of the surface from the mesh; a fit above it is refused. A warning starts at a fifth of "
-            "it. With a tolerance, a warning starts at the tolerance, or at five times a tolerance of the mean.",
+            "it. With a tolerance, a warning starts at the tolerance, or at ten times a tolerance of the mean if that "
+            "is less than a fifth of this value.",
             default=MAX_DEVIATION,
             label="Max. Deviation",
             panel="Grid",

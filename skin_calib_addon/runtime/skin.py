@@ -19,6 +19,7 @@ from .readings import Readings
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
+    from ..common.warnings import Warning
 
 # [N] Force from which on a taxel becomes active. Larger: weak contacts are not found; smaller: noise makes contacts.
 SWITCH_ON = 0.2
@@ -77,6 +78,7 @@ class Skin:
         if not 0 < switch_off <= switch_on:
             raise ValueError(f"switch_off {switch_off} must be positive and at most switch_on {switch_on}")
         self.link = calibration.link
+        self._warnings = calibration.warnings
         self.geometry = SkinGeometry(calibration)
         plane = ground or ground_of(self.positions, self.normals, self.areas)
         self.ground = None if plane is None else GroundGeometry(self.geometry, plane)
@@ -86,6 +88,11 @@ class Skin:
         self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
         self._footprint = Footprint(self.geometry, self.ground, np.empty(0, np.int64))
+
+    @property
+    def warnings(self) -> "tuple[Warning, ...]":
+        """Warnings of the fit and of the placement: code, severity, message with position and value, advice."""
+        return self._warnings
 
     @property
     def ids(self) -> tuple[str, ...]:

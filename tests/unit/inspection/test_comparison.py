@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from skin_calib_addon.calibration.exchange import TaxelSet, write_taxel_set
 from skin_calib_addon.calibration.file import save_calibration
 from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.common.warnings import Warning
 from skin_calib_addon.inspection.all_taxels import AllTaxels
 from skin_calib_addon.inspection.comparison import compare, read_others
 from skin_calib_addon.pipeline import calibrate
@@ -120,6 +121,10 @@ def test_calibrations_and_files_of_others_are_read(taxels, same, wrist, tmp_path
         assert read.labels == taxels.ids
         assert_allclose(read.positions, taxels.positions, atol=1e-9)
         assert compare(taxels, read, wrist.cover).distances.max() < 1e-9
+    warned = replace(wrist.calibration, warnings=(Warning("strain", "warning", "A cell is strained.", advice="Move."),))
+    save_calibration(warned, tmp_path / "warned.json")
+    notes = compare(taxels, read_others(tmp_path / "warned.json"), wrist.cover).notes
+    assert notes == ("warning: the document reports: A cell is strained. Move. [strain]",)
     save_calibration(small_calibration(patches=()), tmp_path / "bare.json")
     with pytest.raises(CalibrationFormatError, match="without taxels"):
         read_others(tmp_path / "bare.json")

@@ -1,17 +1,20 @@
 """Pictures without OpenGL: a PNG with matplotlib, a clear message without it."""
 
 import builtins
+import dataclasses
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib.colors
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
 from skin_calib_addon.common.errors import OutputError, SkinCalibError
-from skin_calib_addon.pictures.calibration import draw_calibration, look_at
+from skin_calib_addon.common.warnings import Place, Warning
+from skin_calib_addon.pictures.calibration import NOTE_COLOUR, draw_calibration, look_at
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import plan_from
 from tests.samples import boards, plane, small_calibration
@@ -93,6 +96,26 @@ def test_picture_needs_no_sheet(tmp_path, calibration):
     """A surface alone, and rigid boards without strain, can be drawn."""
     draw_calibration(calibration, tmp_path / "p.png")
     assert drawn(read_png(tmp_path / "p.png"))[0] > 0.05
+
+
+def test_picture_lists_warnings_and_marks_their_places(tmp_path):
+    """Below the panels, numbered, in their own colour; the same number is at the place. Twelve at most."""
+    calibration = small_calibration()
+    draw_calibration(calibration, tmp_path / "none.png")
+    place = Place((0.035, 0.0, 0.15))
+    text = "The surface is 6.2 mm off the mesh at a place that is described by so many words that the line is wrapped."
+    one = Warning("off-mesh", "warning", text, place, 6.2e-3, "Move the planes.")
+    draw_calibration(dataclasses.replace(calibration, warnings=(one,)), tmp_path / "one.png")
+    draw_calibration(dataclasses.replace(calibration, warnings=(one,) * 40), tmp_path / "many.png")
+    draw_calibration(dataclasses.replace(calibration, warnings=(one,) * 60), tmp_path / "more.png")
+    none, single, many, more = (read_png(tmp_path / f"{name}.png") for name in ("none", "one", "many", "more"))
+    assert none.shape == (550, 550, 3) and single.shape[1] == 550
+    brown = np.abs(single - matplotlib.colors.to_rgb(NOTE_COLOUR)).max(axis=2) < 0.1
+    rows, columns = np.nonzero(brown)
+    assert (rows > 550).any() and (rows < 500).any() and columns.max() < 540, (
+        "text below, a mark above, nothing cut off"
+    )
+    assert many.shape[0] > single.shape[0] + 200 and more.shape == many.shape
 
 
 def test_picture_needs_no_window_and_no_opengl(tmp_path):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Patch, Response, save_calibration
 from skin_calib_addon.common.errors import CalibrationFormatError, InvalidReading
+from skin_calib_addon.common.warnings import Place, Warning
 from skin_calib_addon.runtime import Skin, load
 from skin_calib_addon.runtime.components import components
 from skin_calib_addon.runtime.geometry import neighbour_table
@@ -298,6 +300,20 @@ def test_skin_without_taxels_feels_nothing():
     assert (
         skin.reading_length == 0 and frame.contacts == () and frame.forces.shape == (0,) and (frame.wrench == 0).all()
     )
+
+
+def test_skin_has_the_warnings_of_its_calibration(tmp_path):
+    """With code, severity, message, position, value and advice; none of a file of version 1."""
+    place = Place((0.0, 0.01, 0.08), "u-plane 3", "sheet", ("s0.0",))
+    warnings = (
+        Warning("off-mesh", "warning", "The surface is 6.2 mm off.", place, 6.2e-3, "Move the planes."),
+        Warning("dropped-curves", "warning", "Sections have up to 2 curves more."),
+    )
+    calibration = dataclasses.replace(small, warnings=warnings)
+    save_calibration(calibration, tmp_path / "c.json")
+    assert load(tmp_path / "c.json").warnings == Skin(calibration).warnings == warnings
+    assert Skin(small).warnings == ()
+    assert load(Path(__file__).parents[2] / "golden" / "versions" / "1.calibration.json").warnings == ()
 
 
 def test_load_reads_what_was_saved(tmp_path):

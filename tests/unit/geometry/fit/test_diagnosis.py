@@ -322,18 +322,20 @@ def test_limits_follow_the_value_of_the_user(max_deviation, outcome):
 
 
 def test_limits_follow_a_tolerance():
-    """A tolerance of the maximum is the limit itself; of the mean, five times it. No tolerance is refused."""
+    """A tolerance of the maximum is the limit; ten times one of the mean can lower it. A tolerance is not refused."""
     limits = diagnosis.DeviationLimits
     assert limits.of(0.01) == limits(0.002, 0.01) == limits()
     assert limits.of(0.01, 0.0005, "max") == limits(0.0005, 0.01)
-    assert limits.of(0.01, 0.0005, "mean") == limits(0.0025, 0.01)
+    assert limits.of(0.01, 0.0001, "mean") == limits(0.001, 0.01)
+    assert limits.of(0.01, 0.0005, "mean") == limits(0.002, 0.01)
+    assert limits.of(0.01, 0.0050, "mean") == limits(0.005, 0.01)
     assert limits.of(0.01, 0.02, "max") == limits(0.02, 0.02)
-    assert limits.of(0.03, 0.001, "mean") == limits(0.005, 0.03)
+    assert limits.of(0.03, 0.001, "mean") == limits(0.006, 0.03)
     mesh = with_step(0.03, 0.3)
-    fit = fit_to_tolerance(mesh, 0.0005, axis=Z_AXIS, margin=0.004)
-    assert fit.limits == limits(0.0025, 0.01)
+    fit = fit_to_tolerance(mesh, 0.00015, axis=Z_AXIS, margin=0.004)
+    assert_allclose((fit.limits.warned, fit.limits.refused), (0.0015, 0.01))
     distance = MeshDistance(mesh)((fit.samples.origins + fit.samples.arms).reshape(-1, 3))[0].max()
-    assert [w.code for w in fit.warnings if w.code == "off-mesh"] == (["off-mesh"] if distance > 0.0025 else [])
+    assert [w.code for w in fit.warnings if w.code == "off-mesh"] == (["off-mesh"] if distance > 0.0015 else [])
 
 
 def test_number_in_a_message_is_above_its_limit():
