@@ -18,6 +18,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
 from ..geometry.surface.bspline import BSplineSurface
 from ..plan import Plan
 from .place_skins import SURFACE, PlacedSkin, place_all
+from .taxel_sigma import unknown_sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ def warnings_of(fit: SurfaceFit, placed: tuple[PlacedSkin, ...]) -> tuple[Warnin
     -------
     tuple of Warning
     """
-    of_skins = ((*_over_holes(skin.patch, fit), *skin.warnings) for skin in placed)
+    of_skins = ((*_over_holes(skin.patch, fit), *skin.warnings, *unknown_sigma(skin.patch, fit)) for skin in placed)
     return fit.warnings + tuple(warning for warnings in of_skins for warning in warnings)
 
 

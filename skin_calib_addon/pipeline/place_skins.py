@@ -19,6 +19,7 @@ from ..skin.sheet.closure import Closure, closure
 from ..skin.sheet.taxels import sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
 from ..skin.warnings import check_overlap, placement_warnings
+from .taxel_sigma import with_sigma
 
 SURFACE = "cover"  # name of the surface in a calibration
 
@@ -47,7 +48,9 @@ class PlacedSkin:
 
 
 def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, ...] = ()) -> tuple[PlacedSkin, ...]:
-    """Place the skins of a link one after another, and join adjacent sheets.
+    """Place the skins of a link one after another, join adjacent sheets, and state the uncertainty of their taxels.
+
+    The skins are on the surface through the vertices, see `SurfaceFit.error_field`, and not along the facets.
 
     Parameters
     ----------
@@ -78,7 +81,10 @@ def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, 
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
     patches = with_neighbours_across(tuple(done.patch for done in placed))
-    return tuple(replace(done, patch=patch) for done, patch in zip(placed, patches))
+    return tuple(
+        replace(done, patch=with_sigma(patch, skin, fit, done.sheet))
+        for done, patch, skin in zip(placed, patches, skins)
+    )
 
 
 @singledispatch
@@ -106,7 +112,7 @@ def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int, near: PlacedSkin
 @place_skin.register
 def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
     sheet = wrap_sheet(
-        fit.surface,
+        fit.error_field.surface,
         skin.lattice,
         skin.origin,
         skin.direction,
@@ -126,7 +132,7 @@ def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | N
 @place_skin.register
 def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
     boards, overhang = lay_boards(
-        fit.surface,
+        fit.error_field.surface,
         skin.lattice,
         skin.choice,
         skin.origin,
@@ -145,7 +151,7 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | N
 @place_skin.register
 def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
     taxel_set = read_taxels(skin.file, skin.format, skin.only)
-    found = imported_taxels(taxel_set, fit.surface, skin.name, fit.mesh, frame=skin.frame, snap=skin.snap)
+    found = imported_taxels(taxel_set, fit.error_field.surface, skin.name, fit.mesh, frame=skin.frame, snap=skin.snap)
     wrong = next((finding for finding in found.findings if finding.severity == "error"), None)
     if wrong is not None:
         raise InvalidPlan(f"skin {skin.name!r}, {skin.file.name}: {wrong.message}", finding=wrong)

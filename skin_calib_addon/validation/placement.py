@@ -234,15 +234,15 @@ def _robust(design: Array, offsets: Array, far: float) -> tuple[Array, Array]:
     return found, np.sqrt(spread * np.diag(np.linalg.inv(normal)))
 
 
-def flat_places(patch: Patch, cells: IntArray) -> Array:
+def flat_places(patch: Patch, cells: IntArray | Array) -> Array:
     """Return the positions of cells in the flat skin, x along the rows, shape (n, 2) [m].
 
     Parameters
     ----------
     patch : Patch
         A sheet or boards.
-    cells : array of int, shape (n, 2)
-        Cells as in the ``index`` of the patch; the patch need not have them.
+    cells : array, shape (n, 2)
+        Cells as in the ``index`` of the patch; the patch need not have them. Halves are between two cells.
     """
     i, j = cells.T.astype(float)
     if patch.kind == "hexagons":

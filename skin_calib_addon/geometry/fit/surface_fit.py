@@ -30,6 +30,7 @@ from .diagnosis import (
     maximum_deviation,
     off,
 )
+from .error_field import ErrorField, error_field
 from .error_report import NearMesh, mesh_to_surface, surface_to_mesh
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
 from .undercut import undercut_warnings
@@ -75,6 +76,7 @@ class SurfaceFit:
     converged: bool  # whether the control points stopped moving
     noise: float  # standard deviation of the scan about a smoothed surface [m]; 0 without smoothing
     limits: DeviationLimits = DeviationLimits()  # of its distance from the mesh
+    stiffness: float = 0.0  # of the smoothed surface, see ``TensorBasis.solve``; 0 without smoothing
 
     @property
     def residuals(self) -> Array:
@@ -102,6 +104,12 @@ class SurfaceFit:
                 "No sample ray hit the mesh next to another one, so the error is unknown. Move the planes."
             )
         return surface_to_mesh(self.mesh, points, bounds, areas, self.samples.faces)
+
+    @cached_property
+    def error_field(self) -> ErrorField:
+        """Return the surface without the known error under the facets, and the variance of the error that remains."""
+        parts, state = (self.basis, self.offsets, self.samples), (self.converged, self.noise, self.stiffness)
+        return error_field(self.mesh, *parts, lambda offsets: surface_at(self.lines, self.basis, offsets), *state)
 
     @property
     def missing(self) -> float:
@@ -403,7 +411,7 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
         iterations += 1
     check_coverage(lines, basis, samples.residuals)  # the rays moved with the surface
     surface = surface_at(lines, basis, offsets)
-    return SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, converged, noise)
+    return SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, converged, noise, stiffness=stiffness)
 
 
 def iterate(

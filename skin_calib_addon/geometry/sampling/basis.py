@@ -146,10 +146,21 @@ class TensorBasis:
         return cls(u, v, v.values * (unit(v.values @ common) @ common.T), degree_u, degree_v)
 
     @property
+    def is_closed(self) -> bool:
+        """Return whether the surface is closed along v."""
+        return self.v.repeats > 0
+
+    @property
+    def spans_by_axis(self) -> tuple[int, int]:
+        """Return the number of polynomial pieces along u and along v."""
+        n, m = self.N.shape[1], self.M.shape[1]
+        return n - self.degree_u, m if self.is_closed else m - self.degree_v
+
+    @property
     def spans(self) -> int:
         """Return the number of polynomial pieces of the surface."""
-        n, m = self.N.shape[1], self.M.shape[1]
-        return (n - self.degree_u) * (m if self.v.repeats else m - self.degree_v)
+        along_u, along_v = self.spans_by_axis
+        return along_u * along_v
 
     @property
     def N(self) -> Array:
@@ -242,6 +253,26 @@ class TensorBasis:
         U, V, bend = self._modes
         gram_u, gram_v = product(self.N.T, self.N), product(self.B.T, self.B)
         return product(product(product(U.T, gram_u), offsets), product(gram_v, V)), bend
+
+    def leverages(self, stiffness: float) -> tuple[Array, Array, Array]:
+        """Return the variance of the surface at the sites for samples with independent noise of variance one.
+
+        Parameters
+        ----------
+        stiffness : float
+            As for ``solve``.
+
+        Returns
+        -------
+        height, step_u, step_v : array, shape (k, l)
+            Of its height, and of the change of its height from site to site along u and along v.
+        """
+        U, V, bend = self._modes
+        P, Q = product(self.N, U), product(self.B, V)
+        step_v = (np.roll(Q, -1, axis=0) - np.roll(Q, 1, axis=0)) / 2 if self.is_closed else np.gradient(Q, axis=0)
+        pairs = (P, Q), (np.gradient(P, axis=0), Q), (P, step_v)
+        height, step_u, step_v = (product(product(a**2, 1 / (1 + stiffness * bend)), (b**2).T) for a, b in pairs)
+        return height, step_u, step_v
 
     def _solve_modes(self, right: Array, stiffness: float) -> Array:
         """Solve the normal equations without holes, including stiffness."""

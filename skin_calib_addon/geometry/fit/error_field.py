@@ -1,0 +1,279 @@
+"""The error of a fitted surface, from the mesh alone: a known part under the facets, and the variance of the rest."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import map_coordinates, uniform_filter1d
+
+from ...common.arrays import Array, BoolArray, IntArray, cross, product, unit
+from ..mesh.triangle_mesh import TriangleMesh
+from ..sampling.basis import TensorBasis
+from ..sampling.samples import MIN_FACET_COSINE, RaySamples
+from ..surface.bspline import BSplineSurface
+from .chords import MAX_CHORD_ANGLE, barycentric, in_basis
+from .smoothing import looks_noisy
+
+# [rad] angle between the normals of a face and of its corner above which the face is next to an edge that is meant to
+# be sharp, and has no gap. It is half of the angle between two faces, because the normal of a corner is between theirs.
+# Larger: more facets have a gap.
+MAX_CORNER_ANGLE = MAX_CHORD_ANGLE / 2
+# [1] fraction of this angle up to which a facet has its whole gap. Smaller: fewer facets have their whole gap; 1: a gap
+# begins suddenly.
+WHOLE_GAP_FRACTION = 0.75
+# [1] largest ratio of the curvature along an edge to that at its flatter end. Larger: gaps on flat parts next to
+# fillets; 2: gaps are too small where the curvature changes.
+MAX_END_RATIO = 4.0
+# [1] least fraction of the samples that remains when the unknowns of a fit are subtracted. Larger: smaller
+# uncertainties of fits with hardly more samples than unknowns.
+MIN_FREEDOM = 0.1
+
+
+def vertex_normals(mesh: TriangleMesh) -> Array:
+    r"""Return the unit normals of the vertices, shape (v, 3); they are exact on a sphere (Max, 1999).
+
+    With the edges :math:`\mathbf{a}` and :math:`\mathbf{b}` of each face at the vertex:
+
+    .. math::
+
+        \mathbf{n} \sim \sum_{\text{faces}}
+        \frac{\mathbf{a} \times \mathbf{b}}{\lVert \mathbf{a} \rVert^2 \lVert \mathbf{b} \rVert^2}
+    """
+    corners = mesh.triangles
+    edges = np.roll(corners, -1, axis=1) - corners
+    squares = np.maximum((edges**2).sum(axis=2), 1e-300)
+    normals = cross(edges[:, 0], edges[:, 1])[:, None] / (squares * np.roll(squares, 1, axis=1))[..., None]
+    corner, weights = mesh.faces.ravel(), normals.reshape(-1, 3)
+    return unit(np.stack([np.bincount(corner, weights[:, c], len(mesh.vertices)) for c in range(3)], axis=1))
+
+
+def at_rim(mesh: TriangleMesh) -> BoolArray:
+    """Return whether the faces around each vertex leave a side open, shape (v,).
+
+    Around an inner vertex, each neighbour begins one opposite edge and ends another. The sum of their differences is
+    therefore zero.
+    """
+    following = np.roll(mesh.faces, -1, axis=1) - np.roll(mesh.faces, 1, axis=1)
+    return np.bincount(mesh.faces.ravel(), following.ravel(), len(mesh.vertices)) != 0
+
+
+def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
+    r"""Return the height of the smooth surface through the vertices over points of the facets.
+
+    The curvature along an edge follows from the normals of its ends and of the face. A point with the barycentric
+    coordinates :math:`b` has the gap
+
+    .. math::
+
+        g = \frac{1}{2} \sum_{i < j} b_i b_j\, s_{ij}, \qquad s_{ij} = s_i + s_j, \qquad
+        s_i = (\mathbf{n} - \mathbf{n}_i) \cdot (\mathbf{p}_j - \mathbf{p}_i), \quad
+        s_j = (\mathbf{n}_j - \mathbf{n}) \cdot (\mathbf{p}_j - \mathbf{p}_i) \quad [\text{m}]
+
+    On a surface of second order both halves are equal. Where one half is much smaller, or of the other sign, as on a
+    flat part next to a fillet, :math:`|s_{ij}|` is at most four times the smaller half, or zero. A corner at an open
+    rim has no reliable normal; the other end of its edges counts for both.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    faces : array of int, shape (k,)
+        Faces of the points.
+    points : array, shape (k, 3)
+        [m]
+
+    Returns
+    -------
+    array, shape (k,)
+        Along the normals of the faces [m]; zero next to sharp edges.
+    """
+    corners, facet = mesh.faces[faces], mesh.face_normals[faces]
+    places, normals, rim = mesh.vertices[corners], vertex_normals(mesh)[corners], at_rim(mesh)[corners]
+    b = barycentric(places, points)
+    gaps = np.zeros(len(faces))
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        edge = places[:, j] - places[:, i]
+        start, end = ((facet - normals[:, i]) * edge).sum(axis=1), ((normals[:, j] - facet) * edge).sum(axis=1)
+        start, end = np.where(rim[:, i] & ~rim[:, j], end, start), np.where(rim[:, j] & ~rim[:, i], start, end)
+        most = MAX_END_RATIO * np.minimum(np.abs(start), np.abs(end))
+        bend = np.where(start * end > 0, np.clip(start + end, -most, most), 0.0)
+        gaps += b[:, i] * b[:, j] * bend / 2
+    angle = np.arccos(np.clip((normals * facet[:, None]).sum(axis=2).min(axis=1), -1, 1))
+    return gaps * np.clip((1 - angle / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)
+
+
+def gaps_below(surface: BSplineSurface, uv: Array, triangles: Array, points: Array) -> Array:
+    r"""Return the gaps of facets from the curvature of a surface near them.
+
+    Over a noisy scan the surface is smoother than the normals of the vertices. With the second fundamental form
+    :math:`\mathrm{II}` of the surface:
+
+    .. math::
+
+        g = -\frac{1}{2} \sum_{i < j} b_i b_j\, \mathrm{II}(\mathbf{p}_j - \mathbf{p}_i) \quad [\text{m}]
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        A surface near the facets.
+    uv : array, shape (k, 2)
+        Parameters near the points.
+    triangles : array, shape (k, 3, 3)
+        Corners of the facets [m].
+    points : array, shape (k, 3)
+        Points of the facets [m].
+
+    Returns
+    -------
+    array, shape (k,)
+        Along the outward normals [m].
+    """
+    r = surface.derivatives(uv, order=2)
+    by_u, by_v = r[1, 0], r[0, 1]
+    normals = unit(cross(by_u, by_v))
+    L, M, N = ((bend * normals).sum(axis=1) for bend in (r[2, 0], r[1, 1], r[0, 2]))
+    b, gaps = barycentric(triangles, points), np.zeros(len(points))
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        x, y = in_basis(by_u, by_v, triangles[:, j] - triangles[:, i])
+        gaps -= b[:, i] * b[:, j] * (L * x * x + 2 * M * x * y + N * y * y) / 2
+    return gaps
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorField:
+    """The error of a fitted surface: a surface without its known part, and the variance of what remains."""
+
+    surface: BSplineSurface  # with the parameters of the fit, through the vertices instead of along the facets
+    height: Array  # (k, l) variance of the height of the true surface over this one, at each sample site [m^2]
+    slopes: Array  # (k, l, 2) variance of the slope of this height along u and along v [1]
+
+    def at(self, uv: Array) -> tuple[Array, Array]:
+        """Return the variances of the height (m,) [m^2] and of its slopes (m, 2) [1] at parameters (m, 2)."""
+        k, l = self.height.shape
+        closed = self.surface.closed[1]
+        u, v = np.clip(self.surface.wrap(uv), 0, 1).T
+        site = np.stack((u * (k - 1), v * (l if closed else l - 1)))
+        fields = np.concatenate((self.height[..., None], self.slopes), axis=2)
+        if closed:
+            fields = np.concatenate((fields, fields[:, :1]), axis=1)
+        values = np.stack([map_coordinates(fields[..., c], site, order=1, mode="nearest") for c in range(3)], axis=1)
+        return values[:, 0], values[:, 1:]
+
+
+def error_field(
+    mesh: TriangleMesh,
+    basis: TensorBasis,
+    offsets: Array,
+    samples: RaySamples,
+    surface_of: Callable[[Array], BSplineSurface],
+    converged: bool,
+    noise: float,
+    stiffness: float,
+) -> ErrorField:
+    r"""Estimate the error of a fit from its residuals and the shape of the facets.
+
+    A residual is a distance to a facet, which is a chord. The distance to the true surface along the ray adds the gap
+    :math:`g` of the facet. The least squares divide this error :math:`e + g` into a part that the net can follow, which
+    the returned surface removes, and a rest, which the net cannot follow. The mean square of the rest over one span on
+    either side is the variance, with its differences for the slope.
+
+    Over a noisy scan the rest is the noise, which the surface averages. Each sample is a mean of the vertices of its
+    face, with the weights :math:`b`. A vertex has the sum :math:`w` of its weights in all samples. With the noise
+    :math:`\sigma_s` of the samples and the diagonal of the matrix :math:`A` that maps samples to the surface (Wahba,
+    1983), the variance of the height is
+
+    .. math::
+
+        \sigma^2_{kl} = A_{kl}\, \frac{\sigma_s^2}{\overline{\sum b^2}}\, \frac{\sum w^2}{\sum w} \quad [\text{m}^2]
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    basis : TensorBasis
+        The basis at the sample sites.
+    offsets : array, shape (n, m)
+        Of the control points along their lines [m].
+    samples : RaySamples
+        The hits of the rays through the fitted surface.
+    surface_of : function
+        Returns the surface for given offsets.
+    converged : bool
+        Whether the iterations of the fit converged.
+    noise : float
+        Standard deviation of the scan about a smoothed surface [m]; 0 without smoothing.
+    stiffness : float
+        Of a smoothed surface.
+
+    Returns
+    -------
+    ErrorField
+    """
+    known = ~np.isnan(samples.residuals)
+    slope = (samples.rays * mesh.face_normals[samples.faces]).sum(axis=2)
+    cosine = np.maximum(np.abs(slope), MIN_FACET_COSINE)
+    faces, points = samples.faces[known], samples.points[known]
+
+    def rest(errors: Array) -> tuple[Array, Array]:
+        step = basis.solve(errors, np.zeros_like(offsets))
+        return step, errors - product(product(basis.N, step), basis.B.T)
+
+    def along_rays(gaps: Array) -> Array:
+        field = np.full(known.shape, np.nan)
+        field[known] = gaps / cosine[known]
+        return field
+
+    step, error = rest(
+        (samples.residuals if converged else 0) + along_rays(facet_gaps(mesh, faces, points) * np.sign(slope[known]))
+    )
+    if not converged:  # a fit that oscillates stays as it is
+        error = error + samples.residuals
+    unknowns, spacing = offsets.size, _spacing(samples.origins + samples.arms, basis.is_closed)
+    if noise > 0 or looks_noisy(mesh, samples, 0.0, unknowns):
+        _, plain = rest(samples.residuals)
+        if np.nansum(plain**2) <= np.nansum(error**2):  # gaps do not explain the residuals: they are noise
+            uv = np.argwhere(known) / (len(known) - 1, known.shape[1] - (not basis.is_closed))
+            triangles = mesh.triangles[faces]
+            step, _ = rest(along_rays(gaps_below(surface_of(offsets), uv, triangles, points)))
+            weights = barycentric(triangles, points)
+            of_vertices = np.bincount(mesh.faces[faces].ravel(), weights.ravel())
+            repeats = (of_vertices**2).sum() / of_vertices.sum() / (weights**2).sum(axis=1).mean()
+            if noise == 0:
+                noise = float(np.sqrt(np.nanmean(plain**2) / max(1 - unknowns * repeats / known.sum(), MIN_FREEDOM)))
+            height, *slopes = (noise**2 * repeats * part for part in basis.leverages(stiffness))
+            return ErrorField(surface_of(offsets + step), height * cosine**2, np.stack(slopes, axis=2) / spacing**2)
+    heights = error * cosine / np.sqrt(max(1 - unknowns / known.sum(), MIN_FREEDOM))
+    steps = (_differences(heights, axis, basis.is_closed) / spacing[..., axis] for axis in (0, 1))
+    height, *slopes = (_local_mean(part**2, basis) for part in (heights, *steps))
+    return ErrorField(surface_of(offsets + step), height, np.stack(slopes, axis=2))
+
+
+def _spacing(points: Array, closed: bool) -> Array:
+    """Return the distance between adjacent points (k, l, 3) along both axes, shape (k, l, 2) [m]."""
+    arms = [np.gradient(points, axis=0), np.gradient(points, axis=1)]
+    if closed:
+        arms[1] = (np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)) / 2
+    return np.linalg.norm(arms, axis=3).transpose(1, 2, 0)
+
+
+def _differences(values: Array, axis: int, closed: bool) -> Array:
+    """Return the differences to the next values along an axis; the last one of an open axis is repeated."""
+    steps = np.roll(values, -1, axis) - values
+    if axis == 0:
+        steps[-1] = steps[-2]
+    elif not closed:
+        steps[:, -1] = steps[:, -2]
+    return steps
+
+
+def _local_mean(values: Array, basis: TensorBasis) -> Array:
+    """Return the mean of the values that are not NaN over one span on either side, shape (k, l)."""
+    known = ~np.isnan(values)
+    total, weight = np.where(known, values, 0.0), known.astype(float)
+    for axis, (count, closed) in enumerate(zip(basis.spans_by_axis, (False, basis.is_closed))):
+        sites = values.shape[axis]
+        width = min(2 * (sites // count) + 1, sites)
+        total, weight = (
+            uniform_filter1d(part, width, axis=axis, mode="wrap" if closed else "nearest") for part in (total, weight)
+        )
+    return np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), np.nan)

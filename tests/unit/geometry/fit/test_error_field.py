@@ -1,0 +1,116 @@
+"""The error of a fit from the mesh alone: gaps under facets, the variance of the rest, noise."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from sample_scenes.shapes import tube_mesh
+from skin_calib_addon.geometry import TubeGrid, fit_surface
+from skin_calib_addon.geometry.fit.error_field import at_rim, facet_gaps, vertex_normals
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, cone, cylinder, sheet, welded, with_hole
+
+GRID = TubeGrid(8, 16, Z_AXIS, 0.004, "uniform")
+UV = np.random.default_rng(0).uniform(0.02, 0.98, (4000, 2))
+
+
+def rms(values):
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def off(surface):
+    """Distances of points of a surface from the cylinder about z."""
+    return np.linalg.norm(surface.points(UV)[:, :2], axis=1) - RADIUS
+
+
+def test_vertex_normals_are_exact_on_a_sphere():
+    """Any triangulation gives the radial directions at inner vertices; those at the rim are known as such."""
+    rng = np.random.default_rng(1)
+    cap = sheet(lambda x, y: np.sqrt(0.2**2 - (x - 0.05) ** 2 - (y - 0.04) ** 2))
+    rim = at_rim(cap)
+    assert rim.sum() == 2 * (20 + 16)
+    radial = (cap.vertices - (0.05, 0.04, 0.0)) / 0.2
+    assert_allclose(vertex_normals(cap)[~rim], radial[~rim], atol=1e-12)
+    face = rng.integers(0, len(cap.faces), 500)
+    weights = rng.dirichlet((1, 1, 1), 500)
+    points = (weights[..., None] * cap.triangles[face]).sum(axis=1)
+    to_sphere = 0.2 - np.linalg.norm(points - (0.05, 0.04, 0.0), axis=1)
+    inner = ~rim[cap.faces[face]].any(axis=1)
+    assert_allclose(facet_gaps(cap, face, points)[inner], to_sphere[inner], rtol=0.01)
+
+
+def test_gaps_are_zero_on_flat_parts_and_at_sharp_edges():
+    """A prism with rounded corners has gaps over its corners only; a square tube has none."""
+    around = 32
+    angle = 2 * np.pi * np.arange(around) / around
+    flat = np.clip(1.6 * np.column_stack((np.cos(angle), np.sin(angle))), -1, 1) * 0.03
+
+    def point(a, height):
+        return np.column_stack((flat[np.rint(a / (2 * np.pi) * around).astype(int) % around], 0.1 * height))
+
+    prism = welded(tube_mesh(point, around, 9))
+    face = np.arange(len(prism.faces))
+    gaps = facet_gaps(prism, face, prism.triangles.mean(axis=1))
+    on_side = np.abs(np.abs(prism.face_normals[:, :2]).max(axis=1) - 1) < 1e-9
+    assert_allclose(gaps[on_side], 0, atol=1e-12)
+    square = welded(tube_mesh(lambda a, h: np.column_stack((np.cos(a), np.sin(a), h)) * 0.05, 4, 5))
+    assert_allclose(facet_gaps(square, np.arange(len(square.faces)), square.triangles.mean(axis=1)), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("sides", [16, 24, 96])
+def test_the_bias_of_facets_is_removed(sides):
+    """Facets cut into a cylinder; the surface through the vertices is on the cylinder."""
+    fit = fit_surface(cylinder(around=sides, along=6), GRID)
+    before, after = rms(off(fit.surface)), rms(off(fit.error_field.surface))
+    assert after < 0.1 * before
+    height, _ = fit.error_field.at(UV)
+    assert 0.5 * after < np.sqrt(height.mean()) < 2 * after
+
+
+def test_the_shape_that_the_net_cannot_follow_is_stated():
+    """Twelve waves around a tube are too short for 16 lines; the stated height has the size of the error."""
+
+    def point(angle, height):
+        radius = RADIUS + 1e-4 * np.cos(12 * angle + 5 * height) * np.exp(-(((height - 0.4) / 0.3) ** 2))
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * height))
+
+    fit = fit_surface(welded(tube_mesh(point, 240, 60)), GRID)
+    field = fit.error_field
+    x, y, z = field.surface.points(UV).T
+    height = z / LENGTH
+    truth = RADIUS + 1e-4 * np.cos(12 * np.arctan2(y, x) + 5 * height) * np.exp(-(((height - 0.4) / 0.3) ** 2))
+    error = np.hypot(x, y) - truth
+    sigma = np.sqrt(field.at(UV)[0])
+    assert rms(sigma) == pytest.approx(rms(error), rel=0.15)
+    assert (np.abs(error) < 2 * sigma).mean() > 0.93
+    near, far = np.abs(height - 0.4) < 0.2, height > 0.85
+    assert rms(sigma[near]) > 3 * rms(sigma[far])  # it is local
+
+
+def test_the_noise_of_a_scan_is_not_a_gap():
+    """Vertices with noise: the surface averages them, and the stated height has the size of the error."""
+    ratios = []
+    for seed in range(4):
+        noise = np.random.default_rng(seed).normal(0, 2e-4, 90 * 40)
+
+        def point(angle, height, noise=noise):
+            radius = RADIUS + noise
+            return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), LENGTH * height))
+
+        fit = fit_surface(welded(tube_mesh(point, 90, 40)), GRID)
+        field = fit.error_field
+        ratios.append((rms(off(field.surface)), np.sqrt(field.at(UV)[0].mean())))
+        assert rms(off(field.surface)) < 1.05 * rms(off(fit.surface))
+    error, sigma = np.array(ratios).T
+    assert rms(sigma) == pytest.approx(rms(error), rel=0.3)
+
+
+def test_holes_and_other_nets_give_a_field():
+    """A hole has no samples; next to it the field is known, and all numbers are finite where the fit is trusted."""
+    mesh = with_hole(cone(), (0.04, 0, 0.05), 0.012)
+    fit = fit_surface(mesh, GRID)
+    trusted = fit.is_trusted(UV)
+    height, slopes = fit.error_field.at(UV)
+    assert not trusted.all() and np.isfinite(height[trusted]).all() and np.isfinite(slopes[trusted]).all()
+    chords = fit_surface(cylinder(around=24, along=6), GRID, chords=True)  # the facets are chords already
+    assert_allclose(chords.error_field.surface.points(UV), chords.surface.points(UV), atol=3e-5)

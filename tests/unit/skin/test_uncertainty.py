@@ -1,0 +1,101 @@
+"""The stated uncertainty of taxels covers their errors as often as it says."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration.model import Registration
+from skin_calib_addon.geometry import TubeGrid, fit_surface
+from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.uncertainty import moved_rigidly, moved_within, taxel_uncertainty
+from tests.shapes import RADIUS, Z_AXIS, cylinder
+
+ROWS, COLUMNS, PITCH = 6, 14, 0.008
+MOUNTED = Registration(1e-3, np.deg2rad(1.0), (RADIUS, 0.0, 0.05))
+DRAWS = 200
+
+
+@pytest.fixture(scope="module")
+def stated():
+    """A sheet on a 24-gon: its taxels, their flat positions about the anchor, and their uncertainty."""
+    fit = fit_surface(cylinder(around=24, along=6), TubeGrid(8, 16, Z_AXIS, 0.004, "uniform"))
+    anchor = Landmark((ROWS // 2, COLUMNS // 2), MOUNTED.anchor)
+    lattice = SheetLattice(ROWS, COLUMNS, (PITCH, PITCH))
+    taxels = sheet_taxels(wrap_sheet(fit.error_field.surface, lattice, None, (0, 1.0, 0.2), landmarks=[anchor]), "skin")
+    arms = PITCH * (taxels.index - anchor.cell)[:, ::-1]
+    return taxels, arms, taxel_uncertainty(taxels, fit.error_field, moved_within(arms, MOUNTED))
+
+
+def errors_over_sigma(stated, scale=1.0):
+    """Errors along both axes, along the normal, and of the normal in its worst direction, over ``scale`` sigma.
+
+    The truth is the exact cylinder, with the sheet unrolled on it after a random motion within its registration.
+    """
+    taxels, arms, uncertainty = stated
+    rng = np.random.default_rng(7)
+    sigma = scale * uncertainty.sigma
+    across = np.cross(taxels.normals_link, taxels.tangents_link)
+    axes = np.stack((taxels.tangents_link, across), axis=1)
+    worst = np.linalg.eigh(uncertainty.angle)[1][:, :, -1]
+    heading = np.arctan2(0.2, 1.0)
+    turn = np.array(((np.cos(heading), np.sin(heading)), (-np.sin(heading), np.cos(heading))))
+    found = []
+    for _ in range(DRAWS):
+        shift, angle = rng.normal(0, MOUNTED.origin, 2), rng.normal(0, MOUNTED.direction)
+        c, s = np.cos(angle), np.sin(angle)
+        around, up = ((arms @ ((c, s), (-s, c)) + shift) @ turn).T
+        normals = np.column_stack((np.cos(around / RADIUS), np.sin(around / RADIUS), 0 * up))
+        positions = RADIUS * normals + np.array((0, 0, 1.0)) * (up + MOUNTED.anchor[2])[:, None]
+        along = np.einsum("nij,nj->ni", axes, positions - taxels.positions_link)
+        tilt = np.einsum("nij,nj->ni", axes, normals - taxels.normals_link)
+        found.append((along / sigma[:, :1], (tilt * worst).sum(axis=1) / sigma[:, 2]))
+    along, angle = (np.concatenate([part[k] for part in found]) for k in (0, 1))
+    height = (RADIUS - np.linalg.norm(taxels.positions_link[:, :2], axis=1)) / sigma[:, 1]
+    return along.ravel(), height, angle
+
+
+def covers(errors):
+    """Whether 68 +- 5 % are within one sigma, and 95 +- 3 % within two."""
+    return abs((np.abs(errors) < 1).mean() - 0.68) <= 0.05 and abs((np.abs(errors) < 2).mean() - 0.95) <= 0.03
+
+
+def test_one_sigma_covers_two_thirds_of_the_errors(stated):
+    """16 800 errors in each component: along the surface and of the normal as a normal distribution, the height too."""
+    along, height, angle = errors_over_sigma(stated)
+    assert covers(along) and covers(angle)
+    assert (np.abs(height) < 2).mean() >= 0.93
+    assert 1 / 1.45 < np.sqrt((height**2).mean()) < 1.45
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0])
+def test_half_or_double_a_sigma_covers_wrongly(stated, scale):
+    """The test above fails for a wrong sigma."""
+    along, height, angle = errors_over_sigma(stated, scale)
+    assert not covers(along) and not covers(angle)
+    assert not 1 / 1.45 < np.sqrt((height**2).mean()) < 1.45
+
+
+def test_registration_moves_far_taxels_more(stated):
+    """At the anchor only the origin counts; a rotation moves a taxel across its arm."""
+    along = moved_within(np.array(((0.0, 0.0), (0.1, 0.0), (0.0, 0.1))), MOUNTED)
+    rotated = (0.1 * MOUNTED.direction) ** 2
+    assert_allclose(along[0], 1e-6 * np.eye(2), rtol=1e-12)
+    assert_allclose(along[1], np.diag((1e-6, 1e-6 + rotated)), rtol=1e-12)
+    assert_allclose(along[2], np.diag((1e-6 + rotated, 1e-6)), rtol=1e-12)
+    strained = moved_within(np.array(((0.1, 0.0),)), MOUNTED, np.array((0.05,)))
+    assert_allclose(strained - along[1:2], [(0.15 * 0.05 * 0.1) ** 2 * np.eye(2)], rtol=1e-9)
+
+
+def test_taxels_of_a_file_move_rigidly(stated):
+    """Random small motions of the frame have the stated variances along the surface and along the normal."""
+    taxels = stated[0]
+    mounted = dataclasses.replace(MOUNTED, anchor=tuple(taxels.positions_link.mean(axis=0)))
+    along, height, tilt = moved_rigidly(taxels, mounted)
+    rng = np.random.default_rng(2)
+    shifts, turns = rng.normal(0, 1e-3, (20000, 1, 3)), rng.normal(0, mounted.direction, (20000, 1, 3))
+    moves = shifts + np.cross(turns, taxels.positions_link - mounted.anchor)
+    assert_allclose((moves * taxels.normals_link).sum(axis=2).var(axis=0), height, rtol=0.05)
+    assert_allclose((moves * taxels.tangents_link).sum(axis=2).var(axis=0), along[:, 0, 0], rtol=0.05)
+    assert tilt == mounted.direction**2
