@@ -217,21 +217,36 @@ def _placement(patch: Patch, lines: IntArray, rows: IntArray, points: Array, dir
 
 
 def _robust(design: Array, offsets: Array, far: float) -> tuple[Array, Array]:
-    """Solve ``off (m, 2) = design (m, 2, k) @ parameters`` robustly for parameters (k,) and standard errors.
+    r"""Solve ``offsets (m, 2) = design (m, 2, k) @ parameters`` robustly for parameters (k,) and standard errors.
 
-    Iteratively reweighted least squares with Cauchy's weights, from the medians:
+    Iteratively reweighted least squares with Cauchy's weights, from the medians. With the residuals :math:`r` [m]:
 
-        w_i = 1 / (1 + |residual_i|^2 / far^2)
+    .. math::
+
+        w_i = \frac{1}{1 + \lVert \mathbf{r}_i \rVert^2 / f^2}, \qquad
+        \boldsymbol{\psi}_i = w_i\, \mathbf{r}_i
+
+    The weights depend on the residuals, so the errors of a weighted least squares are too small (by 17 % for touches
+    anywhere in their cells). The covariance of an M-estimate has the slope of :math:`\boldsymbol{\psi}` (Huber, 1981,
+    eq. 7.6.6):
+
+    .. math::
+
+        C = \frac{\sum \lVert \boldsymbol{\psi}_i \rVert^2 / (2 m - k)}{\bigl( \frac{1}{2 m} \sum
+        \operatorname{tr} \partial \boldsymbol{\psi}_i / \partial \mathbf{r}_i \bigr)^2}\, (A^T A)^{-1} , \qquad
+        \operatorname{tr} \frac{\partial \boldsymbol{\psi}_i}{\partial \mathbf{r}_i} = 2 w_i^2
     """
     found = np.zeros(design.shape[2])
     found[:2] = np.median(offsets, axis=0)
     for _ in range(REWEIGHTING_STEPS):
-        squares = ((offsets - design @ found) ** 2).sum(axis=1)
-        weights = 1 / (1 + squares / far**2)
+        weights = 1 / (1 + ((offsets - design @ found) ** 2).sum(axis=1) / far**2)
         normal = np.einsum("mik,m,mil->kl", design, weights, design)
         found = np.linalg.solve(normal, np.einsum("mik,m,mi->k", design, weights, offsets))
-    spread = (weights * squares).sum() / max(2 * len(offsets) - len(found), 1)
-    return found, np.sqrt(spread * np.diag(np.linalg.inv(normal)))
+    squares = ((offsets - design @ found) ** 2).sum(axis=1)
+    weights = 1 / (1 + squares / far**2)
+    spread = (weights**2 * squares).sum() / max(2 * len(offsets) - len(found), 1) / (weights**2).mean() ** 2
+    plain = np.einsum("mik,mil->kl", design, design)
+    return found, np.sqrt(spread * np.diag(np.linalg.inv(plain)))
 
 
 def flat_places(patch: Patch, cells: IntArray | Array) -> Array:
