@@ -18,6 +18,7 @@ from ..common.warnings import from_document as warnings_from
 from ..common.warnings import to_document as warnings_document
 from .migration import migrated
 from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray
+from .parts import STORED_ROUNDING
 from .response import response_document, response_from
 from .validate import CALIBRATION_VERSION, FORMAT, SCHEMA, validate, validate_content
 
@@ -216,7 +217,7 @@ def _patch(document: Document) -> Patch:
         ids=tuple(columns["id"]),
         channels=np.array(columns["channel"], np.int64),
         index=np.array(columns["index"], np.int64),
-        **{field: np.array(columns[name], float) for name, field in _VECTORS.items()},
+        **_unit_frames({field: np.array(columns[name], float) for name, field in _VECTORS.items()}),
         neighbours=tuple(map(tuple, columns["neighbours"])),
         ports=tuple(map(tuple, columns.get("ports", ()))),
         responses=np.array(columns.get("response", ()), np.int64),
@@ -234,6 +235,18 @@ def _patch(document: Document) -> Patch:
         taxels=taxels,
         extra=_extra(document),
     )
+
+
+def _unit_frames(vectors: dict[str, Array]) -> dict[str, Array]:
+    """Normalize normals and tangents that were written in single precision; others stay as they are, to the bit."""
+    normals, tangents = vectors["normals_link"], vectors["tangents_link"]
+    unit_normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    across = tangents - (tangents * unit_normals).sum(axis=1)[:, None] * unit_normals
+    unit_tangents = across / np.linalg.norm(across, axis=1)[:, None]
+    for name, exact in (("normals_link", unit_normals), ("tangents_link", unit_tangents)):
+        rounded = np.abs(vectors[name] - exact).max(axis=1) > STORED_ROUNDING
+        vectors[name][rounded] = exact[rounded]
+    return vectors
 
 
 def _registration_document(registration: Registration) -> Document:

@@ -10,9 +10,11 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.findings import Finding, error, show, warning
-from .parts import STORED_ROUNDING, Part, needs
+from .parts import Part, needs
 from .surface_checks import MAX_DISTANCE
 
+# Rounding of unit vectors and of right angles in single precision, which reading removes. Larger: wrong vectors pass.
+SINGLE_ROUNDING = 1e-6
 # Relative difference between the area of a cell and the area of its outline, by the kind of the patch. The cells of a
 # sheet bend with the surface; their outlines are up to 7 % smaller at a radius of 0.8 pitches. Others are flat.
 # Larger: wrong areas pass.
@@ -68,7 +70,7 @@ def _tangents_are_unit(patch: Part, tangent: Array) -> Iterator[Finding]:
 
 def _not_unit(patch: Part, name: str, vectors: Array) -> Iterator[Finding]:
     length = np.linalg.norm(vectors, axis=1)
-    for row in np.flatnonzero(~(np.abs(length - 1) <= STORED_ROUNDING)):
+    for row in np.flatnonzero(~(np.abs(length - 1) <= SINGLE_ROUNDING)):
         message = f"has length {length[row]:.12g}; it must be a unit vector"
         yield error("not-unit", patch.at(name, row), message, vectors[row].tolist())
 
@@ -76,7 +78,7 @@ def _not_unit(patch: Part, name: str, vectors: Array) -> Iterator[Finding]:
 @needs("normal", "tangent")
 def _tangents_are_perpendicular(patch: Part, normal: Array, tangent: Array) -> Iterator[Finding]:
     cosine = (normal * tangent).sum(1) / (np.linalg.norm(normal, axis=1) * np.linalg.norm(tangent, axis=1))
-    for row in np.flatnonzero(np.abs(cosine) > STORED_ROUNDING):  # a zero vector is reported as not unit
+    for row in np.flatnonzero(np.abs(cosine) > SINGLE_ROUNDING):  # a zero vector is reported as not unit
         message = f"is not perpendicular to the normal (cosine {cosine[row]:.3g})"
         yield error("not-square", patch.at("tangent", row), message, tangent[row].tolist())
 

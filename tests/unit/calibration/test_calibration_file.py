@@ -454,3 +454,25 @@ def test_write_to_full_disk_leaves_old_file(tmp_path):
     )
     assert run.returncode == 1 and run.stderr.startswith("cannot write") and run.stderr.count("\n") == 1
     assert (tmp_path / "c.json").read_bytes() == b"old" and os.listdir(tmp_path) == ["c.json"]
+
+
+def test_frames_in_single_precision_are_read_as_unit_frames(tmp_path):
+    """Other programs write vectors with seven digits; those of our own files stay as they are, to the bit."""
+    calibration, path = small_calibration(), tmp_path / "c.json"
+    document = to_document(calibration)
+    for patch in document["patches"]:
+        for name in ("normal", "tangent"):
+            patch["taxels"][name] = np.float32(np.array(patch["taxels"][name]) * (1 + 1e-7)).astype(float).tolist()
+    document["checksum"] = checksum({k: v for k, v in document.items() if k != "checksum"})
+    path.write_text(json.dumps(document))
+    read = load_calibration(path)
+    save_calibration(calibration, path)
+    same = load_calibration(path)
+    for patch, exact, own in zip(read.patches, calibration.patches, same.patches):
+        normals, tangents = patch.taxels.normals_link, patch.taxels.tangents_link
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(np.linalg.norm(tangents, axis=1), 1, rtol=0, atol=1e-9)
+        np.testing.assert_allclose((normals * tangents).sum(axis=1), 0, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(normals, exact.taxels.normals_link, rtol=0, atol=3e-7)
+        np.testing.assert_array_equal(own.taxels.normals_link, exact.taxels.normals_link)
+        np.testing.assert_array_equal(own.taxels.tangents_link, exact.taxels.tangents_link)

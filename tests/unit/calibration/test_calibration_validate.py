@@ -226,7 +226,7 @@ MEANING = [  # errors that need the complete document
         "has 3 corners, but the first cell has 4",
     ),
     (f"{NORMAL}/4", times(1.001), "not-unit", f"{NORMAL}/4", "has length 1.001"),
-    (f"{NORMAL}/4", times(1 + 3e-9), "not-unit", f"{NORMAL}/4", "has length 1.000000003"),
+    (f"{NORMAL}/4", times(1 + 3e-6), "not-unit", f"{NORMAL}/4", "has length 1.000003"),
     (f"{T0}/tangent/0", [0, 0, 0], "not-unit", f"{T0}/tangent/0", "has length 0;"),
     (f"{T0}/tangent/0", [1, 0, 0], "not-square", f"{T0}/tangent/0", "not perpendicular"),
     (f"{NORMAL}/1", times(-1), "flipped-normal", f"{NORMAL}/1", "points inwards"),
