@@ -12,7 +12,7 @@ A cell can contain a nearer point only if the distance to its triangles, less th
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import comb
 
 import numpy as np
@@ -112,9 +112,10 @@ class _Search:
 
     def __init__(self, surface: BSplineSurface, cells: int):
         self.surface = surface
-        ends, span = _cell_ends(surface, cells)
+        bounds = _second_derivatives(surface)
+        ends, span = _cell_ends(surface, bounds, cells)
         corners, steps = surface.grid_points(*ends), (np.diff(ends[0])[:, None], np.diff(ends[1]))
-        bends = _second_derivatives(surface)[:, span[0]][:, :, span[1]]
+        bends = bounds[:, span[0]][:, :, span[1]]
         delta = (steps[0] ** 2 * bends[0] + 2 * steps[0] * steps[1] * bends[1] + steps[1] ** 2 * bends[2]) / 8
         a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
         centres = (a + b + c + d) / 4
@@ -186,13 +187,15 @@ def _search_of(surface: BSplineSurface, cells: int) -> _Search:
     return _Search(surface, cells)
 
 
-def _cell_ends(surface: BSplineSurface, cells: int) -> tuple[tuple[Array, Array], tuple[IntArray, IntArray]]:
+def _cell_ends(
+    surface: BSplineSurface, bends: Array, cells: int
+) -> tuple[tuple[Array, Array], tuple[IntArray, IntArray]]:
     """Return the ends of the cells in each direction (c + 1,), and the span of each cell (c,).
 
-    Cells are about as long as wide, and shorter where the surface bends.
+    Cells are about as long as wide, and shorter where the surface bends: ``bends`` are its second derivatives.
     """
     knots = [np.append(s.starts, s.starts[-1] + s.lengths[-1]) for s in surface.spans]
-    corners, bends = surface.grid_points(*knots), _second_derivatives(surface)
+    corners = surface.grid_points(*knots)
     sides = [np.linalg.norm(np.diff(corners, axis=axis), axis=2).max(axis=1 - axis) for axis in (0, 1)]
     size = np.sqrt(sides[0].sum() * sides[1].sum() / cells)
     bend = [bends[2 * axis].max(axis=1 - axis) * surface.spans[axis].lengths ** 2 / 8 for axis in (0, 1)]
@@ -223,15 +226,21 @@ def _second_derivatives(surface: BSplineSurface) -> Array:
     bounds = []
     for part in second:
         to_u, to_v = (_to_bernstein(s.lengths, n) for s, n in zip(surface.spans, part.shape[2:4]))
-        net = np.einsum("aij,abjkc,blk->abilc", to_u, part, to_v, optimize=True)
+        rows = to_u[:, None] @ part.reshape(*part.shape[:3], -1)
+        net = to_v[:, None] @ rows.reshape(*rows.shape[:3], *part.shape[3:])
         bounds.append(np.linalg.norm(net, axis=4).max(axis=(2, 3)))
     return np.array(bounds)
 
 
 def _to_bernstein(lengths: Array, count: int) -> Array:
     """Return matrices (s, count, count) from coefficients of powers on [0, length] to Bernstein coefficients."""
-    fractions = np.array([[comb(j, i) / comb(count - 1, i) for i in range(count)] for j in range(count)])
-    return fractions * lengths[:, None, None] ** np.arange(count)
+    return _power_fractions(count) * lengths[:, None, None] ** np.arange(count)
+
+
+@cache
+def _power_fractions(count: int) -> Array:
+    """Return the Bernstein coefficients (count, count) of each power on [0, 1], one power in each column."""
+    return np.array([[comb(j, i) / comb(count - 1, i) for i in range(count)] for j in range(count)])
 
 
 def _descend(surface: BSplineSurface, uv: Array, points: Array) -> tuple[Array, Array]:

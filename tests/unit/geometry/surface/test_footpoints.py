@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
 from skin_calib_addon.geometry.fit.surface_fit import fit_lines
 from skin_calib_addon.geometry.mesh.closest import split_faces
-from skin_calib_addon.geometry.surface.footpoints import footpoints
+from skin_calib_addon.geometry.surface.footpoints import _second_derivatives, footpoints
 from tests.shapes import Z_AXIS, cylinder, plane_surface, wrist_surface
 
 DATA = Path(__file__).parents[5] / "shared" / "data" / "meshes"
@@ -121,3 +121,15 @@ def test_footpoints_of_real_links_are_nearest(name):
     on_mesh = on_mesh[np.random.default_rng(0).choice(len(on_mesh), 20_000)]
     check_against_brute_force(surface, on_mesh)
     check_against_brute_force(surface, around_surface(surface, (-0.01, 0.002, 0.01, 0.03), 20_000, 2))
+
+
+def test_second_derivatives_are_within_their_bounds():
+    """The bound of each pair of spans holds for all of its points, and is not far above the largest."""
+    surface = wrist_surface()
+    bounds = _second_derivatives(surface)
+    for i, j in ((0, 0), (1, 5), (len(surface.spans[0].starts) - 1, len(surface.spans[1].starts) - 1)):
+        u, v = (s.starts[k] + s.lengths[k] * np.linspace(0, 0.999, 30) for s, k in zip(surface.spans, (i, j)))
+        r = surface.derivatives(np.column_stack((np.repeat(u, 30), np.tile(v, 30))), 2)
+        found = [np.linalg.norm(x, axis=1).max() for x in (r[2, 0], r[1, 1], r[0, 2])]
+        assert (found <= bounds[:, i, j] * (1 + 1e-9)).all()
+        assert (bounds[:, i, j] < 2 * np.array(found) + 1e-3).all()
