@@ -70,6 +70,14 @@ def _patch_summary(placed: PlacedSkin) -> Iterator[str]:
     if placed.imported is not None:
         before = placed.imported.before
         yield f"{name}to the surface {_millimetres(before.surface)}"
+        fit = placed.imported.fit
+        if fit is not None and fit.nearby is not None:
+            near = fit.nearby
+            yield (
+                f"{name}heights above the mesh deviate by {near.before * 1e3:.3f} mm (rms), and by "
+                f"{near.after * 1e3:.3f} mm after the best motion of {np.rad2deg(near.angle):.1f} degrees and "
+                f"{near.shift * 1e3:.1f} mm"
+            )
     if "pitch_error" in quality:
         worst = {key: 1e3 * np.abs(quality[key]).max() for key in BOARD_LENGTHS if key in quality}
         lengths = ", ".join(f"{key.replace('_', ' ')} {value:.2f}" for key, value in worst.items())
@@ -94,6 +102,10 @@ def _patch_document(placed: PlacedSkin) -> dict[str, Any]:
         document[key] = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
     if placed.imported is not None:
         document["distances"] = {name: _distances(getattr(placed.imported, name)) for name in ("before", "after")}
+        fit = placed.imported.fit
+        if fit is not None and fit.nearby is not None:
+            names = ("before", "after", "angle", "shift")
+            document["registration"] = {name: getattr(fit.nearby, name) for name in names}
     if placed.closure is not None:
         closure = placed.closure
         document["closure"] = {"of": closure.of, "gaps": closure.gaps.tolist(), "steps": closure.steps.tolist()}

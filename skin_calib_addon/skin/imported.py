@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import ON_MESH_DISTANCE, RigidFit, find_frame
 from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
+from .board_planes import board_planes
 from .sheet.taxels import fan_areas
 
 # Largest deviation of a given matrix from a rotation; covers four decimals. Larger: accepts less exact matrices.
@@ -40,6 +41,9 @@ SAME_POINT_TOLERANCE = 1e-3
 GABRIEL_TOLERANCE = 0.01
 # Smallest sine of the angle between a tangent of the file and the normal. Larger: replaces more tangents.
 MIN_TANGENT_SINE = 0.02
+# Least mean cosine between the plane normal of a board and the surface; below it the sign is unknown. Larger: more
+# boards have the normals of the surface.
+MIN_PLANE_COSINE = 0.5
 # Decimals of a position [m] that count for the pitch.
 POSITION_DECIMALS = 6
 # Number of taxels near the middle of a pair that may separate its cells. Larger: slower.
@@ -85,7 +89,8 @@ def imported_taxels(
     """Return the taxels of a file with footpoints, outward normals and frames of a surface.
 
     Positions do not change. ``quality["gap"]`` is the height of each taxel above the surface [m], as a skin has a
-    thickness. Normals of the file are compared with those of the surface, but not used.
+    thickness. Taxels of a rigid board have the normal of its plane, see :func:`.board_planes.board_planes`; the surface
+    gives its sign. Other taxels have the normal of the surface. Normals of the file are compared, but not used.
 
     Parameters
     ----------
@@ -100,7 +105,7 @@ def imported_taxels(
     frame : (rotation, translation), optional
         Transform from the frame of the set to the link frame, see `placed`. By default the set is in the link frame.
     snap : bool
-        Whether to move each taxel to its footpoint. The gap is that before the movement.
+        Whether to move each taxel to its footpoint, with the normal there. The gap is that before the movement.
     tangent : "u" or "v"
         Parameter that gives the direction of the tangents, if the file has none.
     farthest : float
@@ -122,8 +127,9 @@ def imported_taxels(
     ids = tuple(f"{name}.{label}" for label in taxel_set.labels)
     given = taxel_set.positions
     uv, distance = footpoints(surface, given)
-    feet, normals = surface.points(uv), surface.normals(uv)
-    gap = ((given - feet) * normals).sum(axis=1)
+    feet, upright = surface.points(uv), surface.normals(uv)
+    gap = ((given - feet) * upright).sum(axis=1)
+    normals = upright if snap else board_normals(taxel_set, upright)
     positions = feet if snap else given
     tangents = _tangents(taxel_set, surface, uv, normals, tangent)
     pitch = median_pitch(positions, name) if pitch is None else pitch
@@ -146,7 +152,7 @@ def imported_taxels(
     exact = None if mesh is None else MeshDistance(mesh)
     fit = None if mesh is None else find_frame(mesh, given)
     at_edge = ((uv <= 0) | (uv >= 1)).any(axis=1)
-    lateral = np.linalg.norm(given - feet - gap[:, None] * normals, axis=1)
+    lateral = np.linalg.norm(given - feet - gap[:, None] * upright, axis=1)
     found = (
         *_frame_findings(name, fit, frame),
         *_named("far", ids, distance > farthest, f"farther than {farthest * 1e3:g} mm from the surface"),
@@ -155,6 +161,27 @@ def imported_taxels(
     )
     before = _distances(distance, given, exact)
     return ImportedTaxels(taxels, pitch, before, _distances(0 * gap, feet, exact), fit, (*taxel_set.findings, *found))
+
+
+def board_normals(taxel_set: TaxelSet, upright: Array) -> Array:
+    """Return the normals of the boards of a set, and of the surface for taxels without a board, shape (n, 3).
+
+    Parameters
+    ----------
+    taxel_set : TaxelSet
+        Taxels in the link frame.
+    upright : array, shape (n, 3)
+        Outward unit normals of the surface under the taxels.
+    """
+    board, planes = board_planes(taxel_set.positions, taxel_set.boards)
+    normals = upright.copy()
+    for number in np.unique(board[board >= 0]):
+        members = np.flatnonzero(board == number)
+        plane = planes[members[0]]
+        cosine = float((upright[members] @ plane).mean())
+        if abs(cosine) > MIN_PLANE_COSINE:
+            normals[members] = np.copysign(1.0, cosine) * plane
+    return normals
 
 
 def placed(taxel_set: TaxelSet, rotation: ArrayLike, translation: ArrayLike) -> TaxelSet:
@@ -410,7 +437,20 @@ def _flipped(name: str, taxel_set: TaxelSet, normals: Array) -> Iterator[Finding
 
 def _frame_findings(name: str, fit: RigidFit | None, given: Frame | None) -> Iterator[Finding]:
     """Yield a finding if the taxels are not in the link frame, with the frame that fits instead of the given one."""
-    if fit is None or fit.before.mean <= ON_MESH_DISTANCE:
+    if fit is None:
+        return
+    nearby = fit.nearby
+    if nearby is not None and nearby.is_better:
+        small = replace(fit, rotation=nearby.rotation, translation=nearby.translation)
+        rotation, translation = (np.round(part, 9).tolist() for part in _after(small, given))
+        frame = {"rotation": rotation, "translation": translation}
+        message = f"fits the mesh better after a motion of {np.rad2deg(nearby.angle):.1f} degrees and "
+        message += (
+            f"{nearby.shift * 1e3:.1f} mm: the heights above it then deviate by {nearby.after * 1e3:.2f} instead of "
+        )
+        message += f'{nearby.before * 1e3:.2f} mm (rms). Check its frame, as in "frame": {json.dumps(frame)}'
+        yield warning("near-frame", name, message, frame)
+    if fit.before.mean <= ON_MESH_DISTANCE:
         return
     off, left = f"{fit.before.mean * 1e3:.1f} mm", f"{fit.after.mean * 1e3:.1f} mm"
     rotation, translation = (np.round(part, 9).tolist() for part in _after(fit, given))

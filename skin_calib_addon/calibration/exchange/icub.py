@@ -16,6 +16,7 @@ BLOCK = "[calibration]"
 TABLE = "taxel2Repr"
 # Format: entries of the table for rows without taxel
 UNUSED = -1
+BOARD_ROWS = 12  # format: rows of one board, a rigid triangle with ten taxels and two thermal pads
 THERMAL_PAD = -2
 Lines = list[tuple[int, str]]  # numbered
 _WORD = re.compile(r"""[^\s#()\[\]{}"'\\]+""")  # a word without quotes in YARP
@@ -23,6 +24,8 @@ _WORD = re.compile(r"""[^\s#()\[\]{}"'\\]+""")  # a word without quotes in YARP
 
 def read_icub(text: str) -> Draft:
     """Read the rows ``x y z nx ny nz`` of the block; the channel of a row is its index, rows of zeros included.
+
+    Twelve rows are one rigid board.
 
     The table ``taxel2Repr`` is only compared with the rows. In published files it is too short or too long, and the
     iCub software uses each row that is not zero as a taxel.
@@ -74,6 +77,7 @@ def _read_rows(draft: Draft, rows: Lines) -> Iterator[Finding]:
         draft.lines.append(number)
         draft.labels.append(str(index))
         draft.channels.append(index)
+        draft.boards.append(index // BOARD_ROWS)
         draft.positions.append(numbers[:3])
         draft.normals.append(numbers[3:])
 

@@ -40,11 +40,14 @@ class TaxelSet:
     neighbours: tuple[tuple[str, ...], ...] | None = None  # labels; None without neighbours in the file
     tangents: Array | None = None  # (n, 3) unit, x axes of the taxels; None without tangents in the file
     findings: tuple[Finding, ...] = ()  # warnings, also about taxels that were left out
+    boards: IntArray | None = None  # (n,) number of the rigid board of each taxel; None without boards in the file
 
     def __post_init__(self):
         n = len(self.labels)
         vectors = [name for name in ("normals", "tangents") if getattr(self, name) is not None]
         freeze(self, positions=(n, 3), channels=(n,), **{name: (n, 3) for name in vectors})
+        if self.boards is not None:
+            freeze(self, boards=(n,))
         if self.neighbours is not None and len(self.neighbours) != n:
             raise ValueError(f"TaxelSet.neighbours has {len(self.neighbours)} rows, expected {n}")
 
@@ -95,6 +98,7 @@ class Draft:
     tangents: list[tuple[float, ...]] | None = None
     neighbours: list[tuple[str, ...]] | None = None
     links: list[str] = field(default_factory=list)  # link of each taxel, in formats with several links
+    boards: list[int] = field(default_factory=list)  # rigid board of each taxel, in formats with boards
     frame: str | None = None
     findings: list[Finding] = field(default_factory=list)
     at: Callable[[int], str] = line  # converts a number of ``lines`` to a location
@@ -106,7 +110,8 @@ class Draft:
 
     def keep(self, rows: Sequence[int]) -> None:
         """Keep only the taxels of these rows."""
-        for name in ("lines", "labels", "channels", "positions", "normals", "tangents", "neighbours", "links"):
+        vectors = ("positions", "normals", "tangents")
+        for name in ("lines", "labels", "channels", *vectors, "neighbours", "links", "boards"):
             column = getattr(self, name)
             if column:
                 setattr(self, name, [column[i] for i in rows])
@@ -160,6 +165,7 @@ def finished(draft: Draft, only: str | None = None) -> tuple[TaxelSet | None, tu
         neighbours=None if draft.neighbours is None else tuple(draft.neighbours[i] for i in chosen),
         tangents=tangents,
         findings=tuple(draft.findings),
+        boards=np.array(draft.boards, np.int64)[chosen] if draft.boards else None,
     )
     return taxels, taxels.findings
 

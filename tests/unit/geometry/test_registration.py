@@ -14,6 +14,7 @@ from skin_calib_addon.geometry.registration import (
     even_rotations,
     farthest_points,
     find_frame,
+    fit_nearby,
 )
 from tests.examples import slow
 from tests.oracles import nearest_on_triangle
@@ -205,3 +206,55 @@ def test_spread_points_are_far_apart():
     apart = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=2) + 9 * np.eye(20)
     assert limit <= apart.min()
     assert sorted(farthest_points(points[:5], 20).tolist()) == [0, 1, 2, 3, 4]
+
+
+def at_heights(seed=0, thickness=0.002, noise=1e-4, count=200):
+    """Points above a part of the wrist, as taxels of a skin with a thickness are."""
+    points, face, _ = split_faces(wrist(), 0.02 * wrist().size)
+    rng = np.random.default_rng(seed)
+    chosen = rng.choice(len(points), count, replace=False)
+    height = thickness + noise * rng.normal(size=count)
+    return points[chosen] + height[:, None] * wrist().face_normals[face[chosen]]
+
+
+def moved_by(points, degrees, shift, seed):
+    """Points rotated about their centre, and moved, in random directions."""
+    rng = np.random.default_rng(seed)
+    axis, aim = rng.normal(size=(2, 3))
+    turn = Rotation.from_rotvec(np.deg2rad(degrees) * axis / np.linalg.norm(axis)).as_matrix()
+    centre = points.mean(axis=0)
+    return (points - centre) @ turn.T + centre + shift * aim / np.linalg.norm(aim)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("thickness", [0.0, 0.002])
+def test_nearby_motion_shows_a_slightly_wrong_frame(seed, thickness):
+    """Three degrees and 4 mm pass the mean distance of 3 mm. The best small motion has a clearly smaller residual."""
+    points = at_heights(seed, thickness)
+    wrong = moved_by(points, 3, 0.004, seed)
+    found = fit_nearby(wrist(), wrong)
+    assert found.is_better and found.after < 2.5e-4 < 5e-4 < found.before
+    back = wrong @ found.rotation.T + found.translation
+    assert np.linalg.norm(back - points, axis=1).mean() < 0.5 * np.linalg.norm(wrong - points, axis=1).mean()
+    assert_allclose(np.linalg.det(found.rotation), 1, rtol=1e-12)
+    fit = find_frame(wrist(), wrong)
+    assert fit.verdict != "right" or fit.nearby.is_better
+
+
+@pytest.mark.parametrize("thickness", [0.0, 0.002, 0.007])
+def test_nearby_motion_leaves_a_true_frame(thickness):
+    """The height of a skin is no wrong frame, however thick it is; the residual is its noise."""
+    found = fit_nearby(wrist(), at_heights(1, thickness))
+    assert not found.is_better
+    assert found.after <= found.before < 4e-4
+
+
+def test_nearby_motion_does_not_slide_along_a_cylinder():
+    """The link does not fix the taxels along its axis: true taxels stay, and a sideways shift is undone."""
+    points = split_faces(cylinder(), 0.02 * cylinder().size)[0]
+    points = points[np.abs(points[:, 2] - 0.05) < 0.03][::7] * (1.02, 1.02, 1)
+    assert not fit_nearby(cylinder(), points).is_better
+    found = fit_nearby(cylinder(), points + (0.003, 0, 0.002))
+    assert found.is_better
+    assert_allclose(found.translation[:2], (-0.003, 0), rtol=0, atol=3e-4)
+    assert abs(found.translation[2]) < 5e-4

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.calibration import save_calibration
 from skin_calib_addon.calibration.exchange import TaxelSet
@@ -102,7 +103,7 @@ def test_imported_patch_is_a_calibration(positions, surface, tmp_path):
     s = surface
     model = SurfaceModel("cover", s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, ERRORS)
     pitch = (result.pitch, result.pitch)
-    patch = Patch("skin", "sheet", "cover", (len(positions), 1), pitch, result.taxels)
+    patch = Patch("skin", "imported", "cover", (len(positions), 1), pitch, result.taxels)
     save_calibration(LinkCalibration("arm", MeshSource("a.stl", "0" * 64, 1, 1), (model,), (patch,)), tmp_path / "c")
     assert result.taxels.ids[:2] == ("skin.t0", "skin.t1") and result.taxels.channels[0] == 100
 
@@ -442,3 +443,20 @@ def test_moving_everything_moves_the_taxels():
     assert_allclose(b.quality["gap"], a.quality["gap"], rtol=0, atol=1e-10)
     assert_allclose(b.quality["gap"], 0.001, rtol=1e-3)
     assert b.neighbours == a.neighbours and there.fit.verdict == here.fit.verdict == "right"
+
+
+def test_a_slightly_wrong_frame_is_a_warning():
+    """Taxels above a part of the wrist, rotated by 3 degrees and moved by 4 mm: the frame of the message brings them
+    back. The report has the residual before and after.
+    """
+    uv = imported_taxels(taxel_set(on_wrist()), wrist_surface(), "s").taxels.uv
+    true = on_wrist() + 0.001 * wrist_surface().normals(uv)
+    turn = Rotation.from_rotvec(np.deg2rad(3) * np.array((0.6, 0.8, 0))).as_matrix()
+    wrong = (true - true.mean(axis=0)) @ turn.T + true.mean(axis=0) + (0.003, -0.002, 0.0017)
+    assert imported_taxels(taxel_set(true), wrist_surface(), "s", wrist()).findings == ()
+    result = imported_taxels(taxel_set(wrong), wrist_surface(), "s", wrist())
+    (found,) = (f for f in result.findings if f.code == "near-frame")
+    assert found.severity == "warning" and "fits the mesh better after a motion of" in found.message
+    back = placed(taxel_set(wrong), found.value["rotation"], found.value["translation"]).positions
+    assert np.linalg.norm(back - true, axis=1).max() < 1e-3 < np.linalg.norm(wrong - true, axis=1).max()
+    assert result.fit.nearby.after < 0.2 * result.fit.nearby.before
