@@ -12,9 +12,13 @@ FLIP = 20
 def drive(gui):
     yield from gui.tab("Skin")
     yield from hover_view(gui)
+    bpy.context.preferences.view.smooth_view = 0  # the view is there at once
     with gui.context():
         bpy.ops.view3d.view_axis(type="FRONT")
         bpy.ops.view3d.view_selected()
+    view = gui.area().spaces.active.region_3d
+    view.view_distance *= 1.2
+    view.view_location.x += 0.25 * view.view_distance  # clear of the side bar
     yield from gui.redraw()
     yield from cuts_by_click(gui)
     yield from keeps_the_other_side(gui)

@@ -88,6 +88,8 @@ def looks_at_the_error(gui):
     yield from hover_view(gui)
     yield from gui.redraw(2)
     yield from gui.shot("5_error.png", area="VIEW_3D")
+    r, g, b = gui.pixels("VIEW_3D")[-150:, :300].astype(int).transpose(2, 0, 1)
+    assert ((r > 220) & (g > 200) & (b < 90)).sum() > 50, "the end of the colour bar is not in the corner of the view"
 
 
 def exports(gui):
