@@ -15,14 +15,14 @@ from PIL import Image
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 WIDTH = 560  # of a step of the tutorial [pixel]
-COLOURS = 64
+COLOURS = 256
 # Picture in docs/: screenshot, and the part of it: left, top, right, lower edge [pixel].
 PARTS = {
-    "cut.png": ("cut/five_cuts.png", (60, 80, 970, 1180)),
-    "planes.png": ("planes/followed.png", (180, 80, 970, 1180)),
-    "live.png": ("live/dragged.png", (180, 80, 970, 1180)),
-    "imported.png": ("imported/found.png", (60, 80, 970, 1180)),
-    "inspect.png": ("inspect/playing.png", (60, 80, 970, 1180)),
+    "cut.png": ("cut/five_cuts.png", (60, 80, 985, 1180)),
+    "planes.png": ("planes/followed.png", (180, 80, 985, 1180)),
+    "live.png": ("live/dragged.png", (180, 80, 985, 1180)),
+    "imported.png": ("imported/found.png", (60, 80, 985, 1180)),
+    "inspect.png": ("inspect/playing.png", (60, 80, 985, 1180)),
 }
 PART_WIDTH = 720  # [pixel]
 
@@ -30,7 +30,9 @@ PART_WIDTH = 720  # [pixel]
 def small(picture: Image.Image, width: int) -> Image.Image:
     """Return a picture with a width [pixel], and few colours."""
     height = round(picture.height * width / picture.width)
-    return picture.resize((width, height), Image.Resampling.LANCZOS).quantize(COLOURS)
+    return picture.resize((width, height), Image.Resampling.LANCZOS).quantize(
+        COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=4
+    )
 
 
 def main() -> None:
