@@ -101,7 +101,8 @@ def _draw_cell(axis: Any, placement: Placement) -> None:
 
 def _add_legend(axis: Any) -> None:
     """Add a legend below the drawing."""
-    axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False)
+    # a fixed distance below the axis: its label and ticks are in between
+    axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=5, ncols=3, frameon=False)
 
 
 def _outlines(placement: Placement) -> Array:
