@@ -24,9 +24,9 @@ LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # direction of the light: from the righ
 DRAWN_NORMAL_LENGTH = 0.006
 PLAIN = np.array((0.78, 0.80, 0.83))  # colour of faces without a value
 NOTE_COLOUR = "#8a2b06"  # of warnings
-LINE_HEIGHT = 0.15  # of a line of text [inches]
+NOTE_LINE_HEIGHT = 0.15  # of a line of text [inches]
 WRAP_WIDTH = 85  # characters of text below each panel. Larger: text is cut off.
-MAX_NOTES = 12  # warnings in a picture. Larger: a higher picture.
+MAX_WARNINGS_SHOWN = 12  # warnings in a picture. Larger: a higher picture.
 # Values that can colour the cells; the first available one is used: name, scale, smallest end of the bar, label.
 SHOWN = (
     ("strain", 100.0, 0.1, "strain of the cell [%]"),
@@ -96,11 +96,13 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     panels: list[_Panel] = [_TaxelPanel(calibration, all_quads, all_normals)]
     panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, quads, normals, mesh)] if mesh else []
     notes = _notes(calibration, WRAP_WIDTH * len(panels))
-    height = 5 + LINE_HEIGHT * len(notes)
+    height = 5 + NOTE_LINE_HEIGHT * len(notes)
     figure.set_size_inches(5 * len(panels), height)
     low, scale = 1 - 5 / height, 5 / height  # the panels are above the notes
     for i, line in enumerate(notes):
-        figure.text(0.01, (len(notes) - i - 0.5) * LINE_HEIGHT / height, line, size=7, va="center", color=NOTE_COLOUR)
+        figure.text(
+            0.01, (len(notes) - i - 0.5) * NOTE_LINE_HEIGHT / height, line, size=7, va="center", color=NOTE_COLOUR
+        )
     for i, panel in enumerate(panels):
         left, width = i / len(panels), 1 / len(panels)
         axis = figure.add_axes((left + 0.02 * width, low + 0.01 * scale, 0.76 * width, 0.9 * scale))
@@ -114,8 +116,8 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
 
 
 def _notes(calibration: LinkCalibration, width: int) -> list[str]:
-    """Return the warnings of a calibration as numbered lines of limited width, the first `MAX_NOTES` of them."""
-    shown = calibration.warnings[:MAX_NOTES]
+    """Return the first `MAX_WARNINGS_SHOWN` warnings of a calibration as numbered lines of limited width."""
+    shown = calibration.warnings[:MAX_WARNINGS_SHOWN]
     texts = [f"{number} {w.severity}: {w}" for number, w in enumerate(shown, 1)]
     left = len(calibration.warnings) - len(shown)
     texts += [f"{left} more: see show or check"] if left else []
@@ -224,7 +226,7 @@ class _ErrorPanel(_Panel):
 
 class _TaxelPanel(_Panel):
     def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array):
-        self.warnings = calibration.warnings[:MAX_NOTES]
+        self.warnings = calibration.warnings[:MAX_WARNINGS_SHOWN]
         self.taxels = [p.taxels for p in calibration.patches]
         self.title = f"{sum(len(t.ids) for t in self.taxels)} taxels and their normals"
         shown = {name for t in self.taxels for name in t.quality}
