@@ -37,6 +37,10 @@ MAX_CELL_RADIUS = 0.5**0.5
 MAX_MEAN_NEIGHBOURS = 200
 # Taxels nearer than this fraction of the pitch are at the same position. Larger: merges more of them.
 SAME_POINT_TOLERANCE = 1e-3
+# Taxels are merged if they are nearer than this on the surface, in pitches, ... Larger: finds more pairs.
+MERGED_PITCHES = 0.1
+# ... and farther than this in the file, in pitches. Larger: finds fewer pairs.
+APART_PITCHES = 0.5
 # Relative excess of a ball in which a third taxel still separates two cells. Larger: fewer neighbours.
 GABRIEL_TOLERANCE = 0.01
 # Smallest sine of the angle between a tangent of the file and the normal. Larger: replaces more tangents.
@@ -158,6 +162,7 @@ def imported_taxels(
         *_named("far", ids, distance > farthest, f"farther than {farthest * 1e3:g} mm from the surface"),
         *_named("beyond-edge", ids, at_edge & (lateral > LATERAL_TOLERANCE), "beyond an open edge of the surface"),
         *_flipped(name, taxel_set, normals),
+        *_merged(ids, given, positions, pitch),
     )
     before = _distances(distance, given, exact)
     return ImportedTaxels(taxels, pitch, before, _distances(0 * gap, feet, exact), fit, (*taxel_set.findings, *found))
@@ -433,6 +438,21 @@ def _flipped(name: str, taxel_set: TaxelSet, normals: Array) -> Iterator[Finding
     if count:
         message = f"has {count} of {len(normals)} normals that point inwards in the file; outward ones are used"
         yield warning("flipped-normals", name, message, count)
+
+
+def _merged(ids: tuple[str, ...], given: Array, positions: Array, pitch: float) -> Iterator[Finding]:
+    """Yield an error if taxels that are apart in the file are in one place on the surface."""
+    pairs = cKDTree(positions).query_pairs(MERGED_PITCHES * pitch, output_type="ndarray")
+    apart = np.linalg.norm(given[pairs[:, 0]] - given[pairs[:, 1]], axis=1)
+    found = np.flatnonzero(apart > APART_PITCHES * pitch)
+    if len(found):
+        first = found[np.lexsort(pairs[found].T[::-1])[0]]
+        a, b = (ids[i] for i in pairs[first])
+        message = (
+            f"and {b} are {apart[first] * 1e3:.1f} mm apart in the file and in one place on the surface, the first "
+        )
+        message += f"of {len(found)} pairs; import them without snap"
+        yield error("merged", a, message, len(found))
 
 
 def _frame_findings(name: str, fit: RigidFit | None, given: Frame | None) -> Iterator[Finding]:

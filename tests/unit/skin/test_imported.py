@@ -460,3 +460,17 @@ def test_a_slightly_wrong_frame_is_a_warning():
     back = placed(taxel_set(wrong), found.value["rotation"], found.value["translation"]).positions
     assert np.linalg.norm(back - true, axis=1).max() < 1e-3 < np.linalg.norm(wrong - true, axis=1).max()
     assert result.fit.nearby.after < 0.2 * result.fit.nearby.before
+
+
+def test_snapped_taxels_may_not_be_in_one_place():
+    """A taxel above another one stays in the file's position; moved to the surface, both have one place."""
+    positions = flat(lattice(5, 5, "square"))
+    stacked = np.vstack((positions, positions[12] + (1e-5, 0, 0.005)))
+    assert "merged" not in codes(imported_taxels(taxel_set(stacked), plane_surface(), "s", pitch=PITCH))
+    result = imported_taxels(taxel_set(stacked), plane_surface(), "s", snap=True, pitch=PITCH)
+    (found,) = (f for f in result.findings if f.code == "merged")
+    assert found.severity == "error" and found.pointer == "s.t12"
+    assert (
+        "and s.t25 are 5.0 mm apart in the file and in one place on the surface, the first of 1 pairs" in found.message
+    )
+    assert "merged" not in codes(imported_taxels(taxel_set(positions), plane_surface(), "s", snap=True))
