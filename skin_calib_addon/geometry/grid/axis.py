@@ -1,13 +1,14 @@
 """The axis of a tube-like mesh: found from its sections, and the range of complete sections along it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, along, unit
+from ...common.arrays import Array, BoolArray, ComplexArray, IntArray, unit
 from ...common.errors import EmptySection, InvalidPlan, millimetres
 from ..mesh.triangle_mesh import TriangleMesh
-from ..sampling.frames import TubeFrame, frame_of
+from ..sampling.frames import TubeFrame, frame_of, link_direction, link_side
 from ..sampling.planes import Planes
 from ..sampling.rays import TURN, RayCaster
 from ..sampling.sections import Sections, cut_sections
@@ -19,9 +20,38 @@ SHEET_SIDE_FRACTION = 0.25
 # [1] iterations for an axis from the centres of two sections. Each changes the axis by a fraction of the one before.
 # Larger: no visible effect.
 AXIS_ITERATIONS = 8
+# [1] sections of the middle half of a tube whose circles give its axis. Larger: less influence of one section, more
+# time. They are at the heights of a Gauss quadrature, which rarely coincide with the edge of a step.
+AXIS_SECTIONS = 9
+# [1] change of the radius per length below which both ends of a tube are equally thick: 10 um on 100 mm, which is more
+# than the rounding of a mesh file. Larger: the link frame directs more axes.
+EQUAL_ENDS_TAPER = 1e-4
+# [1] sections over the whole length that give angle zero. Larger: less influence of one section, more time.
+ZERO_SECTIONS = 12
+ZERO_HARMONICS = 5  # [1] of the profile that gives angle zero. Larger: more influence of corners
+# [1] height of the profile below which a section is round: 0.1 % of the radius. Larger: the link frame decides for more
+# tubes.
+ROUND_PROFILE = 1e-3
+# [1] height of the profile that the link frame adds to a round tube; far above the rounding of a mesh file, far below
+# ``ROUND_PROFILE``.
+LINK_PROFILE = 1e-4
+# [1] skewness of a face along its longer side below which it has no sense. Larger: the link frame decides for more
+# faces.
+EQUAL_SIDES_SKEW = 1e-4
+# [1] difference of two maxima of the profile below which they are equal. Larger: the link frame decides for more tubes.
+EQUAL_MAXIMA = 1e-5
+# [rad] difference of two angles below which they are equal. Larger: the link frame decides for more tubes.
+EQUAL_ANGLES = 1e-3
+MAXIMUM_ITERATIONS = 8  # [1] Newton steps to a maximum of the profile. Larger: no visible effect
+TRIAL_STATIONS = 192  # [1] tried for complete sections. Larger: narrower openings are seen, more time
+# [1] parts of a step, and rounds of division, that find the end of the complete sections: to 1/512 of a step. Larger:
+# more accurate, more time.
+END_PARTS = 8
+END_ROUNDS = 3
 # [fraction of the mesh size] least distance of the two sections; nearer ones give no direction. Larger: more are
 # refused.
 MIN_SECTION_DISTANCE = 0.02
+FULL_TURN_ANGLES = np.arange(90) * TURN / 90  # [rad] of the rays that find complete sections
 
 
 @dataclass(frozen=True)
@@ -35,8 +65,7 @@ class Axis:
 def tube_frame(mesh: TriangleMesh, axis: Axis | None) -> TubeFrame:
     """Return the frame of a tube: about the given axis, or about the axis of the mesh.
 
-    Angle zero is the direction of the vertex with the largest distance from the axis. The link's x axis does not define
-    it, so that the lines move together with the mesh.
+    The shape defines angle zero (see ``zero_direction``), so that the lines move together with the mesh.
 
     Parameters
     ----------
@@ -50,16 +79,145 @@ def tube_frame(mesh: TriangleMesh, axis: Axis | None) -> TubeFrame:
     TubeFrame
     """
     frame = find_axis(mesh) if axis is None else frame_of(np.asarray(axis.point), np.asarray(axis.direction))
-    arms = mesh.vertices - frame.point
-    furthest = arms[np.argmax(np.einsum("vc,vc->v", arms, arms) - along(arms, frame.e3) ** 2)]
-    return frame_of(frame.point, frame.e3, furthest)
+    return frame_of(frame.point, frame.e3, zero_direction(mesh, frame))
+
+
+def zero_direction(mesh: TriangleMesh, frame: TubeFrame) -> Array:
+    r"""Return the direction of angle zero: the side to which the sections extend farthest.
+
+    The profile is a smooth measure of how far the sections extend at the angle :math:`\theta`:
+
+    .. math::
+
+        f(\theta) = \operatorname{Re} \sum_{k=1}^{5} c_k\, e^{-i k \theta}, \qquad
+        c_k = \frac{\int (z / r)^k\, \mathrm{d}\ell\, \mathrm{d}s}{\int \mathrm{d}\ell\, \mathrm{d}s}, \qquad
+        r^2 = \frac{\int |z|^2\, \mathrm{d}\ell\, \mathrm{d}s}{\int \mathrm{d}\ell\, \mathrm{d}s}
+
+    The integrals go along the sections (:math:`\ell`) and over their stations (:math:`s`) [m], and :math:`z = x + i y`
+    is the position across the axis [m]. Angle zero is at the maximum of the profile.
+
+    - Of equal maxima, the one counts after which the next maximum follows soonest; a mirrored pair then has a first.
+    - Of equal maxima at equal distances, the one next to ``link_direction`` counts: such a tube has a symmetry.
+    - A round tube has no maximum. ``link_direction`` then is angle zero. Between the two, both have an influence.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The tube.
+    frame : TubeFrame
+        About its axis; angles count from its ``e1``.
+
+    Returns
+    -------
+    array, shape (3,)
+        Unit vector across the axis.
+    """
+    c = profile_harmonics(mesh, frame)
+    k = np.arange(1, len(c) + 1)
+    x, y = frame.across(link_direction(frame.e3))
+    c[0] += LINK_PROFILE * link_influence(float(np.abs(c).sum())) * (x + 1j * y)
+    step = TURN / (16 * len(c))
+    angles = step * np.arange(16 * len(c))
+    profile = (c * np.exp(-1j * k * angles[:, None])).real.sum(axis=1)
+    angles = angles[(profile >= np.roll(profile, 1)) & (profile > np.roll(profile, -1))]
+    for _ in range(MAXIMUM_ITERATIONS):
+        waves = c * np.exp(-1j * k * angles[:, None])
+        slope, bend = (k * waves).imag.sum(axis=1), (k**2 * waves).real.sum(axis=1)
+        angles = angles + np.clip(slope / np.maximum(bend, 1e-300), -step, step)
+    heights = (c * np.exp(-1j * k * angles[:, None])).real.sum(axis=1)
+    equal = angles[heights > heights.max() - EQUAL_MAXIMA] % TURN
+    angle = first_in_turn(np.asarray(equal), float(np.arctan2(y, x)))
+    return np.cos(angle) * frame.e1 + np.sin(angle) * frame.e2
+
+
+def profile_harmonics(mesh: TriangleMesh, frame: TubeFrame) -> ComplexArray:
+    """Return the harmonics of the profile about an axis, as in ``zero_direction``.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The tube.
+    frame : TubeFrame
+        About its axis.
+
+    Returns
+    -------
+    array of complex, shape (ZERO_HARMONICS,)
+        Without unit.
+    """
+    height = frame.stations(mesh.vertices)
+    stations, weights = gauss_stations(float(height.min()), float(height.max()), ZERO_SECTIONS)
+    sections = cut_sections(mesh, frame.planes(stations))
+    points, lengths = segment_points(sections.ends, 3)  # exact for the fifth power
+    if len(points) == 0:  # a flat mesh across the axis
+        return np.zeros(ZERO_HARMONICS, complex)
+    x, y = np.moveaxis(frame.across(points - frame.point), -1, 0)
+    z, lengths = x + 1j * y, lengths * weights[sections.plane, None]
+    radius = np.sqrt((lengths * np.abs(z) ** 2).sum() / lengths.sum())
+    powers = (z / radius)[..., None] ** np.arange(1, ZERO_HARMONICS + 1)
+    return (lengths[..., None] * powers).sum(axis=(0, 1)) / lengths.sum()
+
+
+def first_in_turn(angles: Array, link: float) -> float:
+    """Return the angle after which the next one follows soonest; of equal ones, that nearest to the link's direction.
+
+    Parameters
+    ----------
+    angles : array, shape (k,)
+        From 0 to one turn [rad].
+    link : float
+        Angle of the link's direction [rad].
+
+    Returns
+    -------
+    float
+        [rad]
+    """
+    angles = np.sort(angles)
+    gaps = (np.roll(angles, -1) - angles) % TURN
+    first = np.arange(len(angles))
+    for i in range(len(angles)):
+        following = gaps[(first + i) % len(angles)]
+        first = first[following < following.min() + EQUAL_ANGLES]
+    distances = np.abs((angles[first] - link + TURN / 2) % TURN - TURN / 2)
+    return float(angles[first[np.argmax(distances < distances.min() + EQUAL_ANGLES)]])
+
+
+def gauss_stations(first: float, last: float, count: int) -> tuple[Array, Array]:
+    """Return the stations of a Gauss quadrature between two stations [m], and their weights [m]."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    half = (last - first) / 2
+    return first + half * (1 + nodes), half * weights
+
+
+def segment_points(ends: Array, count: int) -> tuple[Array, Array]:
+    """Return points on segments that integrate polynomials exactly, so that divided segments give the same integral.
+
+    Parameters
+    ----------
+    ends : array, shape (s, 2, 3)
+        Of the segments [m].
+    count : int
+        Points on each segment; exact up to the degree ``2 * count - 1``.
+
+    Returns
+    -------
+    points : array, shape (s, count, 3)
+        [m]
+    lengths : array, shape (s, count)
+        Weight of each point; their sum is the length of the segment [m].
+    """
+    fractions, weights = gauss_stations(0.0, 1.0, count)
+    steps = ends[:, 1] - ends[:, 0]
+    return ends[:, :1] + fractions[:, None] * steps[:, None], np.linalg.norm(steps, axis=1)[:, None] * weights
 
 
 def find_axis(mesh: TriangleMesh) -> TubeFrame:
     """Return the line that fits the centres of a tube's sections best, towards its thinner end.
 
     The first direction is the one with the least squared projections of the face normals. The line then fits the
-    centres of circles fitted to the sections of the middle half. (The paper joins the centroids of two sections.)
+    centres of circles fitted to the sections of the middle half. (The paper joins the centroids of two sections.) If
+    both ends are equally thick, the axis runs to the side of the link frame that ``link_side`` prefers.
 
     Raises
     ------
@@ -88,16 +246,19 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
     for _ in range(3):
         frame = frame_of(point, direction)
         height = frame.stations(mesh.vertices)
-        low, high = height.min(), height.max()
-        planes = frame.planes(np.linspace(low + 0.25 * (high - low), high - 0.25 * (high - low), 9))
-        centres, radii = section_circles(cut_sections(mesh, planes), frame)
+        low, high = float(height.min()), float(height.max())
+        inset = (high - low) / 4
+        stations, weights = gauss_stations(low + inset, high - inset, AXIS_SECTIONS)
+        centres, radii, planes = section_circles(cut_sections(mesh, frame.planes(stations)), frame)
         if len(centres) < 2:
             raise EmptySection("No axis was found: sections across the mesh are empty. Give the axis in the plan.")
-        point = centres.mean(axis=0)
-        direction = np.linalg.svd(centres - point)[2][0]
-        taper = (radii - radii.mean()) @ ((centres - point) @ direction)
-        if taper > 0:
-            direction = -direction
+        weights = weights[planes] / weights[planes].sum()
+        point = weights @ centres
+        direction = np.linalg.svd(np.sqrt(weights)[:, None] * (centres - point))[2][0]
+        along_axis = (centres - point) @ direction
+        taper = weights @ (radii * along_axis) / (weights @ along_axis**2)
+        towards_thin = -np.sign(taper) if abs(taper) > EQUAL_ENDS_TAPER else link_side(direction)
+        direction = towards_thin * direction
     return frame_of(point, direction)
 
 
@@ -132,22 +293,22 @@ def axis_through(mesh: TriangleMesh, first: Array, second: Array) -> Axis:
                 "The two sections are too close to each other. Choose points that are further apart along the link."
             )
         frame = frame_of(points[0], direction)
-        centres, _ = section_circles(cut_sections(mesh, Planes(points, np.tile(direction, (2, 1)))), frame)
+        centres, *_ = section_circles(cut_sections(mesh, Planes(points, np.tile(direction, (2, 1)))), frame)
         if len(centres) < 2:
             raise EmptySection("A section has no centre. Choose another point of the link.")
         direction = unit(centres[1] - centres[0])
     return Axis(tuple(centres[0].tolist()), tuple(direction.tolist()))
 
 
-def section_circles(sections: Sections, frame: TubeFrame) -> tuple[Array, Array]:
-    r"""Fit a circle to each section that is not empty, weighted by length (Kasa, 1976).
+def section_circles(sections: Sections, frame: TubeFrame) -> tuple[Array, Array, IntArray]:
+    r"""Fit a circle to each section that is not on a line, weighted by length (Kasa, 1976).
 
     .. math::
 
-        \min_{x, y, c} \sum_i w_i \left( 2 x\, x_i + 2 y\, y_i + c - x_i^2 - y_i^2 \right)^2, \qquad
+        \min_{x, y, c} \int \left( 2 x\, \xi + 2 y\, \eta + c - \xi^2 - \eta^2 \right)^2 \mathrm{d}\ell, \qquad
         r = \sqrt{c + x^2 + y^2}
 
-    with the centres :math:`(x_i, y_i)` [m] and the lengths :math:`w_i` [m] of the segments.
+    The integral goes over the length of the section, whose points are :math:`(\xi, \eta)` [m].
 
     Parameters
     ----------
@@ -162,21 +323,23 @@ def section_circles(sections: Sections, frame: TubeFrame) -> tuple[Array, Array]
         [m]
     radii : array, shape (k,)
         [m]
+    planes : array of int, shape (k,)
+        The plane of each circle.
     """
-    centres, radii = [], []
+    centres, radii, planes = [], [], []
     for i in range(sections.planes):
-        ends = sections.ends[sections.plane == i]
-        if len(ends) < 3:
-            continue
-        weight = np.sqrt(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))[:, None]
-        middle = ends.mean(axis=1)
-        xy = frame.across(middle - frame.point)
+        points, lengths = segment_points(sections.ends[sections.plane == i], 2)
+        weight = np.sqrt(lengths).reshape(-1, 1)
+        xy = frame.across(points - frame.point).reshape(-1, 2)
         system = weight * np.column_stack((2 * xy, np.ones(len(xy))))
-        x, y, rest = np.linalg.lstsq(system, (weight * (xy**2).sum(axis=1, keepdims=True))[:, 0], rcond=None)[0]
-        station = frame.stations(middle).mean()
-        centres.append(frame.point + x * frame.e1 + y * frame.e2 + station * frame.e3)
+        found, _, rank, _ = np.linalg.lstsq(system, (weight * (xy**2).sum(axis=1, keepdims=True))[:, 0], rcond=None)
+        if rank < 3:
+            continue
+        x, y, rest = found
+        centres.append(frame.point + x * frame.e1 + y * frame.e2 + frame.stations(points).mean() * frame.e3)
         radii.append(np.sqrt(max(rest + x * x + y * y, 0.0)))
-    return np.array(centres).reshape(-1, 3), np.array(radii)
+        planes.append(i)
+    return np.array(centres).reshape(-1, 3), np.array(radii), np.array(planes, np.int64)
 
 
 def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None, angles: Array) -> tuple[float, float]:
@@ -215,8 +378,12 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
                 margin=margin,
             )
         return low + margin, high - margin
-    stations = low + (high - low) * (np.arange(192) + 0.5) / 192
-    hit = rays_hit(cut_sections(mesh, frame.planes(stations)), frame, angles)
+
+    def hits(stations: Array) -> BoolArray:
+        return rays_hit(cut_sections(mesh, frame.planes(stations)), frame, angles)
+
+    stations = low + (high - low) * (np.arange(TRIAL_STATIONS) + 0.5) / TRIAL_STATIONS
+    hit = hits(stations)
     first, last = longest_run(hit.all(axis=1))
     if first == last:
         raise EmptySection(
@@ -225,10 +392,45 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
         )
     if last - first < 2:
         raise EmptySection(
-            f"The closed part of the tube is shorter than {(high - low) * 1e3 / 96:.1f} mm. "
+            f"The closed part of the tube is shorter than {(high - low) * 2e3 / TRIAL_STATIONS:.1f} mm. "
             f"{_opening(hit, stations, angles, frame)} Close it, use a grid over a sector or a face, or give the axis."
         )
-    return float(stations[first]), float(stations[last - 1])
+    return run_between(lambda stations: hits(stations).all(axis=1), stations, first, last)
+
+
+def run_between(
+    is_complete: Callable[[Array], BoolArray], stations: Array, first: int, last: int
+) -> tuple[float, float]:
+    """Return the stations half a step within the exact ends of a run of complete sections [m].
+
+    The trial stations themselves would jump by a step where an end moves past one of them.
+
+    Parameters
+    ----------
+    is_complete : function
+        Returns whether the section at each station is complete.
+    stations : array, shape (k,)
+        Trial stations at even steps [m].
+    first, last : int
+        Index of the first station of the run, and the index after its last.
+
+    Returns
+    -------
+    first, last : float
+        [m]
+    """
+    step = stations[1] - stations[0]
+    inside, outside = stations[[first, last - 1]], stations[[first, last - 1]] + (-step, step)
+    fractions = np.arange(1, END_PARTS) / END_PARTS
+    for _ in range(END_ROUNDS):
+        trials = inside[:, None] + fractions * (outside - inside)[:, None]
+        complete = is_complete(trials.ravel()).reshape(trials.shape)
+        count = np.where(complete.all(axis=1), END_PARTS - 1, np.argmin(complete, axis=1))  # complete ones next to it
+        part = (outside - inside) / END_PARTS
+        inside = inside + count * part
+        outside = inside + part
+    low, high = inside + (step / 2, -step / 2)
+    return float(low), float(high)
 
 
 def longest_run(chosen: BoolArray) -> tuple[int, int]:
@@ -271,4 +473,49 @@ def rays_hit(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:
     return ~np.isnan(caster.cast(np.zeros((*shape, 2)), directions)[0])
 
 
-FULL_TURN_ANGLES = np.arange(90) * TURN / 90  # [rad]
+def long_direction(triangles: Array, up: Array) -> Array:
+    r"""Return the direction of the longer side of a face, towards its wider end.
+
+    With the position :math:`z = x + i y` in the face, relative to its centroid [m], the direction has the angle
+
+    .. math::
+
+        \alpha = \tfrac{1}{2} \arg \int z^2\, \mathrm{d}A \quad \text{or} \quad \alpha + \pi, \qquad
+        \text{with} \quad \int \operatorname{Re}(z\, e^{-i \alpha})^3\, \mathrm{d}A < 0
+
+    The link frame decides what the shape does not: the angle of a round face, and the sense of a symmetric one.
+
+    Parameters
+    ----------
+    triangles : array, shape (f, 3, 3)
+        Corners of the triangles of the face [m].
+    up : array, shape (3,)
+        Unit normal of the face.
+
+    Returns
+    -------
+    array, shape (3,)
+        Unit vector across the normal.
+    """
+    frame = frame_of(np.zeros(3), up, link_direction(up))
+    x, y = np.moveaxis(frame.across(triangles), -1, 0)
+    z = x + 1j * y
+    areas = np.abs(((z[:, 1] - z[:, 0]) * np.conj(z[:, 2] - z[:, 0])).imag) / 2
+    areas = areas / areas.sum()
+    z = z - areas @ z.mean(axis=1)
+    total = z.sum(axis=1)
+    second = areas @ ((z**2).sum(axis=1) + total**2) / 12  # exact integrals over the triangles
+    square = areas @ ((np.abs(z) ** 2).sum(axis=1) + np.abs(total) ** 2) / 12
+    second += square * LINK_PROFILE * link_influence(np.abs(second) / square)
+    angle = np.angle(second) / 2
+    along = (z * np.exp(-1j * angle)).real
+    total = along.sum(axis=1)
+    third = areas @ (total**3 + 3 * total * (along**2).sum(axis=1) + 2 * (along**3).sum(axis=1)) / 60
+    direction = np.cos(angle) * frame.e1 + np.sin(angle) * frame.e2
+    skewed = np.abs(third) > EQUAL_SIDES_SKEW * square**1.5
+    return direction * (-np.sign(third) if skewed else link_side(direction))
+
+
+def link_influence(height: float) -> float:
+    """Return the influence of the link frame, from 1 for a round shape to 0 at the height ``ROUND_PROFILE``."""
+    return max(0.0, 1 - (height / ROUND_PROFILE) ** 2) ** 2

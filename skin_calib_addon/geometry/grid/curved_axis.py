@@ -6,18 +6,21 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ...common.arrays import Array, unit
+from ...common.arrays import Array, BoolArray, unit
 from ...common.errors import EmptySection, InvalidPlan
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.planes import Planes
 from ..sampling.samples import cast_rays
-from .axis import FULL_TURN_ANGLES, longest_run
+from .axis import FULL_TURN_ANGLES, TRIAL_STATIONS, longest_run, run_between
 
 # [1] stations at which centres are found. Larger: more bends are seen, more time.
 CENTRE_COUNT = 15
 # [1] iterations of cutting across the curve that was found before. Larger: no visible effect, more time.
 CURVE_ITERATIONS = 8
+# [fraction of the mean radius] offset of a curve from the centres of its own sections below which a later curve is
+# preferred, because it covers more of the ends. Larger: at steps and ends, worse curves are used.
+MAX_CURVE_OFFSET = 0.05
 # [fraction of its length] by which the next curve extends beyond both ends, if sections are complete there. Larger: the
 # curve covers open ends in fewer iterations.
 EXTENSION = 0.06
@@ -27,7 +30,6 @@ CURVE_DEGREE = 4  # of the curve [1]; a limb bends once or twice. Larger: more b
 # [fraction of the mean radius] largest distance of the centres from a straight axis that still serves. Larger: fewer
 # curved axes.
 MAX_STRAIGHT_OFFSET = 0.25
-TRIAL_STATIONS = 192  # [1] tried for complete sections. Larger: a more accurate range, more time
 END_INSET = 0.15  # [fraction of the length] left out at both ends, where oblique sections leave the mesh
 
 
@@ -77,7 +79,8 @@ class CurvedAxis:
 def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
     """Return the curve through the centres of the sections across a straight axis; None if the straight axis serves.
 
-    The centres of the sections across one curve give the next curve, until the planes are perpendicular to it.
+    The centres of the sections across one curve give the next curve, until the planes are perpendicular to it. Where
+    steps and ends make the curves alternate, the one nearest to the centres of its own sections counts.
 
     Parameters
     ----------
@@ -98,25 +101,28 @@ def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
     height = frame.stations(mesh.vertices)
     inset = END_INSET * float(np.ptp(height))
     stations = np.linspace(height.min() + inset, height.max() - inset, CENTRE_COUNT)
-    centres, radius = section_centres(mesh, frame.planes(stations), frame.fan(stations, FULL_TURN_ANGLES))
+    centres, radius, _ = section_centres(mesh, frame.planes(stations), frame.fan(stations, FULL_TURN_ANGLES))
     if len(centres) <= CURVE_DEGREE:
         return None
     off = centres - centres.mean(axis=0)
     direction = np.linalg.svd(off)[2][0]
     if np.linalg.norm(off - np.outer(off @ direction, direction), axis=1).max() < MAX_STRAIGHT_OFFSET * radius:
         return None
-    axis = curve_through(centres, frame.e1)
+    axes, offsets = [curve_through(centres, frame.e1)], []
     for _ in range(CURVE_ITERATIONS):
-        length = axis.stations[-1]
+        length = axes[-1].stations[-1]
         stations = np.linspace(-EXTENSION * length, (1 + EXTENSION) * length, CENTRE_COUNT)
-        centres, _ = section_centres(mesh, axis.planes(stations), axis.fan(stations, FULL_TURN_ANGLES))
+        planes = axes[-1].planes(stations)
+        centres, _, complete = section_centres(mesh, planes, axes[-1].fan(stations, FULL_TURN_ANGLES))
         if len(centres) <= CURVE_DEGREE:
             raise EmptySection("No axis was found for the sections of the mesh. Give the axis, or cut the mesh.")
-        axis = curve_through(centres, axis.e1[0])
-    return axis
+        offsets.append(np.sqrt(((centres - planes.points[complete]) ** 2).sum(axis=1).mean()))
+        axes.append(curve_through(centres, axes[-1].e1[0]))
+    near = np.flatnonzero(np.array(offsets) <= max(min(offsets), MAX_CURVE_OFFSET * radius))
+    return axes[near[-1]]
 
 
-def section_centres(mesh: TriangleMesh, planes: Planes, fan: Array) -> tuple[Array, float]:
+def section_centres(mesh: TriangleMesh, planes: Planes, fan: Array) -> tuple[Array, float, BoolArray]:
     """Return the centres of the sections that nearly all rays hit, and their mean radius.
 
     Parameters
@@ -134,13 +140,15 @@ def section_centres(mesh: TriangleMesh, planes: Planes, fan: Array) -> tuple[Arr
         [m]
     radius : float
         [m]
+    complete : array of bool, shape (k,)
+        Which sections they are.
     """
     distances = cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan)
     whole = np.isnan(distances).mean(axis=1) < MAX_MISSED_FRACTION
     if not whole.any():
-        return np.empty((0, 3)), 0.0
+        return np.empty((0, 3)), 0.0, whole
     distances, fan = distances[whole], fan[whole]
-    return planes.points[whole] + centroids(distances[..., None] * fan), float(np.nanmean(distances))
+    return planes.points[whole] + centroids(distances[..., None] * fan), float(np.nanmean(distances)), whole
 
 
 def centroids(arms: Array) -> Array:
@@ -206,14 +214,18 @@ def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None)
     """
     length = axis.stations[-1]
     trials = np.linspace(-0.5 * length, 1.5 * length, TRIAL_STATIONS)
-    planes, fan = axis.planes(trials), axis.fan(trials, FULL_TURN_ANGLES)
-    hit = ~np.isnan(cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan))
-    first, last = longest_run(hit.all(axis=1) if margin is None else hit.mean(axis=1) > 0.5)
+
+    def is_complete(stations: Array) -> BoolArray:
+        planes, fan = axis.planes(stations), axis.fan(stations, FULL_TURN_ANGLES)
+        hit = ~np.isnan(cast_rays(mesh, planes, np.broadcast_to(planes.points[:, None], fan.shape), fan))
+        return hit.all(axis=1) if margin is None else hit.mean(axis=1) > 0.5
+
+    first, last = longest_run(is_complete(trials))
     if last - first < 2:
         raise EmptySection(
             "No section across the curved axis is closed. Use a grid over a sector or a face, or give the axis."
         )
-    low, high = float(trials[first]), float(trials[last - 1])
+    low, high = run_between(is_complete, trials, first, last)
     if margin is None:
         return low, high
     if low + margin >= high - margin:

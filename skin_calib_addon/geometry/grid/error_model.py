@@ -24,6 +24,9 @@ MIN_PROFILE_SITES = 24
 MAX_PROFILE_SITES = 72
 # [1] The density of lines is this power of the curvature. Larger: more lines at corners, fewer in flat parts.
 CURVATURE_EXPONENT = 0.35
+# [rad] rotation of an outline in one step below which it is straight, because noise of a nanometre rotates it, too.
+# Larger: lines do not follow slight curvature.
+FLAT_TURN = 1e-5
 # [fraction of the mean] lower bound of the curvature; below, it is rounding. Larger: more lines in flat parts.
 MIN_CURVATURE_RATIO = 1e-3
 # [steps of an outline] width of the average of the curvature, because the edges of facets have curvature too. Larger:
@@ -135,6 +138,7 @@ class ErrorModel:
         length = np.sqrt((step**2).sum(axis=2))
         heading = step / np.maximum(length, 1e-300)[..., None]
         turn = np.sqrt(((heading - np.roll(heading, 1, axis=1)) ** 2).sum(axis=2))
+        turn[turn < FLAT_TURN] = 0.0
         length = (length + np.roll(length, 1, axis=1)) / 2
         if not self.parametrization.closed:  # the ends have a neighbor on one side only
             turn[:, [0, -1]], length[:, [0, -1]] = turn[:, [1, -2]], length[:, [1, -2]]

@@ -10,9 +10,9 @@ from ...common.warnings import Place, Warning
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import frame_of
 from ..sampling.lines import LineGrid
-from ..sampling.planes import Planes, perpendicular
+from ..sampling.planes import Planes
 from ..sampling.rays import TURN
-from .axis import FULL_TURN_ANGLES, Axis, find_axis, stations_between, tube_frame
+from .axis import FULL_TURN_ANGLES, Axis, find_axis, long_direction, stations_between, tube_frame
 from .curved_axis import curved_axis_span, find_curved_axis
 from .error_model import ErrorModel
 from .parametrizations import FaceParametrization, Parametrization, TubeParametrization, parametrized_lines
@@ -33,6 +33,9 @@ CONCURRENCE_TOLERANCE = 1e-9
 MIN_MEAN_DIRECTION = 0.95
 # [fraction of the mesh size] distance below which planes are equal. Larger: more planes are refused.
 SAME_PLANE_FRACTION = 1e-6
+# [cosine] between the normal of a mesh face and that of an across grid above which the face belongs to the grid. 60
+# degrees is a usual chamfer, so the limit is 61. Larger: the grid ends farther from the rim.
+MIN_FACING_COSINE = np.cos(np.deg2rad(61.0))
 # [cosine] between the mean normal of the faces and the lines below which the side is ambiguous. Larger: more meshes are
 # refused.
 MIN_SIDE_COSINE = 0.1
@@ -95,7 +98,8 @@ class Across(Region):
     """A face such as a sole or a palm: two families of parallel planes; control points move along ``normal``.
 
     The u-planes are perpendicular to the direction of the axis, whose point has no effect. Without an axis they are
-    perpendicular to the longer side of the face. Without a margin, 1 % of that side is left free at all four sides.
+    perpendicular to the longer side of the face (see ``axis.long_direction``). Without a margin, 1 % of that side is
+    left free at all four sides.
     """
 
     normal: Vector = field(kw_only=True)  # outward, any length
@@ -103,22 +107,22 @@ class Across(Region):
     def parametrization(self, mesh: TriangleMesh) -> FaceParametrization:
         """Return lengths over the faces of ``mesh`` whose normals point along ``normal``."""
         up = unit(self.normal)
-        faces = mesh.faces[mesh.face_normals @ up > 0.5]
+        faces = mesh.faces[mesh.face_normals @ up > MIN_FACING_COSINE]
         if len(faces) == 0:
             raise InvalidPlan(f"No mesh face has the outward normal {list(self.normal)}. Reverse or change it.")
         seen = mesh.vertices[np.unique(faces)]
-        along = self._along(seen, up)
+        along = self._along(mesh.vertices[faces], up)
         side = np.cross(up, along)  # along x side = up: r_u x r_v points outward
         x, y = seen @ along, seen @ side
         margin = 0.01 * max(np.ptp(x), np.ptp(y)) if self.margin is None else self.margin
-        if 2 * margin >= min(np.ptp(x), np.ptp(y)):
+        if min(np.ptp(x), np.ptp(y)) - 2 * margin < SAME_PLANE_FRACTION * mesh.size:
             raise InvalidPlan(f"Margin {margin * 1e3:g} mm leaves nothing of the face. Make it smaller.")
         below = ((mesh.vertices @ up).min() - 0.1 * mesh.size) * up  # rays start inside and go outward
         span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
         return FaceParametrization(below, along, side, up, span, breadth)
 
-    def _along(self, seen: Array, up: Array) -> Array:
-        """Return the unit direction in the face that the u-planes are perpendicular to."""
+    def _along(self, triangles: Array, up: Array) -> Array:
+        """Return the unit direction in the face, whose triangles are given, that the u-planes are perpendicular to."""
         if self.axis is not None:
             direction = np.asarray(self.axis.direction, float)
             direction = direction - (direction @ up) * up
@@ -127,11 +131,7 @@ class Across(Region):
                     f"The axis {list(self.axis.direction)} is parallel to the outward normal. Choose one in the face."
                 )
             return unit(direction)
-        a = perpendicular(up)
-        flat = np.column_stack((seen @ a, seen @ np.cross(up, a)))
-        long = np.linalg.eigh(np.cov(flat.T))[1][:, 1]
-        direction = unit(long[0] * a + long[1] * np.cross(up, a))
-        return direction if direction[np.argmax(np.abs(direction))] > 0 else -direction
+        return long_direction(triangles, up)
 
 
 @dataclass(frozen=True)

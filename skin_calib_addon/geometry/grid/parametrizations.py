@@ -36,12 +36,9 @@ class TubeParametrization:
         return (0.0, TURN) if self.sector is None else (0.0, self.sector[1] - self.sector[0])
 
     @property
-    def seam(self) -> Array | None:
-        """Return the ray at angle zero halfway along a closed region: a point [m] and a unit direction; else None."""
-        if not self.closed:
-            return None
-        origins, directions = self.rays(np.array([sum(self.span) / 2]), np.zeros(1))
-        return np.stack((origins[0, 0], directions[0, 0]))
+    def middle(self) -> Array:
+        """Return the ray halfway along and around the region; of a full turn, opposite to angle zero."""
+        return middle_ray(self)
 
     def angles(self, t: Array) -> Array:
         """Return the angles from ``frame.e1`` towards ``frame.e2`` [rad]."""
@@ -141,7 +138,11 @@ class FaceParametrization:
     breadth: tuple[float, float]
     closed = False
     bends = False
-    seam = None
+
+    @property
+    def middle(self) -> Array:
+        """Return the ray through the middle of the region, as in a LineGrid."""
+        return middle_ray(self)
 
     def planes(self, s: Array) -> Planes:
         """Return one plane perpendicular to ``along`` at each s."""
@@ -210,6 +211,13 @@ class FaceParametrization:
 Parametrization = TubeParametrization | FaceParametrization
 
 
+def middle_ray(parametrization: Parametrization) -> Array:
+    """Return the ray at the middle of the ranges of s and t: its origin [m] and its unit direction, shape (2, 3)."""
+    s, t = (np.array([(first + last) / 2]) for first, last in (parametrization.span, parametrization.breadth))
+    origins, directions = parametrization.rays(s, t)
+    return np.stack((origins[0, 0], directions[0, 0]))
+
+
 def parametrized_lines(parametrization: Parametrization, s: Array, t: Array) -> LineGrid:
     """Return the lines of the control points at every pair of s and t.
 
@@ -231,5 +239,5 @@ def parametrized_lines(parametrization: Parametrization, s: Array, t: Array) -> 
         *parametrization.rays(s, t),
         parametrization.closed,
         parametrization.names(t),
-        seam=parametrization.seam,
+        middle=parametrization.middle,
     )

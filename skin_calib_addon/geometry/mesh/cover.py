@@ -10,12 +10,16 @@ from trimesh.intersections import slice_faces_plane
 
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
+from .closest import split_faces
 from .triangle_mesh import TriangleMesh, weld
 
 # [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.
 # Larger: more inner parts are kept.
 INNER_AREA_FRACTION = 0.5
 HULL_BLOCK = 4096  # [1] points that are compared with all planes of a hull at a time. Larger: more memory.
+# [fraction of the root of the area of a shell] longest side of the parts that are inside the hull or not. Larger: less
+# accurate fractions, which depend on the faces.
+SHELL_PART_FRACTION = 0.03
 
 
 @dataclass(frozen=True)
@@ -130,12 +134,17 @@ def fraction_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
     -------
     float
     """
-    centres, areas = mesh.triangles[faces].mean(axis=1), mesh.face_areas[faces]
+    shell = TriangleMesh(mesh.vertices, mesh.faces[faces])
+    if shell.face_areas.sum() == 0:
+        return 1.0
+    # Small parts, so that the fraction does not depend on the size of the faces.
+    centres, face, parts = split_faces(shell, SHELL_PART_FRACTION * float(np.sqrt(shell.face_areas.sum())))
+    areas = shell.face_areas[face] / parts[face] ** 2
     inside = np.full(len(centres), len(hull) > 0)
     for i in range(0, len(centres), HULL_BLOCK):
         block = slice(i, i + HULL_BLOCK)
         inside[block] &= (centres[block] @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1)
-    return float(areas[inside].sum() / areas.sum()) if areas.sum() > 0 else 1.0
+    return float(areas[inside].sum() / areas.sum())
 
 
 def shells(mesh: TriangleMesh) -> IntArray:

@@ -7,6 +7,10 @@ import numpy as np
 from ...common.arrays import Array, along, unit
 from .planes import Planes, perpendicular
 
+# [1] direction in the link frame that gives a line its sense. No axis of the frame, no diagonal and no plane of them is
+# perpendicular to it, so that a line that is nearly along one of these has a clear sense.
+SENSE = np.array((1.0, 2.0, 4.0))
+
 
 @dataclass(frozen=True, eq=False)
 class TubeFrame:
@@ -71,3 +75,33 @@ def frame_of(point: Array, direction: Array, towards: Array | None = None) -> Tu
     e1 = perpendicular(e3) if towards is None else towards - (towards @ e3) * e3
     e1 = unit(e1) if np.linalg.norm(e1) > 0 else perpendicular(e3)
     return TubeFrame(np.asarray(point, float), e1, np.cross(e3, e1), e3)
+
+
+def link_side(direction: Array) -> float:
+    """Return the sense of a line in the link frame: 1, or -1 where the opposite direction is preferred.
+
+    The preferred direction of a line along an axis of the frame is that of the axis.
+    """
+    return 1.0 if direction @ SENSE > 0 else -1.0
+
+
+def link_direction(direction: Array) -> Array:
+    r"""Return a direction across a line that the link frame alone defines.
+
+    It is the projection of :math:`\mathbf{x} + d_x^2\, \mathbf{y}` with the axes :math:`\mathbf{x}` and
+    :math:`\mathbf{y}` of the link frame and the unit direction :math:`\mathbf{d}`: the x axis for lines along y and z,
+    the y axis for lines along x, and a smooth transition between them.
+
+    Parameters
+    ----------
+    direction : array, shape (3,)
+        Of the line, of any length; the opposite direction gives the same.
+
+    Returns
+    -------
+    array, shape (3,)
+        Unit vector.
+    """
+    e3 = unit(direction)
+    side = np.array((1.0, e3[0] ** 2, 0.0))
+    return unit(side - (side @ e3) * e3)

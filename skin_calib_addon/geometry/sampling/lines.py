@@ -21,10 +21,10 @@ class LineGrid:
     closed: bool  # whether the last line is next to the first
     v_names: tuple[str, ...]  # name of each v-line in messages
     warnings: tuple[Warning, ...] = ()  # about the placement of the planes
-    seam: Array | None = None  # (2, 3) of a closed grid: a point of the axis [m], and the direction of angle zero
+    middle: Array | None = None  # (2, 3) ray through the middle of the region: origin [m] and unit direction
 
     def __post_init__(self):
         n, m = len(self.planes_u), len(self.v_names)
         freeze(self, origins=(n, m, 3), directions=(n, m, 3))
-        if self.seam is not None:
-            freeze(self, seam=(2, 3))
+        if self.middle is not None:
+            freeze(self, middle=(2, 3))

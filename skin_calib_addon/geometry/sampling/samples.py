@@ -9,7 +9,7 @@ from ...common.arrays import Array, BoolArray, IntArray, along, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .basis import TensorBasis
 from .lines import LineGrid
-from .planes import Planes, perpendicular
+from .planes import Planes
 from .rays import RayCaster
 from .sections import Sections, cut_sections
 
@@ -85,11 +85,18 @@ class SampleRows:
         planes = Planes(points, normals if parallel else unit(basis.N @ lines.planes_u.normals))
         concurrent = bool((lines.origins == lines.origins[:, :1]).all())
         direction = lines.directions[0, 0] if (lines.directions == lines.directions[0, 0]).all() else None
-        return cls.cut(mesh, planes, basis.blend(lines.origins), concurrent, direction)
+        first = basis.N @ lines.directions[:, 0]
+        return cls.cut(mesh, planes, basis.blend(lines.origins), first, concurrent, direction)
 
     @classmethod
     def cut(
-        cls, mesh: TriangleMesh, planes: Planes, origins: Array, concurrent: bool, direction: Array | None
+        cls,
+        mesh: TriangleMesh,
+        planes: Planes,
+        origins: Array,
+        first: Array,
+        concurrent: bool,
+        direction: Array | None,
     ) -> "SampleRows":
         """Cut the mesh with the planes in which rays will start.
 
@@ -101,6 +108,9 @@ class SampleRows:
             The planes.
         origins : array, shape (k, l, 3)
             Of the rays in each plane [m].
+        first : array, shape (k, 3)
+            Direction of the first axis of each row. Rays give it, not the link frame, so that all decisions within a
+            row move together with the mesh.
         concurrent : bool
             Whether the rays of each plane all start at its point.
         direction : array, shape (3,), or None
@@ -112,11 +122,11 @@ class SampleRows:
         """
         flat = planes.are_parallel()
         if flat:
-            axes = frames_of(planes.normals[:1])
+            axes = frames_of(planes.normals[:1], first[:1])
             flat_vertices = np.stack([along(mesh.vertices, axis) for axis in axes[0]]).T
             sections = cut_sections(mesh, planes, flat_vertices)
         else:
-            axes = frames_of(planes.normals)
+            axes = frames_of(planes.normals, first)
             sections = cut_sections(mesh, planes)
         ends = flat_ends(sections, planes, axes)
         caster = RayCaster(
@@ -177,7 +187,7 @@ def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Ar
         [m]; NaN where the ray hits nothing.
     """
     concurrent = bool((origins == planes.points[:, None]).all())
-    rows = SampleRows.cut(mesh, planes, origins, concurrent, None if concurrent else directions[0, 0])
+    rows = SampleRows.cut(mesh, planes, origins, directions[:, 0], concurrent, None if concurrent else directions[0, 0])
     return rows.cast(directions).residuals + 1
 
 
@@ -203,9 +213,21 @@ def flat_ends(sections: Sections, planes: Planes, axes: Array) -> Array:
     return across(sections.ends - planes.points[sections.plane, None], axes[sections.plane])
 
 
-def frames_of(normals: Array) -> Array:
-    """Return two unit vectors perpendicular to each normal, shape (k, 2, 3)."""
-    firsts = np.array([perpendicular(normal) for normal in normals])
+def frames_of(normals: Array, first: Array) -> Array:
+    """Return two unit vectors perpendicular to each normal.
+
+    Parameters
+    ----------
+    normals : array, shape (k, 3)
+        Unit normals.
+    first : array, shape (k, 3)
+        Direction of the first vector; its part across the normal counts.
+
+    Returns
+    -------
+    array, shape (k, 2, 3)
+    """
+    firsts = unit(first - (first * normals).sum(axis=1, keepdims=True) * normals)
     return np.stack((firsts, np.cross(normals, firsts)), axis=1)
 
 

@@ -281,7 +281,7 @@ class BSplineSurface:
     (The NURBS Book, eq. 3.11.) In a ``closed`` direction the net ends with copies of its first ``degree`` control
     points, the knots are periodic, and parameters wrap around. ``r_u x r_v`` points out of the robot.
 
-    ``seam`` is a ray: a point within the surface [m] and a unit direction. It fixes the start of a closed direction
+    ``middle`` is a ray: an origin within the robot [m] and a unit direction. It meets the surface at its centre,
     independently of the parametrization.
     """
 
@@ -290,12 +290,12 @@ class BSplineSurface:
     knots_v: Array  # (n_v + degree_v + 1,)
     degree: tuple[int, int]
     closed: tuple[bool, bool] = (False, False)
-    seam: Array | None = None  # (2, 3)
+    middle: Array | None = None  # (2, 3)
 
     def __post_init__(self):
         freeze(self, control_net=(None, None, 3), knots_u=(None,), knots_v=(None,))
-        if self.seam is not None:
-            freeze(self, seam=(2, 3))
+        if self.middle is not None:
+            freeze(self, middle=(2, 3))
         for knots, degree, n in zip((self.knots_u, self.knots_v), self.degree, self.control_net.shape):
             check_knots(knots, degree, n)
 

@@ -4,36 +4,69 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, unit
+from ...common.arrays import Array
 from .bspline import BSplineSurface
+from .distance import sample_lines
 
 # [1] chords that measure a coordinate line on each side of a point. Larger: more accurate lengths, more time.
 CHORDS_PER_SIDE = 64
 # [1] Newton iterations to half of the length, in each direction. Larger: no visible effect, more time.
 CENTRE_ITERATIONS = 3
-# [1] most Newton iterations for the intersection of the seam's ray with the surface.
-MAX_SEAM_ITERATIONS = 8
-# [1] step of the parameters below which these iterations have converged. Larger: a less accurate seam.
-SEAM_TOLERANCE = 1e-9
+# [1] points in each span, per direction, from which the search for the middle starts. Larger: safer start, more time.
+STARTS_PER_SPAN = 3
+MAX_RAY_ITERATIONS = 16  # [1] most Newton iterations for the intersection of the middle ray with the surface
+# [1] step of the parameters below which these iterations have converged. Larger: a less accurate centre.
+RAY_TOLERANCE = 1e-10
 
 
 @lru_cache(maxsize=8)
 def surface_centre(surface: BSplineSurface) -> tuple[float, float]:
-    """Return the parameters of the point at half of the length of its two coordinate lines.
+    """Return the parameters of the centre: where the middle ray of the region meets the surface.
 
-    A closed line starts at the seam, which is at angle zero: the side of the mesh vertex with the largest distance from
-    the axis.
+    The region of the mesh defines this ray, so the centre does not depend on the planes and lines of the surface. A
+    surface along planes of the author has no middle ray. Its centre is at half of the length of its coordinate lines,
+    from v = 0 on where it is closed.
     """
-    start = seam_of(surface)
-    uv = np.where(surface.closed, start + 0.5, 0.5)[None]
-    for _ in range(CENTRE_ITERATIONS):
-        for axis in (1, 0):
-            fraction, slope = length_fractions(
-                surface, uv, axis, CHORDS_PER_SIDE, start[axis] if surface.closed[axis] else 0.0
-            )
-            uv[:, axis] += (0.5 - fraction) / slope
+    if surface.middle is not None:
+        uv = ray_parameters(surface, *surface.middle)
+    else:
+        uv = np.full((1, 2), 0.5)
+        for _ in range(CENTRE_ITERATIONS):
+            for axis in (1, 0):
+                fraction, slope = length_fractions(surface, uv, axis, CHORDS_PER_SIDE)
+                uv[:, axis] += (0.5 - fraction) / slope
     u, v = surface.wrap(uv)[0].tolist()
     return u, v
+
+
+def ray_parameters(surface: BSplineSurface, origin: Array, ray: Array) -> Array:
+    """Return the parameters where a ray meets a surface, or where the surface is nearest to it, shape (1, 2).
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface, [m] in the link frame.
+    origin : array, shape (3,)
+        [m]
+    ray : array, shape (3,)
+        Unit direction.
+    """
+    u, v = sample_lines(surface, STARTS_PER_SPAN)
+    points = surface.grid_points(u, v) - origin
+    depth = points @ ray
+    distance = np.where(depth > 0, np.linalg.norm(points - depth[..., None] * ray, axis=2), np.inf)
+    i, j = np.unravel_index(np.argmin(distance), distance.shape)
+    uv = np.array([[u[i], v[j]]])
+    for _ in range(MAX_RAY_ITERATIONS):
+        r = surface.derivatives(uv)[:, :, 0]
+        gap, along, across = (vector - (vector @ ray) * ray for vector in (r[0, 0] - origin, r[1, 0], r[0, 1]))
+        step = np.linalg.lstsq(np.column_stack((along, across)), gap, rcond=None)[0]
+        after = uv - step
+        after = np.where(surface.closed, after, np.clip(after, 0, 1))
+        if np.abs(after - uv).max() < RAY_TOLERANCE:
+            break
+        uv = after
+    return uv
 
 
 def length_fractions(
@@ -79,23 +112,3 @@ def length_fractions(
         chords[:, parts:].sum(axis=1) * np.sign(1 - x[:, 0]),
     )
     return before / (before + after), np.linalg.norm(slopes[:, parts], axis=1) / (before + after)
-
-
-def seam_of(surface: BSplineSurface) -> Array:
-    """Return the parameters where the ray of the seam intersects a surface, shape (2,); v = 0 without a seam."""
-    start = np.array((0.5, 0.0))
-    if surface.seam is None:
-        return start
-    point, ray = surface.seam
-    around = np.column_stack(
-        (np.full(2 * CHORDS_PER_SIDE, 0.5), np.arange(2 * CHORDS_PER_SIDE) / (2 * CHORDS_PER_SIDE))
-    )
-    uv = around[np.argmax((unit(surface.points(around) - point) * ray).sum(axis=1))]
-    for _ in range(MAX_SEAM_ITERATIONS):
-        r = surface.derivatives(uv[None])[:, :, 0]
-        gap, along, across = (vector - (vector @ ray) * ray for vector in (r[0, 0] - point, r[1, 0], r[0, 1]))
-        step = np.linalg.lstsq(np.column_stack((along, across)), gap, rcond=None)[0]
-        uv = uv - step
-        if np.abs(step).max() < SEAM_TOLERANCE:
-            break
-    return uv

@@ -6,8 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection, InvalidPlan
 from skin_calib_addon.geometry.grid.axis import (
+    AXIS_SECTIONS,
     FULL_TURN_ANGLES,
     Axis,
     find_axis,
@@ -18,8 +20,9 @@ from skin_calib_addon.geometry.grid.axis import (
     tube_frame,
 )
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from skin_calib_addon.geometry.sampling.frames import link_direction, link_side
 from skin_calib_addon.geometry.sampling.sections import cut_sections
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, cone, cylinder, keep, shuffled, wrist
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, cone, cylinder, keep, shuffled, welded, wrist
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -61,11 +64,13 @@ def test_axis_joins_the_centres_of_its_own_sections():
     frame = find_axis(wrist())
     height = frame.stations(wrist().vertices)
     middle, limit = (height.min() + height.max()) / 2, np.ptp(height) / 4
-    sections = cut_sections(wrist(), frame.planes(np.linspace(middle - limit, middle + limit, 9)))
-    centres, _ = section_circles(sections, frame)
-    direction = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
+    nodes, weights = np.polynomial.legendre.leggauss(AXIS_SECTIONS)
+    sections = cut_sections(wrist(), frame.planes(middle + limit * nodes))
+    centres = section_circles(sections, frame)[0]
+    centre = weights @ centres / weights.sum()
+    direction = np.linalg.svd(np.sqrt(weights)[:, None] * (centres - centre))[2][0]
     assert np.linalg.norm(np.cross(direction, frame.e3)) < 1e-6
-    off = centres.mean(axis=0) - frame.point
+    off = centre - frame.point
     assert np.linalg.norm(off - (off @ frame.e3) * frame.e3) < 1e-7
 
 
@@ -81,18 +86,119 @@ def test_tube_frame_moves_with_the_mesh(seed):
 
 
 @pytest.mark.parametrize("axis", [None, Z_AXIS, Axis((0, 0, 5), (0, 0, -3))])
-def test_tube_frame_is_right_handed_with_its_zero_at_the_furthest_vertex(axis):
-    """An orthonormal frame; the vertex furthest from the axis is at angle zero."""
-    mesh = wrist()
-    frame = tube_frame(mesh, axis)
+def test_tube_frame_is_right_handed(axis):
+    """An orthonormal frame along the axis that was given."""
+    frame = tube_frame(wrist(), axis)
     basis = np.array((frame.e1, frame.e2, frame.e3))
     assert_allclose(basis @ basis.T, np.eye(3), rtol=0, atol=1e-14)
     assert_allclose(np.linalg.det(basis), 1, rtol=1e-14)
-    x, y = frame.across(mesh.vertices - frame.point).T
-    i = np.argmax(np.hypot(x, y))
-    assert x[i] > 0 and abs(y[i]) < 1e-15
     if axis:
         assert_allclose(frame.e3, np.sign(axis.direction), atol=1e-15)
+
+
+def tube_of(radius, around=90, taper=0.0):
+    """A tube about z with a radius [m] that depends on the angle."""
+
+    def point(angle, height):
+        r = radius(angle) * (1 - taper * height)
+        return np.column_stack((r * np.cos(angle), r * np.sin(angle), 0.1 * height))
+
+    return welded(tube_mesh(point, around, 12))
+
+
+def zero_angle(mesh, axis=Z_AXIS):
+    """Angle zero of a tube about z, from the x axis of its frame [degrees]."""
+    return np.rad2deg(np.arctan2(*tube_frame(mesh, axis).e1[1::-1]))
+
+
+def test_angle_zero_is_where_the_section_extends_farthest():
+    """A ridge, and an ellipse with one thicker tip: at the ridge and at the tip, to a thousandth of a degree."""
+    ridge = tube_of(lambda a: 0.03 + 0.004 * np.exp(8 * (np.cos(a - 1.0) - 1)))
+    assert_allclose(zero_angle(ridge), np.rad2deg(1.0), atol=0.1)
+    tips = tube_of(lambda a: 0.03 + 0.003 * np.cos(2 * (a - 2.0)) + 0.0005 * np.cos(a - 2.0), 360)
+    assert_allclose(zero_angle(tips), np.rad2deg(2.0), atol=1e-3)
+
+
+def test_angle_zero_of_a_round_tube_is_that_of_the_link_frame():
+    """Noise does not decide: x for a tube along z, y along x, and little change for a little tilt."""
+    mesh = cylinder()
+    shaken = weld(mesh.vertices + np.random.default_rng(1).normal(0, 1e-9, mesh.vertices.shape), mesh.faces)
+    for one in (mesh, shaken):
+        frame = tube_frame(one, None)
+        assert_allclose((frame.e1, frame.e3), ((1, 0, 0), (0, 0, 1)), atol=1e-3)
+    for axis, side in (((1, 0, 0), (0, 1, 0)), ((0, 1, 0), (1, 0, 0)), ((1e-3, 1e-3, -1), (1, 0, 1e-3))):
+        assert_allclose(link_direction(np.array(axis)), side, atol=3e-6)
+
+
+def test_link_direction_is_smooth():
+    """Across every line, the same for both senses; it jumps nowhere near an axis, a diagonal or a plane of them."""
+    rng = np.random.default_rng(0)
+    for axis in np.array(list(np.ndindex(3, 3, 3)))[1:] - 1.0:
+        if not axis.any():
+            continue
+        near = axis + rng.normal(0, 1e-6, (20, 3))
+        sides = np.array([link_direction(line) for line in near])
+        assert np.ptp(sides, axis=0).max() < 1e-4
+        assert_allclose(sides[0] @ near[0], 0, atol=1e-14)
+        assert_allclose(link_direction(-axis), link_direction(axis), atol=1e-14)
+        assert len({link_side(line) for line in near}) == 1 and link_side(-axis) == -link_side(axis)
+
+
+def test_angle_zero_of_symmetric_tubes_has_no_ties():
+    """Of two equal tips the one next to the link's x axis; of a mirrored pair of ridges always the same one."""
+    ellipse = tube_of(lambda a: 0.03 + 0.003 * np.cos(2 * (a - 0.4)))
+    assert_allclose(zero_angle(ellipse), np.rad2deg(0.4), atol=1e-2)
+    for turn in np.linspace(0, 6, 7):
+        pair = tube_of(lambda a, t=turn: 0.03 + sum(0.004 * np.exp(6 * (np.cos(a - t - s) - 1)) for s in (-0.8, 0.8)))
+        off = (zero_angle(pair) - np.rad2deg(turn) + 180) % 360 - 180
+        assert -60 < off < -30  # the first of both, counter-clockwise
+
+
+CHANGES = {
+    "moved": lambda mesh, motion: motion.mesh(mesh),
+    "subdivided": lambda mesh, motion: weld(*subdivided(mesh)),
+    "shaken": lambda mesh, motion: weld(
+        mesh.vertices + np.random.default_rng(2).normal(0, 1e-9, mesh.vertices.shape), mesh.faces
+    ),
+}
+
+
+def subdivided(mesh):
+    """Every second face in three, so that vertices crowd on some sides."""
+    chosen = np.arange(len(mesh.faces)) % 2 == 0
+    chosen &= mesh.triangles.mean(axis=1)[:, 0] > 0
+    a, b, c = mesh.faces[chosen].T
+    new = len(mesh.vertices) + np.arange(len(a))
+    middle = mesh.triangles[chosen].mean(axis=1)
+    parts = [np.column_stack(part) for part in ((a, b, new), (b, c, new), (c, a, new))]
+    return np.concatenate((mesh.vertices, middle)), np.concatenate((mesh.faces[~chosen], *parts))
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("made", [wrist, lambda: tube_of(lambda a: 0.03 + 0.002 * np.cos(4 * a) + 0.001 * np.cos(a))])
+def test_frame_and_stations_depend_on_the_shape_only(made, change):
+    """Vertices that crowd on one side, noise of a nanometre and a motion move nothing by more than a micrometre."""
+    mesh, motion = made(), Motion(4) if change == "moved" else Motion.none()
+    other = CHANGES[change](mesh, motion)
+    here, there = tube_frame(mesh, None), tube_frame(other, None)
+    assert_allclose(there.e3, motion.directions(here.e3), atol=1e-6)
+    assert_allclose(there.e1, motion.directions(here.e1), atol=2e-5)
+    ends = [stations_between(m, f, None, FULL_TURN_ANGLES) for m, f in ((mesh, here), (other, there))]
+    for end, again in zip(*ends):
+        assert_allclose(there.point + again * there.e3, motion.points(here.point + end * here.e3), atol=1e-6)
+
+
+def test_complete_sections_end_where_the_mesh_does():
+    """A jagged end that moves by a tenth of a step moves the first station by as much, not by a step or nothing."""
+    lows = []
+    for rim in (0.0100, 0.01005, 0.0101):
+        mesh = cylinder(along=41)
+        low = mesh.vertices[:, 2] < 0.02
+        height = np.where(low & (mesh.vertices[:, 1] > 0), np.maximum(mesh.vertices[:, 2], rim), mesh.vertices[:, 2])
+        mesh = weld(np.column_stack((mesh.vertices[:, :2], height)), mesh.faces)
+        open_ = keep(mesh, lambda c, rim=rim: ~((c[:, 2] < rim + 1e-5) & (c[:, 1] > 0)))
+        lows.append(stations_between(open_, z_frame(open_), None, FULL_TURN_ANGLES)[0])
+    assert_allclose(np.array(lows) - LENGTH / 384, (0.0100, 0.01005, 0.0101), rtol=0, atol=2e-6)
 
 
 @given(seed=seeds)
@@ -122,8 +228,9 @@ def test_section_circles_of_a_polygon_have_its_centre():
     frame = z_frame(cylinder())
     mesh = weld(cylinder().vertices + (0.004, -0.003, 0), cylinder().faces)
     sections = cut_sections(mesh, frame.planes(np.array((0.02, 0.5, 0.06))))
-    centres, radii = section_circles(sections, frame)
+    centres, radii, planes = section_circles(sections, frame)
     assert_allclose(centres, [(0.004, -0.003, 0.02), (0.004, -0.003, 0.06)], rtol=0, atol=1e-12)
+    assert planes.tolist() == [0, 2]
     assert (radii <= RADIUS).all() and (radii >= RADIUS * np.cos(np.pi / 96) - 1e-15).all()
 
 

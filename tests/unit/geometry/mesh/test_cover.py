@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skin_calib_addon.common.errors import InvalidPlan
-from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, shells
+from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, wrist
 
@@ -124,3 +124,19 @@ def test_cut_without_direction_is_refused():
     """A zero normal has no side to keep."""
     with pytest.raises(InvalidPlan, match="The normal of cut 0 is zero"):
         cut_cover(cylinder(), CoverSpec("outer", (Cut((0, 0, 0.05), (0, 0, 0)),)))
+
+
+@pytest.mark.parametrize("divided", ["nothing", "the part inside", "the part outside"])
+def test_shells_are_kept_by_their_area_inside_not_by_their_faces(divided):
+    """A box with 55 % of its area inside a larger one is dropped, however its faces are divided."""
+    inner = box((0.01, 0.01, 0.01), (0.03, 0.03, 0.07))
+    cuts = {
+        "nothing": [],
+        "the part inside": np.linspace(0.012, 0.04, 8),
+        "the part outside": np.linspace(0.05, 0.068, 8),
+    }
+    for height in cuts[divided]:
+        halves = [one_side(inner, np.array((0, 0, height)), np.array((0, 0, sign))) for sign in (1.0, -1.0)]
+        inner = together(*(weld(*half) for half in halves))
+    cover = cut_cover(together(box((0, 0, 0), (0.1, 0.1, 0.046)), inner), CoverSpec())
+    assert np.ptp(cover.vertices[:, 2]) == pytest.approx(0.046)
