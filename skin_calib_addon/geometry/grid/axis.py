@@ -131,7 +131,7 @@ def zero_direction(mesh: TriangleMesh, frame: TubeFrame) -> Array:
 
 
 def profile_harmonics(mesh: TriangleMesh, frame: TubeFrame) -> ComplexArray:
-    """Return the harmonics of the profile about an axis, as in ``zero_direction``.
+    """Return the harmonics of the profile about an axis, as in ``zero_direction``; inner parts have no influence.
 
     Parameters
     ----------
@@ -148,11 +148,12 @@ def profile_harmonics(mesh: TriangleMesh, frame: TubeFrame) -> ComplexArray:
     height = frame.stations(mesh.vertices)
     stations, weights = gauss_stations(float(height.min()), float(height.max()), ZERO_SECTIONS)
     sections = cut_sections(mesh, frame.planes(stations))
-    points, lengths = segment_points(sections.ends, 3)  # exact for the fifth power
-    if len(points) == 0:  # a flat mesh across the axis
+    ends = frame.across(sections.ends - frame.point)
+    outer = RayCaster(sections.plane, ends, sections.planes, centres=np.zeros((sections.planes, 2))).segment
+    if len(outer) == 0:  # a flat mesh across the axis
         return np.zeros(ZERO_HARMONICS, complex)
-    x, y = np.moveaxis(frame.across(points - frame.point), -1, 0)
-    z, lengths = x + 1j * y, lengths * weights[sections.plane, None]
+    points, lengths = segment_points(ends[outer], 3)  # exact for the fifth power
+    z, lengths = points[..., 0] + 1j * points[..., 1], lengths * weights[sections.plane[outer], None]
     radius = np.sqrt((lengths * np.abs(z) ** 2).sum() / lengths.sum())
     powers = (z / radius)[..., None] ** np.arange(1, ZERO_HARMONICS + 1)
     return (lengths[..., None] * powers).sum(axis=(0, 1)) / lengths.sum()
@@ -195,14 +196,14 @@ def segment_points(ends: Array, count: int) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    ends : array, shape (s, 2, 3)
+    ends : array, shape (s, 2, 2) or (s, 2, 3)
         Of the segments [m].
     count : int
         Points on each segment; exact up to the degree ``2 * count - 1``.
 
     Returns
     -------
-    points : array, shape (s, count, 3)
+    points : array, shape (s, count, 2) or (s, count, 3)
         [m]
     lengths : array, shape (s, count)
         Weight of each point; their sum is the length of the segment [m].
