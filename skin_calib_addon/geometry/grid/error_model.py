@@ -42,6 +42,11 @@ MIN_ERROR_SITES = 80
 # [1] sites per span for the selection and for the validation of positions. A short spline interpolates three sites. The
 # two numbers differ, because the number of facets is often a round number. Larger: more accurate, more time.
 SELECTION_SITES = 7
+# [1] every which outline and profile compares residuals at even and at shifted positions. Larger: less time, by chance.
+FLOOR_STRIDE = 4
+# [1] least number of sites for this comparison, so that facets are seen. Larger: more time.
+FLOOR_SITES_ACROSS = 400
+FLOOR_SITES_ALONG = 80
 VALIDATION_SITES = 10
 
 # A spacing is a piecewise linear map from the fraction of the intervals before a position, 0 to 1, to the position.
@@ -279,6 +284,71 @@ class ErrorModel:
         slopes = refitted(self.parametrization.residual_slopes(sites.values, t, offsets, at, height, slope), sites)
         return (residuals * known).ravel(), (slopes * known[..., None]).reshape(-1, len(t))
 
+    def movable_fractions(self, planes: int, lines: int, degree: tuple[int, int]) -> tuple[float, float]:
+        r"""Return the fraction of the squared residuals at even positions that moves with the lines and the planes.
+
+        Residuals :math:`e` at even positions and :math:`e'` at positions shifted by half an interval have the facets in
+        common. The errors of the two splines are independent of each other, so that these are
+
+        .. math::
+
+            \frac{\lVert e - e' \rVert^2}{2\, \lVert e \rVert^2}
+
+        of the squares. Other positions cannot reduce the rest.
+
+        Parameters
+        ----------
+        planes, lines : int
+            Numbers of planes, and of lines in each plane.
+        degree : (int, int)
+            Of the surface along u and v.
+
+        Returns
+        -------
+        across, along : float
+            Of the sum of squares in both directions.
+        """
+        few = replace(
+            self,
+            outlines=self.outlines[::FLOOR_STRIDE],
+            outlines_known=self.outlines_known[::FLOOR_STRIDE],
+            profiles=self.profiles[::FLOOR_STRIDE],
+            profiles_known=self.profiles_known[::FLOOR_STRIDE],
+        )
+        (across, moved_across), (along, moved_along) = (
+            few._moving_across(lines, degree[1]),
+            few._moving_along(planes, degree[0]),
+        )
+        total = max(across + along, 1e-300)
+        return moved_across / total, moved_along / total
+
+    def _moving_across(self, count: int, degree: int) -> tuple[float, float]:
+        """Return the mean squares of the residuals of even lines, and of the part that moves with them [m^2]."""
+        closed, (first, last) = self.parametrization.closed, self.parametrization.breadth
+        even = first + (last - first) * (np.arange(count) / (count if closed else count - 1))
+        period = TURN if closed else None
+        residuals = []
+        for t in (even, even + (last - first) / count / 2 if closed else shifted(even)):
+            # An even number per span: sites of both splines are at nearly equal angles.
+            model = replace(self, per_span=2 * int(np.ceil(FLOOR_SITES_ACROSS / len(t) / 2)))
+            at, _, _, left = model._fit_across(t, degree)
+            left = left * model._known_across(at)
+            order = np.argsort(at, axis=1)
+            at, left = (np.take_along_axis(x, order, axis=1) for x in (at, left))
+            residuals.append(np.array([np.interp(self.outline_t, *x, period=period) for x in zip(at, left)]))
+        return moving_part(*residuals)
+
+    def _moving_along(self, count: int, degree: int) -> tuple[float, float]:
+        """Return the mean squares of the residuals of even planes, and of the part that moves with them [m^2]."""
+        even = np.linspace(*self.parametrization.span, count)
+        residuals = []
+        for s in (even, shifted(even)):
+            model = replace(self, per_span=2 * int(np.ceil(FLOOR_SITES_ALONG / len(s) / 2)))
+            sites, known, left = model._fit_along(s, degree)
+            at = sites.values @ s
+            residuals.append(np.array([np.interp(self.profile_s, at, row) for row in left * known]))
+        return moving_part(*residuals)
+
     def _fit_across(self, t: Array, degree: int) -> tuple[Array, Array, Array, Array]:
         """Fit splines on lines at some t (..., m): return positions, heights and residuals (..., r, l), and offsets.
 
@@ -382,6 +452,27 @@ class ErrorModel:
     @cached_property
     def _profile_slopes(self) -> Array:
         return np.gradient(self.profiles, self.profile_s, axis=1)
+
+
+def shifted(positions: Array) -> Array:
+    """Return the centres of the intervals between ascending positions (m,), and both ends; shape (m + 1,)."""
+    return np.concatenate((positions[:1], (positions[1:] + positions[:-1]) / 2, positions[-1:]))
+
+
+def moving_part(residuals: Array, others: Array) -> tuple[float, float]:
+    """Return the mean square of residuals, and of the part that residuals of another spline do not have in common.
+
+    Parameters
+    ----------
+    residuals, others : array, shape (r, k)
+        At the same points [m].
+
+    Returns
+    -------
+    whole, moving : float
+        [m^2]
+    """
+    return float((residuals**2).mean()), float(((residuals - others) ** 2).mean() / 2)
 
 
 def refitted(changes: Array, sites: SplineSites) -> Array:

@@ -11,7 +11,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
-from skin_calib_addon.geometry.grid.error_model import PROFILES, ErrorModel, filled, interpolated, span_errors
+from skin_calib_addon.geometry.grid import spacing
+from skin_calib_addon.geometry.grid.error_model import (
+    PROFILES,
+    ErrorModel,
+    filled,
+    interpolated,
+    moving_part,
+    span_errors,
+)
 from skin_calib_addon.geometry.grid.parametrizations import FaceParametrization, TubeParametrization, parametrized_lines
 from skin_calib_addon.geometry.grid.spacing import (
     equalized_maps,
@@ -508,3 +516,37 @@ def test_half_tube_is_spaced_as_a_sector():
     assert true_error(half, error_model.parametrization, s, t) < 0.5 * true_error(
         half, error_model.parametrization, s, even
     )
+
+
+@pytest.mark.parametrize(
+    ("mesh", "size"), [(wrist, (20, 60)), (cylinder, (10, 20)), (cylinder, (20, 60)), (cone, (10, 24))]
+)
+def test_even_positions_are_kept_where_only_facets_are_left(mesh, size, monkeypatch):
+    """No search of positions is made, and a fit along the positions that it would find has no less error."""
+    grid = TubeGrid(*size, Z_AXIS, 0.002)
+    even = fit_surface(mesh(), TubeGrid(*size, Z_AXIS, 0.002, "uniform"))
+    monkeypatch.setattr(spacing, "MIN_MOVABLE_FRACTION", 0.0)
+    searched = fit_surface(mesh(), grid)
+    assert searched.distances(5).mean > 0.99 * even.distances(5).mean
+    monkeypatch.undo()
+    monkeypatch.setattr(spacing, "refined_positions", None)
+    kept = fit_surface(mesh(), grid)
+    assert_allclose(kept.offsets, even.offsets, rtol=0, atol=1e-9)
+
+
+def test_even_positions_are_kept_over_a_noisy_scan():
+    """Noise is no error of the positions, as facets are none."""
+    tube = cylinder(around=96, along=52)
+    noisy = tube.vertices + np.random.default_rng(3).normal(scale=2e-4, size=tube.vertices.shape)
+    model = ErrorModel.of(weld(noisy, tube.faces), TubeGrid(6, 12, Z_AXIS, 0.004).region.parametrization(tube), 6)
+    assert max(model.movable_fractions(6, 12, (3, 3))) < 0.2
+    exact = ErrorModel.of(tube, TubeGrid(6, 12, Z_AXIS, 0.004).region.parametrization(tube), 6)
+    assert model.movable_fractions(6, 12, (3, 3))[0] < 0.5 * exact.movable_fractions(6, 12, (3, 3))[0]
+
+
+def test_moving_part_is_that_of_the_splines():
+    """A common residual and independent errors of the splines: the fraction of the latter is found."""
+    rng = np.random.default_rng(5)
+    common, first, second = rng.normal(size=(3, 20, 2000))
+    whole, moving = moving_part(common + 0.3 * first, common + 0.3 * second)
+    assert abs(moving / whole - 0.09 / 1.09) < 0.005
