@@ -16,8 +16,8 @@ from .surface_checks import MAX_DISTANCE
 # Rounding of unit vectors and of right angles in single precision, which reading removes. Larger: wrong vectors pass.
 SINGLE_ROUNDING = 1e-6
 # Relative difference between the area of a cell and the area of its outline, by the kind of the patch. The cells of a
-# sheet bend with the surface; their outlines are up to 7 % smaller at a radius of 0.8 pitches. Others are flat.
-# Larger: wrong areas pass.
+# sheet bend with the surface; at a sharp edge their outlines are up to 8 % smaller. Others are flat. Larger: wrong
+# areas pass.
 AREA_TOLERANCES = {"sheet": 0.1, "hexagons": 0.02, "imported": 0.02}
 # Distance of two taxels in pitches below which they are in one place. Larger: more findings in narrow folds.
 MIN_TAXEL_DISTANCE = 0.1
@@ -112,9 +112,11 @@ def _outlines_do_not_cross(patch: Part, normal: Array, corners: Array) -> Iterat
         yield error("crossing-outline", patch.at("corners", row), message, corners[row].tolist())
 
 
-@needs("kind", "area", "corners")
-def _areas_fit_corners(patch: Part, kind: str, area: Array, corners: Array) -> Iterator[Finding]:
-    spanned = np.linalg.norm(_fan(corners).sum(1), axis=1)
+@needs("kind", "position", "area", "corners")
+def _areas_fit_corners(patch: Part, kind: str, position: Array, area: Array, corners: Array) -> Iterator[Finding]:
+    """Compare each area with that of the triangles of position and sides, which follow a cell that bends."""
+    spokes = corners - position[:, None]
+    spanned = np.linalg.norm(np.cross(spokes, np.roll(spokes, -1, axis=1)), axis=2).sum(1) / 2
     ratio = float(np.min(area / np.where(spanned > 0, spanned, np.inf)))
     if ratio > AREA_UNIT_RATIO:
         message = (
