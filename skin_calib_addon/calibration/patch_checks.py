@@ -168,7 +168,7 @@ def _tangents_follow_the_lattice(
         message = (
             f"contradicts the index: with the normal it gives another direction to {show(other)}; the frame is mirrored"
         )
-        yield error("mirrored-tangent", patch.at("tangent", taxel), message, tangent[taxel].tolist())
+        yield warning("mirrored-tangent", patch.at("tangent", taxel), message, tangent[taxel].tolist())
 
 
 def _is_hexagonal_step(step: IntArray) -> BoolArray:

@@ -336,6 +336,9 @@ MEANING = [  # errors that need the complete document
 ]
 
 
+WARNINGS = ("area", "duplicate-position", "errors", "mirrored-tangent", "one-sided-neighbour")
+
+
 @pytest.mark.parametrize(("pointer", "value", "code", "where", "words"), FORM + MEANING)
 def test_validate_finds_each_mistake(pointer, value, code, where, words):
     """One change gives one finding with code, location and message."""
@@ -343,9 +346,7 @@ def test_validate_finds_each_mistake(pointer, value, code, where, words):
     findings = [finding for finding in validate(document) if (finding.code, finding.pointer) == (code, where)]
     assert len(findings) == 1, found(document)
     assert re.search(words, findings[0].message), findings[0].message
-    assert findings[0].severity == (
-        "warning" if code in ("area", "duplicate-position", "errors", "one-sided-neighbour") else "error"
-    )
+    assert findings[0].severity == ("warning" if code in WARNINGS else "error")
 
 
 def test_stored_warnings_are_findings_again():
