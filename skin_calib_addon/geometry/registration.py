@@ -82,7 +82,7 @@ NEARBY_MOTION_COST = 1e-3
 NEARBY_ITERATIONS = 20  # [1] most iterations. Larger: no effect after convergence
 NEARBY_TOLERANCE = 1e-5  # [m] movement of all points below which the iterations end. Larger: less accurate
 # [1] ratio of the residuals after and before a nearby motion below which the frame is wrong. True frames of real skins
-# have 0.91 to 0.98, frames that are wrong by 3 degrees and 4 mm at most 0.33. Larger: false alarms.
+# have 0.85 to 0.98, frames that are wrong by 3 degrees and 4 mm at most 0.41. Larger: false alarms.
 NEARBY_RATIO = 0.6
 NEARBY_GAIN = 1e-4  # [m] least decrease of the residual of a wrong frame. Larger: misses wrong frames on flat links
 # [m, rad] largest nearby motion. Larger: proposes motions that are no small corrections.
