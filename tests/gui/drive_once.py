@@ -83,12 +83,12 @@ def fits_once_at_a_time(gui):
     yield from gui.redraw(2)
     yield from gui.click(*fit)
     yield from gui.wait(fits, 30, "a fit in a thread")
+    with gui.context():
+        assert not bpy.ops.skin_calib.fit.poll() and not bpy.ops.skin_calib.export_calibration.poll()
     for _ in range(3):
         yield from gui.click(*fit)
         yield from gui.redraw()
         assert fits() <= 1, fits()
-    with gui.context():
-        assert not bpy.ops.skin_calib.fit.poll() and not bpy.ops.skin_calib.export_calibration.poll()
     yield from gui.wait(lambda: not fits(), 120, "the fit")
     yield from gui.wait(lambda: not plan().result.outdated, 120, "the result")
     with gui.context():

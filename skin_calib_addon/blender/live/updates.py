@@ -357,3 +357,5 @@ def unregister() -> None:
     """Stop listening."""
     events.ignore(HANDLERS, (tick,))
     _clear()
+    for of_operators in (_guests, _leaving, _held):
+        of_operators.clear()
