@@ -87,6 +87,11 @@ class TaxelArray:
         if self.ports and len(self.ports) != n:
             raise ValueError(f"TaxelArray.ports has {len(self.ports)} rows, expected {n}")
 
+    @property
+    def known_sigma(self) -> Array:
+        """Return ``sigma`` with a row for each taxel, shape (n, 3); NaN where nothing is stated."""
+        return self.sigma if len(self.sigma) else np.full((len(self.ids), 3), np.nan)
+
 
 def _checked_sigma(sigma: Array, n: int) -> Array:
     """Return a read-only copy of the uncertainties of n taxels; a row is known or NaN as a whole."""

@@ -33,6 +33,9 @@ class AllTaxels:
     neighbours: tuple[tuple[str, ...], ...]
     strain: Array  # (n, 3) along the row, across the rows, shear [rad]; NaN where a patch has none
     stored_tilt: Array  # (n,) of the patch [rad]; NaN where it has none
+    sigma: (
+        Array  # (n, 3) standard uncertainty: along the surface [m], along the normal [m], of the normal [rad], or NaN
+    )
 
     @classmethod
     def of(cls, patches: Sequence[Patch]) -> "AllTaxels":
@@ -59,6 +62,7 @@ class AllTaxels:
             neighbours=sum((t.neighbours for t in taxels), ()),
             strain=quality("strain", 3),
             stored_tilt=quality("tilt"),
+            sigma=np.concatenate([np.empty((0, 3)), *(t.known_sigma for t in taxels)]),
         )
 
     @cached_property

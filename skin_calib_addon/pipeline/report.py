@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.model import LinkCalibration, Patch
+from ..calibration.model import LinkCalibration, Patch, TaxelArray
 from ..calibration.response import AnyResponse, ResponseTable
 from ..common.arrays import Array
 from ..common.errors import millimetres
@@ -64,6 +64,8 @@ def _patch_summary(placed: PlacedSkin) -> Iterator[str]:
     if "strain" in quality:
         strain = np.abs(quality["strain"]).max(axis=0)
         yield f"{name}strain at most {strain[:2].max():.2%}, shear {np.rad2deg(strain[2]):.2f} degrees"
+    if np.isfinite(placed.patch.taxels.sigma).any():
+        yield name + _uncertainty(placed.patch.taxels)
     if placed.closure is not None:
         gaps = 1e3 * placed.closure.gaps
         yield f"{name}{placed.closure.of} close with gaps of {gaps.min():.2f} to {gaps.max():.2f} mm"
@@ -189,10 +191,23 @@ def _patch_lines(patch: Patch) -> Iterator[str]:
     yield f"          on {patch.surface}{height}; pitch {pitch} mm; areas {areas.min():.2f} to {areas.max():.2f} mm^2"
     low, high = (millimetres(f(taxels.corners_link.reshape(-1, 3), axis=0)) for f in (np.min, np.max))
     yield f"          from {low} to {high}"
+    if np.isfinite(taxels.sigma).any():
+        yield f"          {_uncertainty(taxels)}"
     for name, values in sorted(taxels.quality.items()):
         for what, column, factor, unit in _columns(name, values):
             worst = int(np.abs(column).argmax())
             yield f"          largest {what}: {column[worst] * factor:.4g} {unit}, at {taxels.ids[worst]}"
+
+
+def _uncertainty(taxels: TaxelArray) -> str:
+    """Describe the mean and the largest uncertainty of some taxels; some are known."""
+    known = taxels.sigma[np.isfinite(taxels.sigma).all(axis=1)] * (1e3, 1e3, 180 / np.pi)
+    parts = (
+        f"{mean:.3g} (at most {most:.3g}) {unit}"
+        for mean, most, unit in zip(known.mean(axis=0), known.max(axis=0), ("mm along", "mm normal", "degrees"))
+    )
+    unknown = len(taxels.ids) - len(known)
+    return f"uncertainty {', '.join(parts)}" + (f"; unknown of {unknown} taxels" if unknown else "")
 
 
 def _columns(name: str, values: Array) -> Iterator[tuple[str, Array, float, str]]:

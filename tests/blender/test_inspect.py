@@ -42,7 +42,7 @@ def test_layer_is_made_when_it_is_first_shown(ours, result):
     assert not layers._made
     (cells,) = layers.shown({"CELLS", "OTHER"})
     assert set(layers._made) == {"CELLS"} and next(layers.shown({"CELLS"})) is cells
-    assert set(by_name(layers)) == LINES | {"ERROR", "STRAIN", "TILT", "LABELS"}
+    assert set(by_name(layers)) == LINES | {"ERROR", "STRAIN", "TILT", "UNCERTAINTY", "LABELS"}
 
 
 def test_sections_are_where_planes_cut_the_cover(ours, result):
@@ -89,7 +89,7 @@ def test_heat_map_colours_cells_alike_whatever_their_shape(bpy, ours, link, plan
     bpy.ops.skin_calib.fit()
     result = ours.results.find(bpy.context.object.skin_calib.result.key)
     layers = by_name(ours.layers.layers_of(result))
-    for what in ("STRAIN", "TILT"):
+    for what in ("STRAIN", "TILT", "UNCERTAINTY"):
         layer = layers[what]
         assert layer.points.shape == (8 * 7, 3) and layer.colours.shape == (8 * 7, 4)
         assert layer.indices.shape == (8 * 6, 3) and (layer.colours.reshape(8, 7, 4) == layer.colours[::7, None]).all()

@@ -32,7 +32,7 @@ WIDTHS = {"SECTIONS": 2.0, "LINES": 1.5, "NET": 1.0, "SURFACE": 1.0, "CELLS": 1.
 MAX_WIDE_POINTS = 10000
 # Line width [pixels] from which on wide lines are drawn nevertheless. Larger: wide lines of large layers stay thin.
 MAX_PLAIN_WIDTH = 2.0
-HEAT_MAPS = {"ERROR", "STRAIN", "TILT", "FORCE"}
+HEAT_MAPS = {"ERROR", "STRAIN", "TILT", "UNCERTAINTY", "FORCE"}
 FORCE_LAYERS = {"CONTACTS", "COP", "POLYGONS"}  # drawn with the forces
 SWITCHABLE = HEAT_MAPS | FORCE_LAYERS | COLOURS.keys() | {"PLANES"}  # drawn only if they are switched on
 MAX_CACHED_LAYERS = 64  # marks and comparisons; smaller: undo over many steps does not show them again

@@ -107,6 +107,7 @@ def layers_of(result: Any) -> Layers:
             "ERROR": lambda: _error(fit),
             "STRAIN": lambda: _strain(taxels),
             "TILT": lambda: _tilt(taxels),
+            "UNCERTAINTY": lambda: _uncertainty(taxels),
             "SECTIONS": lambda: Layer("SECTIONS", _single(cut_sections(fit.mesh, fit.lines.planes_u).ends)),
             "LINES": lambda: Layer("LINES", _single(line_sections(fit))),
             "NET": lambda: Layer("NET", np.concatenate(_crossing(fit.surface.control_net))),
@@ -147,6 +148,13 @@ def _tilt(taxels: AllTaxels) -> Layer:
     return heat_layer(
         "TILT", taxels, taxels.tilt, Legend("Tilt to a neighbour", "ANGLE", largest_size(taxels.tilt), False, note)
     )
+
+
+def _uncertainty(taxels: AllTaxels) -> Layer:
+    along = taxels.sigma[:, 0]
+    note = "grey: unknown" if np.isnan(along).any() else ""
+    legend = Legend("Uncertainty along the surface", "LENGTH", largest_size(along), note=note)
+    return heat_layer("UNCERTAINTY", taxels, along, legend)
 
 
 def heat_layer(what: str, taxels: AllTaxels, values: np.ndarray, legend: Legend) -> Layer:

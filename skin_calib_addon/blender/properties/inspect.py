@@ -157,6 +157,7 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
             ("ERROR", "Error", "Distance from surface to mesh, as in the panel Fit"),
             ("STRAIN", "Strain", "The larger of the strains of a cell along and across its row"),
             ("TILT", "Tilt", "The largest angle between a taxel and a neighbour"),
+            ("UNCERTAINTY", "Uncertainty", "Standard uncertainty of the position of a taxel along the surface"),
             ("FORCE", "Force", "Forces, contacts, CoP and supporting polygons of a replayed recording"),
         ],
         **FIXED,

@@ -9,7 +9,7 @@ from ...common.plain_text import DecodingError, decoded
 from ...common.text import MAX_TAXELS, NumberError, real, shown
 from ..model import MAX_CHANNEL, LinkCalibration
 from .link_taxels import refuse_labels, taxels_of
-from .table import NORMAL, POSITION
+from .table import NORMAL, POSITION, SIGMA
 from .taxel_set import Draft, line
 
 CHANNEL = "channel"
@@ -168,16 +168,21 @@ def fill_draft(draft: Draft, columns: dict[str, list[float]], labels: dict[int, 
         draft.findings.append(error("no-taxels", "", "contains no point; check that it is the correct file"))
 
 
-def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str]]:
-    """Return comments with the ids of the taxels, and a row of text for each: position, normal, channel."""
+def cloud_of(calibration: LinkCalibration) -> tuple[list[str], list[str], tuple[str, ...]]:
+    """Return comments with the ids of the taxels, and a row of text for each: position, normal, channel, uncertainty.
+
+    The names of the columns of the uncertainty are returned, too; there are none if it is not stated.
+    """
     taxels = taxels_of(calibration)
     refuse_labels((taxels.link,), "the link name")
     refuse_labels(taxels.ids, "the id")
     channels = taxels.channels.tolist()
     comments = [f"{LINK}{taxels.link}", *(f"{MARK}{channel} {name}" for channel, name in zip(channels, taxels.ids))]
     vectors = np.column_stack((taxels.positions, taxels.normals)).tolist()
-    rows = [f"{' '.join(map(repr, numbers))} {channel}" for numbers, channel in zip(vectors, channels)]
-    return comments, rows
+    names = SIGMA if np.isfinite(taxels.sigma).any() else ()
+    sigma = taxels.sigma[:, : len(names)].tolist()
+    rows = [" ".join(map(repr, (*row, channel, *rest))) for row, channel, rest in zip(vectors, channels, sigma)]
+    return comments, rows, names
 
 
 def rows_of(text: str, first: int, count: int) -> list[tuple[int, str]]:

@@ -28,6 +28,7 @@ class LinkTaxels:
     areas: Array  # (n,) [m^2]
     sizes: Array  # (n, 2) extents of the cell along and across the tangent [m]
     square: BoolArray  # (n,) True for cells with four corners
+    sigma: Array  # (n, 3) along the surface [m], along the normal [m], of the normal [rad]; NaN where unknown
     neighbours: tuple[tuple[str, ...], ...]
     ports: tuple[tuple[str | None, ...], ...]  # adjacent boards at the sides of a board; empty for other taxels
 
@@ -88,6 +89,7 @@ def taxels_of(calibration: LinkCalibration) -> LinkTaxels:
         areas=np.concatenate([part.areas for part in parts])[order],
         sizes=sizes[order],
         square=square[order],
+        sigma=np.concatenate([part.known_sigma for part in parts])[order],
         neighbours=tuple(neighbours[i] for i in order),
         ports=tuple(ports[i] for i in order),
     )

@@ -120,15 +120,15 @@ def write_pcd(calibration: LinkCalibration) -> bytes:
     CalibrationFormatError
         If a name would not be read back unchanged.
     """
-    comments, rows = cloud_of(calibration)
+    comments, rows, sigma = cloud_of(calibration)
     lines = [
         "# .PCD v0.7 - Point Cloud Data file format",
         *(f"# {comment}" for comment in comments),
         "VERSION 0.7",
-        "FIELDS x y z normal_x normal_y normal_z channel",
-        "SIZE 4 4 4 4 4 4 4",
-        "TYPE F F F F F F U",
-        "COUNT 1 1 1 1 1 1 1",
+        " ".join(("FIELDS x y z normal_x normal_y normal_z channel", *sigma)),
+        "SIZE 4 4 4 4 4 4 4" + " 4" * len(sigma),
+        "TYPE F F F F F F U" + " F" * len(sigma),
+        "COUNT 1 1 1 1 1 1 1" + " 1" * len(sigma),
         f"WIDTH {len(rows)}",
         "HEIGHT 1",
         "VIEWPOINT 0 0 0 1 0 0 0",

@@ -114,7 +114,7 @@ def write_ply(calibration: LinkCalibration) -> bytes:
     CalibrationFormatError
         If a name would not be read back unchanged.
     """
-    comments, rows = cloud_of(calibration)
+    comments, rows, sigma = cloud_of(calibration)
     lines = [
         "ply",
         "format ascii 1.0",
@@ -122,6 +122,7 @@ def write_ply(calibration: LinkCalibration) -> bytes:
         f"element vertex {len(rows)}",
         *(f"property double {name}" for name in ("x", "y", "z", "nx", "ny", "nz")),
         "property int channel",
+        *(f"property double {name}" for name in sigma),
         "end_header",
         *rows,
     ]

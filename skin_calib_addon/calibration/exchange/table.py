@@ -23,6 +23,7 @@ LABEL = ("id", "label")
 FRAME = ("frame", "link", "parent")
 NEIGHBOURS = ("neighbours",)  # channels of the neighbours, separated by spaces
 GENTACT = ("Index", "X", "Y", "Z", "NormX", "NormY", "NormZ", "Radius", "Parent", "Object Name in Blender")
+SIGMA = ("sigma_along", "sigma_normal", "sigma_angle")  # standard uncertainty [m], [m], [rad]; empty where unknown
 VECTORS = ("x", "y", "z", "nx", "ny", "nz", "tx", "ty", "tz")
 
 
@@ -161,12 +162,16 @@ def write_table(calibration: LinkCalibration) -> bytes:
     channel = dict(zip(taxels.ids, taxels.channels.tolist()))
     vectors = np.column_stack((taxels.positions, taxels.normals, taxels.tangents)).tolist()
     neighbours = (" ".join(str(channel[i]) for i in others if i in channel) for others in taxels.neighbours)
+    names = SIGMA if np.isfinite(taxels.sigma).any() else ()
+    sigma = [["" if value != value else value for value in row] if names else [] for row in taxels.sigma.tolist()]
     columns = (taxels.patches, taxels.areas.tolist(), neighbours)
     rows = (
-        (number, name, *numbers, taxels.link, *rest)
-        for number, name, numbers, *rest in zip(taxels.channels.tolist(), taxels.ids, vectors, *columns)
+        (number, name, *numbers, taxels.link, *rest, *uncertain)
+        for number, name, numbers, uncertain, *rest in zip(
+            taxels.channels.tolist(), taxels.ids, vectors, sigma, *columns
+        )
     )
-    return _csv_bytes(("channel", "id", *VECTORS, "link", "patch", "area", "neighbours"), rows)
+    return _csv_bytes(("channel", "id", *VECTORS, "link", "patch", "area", "neighbours", *names), rows)
 
 
 def write_taxel_set(taxels: TaxelSet) -> bytes:

@@ -1,0 +1,300 @@
+"""Uncertainty: how often the stated sigma of taxels covers their errors, by families of shapes.
+
+    python benchmarks/uncertainty.py [--draws N] [--only FAMILY]
+
+A draw mounts a sheet with random errors of its origin (1 mm per axis) and its direction (1 degree) on the true surface.
+The error of a taxel is its distance from there along the rows and across, its distance from the true surface, and the
+angle between the normals in the direction that is stated to be the worst. The true surface is a formula, or for real
+links a net of 30 x 60 on the same mesh; the fit has 10 x 20 or 20 x 40 control points. Half of the sheets have their
+anchor at the middle, half at a corner. Draws whose sheet has a strain above 10 % on the true surface are left out and
+counted. The chart goes to ``docs/uncertainty.png``, the table to ``out/uncertainty.csv``.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import trimesh
+from figure_style import DPI, OURS_COLOUR, figure_of
+from links import MIDDLE, ROOT, Link, link_of, shape_link, target_shapes
+from scipy.spatial.transform import Rotation
+from stability import WRIST_AXIS, noisy
+
+from skin_calib_addon.calibration.model import Registration
+from skin_calib_addon.common.arrays import unit
+from skin_calib_addon.common.errors import SkinCalibError
+from skin_calib_addon.geometry import AcrossGrid, BSplineSurface, SurfaceFit, fit_surface
+from skin_calib_addon.geometry.surface.footpoints import footpoints
+from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.uncertainty import (
+    DIRECTION_UNCERTAINTY,
+    MAX_KNOWN_STRAIN,
+    ORIGIN_UNCERTAINTY,
+    moved_within,
+    taxel_uncertainty,
+)
+
+ROWS, COLUMNS = 5, 13
+MIDDLE_CELL, CORNER_CELL = (2, 6), (0, 0)
+LARGEST_PITCH, CELLS_PER_SIZE = 0.008, 16  # [m], and cells along the size of a link
+MAX_HEADING = 0.35  # [rad] between the rows and the direction of v
+DRAWS_PER_SHEET = 14
+COMPONENTS = ("along", "normal", "angle")
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Row:
+    """Coverage of one component in one family."""
+
+    family: str
+    component: str
+    draws: int  # taxels times draws
+    one: float  # [%] within one sigma
+    two: float  # [%] within two sigma
+    error: float  # rms [mm] or [degrees]
+    sigma: float  # rms of the stated one
+    left_out: int  # draws whose sheet strains too much
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A mesh to fit, and its true surface."""
+
+    link: Link
+    true: BSplineSurface
+    grid: Callable[[int, int], object]
+
+
+class Saddle:
+    """The graph z = (a x² + b y²) / 2 in millimetres."""
+
+    a, b, half = 1 / 120, -1 / 90, 60.0
+
+    def points(self, x: Array, y: Array) -> Array:
+        return np.stack((x, y, (self.a * x**2 + self.b * y**2) / 2), axis=-1)
+
+    def closest(self, points: Array) -> tuple[Array]:
+        """Return the distances of points, by iterations of the foot."""
+        x, y, z = points.T
+        fx, fy = x.copy(), y.copy()
+        for _ in range(30):
+            height = z - (self.a * fx**2 + self.b * fy**2) / 2
+            fx, fy = x + self.a * fx * height, y + self.b * fy * height  # the normal is (-a x, -b y, 1)
+        return (np.linalg.norm(points - self.points(fx, fy), axis=1),)
+
+    def shape(self, cells: int) -> dict:
+        """Return the mesh of a grid whose inner lines are shaken, and the truth."""
+        rng, step = np.random.default_rng(3), 2 * self.half / cells
+        x, y = np.meshgrid(*(np.linspace(-self.half, self.half, cells + 1),) * 2, indexing="ij")
+        x[1:-1] += rng.uniform(-0.2, 0.2, x[1:-1].shape) * step
+        y[:, 1:-1] += rng.uniform(-0.2, 0.2, y[:, 1:-1].shape) * step
+        i, j = (k.ravel() for k in np.indices((cells, cells)))
+        p, even = i * (cells + 1) + j, ((i + j) % 2 == 0)[:, None]
+        q, r, s = p + cells + 1, p + cells + 2, p + 1
+        first = np.where(even, np.column_stack((p, q, s)), np.column_stack((p, q, r)))
+        second = np.where(even, np.column_stack((q, r, s)), np.column_stack((p, r, s)))
+        vertices = self.points(x.ravel(), y.ravel())
+        return {"mesh": trimesh.Trimesh(vertices, np.concatenate((first, second)), process=False), "truth": self}
+
+
+def tube_case(link: Link, fine: Link, net: tuple[int, int] = (40, 80), spacing: str = "uniform") -> Case:
+    """Return a case whose true surface is fitted to a much finer mesh of the same formula."""
+    true = fit_surface(fine.mesh, fine.grid(*net, spacing)).error_field.surface
+    return Case(link, true, link.grid)
+
+
+@cache
+def fine_wrist() -> Link:
+    """Return the wrist with 160 000 faces."""
+    return shape_link("wrist", target_shapes().wrist(nt=400, nz=200), WRIST_AXIS)
+
+
+def shape_case(function: str, coarse: dict, fine: dict, axis=MIDDLE, **of_truth) -> Case:
+    """Return a case of one of the shapes with a known surface."""
+    make = getattr(target_shapes(), function)
+    return tube_case(shape_link(function, make(**coarse), axis), shape_link(function, make(**fine), axis), **of_truth)
+
+
+def saddle_case(cells: int) -> Case:
+    """Return a saddle; its grid is across a face."""
+
+    def grid(n: int, lines: int, spacing: str = "auto"):
+        return AcrossGrid(n, lines, (0, 0, 1.0), (1.0, 0, 0), 0.002, spacing)
+
+    link, fine = (shape_link("saddle", Saddle().shape(k), MIDDLE) for k in (cells, 200))
+    return Case(link, fit_surface(fine.mesh, grid(40, 40, "uniform")).error_field.surface, grid)
+
+
+def held_back(name: str) -> Case:
+    """Return a real link, and a net of 30 x 60 as its true surface."""
+    link = link_of(name)
+    return Case(link, fit_surface(link.mesh, link.grid(30, 60)).error_field.surface, link.grid)
+
+
+ROUND = {"net": (12, 160), "spacing": "curvature"}
+FAMILIES: dict[str, tuple[Callable[[], Case], ...]] = {
+    "cylinders": tuple(
+        lambda n=n: shape_case("cylinder", {"nt": n, "nz": max(n // 4, 5)}, {"nt": 400, "nz": 100})
+        for n in (12, 24, 96)
+    ),
+    "cones": tuple(lambda n=n: shape_case("cone", {"nt": n, "nz": n // 4}, {"nt": 400, "nz": 100}) for n in (32, 96)),
+    "wrists, fine": tuple(lambda n=n: tube_case(wrist(n), fine_wrist()) for n in (100, 240)),
+    "wrists, coarse": tuple(lambda n=n: tube_case(wrist(n), fine_wrist()) for n in (32, 40)),
+    "rounded squares": tuple(
+        lambda r=r: shape_case("rounded_square", {"rc": r}, {"rc": r, "ncorner": 60, "nflat": 60, "nz": 80}, **ROUND)
+        for r in (8.0, 12.0)
+    ),
+    "saddles": tuple(lambda n=n: saddle_case(n) for n in (20, 80)),
+    "noisy scans": tuple(lambda s=s: tube_case(noisy(s), fine_wrist()) for s in (0.1, 0.3, 1.0)),
+    "real links": tuple(
+        lambda n=n: held_back(n) for n in ("HRP-4C wrist", "TALOS forearm, twin", "JVRC-1 forearm", "iCub thigh")
+    ),
+}
+
+
+def wrist(around: int) -> Link:
+    """Return the wrist with a number of vertices around."""
+    return shape_link("wrist", target_shapes().wrist(nt=around, nz=around // 2 + 2), WRIST_AXIS)
+
+
+def measure(draws: int, only: str | None = None) -> Iterator[Row]:
+    """Yield three rows for each family."""
+    rng = np.random.default_rng(5)
+    for family, cases in FAMILIES.items():
+        if only not in (None, family):
+            continue
+        found, left_out = [], 0
+        for make in cases:
+            case = make()
+            for net in ((10, 20), (20, 40)):
+                fit = fit_surface(case.link.mesh, case.grid(*net))
+                sheets = -(-draws // (2 * len(cases) * ROWS * COLUMNS * DRAWS_PER_SHEET))
+                for number in range(sheets):
+                    errors, out = of_sheet(case, fit, MIDDLE_CELL if number % 2 else CORNER_CELL, rng)
+                    found += errors
+                    left_out += out
+        for component, parts in zip(COMPONENTS, zip(*found)):
+            error, sigma = np.concatenate(parts, axis=1)
+            ratio, scale = np.abs(error) / sigma, np.rad2deg(1.0) if component == "angle" else 1e3
+            one, two = (100 * float((ratio < k).mean()) for k in (1, 2))
+            sizes = (scale * float(np.sqrt((x**2).mean())) for x in (error, sigma))
+            yield Row(
+                family, component, len(error) // (2 if component == COMPONENTS[0] else 1), one, two, *sizes, left_out
+            )
+
+
+def of_sheet(case: Case, fit: SurfaceFit, cell: tuple[int, int], rng: np.random.Generator) -> tuple[list, int]:
+    """Return errors and sigmas of the draws of one sheet, by component, and the number of draws that are left out."""
+    surface, true = fit.error_field.surface, case.true
+    pitch = min(LARGEST_PITCH, case.link.mesh.size / CELLS_PER_SIZE)
+    lattice = SheetLattice(ROWS, COLUMNS, (pitch, pitch))
+    for _ in range(100):
+        u = rng.uniform(0.35, 0.65) if cell == MIDDLE_CELL else rng.uniform(0.05, 0.95)
+        v = rng.uniform() if surface.closed[1] else rng.uniform(0.45, 0.55) if cell == MIDDLE_CELL else rng.uniform()
+        uv = np.array(((u, v),))
+        point, normal = surface.points(uv)[0], surface.normals(uv)[0]
+        heading = Rotation.from_rotvec(normal * rng.uniform(-MAX_HEADING, MAX_HEADING))
+        along = heading.apply(unit(surface.derivatives(uv)[0, 1, 0]))
+        try:
+            sheet = wrap_sheet(surface, lattice, None, along, landmarks=(Landmark(cell, tuple(point)),))
+            start = mounted(true, lattice, cell, point, along)
+            break
+        except SkinCalibError:
+            continue
+    else:
+        return [], 0
+    taxels = sheet_taxels(sheet, "t")
+    arms = pitch * (taxels.index - cell)[:, ::-1]
+    strain = np.abs(taxels.quality["strain"][:, :2]).max(axis=1)
+    registration = Registration(ORIGIN_UNCERTAINTY, DIRECTION_UNCERTAINTY, tuple(point))
+    uncertainty = taxel_uncertainty(taxels, fit.error_field, moved_within(arms, registration, strain))
+    sigma, worst = uncertainty.sigma, np.linalg.eigh(uncertainty.angle)[1][:, :, 1]
+    axes = np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
+    truth = case.link.truth
+    height = truth(taxels.positions_link) if truth else footpoints(true, taxels.positions_link)[1]
+    row_of = {taxel: row for row, taxel in enumerate(taxels.ids)}
+    here = row_of[f"t.{cell[0]}.{cell[1]}"]
+    known = strain < MAX_KNOWN_STRAIN
+    found, left_out = [], 0
+    for _ in range(DRAWS_PER_SHEET):
+        shifted = point + rng.normal(0, ORIGIN_UNCERTAINTY, 2) @ axes[here]
+        turned = true.normals(footpoints(true, shifted[None])[0])[0]
+        carried = Rotation.align_vectors(turned[None], normal[None])[0].apply(along)
+        carried = Rotation.from_rotvec(turned * rng.normal(0, DIRECTION_UNCERTAINTY)).apply(carried)
+        try:
+            placed = sheet_taxels(mounted(true, lattice, cell, shifted, carried, start), "t")
+        except SkinCalibError:
+            left_out += 1
+            continue
+        if np.abs(placed.quality["strain"][:, :2]).max() > MAX_KNOWN_STRAIN:
+            left_out += 1
+            continue
+        rows = np.array([row_of[taxel] for taxel in placed.ids])
+        both = known[rows]
+        rows = rows[both]
+        moved = np.einsum("nij,nj->ni", axes[rows], placed.positions_link[both] - taxels.positions_link[rows])
+        tilted = np.einsum("nij,nj->ni", axes[rows], placed.normals_link[both] - taxels.normals_link[rows])
+        found.append((
+            np.stack((moved.ravel(), np.repeat(sigma[rows, 0], 2))),
+            np.stack((height[rows], sigma[rows, 1])),
+            np.stack(((tilted * worst[rows]).sum(axis=1), sigma[rows, 2])),
+        ))  # fmt: skip
+    return found, left_out
+
+
+def mounted(surface: BSplineSurface, lattice: SheetLattice, cell, point: Array, along: Array, near=None):
+    """Return a sheet on a surface with a cell at a point; cells beyond the edges are left out."""
+    foot = surface.points(footpoints(surface, point[None])[0])[0]
+    return wrap_sheet(surface, lattice, None, along, landmarks=(Landmark(cell, tuple(foot)),), trim=True, near=near)
+
+
+def table(rows: list[Row]) -> str:
+    """Return the rows as columns of text."""
+    lines = ["family            component    draws   1 sigma   2 sigma   rms error   rms sigma   left out"]
+    for r in rows:
+        numbers = f"{r.draws:8} {r.one:9.1f} {r.two:9.1f} {r.error:11.4f} {r.sigma:11.4f} {r.left_out:10}"
+        lines.append(f"{r.family:17} {r.component:9} {numbers}")
+    return "\n".join(lines)
+
+
+def draw(rows: list[Row]):
+    """Draw the coverage within one and two sigma of each component; bands are the targets."""
+    figure, panels = figure_of(3, 3, "Errors of taxels within one sigma (circles) and two sigma (squares)", 3.6)
+    for panel, component in zip(panels, COMPONENTS):
+        chosen = [r for r in rows if r.component == component]
+        at = np.arange(len(chosen))
+        for low, high in ((63, 73), (92, 98)) if component != "normal" else ((93, 100),):
+            panel.axvspan(low, high, color="#dcebd8")
+        panel.plot([r.one for r in chosen], at, "o", color=OURS_COLOUR)
+        panel.plot([r.two for r in chosen], at, "s", color=OURS_COLOUR)
+        panel.set_yticks(at, [r.family for r in chosen] if component == COMPONENTS[0] else [""] * len(at))
+        panel.set_ylim(len(at) - 0.5, -0.5)
+        panel.set_xlim(40, 101)
+        panel.set_title({"along": "along the surface", "normal": "along the normal", "angle": "normal"}[component])
+        panel.set_xlabel("errors within sigma [%]")
+    return figure
+
+
+def main() -> None:
+    """Measure, print, write, draw."""
+    from run import write
+
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--draws", type=int, default=11000, help="taxel draws of each family, at least")
+    parser.add_argument("--only", choices=FAMILIES)
+    arguments = parser.parse_args()
+    rows = []
+    for row in measure(arguments.draws, arguments.only):
+        rows.append(row)
+        print(table([row]).splitlines()[1], flush=True)
+    print(table(rows))
+    if arguments.only is None:
+        write(rows, ROOT / "out" / "uncertainty.csv")
+        draw(rows).savefig(ROOT / "docs" / "uncertainty.png", dpi=DPI, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    main()
