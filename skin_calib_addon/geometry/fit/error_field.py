@@ -241,6 +241,9 @@ def error_field(
             if noise == 0:
                 noise = float(np.sqrt(np.nanmean(plain**2) / max(1 - unknowns * repeats / known.sum(), MIN_FREEDOM)))
             height, *slopes = (noise**2 * repeats * part for part in basis.leverages(stiffness))
+            if stiffness:  # what a second smoothing of the residuals would add is an estimate of the bias (Tukey, 1977)
+                more = basis.solve(samples.residuals, np.zeros_like(offsets), stiffness)
+                height = height + _local_mean(product(product(basis.N, more), basis.B.T) ** 2, basis)
             return ErrorField(surface_of(offsets + step), height * cosine**2, np.stack(slopes, axis=2) / spacing**2)
     heights = error * cosine / np.sqrt(max(1 - unknowns / known.sum(), MIN_FREEDOM))
     steps = (_differences(heights, axis, basis.is_closed) / spacing[..., axis] for axis in (0, 1))
