@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, unit
+from ...common.arrays import Array, cross, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.samples import RaySamples
 from ..surface.bspline import BSplineSurface
@@ -160,9 +160,10 @@ def barycentric(triangles: Array, points: Array) -> Array:
         Rows sum to one.
     """
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    normal = np.cross(b - a, c - a)
-    square = np.maximum((normal**2).sum(axis=1), 1e-300)
-    coordinates = [(np.cross(q - p, points - p) * normal).sum(axis=1) / square for p, q in ((b, c), (c, a), (a, b))]
+    normal = cross(b - a, c - a)
+    square = np.maximum(np.einsum("kc,kc->k", normal, normal), 1e-300)
+    pairs = (b, c), (c, a), (a, b)
+    coordinates = [np.einsum("kc,kc->k", cross(q - p, points - p), normal) / square for p, q in pairs]
     return np.column_stack(coordinates)
 
 

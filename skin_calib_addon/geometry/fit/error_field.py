@@ -10,7 +10,7 @@ from ...common.arrays import Array, BoolArray, IntArray, cross, product, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import MIN_FACET_COSINE, RaySamples
-from ..surface.bspline import BSplineSurface
+from ..surface.bspline import MIN_LENGTH, BSplineSurface
 from .chords import MAX_CHORD_ANGLE, barycentric, in_basis
 from .smoothing import looks_noisy
 
@@ -29,8 +29,11 @@ MAX_END_RATIO = 4.0
 MIN_FREEDOM = 0.1
 
 
-def vertex_normals(mesh: TriangleMesh) -> Array:
-    r"""Return the unit normals of the vertices, shape (v, 3); they are exact on a sphere (Max, 1999).
+NEXT, PREVIOUS = [1, 2, 0], [2, 0, 1]  # corners of a face, by corner
+
+
+def vertex_normals(vertices: Array, faces: IntArray) -> Array:
+    r"""Return the unit normals of vertices, shape (v, 3); they are exact on a sphere (Max, 1999).
 
     With the edges :math:`\mathbf{a}` and :math:`\mathbf{b}` of each face at the vertex:
 
@@ -38,23 +41,47 @@ def vertex_normals(mesh: TriangleMesh) -> Array:
 
         \mathbf{n} \sim \sum_{\text{faces}}
         \frac{\mathbf{a} \times \mathbf{b}}{\lVert \mathbf{a} \rVert^2 \lVert \mathbf{b} \rVert^2}
+
+    Parameters
+    ----------
+    vertices : array, shape (v, 3)
+        [m]
+    faces : array of int, shape (f, 3)
+        All faces around the vertices that count.
+
+    Returns
+    -------
+    array, shape (v, 3)
+        Zero for vertices without a face.
     """
-    corners = mesh.triangles
-    edges = np.roll(corners, -1, axis=1) - corners
-    squares = np.maximum((edges**2).sum(axis=2), 1e-300)
-    normals = cross(edges[:, 0], edges[:, 1])[:, None] / (squares * np.roll(squares, 1, axis=1))[..., None]
-    corner, weights = mesh.faces.ravel(), normals.reshape(-1, 3)
-    return unit(np.stack([np.bincount(corner, weights[:, c], len(mesh.vertices)) for c in range(3)], axis=1))
+    corners = vertices[faces]
+    edges = corners[:, NEXT] - corners
+    squares = np.maximum(np.einsum("fkc,fkc->fk", edges, edges), MIN_LENGTH**2)
+    weights = 1 / (squares * squares[:, PREVIOUS])
+    normals = weights[..., None] * cross(edges[:, 0], edges[:, 1])[:, None]
+    sums = [np.bincount(faces.ravel(), normals[..., c].ravel(), len(vertices)) for c in range(3)]
+    return unit(np.stack(sums, axis=1))
 
 
-def at_rim(mesh: TriangleMesh) -> BoolArray:
-    """Return whether the faces around each vertex leave a side open, shape (v,).
+def at_rim(faces: IntArray, count: int) -> BoolArray:
+    """Return whether the faces around each vertex leave a side open.
 
     Around an inner vertex, each neighbour begins one opposite edge and ends another. The sum of their differences is
     therefore zero.
+
+    Parameters
+    ----------
+    faces : array of int, shape (f, 3)
+        All faces around the vertices that count.
+    count : int
+        Number of vertices.
+
+    Returns
+    -------
+    array of bool, shape (count,)
     """
-    following = np.roll(mesh.faces, -1, axis=1) - np.roll(mesh.faces, 1, axis=1)
-    return np.bincount(mesh.faces.ravel(), following.ravel(), len(mesh.vertices)) != 0
+    opposite = faces[:, NEXT] - faces[:, PREVIOUS]
+    return np.bincount(faces.ravel(), opposite.ravel(), count) != 0
 
 
 def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
@@ -87,19 +114,22 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     array, shape (k,)
         Along the normals of the faces [m]; zero next to sharp edges.
     """
-    corners, facet = mesh.faces[faces], mesh.face_normals[faces]
-    places, normals, rim = mesh.vertices[corners], vertex_normals(mesh)[corners], at_rim(mesh)[corners]
-    b = barycentric(places, points)
-    gaps = np.zeros(len(faces))
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        edge = places[:, j] - places[:, i]
-        start, end = ((facet - normals[:, i]) * edge).sum(axis=1), ((normals[:, j] - facet) * edge).sum(axis=1)
-        start, end = np.where(rim[:, i] & ~rim[:, j], end, start), np.where(rim[:, j] & ~rim[:, i], start, end)
-        most = MAX_END_RATIO * np.minimum(np.abs(start), np.abs(end))
-        bend = np.where(start * end > 0, np.clip(start + end, -most, most), 0.0)
-        gaps += b[:, i] * b[:, j] * bend / 2
-    angle = np.arccos(np.clip((normals * facet[:, None]).sum(axis=2).min(axis=1), -1, 1))
-    return gaps * np.clip((1 - angle / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)
+    face, which = np.unique(faces, return_inverse=True)
+    corners, facet = mesh.faces[face], mesh.face_normals[face]
+    hit = np.zeros(len(mesh.vertices), bool)
+    hit[corners] = True
+    around = mesh.faces[hit[mesh.faces].any(axis=1)]
+    normals, rim = vertex_normals(mesh.vertices, around)[corners], at_rim(around, len(mesh.vertices))[corners]
+    edges = mesh.vertices[corners[:, NEXT]] - mesh.vertices[corners]
+    turned = normals - facet[:, None]  # from the face to each corner
+    start, end = -np.einsum("fkc,fkc->fk", turned, edges), np.einsum("fkc,fkc->fk", turned[:, NEXT], edges)
+    start, end = np.where(rim & ~rim[:, NEXT], end, start), np.where(rim[:, NEXT] & ~rim, start, end)
+    most = MAX_END_RATIO * np.minimum(np.abs(start), np.abs(end))
+    bends = np.where(start * end > 0, np.clip(start + end, -most, most), 0.0)
+    angles = 2 * np.arcsin(np.minimum(np.sqrt(np.einsum("fkc,fkc->fk", turned, turned).max(axis=1)) / 2, 1))
+    bends *= np.clip((1 - angles / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)[:, None]
+    b = barycentric(mesh.vertices[corners][which], points)
+    return np.einsum("nk,nk,nk->n", b, b[:, NEXT], bends[which]) / 2
 
 
 def gaps_below(surface: BSplineSurface, uv: Array, triangles: Array, points: Array) -> Array:
@@ -210,7 +240,7 @@ def error_field(
     ErrorField
     """
     known = ~np.isnan(samples.residuals)
-    slope = (samples.rays * mesh.face_normals[samples.faces]).sum(axis=2)
+    slope = np.einsum("klc,klc->kl", samples.rays, mesh.face_normals[samples.faces])
     cosine = np.maximum(np.abs(slope), MIN_FACET_COSINE)
     faces, points = samples.faces[known], samples.points[known]
 
