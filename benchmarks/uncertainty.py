@@ -7,7 +7,7 @@ The error of a taxel is its distance from there along the rows and across, its d
 angle between the normals in the direction that is stated to be the worst. The true surface is a formula, or for real
 links a net of 30 x 60 on the same mesh; the fit has 10 x 20 or 20 x 40 control points. Half of the sheets have their
 anchor at the middle, half at a corner. Draws whose sheet has a strain above 10 % on the true surface are left out and
-counted. The chart goes to ``docs/uncertainty.png``, the table to ``out/uncertainty.csv``.
+counted. The figure goes to ``docs/uncertainty.png``, the table to ``out/uncertainty.csv``.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Formats with room for it keep the uncertainty of taxels; others and calibrations without it are as before."""
+"""Formats that can hold it keep the uncertainty of taxels; others and calibrations without it are as before."""
 
 import csv
 import io
