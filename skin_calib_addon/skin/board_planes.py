@@ -82,7 +82,7 @@ def _found(positions: Array) -> list[IntArray]:
         return []
     tree = cKDTree(points)
     count = min(MAX_BOARD_TAXELS, len(points))
-    distance, near = tree.query(points, k=np.arange(1, count + 1))
+    distance, near = map(np.asarray, tree.query(points, k=np.arange(1, count + 1)))
     joined = JOINED_PITCHES * np.median(distance[:, 1])
     pairs = tree.query_pairs(joined, output_type="ndarray")
     adjacent = csr_array((np.ones(len(pairs)), pairs.T), (len(points), len(points)))
