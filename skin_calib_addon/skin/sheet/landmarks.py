@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...common.arrays import Array, IntArray
-from ...common.errors import InvalidPlan
+from ...common.errors import InvalidPlan, millimetres
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
 from ..lattice import SheetLattice
@@ -19,6 +19,8 @@ from .net import Net
 ROTATION_ITERATIONS = 4
 # Rotation of the finite difference [rad]. Larger: less exact; much smaller: rounding.
 ROTATION_STEP = 1e-3
+# Largest distance of an origin or a landmark from the surface [m]. Larger: points on another link are accepted.
+MAX_POINT_DISTANCE = 5e-3
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class LandmarkTargets:
         Raises
         ------
         InvalidPlan
-            If two landmarks have the same cell or the same point.
+            If two landmarks have the same cell or the same point, or one is far from the surface.
         """
         for k, landmark in enumerate(landmarks):
             for other in landmarks[:k]:
@@ -72,8 +74,9 @@ class LandmarkTargets:
                         "cell its own point"
                     )
         cells, points = (np.array([getattr(m, name) for m in landmarks], float) for name in ("cell", "point"))
+        uv = located(surface, points, [f"Landmark {k}" for k in range(len(points))])
         flat = (cells - cells[0])[:, ::-1] * (lattice.pitch[1], 2 * lattice.step[0])
-        return cls(layer, flat, footpoints(surface, points)[0], np.array(lattice.pitch[::-1]))
+        return cls(layer, flat, uv, np.array(lattice.pitch[::-1]))
 
     def heading(self, along: Array, step: float) -> Array:
         """Rotate the tangent ``along`` at the first landmark until the other cells are nearest to their landmarks.
@@ -143,3 +146,36 @@ class LandmarkTargets:
 
 def _twice(nodes: IntArray) -> IntArray:
     return np.tile(nodes[:, None, None], (1, 2, 2))
+
+
+def located(surface: BSplineSurface, points: Array, names: Sequence[str]) -> Array:
+    """Return the parameters of the surface points nearest to points of an author.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The fitted surface.
+    points : array, shape (k, 3)
+        In the link frame [m].
+    names : sequence of str
+        Names of the points in messages.
+
+    Returns
+    -------
+    array, shape (k, 2)
+
+    Raises
+    ------
+    InvalidPlan
+        If a point is more than 5 mm from the surface; the message has the distance.
+    """
+    uv, distance = footpoints(surface, points)
+    far = np.flatnonzero(distance > MAX_POINT_DISTANCE)
+    if len(far):
+        i = int(far[0])
+        raise InvalidPlan(
+            f"{names[i]}, {millimetres(points[i])}, is {distance[i] * 1e3:.1f} mm from the surface. Choose a point on "
+            "the mesh that the grid covers, in metres in the link frame.",
+            distance=float(distance[i]),
+        )
+    return uv

@@ -11,12 +11,11 @@ from ...common.arrays import Array, BoolArray
 from ...common.errors import InvalidPlan, OutsideSurface
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.centre import surface_centre
-from ...geometry.surface.footpoints import footpoints
 from ..lattice import SheetLattice
 from .constraints import Constraints, centring, pin_constraints, row_axis
 from .folds import check_folds, turned_over
 from .geodesic import unroll
-from .landmarks import Landmark, LandmarkTargets
+from .landmarks import Landmark, LandmarkTargets, located
 from .net import Net, grid_net
 from .offset import offset_surface
 from .relax import STEP_TOLERANCE, relax
@@ -278,10 +277,15 @@ def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
         The surface.
     origin : array, shape (3,), or None
         Position [m]; None gives the middle of the surface.
+
+    Raises
+    ------
+    InvalidPlan
+        If the origin is far from the surface.
     """
     if origin is None:
         return np.array(surface_centre(surface))
-    return footpoints(surface, np.asarray(origin, float)[None])[0][0]
+    return located(surface, np.asarray(origin, float)[None], ["The origin"])[0]
 
 
 def _interpolated(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:

@@ -27,9 +27,9 @@ from tests.unit.pictures.test_picture import read_png
 ROOT = Path(__file__).parents[3]
 SHEET = {"name": "band", "kind": "sheet", "rows": 4, "columns": 12, "pitch": [0.01, 0.01], "direction": [0, 1, 0]}
 BOARDS = {"name": "boards", "kind": "hexagons", "side": 0.01, "gap": 0.0, "direction": [0, 1, 0]}
-PLACED, HIGH = {"origin": [0.05, 0, 0.03]}, {"origin": [0.05, 0, 0.07]}
+PLACED, HIGH = {"origin": [0.0405, 0, 0.03]}, {"origin": [0.0345, 0, 0.07]}
 CENTRED = SHEET | {"origin": "center"}
-MARKS = [{"cell": [1, 2], "point": [0.05, 0, 0.05]}, {"cell": [1, 8], "point": [0.0, 0.05, 0.05]}]
+MARKS = [{"cell": [1, 2], "point": [0.0375, 0, 0.05]}, {"cell": [1, 8], "point": [0.0, 0.0375, 0.05]}]
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_skin_moves_to_its_touches(fitted, skin):
 def test_skins_without_touches_stay(fitted):
     """Exactly; and skins that cannot be refined give an error with the reason."""
     plan, result = with_skin(fitted, SHEET | PLACED)
-    second = skins_from([BOARDS | {"cells": [[0, 0], [1, 0]], "origin": [-0.05, 0, 0.05], "first_channel": 48}])
+    second = skins_from([BOARDS | {"cells": [[0, 0], [1, 0]], "origin": [-0.0375, 0, 0.05], "first_channel": 48}])
     plan = replace(plan, skins=plan.skins + second)
     placed = place_all(plan.skins, result.fit)
     calibration = replace(result.calibration, patches=tuple(done.patch for done in placed))

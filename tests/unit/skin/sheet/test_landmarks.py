@@ -118,3 +118,17 @@ def test_landmarks_of_one_cell_or_one_point_are_refused(held):
     """The error names the two landmarks."""
     with pytest.raises(InvalidPlan, match="landmarks 0 and [12] have the same cell or the same point"):
         centres(WIDE, held)
+
+
+@pytest.mark.parametrize("distance", [0.0052, 0.1, 50.0])
+def test_points_far_from_the_surface_are_refused_with_their_distance(distance):
+    """Origins and landmarks 5 mm above a plane are accepted; farther ones, metres included, are errors."""
+    lattice, surface = SheetLattice(2, 2, (0.01, 0.01)), plane_surface()
+    text = rf"is {distance * 1e3:.1f} mm from the surface"
+    near, far = (0.03, 0.03, 0.0049), (0.03, 0.03, -distance)
+    wrap_sheet(surface, lattice, near, (1, 0, 0))
+    with pytest.raises(InvalidPlan, match=f"The origin, .*{text}") as caught:
+        wrap_sheet(surface, lattice, far, (1, 0, 0))
+    assert caught.value.numbers["distance"] == pytest.approx(distance)
+    with pytest.raises(InvalidPlan, match=f"Landmark 1, .*{text}"):
+        wrap_sheet(surface, lattice, None, (1, 0, 0), landmarks=(Landmark((0, 0), near), Landmark((1, 1), far)))
