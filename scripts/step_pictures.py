@@ -18,7 +18,7 @@ WIDTH = 560  # of a step of the tutorial [pixel]
 COLOURS = 256
 # Picture in docs/: screenshot, and the part of it: left, top, right, lower edge [pixel].
 PARTS = {
-    "cut.png": ("cut/five_cuts.png", (60, 80, 985, 1180)),
+    "cut.png": ("cut/five_cuts.png", (30, 80, 985, 1180)),
     "planes.png": ("planes/followed.png", (180, 80, 985, 1060)),
     "live.png": ("live/dragged.png", (180, 80, 985, 1180)),
     "imported.png": ("imported/found.png", (60, 80, 985, 1180)),
