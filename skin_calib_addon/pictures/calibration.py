@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.model import LinkCalibration
+from ..calibration.model import LinkCalibration, TaxelArray
 from ..common.arrays import Array, unit
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import SkinCalibError
@@ -22,6 +22,7 @@ QUAD_COUNTS = (60, 120)
 LIGHT = unit(np.array((0.3, 0.5, 0.8)))  # direction of the light: from the right of the viewer and above
 # Length of a drawn normal [m].
 DRAWN_NORMAL_LENGTH = 0.006
+CIRCLE_POINTS = 25  # of a drawn circle. Larger: rounder
 PLAIN = np.array((0.78, 0.80, 0.83))  # colour of faces without a value
 NOTE_COLOUR = "#8a2b06"  # of warnings
 NOTE_LINE_HEIGHT = 0.15  # of a line of text [inches]
@@ -229,6 +230,8 @@ class _TaxelPanel(_Panel):
         self.warnings = calibration.warnings[:MAX_WARNINGS_SHOWN]
         self.taxels = [p.taxels for p in calibration.patches]
         self.title = f"{sum(len(t.ids) for t in self.taxels)} taxels and their normals"
+        if any(np.isfinite(t.sigma).any() for t in self.taxels):
+            self.title += "\ncircles: one sigma along the surface"
         shown = {name for t in self.taxels for name in t.quality}
         name, scale, least, self.unit = next((q for q in SHOWN if q[0] in shown), SHOWN[0])
         values = [scale * np.abs(t.quality.get(name, np.zeros((len(t.ids), 1)))) for t in self.taxels]
@@ -241,6 +244,7 @@ class _TaxelPanel(_Panel):
     def decorate(self, axis: Any, camera: Camera) -> None:
         for t in self.taxels:
             _draw_normals(axis, camera, t.positions_link, t.normals_link)
+            _draw_sigma(axis, camera, t)
         for number, warning in enumerate(self.warnings, 1):
             if warning.where.point is not None:
                 x, y = 1e3 * camera.project(np.array(warning.where.point))[:2]
@@ -283,6 +287,19 @@ def _paint(axis: Any, camera: Camera, layers: list[Any]) -> None:
     middle, half_width = (shown.min(axis=0) + shown.max(axis=0)) / 2, 0.52 * np.ptp(shown, axis=0).max()
     axis.set_xlim(middle[0] - half_width, middle[0] + half_width)
     axis.set_ylim(middle[1] - half_width, middle[1] + half_width)
+
+
+def _draw_sigma(axis: Any, camera: Camera, taxels: TaxelArray) -> None:
+    """Draw a circle of one sigma along the surface around the taxels that face the viewer, where it is known."""
+    from matplotlib.collections import LineCollection
+
+    sigma = taxels.known_sigma[:, 0]
+    seen = (taxels.normals_link @ camera.axes[2] > 0) & np.isfinite(sigma)
+    angles = np.linspace(0, 2 * np.pi, CIRCLE_POINTS)
+    across = np.cross(taxels.normals_link, taxels.tangents_link)
+    arms = np.cos(angles)[:, None] * taxels.tangents_link[:, None] + np.sin(angles)[:, None] * across[:, None]
+    circles = (taxels.positions_link[:, None] + sigma[:, None, None] * arms)[seen]
+    axis.add_collection(LineCollection(list(camera.project(circles)[..., :2] * 1e3), colors="#d62728", linewidths=0.6))
 
 
 def _draw_normals(axis: Any, camera: Camera, positions: Array, normals: Array) -> None:

@@ -80,7 +80,7 @@ def test_fit_writes_a_calibration(folder, capsys):
     out = folder / "out.json"
     assert main(["fit", str(folder / "tube.plan.json"), "-o", str(out)]) == 0
     text, err = capsys.readouterr()
-    assert err == "" and len(text.splitlines()) == 10
+    assert err == "" and len(text.splitlines()) == 11 and "uncertainty 1" in text
     assert text.splitlines()[0] == "link             tube" and text.splitlines()[-1] == f"calibration      {out}"
     calibration = load_calibration(out)
     assert calibration.link == "tube" and len(calibration.patches[0].taxels.ids) == 8

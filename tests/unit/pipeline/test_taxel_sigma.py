@@ -1,0 +1,75 @@
+"""Uncertainties of placed skins: registration by kind of skin, rows where nothing can be stated, the file."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration.file import load_calibration, save_calibration
+from skin_calib_addon.geometry import CoverSpec, TubeGrid
+from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.pipeline.taxel_sigma import unknown_sigma, with_sigma
+from skin_calib_addon.plan import Plan
+from skin_calib_addon.plan.document import skins_from
+from tests.shapes import LENGTH, RADIUS, Z_AXIS, cylinder, with_hole
+
+SHEET = {
+    "name": "sheet",
+    "kind": "sheet",
+    "rows": 4,
+    "columns": 6,
+    "pitch": [0.008, 0.008],
+    "origin": [RADIUS, 0, 0.03],
+    "direction": [0, 1, 0],
+}
+
+
+def made(skin, tmp_path, mesh=None):
+    """What a plan with one skin gives on a tube of 35 mm."""
+    grid = TubeGrid(6, 16, Z_AXIS, 1e-3, "uniform")
+    plan = Plan("tube", tmp_path / "tube.stl", "m", CoverSpec(), grid, (3, 3), skins_from([skin]))
+    return calibrate(plan, mesh or cylinder())
+
+
+def test_registration_is_that_of_the_skin(tmp_path):
+    """An origin is the anchor; a centred sheet has its middle; two landmarks give the direction."""
+    patch = made(SHEET, tmp_path).calibration.patches[0]
+    assert_allclose(patch.registration.anchor, (RADIUS, 0, 0.03), atol=2e-6)
+    assert (patch.registration.origin, patch.registration.direction) == (1e-3, np.deg2rad(1.0))
+    along = patch.taxels.sigma[:, 0]
+    assert along.argmin() == 0 and abs(along[0] - 1e-3) < 1e-6 and along.argmax() == len(along) - 1
+    centred = made(SHEET | {"origin": "center"}, tmp_path).calibration.patches[0]
+    assert_allclose(centred.registration.anchor[2], LENGTH / 2, atol=2e-3)
+    assert centred.taxels.sigma[:, 0].max() < along.max()
+    marks = [{"cell": [0, 0], "point": [RADIUS, 0, 0.03]}, {"cell": [3, 0], "point": [RADIUS, 0, 0.054]}]
+    bare = {key: value for key, value in SHEET.items() if key not in ("origin", "direction")}
+    marked = made(bare | {"landmarks": marks, "direction": [0, 1, 0]}, tmp_path).calibration.patches[0]
+    assert_allclose(marked.registration.anchor, (RADIUS, 0, 0.03), atol=2e-6)
+    assert_allclose(marked.registration.direction, np.sqrt(2) * 1e-3 / 0.024, rtol=1e-9)
+
+
+def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):
+    """The rows are null in the file, and a warning names the taxels."""
+    result = made(SHEET, tmp_path, with_hole(cylinder(), (RADIUS, 0.01, 0.04), 0.006))
+    patch = result.calibration.patches[0]
+    unknown = np.isnan(patch.taxels.sigma).all(axis=1)
+    over = next(w for w in result.warnings if w.code == "over-hole")
+    assert 0 < unknown.sum() < len(unknown)
+    assert {patch.taxels.ids[i] for i in np.flatnonzero(unknown)} == set(over.where.taxels)
+    save_calibration(result.calibration, tmp_path / "c.json")
+    read = load_calibration(tmp_path / "c.json").patches[0]
+    assert_allclose(read.taxels.sigma, patch.taxels.sigma, rtol=0)
+    assert read.registration == patch.registration
+    whole = made(SHEET, tmp_path)
+    placed = whole.placed[0]
+    assert np.isfinite(placed.patch.taxels.sigma).all() and not list(unknown_sigma(placed.patch, whole.fit))
+    strain = placed.patch.taxels.quality["strain"].copy()
+    strain[5, 1] = -0.12
+    quality = placed.patch.taxels.quality | {"strain": strain}
+    strained = replace(placed.patch, taxels=replace(placed.patch.taxels, quality=quality))
+    skin = skins_from([SHEET])[0]
+    stated = with_sigma(strained, skin, whole.fit, placed.sheet)
+    assert np.flatnonzero(np.isnan(stated.taxels.sigma).any(axis=1)).tolist() == [5]
+    (warning,) = unknown_sigma(stated, whole.fit)
+    assert warning.code == "no-uncertainty" and warning.where.taxels == (stated.taxels.ids[5],)
+    assert "strained by more than 10%" in warning.message
