@@ -330,7 +330,7 @@ def test_added_skins_follow_the_others(bpy, addon, link):
     assert [s.name for s in skins] == ["band", "skin", "skin_2", "skin_3"]
     plan = addon.scene.read_plan(link, bpy.context.scene)
     assert [s.first_channel for s in plan.skins] == [None] * 4
-    assert [s.first_channel for s in addon.skins.with_channels(plan.skins)] == [0, 6, 138, 270]
+    assert [s.first_channel for s in addon.skins.with_channels(plan.skins)] == [0, 6, 126, 246]
     assert plan.skins[2].lattice.pitch == (0.01, 0.01)
     assert abs(plan.skins[3].lattice.pitch - 0.02775) < 1e-15
     assert list(skins[1].pitch) == [10.0, 10.0] and f"{skins[1].side:g}" == "16.3"

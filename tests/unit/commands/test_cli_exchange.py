@@ -228,7 +228,7 @@ REPLACING = {  # call that would replace one of its other files, exit code, name
     "import on a plan": ("import t.csv --plan tube.plan.json -o tube.plan.json", 2, "tube.plan.json"),
     "import over the mesh": ("import t.csv --plan tube.plan.json -o tube.ply", 2, "tube.ply"),
     "fit": ("fit tube.plan.json -o tube.plan.json", 2, "tube.plan.json"),
-    "fit over the mesh": ("fit tube.plan.json -o tube.ply", 1, "tube.ply"),
+    "fit over the mesh": ("fit tube.plan.json -o tube.ply", 2, "tube.ply"),
     "fit twice": ("fit tube.plan.json -o new --report new", 2, "new"),
     "show": ("show f.json --picture f.json", 2, "f.json"),
     "response": ("response f.json m.csv -o m.csv", 2, "m.csv"),
