@@ -19,7 +19,8 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
 from ..surface.distance import SAMPLES_PER_SPAN
 from .diagnosis import MAX_DEVIATION, DeviationLimits
-from .proof import MIN_DISTANCE, confirmed_error
+from .limits import limit_of
+from .proof import MIN_DISTANCE, confirmed_error, largest_distance
 from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface
 
 MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
@@ -32,15 +33,14 @@ MAX_PROPORTIONS = 3
 MIN_PROPORTION_RATIO = 1.12
 # [fraction of the tolerance] error above which a fit within the tolerance is small enough. Larger: more fits.
 USED_TOLERANCE_RATIO = 0.9
-# [1] ratio of the error of a first fit to the least predicted error, if no prediction meets the tolerance. This net has
-# a moderate size. Larger: a smaller first net.
-MODERATE_ERROR_RATIO = 3.0
-# [1] ratio of an aim to the least predicted error; smaller aims need all planes and lines. Larger: smaller last nets.
-LEAST_ERROR_RATIO = 1.05
+# [1] control points of the nets that are fitted if no prediction is confirmed, before the largest. More: a smaller net
+# within the tolerance, more time.
+NET_SIZES = 150, 600, 2400
+# [1] ratio of the errors of two successive of these nets above which larger ones do not help. Larger: more fits.
+NO_GAIN_RATIO = 0.8
+BISECTIONS = 2  # [1] nets between the last two of them. Larger: a smaller net, more time
 # [1] least ratio of the control points of two nets that are both fitted. Larger: fewer fits.
 MIN_SIZE_RATIO = 1.1
-# [1] ratio of an expected error to the tolerance above which a net is not fitted. Larger: more fits.
-PREDICTION_MARGIN = 1.05
 # [1] ratio of the upper bound of an error to its prediction above which the error itself is computed, as over steps.
 LOOSE_BOUND_RATIO = 1.5
 # [fraction of the tolerance] aim of the next fit, so that it does not exceed the tolerance narrowly. Larger: smaller
@@ -160,6 +160,16 @@ class SizePredictor:
     def least(self) -> float:
         """Return the least predicted error of all grids [m]."""
         return float(np.hypot(self.along.errors().min(), self.across.errors().min()))
+
+    @property
+    def most_control_points(self) -> int:
+        """Return the number of control points of the largest grid."""
+        return int(self.along.counts[-1] * self.across.counts[-1])
+
+    def forget(self) -> None:
+        """Return to the predictions before the first fit."""
+        self.along.solved.clear()
+        self.across.solved.clear()
 
     def error(self, size: tuple[int, int]) -> float:
         """Return the predicted error of a grid of some planes and lines [m]."""
@@ -303,15 +313,25 @@ def _smallest(
     search = Search(mesh, SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES), tolerance, measure)
     search.run()
     if search.best is None:
-        least = min(search.achievable, *(error for error, _ in search.tried.values()))
+        search.enlarge()
+    if search.best is None:
+        least, nearest = search.nearest
+        achievable = rounded_up(least * 1e3)
+        cause, advice = limit_of(nearest, grid.region.axis is None, tolerance, measure)
         raise UnreachableTolerance(
             f"No surface is within {tolerance * 1e3:g} mm ({measure}) of this mesh. The best achievable error is about "
-            f"{least * 1e3:.2g} mm because the mesh is faceted. Increase the tolerance, or refine the mesh.",
-            achievable=float(least),
+            f"{achievable:g} mm {cause}. Increase the tolerance, or {advice}.",
+            achievable=achievable / 1e3,
         )
     fit = replace(search.best, limits=DeviationLimits.of(max_deviation, tolerance, measure))
     check_fit(fit)
     return fit
+
+
+def rounded_up(value: float) -> float:
+    """Return a positive value rounded up to two digits."""
+    step = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return float(f"{np.ceil(value / step) * step:.3g}")
 
 
 def fit_to_count(
@@ -371,7 +391,8 @@ class Search:
     def __init__(self, mesh: TriangleMesh, predictor: SizePredictor, tolerance: float, measure: str):
         self.mesh, self.predictor, self.tolerance, self.measure = mesh, predictor, tolerance, measure
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
-        self.achievable = np.inf  # the best achievable error [m], if the tolerance cannot be met
+        self.measured: dict[tuple[int, int], float] = {}  # errors by exact distances [m]
+        self.sizes: list[tuple[int, int]] = []  # the enlarged nets, which do not depend on the tolerance
         self.distance = cache(MeshDistance)  # computed when needed
 
     @property
@@ -385,21 +406,47 @@ class Search:
         while len(self.tried) < MAX_FITS:
             below = net_size(self.best) / MIN_SIZE_RATIO if self.best else np.inf
             size = self.predictor.smallest_size(self.target, MIN_SIZE_RATIO * self.largest_failed, below)
-            if size is None and not self.tried:
-                size = self.predictor.smallest_size(MODERATE_ERROR_RATIO * self.predictor.least)
-            elif self.best is None and self.tried and not (size and self.may_meet(self.predictor.error(size))):
-                size = self.predictor.smallest_size(
-                    max(self.needed_prediction, LEAST_ERROR_RATIO * self.predictor.least)
-                )
-                size = size or self.predictor.smallest_size(
-                    LEAST_ERROR_RATIO * self.predictor.least
-                )  # the least error is more accurate now
-                if not self.may_meet(self.predictor.error(size) if size else self.predictor.least):
-                    break
             if size is None or size in self.tried:
                 break
             if USED_TOLERANCE_RATIO * self.tolerance < self.error(size) <= self.tolerance:
                 break
+
+    def enlarge(self) -> None:
+        """Fit larger and larger nets of least predicted error until one meets the tolerance, or they improve no more.
+
+        The nets and their errors do not depend on the tolerance. Of two tolerances that are refused, both therefore
+        have the same achievable error, and a tolerance that equals it is met.
+        """
+        self.predictor.forget()
+        self.sizes = []
+        failed, most = 0, self.predictor.most_control_points
+        for count in (*NET_SIZES, most):
+            size = self.predictor.best_sizes(min(count, most), 1)[0]
+            if size in self.sizes:
+                continue
+            before = min((self.measured[size] for size in self.sizes), default=np.inf)
+            self.sizes.append(size)
+            error = self.measure_error(size)
+            if error <= self.tolerance:
+                break
+            failed = size[0] * size[1]
+            if error > NO_GAIN_RATIO * before:
+                return
+        else:
+            return
+        for _ in range(BISECTIONS):  # between the last two nets
+            count = int(np.sqrt(failed * net_size(self.best))) if failed and self.best else 0
+            if count < MIN_SIZE_RATIO * failed or not count:
+                return
+            size = self.predictor.best_sizes(count, 1)[0]
+            if self.measure_error(size) > self.tolerance:
+                failed = count
+
+    @property
+    def nearest(self) -> tuple[float, SurfaceFit]:
+        """Return the least measured error of the enlarged nets [m], and its fit."""
+        size = min(self.sizes, key=lambda size: self.measured[size])
+        return self.measured[size], self.tried[size][1]
 
     @property
     def largest_failed(self) -> int:
@@ -426,46 +473,10 @@ class Search:
         size = min(self.tried, key=lambda size: abs(np.log(self.tried[size][0] / self.tolerance)))
         return self.tried[size][0] / self.predictor.error(size)
 
-    def may_meet(self, predicted: float) -> bool:
-        """Return whether a fit with this predicted error may meet the tolerance; else store its expected error."""
-        expected = self.expected(predicted)
-        may_meet = expected <= PREDICTION_MARGIN * self.tolerance
-        self.achievable = np.inf if may_meet else expected
-        return may_meet
-
-    def expected(self, predicted: float) -> float:
-        r"""Return the error to expect for a smaller prediction than those of the fits so far [m].
-
-        .. math::
-
-            e = e_0\, (\hat{e} / \hat{e}_0)^{q}
-
-        with the least error :math:`e_0`, its prediction :math:`\hat{e}_0`, and the power :math:`q` of ``trend``.
-        """
-        least, best, power = self.trend
-        return float(least * (predicted / best) ** power)
-
-    @property
-    def needed_prediction(self) -> float:
-        """Return the predicted error at which the tolerance is expected to be met [m]."""
-        least, best, power = self.trend
-        return float(best * (TARGET_RATIO * self.tolerance / least) ** (1 / power)) if power else 0.0
-
-    @property
-    def trend(self) -> tuple[float, float, float]:
-        """Return the least error so far, its prediction, and the power of predictions that fits the two least errors.
-
-        Over steps and edges errors decrease more slowly than predictions, and ever more slowly.
-        """
-        fits = sorted((error, self.predictor.error(size)) for size, (error, _) in self.tried.items())[:2]
-        (least, best), (other, worse) = fits[0], fits[-1]
-        power = np.log(other / least) / np.log(worse / best) if worse > best else 1.0
-        return least, best, float(min(power, 1.0))
-
     def error(self, size: tuple[int, int]) -> float:
         """Return the error of the fit of this size [m]: within the tolerance only if this is confirmed."""
         if size not in self.tried:
-            fit = fit_lines(self.mesh, self.predictor.lines(size), self.predictor.degree)
+            fit = self.fit(size)
             points, bounds, areas = fit.bounds()
 
             def exact(chosen: IntArray) -> Array:
@@ -474,8 +485,28 @@ class Search:
             error = confirmed_error(bounds, areas, exact, self.measure, self.tolerance)
             if LOOSE_BOUND_RATIO * self.predictor.error(size) < error <= self.tolerance:
                 error = min(error, confirmed_error(bounds, areas, exact, self.measure, 0.0))  # an estimate
+            if self.measure == "max" and error <= self.tolerance:
+                error = max(error, largest_distance(fit, self.distance(self.mesh)))
             self.tried[size] = error, fit
         return self.tried[size][0]
+
+    def measure_error(self, size: tuple[int, int]) -> float:
+        """Return the error of the fit of this size [m]: by exact distances if it is above the tolerance."""
+        if size not in self.measured:
+            error, fit = self.error(size), self.tried[size][1]
+            if error > self.tolerance:
+                points, _, areas = fit.bounds()
+                if self.measure == "max" or len(points) == 0:
+                    error = largest_distance(fit, self.distance(self.mesh))
+                else:
+                    error = float((self.distance(self.mesh)(points)[0] * areas).sum() / areas.sum())
+            self.measured[size] = error
+            self.tried[size] = error, fit
+        return self.measured[size]
+
+    def fit(self, size: tuple[int, int]) -> SurfaceFit:
+        """Return the fit of this size."""
+        return fit_lines(self.mesh, self.predictor.lines(size), self.predictor.degree)
 
 
 def net_size(fit: SurfaceFit) -> int:

@@ -1,14 +1,29 @@
 """Confirm that a surface is within a tolerance: bounds of its distances, made exact only where necessary."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...common.arrays import Array, IntArray
+from ..mesh.closest import MeshDistance
+from ..surface.bspline import BSplineSurface
+from ..surface.distance import SAMPLES_PER_SPAN, sample_lines, surface_samples
+
+if TYPE_CHECKING:
+    from .surface_fit import SurfaceFit
 
 MIN_DISTANCE = 1e-300  # [m] lower bound of a distance in a denominator or a logarithm
 # [1] exact distances that the first round computes. Larger: a better estimate of the other distances, more time.
 FIRST_BATCH = 256
+# [1] cells with the largest distances in which the maximum is searched. Larger: a safer maximum, more time.
+PEAK_CELLS = 400
+# [fraction of the largest distance] that is added to it: a peak over an edge of a facet may be between the points.
+# Larger: safer, larger nets.
+PEAK_MARGIN = 0.02
+PEAK_ROUNDS = 3  # [1] rounds of this search, each in cells of a third of the width. Larger: a more exact maximum
+PEAK_POINTS = 5  # [1] points of a cell, per direction, from edge to edge. Larger: a safer maximum, more time
+PEAK_SHRINK = 3.0  # [1] ratio of the widths of cells of successive rounds
 
 
 def confirmed_error(
@@ -63,3 +78,75 @@ def confirmed_error(
         if statistic(likely) > tolerance:
             return statistic(likely)
     return error
+
+
+def largest_distance(fit: "SurfaceFit", distance: MeshDistance) -> float:
+    """Return the largest distance of a surface from the mesh [m], edges included and holes left out.
+
+    The distance is computed at the samples of the error report and on the edges. The cells around the largest distances
+    are then searched on finer grids, and 2 % are added.
+
+    Parameters
+    ----------
+    fit : SurfaceFit
+        The fit.
+    distance : MeshDistance
+        To its mesh.
+
+    Returns
+    -------
+    float
+        [m]
+    """
+    surface = fit.surface
+    u, v = sample_lines(surface, SAMPLES_PER_SPAN)
+    width = np.array((0.5 / len(u), 0.5 / len(v)))
+    edges = [np.column_stack((np.full(len(v), edge), v)) for edge in (0.0, 1.0)]
+    if not surface.closed[1]:
+        edges += [np.column_stack((u, np.full(len(u), edge))) for edge in (0.0, 1.0)]
+    inner, _ = surface_samples(surface)
+    inner = inner[fit.is_trusted(inner)]
+    points, bounds, _ = fit.bounds()
+    order, largest, done = np.argsort(-bounds, kind="stable"), 0.0, 0
+    uv, distances = [np.empty((0, 2))], [np.empty(0)]
+    while done < len(order) and bounds[order[done]] > largest:  # the bounds of all others are smaller
+        chosen = order[done : done + FIRST_BATCH]
+        uv, distances = [*uv, inner[chosen]], [*distances, distance(points[chosen])[0]]
+        largest, done = max(largest, float(distances[-1].max())), done + len(chosen)
+    centres = np.concatenate(edges)
+    for _ in range(PEAK_ROUNDS + 1):
+        centres = centres[fit.is_trusted(centres)]
+        uv, distances = [*uv, centres], [*distances, distance(surface.points(centres))[0]]
+        known, found = np.concatenate(uv), np.concatenate(distances)
+        if len(known) == 0:
+            return np.inf
+        peaks = np.argsort(-found, kind="stable")[:PEAK_CELLS]
+        largest = max(largest, float(found.max()))
+        uv, distances = [known[peaks]], [found[peaks]]
+        centres = cells_around(surface, known[peaks], width)
+        width = width / PEAK_SHRINK
+    return (1 + PEAK_MARGIN) * largest
+
+
+def cells_around(surface: BSplineSurface, peaks: Array, width: Array) -> Array:
+    """Return a grid of parameters in a cell around each of some parameters, within the domain.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    peaks : array, shape (k, 2)
+        Centres of the cells.
+    width : array, shape (2,)
+        Half of the width of a cell along u and v.
+
+    Returns
+    -------
+    array, shape (k * PEAK_POINTS**2, 2)
+    """
+    step = np.linspace(-1, 1, PEAK_POINTS)
+    offsets = np.column_stack((np.repeat(step, PEAK_POINTS), np.tile(step, PEAK_POINTS))) * width
+    uv = (peaks[:, None] + offsets).reshape(-1, 2)
+    for axis in (0, 1):
+        uv[:, axis] = uv[:, axis] % 1.0 if surface.closed[axis] else np.clip(uv[:, axis], 0, 1)
+    return uv

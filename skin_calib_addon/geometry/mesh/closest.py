@@ -73,17 +73,18 @@ class MeshDistance:
             first = first[d[first] < distance[which[first]]]
             distance[which[first]], face[which[first]], nearest[which[first]] = d[first], faces[first], foot[first]
 
-        open_, seen, k = np.arange(len(points)), 0, 8
+        open_, k, first = np.arange(len(points)), 8, True
         while len(open_):
             k = min(k, self.tree.n)
-            far, index = map(np.asarray, self.tree.query(points[open_], k=np.arange(seen + 1, k + 1)))
-            if seen == 0:
+            # All of them again: the order of centres at equal distances differs from query to query.
+            far, index = map(np.asarray, self.tree.query(points[open_], k=np.arange(1, k + 1)))
+            if first:
                 try_pairs(open_, self.face[index[:, 0]])
             # The distance to a triangle is at least the distance to its centre minus the radius.
             row, column = np.nonzero(far - self.radius < distance[open_, None])
             try_pairs(open_[row], self.face[index[row, column]])
             open_ = open_[(far[:, -1] - self.radius < distance[open_]) & (k < self.tree.n)]
-            seen, k = k, 2 * k
+            first, k = False, 2 * k
         return distance, face, nearest
 
 

@@ -105,6 +105,11 @@ class RayCaster:
         """Return the rows in which the outer curve folds back, shape (rows,): some rays intersect it more than once."""
         return self.followed & ~self.clean
 
+    @property
+    def parts(self) -> BoolArray:
+        """Return the rows in which segments overlap and no curve is the outer one, shape (rows,)."""
+        return ~self.followed & ~self.clean if self.ordered else np.zeros(len(self.clean), bool)
+
     def folded_segments(self, i: int) -> Array:
         """Return the segments of row ``i`` with an abscissa that other segments have too, shape (s, 2, 2) [m]."""
         index = slice(self.bounds[i], self.bounds[i + 1])

@@ -37,6 +37,7 @@ class RaySamples:
     arms: Array  # (k, l, 3) from there to the surface [m]
     faces: IntArray  # (k, l) faces that were hit
     folds: BoolArray  # (k,) rows whose section folds back, so that some rays intersect it more than once
+    parts: BoolArray  # (k,) rows whose outside consists of several curves
 
     @cached_property
     def rays(self) -> Array:
@@ -153,7 +154,9 @@ class SampleRows:
         if not self.flat:  # correct rays that leave the plane of a fanned row
             length = np.linalg.norm(arms, axis=2)
             distance = self._onto_facets(distance, hit, arms / length[..., None])
-        return RaySamples(distance - length, self.origins, arms, self.sections.face[hit], self.caster.folds)
+        return RaySamples(
+            distance - length, self.origins, arms, self.sections.face[hit], self.caster.folds, self.caster.parts
+        )
 
     def _onto_facets(self, distance: Array, hit: IntArray, rays: Array) -> Array:
         r"""Return the distance to the planes of the facets that rays hit, for rays that leave the plane of their row.

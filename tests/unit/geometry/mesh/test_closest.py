@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.oracles import distance_to_mesh, nearest_on_triangle
-from tests.shapes import box
+from tests.shapes import LENGTH, RADIUS, TURN, box, cylinder
 
 seeds = st.integers(0, 2**32 - 1)
 whole = st.integers(-3, 3)
@@ -67,3 +67,16 @@ def test_mesh_distance_of_no_points_is_empty():
     """Nothing asked, nothing answered."""
     distance, face, nearest = MeshDistance(box((0, 0, 0), (1, 1, 1)))(np.empty((0, 3)))
     assert distance.shape == face.shape == (0,) and nearest.shape == (0, 3)
+
+
+def test_no_face_is_lost_between_centres_at_equal_distances():
+    """Points halfway between the rings of a tube: the nearest face of all, by comparison with each."""
+    tube = cylinder()
+    angle, height = (x.ravel() for x in np.meshgrid(TURN * np.arange(613) / 613, LENGTH * np.arange(13) / 12))
+    points = np.column_stack((1.001 * RADIUS * np.cos(angle), 1.001 * RADIUS * np.sin(angle), height))
+    found = MeshDistance(tube)(points)[0]
+    half = TURN / 96 / 2  # of the angle of a plane side
+    phi = angle % (2 * half) - half
+    side = 1.001 * RADIUS * np.cos(phi) - RADIUS * np.cos(half)
+    along = 1.001 * RADIUS * np.sin(np.abs(phi)) - RADIUS * np.sin(half)
+    assert_allclose(found, np.hypot(side, np.maximum(along, 0)), rtol=0, atol=1e-9)
