@@ -20,7 +20,7 @@ COLOURS = 256
 PARTS = {
     "cut.png": ("cut/five_cuts.png", (30, 80, 985, 1180)),
     "planes.png": ("planes/followed.png", (180, 80, 985, 1060)),
-    "live.png": ("live/dragged.png", (180, 80, 985, 1180)),
+    "live.png": ("live/dragged.png", (180, 80, 985, 772)),
     "imported.png": ("imported/found.png", (60, 80, 985, 1180)),
     "inspect.png": ("inspect/playing.png", (60, 80, 985, 1180)),
 }
