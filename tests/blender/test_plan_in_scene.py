@@ -33,7 +33,7 @@ CHANGES = {
     "response": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.02, 5e-05]}, "x_by": {"who": "前腕"}},
     "table": {"response": {"kind": "table", "readings": [0, 100.5, 250], "forces": [0, 1.0000000001, 16]}},
     "range": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.0200000001], "range": [0, 250]}},
-    "origin": {"skins": [BAND | {"origin": [0.03, 0.02, 0.05], "first_channel": 7}]},
+    "origin": {"skins": [BAND | {"origin": [0.035, 0.0233, 0.05], "first_channel": 7}]},
     "left hand, offset, trim": {"skins": [LEFT]},
     "landmarks": {"skins": [PINNED]},
     "all boards": {"skins": [BAND | {"first_channel": 90}, BOARDS | {"cells": "all", "excluded": CLEAR}]},
@@ -317,6 +317,15 @@ def test_overlay_draws_boards_as_it_draws_cells(bpy, addon, plan_file):
     normals = np.broadcast_to(patch.taxels.normals_link[:, None, None], raised.shape)
     assert_allclose(raised, 0.03 * np.sqrt(patch.taxels.areas[0]) * normals, atol=1e-7)
     assert_allclose(sticks.points.reshape(3, 2, 3)[:, 0], patch.taxels.positions_link, atol=1e-7)
+
+
+def test_unset_length_has_its_default_in_metres(bpy, addon, link):
+    """In a scene in millimetres, 10 mm and not 10 micrometres."""
+    link.skin_calib.property_unset("max_deviation")
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == 0.01
+    link.skin_calib.max_deviation = 5.0
+    assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == 0.005
 
 
 def test_added_skins_follow_the_others(bpy, addon, link):

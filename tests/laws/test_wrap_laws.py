@@ -32,7 +32,8 @@ def test_moving_the_mesh_moves_the_taxels(seed, scale, centred):
     """Positions, normals, tangents and corners move with the mesh; neighbours and strain are unchanged."""
     motion, mesh = Motion(seed, scale), wrist()
     grid = TubeGrid(8, 16, margin=0.002)
-    origin, direction = None if centred else (0.036, -0.004, 0.03), (0.1, 1, 0.1)
+    nearest = mesh.vertices[np.argmin(np.linalg.norm(mesh.vertices - (0.036, -0.004, 0.03), axis=1))]
+    origin, direction = None if centred else nearest, (0.1, 1, 0.1)
     lattice = SHEET if centred else SMALL
     here = taxels(fit_surface(mesh, grid).surface, lattice, origin, direction)
     moved = fit_surface(motion.mesh(mesh), TubeGrid(8, 16, margin=0.002 * scale)).surface
