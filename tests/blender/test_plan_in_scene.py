@@ -320,12 +320,12 @@ def test_overlay_draws_boards_as_it_draws_cells(bpy, addon, plan_file):
 
 
 def test_unset_length_has_its_default_in_metres(bpy, addon, link):
-    """In a scene in millimetres, 10 mm and not 10 micrometres."""
+    """In a scene in decimetres, 10 mm and not 1 mm."""
     link.skin_calib.property_unset("max_deviation")
-    bpy.context.scene.unit_settings.scale_length = 0.001
+    bpy.context.scene.unit_settings.scale_length = 0.1
     assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == 0.01
-    link.skin_calib.max_deviation = 5.0
-    assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == 0.005
+    link.skin_calib.max_deviation = 0.05
+    assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == pytest.approx(0.005)
 
 
 def test_added_skins_follow_the_others(bpy, addon, link):
