@@ -1,4 +1,8 @@
-"""Drives a mesh of a million facets: the window responds while it is read, checked and fitted; Esc stops each."""
+"""Drives a mesh of a million facets: the window responds while it is read, checked and fitted; Esc stops each.
+
+It takes minutes and a fast machine, so it is not in the suite: start it by hand with
+``drive-gui --install . --blend sample_scenes/wrist.blend --size 1000x1100 --out FOLDER tests/gui/drive_heavy.py``.
+"""
 
 import os
 from time import perf_counter

@@ -1,6 +1,7 @@
 """Drives what happens once: one fit at a time, one link of a name, a cut that is corrected after it was added."""
 
 import json
+from threading import Event
 
 import bpy
 from buttons import find, press
@@ -76,21 +77,35 @@ def warns_of_a_file_without_taxels(gui):
 
 
 def fits_once_at_a_time(gui):
-    """While a fit runs the button is grey, and so is the export; Live waits."""
+    """While a fit runs the button is grey, and so is the export; Live waits. The fit ends only after that was seen."""
+    results, seen, begun = ours("scene.results"), Event(), []
+    compute = results.fit
+
+    def after_seen(*given):
+        begun.append(given)
+        seen.wait()
+        return compute(*given)
+
     fit = yield from find(gui, "skin_calib.fit")
-    link().modifiers.new("finer", "SUBSURF").levels = 2
-    plan().live = True
-    yield from gui.redraw(2)
-    yield from gui.click(*fit)
-    yield from gui.wait(fits, 30, "a fit in a thread")
-    with gui.context():
-        assert not bpy.ops.skin_calib.fit.poll() and not bpy.ops.skin_calib.export_calibration.poll()
-    for _ in range(3):
+    results.fit = after_seen
+    try:
         yield from gui.click(*fit)
-        yield from gui.redraw()
-        assert fits() <= 1, fits()
-    yield from gui.wait(lambda: not fits(), 120, "the fit")
-    yield from gui.wait(lambda: not plan().result.outdated, 120, "the result")
+        yield from gui.wait(fits, 60, "a fit in a thread")
+        link().modifiers.new("finer", "SUBSURF").levels = 2
+        plan().live = True
+        with gui.context():
+            assert not bpy.ops.skin_calib.fit.poll() and not bpy.ops.skin_calib.export_calibration.poll()
+        for _ in range(3):
+            yield from gui.click(*fit)
+            yield from gui.redraw()
+            assert fits() == 1, fits()
+        yield 1.0  # longer than Live waits after a change
+        assert len(begun) == 1, len(begun)
+    finally:
+        seen.set()
+        results.fit = compute
+    yield from gui.wait(lambda: not fits(), 300, "the fit")
+    yield from gui.wait(lambda: plan().result.key and not plan().result.outdated, 300, "the result")
     with gui.context():
         assert bpy.ops.skin_calib.fit.poll() and bpy.ops.skin_calib.export_calibration.poll()
     plan().live = False

@@ -48,7 +48,6 @@ DRIVERS = [
     ("drive_planes.py", "wrist", "1200x1300"),
     ("drive_skin.py", "wrist", "1200x1300"),
     ("drive_paint.py", "sole", "1300x1500"),
-    ("drive_heavy.py", "wrist", "1000x1100"),
     ("drive_inspect.py", "wrist", "1200x1300"),
     ("drive_imported.py", "wrist", "1200x1300"),
     ("drive_drawing.py", "wrist", "1200x1300"),
