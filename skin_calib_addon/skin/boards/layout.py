@@ -21,7 +21,7 @@ from ..sheet.wrap import on_surface, root_of, size_of
 from .fill import EQUAL_TOLERANCE, LatticePlacement, fill
 from .outline import FlatMap, Zone, disc, flat_loops, outline
 from .region import Region
-from .wrap import WrappedBoards, check_board_folds, relax_boards, turned_over_boards, unroll_boards
+from .wrap import WrappedBoards, check_board_folds, relax_boards, turned_over_boards, unroll_boards, with_surrounded
 
 Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
 # Largest number of nodes of the flat map along the size of the surface. Larger: more exact for small boards, slower.
@@ -96,10 +96,10 @@ def lay_boards(
         placement = fill(region, lattice, np.zeros(2), 0.0)
     else:
         placement = LatticePlacement(lattice, np.zeros(2), 0.0, np.array(choice))
-    guess = to_flat.at(placement.centres, placement.angle)
-    boards = WrappedBoards(
-        surface, offset, lattice, placement.cells, *relax_boards(layer, lattice, placement.cells, *guess)
-    )
+    complete = with_surrounded(placement.cells)
+    guess = to_flat.at(replace(placement, cells=complete).centres, placement.angle)
+    uv, tangents = (values[: len(placement.cells)] for values in relax_boards(layer, lattice, complete, *guess))
+    boards = WrappedBoards(surface, offset, lattice, placement.cells, uv, tangents)
     overhang = _overhangs(region, placement, to_flat(layer.points(boards.uv), boards.uv))
     inside = on_surface(layer, boards.uv)
     if not isinstance(choice, str):

@@ -77,8 +77,9 @@ def wrap_boards(
     """
     check_size(surface, (lattice.pitch, lattice.pitch))
     layer, indices = offset_surface(surface, offset), np.array(cells, np.int64).reshape(-1, 2)
-    guess = unroll_boards(layer, lattice, indices, root_of(surface, origin), direction)
-    uv, tangents = relax_boards(layer, lattice, indices, *guess)
+    complete = with_surrounded(indices)
+    guess = unroll_boards(layer, lattice, complete, root_of(surface, origin), direction)
+    uv, tangents = (values[: len(indices)] for values in relax_boards(layer, lattice, complete, *guess))
     for cell, point in zip(indices.tolist(), uv):
         if not on_surface(layer, point):
             gap, edge = beyond_edge(layer, point)
@@ -90,6 +91,23 @@ def wrap_boards(
             )
     check_board_folds(layer, indices, uv)
     return WrappedBoards(surface, offset, lattice, indices, uv, tangents)
+
+
+def with_surrounded(cells: IntArray) -> IntArray:
+    """Return cells, followed by the missing ones whose six neighbours are all among them, shape (m, 2).
+
+    A placement takes them along. Where boards form a narrow strip, a missing board leaves two parallel links, and the
+    two parts of the strip could move against each other with no pitch error.
+
+    Parameters
+    ----------
+    cells : array of int, shape (n, 2)
+        Axial coordinates.
+    """
+    near, counts = np.unique((cells[:, None] + np.array(PORTS)).reshape(-1, 2), axis=0, return_counts=True)
+    placed = set(map(tuple, cells.tolist()))
+    missing = [cell for cell in near[counts == len(PORTS)].tolist() if tuple(cell) not in placed]
+    return np.concatenate((cells, np.array(missing, np.int64).reshape(-1, 2)))
 
 
 def turned_over_boards(cells: IntArray, uv: Array) -> BoolArray:

@@ -152,3 +152,19 @@ def test_row_of_the_root_keeps_its_direction_on_a_wavy_surface(direction, choice
     vector = boards.tangents[np.flatnonzero(~boards.cells.any(axis=1))[0], :2]
     turned = np.arctan2(vector[1], vector[0]) - np.arctan2(direction[1], direction[0])
     assert abs((turned + np.pi) % (2 * np.pi) - np.pi) < np.deg2rad(0.3)
+
+
+def test_removed_board_leaves_the_others_in_place_on_a_narrow_sole():
+    """Without the middle board two parallel links remain, which shear with no pitch error; the other boards stay."""
+    plan, lattice = load_plan(SAMPLES / "sole.plan.json"), HexLattice(0.0163, -0.000482428)
+    fit = fit_grid(cut_cover(load_mesh(plan.mesh, plan.unit), plan.cover), plan.grid, plan.degree)
+    surface = fit.error_field.surface
+    boards, _ = lay_boards(surface, lattice, "fill", None, None, fit=fit)
+    points, cells = surface.points(boards.uv), boards.cells.tolist()
+    root, around = cells.index([0, 0]), {(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1)}
+    assert around <= set(map(tuple, cells))
+    rest = np.delete(np.arange(len(cells)), root)
+    listed = [tuple(cell) for cell in boards.cells[rest].tolist()]
+    after, _ = lay_boards(surface, lattice, listed, points[root], boards.tangents[root], fit=fit)
+    assert after.cells.tolist() == boards.cells[rest].tolist()
+    assert_allclose(surface.points(after.uv), points[rest], atol=1e-5)
