@@ -18,6 +18,7 @@ from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples, SampleRows, across
 from ..surface.bspline import BSplineSurface
 from .diagnosis import nearest_names
+from .error_report import MIN_COVER_COSINE
 
 # [m] distance of an undercut from the surface above which there is a warning. Larger: fewer warnings.
 UNDERCUT_DISTANCE = 2e-4
@@ -85,10 +86,15 @@ def deepest_undercut(
     for i in np.flatnonzero(samples.folds):
         axes, origin = rows.axes[i if len(rows.axes) > 1 else 0], rows.planes.points[i]
         points = surface.grid_points(np.array([i / (k - 1)]), v)[0] - origin
-        section = rows.caster.folded_segments(int(i)).mean(axis=1)
-        if len(section) == 0:
+        segments = rows.caster.folded_segments(int(i))
+        if len(segments) == 0:
             continue
-        distance, nearest = distances_to_curve(section, across(points[None], axes[None])[0], lines.closed)
+        section, curve = segments.mean(axis=1), across(points[None], axes[None])[0]
+        distance, nearest = distances_to_curve(section, curve, lines.closed)
+        along = (np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0))[nearest]
+        sides = segments[:, 1] - segments[:, 0]
+        lengths = np.linalg.norm(along, axis=1) * np.linalg.norm(sides, axis=1)
+        distance[np.abs((along * sides).sum(axis=1)) <= MIN_COVER_COSINE * lengths] = 0.0  # a wall, as at a rim
         worst = int(np.argmax(distance))
         if distance[worst] > deepest:
             deepest = float(distance[worst])

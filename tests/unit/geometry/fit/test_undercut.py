@@ -1,5 +1,7 @@
 """Sections that fold back behind themselves: the part that the surface cannot follow is named."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,10 +10,12 @@ from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
 from sample_scenes.shapes import tube_mesh
-from skin_calib_addon.geometry import AcrossGrid, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry import AcrossGrid, PlanesGrid, SectorGrid, TubeGrid, cut_cover, fit_surface, load_mesh
+from skin_calib_addon.geometry.fit.auto import fit_grid
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from skin_calib_addon.geometry.sampling.basis import spline_sites
 from skin_calib_addon.geometry.sampling.planes import Planes
+from skin_calib_addon.plan import load_plan
 from tests.shapes import TURN, Z_AXIS, Motion, cone, cylinder, keep, welded, wrist
 
 
@@ -133,3 +137,11 @@ def test_hidden_part_next_to_the_open_side_counts():
     mesh = keep(lobed(1.25), lambda centres: centres[:, 0] > -0.02)
     fit = fit_surface(mesh, SectorGrid(5, 20, -1.8, 1.8, Z_AXIS, 0.002))
     assert undercuts(fit)
+
+
+def test_side_walls_of_a_sole_are_not_undercuts():
+    """The sections of the sample sole run up its walls, behind the last rays; the fit is within 0.02 mm."""
+    plan = load_plan(Path(__file__).parents[4] / "sample_scenes" / "sole.plan.json")
+    fit = fit_grid(cut_cover(load_mesh(plan.mesh), plan.cover), plan.grid, plan.degree)
+    assert fit.samples.folds.any() and fit.errors.surface_to_mesh.max < 2e-5
+    assert "undercut" not in [warning.code for warning in fit.warnings]
