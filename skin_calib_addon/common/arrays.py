@@ -135,3 +135,20 @@ def over_rows(rows: Array, matrix: Array) -> Array:
     array, shape (..., m)
     """
     return product(rows.reshape(-1, rows.shape[-1]), matrix).reshape(*rows.shape[:-1], matrix.shape[1])
+
+
+def pairs_of(u: Array, v: Array) -> Array:
+    """Return every pair of two lists of numbers, with the second one changing faster.
+
+    Parameters
+    ----------
+    u : array, shape (k,)
+        First numbers.
+    v : array, shape (l,)
+        Second numbers.
+
+    Returns
+    -------
+    array, shape (k * l, 2)
+    """
+    return np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))

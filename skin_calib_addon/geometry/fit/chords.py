@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, cross, unit
+from ...common.arrays import Array, IntArray, cross, pairs_of, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.samples import RaySamples
 from ..surface.bspline import BSplineSurface
@@ -41,7 +41,7 @@ def chord_gaps(mesh: TriangleMesh, surface: BSplineSurface, samples: RaySamples)
     """
     k, l = samples.residuals.shape
     v = np.arange(l) / l if surface.closed[1] else np.linspace(0, 1, l)
-    uv = np.column_stack((np.repeat(np.linspace(0, 1, k), l), np.tile(v, k)))
+    uv = pairs_of(np.linspace(0, 1, k), v)
     hit = np.flatnonzero(~np.isnan(samples.residuals))
     uv, face, residuals = uv[hit], samples.faces.ravel()[hit], samples.residuals.ravel()[hit]
     points, rays = (x.reshape(-1, 3)[hit] for x in (samples.points, samples.rays))
@@ -178,12 +178,41 @@ def largest_sagittas(mesh: TriangleMesh) -> Array:
 
     A face has three chords, and its centre has twice this distance. The distance is zero next to a sharp edge.
     """
-    first, second = mesh.adjacency
-    cosine = (mesh.face_normals[first] * mesh.face_normals[second]).sum(axis=1)
-    turn = np.arccos(np.clip(cosine, -1, 1))
+    first, second, turn = edge_turns(mesh)
     steepest = np.zeros(len(mesh.faces))
     np.maximum.at(steepest, first, turn)
     np.maximum.at(steepest, second, turn)
     corners = mesh.triangles
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     return np.where(steepest < MAX_CHORD_ANGLE, longest * steepest / 4, 0.0)
+
+
+def facet_sagittas(mesh: TriangleMesh) -> Array:
+    r"""Return the distance of a smooth surface from each face, shape (f,) [m].
+
+    The normal turns by :math:`\theta` over an edge of length :math:`l`. Across it, a face of area :math:`A` is
+    :math:`2 A / l` wide, and its sagitta is
+
+    .. math::
+
+        s = \frac{2 A}{l}\, \frac{\theta}{4}
+
+    The largest of the three edges counts. A sharp edge has none.
+    """
+    first, second, turn = edge_turns(mesh)
+    common = (mesh.faces[first][:, :, None] == mesh.faces[second][:, None, :]).any(axis=2)
+    apart = np.argmin(common, axis=1)  # the corner of the first face that is not on the common edge
+    ends = [mesh.vertices[mesh.faces[first, (apart + i) % 3]] for i in (1, 2)]
+    length = np.linalg.norm(ends[1] - ends[0], axis=1)
+    turn = np.where(turn < MAX_CHORD_ANGLE, turn, 0.0)
+    sagittas = np.zeros(len(mesh.faces))
+    for side in (first, second):
+        np.maximum.at(sagittas, side, mesh.face_areas[side] / np.maximum(length, np.finfo(float).tiny) * turn / 2)
+    return sagittas
+
+
+def edge_turns(mesh: TriangleMesh) -> tuple[IntArray, IntArray, Array]:
+    """Return the two faces at each inner edge, shapes (e,), and the angle between their normals, shape (e,) [rad]."""
+    first, second = mesh.adjacency
+    cosine = (mesh.face_normals[first] * mesh.face_normals[second]).sum(axis=1)
+    return first, second, np.arccos(np.clip(cosine, -1, 1))

@@ -25,10 +25,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array, BoolArray, IntArray, cross, unit
+from ...common.arrays import Array, BoolArray, IntArray, cross, pairs_of, unit
 from ...common.errors import EmptySection
 from ...common.surface_errors import DistanceStatistics
-from ..mesh.closest import MeshDistance
+from ..mesh.closest import NearMesh
 from ..mesh.triangle_mesh import TriangleMesh
 from ..surface.bspline import BSplineSurface
 from ..surface.distance import is_sampled, sample_lines
@@ -42,23 +42,19 @@ EXACT_POINTS = 100
 FIRST_ROUND = 32
 # [1] nodes in each span and direction. Larger: better estimates, more time.
 NODES_PER_SPAN = 3
-# [node spacing] distance from a node up to which the expansion is used. Larger: worse estimates far from the surface.
-EXPANSION_RADIUS = 4.0
+# [rad] rotation of the normal, over the distance of a point from its node, up to which the expansion is used. Beyond,
+# the distance to the node is the estimate. Larger: faster, and the maximum is less safe where the surface is wavy.
+EXPANSION_ANGLE = 0.5
 # [1] ratio of the assumed error of an estimate to the largest error in the sample. Larger: safer maximum, more time.
 SAFETY_FACTOR = 2.0
 # [cosine] between the normals of a face and of the surface above which the face belongs to the cover, not to a wall.
 # Larger: fewer faces count.
 MIN_COVER_COSINE = 0.5
-# [cosine] the same with the normal at the nearest node, before the footpoint is known. It affects the time only.
-FIRST_COSINE = 0.25
-# [1] parameters beyond an open edge up to which the footpoint may be inside after all. It affects the time only.
-EDGE_SLACK = 0.05
-# [1] faces from which distances are measured to the faces near the points only. It affects the time only.
-MANY_FACES = 30_000
-# [1] cells along the longest side of the box around a mesh, to find faces near points. It affects the time only.
-CELLS_PER_SIDE = 96
-# [1] points from which not they themselves, but the cells that contain them find the nearest node. It affects the time.
-MANY_POINTS = 30_000
+# [1] parameters beyond an open edge, by the nearest node, up to which the footpoint may be inside after all. Larger:
+# the maximum is safer where the surface swings, more time.
+EDGE_SLACK = 0.2
+# [1] most cells along a side of the box around points that search their nearest node, so that 64 bits number all.
+MAX_CELLS_PER_SIDE = 2**20
 CONFIDENCE_FACTOR = 1.96  # [standard deviations] half width of a 95 % confidence interval
 
 Exact = Callable[[IntArray], Array]
@@ -101,7 +97,7 @@ def stratified(fractions: Array, count: int) -> IntArray:
     return np.minimum(np.searchsorted(np.cumsum(fractions), at), len(fractions) - 1)
 
 
-def largest_of(bounds: Array, exact: Exact) -> tuple[float, int]:
+def largest_of(bounds: Array, exact: Exact, first_round: int = FIRST_ROUND) -> tuple[float, int]:
     """Return the largest distance and its index: exact distances from the largest bound on.
 
     Parameters
@@ -110,6 +106,8 @@ def largest_of(bounds: Array, exact: Exact) -> tuple[float, int]:
         Upper bounds of the distances [m]; infinite where unknown.
     exact : function
         From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
+    first_round : int
+        Points of the first round. Each round has twice as many.
 
     Returns
     -------
@@ -117,7 +115,7 @@ def largest_of(bounds: Array, exact: Exact) -> tuple[float, int]:
         [m]; -1 if no point counts.
     index : int
     """
-    best, at, count, left = -1.0, -1, FIRST_ROUND, np.arange(len(bounds))
+    best, at, count, left = -1.0, -1, first_round, np.arange(len(bounds))
     while len(left):
         if count < len(left):
             split = np.argpartition(-bounds[left], count)
@@ -141,6 +139,7 @@ class Expansion:
     normals: Array  # (k, 3)
     steps: Array  # (k, 2, 3) change of the parameters for a displacement of the point [1/m]
     bend: Array  # (k, 3, 3) second derivatives of the distance by the point [1/m]
+    curvature: Array  # (k,) [1/m] upper bound
     spacing: float  # [m] largest distance of neighbouring nodes
     tree: cKDTree
 
@@ -149,49 +148,46 @@ class Expansion:
         """Expand the distance about even parameters."""
         lines = sample_lines(surface, NODES_PER_SPAN)
         shape = len(lines[0]), len(lines[1])
-        uv = np.column_stack((np.repeat(lines[0], shape[1]), np.tile(lines[1], shape[0])))
+        uv = pairs_of(*lines)
         r = surface.derivatives(uv, 2)
         a, b, points = r[1, 0], r[0, 1], r[0, 0]
         normals = unit(cross(a, b))
-        aa, ab, bb = ((x * y).sum(axis=1) for x, y in ((a, a), (a, b), (b, b)))
-        determinant = np.maximum(aa * bb - ab**2, np.finfo(float).tiny)[:, None]
-        steps = (
-            np.stack((bb[:, None] * a - ab[:, None] * b, aa[:, None] * b - ab[:, None] * a), 1) / determinant[..., None]
-        )
-        second = np.stack([(normals * x).sum(axis=1) for x in (r[2, 0], r[1, 1], r[1, 1], r[0, 2])], 1).reshape(
-            -1, 2, 2
-        )
-        bend = -steps.transpose(0, 2, 1) @ second.reshape(-1, 2, 2) @ steps
+        aa, ab, bb = ((x * y).sum(axis=1)[:, None] for x, y in ((a, a), (a, b), (b, b)))
+        square_area = np.maximum(aa * bb - ab**2, np.finfo(float).tiny)
+        steps = np.stack(((bb * a - ab * b) / square_area, (aa * b - ab * a) / square_area), axis=1)
+        L, M, N = ((normals * x).sum(axis=1) for x in (r[2, 0], r[1, 1], r[0, 2]))
+        second = np.stack((L, M, M, N), axis=1).reshape(-1, 2, 2)
+        bend = -steps.transpose(0, 2, 1) @ second @ steps
         grid = points.reshape(*shape, 3)
         spacing = max(float(np.linalg.norm(np.diff(grid, axis=i), axis=2).max()) for i in (0, 1) if shape[i] > 1)
-        return cls(uv, points, normals, steps, bend, spacing, cKDTree(points))
+        curvature = np.sqrt(np.einsum("kij,kij->k", bend, bend))
+        return cls(uv, points, normals, steps, bend, curvature, spacing, cKDTree(points))
 
     def nearest(self, points: Array) -> IntArray:
-        """Return the nearest node of each point; of many points, the node that is nearest to the cell around it."""
-        if len(points) <= MANY_POINTS:
-            return np.asarray(self.tree.query(points)[1])
-        low, cell = points.min(axis=0), self.spacing / 2
-        place = ((points - low) * (1 / cell)).astype(np.int32)
-        shape = place.max(axis=0) + 1
-        key = (place[:, 0] * shape[1] + place[:, 1]) * shape[2] + place[:, 2]
-        node = np.zeros(int(np.prod(shape)), np.int32)
-        node[key] = 1
-        used = np.flatnonzero(node)
-        node[used] = self.tree.query(low + (np.stack(np.unravel_index(used, shape), 1) + 0.5) * cell)[1]
-        return node[key]
+        """Return a node near each point: the nearest one to the centre of the point's cell of half a spacing."""
+        low = points.min(axis=0)
+        extent = points.max(axis=0) - low
+        size = max(self.spacing / 2, float(extent.max()) / MAX_CELLS_PER_SIDE)
+        cells = ((points - low) // size).astype(np.int64)
+        shape = cells.max(axis=0) + 1
+        number = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
+        used, cell = np.unique(number, return_inverse=True)
+        centres = low + (np.stack(np.unravel_index(used, shape), axis=1) + 0.5) * size
+        return np.asarray(self.tree.query(centres)[1])[cell]
 
     def __call__(self, points: Array, node: IntArray) -> tuple[Array, Array]:
         """Return estimates and upper bounds of the distances of points (k, 3) from the surface, shape (k,) [m].
 
-        The bound is the distance to the node.
+        The bound is the distance to the node. It is the estimate, too, where the node is too far for the expansion.
         """
         w = points - self.points[node]
-        length = np.sqrt(np.einsum("kc,kc->k", w, w))
-        along = np.einsum("kc,kc->k", self.normals[node], w)
-        near = np.flatnonzero(length < EXPANSION_RADIUS * self.spacing)
-        bent = (self.bend[node[near]] @ w[near, :, None])[:, :, 0]
-        along[near] += np.einsum("kc,kc->k", bent, w[near]) / 2
-        return np.abs(along), length
+        bounds = np.sqrt(np.einsum("kc,kc->k", w, w))
+        near = np.flatnonzero(bounds * self.curvature[node] < EXPANSION_ANGLE)
+        node, w = node[near], w[near]
+        bent = (self.bend[node] @ w[:, :, None])[:, :, 0]
+        estimates = bounds.copy()
+        estimates[near] = np.abs(np.einsum("kc,kc->k", self.normals[node] + bent / 2, w))
+        return estimates, bounds
 
     def is_over(self, surface: BSplineSurface, points: Array, node: IntArray, slack: float) -> BoolArray:
         """Return which points are over the inside of the surface, or next to it.
@@ -248,27 +244,24 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
     points, normals = points_by_area(mesh, MESH_POINTS)
     node = table.nearest(points)
     counts = table.is_over(surface, points, node, 0.0) & is_sampled(surface, table.uv[node], known)
-    counts &= np.abs((normals * table.normals[node]).sum(axis=1)) > MIN_COVER_COSINE
+    counts &= is_parallel(normals, table.normals[node])
     if not counts.any():
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
-    points, normals, node = points[counts], normals[counts], node[counts]
-    estimates, lengths = table(points, node)
-    even = np.full(len(points), 1 / len(points))
-    sample = stratified(even, min(EXACT_POINTS, len(points)))
-    distances = footpoints(surface, points[sample])[1]
+    estimates = table(points[counts], node[counts])[0]
+    even = np.full(len(estimates), 1 / len(estimates))
+    sample = stratified(even, min(EXACT_POINTS, len(estimates)))
+    distances = footpoints(surface, points[counts][sample])[1]
     margin = SAFETY_FACTOR * float(np.abs(distances - estimates[sample]).max())
 
-    def exact(chosen: IntArray) -> Array:
-        foot, found = footpoints(surface, points[chosen])
-        parallel = np.abs((normals[chosen] * surface.normals(foot)).sum(axis=1)) > MIN_COVER_COSINE
-        return np.where(parallel & is_inside(surface, foot, known), found, -1.0)
+    def largest(points: Array, is_on_cover: Callable[[IntArray, Array], BoolArray]) -> float:
+        return largest_over(surface, known, table, margin, points, is_on_cover)
 
-    largest = max(
-        largest_of(np.minimum(estimates + margin, lengths), exact)[0],
-        largest_at_vertices(mesh, surface, known, table, margin),
+    maximum = max(
+        largest(points, lambda chosen, of_surface: is_parallel(normals[chosen], of_surface)),
+        largest(mesh.vertices, lambda chosen, of_surface: has_parallel_face(mesh, chosen, of_surface)),
     )
-    statistics = statistics_of(estimates, even, sample, distances, largest)
-    spread = CONFIDENCE_FACTOR * float(estimates.std()) / np.sqrt(len(points))  # the points are a sample, too
+    statistics = statistics_of(estimates, even, sample, distances, maximum)
+    spread = CONFIDENCE_FACTOR * float(estimates.std()) / np.sqrt(len(estimates))  # the points are a sample, too
     return replace(statistics, uncertainty=float(np.hypot(statistics.uncertainty, spread)))
 
 
@@ -282,35 +275,44 @@ def points_by_area(mesh: TriangleMesh, count: int) -> tuple[Array, Array]:
     return points, unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
 
-def largest_at_vertices(
-    mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray, table: Expansion, margin: float
+def largest_over(
+    surface: BSplineSurface,
+    known: BoolArray,
+    table: Expansion,
+    margin: float,
+    points: Array,
+    is_on_cover: Callable[[IntArray, Array], BoolArray],
 ) -> float:
-    """Return the largest distance of a vertex of the cover from the surface [m]; -1 if there is none.
+    """Return the largest distance from the surface of those points that count [m]; -1 if there is none.
 
     Parameters
     ----------
-    mesh, surface, known
+    surface, known
         As for `mesh_to_surface`.
     table : Expansion
         Of the surface.
     margin : float
         Assumed largest error of its estimates [m].
+    points : array, shape (k, 3)
+        [m]
+    is_on_cover : function
+        From indices of points (i,) and the normals of the surface at their footpoints (i, 3) to those that count (i,).
     """
-    node = table.nearest(mesh.vertices)
-    over = np.flatnonzero(table.is_over(surface, mesh.vertices, node, EDGE_SLACK))
-    estimates, lengths = table(mesh.vertices[over], node[over])
+    node = table.nearest(points)
+    estimates, bounds = table(points, node)
+    over = np.flatnonzero(table.is_over(surface, points, node, EDGE_SLACK))
 
     def exact(chosen: IntArray) -> Array:
-        vertices = over[chosen]
-        distances = np.full(len(vertices), -1.0)
-        counts = np.flatnonzero(is_on_cover(mesh, vertices, table.normals[node[vertices]], FIRST_COSINE))
-        foot, found = footpoints(surface, mesh.vertices[vertices[counts]])
-        inside = is_on_cover(mesh, vertices[counts], surface.normals(foot), MIN_COVER_COSINE)
-        inside &= is_inside(surface, foot, known)
-        distances[counts[inside]] = found[inside]
-        return distances
+        foot, found = footpoints(surface, points[over[chosen]])
+        counts = is_inside(surface, foot, known) & is_on_cover(over[chosen], surface.normals(foot))
+        return np.where(counts, found, -1.0)
 
-    return largest_of(np.minimum(estimates + margin, lengths), exact)[0]
+    return largest_of(np.minimum(estimates + margin, bounds)[over], exact)[0]
+
+
+def is_parallel(normals: Array, of_surface: Array) -> BoolArray:
+    """Return which normals (k, 3) of faces are nearly parallel or antiparallel to those of the surface (k, 3)."""
+    return np.abs((normals * of_surface).sum(axis=1)) > MIN_COVER_COSINE
 
 
 def is_inside(surface: BSplineSurface, foot: Array, known: BoolArray) -> BoolArray:
@@ -322,7 +324,7 @@ def is_inside(surface: BSplineSurface, foot: Array, known: BoolArray) -> BoolArr
     return inside
 
 
-def is_on_cover(mesh: TriangleMesh, vertices: IntArray, normals: Array, cosine: float) -> BoolArray:
+def has_parallel_face(mesh: TriangleMesh, vertices: IntArray, normals: Array) -> BoolArray:
     """Return which vertices have a face that is nearly parallel to the surface.
 
     Parameters
@@ -333,8 +335,6 @@ def is_on_cover(mesh: TriangleMesh, vertices: IntArray, normals: Array, cosine: 
         No two equal.
     normals : array, shape (k, 3)
         Of the surface.
-    cosine : float
-        Least cosine between the normals, or between one and the opposite of the other.
 
     Returns
     -------
@@ -348,7 +348,7 @@ def is_on_cover(mesh: TriangleMesh, vertices: IntArray, normals: Array, cosine: 
     of_faces = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     found = np.zeros(len(vertices), bool)
     for rows in row[mesh.faces[used]].T:
-        parallel = (rows >= 0) & (np.abs((of_faces * normals[rows]).sum(axis=1)) > cosine)
+        parallel = (rows >= 0) & is_parallel(of_faces, normals[rows])
         found[rows[parallel]] = True
     return found
 
@@ -391,41 +391,3 @@ def surface_to_mesh(
     distances = exact(sample)
     largest, index = largest_of(bounds, exact)
     return statistics_of(estimates, fractions, sample, distances, largest), index
-
-
-class NearMesh:
-    """The exact distance from points to a mesh, where upper bounds of the distances are known.
-
-    Of a mesh with many faces, only those with a vertex within the bound of some point are compared, and given ones.
-    """
-
-    def __init__(self, mesh: TriangleMesh, hit: IntArray):
-        self.mesh = mesh
-        self.hit = np.zeros(len(mesh.faces), bool)
-        self.hit[hit] = True
-        self.whole: MeshDistance | None = None
-        self.low = mesh.vertices.min(axis=0)
-        self.cell = float((mesh.vertices.max(axis=0) - self.low).max()) / CELLS_PER_SIDE
-        self.cells: IntArray | None = None  # of the vertices
-
-    def __call__(self, points: Array, bounds: Array) -> Array:
-        """Return the distances of points (k, 3) with upper bounds (k,) from the mesh, shape (k,) [m]."""
-        if len(self.mesh.faces) > MANY_FACES and np.isfinite(bounds).all():
-            return MeshDistance(self._near(points, bounds))(points)[0]
-        if self.whole is None:
-            self.whole = MeshDistance(self.mesh)
-        return self.whole(points)[0]
-
-    def _near(self, points: Array, bounds: Array) -> TriangleMesh:
-        """Return the faces with a vertex within the bound of some point, and those that were given."""
-        if self.cells is None:
-            self.cells = ((self.mesh.vertices - self.low) * (1 / self.cell)).astype(np.int32)
-        shape = self.cells.max(axis=0) + 1
-        first, last = (np.floor((points + k * bounds[:, None] - self.low) / self.cell).astype(int) for k in (-1, 1))
-        marked = np.zeros(shape, bool)
-        for (i, j, k), (x, y, z) in zip(np.maximum(first, 0), last + 1):
-            marked[i:x, j:y, k:z] = True
-        near = marked.reshape(-1)[(self.cells[:, 0] * shape[1] + self.cells[:, 1]) * shape[2] + self.cells[:, 2]]
-        a, b, c = self.mesh.corners
-        used, corners = np.unique(self.mesh.faces[near[a] | near[b] | near[c] | self.hit], return_inverse=True)
-        return TriangleMesh(self.mesh.vertices[used], corners.reshape(-1, 3))

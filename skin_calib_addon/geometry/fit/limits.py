@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array
-from ..mesh.triangle_mesh import TriangleMesh
-from .chords import MAX_CHORD_ANGLE
+from .chords import facet_sagittas
 from .diagnosis import maximum_deviation, nearest_names
 from .surface_fit import SurfaceFit
 from .undercut import deepest_undercut
@@ -68,28 +66,3 @@ def limit_of(fit: SurfaceFit, found_axis: bool, tolerance: float, measure: str =
         return "because the mesh is faceted", "refine the mesh"
     _, place = maximum_deviation(fit.mesh, lines, basis, samples, tolerance)
     return f"because the mesh has steps or edges, the largest {place.words}", "cut them away"
-
-
-def facet_sagittas(mesh: TriangleMesh) -> Array:
-    r"""Return the distance of a smooth surface from each face, shape (f,) [m].
-
-    The normal turns by :math:`\theta` over an edge of length :math:`l`. Across it, a face of area :math:`A` is
-    :math:`2 A / l` wide, and its sagitta is
-
-    .. math::
-
-        s = \frac{2 A}{l}\, \frac{\theta}{4}
-
-    The largest of the three edges counts. A sharp edge has none.
-    """
-    first, second = mesh.adjacency
-    turn = np.arccos(np.clip((mesh.face_normals[first] * mesh.face_normals[second]).sum(axis=1), -1, 1))
-    common = (mesh.faces[first][:, :, None] == mesh.faces[second][:, None, :]).any(axis=2)
-    apart = np.argmin(common, axis=1)  # the corner of the first face that is not on the common edge
-    ends = [mesh.vertices[mesh.faces[first, (apart + i) % 3]] for i in (1, 2)]
-    length = np.linalg.norm(ends[1] - ends[0], axis=1)
-    turn = np.where(turn < MAX_CHORD_ANGLE, turn, 0.0)
-    sagittas = np.zeros(len(mesh.faces))
-    for side in (first, second):
-        np.maximum.at(sagittas, side, mesh.face_areas[side] / np.maximum(length, 1e-300) * turn / 2)
-    return sagittas

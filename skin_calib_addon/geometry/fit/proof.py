@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray
+from ...common.arrays import Array, IntArray, pairs_of
 from ..mesh.closest import MeshDistance
 from ..surface.bspline import BSplineSurface
 from ..surface.distance import SAMPLES_PER_SPAN, sample_lines, surface_samples
+from .error_report import largest_of
 
 if TYPE_CHECKING:
     from .surface_fit import SurfaceFit
@@ -107,23 +108,26 @@ def largest_distance(fit: "SurfaceFit", distance: MeshDistance) -> float:
     inner, _ = surface_samples(surface)
     inner = inner[fit.is_trusted(inner)]
     points, bounds, _ = fit.bounds()
-    order, largest, done = np.argsort(-bounds, kind="stable"), 0.0, 0
-    uv, distances = [np.empty((0, 2))], [np.empty(0)]
-    while done < len(order) and bounds[order[done]] > largest:  # the bounds of all others are smaller
-        chosen = order[done : done + FIRST_BATCH]
-        uv, distances = [*uv, inner[chosen]], [*distances, distance(points[chosen])[0]]
-        largest, done = max(largest, float(distances[-1].max())), done + len(chosen)
+    found = np.full(len(points), np.nan)
+
+    def exact(chosen: IntArray) -> Array:
+        found[chosen] = distance(points[chosen])[0]
+        return found[chosen]
+
+    largest = largest_of(bounds, exact, FIRST_BATCH)[0]
+    known = np.flatnonzero(~np.isnan(found))
+    uv, distances = [inner[known]], [found[known]]
     centres = np.concatenate(edges)
     for _ in range(PEAK_ROUNDS + 1):
         centres = centres[fit.is_trusted(centres)]
         uv, distances = [*uv, centres], [*distances, distance(surface.points(centres))[0]]
-        known, found = np.concatenate(uv), np.concatenate(distances)
-        if len(known) == 0:
+        around, found = np.concatenate(uv), np.concatenate(distances)
+        if len(around) == 0:
             return np.inf
         peaks = np.argsort(-found, kind="stable")[:PEAK_CELLS]
         largest = max(largest, float(found.max()))
-        uv, distances = [known[peaks]], [found[peaks]]
-        centres = cells_around(surface, known[peaks], width)
+        uv, distances = [around[peaks]], [found[peaks]]
+        centres = cells_around(surface, around[peaks], width)
         width = width / PEAK_SHRINK
     return (1 + PEAK_MARGIN) * largest
 
@@ -145,7 +149,7 @@ def cells_around(surface: BSplineSurface, peaks: Array, width: Array) -> Array:
     array, shape (k * PEAK_POINTS**2, 2)
     """
     step = np.linspace(-1, 1, PEAK_POINTS)
-    offsets = np.column_stack((np.repeat(step, PEAK_POINTS), np.tile(step, PEAK_POINTS))) * width
+    offsets = pairs_of(step, step) * width
     uv = (peaks[:, None] + offsets).reshape(-1, 2)
     for axis in (0, 1):
         uv[:, axis] = uv[:, axis] % 1.0 if surface.closed[axis] else np.clip(uv[:, axis], 0, 1)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray
+from ...common.arrays import Array, BoolArray, IntArray, pairs_of
 from ...common.errors import EmptySection, PoorFit, millimetres
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
 from ...common.warnings import Warning
@@ -150,7 +150,7 @@ class SurfaceFit:
         """Return ``smallest_area``, and its parameters (2,)."""
         k, l = (AREA_SITES_PER_CONTROL_POINT * size for size in self.offsets.shape)
         v = np.arange(l) / l if self.lines.closed else np.linspace(0, 1, l)
-        uv = np.column_stack((np.repeat(np.linspace(0, 1, k), l), np.tile(v, k)))
+        uv = pairs_of(np.linspace(0, 1, k), v)
         r = self.surface.derivatives(uv)
         normals = np.cross(r[1, 0], r[0, 1])
         s = self.surface

@@ -10,6 +10,10 @@ from .triangle_mesh import TriangleMesh
 MAX_PARTS = 64
 # [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
 FLAT_TRIANGLE_RATIO = 1e-8
+# [1] faces from which distances are measured to the faces near the points only. It affects the time only.
+MANY_FACES = 30_000
+# [1] cells along the longest side of the box around a mesh, to find faces near points. It affects the time only.
+CELLS_PER_SIDE = 96
 
 
 def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntArray]:
@@ -86,6 +90,44 @@ class MeshDistance:
             open_ = open_[(far[:, -1] - self.radius < distance[open_]) & (k < self.tree.n)]
             first, k = False, 2 * k
         return distance, face, nearest
+
+
+class NearMesh:
+    """The exact distance from points to a mesh, where upper bounds of the distances are known.
+
+    Of a mesh with many faces, only those with a vertex within the bound of some point are compared, and given ones.
+    """
+
+    def __init__(self, mesh: TriangleMesh, hit: IntArray):
+        self.mesh = mesh
+        self.hit = np.zeros(len(mesh.faces), bool)
+        self.hit[hit] = True
+        self.whole: MeshDistance | None = None
+        self.low = mesh.vertices.min(axis=0)
+        self.cell = float((mesh.vertices.max(axis=0) - self.low).max()) / CELLS_PER_SIDE
+        self.cells: IntArray | None = None  # of the vertices
+
+    def __call__(self, points: Array, bounds: Array) -> Array:
+        """Return the distances of points (k, 3) with upper bounds (k,) from the mesh, shape (k,) [m]."""
+        if len(self.mesh.faces) > MANY_FACES and np.isfinite(bounds).all():
+            return MeshDistance(self._near(points, bounds))(points)[0]
+        if self.whole is None:
+            self.whole = MeshDistance(self.mesh)
+        return self.whole(points)[0]
+
+    def _near(self, points: Array, bounds: Array) -> TriangleMesh:
+        """Return the faces with a vertex within the bound of some point, and those that were given."""
+        if self.cells is None:
+            self.cells = ((self.mesh.vertices - self.low) * (1 / self.cell)).astype(np.int32)
+        shape = self.cells.max(axis=0) + 1
+        first, last = (np.floor((points + k * bounds[:, None] - self.low) / self.cell).astype(int) for k in (-1, 1))
+        marked = np.zeros(shape, bool)
+        for (i, j, k), (x, y, z) in zip(np.maximum(first, 0), last + 1):
+            marked[i:x, j:y, k:z] = True
+        near = marked.reshape(-1)[(self.cells[:, 0] * shape[1] + self.cells[:, 1]) * shape[2] + self.cells[:, 2]]
+        a, b, c = self.mesh.corners
+        used, corners = np.unique(self.mesh.faces[near[a] | near[b] | near[c] | self.hit], return_inverse=True)
+        return TriangleMesh(self.mesh.vertices[used], corners.reshape(-1, 3))
 
 
 def closest_on_triangles(points: Array, triangles: Array) -> Array:

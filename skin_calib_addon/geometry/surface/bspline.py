@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray, cross, freeze, product, unit
+from ...common.arrays import Array, IntArray, cross, freeze, pairs_of, product, unit
 from ...common.errors import InvalidKnotVector
 
 # Least number of sites [1] in a direction, by whether it is closed. With fewer, all of them may be at the corners of
@@ -430,7 +430,7 @@ class BSplineSurface:
     def _turns(self) -> tuple[Array, Array]:
         """Return, for points 1, 2, 4 ... half spans apart, the largest rotation [rad] and the largest per length."""
         u, v = (spans.starts[:, None] + spans.lengths[:, None] * SPAN_FRACTIONS for spans in self.spans)
-        r = self.derivatives(np.column_stack((np.repeat(u.ravel(), v.size), np.tile(v.ravel(), u.size))))
+        r = self.derivatives(pairs_of(u.ravel(), v.ravel()))
         points, normals = (x.reshape(u.size, v.size, 3) for x in (r[0, 0], unit(cross(r[1, 0], r[0, 1]))))
         turns = []
         for axis, closed in enumerate(self.closed):

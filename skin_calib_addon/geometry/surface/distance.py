@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, cross
+from ...common.arrays import Array, BoolArray, cross, pairs_of
 from .bspline import MIN_SITES, BSplineSurface, sites_per_span
 
 # [1] samples in each span, per direction, that measure distances. Not a multiple of 2, because facets often come in
@@ -38,7 +38,7 @@ def surface_samples(surface: BSplineSurface) -> tuple[Array, Array]:
     """Return the parameters of a dense grid of cell centres, shape (k, 2), and the area of each cell [m^2]."""
     u, v = sample_lines(surface, SAMPLES_PER_SPAN)
     normals = cross(*surface.grid_tangents(u, v)).reshape(-1, 3)
-    return _pairs(u, v), np.linalg.norm(normals, axis=1) / len(normals)
+    return pairs_of(u, v), np.linalg.norm(normals, axis=1) / len(normals)
 
 
 def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
@@ -59,7 +59,3 @@ def sample_lines(surface: BSplineSurface, per_span: int) -> tuple[Array, Array]:
     counts = (n * sites_per_span(per_span, n, MIN_SITES[closed]) for n, closed in zip(spans, surface.closed))
     u, v = ((np.arange(n) + 0.5) / n for n in counts)
     return u, v
-
-
-def _pairs(u: Array, v: Array) -> Array:
-    return np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))

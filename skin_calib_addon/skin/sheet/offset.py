@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import product, unit
+from ...common.arrays import pairs_of, product, unit
 from ...common.errors import InvalidPlan
 from ...geometry.sampling.basis import spline_sites
 from ...geometry.surface.bspline import BSplineSurface
@@ -45,7 +45,7 @@ def offset_surface(surface: BSplineSurface, distance: float) -> BSplineSurface:
         for spans, degree, closed in zip(_spans(surface), surface.degree, surface.closed)
     )
     sites = [np.linspace(0, 1, len(s.values), endpoint=not s.repeats) for s in (u, v)]
-    uv = np.column_stack((np.repeat(sites[0], len(sites[1])), np.tile(sites[1], len(sites[0]))))
+    uv = pairs_of(*sites)
     points = (surface.points(uv) + distance * surface.normals(uv)).reshape(len(sites[0]), len(sites[1]), 3)
     for axis, s in enumerate((u, v)):
         rows = np.moveaxis(points, axis, 0)
@@ -62,7 +62,7 @@ def _spans(surface: BSplineSurface) -> tuple[int, int]:
 
 def _check_folds(surface: BSplineSurface, distance: float) -> None:
     u, v = sample_lines(surface, PER_SPAN)
-    r = surface.derivatives(np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u)))), order=2)
+    r = surface.derivatives(pairs_of(u, v), order=2)
     normals = unit(np.cross(r[1, 0], r[0, 1]))
     E, F, G = ((a * b).sum(axis=1) for a, b in ((r[1, 0], r[1, 0]), (r[1, 0], r[0, 1]), (r[0, 1], r[0, 1])))
     L, M, N = ((second * normals).sum(axis=1) for second in (r[2, 0], r[1, 1], r[0, 2]))

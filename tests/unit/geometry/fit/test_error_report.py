@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
 
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
-from skin_calib_addon.geometry.fit.error_report import mesh_to_surface, surface_to_mesh
+from skin_calib_addon.geometry.fit.error_report import Expansion, mesh_to_surface, surface_to_mesh
 from skin_calib_addon.geometry.fit.surface_fit import fit_lines
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
 from skin_calib_addon.geometry.surface.distance import is_sampled, surface_samples
@@ -138,3 +139,12 @@ def test_errors_of_real_links_are_those_of_brute_force(name):
     assert_allclose(errors.surface_to_mesh.max, largest, rtol=1e-9)
     assert_allclose(errors.mesh_to_surface.max, largest_back, rtol=0.05)
     assert abs(errors.mesh_to_surface.mean - mean) < 2 * errors.mesh_to_surface.uncertainty + 1e-6
+
+
+def test_nearest_nodes_of_points_far_apart():
+    table = Expansion.of(plane_surface())
+    rng = np.random.default_rng(0)
+    points = np.concatenate((rng.normal(size=(40_000, 3)), 300 * rng.normal(size=(10, 3))))
+    best = cKDTree(table.points).query(points)[0]
+    found = np.linalg.norm(points - table.points[table.nearest(points)], axis=1)
+    assert (found <= best + np.sqrt(3) / 2 * table.spacing).all()
