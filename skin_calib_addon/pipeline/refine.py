@@ -1,5 +1,6 @@
 """Refine the poses of the skins of a plan with measured touches."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Any
@@ -11,12 +12,14 @@ from ..calibration.model import LinkCalibration, Patch
 from ..common.arrays import Array
 from ..common.errors import InvalidPlan
 from ..plan import Plan
-from ..plan.skins import BoardSkin, SheetSkin, Skin
+from ..plan.skins import BoardSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import Landmark
-from ..validation.placement import Motion, Placement, flat_places, other_order, placements
+from ..skin.uncertainty import MAX_DIRECTION_UNCERTAINTY, MIN_ORIGIN_UNCERTAINTY
+from ..validation.placement import Motion, Placement, flat_places, link_point, other_order, placements
 from ..validation.touches import Touches
 from .calibrate import Calibrated, warnings_of
-from .place_skins import place_all
+from .place_skins import PlacedSkin, place_all
+from .taxel_sigma import registration_of, with_sigma
 
 MAX_REFINE_STEPS = 8  # Larger: a refinement that converges slowly takes longer before it fails.
 REFINE_TOLERANCE = 1e-5  # Largest motion of a cell in the last step [m]. Larger: fewer steps, less precise.
@@ -78,12 +81,36 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
         )
         found = placements(calibration, touches)
         if all(_largest(placement) < REFINE_TOLERANCE for placement in found):
-            return Refined(replace(plan, skins=skins), calibration, found)
+            plan, result = replace(plan, skins=skins), replace(result, calibration=calibration)
+            return _with_registration(plan, result, placed, found)
     worst = max(found, key=_largest)
     raise InvalidPlan(
         f"the refinement of skin {worst.patch.name!r} did not converge in {MAX_REFINE_STEPS} steps: "
         f"the last step was {_largest(worst) * 1e3:.2f} mm. Check the touches."
     )
+
+
+def _with_registration(plan: Plan, result: Calibrated, placed: Sequence[PlacedSkin], found: list[Placement]) -> Refined:
+    """State the standard errors of the touches in the plan, and in the calibration with the uncertainties from them.
+
+    Position and rotation are uncertain independently of each other at the mean position of the touches.
+    """
+    motions = {placement.patch.name: _motion(placement) for placement in found}
+    skins, patches = [], []
+    for skin, done in zip(plan.skins, placed):
+        patch = done.patch
+        if skin.name in motions:
+            motion = motions[skin.name]
+            origin = max(float(motion.shift_error.max()), MIN_ORIGIN_UNCERTAINTY)
+            direction = min(motion.turn_error, MAX_DIRECTION_UNCERTAINTY)
+            if not np.isfinite(motion.turn_error):  # the touches do not rotate the skin
+                direction = registration_of(skin, patch, done.sheet).direction
+            anchor = _triple(link_point(patch, motion.middle))
+            skin = replace(skin, registration=Mounting(origin, direction, anchor))
+            patch = with_sigma(patch, skin, result.fit, done.sheet)
+        skins.append(skin)
+        patches.append(patch)
+    return Refined(replace(plan, skins=tuple(skins)), replace(result.calibration, patches=tuple(patches)), found)
 
 
 def _motion(placement: Placement) -> Motion:

@@ -10,7 +10,7 @@ from ..calibration.model import Patch, Registration
 from ..common.arrays import Array, BoolArray
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.surface_fit import SurfaceFit
-from ..plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin
+from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.wrap import WrappedSheet
 from ..skin.uncertainty import (
     DIRECTION_UNCERTAINTY,
@@ -20,7 +20,7 @@ from ..skin.uncertainty import (
     moved_within,
     taxel_uncertainty,
 )
-from ..validation.placement import flat_places
+from ..validation.placement import flat_places, flat_point, link_point
 
 
 def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None) -> Patch:
@@ -41,13 +41,13 @@ def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | 
     -------
     Patch
     """
-    registration, arms = registration_of(skin, patch, sheet)
+    registration = registration_of(skin, patch, sheet)
     taxels, field = patch.taxels, fit.error_field
-    if arms is None:
+    if isinstance(skin, ImportedSkin):  # it keeps the positions of a file
         along, height, tilt = moved_rigidly(taxels, registration)
-        snapped = isinstance(skin, ImportedSkin) and skin.snap
-        uncertainty = taxel_uncertainty(taxels, field, along, None if snapped else height, tilt)
+        uncertainty = taxel_uncertainty(taxels, field, along, None if skin.snap else height, tilt)
     else:
+        arms = flat_places(patch, taxels.index) - flat_point(patch, np.array(registration.anchor))
         strain = np.abs(taxels.quality["strain"][:, :2]).max(axis=1) if "strain" in taxels.quality else 0.0
         uncertainty = taxel_uncertainty(taxels, field, moved_within(arms, registration, strain))
     sigma = uncertainty.sigma
@@ -58,9 +58,8 @@ def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | 
     return replace(patch, taxels=replace(taxels, sigma=sigma), registration=registration)
 
 
-@singledispatch
-def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> tuple[Registration, Array | None]:
-    """Return how exactly a skin is mounted, and the flat positions of its taxels relative to the anchor.
+def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Registration:
+    """Return how exactly a skin is mounted: as the plan says, or as a skin of its kind usually is.
 
     Parameters
     ----------
@@ -73,44 +72,48 @@ def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> tup
 
     Returns
     -------
-    registration : Registration
-    arms : array, shape (n, 2), or None
-        Along the rows and across [m]; None for taxels that keep their positions of a file.
+    Registration
     """
-    raise TypeError(f"the registration of a {type(skin).__name__} is unknown")
+    stated = skin.registration or Mounting(direction=_usual_direction(skin))
+    anchor = anchor_of(skin, patch, sheet) if stated.anchor is None else np.array(stated.anchor)
+    return Registration(stated.origin, stated.direction, point_of(anchor))
 
 
-@registration_of.register
-def _(skin: SheetSkin, patch: Patch, sheet: WrappedSheet | None) -> tuple[Registration, Array | None]:
+def _usual_direction(skin: Skin) -> float:
+    """Return the uncertainty of the direction of a skin [rad]; with two landmarks it follows from their distance."""
+    if not isinstance(skin, SheetSkin) or len(skin.landmarks) < 2:
+        return DIRECTION_UNCERTAINTY
+    ends = np.array([mark.point for mark in skin.landmarks])  # each has the uncertainty of the origin
+    return ORIGIN_UNCERTAINTY * np.sqrt(2) / float(np.linalg.norm(ends - ends[0], axis=1).max())
+
+
+@singledispatch
+def anchor_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Array:
+    """Return the point of a skin that the plan places, shape (3,) [m]; arguments as in `registration_of`."""
+    raise TypeError(f"the anchor of a {type(skin).__name__} is unknown")
+
+
+@anchor_of.register
+def _(skin: SheetSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
     assert sheet is not None
     rows, columns = patch.shape
-    direction = DIRECTION_UNCERTAINTY
     cell = np.array((0.0, 0.0) if skin.origin is not None else ((rows - 1) / 2, (columns - 1) / 2))
     if skin.landmarks:
         cell = np.array(skin.landmarks[0].cell, float)
-    if len(skin.landmarks) > 1:  # each point has the uncertainty of the origin; both ends turn the skin
-        ends = np.array([mark.point for mark in skin.landmarks])
-        direction = ORIGIN_UNCERTAINTY * np.sqrt(2) / float(np.linalg.norm(ends - ends[0], axis=1).max())
     node = sheet.uv[tuple(np.rint(2 * cell + 1).astype(int))][None]
-    anchor = sheet.surface.points(node) + sheet.offset * sheet.surface.normals(node)
-    arms = flat_places(patch, patch.taxels.index) - flat_places(patch, cell[None])
-    return Registration(ORIGIN_UNCERTAINTY, direction, point_of(anchor[0])), arms
+    anchor: Array = (sheet.surface.points(node) + sheet.offset * sheet.surface.normals(node))[0]
+    return anchor
 
 
-@registration_of.register
-def _(skin: BoardSkin, patch: Patch, sheet: WrappedSheet | None) -> tuple[Registration, Array | None]:
-    taxels = patch.taxels
-    arms = flat_places(patch, taxels.index)  # the root is at zero
-    i = int(np.argmin((arms**2).sum(axis=1)))  # the root itself may have been left out
-    tangent, normal = taxels.tangents_link[i], taxels.normals_link[i]
-    anchor = taxels.positions_link[i] - arms[i, 0] * tangent - arms[i, 1] * np.cross(normal, tangent)
-    return Registration(ORIGIN_UNCERTAINTY, DIRECTION_UNCERTAINTY, point_of(anchor)), arms
+@anchor_of.register
+def _(skin: BoardSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
+    return link_point(patch, np.zeros(2))  # the root
 
 
-@registration_of.register
-def _(skin: ImportedSkin, patch: Patch, sheet: WrappedSheet | None) -> tuple[Registration, Array | None]:
-    anchor = patch.taxels.positions_link.mean(axis=0)
-    return Registration(ORIGIN_UNCERTAINTY, DIRECTION_UNCERTAINTY, point_of(anchor)), None
+@anchor_of.register
+def _(skin: ImportedSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
+    middle: Array = patch.taxels.positions_link.mean(axis=0)
+    return middle
 
 
 def _unknown(patch: Patch, fit: SurfaceFit) -> Iterator[tuple[str, BoolArray]]:

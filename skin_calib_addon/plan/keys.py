@@ -12,9 +12,16 @@ from ..geometry.mesh.cover import CoverSpec, Cut
 from ..skin.boards.outline import Zone
 from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
+from ..skin.uncertainty import (
+    DIRECTION_UNCERTAINTY,
+    MAX_DIRECTION_UNCERTAINTY,
+    MAX_ORIGIN_UNCERTAINTY,
+    MIN_ORIGIN_UNCERTAINTY,
+    ORIGIN_UNCERTAINTY,
+)
 from .key import Choice, Key, Record, Switch, Type
 from .plan import Plan
-from .skins import GAP, SIDE, BoardSkin, Frame, ImportedSkin, SheetSkin
+from .skins import GAP, SIDE, BoardSkin, Frame, ImportedSkin, Mounting, SheetSkin
 
 FORMAT, PLAN_VERSION = "skin-plan", 1
 FARTHEST = 1_000_000  # [m] from the origin of the link frame; [m] of a margin
@@ -538,6 +545,51 @@ FIRST_CHANNEL = Key(
     switch=Switch("auto_channel", "Channels Follow", ticked=False),
     acts="plan/skins.py",
 )
+MOUNTING = Record(
+    "registration",
+    "Registration",
+    Mounting,
+    (
+        Key(
+            "origin",
+            length(minimum=MIN_ORIGIN_UNCERTAINTY, maximum=MAX_ORIGIN_UNCERTAINTY),
+            "Standard uncertainty of the position of the anchor along the surface, per axis; of imported taxels in all "
+            "directions.",
+            default=ORIGIN_UNCERTAINTY,
+            label="Position Uncertainty",
+            blender="origin_uncertainty",
+            always=True,
+        ),
+        Key(
+            "direction",
+            replace(ANGLE, schema={"type": "number", "minimum": 0, "maximum": MAX_DIRECTION_UNCERTAINTY}),
+            "Standard uncertainty of the rotation about the normal at the anchor; of imported taxels about all axes.",
+            default=DIRECTION_UNCERTAINTY,
+            label="Rotation Uncertainty",
+            blender="direction_uncertainty",
+            always=True,
+        ),
+        Key(
+            "anchor",
+            POINT,
+            "Point of the skin where position and rotation are uncertain independently of each other.",
+            default=None,
+            otherwise="the origin, the first landmark, or the middle of a centred sheet or of imported taxels",
+            label="Anchor",
+            switch=Switch("auto_anchor", "Anchor at Origin"),
+        ),
+    ),
+)
+REGISTRATION = Key(
+    "registration",
+    one(MOUNTING),
+    "How exactly the skin is mounted; the uncertainty of its taxels follows. `touches --refine` writes it.",
+    default=None,
+    otherwise="1 mm and 1 degree; with two landmarks the rotation follows from 1 mm at each",
+    label="Registration",
+    switch=Switch("auto_registration", "Standard Registration"),
+    acts="pipeline/taxel_sigma.py",
+)
 
 LANDMARK = Record(
     "landmark",
@@ -632,6 +684,7 @@ SHEET = Record(
             acts="pipeline/place_skins.py",
         ),
         OFFSET,
+        REGISTRATION,
         FIRST_CHANNEL,
     ),
     {"lattice": SheetLattice},
@@ -717,6 +770,7 @@ BOARDS = Record(
             acts="skin/boards/region.py",
         ),
         OFFSET,
+        REGISTRATION,
         FIRST_CHANNEL,
     ),
     {"lattice": HexLattice},
@@ -800,6 +854,7 @@ IMPORTED = Record(
             label="Snap",
             acts="skin/imported.py",
         ),
+        REGISTRATION,
         FIRST_CHANNEL,
     ),
 )
@@ -909,4 +964,5 @@ RECORDS: tuple[Record, ...] = (
     BOARDS,
     FRAME,
     IMPORTED,
+    MOUNTING,
 )

@@ -12,6 +12,7 @@ from ..skin.boards.layout import Choice
 from ..skin.boards.outline import Zone
 from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
+from ..skin.uncertainty import DIRECTION_UNCERTAINTY, ORIGIN_UNCERTAINTY
 
 # [m] Hexagonal boards of the TUM skin: length of their sides, and the gap that gives their pitch of 27.75 mm.
 SIDE = 0.0163
@@ -19,6 +20,14 @@ GAP = 0.02775 - float(np.sqrt(3)) * SIDE
 
 Point = tuple[float, float, float]
 Rows = tuple[Point, Point, Point]
+
+
+class Mounting(NamedTuple):
+    """How exactly a skin is mounted where the plan says: standard uncertainties, independent of each other."""
+
+    origin: float = ORIGIN_UNCERTAINTY  # of the anchor along the surface, per axis [m]
+    direction: float = DIRECTION_UNCERTAINTY  # of the rotation about the normal at the anchor [rad]
+    anchor: Point | None = None  # near the skin [m]; None: what places the skin
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,7 @@ class SheetSkin:
     landmarks: tuple[Landmark, ...] = ()
     trim: bool = False  # whether cells that lie off the surface are left out
     overlap: bool = False  # whether it may overlap itself where it closes around the link
+    registration: Mounting | None = None  # None: with the usual uncertainty, or that of two landmarks
 
     @property
     def count(self) -> int:
@@ -53,6 +63,7 @@ class BoardSkin:
     first_channel: int | None = None  # None: after the skin before
     offset: float = 0.0  # height of their middle planes above the surface [m]
     excluded: tuple[Zone, ...] = ()
+    registration: Mounting | None = None  # None: with the usual uncertainty
 
     @property
     def count(self) -> int | None:
@@ -78,6 +89,7 @@ class ImportedSkin:
     snap: bool = False  # whether taxels are moved to the surface
     only: str | None = None  # pattern of the labels that are used; None: all
     first_channel: int | None = None  # None: after the skin before; channels of the file count from there
+    registration: Mounting | None = None  # None: with the usual uncertainty
     count = None  # how many channels it has is known once the file is read
 
 

@@ -15,6 +15,9 @@ ORIGIN_UNCERTAINTY = 1e-3
 # [rad] standard uncertainty of the direction in which an author mounts a skin by hand. Larger: taxels far from the
 # anchor are less certain.
 DIRECTION_UNCERTAINTY = float(np.deg2rad(1.0))
+# [m], [rad] limits of the uncertainties that an author or touches can state. A smaller minimum: covariances become
+# singular by rounding. A larger maximum: directions that nothing determines are accepted.
+MIN_ORIGIN_UNCERTAINTY, MAX_ORIGIN_UNCERTAINTY, MAX_DIRECTION_UNCERTAINTY = 1e-6, 0.1, 1.0
 # [1] displacement of a cell per strain and per distance from the anchor: a sheet that must strain moves as a whole when
 # it is mounted slightly elsewhere. Larger: strained sheets are less certain.
 STRAIN_DISPLACEMENT = 0.15

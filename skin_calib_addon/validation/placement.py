@@ -265,6 +265,44 @@ def flat_places(patch: Patch, cells: IntArray | Array) -> Array:
     return np.column_stack((patch.pitch[1] * j, _hand(patch) * patch.pitch[0] * i))
 
 
+def link_point(patch: Patch, flat: Array) -> Array:
+    """Return the point of a flat position (2,), in the tangent plane of the nearest taxel, shape (3,) [m].
+
+    Parameters
+    ----------
+    patch : Patch
+        A sheet or boards.
+    flat : array, shape (2,)
+        As in `flat_places` [m].
+    """
+    arms = flat - flat_places(patch, patch.taxels.index)
+    row = int((arms**2).sum(axis=1).argmin())
+    point: Array = patch.taxels.positions_link[row] + arms[row] @ _axes(patch, row)
+    return point
+
+
+def flat_point(patch: Patch, point: Array) -> Array:
+    """Return the flat position (2,) of a point, in the tangent plane of the nearest taxel; inverse of `link_point` [m].
+
+    Parameters
+    ----------
+    patch : Patch
+        A sheet or boards.
+    point : array, shape (3,)
+        Near the skin, link frame [m].
+    """
+    arms = point - patch.taxels.positions_link
+    row = int((arms**2).sum(axis=1).argmin())
+    flat: Array = flat_places(patch, patch.taxels.index[row][None])[0] + _axes(patch, row) @ arms[row]
+    return flat
+
+
+def _axes(patch: Patch, row: int) -> Array:
+    """Return the unit vectors along the row of a taxel and across, shape (2, 3)."""
+    tangent = patch.taxels.tangents_link[row]
+    return np.stack((tangent, np.cross(patch.taxels.normals_link[row], tangent)))
+
+
 def _hand(patch: Patch) -> float:
     """Return 1 if the next row of a sheet is to the left of a row, -1 if it is to the right."""
     taxels = patch.taxels

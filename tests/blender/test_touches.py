@@ -65,6 +65,8 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     bpy.ops.skin_calib.touches_move("EXEC_DEFAULT", True)
     settings = bpy.context.object.skin_calib
     assert settings.result.outdated and not settings.skins[0].centred
+    stated = ours.scene.read_plan(bpy.context.object, bpy.context.scene).skins[0].registration
+    assert 0 < stated.origin < 1e-4 and 0 < stated.direction < 0.01 and stated.anchor is not None
     with pytest.raises(RuntimeError, match="Fit the link again first"):
         bpy.ops.skin_calib.touches_move()
     bpy.ops.skin_calib.fit()

@@ -131,7 +131,7 @@ def write_frame(group: Any, frame: Frame, metre: float) -> None:
 
 
 def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
-    """Set the pose of a skin and nothing else: origin and direction, or landmarks; and which boards there are.
+    """Set the pose of a skin and nothing else: origin and direction, or landmarks; its registration; and its boards.
 
     Parameters
     ----------
@@ -147,6 +147,7 @@ def move_skin(skin: Any, moved: SheetSkin | BoardSkin, metre: float) -> None:
     if moved.origin is not None:
         skin.origin, skin.centred = in_units(moved.origin, metre), False
     skin.direction, skin.auto_direction = moved.direction, False
+    fields.write_key(SKINS_OF[skin_kind(moved)].key("registration"), skin, moved.registration, metre)
     if isinstance(moved, BoardSkin):
         skin.choice, skin.cells = "listed", fields.written_cells(moved.choice)
 

@@ -18,7 +18,7 @@ from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.place_skins import place_all
 from skin_calib_addon.pipeline.refine import refine
 from skin_calib_addon.plan import Plan, load_plan, save_plan
-from skin_calib_addon.plan.document import skins_from
+from skin_calib_addon.plan.document import skins_from, write_skin
 from skin_calib_addon.validation import Touches
 from tests.examples import slow
 from tests.shapes import Z_AXIS, cone
@@ -108,6 +108,7 @@ def test_skins_without_touches_stay(fitted):
     off = Touches(taxels.ids, np.arange(48), taxels.positions_link + 0.001 * taxels.tangents_link, np.zeros((48, 3)))
     refined = refine(plan, result, off)
     assert refined.plan.skins[1] == second[0] and refined.plan.skins[0] != plan.skins[0]
+    assert refined.calibration.patches[1].registration == placed[1].patch.registration
     few = Touches(taxels.ids[:2], np.arange(2), taxels.positions_link[:2], np.zeros((2, 3)))
     with pytest.raises(InvalidPlan, match="skin 'band' has 2 touches, which are too few"):
         refine(plan, result, few)
@@ -120,6 +121,74 @@ def test_skins_without_touches_stay(fitted):
     turned = Touches(taxels.ids[::-1], np.arange(48), taxels.positions_link, np.zeros((48, 3)))
     with pytest.raises(InvalidPlan, match="rows and columns counted from the other end"):
         refine(plan, result, turned)
+
+
+def random_touches(true, count, rng):
+    """Return touches anywhere in random cells of 10 mm."""
+    rows, axes = rng.integers(0, len(true.ids), count), axes_of(true)
+    points = true.positions_link[rows] + np.einsum("ni,nij->nj", rng.uniform(-0.005, 0.005, (count, 2)), axes[rows])
+    return Touches(tuple(true.ids[i] for i in rows), np.arange(count), points, np.zeros((count, 3)))
+
+
+def axes_of(taxels):
+    """Return the unit vectors along the row and across it, shape (n, 2, 3)."""
+    return np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
+
+
+def test_refined_plan_states_the_registration_of_its_touches(fitted):
+    """The file reads it back; sigma along is that of a plain least squares; a new calibration has it, too."""
+    plan, result = with_skin(fitted, SHEET | PLACED)
+    touches = random_touches(moved_away(plan, result), 400, np.random.default_rng(4))
+    refined = refine(plan, result, touches)
+    stated, patch = refined.plan.skins[0].registration, refined.calibration.patches[0]
+    assert skins_from([write_skin(refined.plan.skins[0])]) == refined.plan.skins
+    assert (patch.registration.origin, patch.registration.direction) == (stated.origin, stated.direction)
+    assert patch.registration.anchor == stated.anchor
+    row = {name: i for i, name in enumerate(patch.taxels.ids)}
+    touched = np.array([row[name] for name in touches.taxels])
+    flat = 0.01 * patch.taxels.index[:, ::-1]
+    design = np.zeros((400, 2, 3))
+    design[:, 0, 0] = design[:, 1, 1] = 1
+    design[:, 0, 2], design[:, 1, 2] = -flat[touched, 1], flat[touched, 0]
+    normal = np.einsum("mik,mil->kl", design, design)
+    of_all = np.zeros((48, 2, 3))
+    of_all[:, 0, 0] = of_all[:, 1, 1] = 1
+    of_all[:, 0, 2], of_all[:, 1, 2] = -flat[:, 1], flat[:, 0]
+    noise = 0.01 / np.sqrt(12)  # anywhere in a cell
+    variance = noise**2 * np.einsum("nik,kl,nil->n", of_all, np.linalg.inv(normal), of_all) / 2
+    assert_allclose(patch.taxels.sigma[:, 0], np.sqrt(variance), rtol=0.15)
+    again = place_all(refined.plan.skins, result.fit)[0].patch
+    assert_allclose(again.taxels.sigma, patch.taxels.sigma, rtol=1e-6)
+    assert again.registration == patch.registration
+
+
+def test_touches_of_one_cell_leave_the_rotation_as_it_was_stated(fitted):
+    """Exact touches state a micrometre, not zero."""
+    skin = SHEET | PLACED | {"registration": {"origin": 5e-4, "direction": 0.03}}
+    plan, result = with_skin(fitted, skin)
+    taxels = result.placed[0].patch.taxels
+    touches = Touches(taxels.ids[:1] * 4, np.arange(4), taxels.positions_link[[0] * 4], np.zeros((4, 3)))
+    refined = refine(plan, result, touches)
+    stated = refined.plan.skins[0].registration
+    assert stated.origin == 1e-6 and stated.direction == 0.03
+    assert_allclose(stated.anchor, taxels.positions_link[0], atol=1e-9)
+    assert np.isfinite(refined.calibration.patches[0].taxels.sigma).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("skin", [SHEET | PLACED, SHEET | {"landmarks": MARKS}], ids=["placed", "landmarks"])
+def test_sigma_covers_the_errors_of_refined_skins(fitted, skin):
+    """68 % of the components are within one sigma, 95 % within two, over 60 sets of 24 touches."""
+    plan, result = with_skin(fitted, skin)
+    true, rng = moved_away(plan, result), np.random.default_rng(0)
+    row = {name: i for i, name in enumerate(true.ids)}
+    ratios = []
+    for _ in range(60):
+        found = refine(plan, result, random_touches(true, 24, rng)).calibration.patches[0].taxels
+        rows = [row[name] for name in found.ids]
+        errors = np.einsum("nij,nj->ni", axes_of(true)[rows], found.positions_link - true.positions_link[rows])
+        ratios.append(np.abs(errors) / found.sigma[:, :1])
+    assert abs(np.mean(np.less(ratios, 1)) - 0.68) < 0.06 and abs(np.mean(np.less(ratios, 2)) - 0.95) < 0.03
 
 
 def test_contradictory_touches_are_an_error():

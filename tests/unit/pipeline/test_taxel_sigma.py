@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
+from skin_calib_addon.calibration.exchange.table import write_table
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
 from skin_calib_addon.geometry import CoverSpec, TubeGrid
 from skin_calib_addon.pipeline import calibrate
@@ -46,6 +48,43 @@ def test_registration_is_that_of_the_skin(tmp_path):
     marked = made(bare | {"landmarks": marks, "direction": [0, 1, 0]}, tmp_path).calibration.patches[0]
     assert_allclose(marked.registration.anchor, (RADIUS, 0, 0.03), atol=2e-6)
     assert_allclose(marked.registration.direction, np.sqrt(2) * 1e-3 / 0.024, rtol=1e-9)
+
+
+STATED = {"origin": 3e-4, "direction": 0.005}
+
+
+@pytest.mark.parametrize("kind", ["sheet", "hexagons", "imported"])
+def test_registration_of_the_plan_is_that_of_the_patch(kind, tmp_path):
+    """Sigma at the anchor is its origin; away from it the direction adds; an anchor elsewhere moves the minimum."""
+    skin = SHEET | {"registration": STATED}
+    if kind == "hexagons":
+        cells = [[0, 0], [1, 0], [0, 1], [2, 0]]
+        skin = {"name": "b", "kind": kind, "side": 0.006, "gap": 0.0, "cells": cells, "origin": SHEET["origin"]}
+        skin |= {"direction": [0, 1, 0], "registration": STATED}
+    if kind == "imported":
+        (tmp_path / "c.csv").write_bytes(write_table(made(SHEET, tmp_path).calibration))
+        skin = {"name": "i", "kind": kind, "file": str(tmp_path / "c.csv"), "registration": STATED}
+    patch = made(skin, tmp_path).calibration.patches[0]
+    assert (patch.registration.origin, patch.registration.direction) == (3e-4, 0.005)
+    arms = patch.taxels.positions_link - patch.registration.anchor
+    squares = (arms**2).sum(axis=1)
+    if kind == "imported":  # it turns about all axes
+        squares += (arms * patch.taxels.normals_link).sum(axis=1) ** 2
+    near, far, along = squares.argmin(), squares.argmax(), patch.taxels.sigma[:, 0]
+    assert abs(along[near] - 3e-4) < 2.5e-5
+    assert_allclose(along[far], np.sqrt(9e-8 + 0.005**2 * squares[far] / 2), rtol=0.02)
+    last = tuple(patch.taxels.positions_link[-1].tolist())
+    moved = made(skin | {"registration": STATED | {"anchor": last}}, tmp_path).calibration.patches[0]
+    assert moved.registration.anchor == last
+    assert moved.taxels.sigma[:, 0].argmin() == len(moved.taxels.ids) - 1
+
+
+def test_registration_of_the_plan_replaces_that_of_landmarks(tmp_path):
+    """It has the direction that the author states, also with two landmarks."""
+    marks = [{"cell": [0, 0], "point": [RADIUS, 0, 0.03]}, {"cell": [3, 0], "point": [RADIUS, 0, 0.054]}]
+    bare = {key: value for key, value in SHEET.items() if key != "origin"}
+    patch = made(bare | {"landmarks": marks, "registration": STATED}, tmp_path).calibration.patches[0]
+    assert patch.registration.direction == 0.005
 
 
 def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):
