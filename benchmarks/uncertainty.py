@@ -1,6 +1,6 @@
 """Uncertainty: how often the stated sigma of taxels covers their errors, by families of shapes.
 
-    python benchmarks/uncertainty.py [--draws N] [--only FAMILY]
+    python benchmarks/uncertainty.py [--draws N] [--only FAMILY] [--cases]
 
 A draw mounts a sheet with random errors of its origin (1 mm per axis) and its direction (1 degree) on the true surface.
 The error of a taxel is its distance from there along the rows and across, its distance from the true surface, and the
@@ -12,20 +12,21 @@ counted. The figure goes to ``docs/uncertainty.png``, the table to ``out/uncerta
 
 import argparse
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import trimesh
 from figure_style import DPI, OURS_COLOUR, figure_of
-from links import MIDDLE, ROOT, Link, link_of, shape_link, target_shapes
+from links import MIDDLE, ROOT, Link, cover, link_of, shape_link, target_shapes
 from scipy.spatial.transform import Rotation
+from scipy.stats.qmc import MultivariateNormalQMC
 from stability import WRIST_AXIS, noisy
 
 from skin_calib_addon.calibration.model import Registration
 from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.common.errors import SkinCalibError
-from skin_calib_addon.geometry import AcrossGrid, BSplineSurface, SurfaceFit, fit_surface
+from skin_calib_addon.geometry import AcrossGrid, Axis, BSplineSurface, SurfaceFit, fit_surface, weld
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.uncertainty import (
@@ -40,7 +41,7 @@ ROWS, COLUMNS = 5, 13
 MIDDLE_CELL, CORNER_CELL = (2, 6), (0, 0)
 LARGEST_PITCH, CELLS_PER_SIZE = 0.008, 16  # [m], and cells along the size of a link
 MAX_HEADING = 0.35  # [rad] between the rows and the direction of v
-DRAWS_PER_SHEET = 14
+DRAWS_PER_SHEET = 16  # a power of two balances the Sobol sequence
 COMPONENTS = ("along", "normal", "angle")
 Array = np.ndarray
 
@@ -134,6 +135,71 @@ def held_back(name: str) -> Case:
     return Case(link, fit_surface(link.mesh, link.grid(30, 60)).error_field.surface, link.grid)
 
 
+def tube_shape(radius: Callable, around: int, along: int, skew: float = 0.0, jitter: float = 0.0, lean: float = 0.0):
+    """Return the mesh and the truth of a tube of 80 mm, whose radius [mm] depends on angle and height."""
+    shapes = target_shapes()
+    truth = shapes.PolarTruth(radius, lambda z: (lean * z, 0 * z), zr=(0.0, 80.0))
+    angles, heights = np.arange(around) * 2 * np.pi / around, np.linspace(0, 80.0, along)
+    mesh = shapes.grid_mesh(lambda th, z: truth.X(th + skew * z, z), angles, heights, True, jitter=jitter)
+    return {"mesh": mesh, "truth": truth}
+
+
+def radius_case(radius: Callable, around: int, along: int, lean: float = 0.0, **of_mesh) -> Case:
+    """Return a tube by its radius."""
+    axis = Axis((0.0, 0.0, 0.0), (lean, 0.0, 1.0))
+    coarse, fine = (
+        shape_link("tube", tube_shape(radius, *size, lean=lean, **more), axis)
+        for size, more in (((around, along), of_mesh), ((400, 120), {}))
+    )
+    return tube_case(coarse, fine)
+
+
+def sphere(angle: Array, z: Array) -> Array:
+    """Return the radius of a sphere of 55 mm."""
+    return np.sqrt(55.0**2 - (z - 40) ** 2) + 0 * angle
+
+
+def torus(angle: Array, z: Array) -> Array:
+    """Return the radius of the outer side of a torus of 15 and 45 mm."""
+    return 15 + np.sqrt(45.0**2 - (z - 40) ** 2) + 0 * angle
+
+
+def waist(angle: Array, z: Array) -> Array:
+    """Return the radius of the inner side of a torus of 95 and 60 mm."""
+    return 95 - np.sqrt(60.0**2 - (z - 40) ** 2) + 0 * angle
+
+
+def oval(angle: Array, z: Array) -> Array:
+    """Return the radius of an ellipse of 45 and 27 mm."""
+    return 45 * 27 / np.hypot(27 * np.cos(angle), 45 * np.sin(angle)) + 0 * z
+
+
+def subdivided(case: Case) -> Case:
+    """Return a case whose triangles are divided into four without a change of the shape."""
+    mesh = case.link.mesh
+    return replace(case, link=replace(case.link, mesh=weld(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces))))
+
+
+def scanned(case: Case, noise: float, together: int) -> Case:
+    """Return a case with noise [m] along all axes, averaged over neighbours a number of times."""
+    mesh = case.link.mesh
+    shift = np.random.default_rng(11).normal(size=mesh.vertices.shape)
+    edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    for _ in range(together):
+        total = shift.copy()
+        np.add.at(total, edges[:, 0], shift[edges[:, 1]])
+        shift = total / (1 + np.bincount(edges[:, 0], minlength=len(shift)))[:, None]
+    shift *= noise / shift.std()
+    return replace(case, link=replace(case.link, mesh=weld(mesh.vertices + shift, mesh.faces)))
+
+
+def other_link(name: str) -> Case:
+    """Return a real link with the axis that is found."""
+    mesh = cover(name)
+    link = Link(name, mesh, None, None, real=True)
+    return Case(link, fit_surface(mesh, link.grid(30, 60)).error_field.surface, link.grid)
+
+
 ROUND = {"net": (12, 160), "spacing": "curvature"}
 FAMILIES: dict[str, tuple[Callable[[], Case], ...]] = {
     "cylinders": tuple(
@@ -152,6 +218,23 @@ FAMILIES: dict[str, tuple[Callable[[], Case], ...]] = {
     "real links": tuple(
         lambda n=n: held_back(n) for n in ("HRP-4C wrist", "TALOS forearm, twin", "JVRC-1 forearm", "iCub thigh")
     ),
+    "spheres": tuple(lambda n=n: radius_case(sphere, n, n // 3, jitter=0.2) for n in (24, 60)),
+    "tori": tuple(lambda r=r, n=n: radius_case(r, n, n // 3) for r in (torus, waist) for n in (24, 72)),
+    "leaning ovals": tuple(lambda n=n: radius_case(oval, n, n // 3, lean=0.3, skew=0.01) for n in (30, 80)),
+    "subdivided": (
+        lambda: subdivided(shape_case("cylinder", {"nt": 24, "nz": 6}, {"nt": 400, "nz": 100})),
+        lambda: subdivided(tube_case(wrist(40), fine_wrist())),
+        lambda: subdivided(radius_case(waist, 30, 10, jitter=0.2)),
+    ),
+    "other noise": (
+        lambda: scanned(tube_case(wrist(100), fine_wrist()), 0.2e-3, 0),
+        lambda: scanned(tube_case(wrist(100), fine_wrist()), 0.2e-3, 2),
+        lambda: scanned(radius_case(oval, 60, 30, jitter=0.2), 0.5e-3, 0),
+        lambda: scanned(radius_case(sphere, 150, 80, jitter=0.2), 0.05e-3, 0),
+    ),
+    "other links": tuple(
+        lambda n=n: other_link(n) for n in ("icub27_l_forearm", "hrp4c_r_elbow_p", "talos_tibia_light")
+    ),
 }
 
 
@@ -160,30 +243,36 @@ def wrist(around: int) -> Link:
     return shape_link("wrist", target_shapes().wrist(nt=around, nz=around // 2 + 2), WRIST_AXIS)
 
 
-def measure(draws: int, only: str | None = None) -> Iterator[Row]:
-    """Yield three rows for each family."""
-    rng = np.random.default_rng(5)
-    for family, cases in FAMILIES.items():
+def measure(draws: int, only: str | None = None, cases: bool = False) -> Iterator[Row]:
+    """Yield three rows for each family, or for each case and net of it."""
+    for family, makes in FAMILIES.items():
         if only not in (None, family):
             continue
-        found, left_out = [], 0
-        for make in cases:
+        found, left_out, rng = [], 0, np.random.default_rng(5)
+        for number, make in enumerate(makes):
             case = make()
             for net in ((10, 20), (20, 40)):
-                fit = fit_surface(case.link.mesh, case.grid(*net))
-                sheets = -(-draws // (2 * len(cases) * ROWS * COLUMNS * DRAWS_PER_SHEET))
-                for number in range(sheets):
-                    errors, out = of_sheet(case, fit, MIDDLE_CELL if number % 2 else CORNER_CELL, rng)
-                    found += errors
-                    left_out += out
-        for component, parts in zip(COMPONENTS, zip(*found)):
-            error, sigma = np.concatenate(parts, axis=1)
-            ratio, scale = np.abs(error) / sigma, np.rad2deg(1.0) if component == "angle" else 1e3
-            one, two = (100 * float((ratio < k).mean()) for k in (1, 2))
-            sizes = (scale * float(np.sqrt((x**2).mean())) for x in (error, sigma))
-            yield Row(
-                family, component, len(error) // (2 if component == COMPONENTS[0] else 1), one, two, *sizes, left_out
-            )
+                fit, of_net, out = fit_surface(case.link.mesh, case.grid(*net)), [], 0
+                sheets = -(-draws // (2 * len(makes) * ROWS * COLUMNS * DRAWS_PER_SHEET))
+                for sheet in range(2 * -(-sheets // 2)):
+                    errors, missing = of_sheet(case, fit, MIDDLE_CELL if sheet % 2 else CORNER_CELL, rng)
+                    of_net += errors
+                    out += missing
+                found += of_net
+                left_out += out
+                if cases:
+                    yield from rows_of(f"  {number} {net}", of_net, out)
+        yield from rows_of(family, found, left_out)
+
+
+def rows_of(name: str, found: list, left_out: int) -> Iterator[Row]:
+    """Yield the coverage of each component."""
+    for component, parts in zip(COMPONENTS, zip(*found)):
+        error, sigma = np.concatenate(parts, axis=1)
+        ratio, scale = np.abs(error) / sigma, np.rad2deg(1.0) if component == "angle" else 1e3
+        one, two = (100 * float((ratio < k).mean()) for k in (1, 2))
+        sizes = (scale * float(np.sqrt((x**2).mean())) for x in (error, sigma))
+        yield Row(name, component, len(error) // (2 if component == COMPONENTS[0] else 1), one, two, *sizes, left_out)
 
 
 def of_sheet(case: Case, fit: SurfaceFit, cell: tuple[int, int], rng: np.random.Generator) -> tuple[list, int]:
@@ -219,11 +308,11 @@ def of_sheet(case: Case, fit: SurfaceFit, cell: tuple[int, int], rng: np.random.
     here = row_of[f"t.{cell[0]}.{cell[1]}"]
     known = strain < MAX_KNOWN_STRAIN
     found, left_out = [], 0
-    for _ in range(DRAWS_PER_SHEET):
-        shifted = point + rng.normal(0, ORIGIN_UNCERTAINTY, 2) @ axes[here]
+    for x, y, turn in MultivariateNormalQMC(np.zeros(3), rng=rng).random(DRAWS_PER_SHEET):
+        shifted = point + ORIGIN_UNCERTAINTY * np.array((x, y)) @ axes[here]
         turned = true.normals(footpoints(true, shifted[None])[0])[0]
         carried = Rotation.align_vectors(turned[None], normal[None])[0].apply(along)
-        carried = Rotation.from_rotvec(turned * rng.normal(0, DIRECTION_UNCERTAINTY)).apply(carried)
+        carried = Rotation.from_rotvec(turned * turn * DIRECTION_UNCERTAINTY).apply(carried)
         try:
             placed = sheet_taxels(mounted(true, lattice, cell, shifted, carried, start), "t")
         except SkinCalibError:
@@ -285,10 +374,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--draws", type=int, default=11000, help="taxel draws of each family, at least")
     parser.add_argument("--only", choices=FAMILIES)
+    parser.add_argument("--cases", action="store_true", help="print each mesh and net, too")
     arguments = parser.parse_args()
     rows = []
-    for row in measure(arguments.draws, arguments.only):
-        rows.append(row)
+    for row in measure(arguments.draws, arguments.only, arguments.cases):
+        if row.family in FAMILIES:
+            rows.append(row)
         print(table([row]).splitlines()[1], flush=True)
     print(table(rows))
     if arguments.only is None:
