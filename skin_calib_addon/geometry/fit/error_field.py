@@ -259,6 +259,7 @@ def error_field(
     if not converged:  # a fit that oscillates stays as it is
         error = error + samples.residuals
     unknowns, spacing = offsets.size, _spacing(samples.origins + samples.arms, basis.is_closed)
+    areas = spacing.prod(axis=2)
     if noise > 0 or looks_noisy(mesh, samples, 0.0, unknowns):
         _, plain = rest(samples.residuals)
         if np.nansum(plain**2) <= np.nansum(error**2):  # gaps do not explain the residuals: they are noise
@@ -273,11 +274,11 @@ def error_field(
             height, *slopes = (noise**2 * repeats * part for part in basis.leverages(stiffness))
             if stiffness:  # what a second smoothing of the residuals would add is an estimate of the bias (Tukey, 1977)
                 more = basis.solve(samples.residuals, np.zeros_like(offsets), stiffness)
-                height = height + _local_mean(product(product(basis.N, more), basis.B.T) ** 2, basis)
+                height = height + _local_mean(product(product(basis.N, more), basis.B.T) ** 2, basis, areas)
             return ErrorField(surface_of(offsets + step), height * cosine**2, np.stack(slopes, axis=2) / spacing**2)
     heights = error * cosine / np.sqrt(max(1 - unknowns / known.sum(), MIN_FREEDOM))
     steps = (_differences(heights, axis, basis.is_closed) / spacing[..., axis] for axis in (0, 1))
-    height, *slopes = (_local_mean(part**2, basis) for part in (heights, *steps))
+    height, *slopes = (_local_mean(part**2, basis, areas) for part in (heights, *steps))
     return ErrorField(surface_of(offsets + step), height, np.stack(slopes, axis=2))
 
 
@@ -299,10 +300,10 @@ def _differences(values: Array, axis: int, closed: bool) -> Array:
     return steps
 
 
-def _local_mean(values: Array, basis: TensorBasis) -> Array:
-    """Return the mean of the values that are not NaN over one span on either side, shape (k, l)."""
-    known = ~np.isnan(values)
-    total, weight = np.where(known, values, 0.0), known.astype(float)
+def _local_mean(values: Array, basis: TensorBasis, areas: Array) -> Array:
+    """Return the mean over the area of the values that are not NaN, over one span on either side, shape (k, l)."""
+    weight = np.where(np.isnan(values), 0.0, areas)
+    total = np.where(np.isnan(values), 0.0, values) * areas
     for axis, (count, closed) in enumerate(zip(basis.spans_by_axis, (False, basis.is_closed))):
         sites = values.shape[axis]
         width = min(2 * (sites // count) + 1, sites)
