@@ -132,7 +132,7 @@ def saddle_case(cells: int) -> Case:
 def held_back(name: str) -> Case:
     """Return a real link, and a net of 30 x 60 as its true surface."""
     link = link_of(name)
-    return Case(link, fit_surface(link.mesh, link.grid(30, 60)).error_field.surface, link.grid)
+    return Case(link, fit_surface(link.mesh, link.grid(45, 90)).error_field.surface, link.grid)
 
 
 def tube_shape(radius: Callable, around: int, along: int, skew: float = 0.0, jitter: float = 0.0, lean: float = 0.0):
@@ -197,7 +197,7 @@ def other_link(name: str) -> Case:
     """Return a real link with the axis that is found."""
     mesh = cover(name)
     link = Link(name, mesh, None, None, real=True)
-    return Case(link, fit_surface(mesh, link.grid(30, 60)).error_field.surface, link.grid)
+    return Case(link, fit_surface(mesh, link.grid(45, 90)).error_field.surface, link.grid)
 
 
 ROUND = {"net": (12, 160), "spacing": "curvature"}

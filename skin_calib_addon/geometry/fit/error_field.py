@@ -248,24 +248,28 @@ def error_field(
         step = basis.solve(errors, np.zeros_like(offsets))
         return step, errors - product(product(basis.N, step), basis.B.T)
 
-    def along_rays(gaps: Array) -> Array:
+    def along_rays(gaps: Array, cosine: Array) -> Array:
         field = np.full(known.shape, np.nan)
         field[known] = gaps / cosine[known]
         return field
 
     step, error = rest(
-        (samples.residuals if converged else 0) + along_rays(facet_gaps(mesh, faces, points) * np.sign(slope[known]))
+        (samples.residuals if converged else 0)
+        + along_rays(facet_gaps(mesh, faces, points) * np.sign(slope[known]), cosine)
     )
     if not converged:  # a fit that oscillates stays as it is
         error = error + samples.residuals
-    unknowns, spacing = offsets.size, _spacing(samples.origins + samples.arms, basis.is_closed)
+    unknowns, tangents = offsets.size, _tangents(samples.origins + samples.arms, basis.is_closed)
+    spacing = np.linalg.norm(tangents, axis=3)
     areas = spacing.prod(axis=2)
     if noise > 0 or looks_noisy(mesh, samples, 0.0, unknowns):
         _, plain = rest(samples.residuals)
         if np.nansum(plain**2) <= np.nansum(error**2):  # gaps do not explain the residuals: they are noise
             uv = np.argwhere(known) / (len(known) - 1, known.shape[1] - (not basis.is_closed))
             triangles = mesh.triangles[faces]
-            step, _ = rest(along_rays(gaps_below(surface_of(offsets), uv, triangles, points)))
+            normals = unit(cross(tangents[..., 0, :], tangents[..., 1, :]))  # those of the facets are noisy
+            cosine = np.maximum(np.abs(np.einsum("klc,klc->kl", samples.rays, normals)), MIN_FACET_COSINE)
+            step, _ = rest(along_rays(gaps_below(surface_of(offsets), uv, triangles, points), cosine))
             weights = barycentric(triangles, points)
             of_vertices = np.bincount(mesh.faces[faces].ravel(), weights.ravel())
             repeats = (of_vertices**2).sum() / of_vertices.sum() / (weights**2).sum(axis=1).mean()
@@ -276,18 +280,18 @@ def error_field(
                 more = basis.solve(samples.residuals, np.zeros_like(offsets), stiffness)
                 height = height + _local_mean(product(product(basis.N, more), basis.B.T) ** 2, basis, areas)
             return ErrorField(surface_of(offsets + step), height * cosine**2, np.stack(slopes, axis=2) / spacing**2)
-    heights = error * cosine / np.sqrt(max(1 - unknowns / known.sum(), MIN_FREEDOM))
+    heights = error * cosine
     steps = (_differences(heights, axis, basis.is_closed) / spacing[..., axis] for axis in (0, 1))
     height, *slopes = (_local_mean(part**2, basis, areas) for part in (heights, *steps))
     return ErrorField(surface_of(offsets + step), height, np.stack(slopes, axis=2))
 
 
-def _spacing(points: Array, closed: bool) -> Array:
-    """Return the distance between adjacent points (k, l, 3) along both axes, shape (k, l, 2) [m]."""
+def _tangents(points: Array, closed: bool) -> Array:
+    """Return the steps between adjacent points (k, l, 3) along both axes, shape (k, l, 2, 3) [m]."""
     arms = [np.gradient(points, axis=0), np.gradient(points, axis=1)]
     if closed:
         arms[1] = (np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)) / 2
-    return np.linalg.norm(arms, axis=3).transpose(1, 2, 0)
+    return np.stack(arms, axis=2)
 
 
 def _differences(values: Array, axis: int, closed: bool) -> Array:
