@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rows of a panel from the table of plan keys."""
 
-import bpy
-
 from ..skin_calib_addon.blender.scene.scene import is_simple
 from ..skin_calib_addon.plan.keys import PLAN
 
@@ -50,16 +48,8 @@ def draw_value(layout, group, key):
     elif key.labels:
         for i, label in enumerate(key.labels):
             layout.prop(group, key.property_name, index=i, text=label)
-    elif is_unset_length(group, key):
-        layout.prop(group, key.property_name, text=f"{key.label} (unset: {key.default * 1e3:g} mm)")
     else:
         layout.prop(group, key.property_name)
-
-
-def is_unset_length(group, key):
-    """Return whether a length has its default in metres, which a scene in another unit does not show."""
-    is_default = isinstance(key.default, float) and not group.is_property_set(key.property_name)
-    return key.type.is_length and is_default and bpy.context.scene.unit_settings.scale_length != 1
 
 
 def has_switch(key):

@@ -931,7 +931,9 @@ PLAN = Record(
             "it. With a tolerance, a warning starts at the tolerance, or at ten times a tolerance of the mean if that "
             "is less than a fifth of this value.",
             default=MAX_DEVIATION,
+            otherwise="10 mm",
             label="Max. Deviation",
+            switch=Switch("auto_max_deviation", "Standard Max. Deviation", "10 mm, whatever the unit of the scene"),
             panel="Grid",
             acts="geometry/fit/diagnosis.py",
         ),

@@ -100,7 +100,7 @@ def test_placed_object_and_its_exported_plan_agree_to_the_bit(bpy, link, fit_sce
     frame_for(bpy, link, (2, 2, 2))
     link.location, link.rotation_euler, link.scale = (1.0, -3.0, 2.0), (0.3, 0.7, 0.2), (-49, 51, 50)
     link.skin_calib.grid.auto_margin = True
-    link.skin_calib.skins[0].pitch, link.skin_calib.max_deviation = (0.85, 1.0), 1.0
+    link.skin_calib.skins[0].pitch = 0.85, 1.0
     bpy.ops.skin_calib.export_plan(filepath=str(tmp_path / "placed.plan.json"))
     assert fit_scene() == fit_plainly(tmp_path / "placed.plan.json")
 

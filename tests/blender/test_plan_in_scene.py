@@ -319,11 +319,12 @@ def test_overlay_draws_boards_as_it_draws_cells(bpy, addon, plan_file):
     assert_allclose(sticks.points.reshape(3, 2, 3)[:, 0], patch.taxels.positions_link, atol=1e-7)
 
 
-def test_unset_length_has_its_default_in_metres(bpy, addon, link):
+def test_default_length_is_in_metres(bpy, addon, link):
     """In a scene in decimetres, 10 mm and not 1 mm."""
     link.skin_calib.property_unset("max_deviation")
     bpy.context.scene.unit_settings.scale_length = 0.1
     assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == 0.01
+    link.skin_calib.auto_max_deviation = False
     link.skin_calib.max_deviation = 0.05
     assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == pytest.approx(0.005)
 

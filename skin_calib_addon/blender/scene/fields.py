@@ -151,8 +151,6 @@ def _value(key: Key, group: Any, metre: float, where: tuple[str, ...]) -> Any:
         return tuple(read(record, item, metre, (*where, f"{key.labels[0]} {i}")) for i, item in entries)
     if record is not None:
         return read(record, group, metre, where)
-    if key.type.is_length and isinstance(key.default, float) and not group.is_property_set(key.property_name):
-        return key.default  # the default of the property is a number of scene units
     value = getattr(group, key.property_name)
     if kind == "cells":
         return _cells(key, group.cells, where) if value == "listed" else value
