@@ -3,8 +3,9 @@
     python benchmarks/reproducible.py [--links TEXT] [--changes NAME ...] [--size N LINES] [--seeds N]
 
 Each real link is fitted with the default grid of its kind, before and after each change. The motion of the mesh is
-undone. The table has the largest distance of points and the largest angle of normals at equal parameters, and the
-movement of the centre. The other columns name the decision that moved: axis, angle zero, span, planes, lines.
+undone. The table has the largest distance of points and the largest angle of normals at equal parameters, the movement
+of the centre, and the part of it along the surface. The rest is the distance between the two surfaces. The other
+columns name the decision that moved: axis, angle zero, span, planes, lines. "refused" marks fits that are errors.
 """
 
 import argparse
@@ -15,9 +16,10 @@ import numpy as np
 from links import SHARED
 from scipy.spatial.transform import Rotation
 
-from skin_calib_addon.common.errors import SkinCalibError
+from skin_calib_addon.common.errors import PoorFit, SkinCalibError
 from skin_calib_addon.geometry import AcrossGrid, CoverSpec, TubeGrid, cut_cover, load_mesh, weld
-from skin_calib_addon.geometry.fit.surface_fit import fit_lines
+from skin_calib_addon.geometry.fit.surface_fit import check_fit, fit_lines
+from skin_calib_addon.geometry.mesh.triangle_mesh import METRES_PER_UNIT
 from skin_calib_addon.geometry.surface.centre import surface_centre
 
 # Links that are a face, with its outward normal; all others are tubes.
@@ -30,6 +32,7 @@ FACES = {
 SIZE = 10, 20  # planes and lines of a tube; across a face, as many lines as planes
 SITES = np.linspace(0, 1, 61)  # of the comparison, in both directions
 NOISE = 1e-9  # [m]
+COPLANAR = 5e-11  # [1] one minus the cosine between the normals of faces in one plane: 1e-5 rad
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,7 @@ class Row:
     points: float  # largest distance at equal parameters [mm]
     normals: float  # largest angle there [degrees]
     centre: float  # [mm]
+    along: float  # the part of it along the surface [mm]
     axis: float  # [degrees]
     line: float  # largest distance of the two axes within the span [mm]
     zero: float  # angle zero [degrees]
@@ -115,6 +119,46 @@ def noisy(vertices, faces, rng):
     return vertices + rng.normal(0, NOISE, vertices.shape), faces, STILL
 
 
+def flipped(vertices, faces, rng):
+    """Take the other diagonal of pairs of faces in one plane, wherever the pair is convex."""
+    mesh = weld(vertices, faces)
+    vertices, faces, normals = mesh.vertices, mesh.faces.copy(), mesh.face_normals
+    free = np.ones(len(faces), bool)
+    pairs = np.column_stack(mesh.adjacency)
+    flat = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 1 - COPLANAR
+    for f, g in rng.permutation(pairs[flat]):
+        a, b = (v for v in faces[f] if v in faces[g]), [v for v in faces[g] if v not in faces[f]]
+        shared = list(a)
+        if not (free[f] and free[g]) or len(shared) != 2 or len(b) != 1:
+            continue
+        i = next(k for k in range(3) if faces[f][k] not in shared)
+        tip, first, second, other = faces[f][i], faces[f][(i + 1) % 3], faces[f][(i + 2) % 3], b[0]
+        new = np.array(((tip, first, other), (tip, other, second)))
+        corners = vertices[new]
+        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ normals[f]
+        if (areas > 0).all():
+            faces[[f, g]], free[[f, g]] = new, False
+    return vertices, faces, STILL
+
+
+def single_precision(vertices, faces, rng):
+    """Rotate about a random axis, and write the coordinates in single precision, as STL files have them."""
+    motion = Motion(Rotation.random(rng=rng).as_matrix(), np.zeros(3))
+    stored = motion.points(vertices).astype(np.float32).astype(float)
+    return motion.undone(stored), faces, motion
+
+
+def in_millimetres(vertices, faces, rng):
+    """Write the coordinates in millimetres and single precision, and read them in this unit."""
+    return (1e3 * vertices).astype(np.float32) * METRES_PER_UNIT["mm"], faces, STILL
+
+
+def separate(vertices, faces, rng):
+    """Give every face vertices of its own, in a random order."""
+    order = rng.permutation(len(faces))
+    return vertices[faces[order]].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3), STILL
+
+
 def other_net(vertices, faces, rng):
     """Change nothing: the net has twice as many planes and lines, and only the centre is compared."""
     return vertices, faces, STILL
@@ -128,6 +172,10 @@ CHANGES = {
     "subdivided": subdivided,
     "partly subdivided": partly_subdivided,
     "noise": noisy,
+    "flipped": flipped,
+    "single precision": single_precision,
+    "millimetres": in_millimetres,
+    "separate": separate,
     "other net": other_net,
 }
 
@@ -139,6 +187,7 @@ class Fitted:
     fit: object = None
     parametrization: object = None
     error: str = ""
+    refused: bool = False
 
 
 def fitted(vertices, faces, motion, name, size) -> Fitted:
@@ -148,14 +197,24 @@ def fitted(vertices, faces, motion, name, size) -> Fitted:
         face = FACES.get(name)
         grid = TubeGrid(*size) if face is None else AcrossGrid(size[0], size[0], tuple(motion.rotation @ face))
         lines = grid.line_grid(cover)
-        return Fitted(fit_lines(cover, lines, (3, 3)), grid.region.parametrization(cover))
+        fit = fit_lines(cover, lines, (3, 3))
+        return Fitted(fit, grid.region.parametrization(cover), refused=is_refused(fit))
     except SkinCalibError as error:
         return Fitted(error=str(error))
 
 
+def is_refused(fit) -> bool:
+    """Return whether a calibration with this fit ends with an error."""
+    try:
+        check_fit(fit)
+    except PoorFit:
+        return True
+    return any(warning.severity == "error" for warning in fit.warnings)
+
+
 def compared(name, change, before: Fitted, after: Fitted, motion) -> Row:
     """Return how far a change moved the surface."""
-    nothing = Row(name, change, *[float("nan")] * 9)
+    nothing = Row(name, change, *[float("nan")] * 10)
     if before.error or after.error:
         note = before.error[:60] if before.error and after.error else f"ONLY ONE: {before.error or after.error}"[:80]
         return replace(nothing, note=note)
@@ -164,16 +223,20 @@ def compared(name, change, before: Fitted, after: Fitted, motion) -> Row:
     off = np.linalg.norm(motion.undone(two.points(uv)) - one.points(uv), axis=1)
     cosines = ((two.normals(uv) @ motion.rotation) * one.normals(uv)).sum(axis=1)
     centres = [s.points(np.array(surface_centre(s))[None])[0] for s in (one, two)]
+    moved = motion.undone(centres[1]) - centres[0]
+    normal = one.normals(np.array(surface_centre(one))[None])[0]
     row = replace(
         nothing,
         points=1e3 * float(off.max()),
         normals=float(np.rad2deg(np.arccos(np.clip(cosines.min(), -1, 1)))),
-        centre=1e3 * float(np.linalg.norm(motion.undone(centres[1]) - centres[0])),
+        centre=1e3 * float(np.linalg.norm(moved)),
+        along=1e3 * float(np.linalg.norm(moved - (moved @ normal) * normal)),
+        note=("", "REFUSED ONCE", "refused")[before.refused + after.refused],
     )
     if change == "other net":
         return replace(row, points=float("nan"), normals=float("nan"))
     a, b = before.parametrization, after.parametrization
-    notes = []
+    notes = [row.note] if row.note else []
     if before.fit.iterations != after.fit.iterations:
         notes.append(f"iterations {before.fit.iterations}, {after.fit.iterations}")
     if before.fit.basis.N.shape != after.fit.basis.N.shape:
@@ -223,19 +286,29 @@ def measure(links="", changes=tuple(CHANGES), size=SIZE, seeds=1) -> Iterator[Ro
             yield max(rows, key=lambda row: (row.note.isupper(), np.nan_to_num(row.points, nan=-1.0)))
 
 
+COLUMNS = {
+    "points": "mm",
+    "normals": "deg",
+    "centre": "mm",
+    "along": "mm",
+    "axis": "deg",
+    "line": "mm",
+    "zero": "deg",
+    "span": "mm",
+    "planes": "mm",
+    "lines": "deg",
+}
 HEADER = (
-    f"{'link':34} {'change':18} {'points':>9} {'normals':>8} {'centre':>9} | {'axis':>8} {'line':>8} {'zero':>8} "
-    f"{'span':>8} {'planes':>8} {'lines':>8}  note\n{'':53} {'mm':>9} {'deg':>8} {'mm':>9} | {'deg':>8} {'mm':>8} "
-    f"{'deg':>8} {'mm':>8} {'mm':>8} {'deg':>8}"
+    f"{'link':34} {'change':18}"
+    + "".join(f"{name:>10}" for name in COLUMNS)
+    + f"  note\n{'':53}"
+    + "".join(f"{unit:>10}" for unit in COLUMNS.values())
 )
 
 
 def text(r: Row) -> str:
     """Return a row as columns of text."""
-    return (
-        f"{r.link:34} {r.change:18} {r.points:9.5f} {r.normals:8.3f} {r.centre:9.5f} | {r.axis:8.4f} {r.line:8.4f} "
-        f"{r.zero:8.4f} {r.span:8.4f} {r.planes:8.4f} {r.lines:8.4f}  {r.note}"
-    )
+    return f"{r.link:34} {r.change:18}" + "".join(f"{getattr(r, name):10.5f}" for name in COLUMNS) + f"  {r.note}"
 
 
 def main() -> None:

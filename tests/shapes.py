@@ -123,6 +123,16 @@ def shuffled(mesh, seed):
     return mesh.vertices[order], np.take_along_axis(faces, turn, axis=1)
 
 
+def subdivided(mesh):
+    """Return the mesh with each face divided into four."""
+    corners = mesh.triangles
+    middles = (corners + np.roll(corners, -1, axis=1)) / 2
+    (a, b, c), (ab, bc, ca) = np.swapaxes(corners, 0, 1), np.swapaxes(middles, 0, 1)
+    parts = [np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    points = np.concatenate(parts).reshape(-1, 3)
+    return weld(points, np.arange(len(points)).reshape(-1, 3))
+
+
 def same_mesh(a: TriangleMesh, b: TriangleMesh):
     """Return whether two meshes are equal to the bit."""
     return a.vertices.tobytes() == b.vertices.tobytes() and a.faces.tobytes() == b.faces.tobytes()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ...common.arrays import Array
+from ..mesh.corners import facet_corners
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import RaySamples
@@ -82,7 +83,9 @@ def sites_for_noise(mesh: TriangleMesh, basis: TensorBasis, samples: RaySamples)
 
 
 def hit_vertices(mesh: TriangleMesh, samples: RaySamples) -> int:
-    """Return the number of vertices of the faces that rays hit.
+    """Return the number of corners of the facets that rays hit.
+
+    Other vertices, such as those of a subdivision, are between corners and have no noise of their own.
 
     Parameters
     ----------
@@ -95,9 +98,7 @@ def hit_vertices(mesh: TriangleMesh, samples: RaySamples) -> int:
     -------
     int
     """
-    hit = np.zeros(len(mesh.vertices), bool)
-    hit[mesh.faces[samples.faces[~np.isnan(samples.residuals)]]] = True
-    return int(hit.sum())
+    return int(facet_corners(mesh, samples.faces[~np.isnan(samples.residuals)]).sum())
 
 
 def best_stiffness(

@@ -51,6 +51,9 @@ END_ROUNDS = 3
 # [fraction of the mesh size] least distance of the two sections; nearer ones give no direction. Larger: more are
 # refused.
 MIN_SECTION_DISTANCE = 0.02
+# [m] length of the complete sections below which a tube is refused, because no cell of a skin fits there. Larger: more
+# short rings are refused.
+MIN_TUBE_LENGTH = 3e-3
 FULL_TURN_ANGLES = np.arange(90) * TURN / 90  # [rad] of the rays that find complete sections
 
 
@@ -367,7 +370,7 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
     InvalidPlan
         If the margins leave nothing between them.
     EmptySection
-        If no section is complete, or the complete sections have no length.
+        If no section is complete, or the complete sections are shorter than ``MIN_TUBE_LENGTH``.
     """
     height = frame.stations(mesh.vertices)
     low, high = float(height.min()), float(height.max())
@@ -391,12 +394,13 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
             f"No section across the axis is closed. {_opening(hit, stations, angles, frame)} Close it, "
             "use a grid over a sector or a face, or give the axis."
         )
-    if last - first < 2:
+    low, high = run_between(lambda stations: hits(stations).all(axis=1), stations, first, last)
+    if high - low < MIN_TUBE_LENGTH:
         raise EmptySection(
-            f"The closed part of the tube is shorter than {(high - low) * 2e3 / TRIAL_STATIONS:.1f} mm. "
+            f"The closed part of the tube is shorter than {MIN_TUBE_LENGTH * 1e3:g} mm. "
             f"{_opening(hit, stations, angles, frame)} Close it, use a grid over a sector or a face, or give the axis."
         )
-    return run_between(lambda stations: hits(stations).all(axis=1), stations, first, last)
+    return low, high
 
 
 def run_between(

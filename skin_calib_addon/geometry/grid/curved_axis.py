@@ -12,7 +12,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.planes import Planes
 from ..sampling.samples import cast_rays
-from .axis import FULL_TURN_ANGLES, TRIAL_STATIONS, longest_run, run_between
+from .axis import FULL_TURN_ANGLES, MIN_TUBE_LENGTH, TRIAL_STATIONS, longest_run, run_between
 
 # [1] stations at which centres are found. Larger: more bends are seen, more time.
 CENTRE_COUNT = 15
@@ -208,7 +208,7 @@ def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None)
     Raises
     ------
     EmptySection
-        If no sections are complete.
+        If no sections are complete, or they are shorter than ``MIN_TUBE_LENGTH``.
     InvalidPlan
         If the margin leaves nothing.
     """
@@ -221,11 +221,12 @@ def curved_axis_span(mesh: TriangleMesh, axis: CurvedAxis, margin: float | None)
         return hit.all(axis=1) if margin is None else hit.mean(axis=1) > 0.5
 
     first, last = longest_run(is_complete(trials))
-    if last - first < 2:
+    low, high = run_between(is_complete, trials, first, last) if first < last else (0.0, 0.0)
+    if high - low < MIN_TUBE_LENGTH:
         raise EmptySection(
-            "No section across the curved axis is closed. Use a grid over a sector or a face, or give the axis."
+            f"The closed part along the curved axis is shorter than {MIN_TUBE_LENGTH * 1e3:g} mm. "
+            "Use a grid over a sector or a face, or give the axis."
         )
-    low, high = run_between(is_complete, trials, first, last)
     if margin is None:
         return low, high
     if low + margin >= high - margin:

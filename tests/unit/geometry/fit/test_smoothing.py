@@ -8,7 +8,7 @@ from skin_calib_addon.geometry import TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.sampling.basis import TensorBasis, bending_matrix
 from skin_calib_addon.geometry.surface.distance import surface_samples
-from tests.shapes import Z_AXIS, cylinder, wrist
+from tests.shapes import Z_AXIS, cylinder, subdivided, wrist
 
 
 def scanned(mesh, noise, seed=0):
@@ -46,6 +46,15 @@ def test_coarse_net_takes_a_sample_for_each_vertex_of_a_scan(size, monkeypatch):
     assert few.residuals.size < 0.5 * fit.residuals.size
     assert distance_to(wrist(), fit) < 0.9 * distance_to(wrist(), few)
     assert fit_surface(wrist(), grid).residuals.shape == few.residuals.shape  # a clean mesh keeps three
+
+
+@pytest.mark.parametrize("size", [(10, 20), (20, 60)])
+def test_subdivided_scan_has_the_same_surface(size):
+    """Vertices inside faces have no noise of their own: they neither start the smoothing nor add sample sites."""
+    scan, grid = scanned(wrist(), 1e-3), TubeGrid(*size, Z_AXIS, 0.002)
+    fit, again = fit_surface(scan, grid), fit_surface(subdivided(scan), grid)
+    assert fit.residuals.shape == again.residuals.shape and fit.stiffness == again.stiffness
+    assert_allclose(again.surface.control_net, fit.surface.control_net, rtol=0, atol=1e-6)
 
 
 def test_scan_noise_is_smoothed_next_to_holes():

@@ -284,13 +284,21 @@ def test_half_tube_has_no_complete_section():
         stations_between(half, z_frame(half), None, FULL_TURN_ANGLES)
 
 
-def test_ring_that_is_complete_in_one_place_only_is_refused():
-    """Planes need a distance between them: a half tube with a thin whole ring."""
-    half = keep(cylinder(along=201), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < 0.0003))
+@pytest.mark.parametrize("width", [0.001, 0.0015, 0.0025])
+def test_ring_narrower_than_a_cell_is_refused(width):
+    """A half tube with a thin whole ring: rounding would decide which of its sections are complete."""
+    half = keep(cylinder(along=401), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < width / 2))
     with pytest.raises(
-        EmptySection, match=r"The closed part of the tube is shorter than 1\.0 mm. The section .* is open at \d+ deg"
+        EmptySection, match=r"The closed part of the tube is shorter than 3 mm. The section .* is open at \d+ deg"
     ):
         stations_between(half, z_frame(half), None, FULL_TURN_ANGLES)
+
+
+def test_ring_wider_than_a_cell_is_a_tube():
+    """Nothing more than a step is left out at its ends."""
+    half = keep(cylinder(along=401), lambda c: (c[:, 0] > 0) | (np.abs(c[:, 2] - 0.0501) < 0.00225))
+    low, high = stations_between(half, z_frame(half), None, FULL_TURN_ANGLES)
+    assert 0.0045 - LENGTH / 192 - LENGTH / 400 < high - low < 0.0045
 
 
 def test_single_triangle_has_no_axis():

@@ -17,6 +17,7 @@ from tests.shapes import Z_AXIS, cylinder, plane_surface, wrist_surface
 
 DATA = Path(__file__).parents[5] / "shared" / "data" / "meshes"
 LINKS = ("icub27_l_upper_leg", "jvrc1_r_elbow_p", "talos_tibia", "hrp4c_r_wrist_y_cover_only", "icub27_l_forearm")
+MARGINS = {"talos_tibia": 0.01}  # [m] its sections are complete over 1.3 mm only; with a margin its surface is folded
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -116,7 +117,9 @@ def test_footpoints_of_real_links_are_nearest(name):
     if not path.exists():
         pytest.skip(f"no {path.name} here")
     mesh = cut_cover(load_mesh(path), CoverSpec())
-    surface = fit_lines(mesh, TubeGrid(10, 40, spacing="uniform").line_grid(mesh, (3, 3)), (3, 3)).surface
+    surface = fit_lines(
+        mesh, TubeGrid(10, 40, margin=MARGINS.get(name), spacing="uniform").line_grid(mesh), (3, 3)
+    ).surface
     on_mesh = split_faces(mesh, 0.01 * mesh.size)[0]
     on_mesh = on_mesh[np.random.default_rng(0).choice(len(on_mesh), 20_000)]
     check_against_brute_force(surface, on_mesh)
