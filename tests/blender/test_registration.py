@@ -171,10 +171,11 @@ def test_panel_shows_existing_properties(bpy, link, kind):
 
 
 EVERY_SKIN = {"name", "kind", "auto_channel", "first_channel"}
-SHOWN_LINES = {"offset", "centred", "origin", "direction"}
+MOUNTING = {"origin_uncertainty", "direction_uncertainty", "auto_anchor", "anchor"}
+SHOWN_LINES = {"offset", "centred", "origin", "direction", "auto_registration"} | MOUNTING
 SHEETS = SHOWN_LINES | {"rows", "columns", "pitch", "hand", "trim", "overlap"}
 BOARDS = SHOWN_LINES | {"side", "auto_gap", "gap", "choice", "cells", "auto_direction"}
-IMPORTED = {"file", "format", "only", "framed", "rotation", "translation", "snap"}
+IMPORTED = {"auto_registration", "file", "format", "only", "framed", "rotation", "translation", "snap"} | MOUNTING
 
 
 @pytest.mark.parametrize("kind, own", [("sheet", SHEETS), ("hexagons", BOARDS), ("imported", IMPORTED)])
@@ -185,10 +186,12 @@ def test_panel_shows_what_applies_to_the_kind(bpy, link, kind, own):
     assert names == EVERY_SKIN | SHEETS | BOARDS | IMPORTED
     skin.kind, skin.choice, skin.framed = kind, "listed", True
     skin.centred = skin.auto_gap = skin.auto_direction = skin.auto_channel = False
+    skin.auto_registration = skin.auto_anchor = False
     assert names & set(draw(bpy, "skin")) == EVERY_SKIN | own
     skin.centred = skin.auto_gap = skin.auto_direction = skin.auto_channel = True
+    skin.auto_registration = True
     skin.choice, skin.framed = "fill", False
-    hidden = {"origin", "first_channel", "rotation", "translation"}
+    hidden = {"origin", "first_channel", "rotation", "translation"} | MOUNTING
     hidden |= {"direction", "gap", "cells"} if kind == "hexagons" else set()
     assert names & set(draw(bpy, "skin")) == (EVERY_SKIN | own) - hidden
 
