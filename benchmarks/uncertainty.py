@@ -35,6 +35,7 @@ from skin_calib_addon.skin.uncertainty import (
     ORIGIN_UNCERTAINTY,
     moved_within,
     taxel_uncertainty,
+    usual_curvature,
 )
 
 ROWS, COLUMNS = 5, 13
@@ -299,7 +300,9 @@ def of_sheet(case: Case, fit: SurfaceFit, cell: tuple[int, int], rng: np.random.
     arms = pitch * (taxels.index - cell)[:, ::-1]
     strain = np.abs(taxels.quality["strain"][:, :2]).max(axis=1)
     registration = Registration(ORIGIN_UNCERTAINTY, DIRECTION_UNCERTAINTY, tuple(point))
-    uncertainty = taxel_uncertainty(taxels, fit.error_field, moved_within(arms, registration, strain))
+    uncertainty = taxel_uncertainty(
+        taxels, fit.error_field, moved_within(arms, registration, usual_curvature(surface, taxels.uv))
+    )
     sigma, worst = uncertainty.sigma, np.linalg.eigh(uncertainty.angle)[1][:, :, 1]
     axes = np.stack((taxels.tangents_link, np.cross(taxels.normals_link, taxels.tangents_link)), axis=1)
     truth = case.link.truth

@@ -19,6 +19,7 @@ from ..skin.uncertainty import (
     moved_rigidly,
     moved_within,
     taxel_uncertainty,
+    usual_curvature,
 )
 from ..validation.placement import flat_places, flat_point, link_point
 
@@ -48,8 +49,8 @@ def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | 
         uncertainty = taxel_uncertainty(taxels, field, along, None if skin.snap else height, tilt)
     else:
         arms = flat_places(patch, taxels.index) - flat_point(patch, np.array(registration.anchor))
-        strain = np.abs(taxels.quality["strain"][:, :2]).max(axis=1) if "strain" in taxels.quality else 0.0
-        uncertainty = taxel_uncertainty(taxels, field, moved_within(arms, registration, strain))
+        along = moved_within(arms, registration, usual_curvature(field.surface, taxels.uv))
+        uncertainty = taxel_uncertainty(taxels, field, along)
     sigma = uncertainty.sigma
     sigma[~fit.is_trusted(taxels.uv)] = np.nan  # over a hole, which has its own warning
     for _, unknown in _unknown(patch, fit):

@@ -8,6 +8,7 @@ from ..calibration.model import Registration, TaxelArray
 from ..common.arrays import Array, cross, unit
 from ..geometry.fit.chords import in_basis
 from ..geometry.fit.error_field import ErrorField
+from ..geometry.surface.bspline import MIN_LENGTH, BSplineSurface
 
 # [m] standard uncertainty, per axis along the surface, of the point where an author mounts a skin by hand. Larger: all
 # positions and normals are less certain.
@@ -18,9 +19,6 @@ DIRECTION_UNCERTAINTY = float(np.deg2rad(1.0))
 # [m], [rad] limits of the uncertainties that an author or touches can state. A smaller minimum: covariances become
 # singular by rounding. A larger maximum: directions that nothing determines are accepted.
 MIN_ORIGIN_UNCERTAINTY, MAX_ORIGIN_UNCERTAINTY, MAX_DIRECTION_UNCERTAINTY = 1e-6, 0.1, 1.0
-# [1] displacement of a cell per strain and per distance from the anchor: a sheet that must strain moves as a whole when
-# it is mounted slightly elsewhere. Larger: strained sheets are less certain.
-STRAIN_DISPLACEMENT = 0.15
 # [1] strain above which the position of a cell is unknown, because the sheet wrinkles or lifts there. Larger: more
 # taxels have an uncertainty.
 MAX_KNOWN_STRAIN = 0.1
@@ -53,18 +51,19 @@ class TaxelUncertainty:
         return np.column_stack((along, np.sqrt(self.normal), angle))
 
 
-def moved_within(arms: Array, registration: Registration, strain: Array | float = 0.0) -> Array:
+def moved_within(arms: Array, registration: Registration, curvature: float = 0.0) -> Array:
     r"""Return the covariance of positions in a skin that may be moved and rotated along the surface.
 
-    A shift :math:`\mathbf{s}` of the anchor and a rotation :math:`\theta` about it displace the flat position
-    :math:`(x, y)` by :math:`\mathbf{s} + \theta\, (-y, x)`. With their standard uncertainties :math:`\sigma_o` and
-    :math:`\sigma_d`, the covariance is
+    A shift of the anchor and a rotation :math:`\theta` about it displace the flat position :math:`(x, y)` at the
+    distance :math:`r`. On a flat surface the displacement is :math:`\mathbf{s} + \theta\, (-y, x)`. On a surface with
+    the Gaussian curvature :math:`K`, paths from the anchor converge (:math:`K > 0`) or diverge. The displacement across
+    the path is a Jacobi field (do Carmo, 1992, chapter 5): a shift is multiplied by :math:`c = \cos \sqrt{K} r`, and a
+    rotation by :math:`s = \sin(\sqrt{K} r) / (\sqrt{K} r)`. With :math:`\mathbf{t} = (-y, x)` the covariance is
 
     .. math::
 
-        C = \begin{pmatrix} \sigma_o^2 + \sigma_d^2 y^2 & -\sigma_d^2 x y \\
-        -\sigma_d^2 x y & \sigma_o^2 + \sigma_d^2 x^2 \end{pmatrix}
-        + (0.15\, \varepsilon)^2 (x^2 + y^2)\, I \quad [\text{m}^2]
+        C = \sigma_o^2 \left( I + \frac{c^2 - 1}{r^2}\, \mathbf{t} \mathbf{t}^T \right)
+        + \sigma_d^2 s^2\, \mathbf{t} \mathbf{t}^T \quad [\text{m}^2]
 
     Parameters
     ----------
@@ -72,18 +71,43 @@ def moved_within(arms: Array, registration: Registration, strain: Array | float 
         Flat positions relative to the anchor, along the rows and across [m].
     registration : Registration
         Standard uncertainties of the anchor and of the direction.
-    strain : array, shape (n,), or float
-        Largest strain :math:`\varepsilon` of each cell.
+    curvature : float
+        Gaussian curvature of the surface, see `usual_curvature` [1/m^2].
 
     Returns
     -------
     array, shape (n, 2, 2)
         [m^2]
     """
-    turned = np.stack((-arms[:, 1], arms[:, 0]), axis=1)
-    isotropic = registration.origin**2 + (STRAIN_DISPLACEMENT * strain) ** 2 * (arms**2).sum(axis=1)
-    rotation = registration.direction**2 * turned[:, :, None] * turned[:, None, :]
-    return isotropic[:, None, None] * np.eye(2) + rotation
+    squares = np.maximum((arms**2).sum(axis=1), MIN_LENGTH**2)
+    angles = np.sqrt(curvature * squares.astype(complex))  # imaginary where paths diverge
+    shifted, rotated = np.cos(angles).real, np.sinc(angles / np.pi).real
+    across = np.stack((-arms[:, 1], arms[:, 0]), axis=1)
+    factors = registration.origin**2 * (shifted**2 - 1) / squares + registration.direction**2 * rotated**2
+    return registration.origin**2 * np.eye(2) + factors[:, None, None] * across[:, :, None] * across[:, None, :]
+
+
+def usual_curvature(surface: BSplineSurface, uv: Array) -> float:
+    r"""Return the median of the Gaussian curvature of a surface at some parameters, where a few are on edges or bumps.
+
+    With the fundamental forms :math:`\mathrm{I}` and :math:`\mathrm{II}`:
+
+    .. math::
+
+        K = \frac{\det \mathrm{II}}{\det \mathrm{I}} \quad [1 / \text{m}^2]
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface.
+    uv : array, shape (n, 2)
+        Parameters, such as those of all taxels of a skin.
+    """
+    r = surface.derivatives(uv, order=2)
+    across = cross(r[1, 0], r[0, 1])
+    square = np.maximum((across**2).sum(axis=1), MIN_LENGTH**4)
+    L, M, N = ((bend * across).sum(axis=1) for bend in (r[2, 0], r[1, 1], r[0, 2]))
+    return float(np.median((L * N - M**2) / square**2))
 
 
 def moved_rigidly(taxels: TaxelArray, registration: Registration) -> tuple[Array, Array, float]:
@@ -171,7 +195,8 @@ def taxel_uncertainty(
     for slope, by in zip(slopes.T, (by_u, by_v)):
         turn = np.einsum("nij,nj->ni", axes, unit(by))
         angle += slope[:, None, None] * turn[:, :, None] * turn[:, None, :]
-    columns = np.sqrt(2) * np.linalg.cholesky(along).transpose(2, 0, 1)
+    variances, directions = np.linalg.eigh(along)
+    columns = (np.sqrt(2 * np.maximum(variances, 0))[:, None] * directions).transpose(2, 0, 1)
     for step in (*columns, *-columns):
         there = uv + np.column_stack(in_basis(by_u, by_v, np.einsum("ni,nij->nj", step, axes)))
         turn = np.einsum("nij,nj->ni", axes, surface.normals(there) - here)

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.model import Registration
-from skin_calib_addon.geometry import TubeGrid, fit_surface
+from skin_calib_addon.geometry import AcrossGrid, TubeGrid, fit_surface
 from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
-from skin_calib_addon.skin.uncertainty import moved_rigidly, moved_within, taxel_uncertainty
-from tests.shapes import RADIUS, Z_AXIS, cylinder
+from skin_calib_addon.skin.uncertainty import moved_rigidly, moved_within, taxel_uncertainty, usual_curvature
+from tests.shapes import RADIUS, Z_AXIS, cone, cylinder, sheet
 
 ROWS, COLUMNS, PITCH = 6, 14, 0.008
 MOUNTED = Registration(1e-3, np.deg2rad(1.0), (RADIUS, 0.0, 0.05))
@@ -84,8 +84,60 @@ def test_registration_moves_far_taxels_more(stated):
     assert_allclose(along[0], 1e-6 * np.eye(2), rtol=1e-12)
     assert_allclose(along[1], np.diag((1e-6, 1e-6 + rotated)), rtol=1e-12)
     assert_allclose(along[2], np.diag((1e-6 + rotated, 1e-6)), rtol=1e-12)
-    strained = moved_within(np.array(((0.1, 0.0),)), MOUNTED, np.array((0.05,)))
-    assert_allclose(strained - along[1:2], [(0.15 * 0.05 * 0.1) ** 2 * np.eye(2)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["sphere", "hyperbolic plane"])
+def test_paths_from_the_anchor_converge_or_diverge(sign):
+    """Random motions of a skin whose rows are exact geodesics have the stated covariance.
+
+    The truth has the metric ``x^2 + y^2 + sign z^2``: a sphere of 50 mm, or the hyperboloid of constant negative
+    curvature in it. Both have closed geodesics, transport and distances.
+    """
+    radius, rng = 0.05, np.random.default_rng(3)
+    metric = np.array((1.0, 1.0, sign))
+    cos, sin = (np.cos, np.sin) if sign > 0 else (np.cosh, np.sinh)
+
+    def move(point, velocity, carried):
+        """Follow the geodesic; carry vectors along it."""
+        length = np.sqrt(((velocity * metric) * velocity).sum())
+        if length < 1e-12:
+            return point, carried
+        ahead, angle = velocity / length, length / radius
+        end = cos(angle) * point + radius * sin(angle) * ahead
+        turned = -sign * sin(angle) * point / radius + cos(angle) * ahead
+        return end, [v + (v * metric * ahead).sum() * (turned - ahead) for v in carried]
+
+    start, frame = np.array((0.0, 0.0, radius)), [np.array((1.0, 0, 0)), np.array((0, 1.0, 0))]
+    arms = np.array(((0.0, 0.0), (0.03, 0.0), (0.0, 0.05), (-0.03, 0.04)))
+    mounted = Registration(1e-4, 3e-3, (0.0, 0.0, 0.0))
+    moves = np.zeros((len(arms), 4000, 2))
+    for draw in range(moves.shape[1]):
+        (x, y), turn = rng.normal(0, mounted.origin, 2), rng.normal(0, mounted.direction)
+        point, (e, f) = move(start, x * frame[0] + y * frame[1], frame)
+        e, f = np.cos(turn) * e + np.sin(turn) * f, np.cos(turn) * f - np.sin(turn) * e
+        for i, (a, b) in enumerate(arms):
+            there, axes = move(start, a * frame[0] + b * frame[1], frame)
+            moves[i, draw] = [((move(point, a * e + b * f, [])[0] - there) * metric * axis).sum() for axis in axes]
+    found = np.einsum("ndi,ndj->nij", moves, moves) / moves.shape[1]
+    stated = moved_within(arms, mounted, sign / radius**2)
+    scale = np.sqrt(stated[:, [0, 1], [0, 1]])
+    assert_allclose(
+        found / (scale[:, :, None] * scale[:, None]), stated / (scale[:, :, None] * scale[:, None]), atol=0.08
+    )
+    flat = moved_within(arms, mounted)
+    assert (sign * (flat - stated)[2, 0, 0] > 0.2 * flat[2, 0, 0]).all()
+
+
+@pytest.mark.parametrize(("radius", "curvature"), [(0.1, 100.0), (None, 0.0)], ids=["sphere", "cone"])
+def test_usual_curvature_is_that_of_the_surface(radius, curvature):
+    """On a sphere, and on a cone, which can be unrolled."""
+    if radius:
+        mesh = sheet(lambda x, y: np.sqrt(radius**2 - (x - 0.05) ** 2 - (y - 0.04) ** 2), cells=(60, 48))
+        surface = fit_surface(mesh, AcrossGrid(12, 12, (0, 0, 1.0), (1.0, 0, 0), 0.02, "uniform")).surface
+    else:
+        surface = fit_surface(cone(), TubeGrid(8, 24, Z_AXIS, 0.004, "uniform")).surface
+    uv = np.random.default_rng(0).uniform(0.2, 0.8, (50, 2))
+    assert_allclose(usual_curvature(surface, uv), curvature, rtol=0.03, atol=3.0)
 
 
 def test_taxels_of_a_file_move_rigidly(stated):
