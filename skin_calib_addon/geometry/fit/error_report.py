@@ -1,11 +1,15 @@
 r"""Distances between a surface and its mesh, in both directions: exact maxima, and means of samples.
 
 Estimates and upper bounds of all distances are cheap. Exact distances :math:`d_i` of a random sample correct the mean
-of the estimates :math:`\hat{d}_j` with the fractions :math:`w_j` of the area:
+of the estimates :math:`\hat{d}_j` with the fractions :math:`w_j` of the area. Half of the sample is drawn by area, half
+by area times estimate, so that few large errors of estimates are not missed. With the slope :math:`b` of a regression:
 
 .. math::
 
-    \bar{d} = \sum_j w_j \hat{d}_j + \frac{1}{n} \sum_{i=1}^{n} \left( d_i - \hat{d}_i \right) \quad [\text{m}]
+    \bar{d} = b \sum_j w_j \hat{d}_j + \sum_{i=1}^{n} q_i \left( d_i - b \hat{d}_i \right) \quad [\text{m}], \qquad
+    q_i = \frac{2}{n} \left( 1 + \hat{d}_i \Big/ \sum_j w_j \hat{d}_j \right)^{-1}
+
+The sample grows until the interval of confidence is narrow.
 
 For the maximum, exact distances are computed from the largest bound on, until no other point can be further away.
 
@@ -30,14 +34,24 @@ from ...common.errors import EmptySection
 from ...common.surface_errors import DistanceStatistics
 from ..mesh.closest import NearMesh
 from ..mesh.triangle_mesh import TriangleMesh
+from ..sampling.samples import RaySamples
 from ..surface.bspline import BSplineSurface
 from ..surface.distance import is_sampled, sample_lines
 from ..surface.footpoints import footpoints
 
 # [1] points of the mesh, evenly by area, that give its means. Larger: narrower confidence intervals, more time.
 MESH_POINTS = 10_000
-# [1] exact distances that correct the means of estimates. Larger: narrower confidence intervals, more time.
+# [1] most of them, where the surface covers only a small part of the mesh. Larger: narrower intervals there, more time.
+MAX_MESH_POINTS = 16 * MESH_POINTS
+# [1] exact distances that correct the means of estimates, at first. Larger: narrower confidence intervals, more time.
 EXACT_POINTS = 100
+# [1] factor by which these numbers grow while there are too few. It affects the time only.
+EXACT_GROWTH = 4
+# [fraction of the mean] half width of the confidence interval that is aimed at. Larger: less accurate means, less time.
+MEAN_PRECISION = 0.03
+# [1] mean sign of the cosines between the rays and the faces that they hit from which on the winding counts: inner
+# walls, which face the other side, are no cover. Larger: inner walls count on meshes with some wrong faces.
+MIN_MEAN_FACING = 0.5
 # [1] points of the first round of the search for the maximum; each round has twice as many. It affects the time only.
 FIRST_ROUND = 32
 # [1] nodes in each span and direction. Larger: better estimates, more time.
@@ -50,6 +64,9 @@ SAFETY_FACTOR = 2.0
 # [cosine] between the normals of a face and of the surface above which the face belongs to the cover, not to a wall.
 # Larger: fewer faces count.
 MIN_COVER_COSINE = 0.5
+# [cosine] the same with the normal at the nearest node, before the footpoint is known. It affects the time only, unless
+# the surface swings. Larger: faster, and the mean is less safe.
+FIRST_COSINE = 0.0
 # [1] parameters beyond an open edge, by the nearest node, up to which the footpoint may be inside after all. Larger:
 # the maximum is safer where the surface swings, more time.
 EDGE_SLACK = 0.2
@@ -60,9 +77,7 @@ CONFIDENCE_FACTOR = 1.96  # [standard deviations] half width of a 95 % confidenc
 Exact = Callable[[IntArray], Array]
 
 
-def statistics_of(
-    estimates: Array, fractions: Array, sample: IntArray, exact: Array, largest: float
-) -> DistanceStatistics:
+def statistics_of(estimates: Array, fractions: Array, exact: Exact, largest: float) -> DistanceStatistics:
     """Return the statistics of distances from estimates and the exact distances of a random sample.
 
     Parameters
@@ -71,10 +86,8 @@ def statistics_of(
         [m]
     fractions : array, shape (k,)
         Of the area.
-    sample : array of int, shape (n,)
-        Drawn by `stratified`.
-    exact : array, shape (n,)
-        Its distances [m].
+    exact : function
+        From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
     largest : float
         The maximum [m].
 
@@ -82,13 +95,44 @@ def statistics_of(
     -------
     DistanceStatistics
     """
-    guessed = estimates[sample]
-    mean = float((fractions * estimates).sum() + (exact - guessed).mean())
+    count, mean, spread = EXACT_POINTS, 0.0, np.inf
+    average = max(float((fractions * estimates).sum()), np.finfo(float).tiny)
+    density = fractions * (1 + estimates / average) / 2
+    while spread > MEAN_PRECISION * mean and count < EXACT_GROWTH * len(estimates):
+        sample = stratified(density, min(count, len(estimates)))
+        distances = exact(sample)
+        weights = fractions[sample] / density[sample] / len(sample)
+        mean, spread = corrected_mean(average, weights, estimates[sample], distances)
+        count *= EXACT_GROWTH
     mean = min(max(mean, 0.0), largest)
-    square = float((fractions * estimates**2).sum() + (exact**2 - guessed**2).mean())
-    rms = min(max(square, mean**2) ** 0.5, largest)
-    spread = np.sqrt((exact - guessed).var() / len(sample))
-    return DistanceStatistics(mean, rms, largest, float(CONFIDENCE_FACTOR * spread))
+    squares = np.where(distances < 0, -1.0, distances**2)
+    square = corrected_mean(float((fractions * estimates**2).sum()), weights, estimates[sample] ** 2, squares)[0]
+    return DistanceStatistics(mean, min(max(square, mean**2) ** 0.5, largest), largest, spread)
+
+
+def corrected_mean(average: float, weights: Array, estimates: Array, exact: Array) -> tuple[float, float]:
+    """Return a mean by regression on estimates, and half the width of its 95 % confidence interval.
+
+    Parameters
+    ----------
+    average : float
+        Mean of the estimates of all values.
+    weights : array, shape (n,)
+        Of a sample.
+    estimates : array, shape (n,)
+        Of its values.
+    exact : array, shape (n,)
+        Its values; negative for one that does not count.
+    """
+    counts = exact >= 0
+    if not counts.any():
+        return 0.0, np.inf
+    values, part = np.where(counts, exact, 0.0), (weights * counts).sum() / weights.sum()
+    slope = (weights * estimates * values).sum() / max((weights * estimates**2).sum(), np.finfo(float).tiny)
+    residuals = values - slope * estimates
+    mean = (slope * average + (weights * residuals).sum()) / part
+    spread = np.std(weights * (residuals - mean * (counts - part))) * np.sqrt(len(weights)) / part
+    return float(mean), float(CONFIDENCE_FACTOR * spread)
 
 
 def stratified(fractions: Array, count: int) -> IntArray:
@@ -216,11 +260,11 @@ class Expansion:
         return over
 
 
-def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray) -> DistanceStatistics:
+def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray, side: int) -> DistanceStatistics:
     """Return the distances from the mesh to the surface: the maximum of all vertices, and means of samples by area.
 
     Only those parts of the mesh count that have their footpoint inside the surface, over sites that hit the mesh, with
-    a normal nearly parallel to that of the surface, or antiparallel, where the winding is wrong.
+    a normal nearly parallel to that of the surface. Where the winding of the faces is mixed, it may be antiparallel.
 
     Parameters
     ----------
@@ -230,6 +274,8 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
         The surface, [m] in the link frame.
     known : array of bool, shape (k, l)
         Which sample sites of the fit hit the mesh.
+    side : int
+        The `winding` of the faces.
 
     Returns
     -------
@@ -241,28 +287,50 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
         If no face is near the surface with a parallel normal.
     """
     table = Expansion.of(surface)
-    points, normals = points_by_area(mesh, MESH_POINTS)
-    node = table.nearest(points)
-    counts = table.is_over(surface, points, node, 0.0) & is_sampled(surface, table.uv[node], known)
-    counts &= is_parallel(normals, table.normals[node])
-    if not counts.any():
+    count, counts = MESH_POINTS, np.empty(0, np.int64)
+    while len(counts) < MESH_POINTS / 2 and count <= MAX_MESH_POINTS:
+        points, normals = points_by_area(mesh, count)
+        node = table.nearest(points)
+        over = table.is_over(surface, points, node, 0.0) & is_sampled(surface, table.uv[node], known)
+        counts = np.flatnonzero(over & is_parallel(normals, table.normals[node], side, FIRST_COSINE))
+        count *= EXACT_GROWTH
+
+    def exact_distances(points: Array, is_on_cover: Callable[[IntArray, Array], BoolArray]) -> Exact:
+        def exact(chosen: IntArray) -> Array:
+            foot, found = footpoints(surface, points[chosen])
+            counts = is_inside(surface, foot, known) & is_on_cover(chosen, surface.normals(foot))
+            return np.where(counts, found, -1.0)
+
+        return exact
+
+    of_points = exact_distances(points, lambda chosen, of_surface: is_parallel(normals[chosen], of_surface, side))
+    of_vertices = exact_distances(
+        mesh.vertices, lambda chosen, of_surface: has_parallel_face(mesh, chosen, of_surface, side)
+    )
+    if not len(counts):
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
     estimates = table(points[counts], node[counts])[0]
-    even = np.full(len(estimates), 1 / len(estimates))
-    sample = stratified(even, min(EXACT_POINTS, len(estimates)))
-    distances = footpoints(surface, points[counts][sample])[1]
-    margin = SAFETY_FACTOR * float(np.abs(distances - estimates[sample]).max())
-
-    def largest(points: Array, is_on_cover: Callable[[IntArray, Array], BoolArray]) -> float:
-        return largest_over(surface, known, table, margin, points, is_on_cover)
-
-    maximum = max(
-        largest(points, lambda chosen, of_surface: is_parallel(normals[chosen], of_surface)),
-        largest(mesh.vertices, lambda chosen, of_surface: has_parallel_face(mesh, chosen, of_surface)),
+    even = np.full(len(counts), 1 / len(counts))
+    sample = stratified(even, min(EXACT_POINTS, len(counts)))
+    errors = np.abs(footpoints(surface, points[counts[sample]])[1] - estimates[sample])
+    margin = SAFETY_FACTOR * float(errors.max())
+    largest = max(
+        largest_over(surface, table, margin, points, of_points),
+        largest_over(surface, table, margin, mesh.vertices, of_vertices),
     )
-    statistics = statistics_of(estimates, even, sample, distances, maximum)
-    spread = CONFIDENCE_FACTOR * float(estimates.std()) / np.sqrt(len(estimates))  # the points are a sample, too
+    if largest < 0:
+        raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
+    statistics = statistics_of(estimates, even, lambda chosen: of_points(counts[chosen]), largest)
+    deviation = np.sqrt(statistics.rms**2 - statistics.mean**2)
+    spread = CONFIDENCE_FACTOR * float(deviation) / np.sqrt(len(counts))  # the points are a sample, too
     return replace(statistics, uncertainty=float(np.hypot(statistics.uncertainty, spread)))
+
+
+def winding(mesh: TriangleMesh, samples: RaySamples) -> int:
+    """Return 1 if the faces that the rays hit face outward, -1 if they face inward, and 0 if they are mixed."""
+    hit = ~np.isnan(samples.residuals)
+    facing = np.sign((samples.rays[hit] * mesh.face_normals[samples.faces[hit]]).sum(axis=1)).mean()
+    return int(np.sign(facing)) if abs(facing) > MIN_MEAN_FACING else 0
 
 
 def points_by_area(mesh: TriangleMesh, count: int) -> tuple[Array, Array]:
@@ -275,44 +343,42 @@ def points_by_area(mesh: TriangleMesh, count: int) -> tuple[Array, Array]:
     return points, unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
 
-def largest_over(
-    surface: BSplineSurface,
-    known: BoolArray,
-    table: Expansion,
-    margin: float,
-    points: Array,
-    is_on_cover: Callable[[IntArray, Array], BoolArray],
-) -> float:
+def largest_over(surface: BSplineSurface, table: Expansion, margin: float, points: Array, exact: Exact) -> float:
     """Return the largest distance from the surface of those points that count [m]; -1 if there is none.
 
     Parameters
     ----------
-    surface, known
-        As for `mesh_to_surface`.
+    surface : BSplineSurface
+        The surface.
     table : Expansion
         Of the surface.
     margin : float
         Assumed largest error of its estimates [m].
     points : array, shape (k, 3)
         [m]
-    is_on_cover : function
-        From indices of points (i,) and the normals of the surface at their footpoints (i, 3) to those that count (i,).
+    exact : function
+        From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
     """
     node = table.nearest(points)
     estimates, bounds = table(points, node)
     over = np.flatnonzero(table.is_over(surface, points, node, EDGE_SLACK))
-
-    def exact(chosen: IntArray) -> Array:
-        foot, found = footpoints(surface, points[over[chosen]])
-        counts = is_inside(surface, foot, known) & is_on_cover(over[chosen], surface.normals(foot))
-        return np.where(counts, found, -1.0)
-
-    return largest_of(np.minimum(estimates + margin, bounds)[over], exact)[0]
+    return largest_of(np.minimum(estimates + margin, bounds)[over], lambda chosen: exact(over[chosen]))[0]
 
 
-def is_parallel(normals: Array, of_surface: Array) -> BoolArray:
-    """Return which normals (k, 3) of faces are nearly parallel or antiparallel to those of the surface (k, 3)."""
-    return np.abs((normals * of_surface).sum(axis=1)) > MIN_COVER_COSINE
+def is_parallel(normals: Array, of_surface: Array, side: int, least: float = MIN_COVER_COSINE) -> BoolArray:
+    """Return which normals of faces are nearly parallel to those of the surface.
+
+    Parameters
+    ----------
+    normals, of_surface : array, shape (k, 3)
+        Of the faces, and of the surface.
+    side : int
+        The `winding` of the faces; with 0, antiparallel normals count, too.
+    least : float
+        Cosine above which they are.
+    """
+    cosine = (normals * of_surface).sum(axis=1)
+    return (side * cosine if side else np.abs(cosine)) > least
 
 
 def is_inside(surface: BSplineSurface, foot: Array, known: BoolArray) -> BoolArray:
@@ -324,7 +390,7 @@ def is_inside(surface: BSplineSurface, foot: Array, known: BoolArray) -> BoolArr
     return inside
 
 
-def has_parallel_face(mesh: TriangleMesh, vertices: IntArray, normals: Array) -> BoolArray:
+def has_parallel_face(mesh: TriangleMesh, vertices: IntArray, normals: Array, side: int) -> BoolArray:
     """Return which vertices have a face that is nearly parallel to the surface.
 
     Parameters
@@ -335,6 +401,8 @@ def has_parallel_face(mesh: TriangleMesh, vertices: IntArray, normals: Array) ->
         No two equal.
     normals : array, shape (k, 3)
         Of the surface.
+    side : int
+        The `winding` of the faces.
 
     Returns
     -------
@@ -348,7 +416,7 @@ def has_parallel_face(mesh: TriangleMesh, vertices: IntArray, normals: Array) ->
     of_faces = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     found = np.zeros(len(vertices), bool)
     for rows in row[mesh.faces[used]].T:
-        parallel = (rows >= 0) & is_parallel(of_faces, normals[rows])
+        parallel = (rows >= 0) & is_parallel(of_faces, normals[rows], side)
         found[rows[parallel]] = True
     return found
 
@@ -387,7 +455,5 @@ def surface_to_mesh(
     if len(unknown):
         exact(unknown)
     estimates, fractions = bounds.copy(), areas / areas.sum()
-    sample = stratified(fractions, min(EXACT_POINTS, len(points)))
-    distances = exact(sample)
     largest, index = largest_of(bounds, exact)
-    return statistics_of(estimates, fractions, sample, distances, largest), index
+    return statistics_of(estimates, fractions, exact, largest), index

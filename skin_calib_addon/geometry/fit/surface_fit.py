@@ -31,7 +31,7 @@ from .diagnosis import (
     off,
 )
 from .error_field import ErrorField, error_field
-from .error_report import NearMesh, mesh_to_surface, surface_to_mesh
+from .error_report import NearMesh, mesh_to_surface, surface_to_mesh, winding
 from .smoothing import best_stiffness, looks_noisy, sites_for_noise
 from .undercut import undercut_warnings
 
@@ -92,7 +92,9 @@ class SurfaceFit:
     def errors(self) -> SurfaceErrors:
         """Return the distances between mesh and surface, in both directions [m]."""
         to_mesh, _ = self._to_mesh
-        to_surface = mesh_to_surface(self.mesh, self.surface, ~np.isnan(self.residuals))
+        to_surface = mesh_to_surface(
+            self.mesh, self.surface, ~np.isnan(self.residuals), winding(self.mesh, self.samples)
+        )
         return SurfaceErrors(to_surface, to_mesh, max(to_surface.max, to_mesh.max))
 
     @cached_property
