@@ -24,6 +24,10 @@ WHOLE_GAP_FRACTION = 0.75
 # [1] largest ratio of the curvature along an edge to that at its flatter end. Larger: gaps on flat parts next to
 # fillets; 2: gaps are too small where the curvature changes.
 MAX_END_RATIO = 4.0
+# [1] ratio of the curvature next to a facet to that over it, up to which the facet has its whole gap, and from which it
+# has none: a flat side between two fillets has bends at both ends. Larger: flat sides bulge; smaller: gaps are too
+# small where the curvature changes.
+NEXT_RATIOS = 2.0, 4.0
 # [1] least fraction of the samples that remains when the unknowns of a fit are subtracted. Larger: smaller
 # uncertainties of fits with hardly more samples than unknowns.
 MIN_FREEDOM = 0.1
@@ -57,9 +61,9 @@ def vertex_normals(vertices: Array, faces: IntArray) -> Array:
     corners = vertices[faces]
     edges = corners[:, NEXT] - corners
     squares = np.maximum(np.einsum("fkc,fkc->fk", edges, edges), MIN_LENGTH**2)
-    weights = 1 / (squares * squares[:, PREVIOUS])
-    normals = weights[..., None] * cross(edges[:, 0], edges[:, 1])[:, None]
-    sums = [np.bincount(faces.ravel(), normals[..., c].ravel(), len(vertices)) for c in range(3)]
+    weights, areas = 1 / (squares * squares[:, PREVIOUS]), cross(edges[:, 0], edges[:, 1])
+    at = faces.ravel()
+    sums = [np.bincount(at, (weights * areas[:, c, None]).ravel(), len(vertices)) for c in range(3)]
     return unit(np.stack(sums, axis=1))
 
 
@@ -97,8 +101,9 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
         s_j = (\mathbf{n}_j - \mathbf{n}) \cdot (\mathbf{p}_j - \mathbf{p}_i) \quad [\text{m}]
 
     On a surface of second order both halves are equal. Where one half is much smaller, or of the other sign, as on a
-    flat part next to a fillet, :math:`|s_{ij}|` is at most four times the smaller half, or zero. A corner at an open
-    rim has no reliable normal; the other end of its edges counts for both.
+    flat part next to a fillet, :math:`|s_{ij}|` is at most four times the smaller half, or zero. A flat side between
+    two fillets bends at both ends, but the surface bends much more next to it; its halves are zero, too. A corner at an
+    open rim has no reliable normal; the other end of its edges counts for both.
 
     Parameters
     ----------
@@ -116,13 +121,14 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     """
     face, which = np.unique(faces, return_inverse=True)
     corners, facet = mesh.faces[face], mesh.face_normals[face]
-    hit = np.zeros(len(mesh.vertices), bool)
-    hit[corners] = True
-    around = mesh.faces[hit[mesh.faces].any(axis=1)]
-    normals, rim = vertex_normals(mesh.vertices, around)[corners], at_rim(around, len(mesh.vertices))[corners]
+    ring = _faces_around(mesh, corners)
+    normals = vertex_normals(mesh.vertices, _faces_around(mesh, ring))
+    rim = at_rim(ring, len(mesh.vertices))[corners]
     edges = mesh.vertices[corners[:, NEXT]] - mesh.vertices[corners]
-    turned = normals - facet[:, None]  # from the face to each corner
+    turned = normals[corners] - facet[:, None]  # from the face to each corner
     start, end = -np.einsum("fkc,fkc->fk", turned, edges), np.einsum("fkc,fkc->fk", turned[:, NEXT], edges)
+    smooth = _continues(mesh.vertices, normals, ring, corners, turned)
+    start, end = start * smooth, end * smooth[:, NEXT]
     start, end = np.where(rim & ~rim[:, NEXT], end, start), np.where(rim[:, NEXT] & ~rim, start, end)
     most = MAX_END_RATIO * np.minimum(np.abs(start), np.abs(end))
     bends = np.where(start * end > 0, np.clip(start + end, -most, most), 0.0)
@@ -130,6 +136,68 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     bends *= np.clip((1 - angles / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)[:, None]
     b = barycentric(mesh.vertices[corners][which], points)
     return np.einsum("nk,nk,nk->n", b, b[:, NEXT], bends[which]) / 2
+
+
+def _faces_around(mesh: TriangleMesh, corners: IntArray) -> IntArray:
+    """Return the faces with at least one of some vertices, shape (f, 3)."""
+    hit = np.zeros(len(mesh.vertices), bool)
+    hit[corners] = True
+    return mesh.faces[hit[mesh.faces].any(axis=1)]
+
+
+def _continues(vertices: Array, normals: Array, ring: IntArray, corners: IntArray, turned: Array) -> Array:
+    r"""Return how well the curvature over each facet continues at each of its corners, shape (f, 3): 0 to 1.
+
+    From the normal of the facet to that of a corner the surface turns by the vector :math:`\mathbf{t}`, over half of
+    the extent :math:`w` of the facet along it. Along the edges :math:`\mathbf{e}` of the corner, the normals turn by
+    :math:`\delta \mathbf{n}`. The two curvatures are
+
+    .. math::
+
+        \kappa = \frac{2\, \lVert \mathbf{t} \rVert}{w}, \qquad
+        \kappa' = \max_{\mathbf{e}} \frac{(\delta \mathbf{n} \cdot \hat{\mathbf{t}})
+        (\mathbf{e} \cdot \hat{\mathbf{t}})}{\lVert \mathbf{e} \rVert^2} \quad [1 / \text{m}]
+
+    Parameters
+    ----------
+    vertices : array, shape (v, 3)
+        [m]
+    normals : array, shape (v, 3)
+        Of the vertices in ``ring``.
+    ring : array of int, shape (r, 3)
+        All faces around the corners.
+    corners : array of int, shape (f, 3)
+        The facets.
+    turned : array, shape (f, 3, 3)
+        From the normal of each facet to those of its corners.
+    """
+    low, high = NEXT_RATIOS
+    ahead, points = unit(turned), vertices[corners]
+    extents = (np.abs(np.einsum("fkc,fkc->fk", points[:, to] - points, ahead)) for to in (NEXT, PREVIOUS))
+    over = 2 * np.einsum("fkc,fkc->fk", turned, ahead) / np.maximum(np.maximum(*extents), MIN_LENGTH)
+    first, last = ring.ravel(), ring[:, NEXT].ravel()
+    arms, bends = vertices[last] - vertices[first], normals[last] - normals[first]
+    squares = np.maximum(np.einsum("ec,ec->e", arms, arms), MIN_LENGTH**2)
+    steepest = np.zeros(len(vertices))  # in any direction; where it is small, directions need not be compared
+    for end in (first, last):
+        np.maximum.at(steepest, end, np.sqrt(np.einsum("ec,ec->e", bends, bends) / squares))
+    continues = np.ones(corners.shape)
+    face, corner = np.nonzero(steepest[corners] > low * over)
+    if len(face) == 0:
+        return continues
+    at, toward = corners[face, corner], ahead[face, corner]
+    first, last, edge = np.concatenate((first, last)), np.concatenate((last, first)), np.tile(np.arange(len(arms)), 2)
+    near = np.isin(first, at)
+    order = np.flatnonzero(near)[np.argsort(first[near])]
+    begin, stop = (np.searchsorted(first[order], at, side) for side in ("left", "right"))
+    count = stop - begin
+    starts = np.cumsum(count) - count
+    edge = edge[order][np.arange(count.sum()) + np.repeat(begin - starts, count)]
+    toward = np.repeat(toward, count, axis=0)
+    curvatures = np.einsum("pc,pc->p", bends[edge], toward) * np.einsum("pc,pc->p", arms[edge], toward) / squares[edge]
+    ratios = np.maximum.reduceat(curvatures, starts) / np.maximum(over[face, corner], MIN_LENGTH)
+    continues[face, corner] = np.clip((high - ratios) / (high - low), 0, 1)
+    return continues
 
 
 def gaps_below(surface: BSplineSurface, uv: Array, triangles: Array, points: Array) -> Array:

@@ -57,6 +57,51 @@ def test_gaps_are_zero_on_flat_parts_and_at_sharp_edges():
     assert_allclose(facet_gaps(square, np.arange(len(square.faces)), square.triangles.mean(axis=1)), 0, atol=1e-12)
 
 
+@pytest.mark.parametrize("steps", [4, 6, 12], ids=lambda n: f"{n} facets")
+def test_flat_sides_between_fillets_do_not_bulge(steps):
+    """A square tube with rounded corners, as CAD programs write it: two triangles for each side."""
+    half, radius = 0.032, 0.008
+    bend = np.linspace(0, np.pi / 2, steps + 1)
+    corner = half - radius + radius * np.column_stack((np.cos(bend), np.sin(bend)))
+    section = np.concatenate(
+        [corner @ ((np.cos(a), np.sin(a)), (-np.sin(a), np.cos(a))) for a in np.arange(4) * np.pi / 2]
+    )
+    around = len(section)
+
+    def point(a, height):
+        return np.column_stack((section[np.rint(a / (2 * np.pi) * around).astype(int) % around], 0.1 * height))
+
+    mesh = welded(tube_mesh(point, around, 2))
+    gaps = facet_gaps(mesh, np.arange(len(mesh.faces)), mesh.triangles.mean(axis=1))
+    wide = np.ptp(mesh.triangles[..., :2], axis=1).max(axis=1) > 0.04
+    assert wide.sum() == 8
+    assert_allclose(gaps[wide], 0, atol=1e-12)
+    fit = fit_surface(mesh, TubeGrid(8, 40, Z_AXIS, 0.004))
+    out = np.abs(fit.error_field.surface.points(UV)[:, :2]) - (half - radius)
+    beyond = np.maximum(out, 0)
+    off = np.where((out > 0).any(axis=1), np.hypot(*beyond.T), out.max(axis=1)) - radius
+    assert rms(off) < 0.1e-3
+
+
+def test_facets_of_a_tube_keep_their_gaps_next_to_a_fillet_across_it():
+    """A cylinder of 16 sides, each of two triangles, ends in a fillet of 5 mm: only bends around it count."""
+    bend = np.linspace(0, np.pi / 2, 7)[:-1]
+    fillet = np.column_stack((RADIUS - 0.005 * (1 - np.cos(bend)), 0.1 + 0.005 * np.sin(bend)))
+    profile = np.concatenate((((RADIUS, 0.0),), fillet))
+
+    def point(a, height):
+        radius, z = profile[np.rint(height * (len(profile) - 1)).astype(int)].T
+        return np.column_stack((radius * np.cos(a), radius * np.sin(a), z))
+
+    mesh = welded(tube_mesh(point, 16, len(profile)))
+    side = np.flatnonzero(np.ptp(mesh.triangles[..., 2], axis=1) > 0.05)
+    assert len(side) == 32
+    middle = mesh.triangles[side].mean(axis=1)
+    true = RADIUS - np.linalg.norm(middle[:, :2], axis=1)
+    gaps = facet_gaps(mesh, side, middle)
+    assert (gaps > 0.4 * true).all() and (gaps < 1.1 * true).all()
+
+
 @pytest.mark.parametrize("sides", [16, 24, 96])
 def test_the_bias_of_facets_is_removed(sides):
     """Facets cut into a cylinder; the surface through the vertices is on the cylinder."""
