@@ -23,6 +23,10 @@ from ..skin.uncertainty import (
 )
 from ..validation.placement import flat_places, flat_point, link_point
 
+# [1] difference to the normal of the surface from which on a board of the file gives the normal. Larger: boards that
+# are nearly parallel to the surface count as a part of it, with larger uncertainties.
+SAME_NORMAL = 1e-9
+
 
 def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None) -> Patch:
     """Return a patch with the standard uncertainty of each taxel, and the registration that it assumes.
@@ -47,6 +51,9 @@ def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | 
     if isinstance(skin, ImportedSkin):  # it keeps the positions of a file
         along, height, tilt = moved_rigidly(taxels, registration)
         uncertainty = taxel_uncertainty(taxels, field, along, None if skin.snap else height, tilt)
+        upright = field.surface.normals(taxels.uv)
+        of_boards = np.abs(taxels.normals_link - upright).max(axis=1) > SAME_NORMAL  # they turn with the frame only
+        uncertainty.angle[of_boards] = tilt * np.eye(2)
     else:
         arms = flat_places(patch, taxels.index) - flat_point(patch, np.array(registration.anchor))
         along = moved_within(arms, registration, usual_curvature(field.surface, taxels.uv))

@@ -1,6 +1,7 @@
 """Uncertainties of placed skins: registration by kind of skin, rows where nothing can be stated, the file."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,12 +9,17 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration.exchange.table import write_table
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
-from skin_calib_addon.geometry import CoverSpec, TubeGrid
+from skin_calib_addon.calibration.model import Patch
+from skin_calib_addon.geometry import CoverSpec, TubeGrid, fit_surface
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.taxel_sigma import unknown_sigma, with_sigma
 from skin_calib_addon.plan import Plan
 from skin_calib_addon.plan.document import skins_from
+from skin_calib_addon.plan.skins import ImportedSkin
+from skin_calib_addon.skin.imported import imported_taxels
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cylinder, with_hole
+from tests.unit.skin.test_board_planes import boards_around
+from tests.unit.skin.test_imported import taxel_set
 
 SHEET = {
     "name": "sheet",
@@ -85,6 +91,20 @@ def test_registration_of_the_plan_replaces_that_of_landmarks(tmp_path):
     bare = {key: value for key, value in SHEET.items() if key != "origin"}
     patch = made(bare | {"landmarks": marks, "registration": STATED}, tmp_path).calibration.patches[0]
     assert patch.registration.direction == 0.005
+
+
+def test_taxels_of_imported_boards_turn_with_the_frame_only():
+    """A board keeps its plane where the surface under it bends; a taxel with the normal of the surface does not."""
+    positions, _, board = boards_around(RADIUS)
+    fit = fit_surface(cylinder(), TubeGrid(6, 16, Z_AXIS, 1e-3, "uniform"))
+    skin = ImportedSkin("i", Path("i.csv"))
+    bent = {}
+    for snap in (False, True):
+        taxels = imported_taxels(taxel_set(positions, boards=board), fit.error_field.surface, "i", snap=snap).taxels
+        patch = Patch("i", "imported", "tube", (1, len(taxels.ids)), (0.0065, 0.0065), taxels)
+        bent[snap] = with_sigma(patch, replace(skin, snap=snap), fit, None).taxels.sigma[:, 2]
+    assert_allclose(bent[False], np.deg2rad(1.0), rtol=1e-9)
+    assert (bent[True] > np.hypot(np.deg2rad(1.0), 0.9e-3 / RADIUS)).all()
 
 
 def test_nothing_is_stated_over_a_hole_or_for_a_strained_cell(tmp_path):
