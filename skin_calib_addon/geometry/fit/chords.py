@@ -2,108 +2,121 @@
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray, cross, pairs_of, unit
+from ...common.arrays import Array, IntArray, cross, product, unit
 from ..mesh.triangle_mesh import TriangleMesh
+from ..sampling.basis import TensorBasis
+from ..sampling.lines import LineGrid
 from ..sampling.samples import RaySamples
-from ..surface.bspline import BSplineSurface
 
 # [rad] angle between adjacent facets above which their edge is meant to be sharp, so that no smooth surface covers
 # it. The facets of a 12-gon have 30 degrees. Larger: coarser models are smoothed, and edges are rounded.
 MAX_CHORD_ANGLE = np.deg2rad(40.0)
+# [1] iterations from the facets to the surface through their corners; each leaves up to a third of the error. Larger:
+# more accurate, more time.
+CHORD_ITERATIONS = 5
+# [1] Newton steps to the footpoints of the corners. Larger: more accurate over coarse meshes, more time.
+FOOT_ITERATIONS = 2
 
 
-def chord_gaps(mesh: TriangleMesh, surface: BSplineSurface, samples: RaySamples) -> Array:
-    r"""Return the distance along each ray from the facet that it hit out to the surface through the facet's corners.
+def lift_to_corners(
+    mesh: TriangleMesh,
+    lines: LineGrid,
+    basis: TensorBasis,
+    offsets: Array,
+    samples: RaySamples,
+) -> tuple[Array, Array]:
+    r"""Move a surface from the facets to the smooth surface through their corners.
 
-    If the corners of a facet have the heights :math:`h_i` over a surface, a surface through the corners is further out
-    by
+    If the corners of a facet have the heights :math:`h_i` over the surface, the surface through the corners is further
+    out than the surface by
 
     .. math::
 
-        g = \sum_i b_i h_i \quad [\text{m}]
+        e + g = \sum_i b_i h_i \quad [\text{m}]
 
-    over the point with the barycentric coordinates :math:`b_i`.
+    over the point of the facet with the barycentric coordinates :math:`b_i`. Here :math:`e` is the residual of the ray,
+    and :math:`g` the gap from the facet to the surface through its corners. Each iteration solves the least squares for
+    these distances. The surface moves by the height of an arc only: rays and footpoints of the corners stay, and the
+    heights change with the offsets.
 
     Parameters
     ----------
     mesh : TriangleMesh
         The mesh with the facets.
-    surface : BSplineSurface
-        The fitted surface.
+    lines : LineGrid
+        The lines of the control points.
+    basis : TensorBasis
+        The basis at the sample sites.
+    offsets : array, shape (n, m)
+        Of the control points of a surface along the facets [m].
     samples : RaySamples
-        The hits of the rays through the surface.
+        The hits of the rays through this surface.
 
     Returns
     -------
-    array, shape (k, l)
-        [m]; 0 where the ray hit nothing. The angles between the faces of the mesh limit it, because the gaps of a bad
-        fit have no meaning.
+    offsets : array, shape (n, m)
+        Of the surface through the corners [m].
+    gaps : array, shape (k, l)
+        From each facet out to this surface along the ray [m]; 0 where the ray hit nothing. The angles between the faces
+        of the mesh limit it, because the gaps of a bad fit have no meaning.
     """
     k, l = samples.residuals.shape
-    v = np.arange(l) / l if surface.closed[1] else np.linspace(0, 1, l)
-    uv = pairs_of(np.linspace(0, 1, k), v)
     hit = np.flatnonzero(~np.isnan(samples.residuals))
-    uv, face, residuals = uv[hit], samples.faces.ravel()[hit], samples.residuals.ravel()[hit]
-    points, rays = (x.reshape(-1, 3)[hit] for x in (samples.points, samples.rays))
-    corners, first, corner = np.unique(mesh.faces[face], return_index=True, return_inverse=True)
-    heights, normals = heights_over(surface, mesh.vertices[corners], uv[first // 3])
-    corner = corner.reshape(-1, 3)
-    r = surface.derivatives(uv)
-    normal = unit(np.cross(r[1, 0], r[0, 1]))
-    slopes = (normals[corner] * normal[:, None]).sum(axis=2)
-    weights = barycentric(mesh.triangles[face], points)
-    gaps_to_surface = (weights * heights[corner] * slopes).sum(axis=1) / (rays * normal).sum(axis=1)
-    limits = largest_sagittas(mesh)[face]
-    lift = np.clip(gaps_to_surface - residuals, -limits, limits)
-    gaps = np.zeros(k * l)
-    gaps[hit] = np.where(np.isfinite(lift), lift, 0.0)
-    return gaps.reshape(k, l)
+    face, (rays, points) = samples.faces.ravel()[hit], (x.reshape(-1, 3)[hit] for x in (samples.rays, samples.points))
+    corners = mesh.faces[face]
+    weights = barycentric(mesh.vertices[corners], points)
+    site = np.full(len(mesh.vertices), -1)  # one near each corner whose ray hit one of its faces
+    site[corners] = hit[:, None]
+    nearest = weights > 0.5
+    site[corners[nearest]] = hit[np.nonzero(nearest)[0]]
+    used = np.flatnonzero(site >= 0)
+    number = np.empty(len(mesh.vertices), np.int64)
+    number[used] = np.arange(len(used))
+    vertices, site = mesh.vertices[used], site[used]
+    start = samples.origins + samples.arms
+    tangents = np.moveaxis(site_tangents(start, basis.is_closed), 2, 0).reshape(2, -1, 3)
+    away, (by_row, by_column) = vertices - start.reshape(-1, 3)[site], tangents[:, site]
+    at, net = np.column_stack(np.divmod(site, l)).astype(float), lines.origins + offsets[..., None] * lines.directions
+    for _ in range(FOOT_ITERATIONS):
+        at += np.stack(in_basis(by_row, by_column, away), axis=1)
+        index, parts = basis.at(at)
+        here = net.reshape(-1, 3)[index]
+        foot, by_row, by_column = (np.matmul(part[:, None], here)[:, 0] for part in parts)
+        away = vertices - foot
+    normals = unit(cross(by_row, by_column))
+    heights = np.einsum("kc,kc->k", away, normals)
+    moves = parts[0] * np.matmul(lines.directions.reshape(-1, 3)[index], normals[:, :, None])[..., 0]
+    weights /= np.einsum("kc,kc->k", rays, unit(cross(tangents[0, hit], tangents[1, hit])))[:, None]
+    corners, limits = number[corners], largest_sagittas(mesh)[face]
+    residuals, gaps = samples.residuals, np.zeros(k * l)
+    for _ in range(CHORD_ITERATIONS):
+        gap = np.einsum("kc,kc->k", weights, heights[corners]) - residuals.ravel()[hit]
+        gaps[hit] = np.where(np.isfinite(gap), np.clip(gap, -limits, limits), 0.0)
+        step = basis.solve(residuals + gaps.reshape(k, l), offsets)
+        offsets, residuals = offsets + step, residuals - product(product(basis.N, step), basis.B.T)
+        heights = heights - (moves * step.ravel()[index]).sum(axis=1)
+    return offsets, gaps.reshape(k, l)
 
 
-def heights_over(surface: BSplineSurface, points: Array, uv: Array) -> tuple[Array, Array]:
-    r"""Return the heights of points over a surface, and the normals of the surface below them.
-
-    One Newton step finds the parameters. The curvature corrects the rest: over a displacement in the tangent plane, the
-    surface rises by
-
-    .. math::
-
-        \frac{\mathrm{II}}{1 + \sqrt{1 - \mathrm{III}}} \quad [\text{m}]
-
-    with its second and third fundamental forms. This is exact on spheres and cylinders.
+def site_tangents(points: Array, closed: bool) -> Array:
+    """Return the steps between adjacent sites along both directions.
 
     Parameters
     ----------
-    surface : BSplineSurface
-        The surface.
-    points : array, shape (k, 3)
-        [m]
-    uv : array, shape (k, 2)
-        Parameters near the footpoints.
+    points : array, shape (k, l, 3)
+        Of a surface at the sample sites [m].
+    closed : bool
+        Whether the last column is next to the first one.
 
     Returns
     -------
-    heights : array, shape (k,)
-        [m]
-    normals : array, shape (k, 3)
-        Unit vectors.
+    array, shape (k, l, 2, 3)
+        Along u and along v [m].
     """
-    r = surface.derivatives(uv)
-    uv = uv + np.column_stack(in_basis(r[1, 0], r[0, 1], points - r[0, 0]))
-    for axis in (0, 1):
-        if not surface.closed[axis]:
-            uv[:, axis] = np.clip(uv[:, axis], 0, 1)
-    r = surface.derivatives(uv, order=2)
-    a, b, displacements = r[1, 0], r[0, 1], points - r[0, 0]
-    normals = unit(np.cross(a, b))
-    x, y = in_basis(a, b, displacements)
-    L, M, N = ((bend * normals).sum(axis=1) for bend in (r[2, 0], r[1, 1], r[0, 2]))
-    # The rotation of the normal along the displacement, as its products with a and b.
-    turn_a, turn_b = L * x + M * y, M * x + N * y
-    second = turn_a * x + turn_b * y
-    third = (np.stack(solve_metric(a, b, turn_a, turn_b)) * (turn_a, turn_b)).sum(axis=0)
-    rise = second / (1 + np.sqrt(np.maximum(1 - third, 0)))
-    return (displacements * normals).sum(axis=1) - rise, normals
+    arms = [np.gradient(points, axis=0), np.gradient(points, axis=1)]
+    if closed:
+        arms[1] = (np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)) / 2
+    return np.stack(arms, axis=2)
 
 
 def in_basis(a: Array, b: Array, displacements: Array) -> tuple[Array, Array]:

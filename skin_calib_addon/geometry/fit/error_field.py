@@ -11,7 +11,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import MIN_FACET_COSINE, RaySamples
 from ..surface.bspline import MIN_LENGTH, BSplineSurface
-from .chords import MAX_CHORD_ANGLE, barycentric, in_basis
+from .chords import MAX_CHORD_ANGLE, barycentric, in_basis, site_tangents
 from .smoothing import looks_noisy
 
 # [rad] angle between the normals of a face and of its corner above which the face is next to an edge that is meant to
@@ -327,7 +327,7 @@ def error_field(
     )
     if not converged:  # a fit that oscillates stays as it is
         error = error + samples.residuals
-    unknowns, tangents = offsets.size, _tangents(samples.origins + samples.arms, basis.is_closed)
+    unknowns, tangents = offsets.size, site_tangents(samples.origins + samples.arms, basis.is_closed)
     spacing = np.linalg.norm(tangents, axis=3)
     areas = spacing.prod(axis=2)
     if noise > 0 or looks_noisy(mesh, samples, 0.0, unknowns):
@@ -352,14 +352,6 @@ def error_field(
     steps = (_differences(heights, axis, basis.is_closed) / spacing[..., axis] for axis in (0, 1))
     height, *slopes = (_local_mean(part**2, basis, areas) for part in (heights, *steps))
     return ErrorField(surface_of(offsets + step), height, np.stack(slopes, axis=2))
-
-
-def _tangents(points: Array, closed: bool) -> Array:
-    """Return the steps between adjacent points (k, l, 3) along both axes, shape (k, l, 2, 3) [m]."""
-    arms = [np.gradient(points, axis=0), np.gradient(points, axis=1)]
-    if closed:
-        arms[1] = (np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)) / 2
-    return np.stack(arms, axis=2)
 
 
 def _differences(values: Array, axis: int, closed: bool) -> Array:

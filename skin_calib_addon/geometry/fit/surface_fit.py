@@ -12,14 +12,14 @@ from ...common.warnings import Warning
 from ..grid.grids import Grid, PlanesGrid
 from ..mesh.closest import closest_on_triangles
 from ..mesh.triangle_mesh import TriangleMesh
-from ..sampling.basis import SITES_PER_SPAN, TensorBasis
+from ..sampling.basis import TensorBasis
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.samples import RaySamples, SampleRows
 from ..surface.bspline import BSplineSurface, greville
 from ..surface.distance import SAMPLES_PER_SPAN, is_sampled, surface_samples
 from ..surface.footpoints import footpoints
-from .chords import chord_gaps
+from .chords import lift_to_corners
 from .diagnosis import (
     MAX_DEVIATION,
     DeviationLimits,
@@ -32,7 +32,7 @@ from .diagnosis import (
 )
 from .error_field import ErrorField, error_field
 from .error_report import NearMesh, mesh_to_surface, surface_to_mesh, winding
-from .smoothing import best_stiffness, looks_noisy, sites_for_noise
+from .smoothing import MAX_SCORE_RATIO, best_stiffness, looks_noisy, sites_for_noise
 from .undercut import undercut_warnings
 
 # [1] most iterations of a fit. Larger: slowly converging fits get closer to the mesh, more time.
@@ -46,11 +46,14 @@ DIVERGENCE_RATIO = 1.2
 # [1] ratio of a movement to the movement two iterations before above which the iterations oscillate, because rays
 # alternate over a step. Larger: later stop.
 OSCILLATION_RATIO = 0.97
-# [1] iterations of the distances between facets and their arcs. Larger: no visible effect after convergence, more time.
-CHORD_ITERATIONS = 3
-# [1] sample sites per span and direction if facets are chords, because the distance varies within each facet. Larger:
-# more accurate, more time.
+# [1] sample sites per span and direction if facets are chords and fewer than the usual sites, because the distance
+# varies within each facet. Larger: more accurate, more time.
 CHORD_SITES_PER_SPAN = 6
+# [1] most movements from facets to the surface through their corners. Larger: no visible effect, more time.
+CHORD_PASSES = 3
+# [m] square of such a movement over the mesh size, by which footpoints move. Below, no further movement follows.
+# Larger: less accurate surfaces over coarse meshes.
+CHORD_TOLERANCE = 1e-7
 # [1] iterations of the least squares with stiffness. Larger: no visible effect, more time.
 STIFF_ITERATIONS = 2
 # [fraction of the samples] that may be missing; above, most of the surface would be extrapolated. Larger: fits over
@@ -60,6 +63,11 @@ MAX_MISSING_FRACTION = 0.5
 MIN_AREA = 1e-3
 # [1] points per control point and direction at which the area element is evaluated. Larger: smaller folds are found.
 AREA_SITES_PER_CONTROL_POINT = 5
+
+CHORDS_REFUSED = (
+    "The vertices of the mesh are not on a smooth surface: a surface through them follows the facets no better. "
+    "The facets were used as they are."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +85,7 @@ class SurfaceFit:
     noise: float  # standard deviation of the scan about a smoothed surface [m]; 0 without smoothing
     limits: DeviationLimits = DeviationLimits()  # of its distance from the mesh
     stiffness: float = 0.0  # of the smoothed surface, see ``TensorBasis.solve``; 0 without smoothing
+    refused_chords: bool = False  # whether facets that should be chords were used as they are
 
     @property
     def residuals(self) -> Array:
@@ -259,6 +268,8 @@ class SurfaceFit:
         parts = self.lines, self.basis, self.samples
         found = list(fit_warnings(self.mesh, *parts, *self._smallest_area, self.converged, self.limits))
         found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
+        if self.refused_chords:
+            found.append(Warning("chords-refused", "warning", CHORDS_REFUSED, advice="Remove the option chords."))
         return (*found, *undercut_warnings(self.mesh, *parts, self.surface))
 
     def is_within(self, tolerance: float) -> bool:
@@ -382,7 +393,9 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
     SurfaceFit
         The surface with its residuals and errors.
     """
-    basis = TensorBasis.of(lines, *degree, CHORD_SITES_PER_SPAN if chords else SITES_PER_SPAN)
+    basis = TensorBasis.of(lines, *degree)
+    if chords and len(mesh.faces) < len(basis.N) * len(basis.M):
+        basis = TensorBasis.of(lines, *degree, CHORD_SITES_PER_SPAN)
     rows = SampleRows.of(mesh, lines, basis)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
@@ -397,13 +410,21 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
             offsets, samples, more, converged = iterate(lines, basis, rows, offsets, samples)
             iterations += more
     gaps = np.zeros(samples.residuals.shape)  # intended distance of the surface outside the facets
-    for _ in range(CHORD_ITERATIONS if chords else 0):
-        lift = chord_gaps(mesh, surface_at(lines, basis, offsets), samples)
-        lifted, lifted_samples, more, converged = iterate(lines, basis, rows, offsets, samples, lift)
-        iterations += more
-        if rms_residual(lifted_samples.residuals + lift) > rms_residual(samples.residuals + gaps):
-            break  # with true chords, a surface through the corners has smaller residuals
-        offsets, samples, gaps = lifted, lifted_samples, lift
+    refused_chords = False
+    if chords:
+        moved, moved_samples = offsets, samples
+        for _ in range(CHORD_PASSES):
+            before = moved
+            moved, lift = lift_to_corners(mesh, lines, basis, moved, moved_samples)
+            moved_samples = rows.cast(basis.blend(moved[..., None] * lines.directions))
+            if np.abs(moved - before).max() ** 2 < CHORD_TOLERANCE * mesh.size:
+                break
+        ratio = rms_residual(moved_samples.residuals + lift) / rms_residual(samples.residuals)
+        refused_chords = ratio >= 1.0 or (  # true corners make the residuals smaller, noise does so by chance
+            ratio >= MAX_SCORE_RATIO and looks_noisy(mesh, samples, 0.0, offsets.size)
+        )
+        if not refused_chords:
+            offsets, samples, gaps = moved, moved_samples, lift
     stiffness = noise = 0.0
     if looks_noisy(mesh, samples, gaps, offsets.size):
         stiffness, noise = best_stiffness(mesh, basis, samples, gaps, offsets)
@@ -413,7 +434,8 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
         iterations += 1
     check_coverage(lines, basis, samples.residuals)  # the rays moved with the surface
     surface = surface_at(lines, basis, offsets)
-    return SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, converged, noise, stiffness=stiffness)
+    found = SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, converged, noise)
+    return replace(found, stiffness=stiffness, refused_chords=refused_chords)
 
 
 def iterate(

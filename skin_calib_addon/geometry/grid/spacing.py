@@ -14,8 +14,8 @@ from .parametrizations import parametrized_lines
 # [1] The length of a span is divided by this power of its mean square error. The mean square error of a cubic is
 # proportional to the ninth power of the length. Larger: stronger changes of the spans.
 ERROR_EXPONENT = 0.11
-# [fraction of the squared residuals] that other positions can change, in each direction, below which even positions are
-# kept: the rest is the mesh's own facets. Larger: more grids are even, less time, up to half of this more error.
+# [fraction of the squared residuals] that other positions can change, in each direction, below which all spans have the
+# same length: the rest is the mesh's own facets. Larger: more grids are even, less time, up to half of this more error.
 MIN_MOVABLE_FRACTION = 0.06
 EQUALIZING_ROUNDS = 3  # [1] iterations that equalize the errors of all spans. Larger: little effect, more time
 # [fraction of the mean] lower bound of the mean square error of a span. Larger: spans without errors stay shorter.
@@ -68,14 +68,20 @@ def spaced_lines(error_model: ErrorModel, n: int, lines: int, spacing: str, degr
     """
     check_counts(n, degree[0], "u-planes")
     check_counts(lines, degree[1], "v-lines")
+    parametrization = error_model.parametrization
     if (
         spacing == "auto"
         and error_model.is_filled
         and max(error_model.movable_fractions(n, lines, degree)) < MIN_MOVABLE_FRACTION
     ):
-        spacing = "uniform"
+        along, across = (
+            control_fractions(n, degree[0], False),
+            control_fractions(lines, degree[1], parametrization.closed),
+        )
+        s = positions_at((np.array((0.0, 1.0)), np.array(parametrization.span)), along)
+        return parametrized_lines(parametrization, s, positions_at(error_model.maps["uniform"], across))
     s, t = plane_positions(error_model, n, spacing, degree[0]), line_positions(error_model, lines, spacing, degree[1])
-    return parametrized_lines(error_model.parametrization, s, t)
+    return parametrized_lines(parametrization, s, t)
 
 
 def plane_positions(error_model: ErrorModel, count: int, spacing: str, degree: int, moves: int = MAX_MOVES) -> Array:

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.linalg import circulant, eigh, solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
-from ...common.arrays import Array, BoolArray, product, unit
+from ...common.arrays import Array, BoolArray, IntArray, product, unit
 from ...common.errors import UnderdeterminedFit
-from ..surface.bspline import MIN_SITES, basis_functions, clamped_knots, periodic_knots, sites_per_span
+from ..surface.bspline import MIN_SITES, basis_functions, clamped_knots, local_basis, periodic_knots, sites_per_span
 from .lines import LineGrid
 
 # [1] sample sites in each span, per direction. Larger: less aliasing with facets, more time.
@@ -182,6 +182,38 @@ class TensorBasis:
         """Return the net as surfaces store it: rolled to the start of a period, with the repeated points at its end."""
         net = np.roll(net, self.v.shift, axis=1)
         return np.concatenate((net, net[:, : self.v.repeats]), axis=1)
+
+    def at(self, sites: Array) -> tuple[IntArray, Array]:
+        """Return the basis functions that are not zero somewhere, and their derivatives by row and by column.
+
+        Parameters
+        ----------
+        sites : array, shape (k, 2)
+            Row and column as fractions of the steps between sites. Beyond an open edge the polynomials continue for
+            half a span; what is further out is moved there.
+
+        Returns
+        -------
+        index : array of int, shape (k, c)
+            Of the control points, row by row.
+        values : array, shape (3, k, c)
+            Values, derivatives by row, derivatives by column.
+        """
+        first, parts = [], []
+        for axis, (direction, degree) in enumerate(((self.u, self.degree_u), (self.v, self.degree_v))):
+            count, spans = len(direction.values), self.spans_by_axis[axis]
+            steps = count if direction.repeats else count - 1
+            x = sites[:, axis] / steps
+            x = x % 1.0 if direction.repeats else np.clip(x, -0.5 / spans, 1 + 0.5 / spans)
+            start, (values, slopes) = local_basis(x, direction.knots, degree, 1)
+            first.append(start[:, None] + np.arange(degree + 1))
+            parts.append((values, slopes / steps))
+        m = self.M.shape[1]
+        columns = (first[1] - self.v.shift) % m
+        index = (first[0][:, :, None] * m + columns[:, None]).reshape(len(sites), -1)
+        (N, by_u), (M, by_v) = parts
+        pairs = (N, M), (by_u, M), (N, by_v)
+        return index, np.stack([(a[:, :, None] * b[:, None]).reshape(len(sites), -1) for a, b in pairs])
 
     def solve(self, residuals: Array, offsets: Array, stiffness: float = 0.0) -> Array:
         r"""Return the least-squares step of the offsets.
