@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, Delaunay, QhullError
 from trimesh.intersections import slice_faces_plane
 
 from ...common.arrays import Array, BoolArray, IntArray, unit
@@ -16,7 +16,9 @@ from .triangle_mesh import TriangleMesh, weld
 # [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.
 # Larger: more inner parts are kept.
 INNER_AREA_FRACTION = 0.5
-HULL_BLOCK = 4096  # [1] points that are compared with all planes of a hull at a time. Larger: more memory.
+# [fraction of the distance from the middle] by which a point must be inside a hull. Larger: parts that are flush with it
+# are no inner parts; smaller: rounding decides.
+HULL_TOLERANCE = 1e-6
 # [fraction of the root of the area of a shell] longest side of the parts that are inside the hull or not. Larger: less
 # accurate fractions, which depend on the faces.
 SHELL_PART_FRACTION = 0.03
@@ -112,19 +114,19 @@ def is_seen(mesh: TriangleMesh) -> BoolArray:
     for i in others:
         faces = np.flatnonzero(shell == i)
         if hull is None:
-            hull = hull_planes(mesh.triangles[kept].reshape(-1, 3))
+            hull = convex_hull(mesh.triangles[kept].reshape(-1, 3))
         if fraction_inside(hull, mesh, faces) < INNER_AREA_FRACTION:
             kept[faces], hull = True, None
     return kept
 
 
-def fraction_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
+def fraction_inside(hull: Delaunay | None, mesh: TriangleMesh, faces: IntArray) -> float:
     """Return the fraction of the area of some faces that is inside a convex hull; 1 for faces without area.
 
     Parameters
     ----------
-    hull : array, shape (k, 4)
-        Outward normals and offsets, as of ``hull_planes``.
+    hull : Delaunay or None
+        Of ``convex_hull``.
     mesh : TriangleMesh
         The mesh of the faces.
     faces : array of int, shape (n,)
@@ -140,10 +142,10 @@ def fraction_inside(hull: Array, mesh: TriangleMesh, faces: IntArray) -> float:
     # Small parts, so that the fraction does not depend on the size of the faces.
     centres, face, parts = split_faces(shell, SHELL_PART_FRACTION * float(np.sqrt(shell.face_areas.sum())))
     areas = shell.face_areas[face] / parts[face] ** 2
-    inside = np.full(len(centres), len(hull) > 0)
-    for i in range(0, len(centres), HULL_BLOCK):
-        block = slice(i, i + HULL_BLOCK)
-        inside[block] &= (centres[block] @ hull[:, :3].T + hull[:, 3] < 0).all(axis=1)
+    if hull is None:
+        return 0.0
+    middle = hull.points.mean(axis=0)
+    inside = hull.find_simplex(middle + (1 + HULL_TOLERANCE) * (centres - middle)) >= 0
     return float(areas[inside].sum() / areas.sum())
 
 
@@ -156,9 +158,9 @@ def shells(mesh: TriangleMesh) -> IntArray:
     )
 
 
-def hull_planes(points: Array) -> Array:
-    """Return outward normals and offsets of the facets of the convex hull, shape (k, 4); empty if points are flat."""
+def convex_hull(points: Array) -> Delaunay | None:
+    """Return the convex hull of points (k, 3) as tetrahedra; None if the points are flat."""
     try:
-        return ConvexHull(points).equations
+        return Delaunay(points[ConvexHull(points).vertices])
     except QhullError:
-        return np.empty((0, 4))
+        return None
