@@ -8,9 +8,11 @@ import numpy as np
 
 from ..calibration.model import Patch, Registration
 from ..common.arrays import Array, BoolArray
+from ..common.errors import InvalidPlan, millimetres
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
+from ..skin.sheet.landmarks import MAX_POINT_DISTANCE
 from ..skin.sheet.wrap import WrappedSheet
 from ..skin.uncertainty import (
     DIRECTION_UNCERTAINTY,
@@ -81,10 +83,25 @@ def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Reg
     Returns
     -------
     Registration
+
+    Raises
+    ------
+    InvalidPlan
+        If the anchor of the plan is more than 5 mm from the skin; the message has the distance.
     """
     stated = skin.registration or Mounting(direction=_usual_direction(skin))
-    anchor = anchor_of(skin, patch, sheet) if stated.anchor is None else np.array(stated.anchor)
-    return Registration(stated.origin, stated.direction, point_of(anchor))
+    if stated.anchor is None:
+        return Registration(stated.origin, stated.direction, point_of(anchor_of(skin, patch, sheet)))
+    arms = np.array(stated.anchor) - patch.taxels.positions_link
+    nearest = int((arms**2).sum(axis=1).argmin())
+    height = abs(float(arms[nearest] @ patch.taxels.normals_link[nearest]))
+    if height > MAX_POINT_DISTANCE:
+        raise InvalidPlan(
+            f"The anchor of the registration of skin {skin.name!r}, {millimetres(stated.anchor)}, is "
+            f"{height * 1e3:.1f} mm from the skin. Choose a point of the skin, in metres in the link frame.",
+            distance=height,
+        )
+    return Registration(stated.origin, stated.direction, stated.anchor)
 
 
 def _usual_direction(skin: Skin) -> float:

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.calibration.exchange.table import write_table
 from skin_calib_addon.calibration.file import load_calibration, save_calibration
 from skin_calib_addon.calibration.model import Patch
+from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, fit_surface
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.taxel_sigma import unknown_sigma, with_sigma
@@ -91,6 +92,14 @@ def test_registration_of_the_plan_replaces_that_of_landmarks(tmp_path):
     bare = {key: value for key, value in SHEET.items() if key != "origin"}
     patch = made(bare | {"landmarks": marks, "registration": STATED}, tmp_path).calibration.patches[0]
     assert patch.registration.direction == 0.005
+
+
+@pytest.mark.parametrize(("anchor", "distance"), [([0.135, 0, 0.03], 100.0), ([35, 0, 30], 1e3)])
+def test_anchor_away_from_the_skin_is_an_error(anchor, distance, tmp_path):
+    """The message has the distance; a point in millimetres is far away."""
+    with pytest.raises(InvalidPlan, match="anchor of the registration of skin 'sheet'.* mm from the skin") as found:
+        made(SHEET | {"registration": STATED | {"anchor": anchor}}, tmp_path)
+    assert found.value.numbers["distance"] * 1e3 > 0.9 * distance
 
 
 def test_taxels_of_imported_boards_turn_with_the_frame_only():
