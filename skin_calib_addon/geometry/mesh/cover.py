@@ -16,8 +16,8 @@ from .triangle_mesh import TriangleMesh, weld
 # [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.
 # Larger: more inner parts are kept.
 INNER_AREA_FRACTION = 0.5
-# [fraction of the distance from the middle] by which a point must be inside a hull. Larger: parts that are flush with it
-# are no inner parts; smaller: rounding decides.
+# [fraction of the distance from the middle] by which a point must be inside a hull. Larger: parts that are flush with
+# it are no inner parts; smaller: rounding decides.
 HULL_TOLERANCE = 1e-6
 # [fraction of the root of the area of a shell] longest side of the parts that are inside the hull or not. Larger: less
 # accurate fractions, which depend on the faces.
