@@ -51,8 +51,8 @@ def test_moving_the_mesh_moves_the_taxels(seed, scale, centred):
 
 def mirrored(surface):
     """Return the surface with x reversed; v is reversed, too, so that the normals still point outward."""
-    net, middle = surface.control_net[:, ::-1] * (-1, 1, 1), surface.middle * (-1, 1, 1)
-    return BSplineSurface(net, surface.knots_u, surface.knots_v, surface.degree, surface.closed, middle)
+    net, centre = surface.control_net[:, ::-1] * (-1, 1, 1), surface.centre * (-1, 1, 1)
+    return BSplineSurface(net, surface.knots_u, surface.knots_v, surface.degree, surface.closed, centre)
 
 
 def test_mirrored_surface_has_the_mirrored_sheet():

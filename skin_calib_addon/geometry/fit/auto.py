@@ -178,7 +178,10 @@ class SizePredictor:
     def lines(self, size: tuple[int, int]) -> LineGrid:
         """Return the lines of a grid at the positions with the least error."""
         return parametrized_lines(
-            self.error_model.parametrization, self.along.positions(size[0]), self.across.positions(size[1])
+            self.error_model.parametrization,
+            self.along.positions(size[0]),
+            self.across.positions(size[1]),
+            self.error_model.centre,
         )
 
     def smallest_size(self, error: float, above: float = 0.0, below: float = np.inf) -> tuple[int, int] | None:

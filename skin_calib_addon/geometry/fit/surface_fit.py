@@ -519,7 +519,7 @@ def surface_at(lines: LineGrid, basis: TensorBasis, offsets: Array) -> BSplineSu
     """
     net = basis.close(lines.origins + offsets[..., None] * lines.directions)
     degree = (basis.degree_u, basis.degree_v)
-    return BSplineSurface(net, basis.u.knots, basis.v.knots, degree, (False, lines.closed), lines.middle)
+    return BSplineSurface(net, basis.u.knots, basis.v.knots, degree, (False, lines.closed), lines.centre)
 
 
 def check_coverage(lines: LineGrid, basis: TensorBasis, residuals: Array) -> None:

@@ -69,6 +69,7 @@ class ErrorModel:
     profiles: Array  # (PROFILES, k) [m]
     profiles_known: Array  # (PROFILES, k)
     per_span: int = SELECTION_SITES  # sites in each span for the errors
+    centre: Array | None = None  # (3,) point of the mesh at the middle of the region [m]
 
     @classmethod
     def of(cls, mesh: TriangleMesh, parametrization: Parametrization, planes: int) -> "ErrorModel":
@@ -93,9 +94,7 @@ class ErrorModel:
             If no ray hits the mesh.
         """
         rows = min(max(PROFILE_SITES_PER_PLANE * planes, MIN_PROFILE_SITES), MAX_PROFILE_SITES)
-        s, t = np.linspace(*parametrization.span, rows + 1), np.linspace(*parametrization.breadth, OUTLINE_RAYS + 1)
-        if parametrization.closed:
-            t = t[:-1]
+        s, t = np.linspace(*parametrization.span, rows + 1), outline_positions(parametrization)
         outline_s = np.linspace(*parametrization.span, 2 * OUTLINES + 1)[1::2]
         profile_t = t[:: OUTLINE_RAYS // PROFILES][:PROFILES]
         outlines, profiles = (
@@ -103,14 +102,17 @@ class ErrorModel:
             for rows, columns in ((outline_s, t), (s, profile_t))
         )
         known, profiles_met = (~np.isnan(h) * 1.0 for h in (outlines, profiles.T))
+        outlines = filled(outlines, parametrization.closed)
+        middle = OUTLINES // 2
         return cls(
             parametrization,
             t,
-            filled(outlines, parametrization.closed),
+            outlines,
             known,
             s,
             filled(profiles.T, False),
             profiles_met,
+            centre=outline_centre(parametrization, outline_s[middle], outlines[middle]),
         )
 
     @property
@@ -452,6 +454,53 @@ class ErrorModel:
     @cached_property
     def _profile_slopes(self) -> Array:
         return np.gradient(self.profiles, self.profile_s, axis=1)
+
+
+def outline_positions(parametrization: Parametrization) -> Array:
+    """Return the even t of the rays of an outline; the ray at ``OUTLINE_RAYS // 2`` is at the middle of the region."""
+    t = np.linspace(*parametrization.breadth, OUTLINE_RAYS + 1)
+    return t[:-1] if parametrization.closed else t
+
+
+def outline_centre(parametrization: Parametrization, s: float, outline: Array) -> Array:
+    """Return the point of an outline halfway across the region; of a full turn, opposite to angle zero.
+
+    Parameters
+    ----------
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    s : float
+        Of the outline [m].
+    outline : array, shape (l,)
+        Heights [m].
+
+    Returns
+    -------
+    array, shape (3,)
+        [m]
+    """
+    middle = OUTLINE_RAYS // 2
+    origins, directions = parametrization.rays(np.array([s]), outline_positions(parametrization)[[middle]])
+    return np.asarray(origins[0, 0] + outline[middle] * directions[0, 0])
+
+
+def region_centre(mesh: TriangleMesh, parametrization: Parametrization) -> Array | None:
+    """Return the point of a mesh at the middle of a region, shape (3,) [m]; None if the section there is empty.
+
+    Over a hole it is between the rims, at an interpolated height.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    """
+    s, t = np.array([sum(parametrization.span) / 2]), outline_positions(parametrization)
+    outline = cast_rays(mesh, parametrization.planes(s), *parametrization.rays(s, t))
+    if np.isnan(outline).all():
+        return None
+    return outline_centre(parametrization, s[0], filled(outline, parametrization.closed)[0])
 
 
 def shifted(positions: Array) -> Array:

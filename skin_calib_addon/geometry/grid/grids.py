@@ -14,7 +14,7 @@ from ..sampling.planes import Planes
 from ..sampling.rays import TURN
 from .axis import FULL_TURN_ANGLES, Axis, find_axis, long_direction, stations_between, tube_frame
 from .curved_axis import curved_axis_span, find_curved_axis
-from .error_model import ErrorModel
+from .error_model import ErrorModel, region_centre
 from .parametrizations import FaceParametrization, Parametrization, TubeParametrization, parametrized_lines
 from .spacing import spaced_lines
 
@@ -506,7 +506,7 @@ def check_order(points: Array, name: str, size: float) -> None:
 def lines_on(
     parametrization: Parametrization, mesh: TriangleMesh, n: int, lines: int, spacing: str, degree: tuple[int, int]
 ) -> LineGrid:
-    """Return the lines of planes over a region; "uniform" ones do not sample the mesh.
+    """Return the lines of planes over a region; for "uniform" ones only the middle of the mesh is sampled.
 
     Parameters
     ----------
@@ -533,7 +533,8 @@ def lines_on(
             parametrization.breadth[0]
             + (parametrization.breadth[1] - parametrization.breadth[0]) * np.arange(lines) / last
         )
-        return parametrized_lines(parametrization, np.linspace(*parametrization.span, n), t)
+        planes = np.linspace(*parametrization.span, n)
+        return parametrized_lines(parametrization, planes, t, region_centre(mesh, parametrization))
     return spaced_lines(ErrorModel.of(mesh, parametrization, n), n, lines, spacing, degree)
 
 

@@ -35,11 +35,6 @@ class TubeParametrization:
         """Return the first and the last t [rad]."""
         return (0.0, TURN) if self.sector is None else (0.0, self.sector[1] - self.sector[0])
 
-    @property
-    def middle(self) -> Array:
-        """Return the ray halfway along and around the region; of a full turn, opposite to angle zero."""
-        return middle_ray(self)
-
     def angles(self, t: Array) -> Array:
         """Return the angles from ``frame.e1`` towards ``frame.e2`` [rad]."""
         return (0.0 if self.sector is None else self.sector[1]) - t
@@ -139,11 +134,6 @@ class FaceParametrization:
     closed = False
     bends = False
 
-    @property
-    def middle(self) -> Array:
-        """Return the ray through the middle of the region, as in a LineGrid."""
-        return middle_ray(self)
-
     def planes(self, s: Array) -> Planes:
         """Return one plane perpendicular to ``along`` at each s."""
         points = self.corner + s[:, None] * self.along
@@ -211,14 +201,7 @@ class FaceParametrization:
 Parametrization = TubeParametrization | FaceParametrization
 
 
-def middle_ray(parametrization: Parametrization) -> Array:
-    """Return the ray at the middle of the ranges of s and t: its origin [m] and its unit direction, shape (2, 3)."""
-    s, t = (np.array([(first + last) / 2]) for first, last in (parametrization.span, parametrization.breadth))
-    origins, directions = parametrization.rays(s, t)
-    return np.stack((origins[0, 0], directions[0, 0]))
-
-
-def parametrized_lines(parametrization: Parametrization, s: Array, t: Array) -> LineGrid:
+def parametrized_lines(parametrization: Parametrization, s: Array, t: Array, centre: Array | None = None) -> LineGrid:
     """Return the lines of the control points at every pair of s and t.
 
     Parameters
@@ -229,6 +212,8 @@ def parametrized_lines(parametrization: Parametrization, s: Array, t: Array) -> 
         Of the planes [m].
     t : array, shape (m,)
         Of the lines [rad] or [m].
+    centre : array, shape (3,), optional
+        Point of the mesh at the middle of the region [m].
 
     Returns
     -------
@@ -239,5 +224,5 @@ def parametrized_lines(parametrization: Parametrization, s: Array, t: Array) -> 
         *parametrization.rays(s, t),
         parametrization.closed,
         parametrization.names(t),
-        middle=parametrization.middle,
+        centre=centre,
     )

@@ -79,9 +79,10 @@ def spaced_lines(error_model: ErrorModel, n: int, lines: int, spacing: str, degr
             control_fractions(lines, degree[1], parametrization.closed),
         )
         s = positions_at((np.array((0.0, 1.0)), np.array(parametrization.span)), along)
-        return parametrized_lines(parametrization, s, positions_at(error_model.maps["uniform"], across))
+        t = positions_at(error_model.maps["uniform"], across)
+        return parametrized_lines(parametrization, s, t, error_model.centre)
     s, t = plane_positions(error_model, n, spacing, degree[0]), line_positions(error_model, lines, spacing, degree[1])
-    return parametrized_lines(parametrization, s, t)
+    return parametrized_lines(parametrization, s, t, error_model.centre)
 
 
 def plane_positions(error_model: ErrorModel, count: int, spacing: str, degree: int, moves: int = MAX_MOVES) -> Array:

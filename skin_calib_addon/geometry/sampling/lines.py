@@ -21,10 +21,10 @@ class LineGrid:
     closed: bool  # whether the last line is next to the first
     v_names: tuple[str, ...]  # name of each v-line in messages
     warnings: tuple[Warning, ...] = ()  # about the placement of the planes
-    middle: Array | None = None  # (2, 3) ray through the middle of the region: origin [m] and unit direction
+    centre: Array | None = None  # (3,) point of the mesh at the middle of the region [m]
 
     def __post_init__(self):
         n, m = len(self.planes_u), len(self.v_names)
         freeze(self, origins=(n, m, 3), directions=(n, m, 3))
-        if self.middle is not None:
-            freeze(self, middle=(2, 3))
+        if self.centre is not None:
+            freeze(self, centre=(3,))

@@ -281,8 +281,7 @@ class BSplineSurface:
     (The NURBS Book, eq. 3.11.) In a ``closed`` direction the net ends with copies of its first ``degree`` control
     points, the knots are periodic, and parameters wrap around. ``r_u x r_v`` points out of the robot.
 
-    ``middle`` is a ray: an origin within the robot [m] and a unit direction. It meets the surface at its centre,
-    independently of the parametrization.
+    ``centre`` is the point of the mesh at the middle of the region. The centre of the surface is the point next to it.
     """
 
     control_net: Array  # (n_u, n_v, 3) [m]
@@ -290,12 +289,12 @@ class BSplineSurface:
     knots_v: Array  # (n_v + degree_v + 1,)
     degree: tuple[int, int]
     closed: tuple[bool, bool] = (False, False)
-    middle: Array | None = None  # (2, 3)
+    centre: Array | None = None  # (3,) [m]
 
     def __post_init__(self):
         freeze(self, control_net=(None, None, 3), knots_u=(None,), knots_v=(None,))
-        if self.middle is not None:
-            freeze(self, middle=(2, 3))
+        if self.centre is not None:
+            freeze(self, centre=(3,))
         for knots, degree, n in zip((self.knots_u, self.knots_v), self.degree, self.control_net.shape):
             check_knots(knots, degree, n)
 

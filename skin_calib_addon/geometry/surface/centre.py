@@ -1,4 +1,4 @@
-"""The centre of a surface: it depends on the shape only, and not on the parametrization."""
+"""The centre of a surface: it depends on the shape only."""
 
 from functools import lru_cache
 
@@ -6,29 +6,24 @@ import numpy as np
 
 from ...common.arrays import Array
 from .bspline import BSplineSurface
-from .distance import sample_lines
+from .footpoints import footpoints
 
 # [1] chords that measure a coordinate line on each side of a point. Larger: more accurate lengths, more time.
 CHORDS_PER_SIDE = 64
 # [1] Newton iterations to half of the length, in each direction. Larger: no visible effect, more time.
 CENTRE_ITERATIONS = 3
-# [1] points in each span, per direction, from which the search for the middle starts. Larger: safer start, more time.
-STARTS_PER_SPAN = 3
-MAX_RAY_ITERATIONS = 16  # [1] most Newton iterations for the intersection of the middle ray with the surface
-# [1] step of the parameters below which these iterations have converged. Larger: a less accurate centre.
-RAY_TOLERANCE = 1e-10
 
 
 @lru_cache(maxsize=8)
 def surface_centre(surface: BSplineSurface) -> tuple[float, float]:
-    """Return the parameters of the centre: where the middle ray of the region meets the surface.
+    """Return the parameters of the centre: the point nearest to the middle of the region of the mesh.
 
-    The region of the mesh defines this ray, so the centre does not depend on the planes and lines of the surface. A
-    surface along planes of the author has no middle ray. Its centre is at half of the length of its coordinate lines,
-    from v = 0 on where it is closed.
+    The mesh defines this point, so the centre does not depend on the planes and lines of the surface. A surface along
+    planes of the author has no region. Its centre is at half of the length of its coordinate lines, from v = 0 on where
+    it is closed.
     """
-    if surface.middle is not None:
-        uv = ray_parameters(surface, *surface.middle)
+    if surface.centre is not None:
+        uv = footpoints(surface, surface.centre[None])[0]
     else:
         uv = np.full((1, 2), 0.5)
         for _ in range(CENTRE_ITERATIONS):
@@ -37,36 +32,6 @@ def surface_centre(surface: BSplineSurface) -> tuple[float, float]:
                 uv[:, axis] += (0.5 - fraction) / slope
     u, v = surface.wrap(uv)[0].tolist()
     return u, v
-
-
-def ray_parameters(surface: BSplineSurface, origin: Array, ray: Array) -> Array:
-    """Return the parameters where a ray meets a surface, or where the surface is nearest to it, shape (1, 2).
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface, [m] in the link frame.
-    origin : array, shape (3,)
-        [m]
-    ray : array, shape (3,)
-        Unit direction.
-    """
-    u, v = sample_lines(surface, STARTS_PER_SPAN)
-    points = surface.grid_points(u, v) - origin
-    depth = points @ ray
-    distance = np.where(depth > 0, np.linalg.norm(points - depth[..., None] * ray, axis=2), np.inf)
-    i, j = np.unravel_index(np.argmin(distance), distance.shape)
-    uv = np.array([[u[i], v[j]]])
-    for _ in range(MAX_RAY_ITERATIONS):
-        r = surface.derivatives(uv)[:, :, 0]
-        gap, along, across = (vector - (vector @ ray) * ray for vector in (r[0, 0] - origin, r[1, 0], r[0, 1]))
-        step = np.linalg.lstsq(np.column_stack((along, across)), gap, rcond=None)[0]
-        after = uv - step
-        after = np.where(surface.closed, after, np.clip(after, 0, 1))
-        if np.abs(after - uv).max() < RAY_TOLERANCE:
-            break
-        uv = after
-    return uv
 
 
 def length_fractions(

@@ -8,11 +8,23 @@ from numpy.testing import assert_allclose
 
 from sample_scenes import shapes
 from skin_calib_addon.geometry import AcrossGrid, BSplineSurface, SectorGrid, TubeGrid, fit_surface, weld
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.surface.centre import length_fractions, surface_centre
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.sheet.constraints import centring
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, Motion, cone_surface, plane_surface, welded, wrist, wrist_surface
+from tests.shapes import (
+    LENGTH,
+    RADIUS,
+    Z_AXIS,
+    Motion,
+    cone_surface,
+    plane_surface,
+    welded,
+    with_hole,
+    wrist,
+    wrist_surface,
+)
 
 # A coarse net, one whose planes and lines go where they lower the error, a fine one.
 NETS = ((7, 14, "uniform"), (12, 33, "auto"), (20, 60, "curvature"))
@@ -99,20 +111,40 @@ def test_centred_sheet_stays_where_it_is_when_planes_and_lines_move(direction):
         assert np.linalg.norm(place - places[-1], axis=1).max() < 1e-4
 
 
-def test_middle_is_where_its_ray_meets_the_surface():
-    """On a cylinder, for rays from any side and through a point off the axis; without a ray, half of the lengths."""
+def test_middle_is_next_to_the_point_of_the_mesh():
+    """On a cylinder, for points of the mesh outside and inside of it; without one, half of the lengths."""
     plain = cone_surface(RADIUS, RADIUS)
-    for angle in (0.0, 1.0, -2.9):
-        ray = np.array((np.cos(angle), np.sin(angle), 0))
-        origin = np.array((0.2 * RADIUS, 0.1 * RADIUS, 0.4 * LENGTH))
-        surface = BSplineSurface(
-            plain.control_net, plain.knots_u, plain.knots_v, plain.degree, plain.closed, np.stack((origin, ray))
-        )
-        found = surface.points(surface_centre(surface))[0]
-        assert_allclose(np.cross(found - origin, ray), 0, atol=1e-9)
-        assert (found - origin) @ ray > 0
-        assert_allclose(np.hypot(*found[:2]), RADIUS, rtol=1e-6)
+    for angle, height in ((0.0, 1e-3), (1.0, 0.0), (-2.9, -4e-3)):
+        out = np.array((np.cos(angle), np.sin(angle), 0))
+        point = (RADIUS + height) * out + (0, 0, 0.4 * LENGTH)
+        surface = BSplineSurface(plain.control_net, plain.knots_u, plain.knots_v, plain.degree, plain.closed, point)
+        assert_allclose(surface.points(surface_centre(surface))[0], point - height * out, rtol=0, atol=2e-8)
     assert_allclose(surface_centre(plain), (0.5, 0.5), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "grid"),
+    [(wrist, tube), (bent, bent_tube), (wrist, sector), (sole, across)],
+    ids=["tube", "bent", "sector", "sole"],
+)
+def test_middle_of_the_mesh_is_the_same_for_every_net(mesh, grid):
+    """A point of the mesh, however the planes and lines were placed."""
+    centres = [fit_surface(mesh(), grid(*net)).surface.centre for net in NETS]
+    assert np.ptp(centres, axis=0).max() < 1e-12
+    assert MeshDistance(mesh())(centres[0][None])[0] < 1e-9
+
+
+def test_middle_over_a_hole_is_between_its_rims():
+    """A cylinder has a hole of 5 mm half a turn from a ridge: its middle is near the cylinder, at half length."""
+
+    def point(angle, height):
+        radius = 0.03 + 0.004 * np.exp(6 * (np.cos(angle) - 1))
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0.1 * height))
+
+    opened = with_hole(welded(shapes.tube_mesh(point, 180, 61)), (-0.03, 0, 0.05), 0.005)
+    for spacing in ("uniform", "auto"):
+        surface = fit_surface(opened, TubeGrid(10, 30, Z_AXIS, 0.01, spacing)).surface
+        assert_allclose(surface.points(surface_centre(surface))[0], (-0.03, 0, 0.05), rtol=0, atol=4e-4)
 
 
 def test_middle_of_a_tube_is_opposite_angle_zero_at_half_of_its_length():
