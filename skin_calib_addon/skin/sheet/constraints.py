@@ -8,15 +8,12 @@ from numpy.typing import ArrayLike
 from ...common.arrays import Array, IntArray, cross, unit
 from ...common.errors import InvalidPlan
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.centre import length_fractions
 from .geodesic import trace
 from .net import Net
 
 # Steps of the geodesics that define the direction. They cross knots, where the third derivatives of the surface jump.
 # Larger: more exact, and slower.
 GEODESIC_STEPS = 2
-# Chords on either side of a node that measure its distance from the edges. Larger: more exact, and slower.
-HALF_LINE = 16
 # Smallest sine of the angle between a direction and the normal. Larger: refuses more directions.
 MIN_DIRECTION_SINE = 0.05
 
@@ -29,8 +26,8 @@ class Constraints:
     the strain smooth, as glue or friction do.
     """
 
-    nodes: IntArray  # (k, 2, 2) for each of the two parameters: two nodes (or the same twice) whose mean is fixed
-    uv: Array  # (k, 2) the fixed values
+    nodes: IntArray  # (k,) the nodes whose parameters are fixed
+    uv: Array  # (k, 2) their values
     pin: int  # the pinned node
     turning: IntArray  # (m,) nodes that define the rotation about the pinned node; may be empty
     vectors: Array  # (m, 3) their target vectors from the pinned node [m]
@@ -40,9 +37,8 @@ class Constraints:
     def rows(self, basis: Array) -> Array:
         """Return the derivatives of the constraints with respect to the parameters, shape (constraints, n, 2)."""
         rows = np.zeros((len(self.loads), len(basis), 2))
-        for k, held in enumerate(self.nodes):
-            for axis in (0, 1):
-                np.add.at(rows, (2 * k + axis, held[axis], axis), 0.5)
+        for k, node in enumerate(self.nodes):
+            rows[[2 * k, 2 * k + 1], node, [0, 1]] = 1.0
         if len(self.turning):
             rows[-1, self.turning] = np.matmul(basis[self.turning], self.side_vectors[..., None])[..., 0]
             rows[-1, self.pin] -= basis[self.pin] @ self.side_vectors.sum(axis=0)
@@ -58,8 +54,7 @@ class Constraints:
         points : array, shape (n, 3)
             Their points [m].
         """
-        held = np.stack([uv[self.nodes[:, axis], axis].mean(axis=1) for axis in (0, 1)], axis=1)
-        violations = (held - self.uv).ravel()
+        violations = (uv[self.nodes] - self.uv).ravel()
         if len(self.turning) == 0:
             return violations
         return np.append(
@@ -93,7 +88,7 @@ def row_axis(surface: BSplineSurface, uv: Array, direction: ArrayLike) -> Array:
     return unit(tangent)
 
 
-def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array, centre: bool = False) -> Constraints:
+def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array) -> Constraints:
     """Return constraints that fix the pinned node and the rotation of the net about it.
 
     Geodesics from the pinned node give the target positions of the adjacent nodes. The x axis of the net leaves the
@@ -109,8 +104,6 @@ def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array, 
         First guess of all nodes.
     along : array, shape (3,)
         Unit tangent at the pinned node.
-    centre : bool
-        Centre the net instead: fix the mean parameter of its outermost nodes along each open parameter.
 
     Returns
     -------
@@ -131,44 +124,8 @@ def pin_constraints(surface: BSplineSurface, net: Net, uv: Array, along: Array, 
     )
     r = surface.derivatives(path[-1])
     sides = cross(unit(cross(r[1, 0], r[0, 1])), tangents[-1]) * (distances / (distances**2).sum())[:, None]
-    nodes, held_uv = np.full((1, 2, 2), pin), uv[[pin]].copy()
-    for axis, closed in enumerate(surface.closed):
-        if centre and not closed:
-            ends, shift = centring(surface, uv, axis)
-            nodes[0, axis], held_uv[0, axis] = ends, uv[ends, axis].mean() + shift
-    return Constraints(
-        nodes, held_uv, pin, adjacent, r[0, 0] - here, sides, rigid_loads(net, *flat_axes(surface, net, uv))
-    )
-
-
-def centring(surface: BSplineSurface, uv: Array, axis: int) -> tuple[IntArray, float]:
-    r"""Return the outermost nodes along an open parameter, and the shift of their parameters that centres the net.
-
-    A centred net leaves equal fractions of the surface free at both ends. The fractions are lengths of the coordinate
-    lines through the outermost nodes. With the fractions f of the lines before the two nodes, the shift is one Newton
-    step:
-
-    .. math:: \Delta = \frac{1 - f_1 - f_2}{f_1' + f_2'}
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    uv : array, shape (n, 2)
-        Parameters of the nodes.
-    axis : int
-        0 for u, 1 for v.
-
-    Returns
-    -------
-    ends : array of int, shape (2,)
-        The outermost nodes.
-    shift : float
-        Shift of the parameter; zero for a centred net.
-    """
-    ends = np.array((np.argmin(uv[:, axis]), np.argmax(uv[:, axis])))
-    load_fractions, growth = length_fractions(surface, uv[ends], axis, HALF_LINE)
-    return ends, float((1 - load_fractions.sum()) / growth.sum())
+    loads = rigid_loads(net, *flat_axes(surface, net, uv))
+    return Constraints(np.array([pin]), uv[[pin]].copy(), pin, adjacent, r[0, 0] - here, sides, loads)
 
 
 def rigid_loads(net: Net, x_axis: Array, y_axis: Array) -> Array:

@@ -132,7 +132,7 @@ class LandmarkTargets:
         near /= near.sum(axis=1, keepdims=True)
         loads = (near[:, None, :, None] * np.stack((x_axis, y_axis))).reshape(-1, len(uv), 3)
         no_vectors = np.zeros((0, 3))
-        return Constraints(_twice(nodes), targets, net.pin, np.zeros(0, np.int64), no_vectors, no_vectors, loads)
+        return Constraints(nodes, targets, net.pin, np.zeros(0, np.int64), no_vectors, no_vectors, loads)
 
     def _rotating(self, net: Net, nodes: IntArray, targets: Array, x_axis: Array, y_axis: Array) -> Constraints:
         """Return constraints that fix the first landmark and the direction to the second."""
@@ -141,11 +141,7 @@ class LandmarkTargets:
         side = (arm[0] * y_axis[second] - arm[1] * x_axis[second]) / (arm @ arm)
         vector = np.diff(self.layer.points(targets), axis=0)
         loads = rigid_loads(net, x_axis, y_axis)
-        return Constraints(_twice(nodes[:1]), targets[:1], net.pin, nodes[1:], vector, side[None], loads)
-
-
-def _twice(nodes: IntArray) -> IntArray:
-    return np.tile(nodes[:, None, None], (1, 2, 2))
+        return Constraints(nodes[:1], targets[:1], net.pin, nodes[1:], vector, side[None], loads)
 
 
 def located(surface: BSplineSurface, points: Array, names: Sequence[str]) -> Array:

@@ -12,7 +12,7 @@ from ...common.errors import InvalidPlan, OutsideSurface
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.centre import surface_centre
 from ..lattice import SheetLattice
-from .constraints import Constraints, centring, pin_constraints, row_axis
+from .constraints import Constraints, pin_constraints, row_axis
 from .folds import check_folds, turned_over
 from .geodesic import unroll
 from .landmarks import Landmark, LandmarkTargets, located
@@ -26,10 +26,8 @@ MAX_GUESS_OVERSHOOT = 0.5
 # Weight of the strain beyond the edges of the surface, for a sheet that is trimmed. Larger: the extrapolated surface
 # has more influence on the cells inside.
 OUTSIDE_WEIGHT = 1e-3
-# Limit of the solutions of a centred sheet: a shift changes its direction and its outermost nodes.
-CENTRING_ITERATIONS = 4
-# Movement up to which an intermediate solution has converged and a sheet is centred, as a fraction of the pitch.
-# Larger: faster, and less exact.
+# Movement up to which an intermediate solution has converged, as a fraction of the pitch. Larger: faster, and less
+# exact.
 COARSE_STEP_TOLERANCE = 0.01
 # Relative error of a chord from which on a net may be folded. Larger: accepts folded nets.
 MAX_CHORD_ERROR = 0.5
@@ -81,9 +79,8 @@ def wrap_sheet(
     lattice : SheetLattice
         The flat sheet.
     origin : array, shape (3,), or None
-        Position of the centre of cell (0, 0) [m]; its nearest surface point counts. None centres the sheet. A centred
-        sheet has the same free length at both open edges. Around a closed surface its middle is half a turn from angle
-        zero. The result depends on the shape of the surface, not on its planes and lines.
+        Position of the centre of cell (0, 0) [m]; its nearest surface point counts. None centres the sheet: its middle
+        is the centre of the surface, see `surface_centre`. This depends on the mesh, not on planes and lines.
     direction : array, shape (3,)
         Direction of the row at the origin, in the link frame; its tangential part counts.
     offset : float
@@ -120,7 +117,7 @@ def wrap_sheet(
     along, step = row_axis(layer, start, direction), guess_step(layer, max(lattice.pitch))
 
     def pin_by_direction(net: Net, uv: Array) -> Constraints:
-        return pin_constraints(layer, net, uv, row_axis(layer, uv[net.pin], direction), centre=origin is None)
+        return pin_constraints(layer, net, uv, row_axis(layer, uv[net.pin], direction))
 
     constrain = pin_by_direction
     if len(landmarks) > 1:
@@ -129,16 +126,13 @@ def wrap_sheet(
     net = grid_net(lattice.node_shape, lattice.step, pin)
 
     def guess(step: float) -> Array:
-        uv = unroll(layer, net.flat, start, along, step)
-        if origin is None:
-            uv = uv + _centring_shift(layer, uv)
-        uv = uv.reshape(*lattice.node_shape, 2)
+        uv = unroll(layer, net.flat, start, along, step).reshape(*lattice.node_shape, 2)
         if not trim:
             _check_inside(layer, lattice, uv, MAX_GUESS_OVERSHOOT)
         return uv
 
-    start_nodes = None if near is None else _moved_sheet(near, layer, net, start, origin is None)
-    uv = _relax_sheet(layer, lattice, guess, step, pin, constrain, origin is None, trim, start_nodes)
+    start_nodes = None if near is None else _moved_sheet(near, layer, net, start)
+    uv = _relax_sheet(layer, lattice, guess, step, pin, constrain, trim, start_nodes)
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         _check_inside(layer, lattice, uv)
@@ -146,7 +140,7 @@ def wrap_sheet(
     return WrappedSheet(surface, offset, layer, lattice, uv, inside)
 
 
-def _moved_sheet(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array, centre: bool) -> Array | None:
+def _moved_sheet(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array) -> Array | None:
     """Return the nodes of a sheet, shifted to its start on another layer, shape (n, 2); None if they are far from it.
 
     Parameters
@@ -159,13 +153,9 @@ def _moved_sheet(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Ar
         The net of the sheet.
     start : array, shape (2,)
         Parameters of the pinned node.
-    centre : bool
-        Whether the sheet is centred on the surface.
     """
     before = sheet.uv.reshape(-1, 2)
     uv = before + (start - before[net.pin])
-    if centre:
-        uv = uv + _centring_shift(layer, uv)
     far = np.linalg.norm(layer.points(uv) - sheet.layer.points(before), axis=1).max()
     return uv if far < MAX_START_DISTANCE * net.pitch else None
 
@@ -177,7 +167,6 @@ def _relax_sheet(
     step: float,
     pin: tuple[int, int],
     constrain: Callable[[Net, Array], Constraints],
-    centre: bool,
     trim: bool,
     start_nodes: Array | None,
 ) -> Array:
@@ -197,27 +186,17 @@ def _relax_sheet(
         Row and column of the pinned node.
     constrain : function
         Returns the constraints of a net at given parameters.
-    centre, trim : bool
+    trim : bool
         As for :func:`wrap_sheet`.
     start_nodes : array, shape (n, 2), or None
         Nodes on a similar surface, if known.
     """
 
-    def relaxed(
-        net: Net, uv: Array, rounds: int = CENTRING_ITERATIONS, step_tolerance: float = STEP_TOLERANCE
-    ) -> Array:
+    def relaxed(net: Net, uv: Array, step_tolerance: float = STEP_TOLERANCE) -> Array:
         weights = None
         if trim:
             weights = np.where(on_surface(layer, uv)[net.pairs].any(axis=1), 1.0, OUTSIDE_WEIGHT)
-        for _ in range(rounds):
-            before, uv = uv[net.pin], relax(layer, net, uv, constrain(net, uv), weights, step_tolerance)
-            if not centre or rounds == 1:
-                break
-            # A movement of a centred sheet changes its direction, and possibly its outermost nodes.
-            points = layer.points([before, uv[net.pin], uv[net.pin] + _centring_shift(layer, uv)])
-            if np.linalg.norm(np.diff(points, axis=0), axis=1).max() < COARSE_STEP_TOLERANCE * net.pitch:
-                break
-        return uv
+        return relax(layer, net, uv, constrain(net, uv), weights, step_tolerance)
 
     def is_valid(uv: Array) -> bool:
         inside = on_surface(layer, uv[1::2, 1::2]).ravel()
@@ -225,7 +204,7 @@ def _relax_sheet(
 
     net, shape = grid_net(lattice.node_shape, lattice.step, pin), (*lattice.node_shape, 2)
     if start_nodes is not None:
-        uv = relaxed(net, start_nodes, step_tolerance=COARSE_STEP_TOLERANCE)
+        uv = relaxed(net, start_nodes, COARSE_STEP_TOLERANCE)
         if not may_be_folded(layer, net, uv) and is_valid(uv.reshape(shape)):
             return uv.reshape(shape)
     uv = guess(step)
@@ -234,7 +213,7 @@ def _relax_sheet(
     if min(coarse.shape[:2]) > 1 and layer.turning(min(lattice.pitch)) < MAX_GUESS_TURN:
         coarse_net = grid_net(coarse.shape[:2], (2 * lattice.step[0], 2 * lattice.step[1]), (pin[0] // 2, pin[1] // 2))
         uv = _interpolated(
-            relaxed(coarse_net, coarse.reshape(-1, 2), 1, COARSE_STEP_TOLERANCE).reshape(coarse.shape),
+            relaxed(coarse_net, coarse.reshape(-1, 2), COARSE_STEP_TOLERANCE).reshape(coarse.shape),
             first,
             lattice.node_shape,
         )
@@ -261,11 +240,6 @@ def may_be_folded(layer: BSplineSurface, net: Net, uv: Array) -> bool:
     """
     chords = np.linalg.norm(np.diff(layer.points(uv)[net.pairs], axis=1)[:, 0], axis=1)
     return bool(np.abs(chords / net.lengths - 1).max() > MAX_CHORD_ERROR)
-
-
-def _centring_shift(layer: BSplineSurface, uv: Array) -> Array:
-    """Return the shift of the parameters of all nodes that centres a sheet, shape (2,)."""
-    return np.array([0.0 if closed else centring(layer, uv, axis)[1] for axis, closed in enumerate(layer.closed)])
 
 
 def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:

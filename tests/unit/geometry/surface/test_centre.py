@@ -1,18 +1,29 @@
 """The middle of a surface: where its shape has it, whatever planes and lines it was fitted along."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from sample_scenes import shapes
-from skin_calib_addon.geometry import AcrossGrid, BSplineSurface, SectorGrid, TubeGrid, fit_surface, weld
+from skin_calib_addon.geometry import (
+    AcrossGrid,
+    BSplineSurface,
+    CoverSpec,
+    SectorGrid,
+    TubeGrid,
+    cut_cover,
+    fit_surface,
+    load_mesh,
+    weld,
+)
+from skin_calib_addon.geometry.fit.surface_fit import fit_lines
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.surface.centre import length_fractions, surface_centre
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
-from skin_calib_addon.skin.sheet.constraints import centring
 from tests.shapes import (
     LENGTH,
     RADIUS,
@@ -26,6 +37,7 @@ from tests.shapes import (
     wrist_surface,
 )
 
+DATA = Path(__file__).parents[5] / "shared" / "data" / "meshes"
 # A coarse net, one whose planes and lines go where they lower the error, a fine one.
 NETS = ((7, 14, "uniform"), (12, 33, "auto"), (20, 60, "curvature"))
 
@@ -220,12 +232,30 @@ def test_fractions_are_those_of_lengths_measured_along_the_line():
     assert beyond[0] < -0.05 and beyond[1] > 1.05
 
 
+@pytest.mark.parametrize("name", ["talos_tibia_light", "jvrc1_r_elbow_p", "hrp4c_r_elbow_p", "icub27_r_upper_arm"])
+def test_middle_of_a_centred_sheet_is_the_same_on_every_net_of_a_real_link(name):
+    """Along the surface, on nets of 10 x 20 and 20 x 40: the rest is the distance between the two surfaces."""
+    path = DATA / f"{name}.stl"
+    if not path.exists():
+        pytest.skip(f"no {path.name} here")
+    mesh = cut_cover(load_mesh(path), CoverSpec())
+    grids = [TubeGrid(n, 2 * n, spacing=spacing) for n, spacing in ((10, "auto"), (20, "auto"), (20, "uniform"))]
+    surfaces = [fit_lines(mesh, grid.line_grid(mesh), (3, 3)).surface for grid in grids]
+    first = surfaces[0]
+    normal = first.normals(surface_centre(first))[0]
+    direction, lattice = np.cross(normal, (0.3, 0.5, 0.8)), SheetLattice(4, 5, (0.006, 0.006))
+    middles = []
+    for surface in surfaces:
+        uv = wrap_sheet(surface, lattice, None, direction).uv[lattice.rows, lattice.columns]
+        middles.append(surface.points(uv)[0])
+    off = np.array(middles) - middles[0]
+    assert np.linalg.norm(off - (off @ normal)[:, None] * normal, axis=1).max() < 5e-5
+
+
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0.3, 1, 0.2)])
-def test_centred_sheet_leaves_as_much_of_the_surface_at_both_edges(direction):
-    """On the wrist, with planes that crowd: the free fraction of the line below the lowest node is that
-    of the line through the highest above it, to a ten-thousandth."""
+def test_middle_of_a_centred_sheet_is_the_centre(direction):
+    """The middle node of an even and of an odd sheet, to a tenth of a micrometre, for any direction of the rows."""
     surface = fit_surface(wrist(), tube(7, 14, "auto")).surface
-    uv = wrap_sheet(surface, SheetLattice(5, 18, (0.01, 0.01)), None, direction).uv.reshape(-1, 2)
-    ends, _ = centring(surface, uv, 0)
-    below, above = length_fractions(surface, uv[ends], 0, 64)[0]
-    assert_allclose(below, 1 - above, rtol=0, atol=1e-4)
+    for shape in ((5, 18), (4, 9)):
+        uv = wrap_sheet(surface, SheetLattice(*shape, (0.01, 0.01)), None, direction).uv[shape]
+        assert_allclose(surface.points(uv)[0], surface.points(surface_centre(surface))[0], rtol=0, atol=1e-7)
