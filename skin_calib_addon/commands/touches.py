@@ -9,6 +9,7 @@ from ..common.errors import InvalidPlan
 from ..common.strict_json import parse, read
 from ..pipeline import calibrate
 from ..pipeline.refine import refine
+from ..pipeline.touch_distance import check_touches
 from ..plan import FORMAT, load_plan, named_from, save_plan
 from ..validation import Placement, placements, read_touches, summarize
 from .common import DONE, check_picture, check_target, complain, say
@@ -47,6 +48,7 @@ def run(options: argparse.Namespace) -> int:
     result = calibrate(plan) if plan else None
     calibration = result.calibration if result else load_calibration(options.file)
     touches = read_touches(options.touches, calibration)
+    check_touches(calibration, touches)
     found = placements(calibration, touches)
     say(f"link             {calibration.link}, {_count(calibration)} taxels")
     say(f"touches          {len(touches.taxels)}, of {len(set(touches.taxels))} taxels")

@@ -20,6 +20,7 @@ from ..validation.touches import Touches
 from .calibrate import Calibrated, warnings_of
 from .place_skins import PlacedSkin, place_all
 from .taxel_sigma import registration_of, with_sigma
+from .touch_distance import check_touches
 
 MAX_REFINE_STEPS = 8  # Larger: a refinement that converges slowly takes longer before it fails.
 REFINE_TOLERANCE = 1e-5  # Largest motion of a cell in the last step [m]. Larger: fewer steps, less precise.
@@ -58,9 +59,12 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
     InvalidPlan
         If a skin has too few touches, touches of channels in another order, or no first cell although it is centred;
         if it is imported; or if the refinement does not converge.
+    CalibrationFormatError
+        If a touch is more than 5 mm from its skin.
     OutsideSurface
         If a skin would leave the surface.
     """
+    check_touches(result.calibration, touches)
     placed, found = result.placed, placements(result.calibration, touches)
     for placement in found:
         order = other_order(placement)

@@ -33,8 +33,9 @@ OUTLIER_CELLS = 1.5
 ORDER_GAIN = 0.5
 # Number of touches that a warning names.
 MAX_TOUCHES_NAMED = 3
-# Height of touches above or below the taxels from which on a warning is given [m]. Larger: fewer warnings.
-HEIGHT_LIMIT = 0.01
+# Median height of touches above or below the taxels from which on a warning is given [m]: half of the distance at which
+# a single touch is an error. Larger: fewer warnings.
+HEIGHT_LIMIT = 2.5e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ...pipeline.refine import refine
+from ...pipeline.touch_distance import check_touches
 from ...validation import Placement, placements, read_touches, summarize
 from ..overlay import drawing
 from ..overlay.layers import touches_of
@@ -29,11 +30,13 @@ def compare_touches(link: bpy.types.Object, path: str) -> list[Placement]:
     Raises
     ------
     SkinCalibError
-        If there is no result, or the table cannot be read.
+        If there is no result, the table cannot be read, or a touch is far from the skins.
     """
     settings = link.skin_calib
     calibration, record, key = result_of(link).calibration, settings.inspect.touches, settings.result.key
-    found = placements(calibration, read_touches(path, calibration))
+    touches = read_touches(path, calibration)
+    check_touches(calibration, touches)
+    found = placements(calibration, touches)
     many = len(calibration.patches) > 1
     record.file, record.key = path, key
     record.remarks = "\n".join(_named(p, line, many) for p in found for line in summarize(p))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.calibration.file import save_calibration
 from skin_calib_addon.cli import main
-from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.common.errors import CalibrationFormatError, InvalidPlan
 from skin_calib_addon.geometry import CoverSpec, TubeGrid
 from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
 from skin_calib_addon.pipeline import calibrate
@@ -191,13 +191,24 @@ def test_sigma_covers_the_errors_of_refined_skins(fitted, skin):
     assert abs(np.mean(np.less(ratios, 1)) - 0.68) < 0.06 and abs(np.mean(np.less(ratios, 2)) - 0.95) < 0.03
 
 
-def test_contradictory_touches_are_an_error():
-    """All touches are of one cell and far inside the link: the sheet would move around it."""
+def test_touches_inside_the_link_are_an_error():
+    """All touches are of one cell and at the origin of the link: the sheet would move around it."""
     plan = load_plan(ROOT / "sample_scenes" / "wrist.plan.json")
     result = calibrate(plan)
     inside = Touches(result.placed[0].patch.taxels.ids[:1] * 4, np.arange(4), np.zeros((4, 3)), np.zeros((4, 3)))
-    with pytest.raises(InvalidPlan, match="refinement of skin 'wrist' did not converge in 8 steps: the last step was"):
+    with pytest.raises(CalibrationFormatError, match=r"Line 0: the touch at .* is 30\.\d mm from skin 'wrist'"):
         refine(plan, result, inside)
+
+
+def test_refinement_that_does_not_converge_is_an_error(fitted, monkeypatch):
+    """With a limit of one step, which leaves more than the tolerance."""
+    plan, result = with_skin(fitted, SHEET | PLACED)
+    taxels = result.placed[0].patch.taxels
+    points = moved_away(plan, result).positions_link
+    measured = Touches(taxels.ids, np.arange(len(points)), points, np.zeros_like(points))
+    monkeypatch.setattr("skin_calib_addon.pipeline.refine.MAX_REFINE_STEPS", 1)
+    with pytest.raises(InvalidPlan, match="refinement of skin 'band' did not converge in 1 steps: the last step was"):
+        refine(plan, result, measured)
 
 
 @pytest.fixture
