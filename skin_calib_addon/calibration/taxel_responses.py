@@ -19,6 +19,8 @@ class TaxelResponses:
         Reading of each taxel with the smallest force.
     full : array, shape (n,)
         Saturation reading of each taxel; infinite if it has none.
+    sign : array, shape (n,)
+        1 where the force increases with the reading; -1 where it decreases.
     """
 
     def __init__(self, responses: Sequence[AnyResponse], index: IntArray):
@@ -28,10 +30,10 @@ class TaxelResponses:
         kinds = [responses[i] for i in used]
         self.rest = np.array([r.rest for r in kinds])[index] if kinds else np.empty(0)
         self.full = np.array([np.inf if r.full is None else r.full for r in kinds])[index] if kinds else np.empty(0)
-        for values in (self.rest, self.full):
+        self.sign = np.where(self.full < self.rest, -1.0, 1.0)
+        for values in (self.rest, self.full, self.sign):
             values.setflags(write=False)
-        self._sign = np.where(self.full < self.rest, -1.0, 1.0)
-        self._signed_full = self._sign * self.full
+        self._signed_full = self.sign * self.full
         is_table = np.array([isinstance(r, ResponseTable) for r in kinds], bool)
         self._polynomials = _Polynomials([r if isinstance(r, Response) else Response() for r in kinds], index)
         self._rows = np.flatnonzero(is_table[index]) if kinds else np.empty(0, np.int64)
@@ -68,7 +70,7 @@ class TaxelResponses:
 
     def saturated(self, intensity: Any) -> BoolArray:
         """Return whether readings (n,) are at or beyond ``full``, where the true force may be larger."""
-        signed = np.asarray(intensity, float) * self._sign
+        signed = np.asarray(intensity, float) * self.sign
         return (signed >= self._signed_full) & (signed < np.inf)
 
 

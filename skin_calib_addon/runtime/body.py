@@ -1,7 +1,7 @@
 """Combine several links, or two feet: poses in; wrench, ZMP and supporting polygon of all of them out."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -10,9 +10,10 @@ import numpy as np
 from ..common.arrays import Array, BoolArray
 from ..common.errors import UnknownLink
 from .balance.polygon import EMPTY_POLYGON, Polygon, convex_hull
-from .footprint import SupportingPolygon
+from .footprint import NO_POLYGON, SupportingPolygon
 from .frame import MIN_LOAD, Frame, zero_moment_point
 from .plane import Plane
+from .poses import checked_pose
 from .skin import Skin
 from .wrench import carried
 
@@ -28,19 +29,25 @@ class BodyFrame:
     """The state of several skins at one time, in the world frame; points on the ground have its coordinates.
 
     ``flags`` has the flags of the links as ``"name:flag"``, and those of the body. ``"name:no_reading"`` and
-    ``"name:no_pose"``: the link has no reading, or no finite pose. ``not_coplanar``: feet stand at different heights or
-    are tilted to the ground. The true region of the ZMP is then not the hull of their polygons.
+    ``"name:no_pose"``: the link has no reading, or no finite pose. ``"name:wrong_pose"``: its pose is no rigid motion.
+    ``not_coplanar``: feet stand at different heights or are tilted to the ground. The true region of the ZMP is then
+    not the hull of their polygons.
+
+    A link whose contact is not known may carry any load. Then the wrench is None. If this link has a ground, ZMP, CoP
+    and polygon are None, too: the other feet alone would give wrong ones. ``reason`` names the link.
     """
 
     links: dict[str, Frame]
     poses: dict[str, Array]  # (4, 4) T_world_link of the links that have a frame
     ground: Plane  # in the world frame
     flags: frozenset[str]
+    lost: dict[str, str] = field(default_factory=dict)  # links whose contact is not known: why
+    lost_feet: frozenset[str] = frozenset()  # those that may stand
 
     @cached_property
-    def wrench(self) -> Array:
-        """Wrench (6,) of all links about the origin of the world, along its axes [N, N m]; NaN if one is unknown."""
-        return self._total(self.links)
+    def wrench(self) -> Array | None:
+        """Wrench (6,) of all links about the origin of the world, along its axes [N, N m]; None if one is unknown."""
+        return None if self.lost else self._total(self.links)
 
     @cached_property
     def standing(self) -> tuple[str, ...]:
@@ -50,7 +57,13 @@ class BodyFrame:
     @property
     def reason(self) -> str | None:
         """Why there is no ZMP, as a sentence; None if there is one."""
+        if self.lost_feet:
+            name = min(self.lost_feet)
+            return f"{name!r} may stand, but its contact is not known: {self.lost[name]}"
         if not self.standing:
+            frames = [frame for frame in self.links.values() if frame.ground is not None]
+            if frames and all(frame.sets is not None and frame.sets.stands is False for frame in frames):
+                return "no link carries a load that differs from its noise, which a ZMP needs"
             return f"no link carries a load of {MIN_LOAD:g} N, which a ZMP needs"
         return None
 
@@ -77,11 +90,60 @@ class BodyFrame:
         )
 
     @cached_property
-    def polygon(self) -> SupportingPolygon:
-        """Hulls of the outer, nominal and guaranteed polygons of the standing feet (thesis eq. 4.25), on the ground."""
-        feet = [(name, self.links[name].polygon) for name in self.standing]
+    def zmp_sigma(self) -> Array | None:
+        """Standard deviations (2,) of the ZMP along the axes of the ground [m]; None if they are not known."""
+        return self._sigma(self.zmp, "zmp")
+
+    @cached_property
+    def cop_sigma(self) -> Array | None:
+        """Standard deviations (2,) of the CoP along the axes of the ground [m]; None if they are not known."""
+        return self._sigma(self.cop, "cop")
+
+    def _sigma(self, point: Array | None, name: str) -> Array | None:
+        """Return the standard deviations (2,) of the mean of points of the feet, weighted by their loads.
+
+        Each foot adds that of its point, and the distance of its point times that of its load.
+
+        Parameters
+        ----------
+        point : array, shape (2,)
+            The mean, or None.
+        name : str
+            ``"zmp"`` or ``"cop"``.
+        """
+        if point is None:
+            return None
+        feet = [(self.links[link], link) for link in self.standing]
+        total, variance = sum(foot.load for foot, _ in feet), np.zeros(2)
+        for foot, link in feet:
+            own, spread, load_sigma = getattr(foot, name), getattr(foot, f"{name}_sigma"), foot.load_sigma
+            if own is None or spread is None or load_sigma is None or foot.ground is None:
+                return None
+            axes = self.ground.axes[:2] @ self.poses[link][:3, :3] @ foot.ground.plane.axes[:2].T
+            apart = self._on_ground(link, own)[0] - point
+            variance += (axes**2 @ spread**2) * (foot.load / total) ** 2 + (apart * load_sigma / total) ** 2
+        return np.sqrt(variance)
+
+    @cached_property
+    def polygon(self) -> SupportingPolygon | None:
+        """Hulls of the outer, nominal and guaranteed polygons of the standing feet (thesis eq. 4.25), on the ground.
+
+        None if the contact of a foot is not known. The probabilities are those that all feet are right.
+        """
+        if self.lost_feet:
+            return None
+        feet = {name: self.links[name].polygon for name in self.standing}
+        if not feet:
+            return NO_POLYGON
+        outer, nominal, guaranteed = (
+            self._joined({n: getattr(p, kind) for n, p in feet.items()}) for kind in ("outer", "nominal", "guaranteed")
+        )
         return SupportingPolygon(
-            *(self._joined({n: getattr(p, k) for n, p in feet}) for k in ("outer", "nominal", "guaranteed"))
+            outer,
+            nominal,
+            guaranteed,
+            _all_right(p.outer_probability for p in feet.values()),
+            _all_right(p.guaranteed_probability for p in feet.values()),
         )
 
     def _total(self, names: Iterable[str]) -> Array:
@@ -99,13 +161,14 @@ class BodyFrame:
         return self.ground.flat(spatial)
 
 
-def _pose(given: Any) -> Array | None:
-    """Return a pose (4, 4) of finite numbers; None if this is not one."""
-    try:
-        pose = np.asarray(given, float)
-    except (TypeError, ValueError):
-        return None
-    return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None
+def _all_right(probabilities: Iterable[float | None]) -> float | None:
+    """Return the smallest probability that several statements hold together; None if one is not known."""
+    wrong = 0.0
+    for probability in probabilities:
+        if probability is None:
+            return None
+        wrong += 1 - probability
+    return max(0.0, 1 - wrong)
 
 
 class Body:
@@ -134,11 +197,12 @@ class Body:
         Parameters
         ----------
         readings : mapping of str to array
-            By link; a link without a reading is left out and flagged.
+            By link; a link without a reading is flagged, and its contact is not known.
         time : float
             Of the readings [s].
         poses : mapping of str to array, shape (4, 4)
-            ``T_world_link`` of each link from the forward kinematics; a link without a finite one is left out.
+            ``T_world_link`` of each link from the forward kinematics; :mod:`.poses` makes them from those of other
+            libraries. The contact of a link is not known without a rigid one, unless the link is free.
 
         Raises
         ------
@@ -148,21 +212,27 @@ class Body:
         for name in (*readings, *poses):
             if name not in self.skins:
                 raise UnknownLink(f"no link {name!r} in this body; it has {sorted(self.skins)}")
-        links, link_poses, flags = {}, {}, set()
+        links, link_poses, flags, lost = {}, {}, set(), {}
         for name, skin in self.skins.items():
             if name not in readings:
                 flags.add(f"{name}:no_reading")
+                lost[name] = "it has no reading"
                 continue
             frame = skin.update(readings[name], time)
             flags.update(f"{name}:{flag}" for flag in frame.flags)
-            pose = _pose(poses.get(name))
+            pose, problem = checked_pose(poses.get(name))
+            if frame.touched is None:
+                lost[name] = frame.problem or "it has no valid reading"
             if pose is None:
-                flags.add(f"{name}:no_pose")
+                flags.add(f"{name}:{problem}")
+                if frame.touched:
+                    lost[name] = "it has no pose" if problem == "no_pose" else "its pose is not a rigid motion"
                 continue
             links[name], link_poses[name] = frame, pose
         if not self._is_coplanar(links, link_poses):
             flags.add("not_coplanar")
-        return BodyFrame(links, link_poses, self.ground, frozenset(flags))
+        feet = frozenset(name for name in lost if self.skins[name].ground is not None)
+        return BodyFrame(links, link_poses, self.ground, frozenset(flags), lost, feet)
 
     def _is_coplanar(self, links: dict[str, Frame], poses: dict[str, Array]) -> bool:
         """Return whether all standing feet are at one height and parallel to the ground."""

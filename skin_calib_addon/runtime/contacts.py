@@ -141,8 +141,8 @@ def _span(index: IntArray, period: int) -> tuple[int, int]:
     return int(present[(widest + 1) % len(present)]), int(present[widest])
 
 
-def contacts_of(footprint: Footprint, forces: Array, numbers: list[int]) -> tuple[tuple[Contact, ...], Array]:
-    """Return the contacts of a frame, in the order of their first taxels, and their total wrench (6,).
+def contacts_of(footprint: Footprint, forces: Array, numbers: list[int], terms: Array) -> tuple[Contact, ...]:
+    """Return the contacts of a frame, in the order of their first taxels.
 
     Parameters
     ----------
@@ -152,21 +152,16 @@ def contacts_of(footprint: Footprint, forces: Array, numbers: list[int]) -> tupl
         Force of every taxel of the skin [N], positive for the active ones.
     numbers : list of int
         Number of each contact.
-
-    Returns
-    -------
-    contacts : tuple of Contact
-    wrench : array, shape (6,)
-        About the origin of the link, along its axes [N, N m].
+    terms : array, shape (11, n)
+        :attr:`.SkinGeometry.terms`, or those with the moments within the cells.
     """
     rows, starts = footprint.ordered
     if len(rows) == 0:
-        return (), np.zeros(6)
+        return ()
     skin, f = footprint.skin, forces.take(rows)
-    sums = np.add.reduceat(f * skin.terms.take(rows, axis=1), starts, axis=1)
+    sums = np.add.reduceat(f * terms.take(rows, axis=1), starts, axis=1)
     bounds = [*starts.tolist(), len(rows)]
-    contacts = (
+    return tuple(
         Contact(number, rows[i:j], f[i:j], total, skin)
         for number, i, j, total in zip(numbers, bounds, bounds[1:], sums.T)
     )
-    return tuple(contacts), sums[5:].sum(axis=1)

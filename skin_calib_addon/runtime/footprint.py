@@ -1,4 +1,4 @@
-"""Compute what depends only on which taxels are active: components, area, supporting polygons."""
+"""Compute what depends only on which taxels are touched: components, area, supporting polygons."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,13 +15,18 @@ from .geometry import GroundGeometry, SkinGeometry
 class SupportingPolygon:
     """Three supporting polygons, in the coordinates of the ground. They differ because the cells are large.
 
-    ``outer`` contains the true contact. The hull of the true contact contains ``guaranteed``. On simulated soles
-    ``outer`` extends up to 27 mm too far, ``guaranteed`` never does.
+    The hull of the true contact contains ``guaranteed``. ``outer`` contains every cell with more than the detection
+    limit of its taxel. A probability is that of one frame; it is None where the noise of the skin is not known.
     """
 
-    outer: Polygon  # hull of the corners of the active cells
+    outer: Polygon  # hull of the corners of the cells that are possibly touched
     nominal: Polygon  # hull of the centres of the active cells
-    guaranteed: Polygon  # nominal, with each edge moved inward by the size of a cell
+    guaranteed: Polygon  # hull of the centres of the cells that are surely touched, each edge moved in by a cell
+    outer_probability: float | None = None  # that outer contains a cell at its detection limit
+    guaranteed_probability: float | None = None  # that each cell of guaranteed is touched
+
+
+NO_POLYGON = SupportingPolygon(EMPTY_POLYGON, EMPTY_POLYGON, EMPTY_POLYGON)
 
 
 class Footprint:
@@ -50,17 +55,35 @@ class Footprint:
         return float(self.skin.areas.take(self.rows).sum())
 
     @cached_property
-    def polygon(self) -> SupportingPolygon:
-        """Supporting polygons on the ground (thesis eq. 4.24); empty if the skin has no ground."""
+    def is_full(self) -> bool:
+        """Whether all taxels that can stand on the ground are active."""
         ground = self.ground
-        if ground is None:
-            return SupportingPolygon(EMPTY_POLYGON, EMPTY_POLYGON, EMPTY_POLYGON)
-        rows = self.rows[ground.can_stand.take(self.rows)]
-        hulls = ground.corner_hull.hull(rows), ground.centre_hull.hull(rows)
-        last_hulls, polygon = ground.last_polygons
-        if hulls != last_hulls:
-            outer = from_grid(hulls[0], ground.corner_hull.step)
-            nominal = from_grid(hulls[1], ground.centre_hull.step)
-            polygon = SupportingPolygon(outer, nominal, nominal.eroded(ground.cell))
-            ground.last_polygons = hulls, polygon
-        return polygon
+        if ground is None or len(self.rows) < ground.standing_count or not ground.standing_count:
+            return False
+        return int(np.count_nonzero(ground.can_stand.take(self.rows))) == ground.standing_count
+
+
+def supporting_polygon(
+    ground: GroundGeometry, possible: IntArray, active: IntArray, sure: IntArray, probabilities: tuple
+) -> SupportingPolygon:
+    """Return the supporting polygons on the ground (thesis eq. 4.24).
+
+    Parameters
+    ----------
+    ground : GroundGeometry
+        Of the skin.
+    possible, active, sure : array, shape (k,)
+        Rows of the taxels that can stand and are possibly touched, active, and surely touched.
+    probabilities : tuple
+        Of the outer and of the guaranteed polygon.
+    """
+    hulls = ground.corner_hull.hull(possible), ground.centre_hull.hull(active), ground.sure_hull.hull(sure)
+    key = hulls, probabilities
+    last_key, polygon = ground.last_polygons
+    if key != last_key:
+        nominal = from_grid(hulls[1], ground.centre_hull.step)
+        core = nominal if hulls[2] == hulls[1] else from_grid(hulls[2], ground.sure_hull.step)
+        outer = from_grid(hulls[0], ground.corner_hull.step)
+        polygon = SupportingPolygon(outer, nominal, core.eroded(ground.cell), *probabilities)
+        ground.last_polygons = key, polygon
+    return polygon

@@ -1,6 +1,6 @@
 """Prepare what is the same in every cycle: arrays of the taxels of a link, for sums over the active ones."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,9 @@ MIN_OBSERVED_FRACTION = 5e-3
 # Condition number of the second moments of the taxel positions from which on they count as one row. Larger: a CoP on
 # a very narrow skin is corrected across it too.
 MAX_MOMENT_CONDITION = 1e6
+# Ratio of the smaller to the larger spread of the neighbours of a taxel below which they are in one row, squared.
+# Smaller: a pressure gradient across a nearly straight row is estimated too.
+MIN_CELL_SPREAD = 1e-3
 
 
 class SkinGeometry:
@@ -141,7 +144,7 @@ class GroundGeometry:
     can_stand : array of bool, shape (n,)
         Which normals point down enough; ``standing_count`` is their number.
     centres, corners : array, shape (n, 2) and (n, k, 2)
-        Of all cells [m]; ``centre_hull`` and ``corner_hull`` compute hulls of some of them.
+        Of all cells [m]; ``centre_hull``, ``sure_hull`` (of centres, too) and ``corner_hull`` compute hulls of some.
     cell : array, shape (j, 2)
         One outline about the centre that contains every cell that can stand [m].
     terms : array, shape (n, 6)
@@ -149,8 +152,10 @@ class GroundGeometry:
         the origin of the ground.
     full_contact_correction : tuple or None
         Correction of a CoP at full contact, see :func:`_full_contact_correction`.
+    full_contact, in_cell : CellMoments
+        The terms with the moments within the cells: at full contact, and at any, see :func:`_arms_in_cells`.
     last_polygons : tuple
-        The hulls and polygons of the last call of :attr:`.Footprint.polygon`.
+        The hulls and polygons of the last call of :func:`.supporting_polygon`.
     """
 
     def __init__(self, skin: SkinGeometry, plane: Plane):
@@ -164,7 +169,8 @@ class GroundGeometry:
         pushes, arms = -skin.normals @ plane.axes.T, (skin.positions - plane.origin) @ plane.axes.T
         moments = np.cross(arms, pushes)
         self.terms = np.hstack((lift, lift * self.centres, pushes[:, 2:], moments[:, :2]))
-        self.centre_hull, self.corner_hull = HullTable(self.centres), HullTable(self.corners)
+        self.centre_hull, self.sure_hull = HullTable(self.centres), HullTable(self.centres)
+        self.corner_hull = HullTable(self.corners)
         offsets = (self.corners - self.centres[:, None])[self.can_stand].reshape(-1, 2)
         self.cell = convex_hull(offsets).corners
         self.last_polygons: tuple[Any, Any] = None, None
@@ -172,6 +178,40 @@ class GroundGeometry:
         self.full_contact_correction = _full_contact_correction(
             self.centres[standing], self.corners[standing], skin.areas[standing]
         )
+        shift = np.zeros((len(standing), 2))
+        if self.full_contact_correction is not None:
+            centre, correction = self.full_contact_correction
+            shift[standing] = (self.centres[standing] - centre) @ (correction - np.eye(2)).T
+        self.full_contact = self._moved(skin, pushes, lift, shift)
+        seconds = _second_moments(self.corners - self.centres[:, None])
+        shift = _arms_in_cells(self.centres, seconds, skin.areas, skin.neighbours, standing)
+        self.in_cell = self._moved(skin, pushes, lift, shift)
+
+    def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "CellMoments":
+        """Return the terms if each force acts away from the centre of its cell.
+
+        Parameters
+        ----------
+        skin : SkinGeometry
+            Of the taxels.
+        pushes, lift : array, shape (n, 3) and (n, 1)
+            Direction of the force of each taxel along the axes of the ground; its fraction that lifts the robot.
+        shift : array, shape (n, 2)
+            In the ground [m].
+        """
+        moments = np.cross(np.column_stack((shift, np.zeros(len(shift)))), pushes)
+        ground, link = self.terms.copy(), skin.terms.copy()
+        ground[:, 1:3] += lift * shift
+        ground[:, 4:6] += moments[:, :2]
+        link[8:] += (moments @ self.plane.axes).T
+        return CellMoments(ground, link)
+
+
+class CellMoments(NamedTuple):
+    """:attr:`.GroundGeometry.terms` (n, 6) and :attr:`.SkinGeometry.terms` (11, n) with moments within the cells."""
+
+    ground: Array
+    link: Array
 
 
 def _full_contact_correction(centres: Array, corners: Array, areas: Array) -> tuple[Array, Array] | None:
@@ -194,10 +234,57 @@ def _full_contact_correction(centres: Array, corners: Array, areas: Array) -> tu
     spread = (areas[:, None] * arms).T @ arms / areas.sum()
     if np.linalg.cond(spread) > MAX_MOMENT_CONDITION:
         return None
-    a = corners - centres[:, None]
+    inside = np.average(_second_moments(corners - centres[:, None]), axis=0, weights=areas)
+    return middle, np.eye(2) + inside @ np.linalg.inv(spread)
+
+
+def _second_moments(corners: Array) -> Array:
+    """Return the second moments (n, 2, 2) of cells about their centres, per area [m^2].
+
+    Parameters
+    ----------
+    corners : array, shape (n, k, 2)
+        About the centre [m].
+    """
+    a = corners
     b = np.roll(a, -1, axis=1)
     twice = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     outer = (a[..., :, None] * a[..., None, :] + b[..., :, None] * b[..., None, :]) * 2
     outer += a[..., :, None] * b[..., None, :] + b[..., :, None] * a[..., None, :]
-    inside = (twice[..., None, None] * outer).sum(axis=(0, 1)) / (12 * twice.sum())
-    return middle, np.eye(2) + inside @ np.linalg.inv(spread)
+    area = twice.sum(axis=1)[:, None, None]
+    return (twice[..., None, None] * outer).sum(axis=1) / np.where(area == 0, np.inf, 12 * area)
+
+
+def _arms_in_cells(centres: Array, seconds: Array, areas: Array, neighbours: IntArray, standing: BoolArray) -> Array:
+    r"""Return by how much (n, 2) the force of each taxel acts away from its centre, for a pressure that varies [m].
+
+    The pressure of cell i has the gradient :math:`\mathbf{g}_i`, the least-squares fit to the differences from its
+    neighbours. Its moment about the centre is missing in a sum of forces at the centres:
+
+    .. math::
+        \sum_i A_i R_i \mathbf{g}_i = \sum_j f_j \mathbf{k}_j , \qquad
+        \mathbf{g}_i = M_i^{-1} \sum_j \mathbf{d}_{ij} (p_j - p_i) , \quad
+        M_i = \sum_j \mathbf{d}_{ij} \mathbf{d}_{ij}^T ,
+
+    with the area :math:`A_i`, the second moments :math:`R_i` per area, :math:`\mathbf{d}_{ij}` from centre i to
+    centre j, and :math:`p_j = f_j / A_j`. The sum is linear in the forces, so that each taxel has a fixed shift
+    :math:`\mathbf{k}_j`. It is zero except near the border of the skin.
+
+    Parameters
+    ----------
+    centres, seconds, areas : array, shape (n, 2), (n, 2, 2), (n,)
+        Of the cells [m], [m^2], [m^2].
+    neighbours : array, shape (k, n)
+        See :func:`neighbour_table`.
+    standing : array of bool, shape (n,)
+        Which taxels can stand; the others have no pressure on the ground.
+    """
+    n = len(centres)
+    shift = np.zeros((n + 1, 2))
+    valid = np.append(standing, False)[neighbours] & standing  # (k, n)
+    apart = np.where(valid[..., None], np.append(centres, [[0.0, 0.0]], axis=0)[neighbours] - centres, 0.0)
+    normal = np.einsum("kni,knj->nij", apart, apart)
+    gains = np.einsum("n,nij,njl,knl->kni", areas, seconds, np.linalg.pinv(normal, MIN_CELL_SPREAD), apart)
+    per_area = 1 / np.append(areas, 1.0)
+    np.add.at(shift, neighbours, gains * per_area[neighbours][..., None])
+    return shift[:n] - gains.sum(axis=0) * per_area[:n, None]

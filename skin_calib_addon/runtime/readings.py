@@ -8,6 +8,7 @@ import numpy as np
 from ..common.arrays import Array, BoolArray
 from ..common.errors import InvalidReading
 from .geometry import SkinGeometry
+from .noise import Noise, learned
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
@@ -18,6 +19,14 @@ MAX_FORCE = 1e6
 # [reading] A larger reading is left out of the baseline: the sum of several would overflow. Derived: from the range
 # of double-precision numbers.
 MAX_READING = 1e100
+# [standard deviations] Mean of a taxel from which on a skin is not at rest before the first tare. Larger: sensors
+# with an offset learn their noise by themselves, and a weak contact at the start may count as rest.
+MAX_QUIET_MEAN = 3.0
+# [standard deviations of a mean] Difference of two halves of a rest from which on it is none. Larger: slow contacts at
+# the start count as rest; smaller: a rest is refused by chance.
+MAX_QUIET_SHIFT = 4.0
+# [reading] Standard deviation of a taxel that never changes, in the division by it. Derived: from double precision.
+MIN_SPREAD = 1e-12
 # [s] An active taxel whose reading has not changed in the last bit for longer is stuck.
 # Larger: a broken taxel is reported later; smaller: a constant load on a taxel without noise is reported.
 STUCK_TIME = 30.0
@@ -34,6 +43,9 @@ class Readings:
         self.alive: BoolArray = np.ones(len(geometry.ids), bool)
         self._responses = TaxelResponses.of(calibration)
         self._shift: Array | None = None  # added to each reading, so that the reading at rest gives no force
+        self.noise: Noise | None = None
+        self.is_whole = False  # whether the last readings were whole numbers
+        self._pair_count = len(geometry.pairs)
         self._can_saturate = bool(np.isfinite(self._responses.full).any())
         self._last = np.full(len(geometry.ids), np.nan)
         self._since = np.full(len(geometry.ids), np.inf)
@@ -46,7 +58,9 @@ class Readings:
         InvalidReading
             If this is not one row of numbers, or is too short for the highest channel. ``flag`` names the problem.
         """
-        return self._rows(readings, (1,)).astype(float)
+        rows = self._rows(readings, (1,))
+        self.is_whole = rows.dtype.kind in "bui"
+        return rows.astype(float)
 
     def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> Array:
         try:
@@ -78,16 +92,61 @@ class Readings:
         """
         shifted = intensities if self._shift is None else intensities + self._shift
         forces = self._responses.forces(shifted)
-        return forces, (forces <= MAX_FORCE) & self.alive
+        known = (forces <= MAX_FORCE) & self.alive
+        return forces, known if self.noise is None or not self.noise.dead.any() else known & ~self.noise.dead
+
+    def deviations(self, intensities: Array) -> Array:
+        """Return the standard deviations of the forces (n,) [N]: the noise, times the slope of the response here.
+
+        Parameters
+        ----------
+        intensities : array, shape (n,)
+            Reading of each taxel.
+        """
+        assert self.noise is not None
+        shifted = intensities if self._shift is None else intensities + self._shift
+        low, high = (self._responses.forces(shifted + side * self.noise.sigma) for side in (-1, 1))
+        return np.nan_to_num(np.abs(high - low) / np.where((low > 0) & (high > 0), 2.0, 1.0))
 
     def tare(self, readings: Any) -> None:
-        """Set the baseline, see :meth:`.Skin.tare`."""
-        rows = np.atleast_2d(self._rows(readings, (1, 2)).astype(float))
+        """Set the baseline and learn the noise, see :meth:`.Skin.tare`."""
+        rows = self._rows(readings, (1, 2))
+        self.learn(np.atleast_2d(rows.astype(float)), rows.dtype.kind in "bui")
+
+    def learn(self, rows: Array, is_whole: bool) -> None:
+        """Set the baseline and learn the noise from readings of the taxels.
+
+        Parameters
+        ----------
+        rows : array, shape (frames, n)
+            Without contact.
+        is_whole : bool
+            Whether the electronics sends whole numbers.
+        """
         finite = np.abs(rows) < MAX_READING
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
+        noise = learned(np.where(finite, rows, np.nan), self._responses, self._pair_count, is_whole)
+        if noise is not None:
+            mean = np.where(noise.dead, mean, noise.mean * noise.sign)
         before = np.zeros(rows.shape[1]) if self._shift is None else self._shift
         self._shift = np.where(counts > 0, self._responses.rest - mean, before)
+        self.noise = noise or self.noise
+
+    def rests(self, rows: Array) -> bool:
+        """Return whether readings (frames, n) are those of a skin without contact, as far as they can show it.
+
+        The mean of each taxel is near the reading at which the response gives no force, and the same in both halves.
+        """
+        if not np.isfinite(rows).all():
+            return False
+        half = len(rows) // 2
+        spread = np.maximum(rows.std(axis=0, ddof=1), np.abs(np.diff(rows, axis=0)).max(axis=0) / 4)
+        shifts = (rows[half:].mean(axis=0) - rows[:half].mean(axis=0)) / np.maximum(spread, MIN_SPREAD)
+        total = shifts.sum() / max(len(shifts), 1) ** 0.5  # many taxels that change together, each by little
+        is_steady = np.abs(np.append(shifts, total)) <= MAX_QUIET_SHIFT * (2 / half) ** 0.5
+        is_near = np.abs(rows.mean(axis=0) - self._responses.rest) <= MAX_QUIET_MEAN * spread
+        return bool(is_steady.all() and is_near.all())
 
     def saturated(self, intensities: Array) -> BoolArray:
         """Return which readings (n,) are at the end of the range of their response: the force may be larger."""
@@ -108,6 +167,8 @@ class Readings:
         if np.count_nonzero(known) == len(known):
             return frozenset()
         invalid = ~known & self.alive
+        if self.noise is not None:
+            invalid &= ~self.noise.dead
         if not np.count_nonzero(invalid):
             return frozenset()
         finite = np.isfinite(intensities[invalid])

@@ -1,6 +1,8 @@
 """Give a controller the skin of one link: readings in, a frame with contacts, wrench and CoP out."""
 
+import math
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,21 +16,27 @@ from .footprint import Footprint
 from .frame import Frame
 from .geometry import GroundGeometry, SkinGeometry, observable, wrench_rank
 from .identity import Identities
+from .noise import Drift, Noise, Rest
 from .plane import Plane, ground_of
 from .readings import Readings
+from .touched import Touched, by_noise, by_thresholds
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
     from ..common.warnings import Warning
 
-# [N] Force from which on a taxel becomes active. Larger: weak contacts are not found; smaller: noise makes contacts.
-SWITCH_ON = 0.2
-# [N] Force down to which it stays active. Larger (nearer to SWITCH_ON): contacts appear and disappear with the noise.
-SWITCH_OFF = 0.1
+# [N] Forces from which on a taxel becomes active, and down to which it stays active, while the noise is not known.
+# Larger: weak contacts are not found; smaller: noise makes contacts. SWITCH_OFF nearer to SWITCH_ON: contacts appear
+# and disappear with the noise.
+SWITCH_ON, SWITCH_OFF = 0.2, 0.1
 
 
 def load(
-    path: str | Path, switch_on: float = SWITCH_ON, switch_off: float = SWITCH_OFF, ground: Plane | None = None
+    path: str | Path,
+    switch_on: float | None = None,
+    switch_off: float | None = None,
+    ground: Plane | None = None,
+    in_cell: bool = False,
 ) -> "Skin":
     """Read a calibration file and return its skin.
 
@@ -36,7 +44,7 @@ def load(
     ----------
     path : path
         Of a ``*.calibration.json`` file.
-    switch_on, switch_off, ground
+    switch_on, switch_off, ground, in_cell
         As for :class:`Skin`.
 
     Raises
@@ -46,7 +54,7 @@ def load(
     """
     from ..calibration.file import load_calibration  # imported late: only a caller with a file needs these modules
 
-    return Skin(load_calibration(path), switch_on, switch_off, ground)
+    return Skin(load_calibration(path), switch_on, switch_off, ground, in_cell)
 
 
 class Skin:
@@ -56,11 +64,16 @@ class Skin:
     ----------
     calibration : LinkCalibration
         Taxels and responses.
-    switch_on, switch_off : float
-        Forces from which on a taxel becomes active, and down to which it stays active [N].
+    switch_on, switch_off : float, optional
+        Forces from which on a taxel becomes active, and down to which it stays active [N]. With them you state that a
+        force above them is a contact. Default: the noise at rest decides, see :meth:`tare`. One alone: the other is
+        twice as large, or half.
     ground : Plane, optional
         The plane on which the link stands, in its frame. Default for a flat skin: the plane through its taxels, below
         the robot. A skin around a limb has no ground, and therefore no CoP, ZMP and polygons.
+    in_cell : bool
+        Whether CoP, ZMP and wrench count the pressure gradient within the cells at partial contact, too. This is exact
+        for a layer of springs, and better than nothing for soft skins on edges; on pebbles it is worse.
 
     Raises
     ------
@@ -71,10 +84,16 @@ class Skin:
     def __init__(
         self,
         calibration: "LinkCalibration",
-        switch_on: float = SWITCH_ON,
-        switch_off: float = SWITCH_OFF,
+        switch_on: float | None = None,
+        switch_off: float | None = None,
         ground: Plane | None = None,
+        in_cell: bool = False,
     ):
+        self._has_thresholds = switch_on is not None or switch_off is not None
+        if switch_on is None:
+            switch_on = SWITCH_ON if switch_off is None else switch_off * SWITCH_ON / SWITCH_OFF
+        if switch_off is None:
+            switch_off = switch_on * (SWITCH_OFF / SWITCH_ON)
         if not 0 < switch_off <= switch_on:
             raise ValueError(f"switch_off {switch_off} must be positive and at most switch_on {switch_on}")
         self.link = calibration.link
@@ -83,7 +102,9 @@ class Skin:
         plane = ground or ground_of(self.positions, self.normals, self.areas)
         self.ground = None if plane is None else GroundGeometry(self.geometry, plane)
         self.switch_on, self.switch_off = switch_on, switch_off
+        self._in_cell, self._drift = in_cell, Drift()
         self._readings = Readings(calibration, self.geometry)
+        self._rest: Rest | None = None if self._has_thresholds else Rest()
         self._clock = Clock()
         self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
@@ -141,6 +162,11 @@ class Skin:
         return self.geometry.wrenches
 
     @property
+    def noise(self) -> Noise | None:
+        """Noise of the readings at rest, with ``detection_limits`` (n,) and ``load_limit`` [N]; None if unknown."""
+        return self._readings.noise
+
+    @property
     def observable(self) -> BoolArray:
         """Which components (6,) of the wrench the skin observes: 3 of 6 for a flat sole."""
         return observable(self.geometry.wrenches)
@@ -169,6 +195,12 @@ class Skin:
     def tare(self, readings: Any) -> None:
         """Set the baseline: these readings give no force from now on. Of several frames the mean counts.
 
+        Frames of about one second, 20 at least, also give the noise of each taxel. The sets of touched taxels, the
+        polygons with their probabilities and all standard deviations follow from it. Where readings are clipped at one
+        end, the mean is that of the normal distribution before the clipping. Without a call, the first quiet frames of
+        :meth:`update` do the same, if the readings are near those without force; until then frames have the flag
+        ``noise_unknown``.
+
         Parameters
         ----------
         readings : array, shape (channels,) or (frames, channels)
@@ -180,6 +212,8 @@ class Skin:
             As for :meth:`forces`; the baseline does not change.
         """
         self._readings.tare(readings)
+        self._rest = None if self._has_thresholds or self.noise is not None else Rest()
+        self._drift = Drift()
 
     def mask(self, ids: Iterable[str]) -> None:
         """Leave out these defective taxels from now on; an empty list masks none.
@@ -219,29 +253,77 @@ class Skin:
         known_count = np.count_nonzero(known)
         if known_count == 0 < len(known):
             return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading")
-        fresh = not flags.isdisjoint({"time_back", "time_jump"})  # the last frame says nothing about this one
-        active = state = forces >= self.switch_on  # NaN is not
-        if not fresh:
-            active = state = active | (self._active & (forces >= self.switch_off))
         if known_count < len(known):
             forces = np.where(known, forces, 0.0)
-            active = active & known
-            state = active if fresh else np.where(known, active, self._active)
-        rows = active.nonzero()[0]
+        fresh = not flags.isdisjoint({"time_back", "time_jump"})  # the last frame says nothing about this one
+        touched, state = self._touched(intensities, forces, known, fresh)
+        rows = touched.active.nonzero()[0]
         footprint = self._footprint
         if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
         unchanged = self._readings.unchanged(intensities)
-        stuck = self._readings.stuck(unchanged, time) & active
+        stuck = self._readings.stuck(unchanged, time) & touched.active
         saturated = self._readings.saturated(intensities) & known
         flags |= {name for name, which in (("stuck", stuck), ("saturated", saturated)) if np.count_nonzero(which)}
+        noise = self.noise
+        if noise is None and not self._has_thresholds:
+            flags |= {"noise_unknown"}
+        if noise is not None:
+            if np.count_nonzero(noise.dead):
+                flags |= {"dead"}
+            if self._drift.is_drift(noise, intensities, known & ~self._near(touched.possible), time):
+                flags |= {"drift"}
         if fresh:
             self._identities.forget()
-        contacts, wrench = contacts_of(footprint, forces, self._identities.follow(footprint))
+        moments = None
+        if self.ground is not None and (self._in_cell or footprint.is_full):
+            moments = self.ground.full_contact if footprint.is_full else self.ground.in_cell
+        terms = self.geometry.terms if moments is None else moments.link
+        contacts = contacts_of(footprint, forces, self._identities.follow(footprint), terms)
+        wrench = terms[5:] @ (touched.weights * forces)
         self._clock.accept(time)
         self._readings.accept(intensities, unchanged, time)
         self._active, self._footprint = state, footprint
-        return Frame(time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint)
+        if self._rest is not None and known_count == len(known):
+            self._learn(intensities, time, fresh)
+        deviations = None if noise is None else partial(self._readings.deviations, intensities)
+        return Frame(
+            time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint, touched, noise, moments,
+            deviations,
+        )  # fmt: skip
+
+    def _touched(self, intensities: Array, forces: Array, known: BoolArray, fresh: bool) -> tuple[Touched, BoolArray]:
+        """Return what is touched in a frame, and the state of the next one."""
+        before = np.zeros(len(known), bool) if fresh else self._active
+        noise = self.noise
+        if noise is None or self._has_thresholds:
+            return by_thresholds(forces, known, before, self.switch_on, self.switch_off, self._has_thresholds)
+        return by_noise(noise, intensities, forces, known, before, self.geometry.neighbours)
+
+    def _near(self, which: BoolArray) -> BoolArray:
+        """Return which taxels (n,) are some of these, or their neighbours."""
+        near = np.append(which, False)
+        near[self.geometry.neighbours.take(which.nonzero()[0], axis=1)] = True
+        return near[:-1]
+
+    def _learn(self, intensities: Array, time: float, fresh: bool) -> None:
+        """Learn baseline and noise from the first quiet frames."""
+        assert self._rest is not None
+        if fresh or not math.isfinite(time):
+            self._rest.clear()
+            return
+        rows = self._rest.add(intensities, time)
+        if rows is None:
+            return
+        if not self._readings.rests(rows):
+            if self.noise is None:
+                self._rest.clear()
+            else:
+                self._rest = None
+            return
+        self._readings.learn(rows, self._readings.is_whole)
+        if self._rest.is_complete:
+            self._rest = None
 
     def _unknown(self, time: float, flags: frozenset[str], problem: str) -> Frame:
         """Return the frame of a reading that cannot be used; the state of the skin does not change."""

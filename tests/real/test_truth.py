@@ -60,15 +60,18 @@ def test_cop_of_12_bit_readings(name):
 
 
 def test_cop_at_full_contact_is_corrected_for_the_cells():
-    """On exact forces the error is 0.01 mm, 1/30 of that of forces at the centres of the cells."""
+    """On exact forces CoP, ZMP and wrench are off by 0.01 mm, 1/30 of forces at the centres of the cells."""
     data, skin = recorded("foot_flat"), sole(Response((0.0, 1.0)), switch_on=1e-3, switch_off=5e-4)
     full = (data["taxel_fn"] > 1e-3).all(axis=1)
     assert full.sum() >= 50
     whole = [skin.update(f, 1000.0 * k) for k, f in enumerate(data["taxel_fn"][full])]
     true = data["cop_sole"][full]
-    corrected = np.linalg.norm([f.cop for f in whole] - true, axis=1)
-    lumped = np.linalg.norm([f.zmp for f in whole] - true, axis=1)
-    assert corrected.mean() < 0.02e-3 and corrected.mean() < lumped.mean() / 20
+    lumped = data["taxel_fn"][full] @ skin.positions[:, :2] / data["taxel_fn"][full].sum(axis=1)[:, None]
+    lumped = np.linalg.norm(lumped - true, axis=1)
+    wrenches = np.array([f.wrench for f in whole])
+    for found in ([f.cop for f in whole], [f.zmp for f in whole], wrenches[:, [4, 3]] * (-1, 1) / wrenches[:, 2:3]):
+        corrected = np.linalg.norm(found - true, axis=1)
+        assert corrected.mean() < 0.02e-3 and corrected.mean() < lumped.mean() / 20
 
 
 @pytest.mark.parametrize("name", ["foot_flat", "foot_beam12"])
@@ -107,11 +110,17 @@ def test_contacts_on_a_forearm():
     skin.tare(np.clip(np.rint(data["cell_offset"] + noise), 0, 255).astype(np.uint8))
     off = []
     for k, reading in enumerate(data["raw_u8"]):
-        strongest = max(skin.update(reading, 1000.0 * k).contacts, key=lambda c: c.force)
+        contacts = skin.update(reading, 1000.0 * k).contacts
+        if not contacts:  # no taxel carries much more than the noise
+            assert (data["cell_force"][k] < 1.05 * skin.noise.detection_limits).all()
+            off.append(np.nan)
+            continue
+        strongest = max(contacts, key=lambda c: c.force)
         off.append(np.linalg.norm(strongest.position - data["point"][k]))
+    assert np.isnan(off).sum() <= 3
     for radius, limit in zip((1, 2.5, 5, 8, 12), (3.3, 2.7, 1.5, 0.8, 1.4)):
         ours = np.isclose(data["radius"], radius / 1e3)
-        assert ours.sum() == 120 and np.mean(np.array(off)[ours]) < limit / 1e3
+        assert ours.sum() == 120 and np.nanmean(np.array(off)[ours]) < limit / 1e3
 
 
 def test_touches_on_a_forearm_find_the_placement_of_its_sheet():

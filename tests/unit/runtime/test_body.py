@@ -1,13 +1,17 @@
 """Combine two feet, and several links, in a body."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from skin_calib_addon.common.errors import UnknownLink
 from skin_calib_addon.runtime import Body, Plane
+from skin_calib_addon.runtime.poses import checked_pose, pose_from_mujoco, pose_from_quaternion, pose_from_se3
 from tests.samples import sheet
-from tests.soles import skin_of, sole_patch
+from tests.soles import SIDE, skin_of, sole_patch
 
 N = 42
 
@@ -30,6 +34,7 @@ def test_two_feet_on_flat_ground():
     """The ZMP is weighted by the loads, the polygon is around both feet, the wrench is the complete weight."""
     rng = np.random.default_rng(2)
     left, right = rng.uniform(0.5, 30, N), rng.uniform(0.5, 30, N)
+    left[5] = right[7] = 0.0  # partial contact: forces act at the centres of the cells
     poses = {"left": pose(0.1, 0.1, 0, 0.3), "right": pose(-0.05, -0.1, 0, -0.2)}
     frame = feet().update({"left": left, "right": right}, 0.0, poses)
     assert frame.flags == frozenset() and frame.standing == ("left", "right") and frame.reason is None
@@ -47,8 +52,24 @@ def test_two_feet_on_flat_ground():
         world = np.column_stack((alone, 0 * alone[:, 0])) @ poses[name][:3, :3].T + poses[name][:3, 3]
         assert all(frame.polygon.outer.margin(c[:2]) > -1e-8 for c in world)
     assert frame.polygon.guaranteed.area < frame.polygon.nominal.area < frame.polygon.outer.area
-    # at full contact each foot's CoP makes up for what the forces within the cells are off
-    assert 0 < np.linalg.norm(frame.cop - frame.zmp) < 2e-3
+    assert_allclose(frame.cop, frame.zmp, atol=1e-12)
+
+
+def test_moments_within_the_cells_count_everywhere():
+    """At full contact under a linear pressure, CoP, ZMP and the wrenches of both feet have the exact centre."""
+    body = feet()
+    x = body.skins["left"].positions[:, 0]
+    pressed = 10 + 60 * x
+    poses = {"left": pose(0.1, 0.1, 0, 0.3), "right": pose(-0.05, -0.1, 0, -0.2)}
+    frame = body.update({"left": pressed, "right": pressed}, 0.0, poses)
+    centre = np.array((60 * (x @ x / N + 5 * SIDE**2 / 24) / 10, 0, 0, 1))
+    expected = np.mean([(poses[name] @ centre)[:2] for name in poses], axis=0)
+    assert_allclose(frame.cop, expected, atol=1e-12)
+    assert_allclose(frame.zmp, expected, atol=1e-12)
+    assert_allclose((-frame.wrench[4], frame.wrench[3]), expected * frame.wrench[2], atol=1e-9)
+    for link in frame.links.values():
+        assert_allclose(link.wrench, sum(c.wrench for c in link.contacts), atol=1e-9)
+        assert_allclose((-link.wrench[4] / link.wrench[2], link.wrench[3] / link.wrench[2]), link.cop, atol=1e-12)
 
 
 def test_foot_in_the_air_is_left_out():
@@ -99,21 +120,80 @@ def test_sloped_foot_shifts_the_zmp_by_its_shear():
     assert_allclose(frame.zmp[0], middle[0] - middle[2] * force[0] / force[2], atol=1e-12)
 
 
-def test_missing_readings_and_poses_are_flagged():
-    """Without a reading or a valid pose a link is left out and named; the other foot is not affected."""
+def test_contact_of_a_foot_that_is_not_known_leaves_nothing_to_state():
+    """ZMP, CoP, polygon and wrench are None with a reason: those of the other foot alone would be wrong."""
     body = feet()
-    good = np.full(N, 10.0)
-    frame = body.update({"left": good}, 0.0, {"left": pose(), "right": pose()})
-    assert frame.flags == {"right:no_reading"} and frame.zmp is not None
-    frame = body.update({"left": good, "right": good[:3]}, 0.01, {"left": pose(), "right": pose()})
-    assert frame.flags == {"right:wrong_length"} and frame.standing == ("left",) and np.isnan(frame.wrench).all()
+    good, poses = np.full(N, 10.0), {"left": pose(0, 0.1), "right": pose(0, -0.1)}
+    both = {"left": good, "right": good}
+    cases = [
+        ({"left": good}, poses, "right:no_reading", "it has no reading"),
+        (both | {"right": good[:3]}, poses, "right:wrong_length", "the reading has 3 channels"),
+        (both | {"right": good * np.nan}, poses, "right:blind", "no taxel has a valid reading"),
+        (both, {"left": pose()}, "right:no_pose", "it has no pose"),
+    ]
     for wrong in (np.eye(3), np.full((4, 4), np.nan), [[1, 2], [3]], "pose", None):
-        frame = body.update({"left": good, "right": good}, 0.02, {"left": pose(), "right": wrong})
-        assert "right:no_pose" in frame.flags and frame.standing == ("left",)
-    frame = body.update({"left": good, "right": good}, 0.03, {"left": pose()})
-    assert "right:no_pose" in frame.flags
+        cases.append((both, poses | {"right": wrong}, "right:no_pose", "it has no pose"))
+    mirrored, shear = np.diag((1.0, -1.0, 1.0, 1.0)), np.eye(4)
+    shear[0, 1] = 0.01
+    for wrong in (
+        2 * pose(),
+        np.diag((2.0, 2, 2, 1)),
+        mirrored,
+        np.zeros((4, 4)),
+        shear,
+        1e200 * np.eye(4),
+        -np.eye(4),
+    ):
+        cases.append((both, poses | {"right": wrong}, "right:wrong_pose", "its pose is not a rigid motion"))
+    for k, (readings, where, flag, why) in enumerate(cases):
+        frame = body.update(readings, 0.01 * k, where)
+        assert flag in frame.flags and frame.standing == ("left",)
+        assert frame.zmp is None and frame.cop is None and frame.polygon is None and frame.wrench is None
+        assert frame.zmp_sigma is None and frame.cop_sigma is None
+        assert f"'right' may stand, but its contact is not known: {why}" in frame.reason
+    frame = body.update(both, 1.0, poses)
+    assert frame.flags == {"left:dropped", "right:dropped"}
+    assert frame.reason is None and frame.wrench[2] == 20 * N
     with pytest.raises(UnknownLink, match=r"no link 'foot' in this body; it has \['left', 'right'\]"):
-        body.update({"foot": good}, 0.04, {})
+        body.update({"foot": good}, 2.0, {})
+
+
+def test_free_foot_needs_no_pose():
+    """Its reading states that it carries nothing; nothing else of it counts."""
+    frame = feet().update({"left": np.full(N, 10.0), "right": np.zeros(N)}, 0.0, {"left": pose()})
+    assert frame.flags == {"right:no_pose"} and frame.zmp is not None and frame.wrench[2] == 10 * N
+
+
+def test_arm_whose_contact_is_not_known_does_not_stand():
+    """It leaves the wrench unknown, but not the ZMP of the feet."""
+    body = Body({"left": skin_of(sole_patch()), "arm": skin_of(sheet(4, 12, 0.01), link="arm")})
+    frame = body.update({"left": np.full(N, 10.0)}, 0.0, {"left": pose(), "arm": pose()})
+    assert frame.wrench is None and frame.zmp is not None and frame.polygon is not None and frame.reason is None
+
+
+def test_poses_of_other_libraries():
+    """SE(3) objects, MuJoCo's arrays, and quaternions in both orders give one matrix."""
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        turn, position = Rotation.random(rng=rng), rng.normal(size=3)
+        expected = np.eye(4)
+        expected[:3, :3], expected[:3, 3] = turn.as_matrix(), position
+        se3 = SimpleNamespace(rotation=turn.as_matrix(), translation=position)
+        x, y, z, w = 3.0 * turn.as_quat()
+        found = [
+            pose_from_se3(se3),
+            pose_from_mujoco(position, turn.as_matrix().ravel()),
+            pose_from_quaternion(position, (x, y, z, w), "xyzw"),
+            pose_from_quaternion(position, (w, x, y, z), "wxyz"),
+        ]
+        assert_allclose(found, np.broadcast_to(expected, (4, 4, 4)), atol=1e-12)
+        assert all(checked_pose(one)[1] is None for one in found)
+        assert checked_pose(expected.astype(np.float32))[1] is None
+    with pytest.raises(ValueError, match="must be 'xyzw' or 'wxyz', not 'wxzy'"):
+        pose_from_quaternion((0, 0, 0), (1, 0, 0, 0), "wxzy")
+    for wrong in ((0, 0, 0, 0), (np.nan, 0, 0, 1), (1, 0, 0)):
+        with pytest.raises(ValueError, match="four finite numbers"):
+            pose_from_quaternion((0, 0, 0), wrong, "wxyz")
 
 
 def test_arm_adds_to_the_wrench_and_not_to_the_ground():

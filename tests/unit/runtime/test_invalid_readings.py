@@ -70,7 +70,7 @@ def test_impossible_force_is_left_out():
 def test_saturated_taxel_is_counted_and_flagged():
     """Its force is the lower limit of the true one."""
     response = Response((0.0, 0.1), (0.0, 1000.0))
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
     reading = np.zeros(N)
     reading[5] = 4000
     frame = skin.update(reading, 0.0)
@@ -81,7 +81,7 @@ def test_saturated_taxel_is_counted_and_flagged():
 def test_saturation_counts_the_baseline():
     """A sensor that reads 300 too high at rest is saturated 300 later, and one that reads too low earlier."""
     response = Response((0.0, 0.1), (0.0, 1000.0))
-    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
     offsets = np.zeros(N)
     offsets[5], offsets[6] = 300.0, -300.0
     skin.tare(offsets)

@@ -29,7 +29,8 @@ ROUND = sheet_taxels(
 
 
 def skin_of(*patches, newtons=(0.0, 1.0), **switches):
-    """Return a skin of these patches with a polynomial response in newtons."""
+    """Return a skin of these patches with a polynomial response in newtons; a force above 0.2 N is a contact."""
+    switches = {"switch_on": 0.2, "switch_off": 0.1} | switches
     return Skin(small_calibration(patches=patches, surfaces=(cylinder(),), response=Response(newtons)), **switches)
 
 

@@ -1,0 +1,226 @@
+"""Which statements of the runtime hold for noisy readings: polygons, CoP, ZMP, feet in the air.
+
+    python benchmarks/noise.py [--frames N] [--seed N] [--rest tare|frames] [--kind normal|heavy|correlated|common]
+
+The scenes are those of ``winkler.py``, and the recorded soles of an independent simulator where they are present. Their
+forces become readings with 12 or 8 bits on 800 N, with normal noise that the converter clips at zero. The skin has its
+default settings and one second of rest. For each scene the table has the fraction of frames in which
+
+- the guaranteed polygon is inside the true contact, and is not empty;
+- the outer polygon contains every taxel with more than the detection limit that the skin states;
+
+the mean distance of the CoP from the true one, and its ratio to the stated standard deviation. For a foot in the air it
+has the fraction of frames in which the foot stands, and those with a contact. For two feet it has the distance of the
+ZMP, and the frames in which a foot that carries more than the limit of its sum does not stand.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import winkler
+from winkler import Array, Scene
+
+from skin_calib_addon.calibration import Response
+from skin_calib_addon.runtime import Body, Frame, Skin, convex_hull
+
+SHARED = Path(__file__).resolve().parents[1] / ".." / "shared" / "data" / "truth"
+FULL_SCALE = 800.0  # [N] force of a taxel at the highest count
+SIGMAS = 6.0  # [standard deviations] detection limit of a skin that states none
+AIR_FRAMES = 5000
+Options = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A converter with noise; ``kind`` names the distribution of the noise."""
+
+    bits: int
+    noise: float  # standard deviation [counts]
+    kind: str = "normal"
+
+    @property
+    def count(self) -> float:
+        """Return the force of one count [N]."""
+        return FULL_SCALE / (2**self.bits - 1)
+
+    @property
+    def sigma(self) -> float:
+        """Return the standard deviation of a force with the rounding to counts [N]."""
+        return self.count * float(np.sqrt(self.noise**2 + 1 / 12))
+
+    def read(self, forces: Array, rng: np.random.Generator) -> Array:
+        """Return the readings (t, n) of forces (t, n)."""
+        counts = forces / self.count + self.noise * NOISES[self.kind](rng, *forces.shape)
+        return np.clip(np.rint(counts), 0, 2**self.bits - 1).astype(np.uint16)
+
+
+def normal(rng: np.random.Generator, frames: int, n: int) -> Array:
+    """Return independent noise of unit standard deviation."""
+    return rng.normal(size=(frames, n))
+
+
+def heavy(rng: np.random.Generator, frames: int, n: int) -> Array:
+    """Return noise with heavy tails: Student's distribution with four degrees of freedom."""
+    return rng.standard_t(4, (frames, n)) / np.sqrt(2)
+
+
+def correlated(rng: np.random.Generator, frames: int, n: int) -> Array:
+    """Return noise with a correlation of 0.6 from frame to frame."""
+    noise = rng.normal(size=(frames, n))
+    for k in range(1, frames):
+        noise[k] = 0.6 * noise[k - 1] + 0.8 * noise[k]
+    return noise
+
+
+def common(rng: np.random.Generator, frames: int, n: int) -> Array:
+    """Return noise of which half of the variance is common to all taxels of a frame."""
+    return (rng.normal(size=(frames, n)) + rng.normal(size=(frames, 1))) / np.sqrt(2)
+
+
+NOISES: dict[str, Callable] = {"normal": normal, "heavy": heavy, "correlated": correlated, "common": common}
+
+
+def rested(sensor: Sensor, how: str, rng: np.random.Generator) -> Skin:
+    """Return a skin after one second without contact."""
+    skin = Skin(replace(winkler.sole(), response=Response((0.0, sensor.count))))
+    n = len(skin.ids)
+    rest = sensor.read(np.zeros((round(1 / winkler.PERIOD), n)), rng)
+    if how == "tare":
+        skin.tare(rest)
+    else:
+        for k, reading in enumerate(rest):
+            skin.update(reading, winkler.PERIOD * k)
+    return skin
+
+
+def recorded(name: str) -> Scene:
+    """Return a sole of the independent simulator."""
+    with np.load(SHARED / f"{name}.npz") as file:
+        data = dict(file)
+    bounds = data["true_hull_off"]
+    hulls = [data["true_hull"][i:j] for i, j in zip(bounds, bounds[1:])]
+    return Scene(name, 0.04 * np.arange(len(hulls)), data["taxel_fn"], hulls, data["cop_sole"])
+
+
+def limits(skin: Skin, sensor: Sensor) -> tuple[Array, float]:
+    """Return the detection limits of the taxels (n,) and of the load [N] that a skin states."""
+    stated = getattr(skin, "noise", None)
+    n = len(skin.ids)
+    if stated is None:
+        return np.full(n, SIGMAS * sensor.sigma), SIGMAS * sensor.sigma * float(np.sqrt(n))
+    return stated.detection_limits, stated.load_limit
+
+
+def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator) -> dict[str, float]:
+    """Return the fractions and the errors of a scene."""
+    limit, _ = limits(skin, sensor)
+    inside, filled, holds, overshoot, errors, stated, forces = [], [], [], [], [], [], []
+    start = 10.0
+    for k, reading in enumerate(sensor.read(scene.forces, rng)):
+        frame = skin.update(reading, start + scene.times[k])
+        true, polygon = convex_hull(scene.hulls[k]), frame.polygon
+        inside.append(all(true.margin(c) > -1e-9 for c in polygon.guaranteed.corners))
+        filled.append(len(polygon.guaranteed.corners) > 2)
+        corners = skin.ground.corners[scene.forces[k] > limit].reshape(-1, 2)
+        holds.append(all(polygon.outer.margin(c) > -1e-9 for c in corners))
+        overshoot.append(max((-true.margin(c) for c in polygon.outer.corners), default=0.0))
+        if frame.cop is not None:
+            errors.append(np.linalg.norm(frame.cop - scene.cops[k]))
+            stated.append(deviation(frame, "cop_sigma"))
+        forces.append((frame.load - scene.forces[k].sum()) / (deviation(frame, "load_sigma") or np.nan))
+    return {
+        "inside": np.mean(inside),
+        "filled": np.mean(filled),
+        "holds": np.mean(holds),
+        "too far": 1e3 * np.mean(overshoot),
+        "CoP": 1e3 * np.mean(errors),
+        "CoP/sd": np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(stated))),
+        "load/sd": np.sqrt(np.mean(np.square(forces))),
+        "frames": len(inside),
+    }
+
+
+def deviation(frame: Frame, name: str) -> float:
+    """Return a standard deviation that a frame states, of a vector the root of the sum of squares; NaN without one."""
+    sigma = getattr(frame, name, None)
+    return np.nan if sigma is None else float(np.linalg.norm(sigma))
+
+
+def in_the_air(skin: Skin, sensor: Sensor, rng: np.random.Generator) -> tuple[float, float]:
+    """Return the fractions of frames of a free sole in which it stands, and has a contact."""
+    readings = sensor.read(np.zeros((AIR_FRAMES, len(skin.ids))), rng)
+    frames = [skin.update(reading, 10 + winkler.PERIOD * k) for k, reading in enumerate(readings)]
+    return float(np.mean([f.cop is not None for f in frames])), float(np.mean([bool(f.touched) for f in frames]))
+
+
+def two_feet(sensor: Sensor, how: str, scenes: tuple[Scene, Scene], rng: np.random.Generator) -> tuple[float, ...]:
+    """Return mean and maximum distance of the ZMP [mm], and the number of feet that vanish, of all that carry enough.
+
+    The feet are 0.2 m apart.
+    """
+    skins = {scene.name: rested(sensor, how, rng) for scene in scenes}
+    body, poses = Body(skins), {scene.name: np.eye(4) for scene in scenes}
+    poses["left"][1, 3], poses["right"][1, 3] = 0.1, -0.1
+    readings = {scene.name: sensor.read(scene.forces, rng) for scene in scenes}
+    errors, vanished, enough = [], 0, 0
+    for k, time in enumerate(scenes[0].times):
+        frame = body.update({name: rows[k] for name, rows in readings.items()}, 10 + time, poses)
+        weights = np.array([scene.forces[k].sum() for scene in scenes])
+        points = np.array([np.nan_to_num(scene.cops[k]) + poses[scene.name][:2, 3] for scene in scenes])
+        if frame.zmp is not None:
+            errors.append(np.linalg.norm(frame.zmp - weights @ points / weights.sum()))
+        for scene, weight in zip(scenes, weights):
+            if weight > limits(skins[scene.name], sensor)[1]:
+                enough += 1
+                vanished += scene.name not in frame.standing
+    return 1e3 * float(np.mean(errors)), 1e3 * float(np.max(errors)), vanished, enough
+
+
+def table(sensor: Sensor, how: str, scenes: list[Scene], feet: tuple[Scene, Scene], seed: int) -> Iterator[str]:
+    """Yield the lines of the table of a sensor."""
+    rng = np.random.default_rng(seed)
+    skin = rested(sensor, how, rng)
+    limit, whole = limits(skin, sensor)
+    yield (
+        f"{sensor.bits} bits, {sensor.noise:g} counts, {sensor.kind}, rest by {how}: detection limit"
+        f" {np.median(limit):.2f} N of a taxel ({np.median(limit) / sensor.sigma:.1f} sigma), {whole:.1f} N of the sole"
+    )
+    names = "inside", "filled", "outer", "too far", "CoP mm", "CoP/sd", "N/sd"
+    yield f"  {'scene':12}" + "".join(f" {name:>{width}}" for name, width in zip(names, (7, 7, 7, 8, 7, 6, 5)))
+    for scene in scenes:
+        row = judge(rested(sensor, how, rng), sensor, scene, rng)
+        yield (
+            f"  {scene.name:12} {row['inside']:7.2%} {row['filled']:7.1%} {row['holds']:7.2%} {row['too far']:8.1f}"
+            f" {row['CoP']:7.2f} {row['CoP/sd']:6.2f} {row['load/sd']:5.2f}"
+        )
+    stands, ghosts = in_the_air(skin, sensor, rng)
+    mean, largest, vanished, enough = two_feet(sensor, how, feet, rng)
+    yield f"  in the air: stands {stands:.2%}, contact {ghosts:.2%}"
+    yield f"  two feet: ZMP {mean:.2f} / {largest:.2f} mm, vanished {vanished} of {enough}"
+
+
+def main() -> None:
+    """Print a table for each sensor."""
+    parser = argparse.ArgumentParser(description="which statements of the runtime hold for noisy readings")
+    parser.add_argument("--frames", type=int, default=200, help="of each scene")
+    parser.add_argument("--period", type=float, default=winkler.PERIOD, help="between frames [s]")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--rest", choices=("tare", "frames"), default="tare")
+    parser.add_argument("--kind", choices=tuple(NOISES), default="normal")
+    parser.add_argument("--sensors", nargs="*", default=["12:2", "12:.5", "8:.5", "8:2"], help="BITS:COUNTS")
+    options = parser.parse_args()
+    scenes = list(winkler.scenes(options.frames, options.period, options.seed))
+    if SHARED.is_dir():
+        scenes += [recorded(name) for name in ("foot_flat", "foot_beam12")]
+    feet = winkler.steps(2 * options.frames, options.period, options.seed)
+    for text in options.sensors:
+        bits, noise = text.split(":")
+        sensor = Sensor(int(bits), float(noise), options.kind)
+        print("\n".join(table(sensor, options.rest, scenes, feet, options.seed)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

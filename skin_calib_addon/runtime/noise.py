@@ -1,0 +1,417 @@
+r"""Learn the noise of a skin from readings without contact, and derive from it what a reading can prove.
+
+The reading of a taxel at rest is a normal variable with the mean :math:`m` and the standard deviation :math:`\sigma`,
+rounded to steps :math:`q`, and often clipped: most converters send 0 for all that is below 0. The mean and the standard
+deviation of clipped readings hide 40 % of the noise. The fit therefore treats each level as an interval, and the lowest
+one as open. Thresholds follow from stated probabilities of an error.
+"""
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..common.arrays import Array, BoolArray, IntArray
+
+if TYPE_CHECKING:
+    from ..calibration.taxel_responses import TaxelResponses
+
+# [1] Probability that noise makes a free taxel count as surely touched, for all taxels of a frame together. Larger:
+# guaranteed polygons are larger, and wrong more often.
+MAX_FALSE_SURE = 3e-4
+# [1] Probability that noise alone makes the sum of a frame count as a load. Larger: lighter feet stand, and feet in the
+# air stand more often.
+MAX_FALSE_LOAD = 2e-4
+# [1] Probability that noise makes two free neighbours a contact, for all pairs of a frame together.
+# Larger: weaker contacts are found, and contacts of noise.
+MAX_FALSE_PAIR = 1e-4
+# [standard deviations] Reading from which on a taxel is possibly touched. Larger: fewer free taxels are in the outer
+# polygon, and the detection limit is higher.
+POSSIBLE = 2.5
+# [standard deviations] Margin of the detection limit over this threshold. Larger: a weak contact is missed less often,
+# and the limit is higher. 3.0: once in 700.
+MISSED = 3.0
+# [1] Probability that the outer polygon contains a taxel at its detection limit, and that no free taxel counts as
+# surely touched. Derived: from the thresholds above.
+OUTER_PROBABILITY, GUARANTEED_PROBABILITY = NormalDist().cdf(MISSED), 1 - MAX_FALSE_SURE
+# [standard deviations] Limit of the sum of all taxels, as a multiple of its noise. Larger: a lighter load is not
+# promised.
+LOAD_LIMIT = 7.0
+# [standard deviations] Reading down to which a taxel stays in its contact. Larger: contacts flicker more.
+RELEASE = 1.5
+# [standard deviations] Readings between which the weight of a taxel in the sums rises from 0 to 1. Larger: weak
+# contacts are missing in the sums; smaller: the noise of free taxels is in them.
+WEIGHT_START, WEIGHT_FULL = 1.0, 3.0
+# [1] Load of the taxels with little weight, relative to that of the others, from which on they count, and count fully.
+# Larger: light feet seem lighter; smaller: noise of free taxels is in the CoP of heavy ones.
+HIDDEN_LOAD = (0.1, 0.3)
+# [standard deviations] Mean of the free taxels that is a drift. Larger: more false contacts before it is reported;
+# smaller: light contacts are reported as drift.
+MAX_DRIFT = 0.3
+# [s] Time constant of the mean of free taxels, and largest weight of one frame. Larger: a drift is reported later;
+# smaller: noise is reported as drift.
+DRIFT_TIME, MAX_DRIFT_GAIN = 1.0, 0.1
+# [frames] Fewer frames say nothing about the noise. Larger: a longer rest is needed; smaller: the estimate is so
+# uncertain that hardly a taxel counts as touched.
+MIN_FRAMES = 20
+# [s] Shortest rest before a tare from which noise is learned, and period of the frames that are stored for it. Larger:
+# the skin is without statements for longer. MAX_FRAMES ends the rest; larger: better estimates, later.
+MIN_REST, REST_PERIOD, MAX_FRAMES = 0.5, 0.0035, 250
+# [frames] Weight of the histogram of all taxels in that of each. Larger: a taxel that differs from the others is
+# learned more slowly; smaller: estimates scatter more.
+POOLED_FRAMES = 50.0
+# Number of levels of a histogram. Larger: slower; smaller: wide noise is overestimated, by 1/12 of a level squared.
+LEVELS = 32
+# Iterations of the fits of all taxels together and of each. Larger: slower, for the last percent of the estimates.
+POOLED_ITERATIONS, ITERATIONS = 200, 60
+# [1] Smallest step of real numbers, relative to the range of the readings. Derived: from rounding.
+MIN_STEP = 1e-9
+# [steps] Smallest standard deviation: readings that never changed in a second prove no less. Larger: coarse converters
+# have higher limits.
+MIN_SIGMA = 0.25
+# [1] Fraction of readings at the lowest level, and its ratio to that of the next level, from which on readings are
+# clipped. Larger: the hidden noise of some clipped taxels is missed; smaller: the noise of others is overestimated.
+MIN_CLIPPED, MIN_PILE = 0.05, 0.5
+# [1] Probability of a largest reading at rest, below which the noise is not normal; then thresholds are TAIL_FACTOR
+# times that reading. Larger: more skins count as such; smaller factor: rare spikes count as contacts.
+MIN_TAIL_PROBABILITY, TAIL_FACTOR = 0.01, 2.0
+# [1] Probability that a taxel of a skin with noise sends one number in all frames, below which it is dead.
+# Larger: a live taxel may count as dead.
+MAX_DEAD_PROBABILITY = 1e-6
+
+# Standard normal distribution for interpolation; the error of the interpolation is below 1e-6.
+_GRID = np.linspace(-8.0, 8.0, 3201)
+_BELOW = np.array([0.5 * math.erfc(-x / math.sqrt(2)) for x in _GRID.tolist()])
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """The noise of each taxel, and the thresholds that follow from it.
+
+    Levels are signed readings: they rise with the force. A taxel is above a level if its signed reading is larger.
+    """
+
+    mean: Array  # (n,) signed reading at rest
+    sigma: Array  # (n,) standard deviation of a signed reading, with the rounding to steps
+    dead: BoolArray  # (n,) whether the taxel did not change at rest, as others did, or had no finite reading
+    sign: Array  # (n,) 1 where readings rise with the force, -1 where they fall
+    sure: Array  # (n,) level above which a taxel is surely touched
+    pair: Array  # (n,) level above which a taxel is in a contact if a neighbour is
+    possible: Array  # (n,) level above which a taxel is possibly touched
+    release: Array  # (n,) level down to which it stays in its contact
+    slopes: Array  # (n,) force per reading near rest [N]
+    free: Array  # (n,) mean signed reading at rest, after clipping
+    free_sum: float  # its sum, weighted by the slopes [N]
+    load_level: float  # sum above it by which there is a load [N]
+    common: float  # standard deviation of the sum, as a multiple of that of independent taxels; at least 1
+    detection_limits: Array  # (n,) force from which on the outer polygon contains a taxel [N]
+    load_limit: float  # force from which on the sum of all taxels is a load [N]
+
+    def signed(self, intensities: Array) -> Array:
+        """Return signed readings (n,)."""
+        return intensities * self.sign
+
+    def excess(self, signed: Array, known: BoolArray) -> float:
+        """Return the sum of the forces of known taxels near rest, without its mean [N]; signed, not cut off at zero.
+
+        Parameters
+        ----------
+        signed : array, shape (n,)
+            Signed readings.
+        known : array of bool, shape (n,)
+            Which of them are valid.
+        """
+        if np.count_nonzero(known) == len(known):
+            return float(signed @ self.slopes) - self.free_sum
+        return float(np.where(known, (signed - self.free) * self.slopes, 0.0).sum())
+
+    def weights(self, signed: Array, known: BoolArray, excess: float) -> Array:
+        """Return the weight (n,) of each taxel in sums: 0 near rest, 1 for clear contacts, with a smooth step.
+
+        A light foot on flat ground has all of its load below the noise of single taxels. The more of the load is there,
+        the more all taxels count.
+
+        Parameters
+        ----------
+        signed : array, shape (n,)
+            Signed readings.
+        known : array of bool, shape (n,)
+            Which of them are valid; the others have no weight.
+        excess : float
+            Result of :meth:`excess` [N].
+        """
+        step = signed - self.mean
+        step /= self.sigma
+        step -= WEIGHT_START
+        step *= 1 / (WEIGHT_FULL - WEIGHT_START)
+        np.maximum(step, 0.0, out=step)
+        np.minimum(step, 1.0, out=step)
+        weights = step * step * (3 - 2 * step)
+        complete = np.count_nonzero(known) == len(known)
+        if not complete:
+            weights[~known] = 0.0
+        clear = float(np.nan_to_num(weights * (signed - self.free)) @ self.slopes)
+        start, full = HIDDEN_LOAD
+        if excess > (1 + start) * clear:
+            hidden = min((excess / clear - 1 - start) / (full - start), 1.0) if clear > 0 else 1.0
+            weights += hidden * (1 - weights)
+            if not complete:
+                weights[~known] = 0.0
+        return weights
+
+
+class Drift:
+    """Watch the free taxels: their mean must stay what it was at rest."""
+
+    def __init__(self) -> None:
+        self._mean, self._time = 0.0, -math.inf
+
+    def is_drift(self, noise: Noise, intensities: Array, free: BoolArray, time: float) -> bool:
+        """Return whether the mean of the free taxels is no longer that at rest. It is filtered over a second.
+
+        Parameters
+        ----------
+        noise : Noise
+            Of the skin.
+        intensities : array, shape (n,)
+            Readings.
+        free : array of bool, shape (n,)
+            Taxels with a reading that are not possibly touched. If they are less than half, the last result stays.
+        time : float
+            Of the frame [s].
+        """
+        count = int(np.count_nonzero(free))
+        gap, self._time = time - self._time, time
+        if 2 * count >= len(free) > 0 and gap > 0:
+            deviation = float(np.where(free, (noise.signed(intensities) - noise.free) / noise.sigma, 0.0).sum()) / count
+            self._mean += min(gap / DRIFT_TIME, MAX_DRIFT_GAIN) * (deviation - self._mean)
+        return abs(self._mean) > MAX_DRIFT
+
+
+class Rest:
+    """Keep the first frames of a skin, until they show that the skin is free, and how its readings scatter."""
+
+    def __init__(self) -> None:
+        self._rows: list[Array] = []
+        self._times: list[float] = []
+        self._next = MIN_FRAMES
+
+    def add(self, intensities: Array, time: float) -> Array | None:
+        """Store a frame; return all stored ones (frames, n) when it is time to look at them.
+
+        Parameters
+        ----------
+        intensities : array, shape (n,)
+            Readings.
+        time : float
+            Of the frame [s].
+        """
+        if self._times and time - self._times[-1] < REST_PERIOD:
+            return None
+        self._rows.append(intensities)
+        self._times.append(time)
+        if len(self._rows) < self._next or time - self._times[0] < MIN_REST:
+            return None
+        self._next = min(2 * len(self._rows), MAX_FRAMES) if len(self._rows) < MAX_FRAMES else MAX_FRAMES + 1
+        return np.array(self._rows)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether enough frames are stored."""
+        return len(self._rows) >= MAX_FRAMES
+
+    def clear(self) -> None:
+        """Drop all frames: the skin was not free."""
+        self._rows, self._times, self._next = [], [], MIN_FRAMES
+
+
+def learned(rows: Array, responses: "TaxelResponses", pair_count: int, is_whole: bool) -> Noise | None:
+    """Return the noise of readings at rest; None if they say nothing about it.
+
+    Parameters
+    ----------
+    rows : array, shape (frames, n)
+        Readings of the taxels without contact; NaN where a taxel has none.
+    responses : TaxelResponses
+        Of the taxels.
+    pair_count : int
+        Number of pairs of neighbours.
+    is_whole : bool
+        Whether the converter sends whole numbers.
+    """
+    finite = np.isfinite(rows)
+    present = finite.any(axis=0)
+    rows = rows[finite[:, present].all(axis=1)] * responses.sign
+    frames, n = rows.shape
+    step = _step(rows[:, present], is_whole)
+    if frames < MIN_FRAMES or step is None:
+        return None
+    rows = np.where(present, rows, 0.0)
+    mean, spread, clipped, constant = _normal(rows, step)
+    dead = constant | ~present
+    sigma = np.sqrt(spread**2 + step**2 / 12)
+    known = int(np.count_nonzero(~dead))
+    if not known:
+        return None
+    freedom = np.maximum(frames * (1 - clipped), 1.0) + POOLED_FRAMES / 2
+
+    def level(probability: float) -> Array:
+        return mean + step / 2 + spread * student(NormalDist().inv_cdf(1 - probability), freedom)
+
+    sure, pair = level(MAX_FALSE_SURE / known), level(math.sqrt(MAX_FALSE_PAIR / max(pair_count, 1)))
+    above = ((rows - mean - step / 2) / spread)[:, ~dead]
+    largest = float(above.max())
+    if largest > NormalDist().inv_cdf(1 - MIN_TAIL_PROBABILITY / above.size):
+        guard = mean + step / 2 + TAIL_FACTOR * largest * spread
+        sure, pair = np.maximum(sure, guard), np.maximum(pair, guard)
+    rest = responses.rest
+    slopes = np.where(dead, 0.0, responses.forces(rest + 4 * responses.sign * sigma) - responses.forces(rest))
+    slopes = np.nan_to_num(slopes / (4 * sigma))
+    sums = rows @ slopes
+    deviations = sums - sums.mean()
+    deviation = float(deviations.std(ddof=1))
+    skewness = float((deviations**3).mean()) / deviation**3 if deviation else 0.0
+    k = float(student(NormalDist().inv_cdf(1 - MAX_FALSE_LOAD), np.array(frames - 1.0)))
+    k += (k * k - 1) * max(skewness, 0.0) / 6  # Cornish and Fisher 1938
+    independent = float(np.linalg.norm(slopes * rows.std(axis=0, ddof=1)))
+    common = max(1.0, deviation / independent) if independent else 1.0
+    # the reading has to pass the threshold by less than a step, half of which rounding may take
+    limits = responses.forces(rest + responses.sign * (POSSIBLE * sigma + step / 2 + MISSED * spread))
+    return Noise(
+        mean=mean,
+        sigma=sigma,
+        dead=dead,
+        sign=responses.sign,
+        sure=sure,
+        pair=pair,
+        possible=mean + POSSIBLE * sigma,
+        release=mean + RELEASE * sigma,
+        slopes=slopes,
+        free=rows.mean(axis=0),
+        free_sum=float(sums.mean()),
+        load_level=k * deviation,
+        common=common,
+        detection_limits=limits,
+        load_limit=LOAD_LIMIT * common * float(np.linalg.norm(slopes * sigma)),
+    )
+
+
+def student(normal: float, freedom: Array) -> Array:
+    """Return quantiles (n,) of Student's distribution (Abramowitz and Stegun 26.7.5).
+
+    A deviation in units of an estimated standard deviation has this distribution: it needs a higher threshold.
+
+    Parameters
+    ----------
+    normal : float
+        The quantile of the normal distribution.
+    freedom : array, shape (n,)
+        Degrees of freedom of the estimates.
+    """
+    z, v = normal, freedom
+    first = (z**3 + z) / 4
+    second = (5 * z**5 + 16 * z**3 + 3 * z) / 96
+    third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384
+    return z + first / v + second / v**2 + third / v**3
+
+
+def _step(rows: Array, is_whole: bool) -> float | None:
+    """Return the step of a converter: 1, or the smallest difference of two readings; None if they never differ.
+
+    Parameters
+    ----------
+    rows : array, shape (frames, n)
+        Finite readings.
+    is_whole : bool
+        Whether the converter sends whole numbers.
+    """
+    if is_whole:
+        return 1.0
+    values = np.unique(rows)
+    gaps = np.diff(values)
+    return float(gaps[gaps > MIN_STEP * np.ptp(values)].min()) if len(gaps) else None
+
+
+def _normal(rows: Array, step: float) -> tuple[Array, Array, Array, BoolArray]:
+    """Return mean and standard deviation (n,) before rounding and clipping, and the fraction at the lowest level.
+
+    Taxels that are not clipped have the mean and the standard deviation of their readings. The last result is whether
+    a taxel sends one number, although others change too much for that.
+
+    Parameters
+    ----------
+    rows : array, shape (frames, n)
+        Finite signed readings.
+    step : float
+        Of the converter.
+    """
+    frames, n = rows.shape
+    low = rows.min(axis=0)
+    width = np.maximum(step, (rows.max(axis=0) - low) / LEVELS)
+    level: IntArray = np.rint((rows - low) / width).astype(np.int64)
+    counts = np.zeros((int(level.max()) + 1, n))
+    np.add.at(counts, (level, np.arange(n)), 1.0)
+    pooled = counts[:, width == step].sum(axis=1, keepdims=True)
+    most = 1.0
+    if pooled.any():
+        pooled /= pooled.sum()
+        most = float(pooled.max())
+    constant = (low == rows.max(axis=0)) & (frames * math.log(most) < math.log(MAX_DEAD_PROBABILITY))
+    clipped = counts[0] / frames
+    mean = rows.mean(axis=0)
+    spread = np.sqrt(np.maximum(rows.var(axis=0, ddof=1) - step**2 / 12, 0.0))
+    chosen = (clipped > MIN_CLIPPED) & (counts[0] >= MIN_PILE * np.append(counts, np.zeros((1, n)), axis=0)[1])
+    if chosen.any():
+        pooled = counts[:, chosen & (width == step)].sum(axis=1, keepdims=True)
+        pooled /= max(pooled.sum(), 1.0)
+        of_all = _censored(pooled, *_moments(pooled), POOLED_ITERATIONS) if pooled.any() else None
+        mixed = counts[:, chosen]
+        start = _moments(mixed)
+        if of_all is not None:
+            similar = width[chosen] == step
+            mixed = mixed + np.where(similar, POOLED_FRAMES * pooled, 0.0)
+            start = tuple(np.where(similar, one, each) for one, each in zip(of_all, start))  # type: ignore[assignment]
+        middle, deviation = _censored(mixed, *start, ITERATIONS)
+        mean[chosen] = low[chosen] + width[chosen] * middle
+        spread[chosen] = width[chosen] * deviation
+    return mean, np.maximum(spread, MIN_SIGMA * step), np.where(chosen, clipped, 0.0), constant
+
+
+def _moments(counts: Array) -> tuple[Array, Array]:
+    """Return mean and standard deviation (n,) of histograms (levels, n), in levels, where the fit starts."""
+    level = np.arange(len(counts))[:, None]
+    mean = (counts * level).sum(axis=0) / counts.sum(axis=0)
+    return mean, np.sqrt((counts * (level - mean) ** 2).sum(axis=0) / counts.sum(axis=0) + 1 / 12)
+
+
+def _censored(counts: Array, mean: Array, sigma: Array, iterations: int) -> tuple[Array, Array]:
+    """Return mean and standard deviation (n,) of normal variables, of which only histograms are known, in levels.
+
+    Level k is the interval from k - 1/2 to k + 1/2; the lowest one has no lower end. The likelihood increases with each
+    iteration (expectation and maximization, Dempster et al. 1977).
+
+    Parameters
+    ----------
+    counts : array, shape (levels, n)
+        Histograms.
+    mean, sigma : array, shape (n,)
+        Where the iterations start.
+    iterations : int
+        Their number.
+    """
+    edges = np.arange(1, len(counts))[:, None] - 0.5
+    fractions = counts / counts.sum(axis=0)
+    zero = np.zeros((1, counts.shape[1]))
+    for _ in range(iterations):
+        z = np.clip((edges - mean) / sigma, -8.0, 8.0)
+        below = np.concatenate((zero, np.interp(z, _GRID, _BELOW), zero + 1))
+        density = np.exp(-z * z / 2) / math.sqrt(2 * math.pi)
+        inside = np.maximum(np.diff(below, axis=0), 1e-12)
+        first = -np.diff(np.concatenate((zero, density, zero)), axis=0) / inside  # of z in each interval
+        second = 1 - np.diff(np.concatenate((zero, z * density, zero)), axis=0) / inside
+        shift = (fractions * first).sum(axis=0)
+        square = (fractions * second).sum(axis=0) - shift**2
+        mean, sigma = mean + sigma * shift, sigma * np.sqrt(np.maximum(square, 1e-4))
+    return mean, sigma

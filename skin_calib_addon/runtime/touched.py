@@ -1,0 +1,91 @@
+"""Decide which taxels are touched: surely, possibly, and in the estimate between; by the noise, or by thresholds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..common.arrays import Array, BoolArray, IntArray
+from .noise import Noise
+
+
+@dataclass(frozen=True, eq=False)
+class Touched:
+    """What is touched in one frame. ``stands`` is None if sums of the noise are not known: then a load decides."""
+
+    active: BoolArray  # (n,) whether a taxel is in a contact
+    sure: BoolArray | None  # (n,) whether it is surely touched; None: nothing is sure
+    possible: BoolArray  # (n,) whether it is possibly touched
+    weights: Array  # (n,) of its force in the sums
+    stands: bool | None
+
+
+def by_thresholds(
+    forces: Array, known: BoolArray, before: BoolArray, on: float, off: float, is_sure: bool
+) -> tuple[Touched, BoolArray]:
+    """Return what is touched by two thresholds, and the state of the next frame.
+
+    Parameters
+    ----------
+    forces : array, shape (n,)
+        Of the taxels [N]; 0 where unknown.
+    known : array of bool, shape (n,)
+        Which taxels have a valid force. The others keep their state.
+    before : array of bool, shape (n,)
+        State of the last frame.
+    on, off : float
+        Forces from which on a taxel becomes active, and down to which it stays active [N].
+    is_sure : bool
+        Whether the caller guarantees that a force above the thresholds is a contact.
+    """
+    state = (forces >= on) | (before & (forces >= off))
+    if np.count_nonzero(known) == len(known):
+        active = possible = state
+    else:
+        active = state & known
+        state = np.where(known, active, before)
+        possible = active | ~known if np.count_nonzero(active) else active
+    return Touched(active, active if is_sure else None, possible, active.astype(float), None), state
+
+
+def by_noise(
+    noise: Noise, intensities: Array, forces: Array, known: BoolArray, before: BoolArray, neighbours: IntArray
+) -> tuple[Touched, BoolArray]:
+    """Return what is touched according to the noise at rest, and the state of the next frame.
+
+    Parameters
+    ----------
+    noise : Noise
+        Of the skin.
+    intensities, forces : array, shape (n,)
+        Readings, and the forces that follow from them [N].
+    known : array of bool, shape (n,)
+        Which taxels have a valid force. The others are possibly touched, and keep their state.
+    before : array of bool, shape (n,)
+        State of the last frame.
+    neighbours : array, shape (k, n)
+        See :func:`.neighbour_table`.
+    """
+    signed = noise.signed(intensities)
+    pushes = forces > 0
+    sure = (signed > noise.sure) & pushes
+    complete = np.count_nonzero(known) == len(known)
+    if not complete:
+        sure &= known
+    pair = (signed > noise.pair) & pushes & known
+    rows = pair.nonzero()[0]
+    if len(rows):
+        rows = rows[np.append(pair, False).take(neighbours.take(rows, axis=1)).any(axis=0)]
+    excess = noise.excess(signed, known)
+    if not np.count_nonzero(sure) and not len(rows) and excess <= noise.load_level:
+        nothing = np.zeros(len(known), bool)
+        state = nothing if complete else before & ~known
+        return Touched(nothing, nothing, nothing, nothing.astype(float), False), state
+    state = sure | (before & (signed > noise.release) & pushes)
+    state[rows] = True
+    possible, weights = signed > noise.possible, noise.weights(signed, known, excess)
+    active = state
+    if not complete:
+        active = state & known
+        state = np.where(known, active, before)
+        possible |= ~known
+    return Touched(active, sure, possible, weights, True), state

@@ -1,0 +1,280 @@
+"""Statements under noise: guaranteed and outer polygons, feet in the air, standard deviations, unknown noise."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.calibration import Response, ResponseTable
+from skin_calib_addon.runtime import Skin, convex_hull
+from skin_calib_addon.runtime.noise import student
+from tests.samples import plane, sheet, small_calibration
+from tests.soles import sole_patch
+
+N = 42
+NEWTONS = 0.2  # of a count
+FREE = np.zeros(N)
+
+
+def sole(response=None, **options):
+    """Return a sole at default settings; its readings are counts."""
+    response = response or Response((0.0, NEWTONS))
+    return Skin(
+        small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), **options
+    )
+
+
+def read(rng, newtons, noise=2.0, frames=1, offset=0.0, low=0):
+    """Return readings (frames, n) of 12 bits: rounded, and clipped at 0."""
+    counts = np.asarray(newtons) / NEWTONS + offset + noise * rng.normal(size=(frames, np.size(newtons)))
+    return np.clip(np.rint(counts), low, 4095).astype(np.int64)
+
+
+def half_pressed(rng):
+    """Return forces on the rear half of the sole, from 0 to 30 N, and which cells they press."""
+    pressed = sole().positions[:, 0] < rng.uniform(-0.05, 0.05)
+    return np.where(pressed, rng.uniform(0, 30, N), 0.0), pressed
+
+
+@pytest.mark.parametrize("noise", [0.5, 2.0, 5.0])
+@pytest.mark.parametrize("offset", [0.0, 50.0])
+def test_noise_is_that_before_clipping(noise, offset):
+    """Clipping at zero hides half of the noise; mean and standard deviation are those before, to a few percent."""
+    rng, skin = np.random.default_rng(0), sole()
+    skin.tare(read(rng, FREE, noise, 250, offset))
+    assert_allclose(skin.noise.mean.mean(), offset, atol=0.1 * noise)
+    total = np.hypot(noise, np.sqrt(1 / 12))
+    assert_allclose(skin.noise.sigma.mean(), total, rtol=0.08)
+    assert (np.abs(skin.noise.sigma / total - 1) < 0.4).all()
+    assert (skin.noise.detection_limits < 7.2 * total * NEWTONS).all()
+    assert np.median(skin.noise.detection_limits) < 6 * total * NEWTONS
+
+
+@pytest.mark.parametrize("rest", ["tare", "frames"])
+@pytest.mark.parametrize("offset", [0.0, 4.0])
+def test_statements_hold_under_noise(rest, offset):
+    """The guaranteed polygon is in the hull of the pressed cells, the outer one has all cells above the limit."""
+    rng, skin, right, filled = np.random.default_rng(1), sole(), 0, 0
+    at_rest = read(rng, FREE, frames=250, offset=offset)
+    if rest == "tare":
+        skin.tare(at_rest)
+    else:
+        for k, reading in enumerate(at_rest):
+            frame = skin.update(reading, 0.004 * k)
+        assert "noise_unknown" not in frame.flags
+    for k in range(200):
+        forces, pressed = half_pressed(rng)
+        frame = skin.update(read(rng, forces, offset=offset)[0], 10 + 0.04 * k)
+        true = convex_hull(skin.ground.centres[pressed & (forces > 0)])
+        polygon = frame.polygon
+        core = convex_hull(skin.ground.centres[frame.sets.sure])
+        assert all(core.margin(corner) > -1e-9 for corner in polygon.guaranteed.corners)
+        right += all(true.margin(corner) > -1e-9 for corner in core.corners)
+        filled += polygon.guaranteed.kind == "area"
+        heavy = skin.ground.corners[forces > skin.noise.detection_limits].reshape(-1, 2)
+        assert all(polygon.outer.margin(corner) > -1e-9 for corner in heavy)
+        assert polygon.guaranteed_probability == 1 - 3e-4 and 0.998 < polygon.outer_probability < 1
+    assert right >= 199 and filled >= 195
+
+
+def test_foot_in_the_air_has_no_contact():
+    """Of 3000 frames of noise, at most 3 have a contact; their wrench is zero, their outer polygon is empty."""
+    rng, skin, ghosts = np.random.default_rng(2), sole(), 0
+    skin.tare(read(rng, FREE, frames=250))
+    for k, reading in enumerate(read(rng, FREE, frames=3000)):
+        frame = skin.update(reading, 0.004 * k)
+        if frame.touched or frame.stands:
+            ghosts += 1
+            continue
+        assert not frame.wrench.any() and frame.cop is None and frame.polygon.outer.kind == "empty"
+        assert "no load differs from the noise, which hides loads up to 1" in frame.reason
+        assert "drift" not in frame.flags
+    assert ghosts <= 3
+
+
+def test_foot_above_the_limit_of_its_sum_stands():
+    """It does so if no taxel has more than its own noise; the stated deviation of its load is not too small."""
+    rng, skin, errors = np.random.default_rng(3), sole(), []
+    skin.tare(read(rng, FREE, frames=250))
+    forces = np.full(N, skin.noise.load_limit / N)
+    assert forces[0] < 2.5 * skin.noise.sigma[0] * NEWTONS
+    for k in range(300):
+        frame = skin.update(read(rng, forces)[0], 0.04 * k)
+        assert frame.stands and frame.touched
+        errors.append((frame.load - forces.sum()) / frame.load_sigma)
+    assert np.sqrt(np.mean(np.square(errors))) < 2
+
+
+def test_standard_deviations_are_those_of_repeated_readings():
+    """Load, wrench, CoP and ZMP scatter as stated, for forces that are clear everywhere."""
+    rng, skin = np.random.default_rng(4), sole()
+    skin.tare(read(rng, FREE, frames=250))
+    forces = np.full(N, 8.0)
+    frames = [skin.update(reading, 0.01 * k) for k, reading in enumerate(read(rng, forces, frames=800))]
+    for name, sigma in (("load", "load_sigma"), ("wrench", "wrench_sigma"), ("cop", "cop_sigma"), ("zmp", "zmp_sigma")):
+        found = np.std([getattr(frame, name) for frame in frames], axis=0)
+        stated = np.mean([getattr(frame, sigma) for frame in frames], axis=0)
+        observed = np.array(found) > 1e-12
+        ratio = stated[observed] / found[observed] if np.ndim(found) else stated / found
+        assert (np.abs(ratio - 1) < 0.25).all(), name
+    assert_allclose(frames[0].force_sigmas, NEWTONS * skin.noise.sigma)
+
+
+def test_noise_common_to_all_taxels_is_in_the_deviation_of_the_load():
+    """Half of the variance is common: the load scatters five times as much, and the free foot still does not stand."""
+    rng, skin = np.random.default_rng(5), sole()
+
+    def readings(newtons, frames):
+        noise = rng.normal(size=(frames, N)) + rng.normal(size=(frames, 1))
+        return np.rint(newtons / NEWTONS + 100 + 2 * noise / np.sqrt(2)).astype(int)
+
+    skin.tare(readings(FREE, 250))
+    assert 3.5 < skin.noise.common < 6
+    air = [skin.update(reading, 0.01 * k).stands for k, reading in enumerate(readings(FREE, 1000))]
+    assert sum(air) <= 2
+    frames = [skin.update(reading, 20 + 0.01 * k) for k, reading in enumerate(readings(np.full(N, 8.0), 400))]
+    found, stated = np.std([f.load for f in frames]), np.mean([f.load_sigma for f in frames])
+    assert 0.8 < stated / found < 1.25
+
+
+def test_heavy_tails_raise_the_thresholds():
+    """Noise with heavy tails at rest makes nothing sure in the air."""
+    rng, skin = np.random.default_rng(6), sole()
+
+    def readings(frames):
+        return np.rint(100 + np.sqrt(2) * rng.standard_t(4, (frames, N))).astype(int)
+
+    skin.tare(readings(250))
+    assert ((skin.noise.sure - skin.noise.mean) / skin.noise.sigma > 8).all()
+    sure = [skin.update(r, 0.01 * k).sets.sure.any() for k, r in enumerate(readings(2000))]
+    assert np.mean(sure) <= 2e-3
+
+
+def test_without_knowledge_of_the_noise_nothing_is_guaranteed():
+    """The frame states it; thresholds of the caller are such a knowledge, but have no probability."""
+    pressed = np.full(N, 100)
+    skin = sole()
+    for frame in (skin.update(pressed, 0.0), skin.update(pressed, 0.01)):
+        assert frame.flags == {"noise_unknown"} and frame.touched and frame.cop is not None
+        assert frame.polygon.guaranteed.kind == "empty" and frame.polygon.guaranteed_probability is None
+        assert frame.cop_sigma is None and frame.load_sigma is None and frame.force_sigmas is None
+    skin.tare(np.zeros((5, N), int))  # too few frames
+    assert skin.noise is None and "noise_unknown" in skin.update(pressed, 0.02).flags
+    chosen = sole(switch_on=1.5).update(pressed, 0.0)
+    assert chosen.flags == frozenset() and chosen.polygon.guaranteed.kind == "area"
+    assert chosen.polygon.guaranteed_probability is None and sole(switch_on=1.5).switch_off == 0.75
+
+
+def test_foot_that_stands_from_the_start_is_no_rest():
+    """A constant or a slowly growing load never counts as rest."""
+    rng = np.random.default_rng(7)
+    for load in (lambda k: 3.0, lambda k: 0.01 * k, lambda k: 20.0 * (k > 30)):
+        skin = sole()
+        for k in range(300):
+            frame = skin.update(read(rng, np.where(np.arange(N) < 12, load(k), 0.0))[0], 0.01 * k)
+        assert "noise_unknown" in frame.flags and skin.noise is None
+
+
+def test_dead_taxel_is_unknown_and_possibly_touched():
+    """A taxel that sends one number while the others scatter has no force; the outer polygon of a foot contains it."""
+    rng, skin = np.random.default_rng(8), sole()
+    rest = read(rng, FREE, frames=250)
+    rest[:, 0], rest[:, 41] = 0, 900
+    skin.tare(rest)
+    assert skin.noise.dead.nonzero()[0].tolist() == [0, 41]
+    reading = read(rng, np.where(np.abs(skin.positions[:, 0]) < 0.03, 20.0, 0.0))[0]
+    reading[0], reading[41] = 0, 900
+    frame = skin.update(reading, 0.0)
+    assert frame.flags == {"dead"} and not frame.known[[0, 41]].any() and np.isinf(frame.force_sigmas[0])
+    assert all(frame.polygon.outer.margin(c) > -1e-9 for c in skin.ground.corners[[0, 41]].reshape(-1, 2))
+
+
+@pytest.mark.parametrize("options", [{}, {"switch_on": 0.2, "switch_off": 0.1}])
+def test_masked_taxel_is_possibly_touched(options):
+    """The outer polygon of a foot that stands contains masked taxels; that of a free foot is empty."""
+    rng, skin = np.random.default_rng(9), sole(**options)
+    skin.tare(read(rng, FREE, frames=250, offset=20.0))
+    skin.mask([skin.ids[0]])
+    forces = np.where(skin.positions[:, 0] > 0.03, 20.0, 0.0)
+    frame = skin.update(read(rng, forces, offset=20.0)[0], 0.0)
+    assert all(frame.polygon.outer.margin(c) > -1e-9 for c in skin.ground.corners[0])
+    if not options:
+        air = skin.update(read(rng, FREE, offset=20.0)[0], 0.01)
+        assert air.polygon.outer.kind == "empty"
+
+
+def test_noisy_taxel_has_its_own_thresholds():
+    """One taxel with twenty times the noise makes no contacts in the air."""
+    rng, skin = np.random.default_rng(10), sole()
+    scale = np.where(np.arange(N) == 7, 20.0, 1.0)
+
+    def readings(frames):
+        return np.rint(200 + 2 * scale * rng.normal(size=(frames, N))).astype(int)
+
+    skin.tare(readings(250))
+    assert 15 < skin.noise.sigma[7] / np.median(skin.noise.sigma) < 25
+    assert np.mean([bool(skin.update(r, 0.01 * k).touched) for k, r in enumerate(readings(2000))]) <= 2e-3
+
+
+@pytest.mark.parametrize("drift", [1.0, -1.0])
+def test_drift_of_the_free_taxels_is_reported(drift):
+    """A common drift by one standard deviation cannot be told from a load; two seconds later nothing is guaranteed."""
+    rng, skin = np.random.default_rng(11), sole()
+    skin.tare(read(rng, FREE, frames=250, offset=50.0))
+    for k in range(200):
+        frame = skin.update(read(rng, FREE, offset=50.0)[0], 0.01 * k)
+        assert "drift" not in frame.flags
+    for k in range(200):
+        frame = skin.update(read(rng, FREE, offset=50.0 + 2 * drift)[0], 2 + 0.01 * k)
+    assert "drift" in frame.flags
+    assert frame.polygon.guaranteed.kind == "empty" and frame.polygon.guaranteed_probability is None
+
+
+def test_falling_response_and_table_have_detection_limits_in_newtons():
+    """Noise is in readings: a response that falls, or bends, gives the force at the limit."""
+    rng = np.random.default_rng(12)
+    falling = sole(Response((100.0, -0.1), (0.0, 1000.0)))
+    falling.tare(np.clip(np.rint(1000 + 2 * rng.normal(size=(250, N))), 0, 1000).astype(int))
+    assert_allclose(np.median(falling.noise.detection_limits), 0.1 * (5.5 * 2.02 + 0.5), rtol=0.1)
+    frame = falling.update(np.full(N, 900), 0.0)
+    assert frame.stands and frame.sets.sure.all()
+    bent = sole(ResponseTable((0.0, 20.0, 100.0), (0.0, 1.0, 41.0)))
+    bent.tare(np.rint(2 + rng.normal(size=(250, N)) / 2).astype(int))
+    pressed = bent.update(np.full(N, 62), 0.0)
+    assert_allclose(pressed.force_sigmas, 10 * 0.05 * bent.noise.sigma, rtol=1e-9)
+
+
+def test_limb_without_ground_has_contacts_by_noise():
+    """A skin around a limb finds a press of one taxel above its limit, and nothing at rest."""
+    rng = np.random.default_rng(13)
+    patch = sheet(4, 12, 0.01)
+    skin = Skin(small_calibration(patches=(patch,), surfaces=(plane(),), response=Response((0.0, NEWTONS))))
+    skin.tare(read(rng, np.zeros(48), frames=250))
+    quiet = skin.update(read(rng, np.zeros(48))[0], 0.0)
+    assert quiet.touched is False and quiet.reason == "the skin is not flat and has no ground; pass one to load()"
+    press = np.zeros(48)
+    press[17] = 10.0
+    frame = skin.update(read(rng, press)[0], 0.01)
+    assert [c.taxels.tolist() for c in frame.contacts] == [[17]] and frame.wrench_sigma.shape == (6,)
+
+
+def test_students_quantiles():
+    """The expansion agrees with SciPy to a percent at the thresholds in use."""
+    from scipy.stats import norm, t
+
+    freedom = np.array([20.0, 60.0, 250.0])
+    for probability in (3e-4, 1e-5):
+        expected = t.isf(probability, freedom)
+        assert_allclose(student(float(norm.isf(probability)), freedom), expected, rtol=0.015)
+
+
+def test_in_cell_option_is_exact_for_a_linear_pressure_of_any_contact():
+    """For a pressure that is linear where it acts, and ends at the border of the sole, CoP and ZMP agree with it."""
+    skin = sole(switch_on=1e-6, in_cell=True)
+    x = skin.positions[:, 0]
+    forces = 10 + 60 * x
+    forces[5] = 0.0  # free: no full contact
+    plain = sole(switch_on=1e-6).update(forces / NEWTONS, 0.0)
+    frame = skin.update(forces / NEWTONS, 0.0)
+    assert_allclose(frame.cop, frame.zmp, atol=1e-12)
+    assert_allclose((-frame.wrench[4], frame.wrench[3]), frame.cop * frame.wrench[2], atol=1e-9)
+    assert np.linalg.norm(frame.cop - plain.cop) > 1e-4
