@@ -126,13 +126,13 @@ def equilibrium(arms: Array, heights: Array, load: Array, pose: Array) -> Array:
     return pose
 
 
-def walk(rng: np.random.Generator, frames: int, period: float, centre: Array, reach: Array) -> tuple[Array, Array]:
+def walk(rng: np.random.Generator, frames: int, period: float, centre: Array, amplitude: Array) -> tuple[Array, Array]:
     """Return loads (t,) from 100 to 900 N and points (t, 2) that move smoothly about a centre."""
     t = period * np.arange(frames)
     phase, rate = rng.uniform(0, 7, (3, 3)), rng.uniform(0.2, 0.9, (3, 3))
     waves = np.sin(2 * np.pi * rate * t[:, None, None] + phase).mean(axis=2) * 1.7
     loads = 500 + 400 * np.clip(waves[:, 0], -1, 1)
-    return loads, centre + reach * np.clip(waves[:, 1:], -1, 1)
+    return loads, centre + amplitude * np.clip(waves[:, 1:], -1, 1)
 
 
 def scenes(frames: int, period: float, seed: int) -> Iterator[Scene]:

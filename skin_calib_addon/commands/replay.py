@@ -11,7 +11,6 @@ from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
 from ..inspection.recording import frame_document, read_recording
 from ..runtime import Frame, Skin, load
-from ..runtime.skin import SWITCH_OFF, SWITCH_ON
 from .common import DONE, check_picture, check_target, complain, count, newtons, say
 
 
@@ -29,9 +28,9 @@ def add(commands) -> None:
     replay.add_argument(
         "--on",
         type=newtons,
-        default=SWITCH_ON,
+        default=None,
         metavar="NEWTONS",
-        help=f"a contact of a taxel begins at this force (default: {SWITCH_ON})",
+        help="a contact of a taxel begins at this force (default: the noise at rest decides)",
     )
     replay.add_argument(
         "--off",
@@ -47,12 +46,14 @@ def run(options: argparse.Namespace) -> int:
     check_target(options.output, options.file, options.readings)
     check_target(options.picture, options.file, options.readings, options.output)
     check_picture(options.picture)
-    off = options.on * SWITCH_OFF / SWITCH_ON if options.off is None else options.off
-    if off > options.on:
+    if options.off is not None and options.on is None:
+        options.refuse("--off needs --on: a contact that ends by a threshold begins by one")
+    if options.off is not None and options.off > options.on:
         options.refuse(
-            f"--off {off:g} is larger than --on {options.on:g}: a contact must end at a lower force than it begins"
+            f"--off {options.off:g} is larger than --on {options.on:g}: "
+            "a contact must end at a lower force than it begins"
         )
-    skin = load(options.file, options.on, off)
+    skin = load(options.file, options.on, options.off)
     recorded = list(read_recording(options.readings))
     if options.tare > len(recorded):
         raise CalibrationFormatError(

@@ -51,12 +51,12 @@ def test_replay_is_what_the_runtime_gives(calibration, tmp_path, capsys):
     table, packed = as_csv(tmp_path / "r.csv", time, rows), tmp_path / "r.npz"
     np.savez(packed, time=time, readings=rows)
     out, again, picture = tmp_path / "out.jsonl", tmp_path / "again.jsonl", tmp_path / "out.png"
-    assert main(["replay", str(calibration), str(table), "-o", str(out), "--picture", str(picture)]) == 0
-    assert main(["replay", str(calibration), str(packed), "-o", str(again)]) == 0
+    assert main(["replay", str(calibration), str(table), "-o", str(out), "--picture", str(picture), "--on", "0.2"]) == 0
+    assert main(["replay", str(calibration), str(packed), "-o", str(again), "--on", "0.2"]) == 0
     assert out.read_bytes() == again.read_bytes() and picture.read_bytes()[:4] == b"\x89PNG"
     said = capsys.readouterr()
     assert "frames           12, 0.044 s" in said.out and said.err == ""
-    skin = load(calibration)
+    skin = load(calibration, 0.2)
     for line, t, row in zip(out.read_text().splitlines(), time, rows, strict=True):
         frames_out, frame = json.loads(line), skin.update(row, t)
         assert frames_out["time"] == t and frames_out["flags"] == [] and frames_out["touched"] is True
@@ -77,7 +77,7 @@ def test_missing_numbers_are_flagged_not_refused(calibration, tmp_path, capsys):
     lines[2], lines[3] = ",".join(cells), ",".join(lines[3].split(",")[:20])
     path.write_text("\n".join(lines))
     out = tmp_path / "out.jsonl"
-    assert main(["replay", str(calibration), str(path), "-o", str(out)]) == 0
+    assert main(["replay", str(calibration), str(path), "-o", str(out), "--on", "0.2"]) == 0
     frames_out = [json.loads(line) for line in out.read_text().splitlines()]
     assert [t["flags"] for t in frames_out] == [[], ["not_finite"], ["wrong_length"], ["dropped"]]
     assert (

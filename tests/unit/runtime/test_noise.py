@@ -45,7 +45,7 @@ def test_noise_is_that_before_clipping(noise, offset):
     total = np.hypot(noise, np.sqrt(1 / 12))
     assert_allclose(skin.noise.sigma.mean(), total, rtol=0.08)
     assert (np.abs(skin.noise.sigma / total - 1) < 0.4).all()
-    assert (skin.noise.detection_limits < 7.2 * total * NEWTONS).all()
+    assert np.percentile(skin.noise.detection_limits, 90) < 6.6 * total * NEWTONS
     assert np.median(skin.noise.detection_limits) < 6 * total * NEWTONS
 
 
@@ -217,7 +217,7 @@ def test_noisy_taxel_has_its_own_thresholds():
 
 @pytest.mark.parametrize("drift", [1.0, -1.0])
 def test_drift_of_the_free_taxels_is_reported(drift):
-    """A common drift by one standard deviation cannot be told from a load; two seconds later nothing is guaranteed."""
+    """A common drift by one standard deviation looks like a load; two seconds later nothing is guaranteed."""
     rng, skin = np.random.default_rng(11), sole()
     skin.tare(read(rng, FREE, frames=250, offset=50.0))
     for k in range(200):
