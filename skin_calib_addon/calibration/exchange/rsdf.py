@@ -8,8 +8,9 @@ from ...common.findings import show
 from ..model import LinkCalibration, Patch
 from .xml_text import HEAD, numbers, quoted, rpy
 
-# Distance of corners from the plane, as a fraction of the patch size. Larger: more curved patches are written.
-FLATNESS_TOLERANCE = 0.02
+# Distance of corners from the plane [m]: as uncertain as the position of a mounted skin. Larger: more curved patches
+# are written.
+FLATNESS_TOLERANCE = 1e-3
 MIN_MEAN_LENGTH = 1e-6  # of a mean unit vector; a shorter one has no direction. Larger: more patches are rejected.
 
 
@@ -46,15 +47,11 @@ def _plane(patch: Patch) -> tuple[Array, Array, Array]:
     x = along - along @ z * z
     origin, corners = taxels.positions_link.mean(axis=0), taxels.corners_link.reshape(-1, 3)
     off = np.abs((corners - origin) @ z).max()
-    size = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    if (
-        np.linalg.norm(inwards) < MIN_MEAN_LENGTH
-        or np.linalg.norm(x) < MIN_MEAN_LENGTH
-        or off > FLATNESS_TOLERANCE * size
-    ):
+    if np.linalg.norm(inwards) < MIN_MEAN_LENGTH or np.linalg.norm(x) < MIN_MEAN_LENGTH or off > FLATNESS_TOLERANCE:
         raise CalibrationFormatError(
             f"patch {show(patch.name)} is not flat: its cells deviate up to {off * 1e3:.1f} mm from their plane, and "
-            "rsdf contains only planar surfaces. Select the flat patches (--patch)."
+            f"rsdf contains only surfaces that are planar within {FLATNESS_TOLERANCE * 1e3:g} mm. Select the flat "
+            "patches (--patch)."
         )
     x = unit(x)
     axes = np.stack((x, np.cross(z, x), z), axis=1)

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from skin_calib_addon.geometry import weld
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
 from skin_calib_addon.geometry.registration import (
     MAX_SKIN_THICKNESS,
@@ -127,6 +128,17 @@ def test_noise_is_refused(size):
     fit = find_frame(wrist(), points)
     assert fit.verdict == "lost" and fit.after.mean > 0.01 * size
     assert_consistent(fit, wrist(), points)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("noise", "verdict"), [(0.5e-3, "moved"), (2e-3, "lost")])
+def test_limit_of_the_distance_is_a_millimetre(noise, verdict):
+    """Also for a cloud of 0.3 m: points in another frame with a mean distance of 0.4 or 1.6 mm from their link."""
+    large = weld(3 * wrist().vertices, wrist().faces)
+    points = 3 * on_wrist() + noise * np.random.default_rng(2).normal(size=(150, 3))
+    fit = find_frame(large, Motion(2).points(points))
+    assert fit.verdict == verdict and fit.after.mean < noise
+    assert fit.before.mean > 0.01
 
 
 @pytest.mark.slow
