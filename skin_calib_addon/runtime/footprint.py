@@ -77,7 +77,9 @@ def supporting_polygon(
     probabilities : tuple
         Of the outer and of the guaranteed polygon.
     """
-    hulls = ground.corner_hull.hull(possible), ground.centre_hull.hull(active), ground.sure_hull.hull(sure)
+    centres = ground.centre_hull.hull(active)
+    core_hull = centres if sure is active else ground.sure_hull.hull(sure)
+    hulls = ground.corner_hull.hull(possible), centres, core_hull
     key = hulls, probabilities
     last_key, polygon = ground.last_polygons
     if key != last_key:

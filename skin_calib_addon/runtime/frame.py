@@ -73,13 +73,13 @@ class Frame:
         ground, sets = self.ground, self.sets
         if ground is None or sets is None:
             return NO_POLYGON
-        standing = ground.can_stand
-        trusted = sets.sure is not None and "drift" not in self.flags
-        possible, active = (which & standing for which in (sets.possible, sets.active))
-        sure = sets.sure & standing if trusted and sets.sure is not None else np.zeros(0, bool)
-        known = trusted and sets.stands is not None
-        probabilities = (OUTER_PROBABILITY, GUARANTEED_PROBABILITY) if known else (None, None)
-        of_outer, of_nominal, of_guaranteed = (which.nonzero()[0] for which in (possible, active, sure))
+        standing, sure = ground.can_stand, None if "drift" in self.flags else sets.sure
+        of_outer, of_nominal = ((which & standing).nonzero()[0] for which in (sets.possible, sets.active))
+        of_guaranteed = of_nominal  # with thresholds of the caller
+        if sure is not sets.active:
+            of_guaranteed = of_nominal[:0] if sure is None else (sure & standing).nonzero()[0]
+        has_probability = sure is not None and sets.stands is not None
+        probabilities = (OUTER_PROBABILITY, GUARANTEED_PROBABILITY) if has_probability else (None, None)
         return supporting_polygon(ground, of_outer, of_nominal, of_guaranteed, probabilities)
 
     @cached_property

@@ -29,10 +29,10 @@ MAX_FALSE_LOAD = 2e-4
 MAX_FALSE_PAIR = 1e-4
 # [standard deviations] Reading from which on a taxel is possibly touched. Larger: fewer free taxels are in the outer
 # polygon, and the detection limit is higher.
-POSSIBLE = 2.5
+POSSIBLE = 2.4
 # [standard deviations] Margin of the detection limit over this threshold. Larger: a weak contact is missed less often,
-# and the limit is higher. 3.0: once in 700.
-MISSED = 3.0
+# and the limit is higher. 3.2: once in 1500.
+MISSED = 3.2
 # [1] Probability that the outer polygon contains a taxel at its detection limit, and that no free taxel counts as
 # surely touched. Derived: from the thresholds above.
 OUTER_PROBABILITY, GUARANTEED_PROBABILITY = NormalDist().cdf(MISSED), 1 - MAX_FALSE_SURE
