@@ -15,6 +15,7 @@ from ..grid.grids import AutoGrid, Grid, PlanesGrid, Size, Tolerance, Vector, re
 from ..grid.parametrizations import parametrized_lines
 from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
 from ..mesh.closest import MeshDistance
+from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
 from ..surface.distance import SAMPLES_PER_SPAN
@@ -312,6 +313,7 @@ def _smallest(
         raise InvalidPlan(
             f'The tolerance must be positive and the measure "mean" or "max", not {tolerance} and "{measure}".'
         )
+    mesh, outliers = without_outliers(mesh)
     error_model = ErrorModel.of(mesh, grid.region.parametrization(mesh), MAX_PLANES)
     search = Search(mesh, SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES), tolerance, measure)
     search.run()
@@ -326,7 +328,7 @@ def _smallest(
             f"{achievable:g} mm {cause}. Increase the tolerance, or {advice}.",
             achievable=achievable / 1e3,
         )
-    fit = replace(search.best, limits=DeviationLimits.of(max_deviation, tolerance, measure))
+    fit = replace(search.best, limits=DeviationLimits.of(max_deviation, tolerance, measure), outliers=outliers)
     check_fit(fit)
     return fit
 
@@ -377,13 +379,14 @@ def fit_to_count(
             f"{control_points} are allowed. Allow more, or lower the degree."
         )
     most = min(control_points // fewest_m, MAX_PLANES)
+    mesh, outliers = without_outliers(mesh)
     error_model = ErrorModel.of(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), most)
     predictor = SizePredictor(error_model, degrees, most=min(control_points // fewest_n, MAX_LINES))
     fits = [
         fit_lines(mesh, predictor.lines(size), degrees)
         for size in predictor.best_sizes(control_points, MAX_PROPORTIONS)
     ]
-    best = min(fits, key=lambda fit: fit.distances(SAMPLES_PER_SPAN).mean)
+    best = replace(min(fits, key=lambda fit: fit.distances(SAMPLES_PER_SPAN).mean), outliers=outliers)
     check_fit(best)
     return best
 
@@ -548,7 +551,7 @@ def fit_grid(
         return fit_surface(mesh, grid, degree, chords, max_deviation)
     fit = _smallest(mesh, grid, degree, max_deviation)
     if chords:
-        fit = replace(fit_lines(mesh, fit.lines, degree, chords), limits=fit.limits)
+        fit = replace(fit_lines(fit.mesh, fit.lines, degree, chords), limits=fit.limits, outliers=fit.outliers)
         check_fit(fit)
     return fit
 

@@ -11,6 +11,7 @@ from ...common.surface_errors import DistanceStatistics, SurfaceErrors
 from ...common.warnings import Warning
 from ..grid.grids import Grid, PlanesGrid
 from ..mesh.closest import closest_on_triangles
+from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.lines import LineGrid
@@ -85,6 +86,9 @@ class SurfaceFit:
     noise: float  # standard deviation of the scan about a smoothed surface [m]; 0 without smoothing
     limits: DeviationLimits = DeviationLimits()  # of its distance from the mesh
     stiffness: float = 0.0  # of the smoothed surface, see ``TensorBasis.solve``; 0 without smoothing
+    outliers: tuple[
+        Warning, ...
+    ] = ()  # about vertices that were moved onto the plane of their neighbours before the fit
     refused_chords: bool = False  # whether facets that should be chords were used as they are
 
     @property
@@ -266,7 +270,7 @@ class SurfaceFit:
     def warnings(self) -> tuple[Warning, ...]:
         """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
-        found = list(fit_warnings(self.mesh, *parts, *self._smallest_area, self.converged, self.limits))
+        found = [*self.outliers, *fit_warnings(self.mesh, *parts, *self._smallest_area, self.converged, self.limits)]
         found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
         if self.refused_chords:
             found.append(Warning("chords-refused", "warning", CHORDS_REFUSED, advice="Remove the option chords."))
@@ -319,6 +323,8 @@ def fit_surface(
     Each iteration casts the rays again through the points of the moved surface. The residuals therefore measure
     distances, and not displacements along the surface.
 
+    Single vertices that stand off from a smooth surface are left out, with the warning ``outlier-vertices``.
+
     Parameters
     ----------
     mesh : TriangleMesh
@@ -349,8 +355,10 @@ def fit_surface(
         If the surface is far from the mesh somewhere; it names the planes and the point.
     """
     degrees = (degree, degree) if isinstance(degree, int) else degree
+    mesh, outliers = without_outliers(mesh)
     lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, degrees)
-    fit = replace(fit_lines(mesh, lines, degrees, chords), limits=DeviationLimits.of(max_deviation))
+    fit = fit_lines(mesh, lines, degrees, chords)
+    fit = replace(fit, limits=DeviationLimits.of(max_deviation), outliers=outliers)
     check_fit(fit)
     return fit
 

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
 from ...common.warnings import Warning
 from .cover import is_seen, shells
+from .outliers import without_outliers
 from .triangle_mesh import TriangleMesh, weld
 
 # [1] height of a face to the mesh size below which its normal is only rounding. Larger: more faces are reported as
@@ -71,7 +72,15 @@ class Diagnosis:
 
     def findings(self) -> tuple[Warning, ...]:
         """Return all findings; a warning affects the fit, a note does not."""
-        return (*self._size(), *self._parts(), *self._holes(), *self._edges(), *self._winding(), *self._faces())
+        return (
+            *self._size(),
+            *without_outliers(self.mesh)[1],
+            *self._parts(),
+            *self._holes(),
+            *self._edges(),
+            *self._winding(),
+            *self._faces(),
+        )
 
     def _size(self) -> Iterator[Warning]:
         sides = " x ".join(f"{side * 1e3:.4g}" for side in np.ptp(self.mesh.vertices, axis=0))

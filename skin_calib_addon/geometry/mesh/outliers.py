@@ -1,0 +1,160 @@
+"""Outliers of a mesh: single vertices that stand off from a surface that is smooth around them."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from ...common.arrays import Array, BoolArray, IntArray, cross, unit
+from ...common.warnings import Place, Warning, point_of
+from .triangle_mesh import TriangleMesh
+
+# [m] least height of an outlier over its neighbours. Larger: small outliers remain, which move the surface by a
+# fraction of their height.
+MIN_OUTLIER_HEIGHT = 1.5e-3
+# [1] least ratio of the height of an outlier to that of its neighbours without it. Larger: fewer outliers are found,
+# above all next to edges. At 4, decimated links of robots have vertices that are taken for outliers.
+MIN_HEIGHT_RATIO = 10.0
+# [cosine] least one between the plane of the neighbours and the faces around an outlier that is moved to their mean.
+# Smaller: more vertices next to edges are outliers.
+MIN_RING_COSINE = 0.9
+# [1] least ratio of the height of an outlier to its distance along the plane from the mean of its neighbours. Larger:
+# fewer outliers are found among triangles of different sizes.
+MIN_STEEPNESS = 2.0
+# [cosine] between the same plane and the faces of a needle, which is an outlier on any mesh. The corner of a cube has
+# 0.58. Larger: more tips of parts are outliers.
+MAX_NEEDLE_COSINE = 0.2
+# [1] most rounds; each removes the highest outlier of each group. Larger: larger groups of outliers are found.
+MAX_ROUNDS = 6
+
+
+@lru_cache(maxsize=4)
+def without_outliers(mesh: TriangleMesh) -> tuple[TriangleMesh, tuple[Warning, ...]]:
+    """Return a mesh whose outliers are moved to the mean of their neighbours, and a warning if there are any.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+
+    Returns
+    -------
+    mesh : TriangleMesh
+        The same mesh if there is no outlier.
+    warnings : tuple of Warning
+    """
+    vertices, heights = flattened(mesh)
+    found = np.flatnonzero(heights)
+    if len(found) == 0:
+        return mesh, ()
+    highest = int(np.abs(heights).argmax())
+    place = Place(point=point_of(mesh.vertices[highest]))
+    text = "One vertex of the mesh stands" if len(found) == 1 else f"{len(found)} vertices of the mesh stand"
+    height = float(np.abs(heights[highest]))
+    message = (
+        f"{text} off from the surface around by up to {height * 1e3:.1f} mm, {place.words}. The fit leaves them out."
+    )
+    advice = "Look at the mesh there, and delete or move what is wrong."
+    return TriangleMesh(vertices, mesh.faces), (Warning("outlier-vertices", "warning", message, place, height, advice),)
+
+
+def flattened(mesh: TriangleMesh) -> tuple[Array, Array]:
+    r"""Return the vertices with all outliers at the mean of their neighbours, and the heights that they had.
+
+    The neighbours of a vertex :math:`\mathbf{p}` have the mean :math:`\mathbf{c}`, and the faces around it have the sum
+    :math:`\mathbf{a}` of their vector areas, which does not depend on :math:`\mathbf{p}`. Its height is
+
+    .. math::
+
+        h = \frac{\mathbf{a}}{|\mathbf{a}|} \cdot (\mathbf{p} - \mathbf{c}) \quad [\text{m}]
+
+    A vertex is an outlier if all its neighbours but one have a much smaller height as soon as it is at their mean.
+    Next to an edge, at least two neighbours are as high. The tip of a needle is an outlier, too. Vertices at open rims
+    are not tested.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+
+    Returns
+    -------
+    vertices : array, shape (v, 3)
+        [m]
+    heights : array, shape (v,)
+        [m]; 0 for all vertices that are no outliers.
+    """
+    faces, moved, total = mesh.faces, mesh.vertices, np.zeros(len(mesh.vertices))
+    near = np.arange(len(faces))
+    for _ in range(MAX_ROUNDS):
+        heights, normals, means = _heights(moved, faces[near])
+        high = np.abs(heights)
+        aside = np.linalg.norm(moved - means - heights[:, None] * normals, axis=1)
+        candidates = (high > np.maximum(MIN_OUTLIER_HEIGHT, MIN_STEEPNESS * aside)) & (
+            high >= _largest_around(high, faces[near])[0]
+        )
+        if not candidates.any():
+            break
+        near = np.flatnonzero(_spread(candidates, faces, 3)[faces].any(axis=1))
+        tried = np.where(candidates[:, None], means, moved)
+        after = np.abs(_heights(tried, faces[near])[0])
+        found = candidates & (high > MIN_HEIGHT_RATIO * _largest_around(after, faces[near])[1])
+        found &= _cosines(tried, normals, faces[near])[0] > MIN_RING_COSINE
+        found |= candidates & (_cosines(moved, normals, faces[near])[1] < MAX_NEEDLE_COSINE)
+        if not found.any():
+            break
+        moved = np.where(found[:, None], tried, moved)
+        total += np.where(found, heights, 0.0)
+    return moved, total
+
+
+def _heights(vertices: Array, faces: IntArray) -> tuple[Array, Array, Array]:
+    """Return the height of each vertex over its neighbours (v,) [m], 0 at rims, and normals and means of these."""
+    count = len(vertices)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    areas, total = cross(b - a, c - a), a + b + c
+    ends = np.zeros(count)
+    area, mean, degree = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
+    for i, corner in enumerate((a, b, c)):
+        at = faces[:, i]
+        degree += np.bincount(at, minlength=count)
+        ends += np.bincount(at, faces[:, i - 2] - faces[:, i - 1].astype(float), count)
+        for axis in range(3):
+            area[:, axis] += np.bincount(at, areas[:, axis], count)
+            mean[:, axis] += np.bincount(at, total[:, axis] - corner[:, axis], count)
+    normals = unit(area)
+    mean /= np.maximum(2 * degree, 1)[:, None]
+    heights = np.einsum("vc,vc->v", normals, vertices - mean)
+    return np.where((ends == 0) & (degree > 0), heights, 0.0), normals, mean
+
+
+def _cosines(vertices: Array, normals: Array, faces: IntArray) -> tuple[Array, Array]:
+    """Return the least and the largest cosine between the normal of each vertex (v, 3) and its faces, shape (v,)."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    of_faces = unit(cross(b - a, c - a))
+    least, largest = np.ones(len(vertices)), -np.ones(len(vertices))
+    for at in faces.T:
+        cosine = np.einsum("fc,fc->f", of_faces, normals[at])
+        np.minimum.at(least, at, cosine)
+        np.maximum.at(largest, at, cosine)
+    return least, largest
+
+
+def _largest_around(values: Array, faces: IntArray) -> tuple[Array, Array]:
+    """Return the largest and the second largest value among the neighbours of each vertex, shape (v,) each."""
+    half = np.concatenate([faces[:, [i, j]] for i in range(3) for j in (i - 1, i - 2)])
+    largest, second = np.zeros((2, len(values)))
+    owner = np.full(len(values), -1)
+    np.maximum.at(largest, half[:, 0], values[half[:, 1]])
+    is_largest = values[half[:, 1]] == largest[half[:, 0]]
+    owner[half[is_largest, 0]] = half[is_largest, 1]
+    others = half[half[:, 1] != owner[half[:, 0]]]
+    np.maximum.at(second, others[:, 0], values[others[:, 1]])
+    return largest, second
+
+
+def _spread(marked: BoolArray, faces: IntArray, rings: int) -> BoolArray:
+    """Return the marked vertices and those within a number of edges from them."""
+    for _ in range(rings):
+        marked = marked.copy()
+        marked[faces[marked[faces].any(axis=1)]] = True
+    return marked
