@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -189,9 +190,15 @@ def first_in_turn(angles: Array, link: float) -> float:
 
 def gauss_stations(first: float, last: float, count: int) -> tuple[Array, Array]:
     """Return the stations of a Gauss quadrature between two stations [m], and their weights [m]."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes, weights = gauss_rule(count)
     half = (last - first) / 2
     return first + half * (1 + nodes), half * weights
+
+
+@cache
+def gauss_rule(count: int) -> tuple[Array, Array]:
+    """Return the nodes of a Gauss quadrature from -1 to 1, and their weights."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 def segment_points(ends: Array, count: int) -> tuple[Array, Array]:
