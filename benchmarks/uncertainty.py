@@ -322,7 +322,7 @@ def of_sheet(case: Case, fit: SurfaceFit, cell: tuple[int, int], rng: np.random.
     height = truth(taxels.positions_link) if truth else footpoints(true, taxels.positions_link)[1]
     row_of = {taxel: row for row, taxel in enumerate(taxels.ids)}
     here = row_of[f"t.{cell[0]}.{cell[1]}"]
-    known = strain < MAX_KNOWN_STRAIN
+    known = (strain < MAX_KNOWN_STRAIN) & fit.is_trusted(taxels.uv) & np.isfinite(sigma).all(axis=1)
     found, left_out = [], 0
     for x, y, turn in MultivariateNormalQMC(np.zeros(3), rng=rng).random(DRAWS_PER_SHEET):
         shifted = point + ORIGIN_UNCERTAINTY * np.array((x, y)) @ axes[here]
