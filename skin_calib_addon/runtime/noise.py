@@ -113,21 +113,11 @@ class Noise:
         """Return signed readings (n,)."""
         return intensities * self.sign
 
-    def excess(self, signed: Array, known: BoolArray) -> float:
-        """Return the sum of the forces of known taxels near rest, without its mean [N]; signed, not cut off at zero.
+    def excess(self, signed: Array) -> float:
+        """Return the sum of the forces near rest of signed readings (n,), without its mean [N]; not cut off at zero."""
+        return float(signed @ self.slopes) - self.free_sum
 
-        Parameters
-        ----------
-        signed : array, shape (n,)
-            Signed readings.
-        known : array of bool, shape (n,)
-            Which of them are valid.
-        """
-        if np.count_nonzero(known) == len(known):
-            return float(signed @ self.slopes) - self.free_sum
-        return float(np.where(known, (signed - self.free) * self.slopes, 0.0).sum())
-
-    def weights(self, signed: Array, known: BoolArray, excess: float) -> Array:
+    def weights(self, signed: Array, excess: float) -> Array:
         """Return the weight (n,) of each taxel in sums: 0 near rest, 1 for clear contacts, with a smooth step.
 
         A light foot on flat ground has all of its load below the noise of single taxels. The more of the load is there,
@@ -137,8 +127,6 @@ class Noise:
         ----------
         signed : array, shape (n,)
             Signed readings.
-        known : array of bool, shape (n,)
-            Which of them are valid; the others have no weight.
         excess : float
             Result of :meth:`excess` [N].
         """
@@ -149,16 +137,11 @@ class Noise:
         np.maximum(step, 0.0, out=step)
         np.minimum(step, 1.0, out=step)
         weights = step * step * (3 - 2 * step)
-        complete = np.count_nonzero(known) == len(known)
-        if not complete:
-            weights[~known] = 0.0
-        clear = float(np.nan_to_num(weights * (signed - self.free)) @ self.slopes)
+        clear = float(weights * (signed - self.free) @ self.slopes)
         start, full = HIDDEN_LOAD
         if excess > (1 + start) * clear:
             hidden = min((excess / clear - 1 - start) / (full - start), 1.0) if clear > 0 else 1.0
             weights += hidden * (1 - weights)
-            if not complete:
-                weights[~known] = 0.0
         return weights
 
 

@@ -66,26 +66,25 @@ def by_noise(
         See :func:`.neighbour_table`.
     """
     signed = noise.signed(intensities)
-    pushes = forces > 0
-    sure = (signed > noise.sure) & pushes
     complete = np.count_nonzero(known) == len(known)
     if not complete:
-        sure &= known
-    pair = (signed > noise.pair) & pushes & known
+        signed = np.where(known, signed, noise.free)  # as without contact, for the sums
+    pushes = forces > 0
+    sure = (signed > noise.sure) & pushes
+    pair = (signed > noise.pair) & pushes
     rows = pair.nonzero()[0]
     if len(rows):
         rows = rows[np.append(pair, False).take(neighbours.take(rows, axis=1)).any(axis=0)]
-    excess = noise.excess(signed, known)
+    excess = noise.excess(signed)
     if not np.count_nonzero(sure) and not len(rows) and excess <= noise.load_level:
         nothing = np.zeros(len(known), bool)
         state = nothing if complete else before & ~known
         return Touched(nothing, nothing, nothing, nothing.astype(float), False), state
-    state = sure | (before & (signed > noise.release) & pushes)
-    state[rows] = True
-    possible, weights = signed > noise.possible, noise.weights(signed, known, excess)
-    active = state
+    active = sure | (before & (signed > noise.release) & pushes)
+    active[rows] = True
+    state, possible = active, signed > noise.possible
     if not complete:
-        active = state & known
+        active = active & known
         state = np.where(known, active, before)
         possible |= ~known
-    return Touched(active, sure, possible, weights, True), state
+    return Touched(active, sure, possible, noise.weights(signed, excess), True), state

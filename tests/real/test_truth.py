@@ -87,6 +87,29 @@ def test_true_contact_lies_between_the_polygons(name):
     assert areas > 0.9 * len(data["t"])
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "limit", "in_cell"), [("foot_flat", 1.4e-3, 0.5e-3), ("foot_beam12", 1.1e-3, 0.5e-3)])
+def test_default_skin_after_a_second_of_rest(name, limit, in_cell):
+    """Without thresholds: polygons hold as they state, and the CoP is as near as noise and cells allow."""
+    data, rng = recorded(name), np.random.default_rng(0)
+    count, errors = float(data["lsb12"]), []
+    for option in (False, True):
+        skin, off = sole(Response((0.0, count)), in_cell=option), []
+        skin.tare(np.clip(np.rint(2 * rng.normal(size=(250, 42))), 0, 4095).astype(np.uint16))
+        assert np.median(skin.noise.detection_limits) < 6.1 * count * np.sqrt(4 + 1 / 12)
+        filled, holds = 0, 0
+        for k, frame in enumerate(frames(name, skin, "raw_u12")):
+            true = convex_hull(data["true_hull"][slice(*data["true_hull_off"][k : k + 2])])
+            assert all(true.margin(corner) > -1e-9 for corner in frame.polygon.guaranteed.corners)
+            filled += frame.polygon.guaranteed.kind == "area"
+            heavy = skin.ground.corners[data["taxel_fn"][k] > skin.noise.detection_limits].reshape(-1, 2)
+            holds += all(frame.polygon.outer.margin(corner) > -1e-9 for corner in heavy)
+            off.append(np.linalg.norm(frame.cop - data["cop_sole"][k]))
+        assert filled > 0.92 * len(off) and holds >= len(off) - 1
+        errors.append(np.mean(off))
+    assert errors[0] < limit and errors[1] < in_cell
+
+
 def test_wrench_is_that_of_the_simulator():
     """The three observed components are right for exact forces; the other three are reported as not observed."""
     data, skin = recorded("foot_flat"), sole(Response((0.0, 1.0)), switch_on=1e-6, switch_off=1e-6)

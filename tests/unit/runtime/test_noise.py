@@ -49,6 +49,7 @@ def test_noise_is_that_before_clipping(noise, offset):
     assert np.median(skin.noise.detection_limits) < 6 * total * NEWTONS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", ["tare", "frames"])
 @pytest.mark.parametrize("offset", [0.0, 4.0])
 def test_statements_hold_under_noise(rest, offset):
@@ -278,3 +279,22 @@ def test_in_cell_option_is_exact_for_a_linear_pressure_of_any_contact():
     assert_allclose(frame.cop, frame.zmp, atol=1e-12)
     assert_allclose((-frame.wrench[4], frame.wrench[3]), frame.cop * frame.wrench[2], atol=1e-9)
     assert np.linalg.norm(frame.cop - plain.cop) > 1e-4
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "response", [Response((0.0, 0.2)), Response((100.0, -0.1), (0.0, 1000.0)), Response((0.5, -2.0, 3.0, 1e-3))]
+)
+def test_any_reading_gives_finite_results_or_none(response):
+    """Invalid taxels in a frame raise nothing, and no result is a number that is not finite."""
+    rng, skin = np.random.default_rng(14), sole(response)
+    rest = np.rint(response.rest + 2 * rng.normal(size=(40, N))).astype(int)
+    skin.tare(rest)
+    values = [0.0, 1.0, 3.0, 50.0, 900.0, 1e30, -5.0, np.nan, np.inf, -np.inf]
+    for k in range(100):
+        frame = skin.update(rng.choice(values, N) if k % 5 else rest[k % 40], 0.01 * k)
+        assert (frame.cop is None) == (frame.reason is not None) and np.isfinite(frame.forces).all()
+        for name in ("wrench", "cop", "zmp", "cop_sigma", "zmp_sigma", "load_sigma", "wrench_sigma"):
+            result = getattr(frame, name)
+            assert result is None or np.isfinite(result).all()
+        assert np.isfinite(frame.polygon.outer.corners).all()
