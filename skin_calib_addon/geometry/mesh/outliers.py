@@ -89,12 +89,11 @@ def flattened(mesh: TriangleMesh) -> tuple[Array, Array]:
         heights, normals, means = _heights(moved, faces[near])
         high = np.abs(heights)
         aside = np.linalg.norm(moved - means - heights[:, None] * normals, axis=1)
-        candidates = (high > np.maximum(MIN_OUTLIER_HEIGHT, MIN_STEEPNESS * aside)) & (
-            high >= _largest_around(high, faces[near])[0]
-        )
-        if not candidates.any():
+        tall = high > np.maximum(MIN_OUTLIER_HEIGHT, MIN_STEEPNESS * aside)
+        if not tall.any():
             break
-        near = np.flatnonzero(_spread(candidates, faces, 3)[faces].any(axis=1))
+        near = near[_spread(tall, faces[near], 3)[faces[near]].any(axis=1)]
+        candidates = tall & (high >= _largest_around(high, faces[near])[0])
         tried = np.where(candidates[:, None], means, moved)
         after = np.abs(_heights(tried, faces[near])[0])
         found = candidates & (high > MIN_HEIGHT_RATIO * _largest_around(after, faces[near])[1])
