@@ -271,7 +271,9 @@ class Skin:
         if noise is not None:
             if np.count_nonzero(noise.dead):
                 flags |= {"dead"}
-            if self._drift.is_drift(noise, intensities, known & ~self._near(touched.possible), time):
+            if self._drift.is_drift(
+                noise, intensities, self._free(touched, known, float(touched.weights @ forces)), time
+            ):
                 flags |= {"drift"}
         if fresh:
             self._identities.forget()
@@ -300,11 +302,27 @@ class Skin:
             return by_thresholds(forces, known, before, self.switch_on, self.switch_off, self._has_thresholds)
         return by_noise(noise, intensities, forces, known, before, self.geometry.neighbours)
 
-    def _near(self, which: BoolArray) -> BoolArray:
-        """Return which taxels (n,) are some of these, or their neighbours."""
-        near = np.append(which, False)
-        near[self.geometry.neighbours.take(which.nonzero()[0], axis=1)] = True
-        return near[:-1]
+    def _free(self, touched: Touched, known: BoolArray, force: float) -> BoolArray:
+        """Return which known taxels (n,) are free; none under a clear load, of which others may carry a little, too.
+
+        Parameters
+        ----------
+        touched : Touched
+            Of the frame.
+        known : array of bool, shape (n,)
+            Which taxels have a valid force.
+        force : float
+            Sum over the taxels [N].
+        """
+        if (
+            self.noise is None
+            or (touched.sure is not None and np.count_nonzero(touched.sure))
+            or force > self.noise.load_limit
+        ):
+            return np.zeros(len(known), bool)
+        near = np.append(touched.possible, False)
+        near[self.geometry.neighbours.take(touched.possible.nonzero()[0], axis=1)] = True
+        return known & ~near[:-1]
 
     def _learn(self, intensities: Array, time: float, fresh: bool) -> None:
         """Learn baseline and noise from the first quiet frames."""
