@@ -11,7 +11,7 @@ from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidPlan, UnderdeterminedFit, UnreachableTolerance
 from ..grid.axis import Axis
 from ..grid.error_model import ErrorModel
-from ..grid.grids import AutoGrid, Grid, PlanesGrid, Size, Tolerance, Vector, region_of
+from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, region_of
 from ..grid.parametrizations import parametrized_lines
 from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
 from ..mesh.closest import MeshDistance
@@ -19,8 +19,8 @@ from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
 from ..surface.distance import SAMPLES_PER_SPAN
-from .diagnosis import MAX_DEVIATION, DeviationLimits
-from .limits import limit_of
+from .diagnosis import FOLDED_AREA, MAX_DEVIATION, DeviationLimits, maximum_deviation
+from .limits import better_axis, limit_of
 from .proof import MIN_DISTANCE, confirmed_error, largest_distance
 from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface
 
@@ -37,7 +37,7 @@ USED_TOLERANCE_RATIO = 0.9
 # [1] control points of the nets that are fitted if no prediction is confirmed, before the largest. More: a smaller net
 # within the tolerance, more time.
 NET_SIZES = 150, 600, 2400
-# [1] ratio of the errors of two successive of these nets above which larger ones do not help. Larger: more fits.
+# [1] ratio of the mean errors of two successive of these nets above which larger ones do not help. Larger: more fits.
 NO_GAIN_RATIO = 0.8
 BISECTIONS = 2  # [1] nets between the last two of them. Larger: a smaller net, more time
 # [1] least ratio of the control points of two nets that are both fitted. Larger: fewer fits.
@@ -315,22 +315,47 @@ def _smallest(
         )
     mesh, outliers = without_outliers(mesh)
     error_model = ErrorModel.of(mesh, grid.region.parametrization(mesh), MAX_PLANES)
-    search = Search(mesh, SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES), tolerance, measure)
+    predictor = SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES)
+    limits = DeviationLimits.of(max_deviation, tolerance, measure)
+    search = Search(mesh, predictor, tolerance, measure, limits)
     search.run()
     if search.best is None:
         search.enlarge()
     if search.best is None:
-        least, nearest = search.nearest
-        achievable = rounded_up(least * 1e3)
-        cause, advice = limit_of(nearest, grid.region.axis is None, tolerance, measure)
-        raise UnreachableTolerance(
-            f"No surface is within {tolerance * 1e3:g} mm ({measure}) of this mesh. The best achievable error is about "
-            f"{achievable:g} mm {cause}. Increase the tolerance, or {advice}.",
-            achievable=achievable / 1e3,
+        raise refusal(search, grid.region)
+    return replace(search.best, outliers=outliers)
+
+
+def refusal(search: "Search", region: Region) -> UnreachableTolerance:
+    """Return why no net is within the tolerance, with the least error of the enlarged nets.
+
+    Parameters
+    ----------
+    search : Search
+        After ``enlarge``.
+    region : Region
+        Of the mesh.
+
+    Raises
+    ------
+    PoorFit
+        If surfaces are within the tolerance, but all of them too far from the mesh somewhere.
+    """
+    wrong = f"No surface is within {search.tolerance * 1e3:g} mm ({search.measure}) of this mesh"
+    least, nearest = search.nearest
+    other = better_axis(nearest, region, search.measure, least)
+    if np.isinf(least):
+        cause, advice = other or (
+            "because it folds over itself",
+            "increase the margin, give the axis, or cut away steps",
         )
-    fit = replace(search.best, limits=DeviationLimits.of(max_deviation, tolerance, measure), outliers=outliers)
-    check_fit(fit)
-    return fit
+        return UnreachableTolerance(f"{wrong}, {cause}. {advice[0].upper()}{advice[1:]}.")
+    check_fit(replace(nearest, limits=DeviationLimits(least, max(nearest.limits.refused, least))))
+    cause, advice = other or limit_of(nearest, least, search.measure)
+    return UnreachableTolerance(
+        f"{wrong}. The best achievable error is about {least * 1e3:g} mm {cause}. Increase the tolerance, or {advice}.",
+        achievable=least,
+    )
 
 
 def rounded_up(value: float) -> float:
@@ -392,20 +417,39 @@ def fit_to_count(
 
 
 class Search:
-    """A search for the smallest net within a tolerance; ``best`` is the smallest that was found."""
+    """A search for the smallest net within a tolerance; ``best`` is the smallest that was found.
 
-    def __init__(self, mesh: TriangleMesh, predictor: SizePredictor, tolerance: float, measure: str):
+    A surface that folds, or that is too far from the mesh somewhere, does not count.
+    """
+
+    def __init__(
+        self, mesh: TriangleMesh, predictor: SizePredictor, tolerance: float, measure: str, limits: DeviationLimits
+    ):
         self.mesh, self.predictor, self.tolerance, self.measure = mesh, predictor, tolerance, measure
+        self.limits = limits
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
-        self.measured: dict[tuple[int, int], float] = {}  # errors by exact distances [m]
-        self.sizes: list[tuple[int, int]] = []  # the enlarged nets, which do not depend on the tolerance
+        self.enlarged: list[tuple[int, int]] = []  # the enlarged nets, which do not depend on the tolerance
         self.distance = cache(MeshDistance)  # computed when needed
+        self.is_usable, self.distances, self.estimate = (
+            cache(self._is_usable),
+            cache(self._distances),
+            cache(self._estimate),
+        )
 
     @property
     def best(self) -> SurfaceFit | None:
         """Return the smallest of the fitted nets within the tolerance; None without one."""
-        kept = [fit for error, fit in self.tried.values() if error <= self.tolerance]
-        return min(kept, key=net_size, default=None)
+        return min((fit for _, fit in self.tried.values() if self.meets(fit)), key=net_size, default=None)
+
+    def meets(self, fit: SurfaceFit) -> bool:
+        """Return whether a fit is within the tolerance and usable."""
+        return self.tried[fit.offsets.shape][0] <= self.tolerance and self.is_usable(fit, self.tolerance)
+
+    def _is_usable(self, fit: SurfaceFit, error: float) -> bool:
+        """Return whether a fit with this error [m] neither folds nor is too far from the mesh somewhere."""
+        limit = max(self.limits.refused, error)
+        deviation, _ = maximum_deviation(fit.mesh, fit.lines, fit.basis, fit.samples, limit)
+        return deviation <= limit and fit.smallest_area >= FOLDED_AREA
 
     def run(self) -> None:
         """Fit the smallest grid that is predicted to meet the tolerance; each fit corrects the next prediction."""
@@ -414,52 +458,83 @@ class Search:
             size = self.predictor.smallest_size(self.target, MIN_SIZE_RATIO * self.largest_failed, below)
             if size is None or size in self.tried:
                 break
-            if USED_TOLERANCE_RATIO * self.tolerance < self.error(size) <= self.tolerance:
+            error = self.error(size)
+            if USED_TOLERANCE_RATIO * self.tolerance < error and self.meets(self.tried[size][1]):
                 break
 
     def enlarge(self) -> None:
-        """Fit larger and larger nets of least predicted error until one meets the tolerance, or they improve no more.
+        """Fit larger and larger nets of least predicted error until one meets the tolerance.
 
         The nets and their errors do not depend on the tolerance. Of two tolerances that are refused, both therefore
-        have the same achievable error, and a tolerance that equals it is met.
+        have the same achievable error, and a tolerance that equals it is met. The largest distance of a larger net may
+        be larger, so that all of these nets are tried.
         """
         self.predictor.forget()
-        self.sizes = []
         failed, most = 0, self.predictor.most_control_points
+        least = np.inf
         for count in (*NET_SIZES, most):
             size = self.predictor.best_sizes(min(count, most), 1)[0]
-            if size in self.sizes:
-                continue
-            before = min((self.measured[size] for size in self.sizes), default=np.inf)
-            self.sizes.append(size)
-            error = self.measure_error(size)
-            if error <= self.tolerance:
+            if size not in self.enlarged:
+                self.enlarged.append(size)
+                self.error(size)
+                fit = self.tried[size][1]
+                if self.measure == "max":  # ``error`` may be an estimate
+                    self.tried[size] = self.estimate(fit), fit
+            if self.best:
                 break
             failed = size[0] * size[1]
-            if error > NO_GAIN_RATIO * before:
-                return
-        else:
-            return
+            if self.measure == "mean":
+                before, least = least, self.estimate(self.tried[size][1])
+                if least > NO_GAIN_RATIO * before:
+                    break
         for _ in range(BISECTIONS):  # between the last two nets
-            count = int(np.sqrt(failed * net_size(self.best))) if failed and self.best else 0
-            if count < MIN_SIZE_RATIO * failed or not count:
-                return
+            if self.best is None:
+                break
+            count = int(np.sqrt(failed * net_size(self.best)))
+            if count <= MIN_SIZE_RATIO * failed:
+                break
             size = self.predictor.best_sizes(count, 1)[0]
-            if self.measure_error(size) > self.tolerance:
+            self.error(size)
+            if not self.meets(self.tried[size][1]):
                 failed = count
 
     @property
     def nearest(self) -> tuple[float, SurfaceFit]:
-        """Return the least measured error of the enlarged nets [m], and its fit."""
-        size = min(self.sizes, key=lambda size: self.measured[size])
-        return self.measured[size], self.tried[size][1]
+        """Return the least error of the enlarged nets [m], rounded up, and its fit; infinite if all of them fold."""
+        fits = [self.tried[size][1] for size in self.enlarged]
+        whole = [(self.estimate(fit), fit) for fit in fits if fit.smallest_area >= FOLDED_AREA]
+        if not whole:
+            return np.inf, fits[0]
+        usable = [(error, fit) for error, fit in whole if self.is_usable(fit, error)]
+        _, fit = min(usable or whole, key=lambda found: found[0])
+        return self.confirmed(fit), fit
+
+    def _estimate(self, fit: SurfaceFit) -> float:
+        """Return the largest distance, or the mean by a part of the exact distances, whatever the tolerance [m]."""
+        if self.measure == "max":
+            return largest_distance(fit, self.distance(self.mesh))
+        return confirmed_error(*self.distances(fit), "mean", 0.0)
+
+    def confirmed(self, fit: SurfaceFit) -> float:
+        """Return the least tolerance of two digits for which ``error`` confirms that a fit is within it [m]."""
+        error, tolerance = self.estimate(fit), 0.0
+        while error > tolerance:
+            tolerance = rounded_up(error * 1e3) / 1e3
+            if self.measure == "mean":
+                error = confirmed_error(*self.distances(fit), "mean", tolerance)
+        return tolerance
+
+    def _distances(self, fit: SurfaceFit) -> tuple[Array, Array, Callable[[IntArray], Array]]:
+        """Return the upper bounds of the distances [m], the areas [m^2], and a function for exact distances [m]."""
+        points, bounds, areas = fit.bounds()
+        return bounds, areas, lambda chosen: self.distance(self.mesh)(points[chosen])[0]
 
     @property
     def largest_failed(self) -> int:
-        """Return the control points of the largest net above the tolerance, smaller than the best; 0 without one."""
+        """Return the control points of the largest net that does not count, smaller than the best; 0 without one."""
         most = net_size(self.best) if self.best else 0
-        missed = [n * m for (n, m), (error, _) in self.tried.items() if error > self.tolerance and n * m < most]
-        return max(missed, default=0)
+        missed = [net_size(fit) for _, fit in self.tried.values() if not self.meets(fit)]
+        return max((size for size in missed if size < most), default=0)
 
     @property
     def target(self) -> float:
@@ -483,36 +558,18 @@ class Search:
         """Return the error of the fit of this size [m]: within the tolerance only if this is confirmed."""
         if size not in self.tried:
             fit = self.fit(size)
-            points, bounds, areas = fit.bounds()
-
-            def exact(chosen: IntArray) -> Array:
-                return self.distance(self.mesh)(points[chosen])[0]
-
-            error = confirmed_error(bounds, areas, exact, self.measure, self.tolerance)
+            error = confirmed_error(*self.distances(fit), self.measure, self.tolerance)
             if LOOSE_BOUND_RATIO * self.predictor.error(size) < error <= self.tolerance:
-                error = min(error, confirmed_error(bounds, areas, exact, self.measure, 0.0))  # an estimate
+                error = min(error, confirmed_error(*self.distances(fit), self.measure, 0.0))  # an estimate
             if self.measure == "max" and error <= self.tolerance:
-                error = max(error, largest_distance(fit, self.distance(self.mesh)))
+                error = max(error, self.estimate(fit))
             self.tried[size] = error, fit
         return self.tried[size][0]
 
-    def measure_error(self, size: tuple[int, int]) -> float:
-        """Return the error of the fit of this size [m]: by exact distances if it is above the tolerance."""
-        if size not in self.measured:
-            error, fit = self.error(size), self.tried[size][1]
-            if error > self.tolerance:
-                points, _, areas = fit.bounds()
-                if self.measure == "max" or len(points) == 0:
-                    error = largest_distance(fit, self.distance(self.mesh))
-                else:
-                    error = float((self.distance(self.mesh)(points)[0] * areas).sum() / areas.sum())
-            self.measured[size] = error
-            self.tried[size] = error, fit
-        return self.measured[size]
-
     def fit(self, size: tuple[int, int]) -> SurfaceFit:
         """Return the fit of this size."""
-        return fit_lines(self.mesh, self.predictor.lines(size), self.predictor.degree)
+        fit = fit_lines(self.mesh, self.predictor.lines(size), self.predictor.degree)
+        return replace(fit, limits=self.limits)
 
 
 def net_size(fit: SurfaceFit) -> int:

@@ -44,7 +44,8 @@ def undercut_warnings(
     surface : BSplineSurface
         The fitted surface.
     """
-    distance, place = deepest_undercut(mesh, lines, basis, samples, surface)
+    found = undercuts(mesh, lines, basis, samples, surface)
+    distance, place = max(found.values(), key=lambda found: found[0], default=(0.0, Place()))
     if distance > UNDERCUT_DISTANCE:
         yield Warning(
             "undercut",
@@ -59,10 +60,10 @@ def undercut_warnings(
         )
 
 
-def deepest_undercut(
+def undercuts(
     mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, samples: RaySamples, surface: BSplineSurface
-) -> tuple[float, Place]:
-    """Return the largest distance of a folded part of a section from the surface [m], and its place.
+) -> dict[int, tuple[float, Place]]:
+    """Return the largest distance of a folded part from the surface, for the rows whose section folds back.
 
     Parameters
     ----------
@@ -71,14 +72,12 @@ def deepest_undercut(
 
     Returns
     -------
-    distance : float
-        [m]; 0 where all sections are star-shaped.
-    place : Place
-        Point, u-plane and v-line.
+    dict of int to (float, Place)
+        Distance [m] and place by row of sample sites.
     """
-    deepest, place = 0.0, Place()
+    found: dict[int, tuple[float, Place]] = {}
     if not samples.folds.any():
-        return deepest, place
+        return found
     rows = SampleRows.of(mesh, lines, basis)
     k, l = samples.residuals.shape
     count = POINTS_PER_SITE * l
@@ -96,12 +95,10 @@ def deepest_undercut(
         lengths = np.linalg.norm(along, axis=1) * np.linalg.norm(sides, axis=1)
         distance[np.abs((along * sides).sum(axis=1)) <= MIN_COVER_COSINE * lengths] = 0.0  # a wall, as at a rim
         worst = int(np.argmax(distance))
-        if distance[worst] > deepest:
-            deepest = float(distance[worst])
-            column = int(v[nearest[worst]] * (l if lines.closed else l - 1) + 0.5) % l
-            names = nearest_names(lines, basis, (int(i), column))
-            place = Place(point_of(origin + section[worst] @ axes), names)
-    return deepest, place
+        column = int(v[nearest[worst]] * (l if lines.closed else l - 1) + 0.5) % l
+        names = nearest_names(lines, basis, (int(i), column))
+        found[int(i)] = float(distance[worst]), Place(point_of(origin + section[worst] @ axes), names)
+    return found
 
 
 def distances_to_curve(points: Array, curve: Array, closed: bool) -> tuple[Array, IntArray]:

@@ -60,7 +60,8 @@ class MeshDistance:
         self.triangles = mesh.triangles
         sides = np.linalg.norm(self.triangles - np.roll(self.triangles, 1, axis=1), axis=2).max(axis=1)
         centres, self.face, parts = split_faces(mesh, max(float(np.median(sides)), 0.01 * mesh.size))
-        self.radius = 2 / 3 * float((sides / parts).max())  # largest distance of a point of a triangle from its centre
+        self.radii = (2 / 3 * sides / parts)[self.face]  # largest distance of a point of each triangle from its centre
+        self.radius = float(self.radii.max())
         self.tree = cKDTree(centres)
 
     def __call__(self, points: Array) -> tuple[Array, IntArray, Array]:
@@ -85,8 +86,10 @@ class MeshDistance:
             if first:
                 try_pairs(open_, self.face[index[:, 0]])
             # The distance to a triangle is at least the distance to its centre minus the radius.
-            row, column = np.nonzero(far - self.radius < distance[open_, None])
-            try_pairs(open_[row], self.face[index[row, column]])
+            row, column = np.nonzero(far - self.radii[index] < distance[open_, None])
+            # A long face has many of the triangles: each pair of point and face once.
+            pairs = np.unique(row * len(self.triangles) + self.face[index[row, column]])
+            try_pairs(open_[pairs // len(self.triangles)], pairs % len(self.triangles))
             open_ = open_[(far[:, -1] - self.radius < distance[open_]) & (k < self.tree.n)]
             first, k = False, 2 * k
         return distance, face, nearest
