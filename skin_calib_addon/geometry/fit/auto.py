@@ -343,13 +343,13 @@ def refusal(search: "Search", region: Region) -> UnreachableTolerance:
     """
     wrong = f"No surface is within {search.tolerance * 1e3:g} mm ({search.measure}) of this mesh"
     least, nearest = search.nearest
-    other = better_axis(nearest, region, search.measure, least)
+    other = better_axis(nearest, region, search.measure, search.tolerance if np.isinf(least) else least)
     if np.isinf(least):
-        cause, advice = other or (
-            "because it folds over itself",
-            "increase the margin, give the axis, or cut away steps",
-        )
-        return UnreachableTolerance(f"{wrong}, {cause}. {advice[0].upper()}{advice[1:]}.")
+        fold = next(warning for warning in nearest.warnings if warning.code == "folded")
+        if other is None:
+            return UnreachableTolerance(f"{wrong} without a fold. {fold.message} {fold.advice}")
+        cause, advice = other
+        return UnreachableTolerance(f"{wrong}, {cause}. {advice[0].upper()}{advice[1:]}. {fold.message}")
     check_fit(replace(nearest, limits=DeviationLimits(least, max(nearest.limits.refused, least))))
     cause, advice = other or limit_of(nearest, least, search.measure)
     return UnreachableTolerance(

@@ -37,7 +37,7 @@ def better_axis(fit: SurfaceFit, region: Region, measure: str, error: float) -> 
     measure : "mean" or "max"
         The distance that counts.
     error : float
-        This distance of ``fit`` [m]; infinite if it folds.
+        This distance of ``fit``, or the tolerance if it folds [m].
 
     Returns
     -------
