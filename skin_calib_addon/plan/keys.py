@@ -587,7 +587,7 @@ REGISTRATION = Key(
     default=None,
     otherwise="1 mm and 1 degree; with two landmarks the rotation follows from 1 mm at each",
     label="Registration",
-    switch=Switch("auto_registration", "Standard Registration"),
+    switch=Switch("auto_registration", "Standard Mount"),
     acts="pipeline/taxel_sigma.py",
 )
 
@@ -933,7 +933,7 @@ PLAN = Record(
             default=MAX_DEVIATION,
             otherwise="10 mm",
             label="Max. Deviation",
-            switch=Switch("auto_max_deviation", "Standard Max. Deviation", "10 mm, whatever the unit of the scene"),
+            switch=Switch("auto_max_deviation", "Standard Limit", "10 mm, whatever the unit of the scene"),
             panel="Grid",
             acts="geometry/fit/diagnosis.py",
         ),
