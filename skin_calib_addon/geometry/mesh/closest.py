@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array, IntArray
+from ...common.arrays import Array, IntArray, cross
 from .triangle_mesh import TriangleMesh
 
 # [1] most parts of one side of a face. Larger: denser samples on long faces, more memory.
@@ -149,12 +149,12 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
     """
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     ab, ac, ap = b - a, c - a, points - a
-    normal = np.cross(ab, ac)
-    square = (normal**2).sum(axis=1)
-    flat = square <= (FLAT_TRIANGLE_RATIO * np.maximum((ab**2).sum(axis=1), (ac**2).sum(axis=1))) ** 2
+    normal = cross(ab, ac)
+    square = dots(normal, normal)
+    flat = square <= (FLAT_TRIANGLE_RATIO * np.maximum(dots(ab, ab), dots(ac, ac))) ** 2
     square = np.where(flat, 1.0, square)
-    v = (np.cross(ap, ac) * normal).sum(axis=1) / square
-    w = (np.cross(ab, ap) * normal).sum(axis=1) / square
+    v = dots(cross(ap, ac), normal) / square
+    w = dots(cross(ab, ap), normal) / square
     best = a + v[:, None] * ab + w[:, None] * ac
     outside = (v < 0) | (w < 0) | (v + w > 1) | flat
     if outside.any():
@@ -162,9 +162,9 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
         best_edge = np.full(len(p), np.inf)
         for start, stop in ((a, b), (b, c), (c, a)):
             s, e = start[outside], stop[outside] - start[outside]
-            t = np.clip(((p - s) * e).sum(axis=1) / np.maximum((e**2).sum(axis=1), 1e-300), 0, 1)
+            t = np.clip(dots(p - s, e) / np.maximum(dots(e, e), 1e-300), 0, 1)
             q = s + t[:, None] * e
-            d = ((p - q) ** 2).sum(axis=1)
+            d = dots(p - q, p - q)
             better = d < best_edge
             best_edge = np.where(better, d, best_edge)
             if start is a:
@@ -173,3 +173,8 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
                 edge[better] = q[better]
         best[outside] = edge
     return best
+
+
+def dots(a: Array, b: Array) -> Array:
+    """Return the dot products of vectors a and b, shapes (k, 3), as an array (k,)."""
+    return np.einsum("kc,kc->k", a, b)
