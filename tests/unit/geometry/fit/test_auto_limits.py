@@ -170,6 +170,7 @@ def test_cause_is_a_fold_of_the_section():
         fit_to_tolerance(lobed(1.25), 1e-4, "max", axis=Z_AXIS, margin=0.002)
 
 
+@pytest.mark.slow
 def test_cause_is_a_step():
     """Two radii: the place is on the step, and neither facets nor the axis are blamed."""
     with pytest.raises(UnreachableTolerance, match="because the mesh has steps or edges, the largest at") as caught:
@@ -238,6 +239,7 @@ def test_axis_is_not_blamed_without_a_better_one():
     assert better_axis(fit, Tube(), "mean", fit.errors.surface_to_mesh.mean) is None
 
 
+@pytest.mark.slow
 def test_a_place_too_far_from_the_mesh_is_named_instead_of_an_error_that_is_refused():
     """A narrow fin: a mean of 0.022 mm is possible, but 4.7 mm off at the fin, where 2 mm are allowed."""
     with pytest.raises(PoorFit, match=r"limit 2 mm\) off the mesh at \(") as caught:
