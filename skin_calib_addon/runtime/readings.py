@@ -25,6 +25,12 @@ MAX_QUIET_MEAN = 3.0
 # [standard deviations of a mean] Difference of two halves of a rest from which on it is none. Larger: slow contacts at
 # the start count as rest; smaller: a rest is refused by chance.
 MAX_QUIET_SHIFT = 4.0
+# [standard deviations] Largest deviation of a reading from the median at rest. Larger: taps at the start count as rest;
+# smaller: noise with rare large values is not learned without a tare.
+MAX_QUIET_PEAK = 6.0
+# [1] Mean square of the differences of successive readings at rest, relative to that of independent readings. Larger:
+# correlated noise is not learned without a tare; smaller: slow contacts at the start count as rest.
+MIN_QUIET_CHANGE = 0.25
 # [reading] Standard deviation of a taxel that never changes, in the division by it. Derived: from double precision.
 MIN_SPREAD = 1e-12
 # [s] An active taxel whose reading has not changed in the last bit for longer is stuck.
@@ -137,16 +143,25 @@ class Readings:
         """Return whether readings (frames, n) are those of a skin without contact, as far as they can show it.
 
         The mean of each taxel is near the reading at which the response gives no force, and the same in both halves.
+        No reading is far from the others, as in a tap. Successive readings differ as noise does, not as in a slow push.
         """
         if not np.isfinite(rows).all():
             return False
-        half = len(rows) // 2
-        spread = np.maximum(rows.std(axis=0, ddof=1), np.abs(np.diff(rows, axis=0)).max(axis=0) / 4)
+        half, steps = len(rows) // 2, np.diff(rows, axis=0)
+        # of the middle two thirds, which a short contact does not change
+        low, middle, high = np.quantile(rows, (0.16, 0.5, 0.84), axis=0)
+        floor = 1.0 if self.is_whole else MIN_SPREAD
+        sigma = np.maximum(np.maximum(high - middle, middle - low), floor)
+        sigma = np.maximum(sigma, np.median(sigma))  # of few frames, the estimate of one taxel can be small by chance
+        is_noise = np.abs(rows - middle).max(axis=0) <= MAX_QUIET_PEAK * sigma
+        variance = rows.var(axis=0, ddof=1)
+        is_noise &= (variance <= floor**2) | ((steps**2).mean(axis=0) >= MIN_QUIET_CHANGE * 2 * variance)
+        spread = np.maximum(rows.std(axis=0, ddof=1), np.abs(steps).max(axis=0) / 4)
         shifts = (rows[half:].mean(axis=0) - rows[:half].mean(axis=0)) / np.maximum(spread, MIN_SPREAD)
         total = shifts.sum() / max(len(shifts), 1) ** 0.5  # many taxels that change together, each by little
         is_steady = np.abs(np.append(shifts, total)) <= MAX_QUIET_SHIFT * (2 / half) ** 0.5
         is_near = np.abs(rows.mean(axis=0) - self._responses.rest) <= MAX_QUIET_MEAN * spread
-        return bool(is_steady.all() and is_near.all())
+        return bool(is_noise.all() and is_steady.all() and is_near.all())
 
     def saturated(self, intensities: Array) -> BoolArray:
         """Return which readings (n,) are at the end of the range of their response: the force may be larger."""

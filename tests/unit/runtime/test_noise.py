@@ -298,3 +298,34 @@ def test_any_reading_gives_finite_results_or_none(response):
             result = getattr(frame, name)
             assert result is None or np.isfinite(result).all()
         assert np.isfinite(frame.polygon.outer.corners).all()
+
+
+def pushes(kind, rng):
+    """Return forces (200, 48) of a finger at 1 s: sliding over the sheet, tapping, pulsing slowly or holding still."""
+    time = np.arange(200) / 200
+    forces = np.zeros((200, 48))
+    if kind == "slide":
+        distance = np.abs(np.arange(12) - 11 * time[:, None])
+        forces[:, 12:24] = 8 * np.maximum(1 - distance, 0)
+    elif kind == "tap":
+        forces[::25, 17] = 8
+    elif kind == "pulse":
+        forces[:, 17] = 4 - 4 * np.cos(8 * np.pi * time)
+    elif kind == "hold":
+        forces[:, 17] = 8
+    else:
+        assert kind == "rest"
+    return forces
+
+
+@pytest.mark.parametrize("counts", [0.5, 2.0, 4.0])
+@pytest.mark.parametrize("kind", ["slide", "tap", "pulse", "hold", "rest"])
+def test_only_a_rest_teaches_the_noise(kind, counts):
+    """A skin that is touched from its first frame on must not take the touch for its noise."""
+    rng = np.random.default_rng(15)
+    patch = sheet(4, 12, 0.01)
+    skin = Skin(small_calibration(patches=(patch,), surfaces=(plane(),), response=Response((0.0, NEWTONS))))
+    for k, forces in enumerate(pushes(kind, rng)):
+        frame = skin.update(read(rng, forces, counts)[0], k / 200)
+    assert (skin.noise is not None) == (kind == "rest")
+    assert ("noise_unknown" in frame.flags) == (kind != "rest")
