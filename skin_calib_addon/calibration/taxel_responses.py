@@ -53,7 +53,7 @@ class TaxelResponses:
         return cls((calibration.response, *calibration.responses), np.concatenate(own))
 
     def forces(self, intensity: Any) -> Array:
-        """Return forces (n,) [N] of readings (n,), never negative.
+        """Return forces (..., n) [N] of readings (..., n), never negative.
 
         A force is NaN if its reading is not finite, or if the force overflows.
         """
@@ -65,7 +65,7 @@ class TaxelResponses:
                 forces = self._tables.forces(readings)
             else:
                 forces = self._polynomials.forces(readings)
-                forces[self._rows] = self._tables.forces(readings[self._rows])
+                forces[..., self._rows] = self._tables.forces(readings[..., self._rows])
             return nonnegative(forces)
 
     def saturated(self, intensity: Any) -> BoolArray:

@@ -1,6 +1,7 @@
 """Turn readings into contacts, wrench, CoP, ZMP and supporting polygons in a controller. Needs NumPy only."""
 
 from .balance.polygon import Polygon, convex_hull
+from .batch import Batch
 from .body import Body, BodyFrame
 from .contacts import Contact, Message
 from .footprint import SupportingPolygon
@@ -9,6 +10,7 @@ from .plane import Plane
 from .skin import Skin, load
 
 __all__ = [
+    "Batch",
     "Body",
     "BodyFrame",
     "Contact",

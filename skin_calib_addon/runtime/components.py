@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..common.arrays import IntArray
+from ..common.arrays import BoolArray, IntArray
 
 # Jumps of the first round: enough for compact contacts. Longer contacts take more jumps from the second round on.
 # Larger: more work for compact contacts; smaller: more rounds for long ones.
@@ -44,6 +44,42 @@ def components(rows: IntArray, neighbours: IntArray, scratch: IntArray) -> IntAr
         jumps = none.bit_length()
     first = (current == own[:none]).nonzero()[0]
     return first.searchsorted(current)
+
+
+def component_counts(active: BoolArray, neighbours: IntArray) -> IntArray:
+    """Return the numbers (T,) of connected components of many sets of active taxels.
+
+    All sets are flooded at once, one component of each at a time: one whole number has a bit for each set.
+
+    Parameters
+    ----------
+    active : array of bool, shape (T, n)
+        Which taxels are active in each set.
+    neighbours : array, shape (k, n)
+        See :func:`components`.
+    """
+    count, n = active.shape
+    packed = np.packbits(active.T, axis=1)
+    left = [int.from_bytes(row.tobytes(), "big") for row in packed]  # bit t: active in set t, and not yet counted
+    near = [[j for j in column if j < n] for column in neighbours.T.tolist()]
+    counts = np.zeros(count, np.int64)
+    while any(left):
+        component, seen = [0] * n, 0
+        for i, bits in enumerate(left):  # the first taxel that is left in each set
+            component[i] = bits & ~seen
+            seen |= bits
+        before = None
+        while before != component:
+            before = component.copy()
+            for i in (*range(n), *range(n - 1, -1, -1)):
+                if left[i]:
+                    grown = component[i]
+                    for j in near[i]:
+                        grown |= component[j]
+                    component[i] = grown & left[i]
+        left = [bits & ~found for bits, found in zip(left, component)]
+        counts += np.unpackbits(np.frombuffer(seen.to_bytes(packed.shape[1], "big"), np.uint8), count=count)
+    return counts
 
 
 def _lowest(label: IntArray, adjacent: IntArray) -> IntArray:

@@ -8,6 +8,7 @@ one as open. Thresholds follow from stated probabilities of an error.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
@@ -130,19 +131,28 @@ class Noise:
         excess : float
             Result of :meth:`excess` [N].
         """
-        step = signed - self.mean
-        step /= self.sigma
-        step -= WEIGHT_START
-        step *= 1 / (WEIGHT_FULL - WEIGHT_START)
-        np.maximum(step, 0.0, out=step)
-        np.minimum(step, 1.0, out=step)
-        weights = step * step * (3 - 2 * step)
+        weights = self.steps(signed)
         clear = float(weights * (signed - self.free) @ self.slopes)
         start, full = HIDDEN_LOAD
         if excess > (1 + start) * clear:
             hidden = min((excess / clear - 1 - start) / (full - start), 1.0) if clear > 0 else 1.0
             weights += hidden * (1 - weights)
         return weights
+
+    @cached_property
+    def _step_line(self) -> tuple[Array, Array]:
+        """Factor and summand (n,) that map signed readings to 0 at the start of the step and 1 at its end."""
+        scale = 1 / (self.sigma * (WEIGHT_FULL - WEIGHT_START))
+        return scale, -self.mean * scale - WEIGHT_START / (WEIGHT_FULL - WEIGHT_START)
+
+    def steps(self, signed: Array) -> Array:
+        """Return the smooth step (..., n) of signed readings (..., n) from 0 near rest to 1 for clear contacts."""
+        scale, offset = self._step_line
+        step = signed * scale
+        step += offset
+        np.maximum(step, 0.0, out=step)
+        np.minimum(step, 1.0, out=step)
+        return step * step * (3 - 2 * step)
 
 
 class Drift:

@@ -68,6 +68,19 @@ class Readings:
         self.is_whole = rows.dtype.kind in "bui"
         return rows.astype(float)
 
+    def rows(self, readings: Any) -> Array:
+        """Return the readings of the taxels in many readings, shape (T, n), in their data type.
+
+        Raises
+        ------
+        InvalidReading
+            If these are not rows of numbers, or are too short for the highest channel.
+        """
+        if np.ndim(readings) != 2:
+            what = f"a batch must be rows of real numbers; this one has the shape {np.shape(readings)}"
+            raise InvalidReading(what, flag="wrong_type")
+        return self._rows(readings, (2,))
+
     def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> Array:
         try:
             readings = np.asarray(readings)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.errors import InvalidReading
+from .batch import Batch, Processor
 from .clock import Clock
 from .contacts import contacts_of
 from .footprint import Footprint
@@ -293,6 +294,36 @@ class Skin:
             time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint, touched, noise, moments,
             deviations,
         )  # fmt: skip
+
+    def batch(self, readings: Any, times: Any = None) -> Batch:
+        """Compute the results of many readings at once, without a change of the skin.
+
+        They equal those of :meth:`update` in a loop that starts without contacts, with the baseline, noise and masked
+        taxels of now. A batch learns no noise: call :meth:`tare` before. It has no polygons, no standard deviations, no
+        single contacts with their numbers, and no flags.
+
+        Parameters
+        ----------
+        readings : array, shape (T, channels)
+            Frames of the electronics, of any real data type. A row without a finite number is unknown.
+        times : array, shape (T,), optional
+            Of the readings of a log [s]: an active taxel stays active in the next row as in :meth:`update`. Without
+            them no row depends on another one, as for the environments of a simulator.
+
+        Raises
+        ------
+        InvalidReading
+            If these are not rows of numbers, or are too short for the highest channel.
+        ValueError
+            If there is not one time for each row.
+        """
+        rows = self._readings.rows(readings)
+        times = None if times is None else np.asarray(times, float)
+        if times is not None and times.shape != rows.shape[:1]:
+            raise ValueError(f"times of shape {times.shape} for {len(rows)} readings; pass one time for each")
+        decides_noise = self.noise is not None and not self._has_thresholds
+        thresholds = None if decides_noise else (self.switch_on, self.switch_off)
+        return Processor(self._readings, self.geometry, self.ground, thresholds, self._in_cell).batch(rows, times)
 
     def _touched(self, intensities: Array, forces: Array, known: BoolArray, fresh: bool) -> tuple[Touched, BoolArray]:
         """Return what is touched in a frame, and the state of the next one."""

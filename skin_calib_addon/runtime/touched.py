@@ -88,3 +88,21 @@ def by_noise(
         state = np.where(known, active, before)
         possible |= ~known
     return Touched(active, sure, possible, noise.weights(signed, excess), True), state
+
+
+def has_neighbour(which: BoolArray, neighbours: IntArray) -> BoolArray:
+    """Return whether a neighbour of each taxel is one of some, in many frames, (T, n).
+
+    Parameters
+    ----------
+    which : array of bool, shape (T, n)
+        Those taxels in each frame.
+    neighbours : array, shape (k, n)
+        See :func:`.neighbour_table`.
+    """
+    columns = np.zeros((which.shape[1] + 1, len(which)), bool)  # whole rows of memory for each taxel
+    columns[:-1] = which.T
+    found = np.zeros((which.shape[1], len(which)), bool)
+    for row in neighbours:
+        found |= columns[row]
+    return found.T

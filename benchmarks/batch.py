@@ -1,0 +1,73 @@
+"""Rate of ``Skin.batch`` compared with the loop of ``Skin.update``, over 1000 readings of a sheet."""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+sys.path.insert(0, ".")
+
+from benchmarks.cycle import OFF, ON, PERIOD, PITCH, SPEED, Scene, moving
+from skin_calib_addon.runtime import Skin
+
+ROWS = 1000
+REPEATS = 5  # the fastest counts: other programs only add time
+
+
+def scenes(rows: int, columns: int) -> Iterator[tuple[str, Skin, np.ndarray]]:
+    """Yield scenes with their name, skin and readings."""
+    rng, n = np.random.default_rng(0), rows * columns
+    step = SPEED * PERIOD / PITCH
+    free = np.zeros((ROWS, n))
+    readings = {
+        "two contacts, 0.3 m/s": moving(rows, columns, 2, 2.6, step, ROWS),
+        "two contacts, another set each row": moving(rows, columns, 2, 2.6, 1.7, ROWS),
+        "all active": free + rng.integers(400, 500, free.shape),
+        "each taxel at random": np.where(rng.random(free.shape) < 0.5, 500, 0),
+    }
+    for name, counts in readings.items():
+        calibration = Scene(name, rows, columns, counts).calibration
+        yield f"{n} taxels, {name}, thresholds", Skin(calibration, ON, OFF), counts
+        noisy = np.clip(np.rint(counts + rng.normal(0, 2, counts.shape)), 0, 4095)
+        skin = Skin(calibration)
+        skin.tare(np.clip(np.rint(rng.normal(0, 2, (250, n))), 0, 4095))
+        yield f"{n} taxels, {name}, noise", skin, noisy
+
+
+def fastest(works: list[Callable[[], object]]) -> list[float]:
+    """Return the shortest time of each call [s]; the calls alternate, so that other programs slow all of them."""
+    times = np.full((REPEATS, len(works)), np.inf)
+    for k in range(REPEATS):
+        for i, work in enumerate(works):
+            start = time.perf_counter()
+            work()
+            times[k, i] = time.perf_counter() - start
+    return times.min(axis=0).tolist()
+
+
+def loop(skin: Skin, readings: np.ndarray, times: np.ndarray) -> None:
+    """Compute with single updates what a batch has."""
+    for reading, now in zip(readings, times.tolist()):
+        frame = skin.update(reading, now)
+        _ = frame.forces, frame.wrench, frame.load, frame.cop, frame.zmp, len(frame.contacts), frame.stands
+
+
+def main() -> None:
+    """Print one line for each scene."""
+    times = PERIOD * np.arange(ROWS)
+    for rows, columns in ((6, 22), (21, 60)):
+        for name, skin, readings in scenes(rows, columns):
+            one, log, alone = fastest(
+                [
+                    partial(loop, skin, readings, times),
+                    partial(skin.batch, readings, times),
+                    partial(skin.batch, readings),
+                ]
+            )
+            print(f"{name:60} loop {1e3 * one:6.1f} ms, log {one / log:4.1f} x, environments {one / alone:4.1f} x")
+
+
+if __name__ == "__main__":
+    main()

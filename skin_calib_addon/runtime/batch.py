@@ -1,0 +1,215 @@
+"""Compute the results of many readings at once: of a log, or of the environments of a simulator."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..common.arrays import Array, BoolArray, IntArray
+from .clock import JUMP_TIME, Clock
+from .components import component_counts
+from .frame import MIN_LOAD
+from .geometry import CellMoments, GroundGeometry, SkinGeometry
+from .noise import HIDDEN_LOAD, Noise
+from .touched import has_neighbour
+
+if TYPE_CHECKING:
+    from .readings import Readings
+
+# Numbers of the readings that are processed together: 128 kilobytes. Larger: more memory, and more cache misses;
+# smaller: more calls of NumPy for each row.
+BLOCK_NUMBERS = 2**14
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Results of many readings; row t of every array is reading t.
+
+    They are those of :class:`.Frame`. A row is unknown if no taxel of it has a valid force.
+    """
+
+    forces: Array  # (T, n) on each taxel [N]; 0 if it is unknown
+    known: BoolArray  # (T, n) whether the taxel has a valid force
+    active: BoolArray  # (T, n) whether the taxel is part of a contact
+    contact_counts: IntArray  # (T,) number of contacts; -1 if the row is unknown
+    wrench: Array  # (T, 6) of all contacts about the origin of the link [N, N m]; NaN if the row is unknown
+    load: Array  # (T,) vertical force of the ground [N], 0 without a ground; NaN if the row is unknown
+    stands: BoolArray  # (T,) whether the link stands on its ground
+    cop: Array  # (T, 2) in the coordinates of the ground [m]; NaN if the link does not stand
+    zmp: Array  # (T, 2) in the coordinates of the ground [m]; NaN if the link does not stand
+
+
+@dataclass(frozen=True, eq=False)
+class Processor:
+    """What the rows of a batch have in common."""
+
+    readings: "Readings"
+    skin: SkinGeometry
+    ground: GroundGeometry | None
+    thresholds: tuple[float, float] | None  # switch_on and switch_off [N]; None if the noise decides
+    in_cell: bool
+
+    def batch(self, rows: Array, times: Array | None) -> Batch:
+        """Return the results of readings of the taxels.
+
+        Parameters
+        ----------
+        rows : array, shape (T, n)
+            Readings of the taxels, of any real data type.
+        times : array, shape (T,), optional
+            Of the rows [s]. Default: no row depends on another one.
+        """
+        count, n = rows.shape
+        result = Batch(
+            np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool), np.full(count, -1),
+            np.full((count, 6), np.nan), np.full(count, np.nan), np.zeros(count, bool), np.full((count, 2), np.nan),
+            np.full((count, 2), np.nan),
+        )  # fmt: skip
+        for block in _blocks(count, n):
+            forces, known = self.readings.forces(rows[block].astype(float))
+            forces[~known] = 0.0
+            result.forces[block], result.known[block] = forces, known
+        valid = result.known.any(axis=1) | (n == 0)
+        fresh = None if times is None else _fresh(times, valid)
+        before = np.zeros(n, bool)
+        for block in _blocks(count, n):
+            forces, known = result.forces[block], result.known[block]
+            switched, keeps, pushes, has_load = self._touched(rows[block], forces, known)
+            if fresh is not None:
+                switched = _states(switched, (keeps | ~known) & ~fresh[block, None], before)
+                before = switched[-1]
+            result.active[block] = active = switched & known
+            sums = self._sums(active * forces if pushes is None else pushes, active)
+            sums[~valid[block]] = np.nan
+            lift, lift_x, lift_y, fz, tx, ty = sums[:, 6:].T
+            stands = lift >= MIN_LOAD if has_load is None else has_load & (lift > 0)
+            result.wrench[block], result.load[block], result.stands[block] = sums[:, :6], lift, stands
+            lift, fz = np.where(stands, lift, np.nan), np.where(stands & (fz > 0), fz, np.nan)
+            result.cop[block] = np.column_stack((lift_x / lift, lift_y / lift))
+            result.zmp[block] = np.column_stack((-ty / fz, tx / fz))
+        result.contact_counts[valid] = component_counts(result.active, self.skin.neighbours)[valid]
+        return result
+
+    def _touched(
+        self, rows: Array, forces: Array, known: BoolArray
+    ) -> tuple[BoolArray, BoolArray, Array | None, BoolArray | None]:
+        """Return which taxels (T, n) become active, which of the active ones stay so, and two results of the noise.
+
+        Without noise a load decides, and only active taxels are in the sums. With noise the results are the weighted
+        forces (T, n) [N], and whether a load differs from the noise (T,). See :mod:`.touched` for single readings.
+        """
+        if self.thresholds is not None:
+            on, off = self.thresholds
+            return (forces >= on) & known, (forces >= off) & known, None, None
+        noise = self.readings.noise
+        assert noise is not None
+        signed = noise.signed(rows.astype(float))
+        if not known.all():
+            signed = np.where(known, signed, noise.free)
+        positive = forces > 0
+        switched = (signed > noise.sure) & positive
+        pair = (signed > noise.pair) & positive
+        switched |= pair & has_neighbour(pair, self.skin.neighbours)
+        excess = signed @ noise.slopes - noise.free_sum
+        has_load = switched.any(axis=1) | (excess > noise.load_level)
+        keeps = (signed > noise.release) & positive & has_load[:, None]
+        pushes = _weights(noise, signed, excess)
+        pushes *= forces
+        pushes[~has_load] = 0.0
+        return switched, keeps, pushes, has_load
+
+    def _sums(self, pushes: Array, active: BoolArray) -> Array:
+        """Return the wrench and the sums of :attr:`.GroundGeometry.terms`, (T, 12).
+
+        Parameters
+        ----------
+        pushes : array, shape (T, n)
+            Weighted forces [N].
+        active : array of bool, shape (T, n)
+            Which taxels are in a contact.
+        """
+        ground = self.ground
+        if ground is None:
+            return np.hstack((pushes @ self.skin.terms[5:].T, np.zeros((len(pushes), 6))))
+        plain = ground.in_cell if self.in_cell else CellMoments(ground.terms, self.skin.terms)
+        sums = pushes @ _both(plain)
+        full = active[:, ground.can_stand].all(axis=1) & (ground.standing_count > 0)
+        if full.any():
+            sums[full] = pushes[full] @ _both(ground.full_contact)
+        return sums
+
+
+def _both(moments: CellMoments) -> Array:
+    """Return the terms (n, 12) of the wrench and of the ground."""
+    return np.hstack((moments.link[5:].T, moments.ground))
+
+
+def _blocks(count: int, n: int) -> Iterator[slice]:
+    """Return slices that divide the rows into blocks."""
+    step = max(BLOCK_NUMBERS // max(n, 1), 1)
+    return (slice(start, start + step) for start in range(0, count, step))
+
+
+def _fresh(times: Array, valid: BoolArray) -> BoolArray:
+    """Return for which rows (T,) the row before says nothing, because time went back or jumped.
+
+    Parameters
+    ----------
+    times : array, shape (T,)
+        Of the rows [s].
+    valid : array of bool, shape (T,)
+        Which rows are known; the others change nothing.
+    """
+    fresh = np.zeros(len(times), bool)
+    gaps = np.diff(times[valid])
+    if ((gaps >= 0) & (gaps <= JUMP_TIME)).all():
+        return fresh
+    clock = Clock()
+    for k in valid.nonzero()[0].tolist():
+        time = float(times[k])
+        fresh[k] = not clock.flags(time).isdisjoint({"time_back", "time_jump"})
+        clock.accept(time)
+    return fresh
+
+
+def _states(switched: BoolArray, keeps: BoolArray, before: BoolArray) -> BoolArray:
+    """Return which taxels (T, n) are active after each row: switched on, or active before and kept.
+
+    The last row that switched a taxel on or off decides. An odd number stands for on, and later rows have larger ones.
+
+    Parameters
+    ----------
+    switched, keeps : array of bool, shape (T, n)
+        Which taxels a row switches on; which it does not switch off.
+    before : array of bool, shape (n,)
+        State before the first row.
+    """
+    smallest_type = np.min_scalar_type(2 * len(switched) + 1)
+    number = np.arange(2, 2 * len(switched) + 2, 2, dtype=smallest_type)[:, None]
+    last = (number + switched) * (switched | ~keeps)
+    last[0] = np.maximum(last[0], before)
+    return (np.maximum.accumulate(last, axis=0) & 1).astype(bool)
+
+
+def _weights(noise: Noise, signed: Array, excess: Array) -> Array:
+    """Return the weights (T, n) of the taxels in the sums, as :meth:`.Noise.weights` does for one row.
+
+    Parameters
+    ----------
+    noise : Noise
+        Of the skin.
+    signed : array, shape (T, n)
+        Signed readings.
+    excess : array, shape (T,)
+        Sums of the forces near rest, without their mean [N].
+    """
+    weights = noise.steps(signed)
+    clear = (weights * (signed - noise.free)) @ noise.slopes
+    start, full = HIDDEN_LOAD
+    few = excess > (1 + start) * clear
+    excess, clear = excess[few], clear[few]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        hidden = np.where(clear > 0, np.minimum((excess / clear - 1 - start) / (full - start), 1.0), 1.0)
+    weights[few] += hidden[:, None] * (1 - weights[few])
+    return weights
