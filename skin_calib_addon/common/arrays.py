@@ -38,6 +38,13 @@ def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
         object.__setattr__(record, name, value)
 
 
+def unmasked(values: Any) -> Array:
+    """Return numbers in double precision; those that a masked array masks are NaN."""
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(float), np.nan)
+    return np.asarray(values, float)
+
+
 def unit(vectors: Any) -> Array:
     """Scale vectors to unit length along the last axis; a zero vector stays zero."""
     vectors = np.asarray(vectors, float)

@@ -16,14 +16,14 @@ class Clock:
 
     def __init__(self) -> None:
         self._last: float | None = None
-        self._period: float | None = None
+        self._period = 0.0  # [s] 0 before the second frame; infinite after a jump: a slow clock may follow
 
     def flags(self, time: float) -> frozenset[str]:
         """Return what is wrong with the time of a frame [s]; change nothing.
 
         ``time_not_finite``: not a number. ``time_still``: equal to the last time. ``time_back``: before the last time.
-        ``time_jump``: so long after the last frame that its contacts say nothing about this frame. ``dropped``: frames
-        between the last one and this one are missing.
+        ``time_jump``: so long after the last frame that its contacts say nothing about this frame; after the first
+        frame a second is enough. ``dropped``: frames between the last one and this one are missing.
         """
         if not math.isfinite(time):
             return frozenset({"time_not_finite"})
@@ -34,7 +34,7 @@ class Clock:
             return frozenset({"time_still" if gap == 0 else "time_back"})
         if self._is_jump(gap):
             return frozenset({"time_jump"})
-        return frozenset({"dropped"}) if self._period and gap > DROPPED_PERIODS * self._period else frozenset()
+        return frozenset({"dropped"}) if self._period > 0 and gap > DROPPED_PERIODS * self._period else frozenset()
 
     def accept(self, time: float) -> None:
         """Store the time of a frame [s] and update the usual period.
@@ -45,11 +45,11 @@ class Clock:
             return
         gap = time - self._last if self._last is not None else 0.0
         if self._is_jump(gap):
-            self._period = None
+            self._period = math.inf
         elif gap > 0:
-            period = gap if self._period is None else self._period
+            period = self._period if 0 < self._period < math.inf else gap
             self._period = period + 0.1 * (min(gap, 2 * period) - period)
         self._last = time
 
     def _is_jump(self, gap: float) -> bool:
-        return self._period is not None and gap > JUMP_TIME and gap > JUMP_PERIODS * self._period
+        return gap > JUMP_TIME and gap > JUMP_PERIODS * self._period

@@ -23,10 +23,10 @@ class Frame:
     """The state of the skin at one time. CoP, ZMP and polygons are computed when they are first used.
 
     ``flags`` has every problem. Of the reading: ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels sent NaN
-    or infinity), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a force), ``saturated``,
-    ``stuck``. Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did not change at rest),
-    ``drift`` (nothing is guaranteed). Of the time: ``time_not_finite``, ``time_still``, ``time_back``, ``time_jump``,
-    ``dropped``.
+    or infinity, or are masked in a masked array), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a
+    force), ``saturated``, ``stuck``. Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did
+    not change at rest), ``drift`` (nothing is guaranteed). Of the time: ``time_not_finite``, ``time_still``,
+    ``time_back``, ``time_jump``, ``dropped``.
     """
 
     time: float  # [s]

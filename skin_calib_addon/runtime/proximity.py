@@ -2,9 +2,7 @@
 
 from typing import Any
 
-import numpy as np
-
-from ..common.arrays import Array
+from ..common.arrays import Array, unmasked
 from .balance.polygon import Polygon, from_grid
 from .geometry import GroundGeometry
 
@@ -19,11 +17,12 @@ def preemptive_polygon(ground: GroundGeometry, distances: Any, height: float) ->
     ground : GroundGeometry
         ``Skin.ground``.
     distances : array, shape (n,)
-        From each taxel along its normal [m]; infinity or NaN if the sensor detects nothing.
+        From each taxel along its normal [m]; infinity, NaN or masked if the sensor detects nothing, minus infinity if
+        something is too near to be measured (REP 117 of ROS).
     height : float
         Upper limit of the distances [m].
     """
-    near = np.asarray(distances, float) < height  # NaN is not near
+    near = unmasked(distances) < height  # NaN is not near
     return from_grid(ground.corner_hull.hull((near & ground.can_stand).nonzero()[0]), ground.corner_hull.step)
 
 

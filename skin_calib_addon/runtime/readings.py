@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray
+from ..common.arrays import Array, BoolArray, unmasked
 from ..common.errors import InvalidReading
 from .geometry import SkinGeometry
 from .noise import Noise, learned
@@ -64,8 +64,7 @@ class Readings:
         InvalidReading
             If this is not one row of numbers, or is too short for the highest channel. ``flag`` names the problem.
         """
-        rows = self._rows(readings, (1,))
-        self.is_whole = rows.dtype.kind in "bui"
+        rows, self.is_whole = self._rows(readings, (1,))
         return rows.astype(float)
 
     def rows(self, readings: Any) -> Array:
@@ -79,27 +78,32 @@ class Readings:
         if np.ndim(readings) != 2:
             what = f"a batch must be rows of real numbers; this one has the shape {np.shape(readings)}"
             raise InvalidReading(what, flag="wrong_type")
-        return self._rows(readings, (2,))
+        return self._rows(readings, (2,))[0]
 
-    def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> Array:
+    def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> tuple[Array, bool]:
+        """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers."""
+        given = readings
         try:
-            readings = np.asarray(readings)
+            readings = np.asarray(given)
         except ValueError as error:
             what = "a reading must be one row of real numbers; this one has rows of different lengths"
             raise InvalidReading(what, flag="wrong_type") from error
         except Exception as error:  # arrays of other libraries raise errors of any type if they cannot be converted
             what = f"a reading must be one row of real numbers; this one is {type(readings).__name__}: {error}"
             raise InvalidReading(what, flag="wrong_type") from error
-        if readings.ndim not in dimensions or readings.dtype.kind not in "buif":
+        if readings.ndim not in dimensions or readings.dtype.kind not in "uif":
             what = f"a reading must be one row of real numbers; this one is {readings.dtype} of shape {readings.shape}"
             raise InvalidReading(what, flag="wrong_type")
+        is_whole = readings.dtype.kind in "ui"
         if readings.shape[-1] < self.length:
             raise InvalidReading(
                 f"the reading has {readings.shape[-1]} channels, the skin of {self.link} needs {self.length}",
                 flag="wrong_length",
                 length=readings.shape[-1],
             )
-        return readings.take(self.channels, axis=-1)
+        if isinstance(given, np.ma.MaskedArray):
+            readings = unmasked(given)
+        return readings.take(self.channels, axis=-1), is_whole
 
     def forces(self, intensities: Array) -> tuple[Array, BoolArray]:
         r"""Return the forces of the taxels (n,) [N], and which of them are valid; masked taxels are not.
@@ -129,8 +133,8 @@ class Readings:
 
     def tare(self, readings: Any) -> None:
         """Set the baseline and learn the noise, see :meth:`.Skin.tare`."""
-        rows = self._rows(readings, (1, 2))
-        self.learn(np.atleast_2d(rows.astype(float)), rows.dtype.kind in "bui")
+        rows, is_whole = self._rows(readings, (1, 2))
+        self.learn(np.atleast_2d(rows.astype(float)), is_whole)
 
     def learn(self, rows: Array, is_whole: bool) -> None:
         """Set the baseline and learn the noise from readings of the taxels.

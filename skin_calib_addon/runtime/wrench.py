@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array
+from ..common.arrays import Array, unmasked
 from .geometry import SkinGeometry
 from .plane import cross
 
@@ -127,7 +127,7 @@ def distances_of(readings: Any, detection_range: float, full_scale: float) -> Ar
     full_scale : float
         Reading at distance zero.
     """
-    nearness = np.asarray(readings, float) / full_scale
+    nearness = unmasked(readings) / full_scale
     return np.where(nearness <= 0, np.inf, detection_range * (1 - np.minimum(nearness, 1.0)))
 
 
@@ -147,13 +147,15 @@ def proximity_wrench(skin: SkinGeometry, distances: Any, detection_range: float,
     skin : SkinGeometry
         ``Skin.geometry``.
     distances : array, shape (n,)
-        :math:`d_i` from each taxel along its normal [m]; infinity or NaN if the sensor detects nothing.
+        :math:`d_i` from each taxel along its normal [m]; infinity, NaN or masked if the sensor detects nothing, minus
+        infinity if something is too near to be measured (REP 117 of ROS), which pushes fully.
     detection_range : float
         :math:`d_{\mathrm{range}}`, distance from which on there is no force [m].
     stiffness : float
         :math:`k` per area of skin [N/m^3].
     """
-    distances = np.nan_to_num(np.asarray(distances, float), nan=np.inf, posinf=np.inf, neginf=np.inf)
+    distances = unmasked(distances)
+    distances = np.where(np.isnan(distances), np.inf, distances)
     return (stiffness * skin.areas * np.clip(detection_range - distances, 0.0, detection_range)) @ skin.wrenches
 
 
@@ -172,13 +174,13 @@ def temperature_wrench(skin: SkinGeometry, temperatures: Any, limit: float, gain
     skin : SkinGeometry
         ``Skin.geometry``.
     temperatures : array, shape (n,)
-        :math:`\kappa_i`, in the unit of ``limit``; NaN if a sensor has no reading.
+        :math:`\kappa_i`, in the unit of ``limit``; NaN or masked if a sensor has no reading.
     limit : float
         Temperature up to which there is no force.
     gain : float
         :math:`k` per area of skin [N/(K m^2)].
     """
-    above = np.nan_to_num(np.asarray(temperatures, float) - limit, nan=0.0, posinf=0.0, neginf=0.0)
+    above = np.nan_to_num(unmasked(temperatures) - limit, nan=0.0, posinf=0.0, neginf=0.0)
     return (gain * skin.areas * np.maximum(above, 0.0)) @ skin.wrenches
 
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from skin_calib_addon.calibration import Response, ResponseTable, TaxelResponses
+from skin_calib_addon.common.errors import InvalidReading
 from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.clock import Clock
 from tests.samples import plane, small_calibration
@@ -169,6 +170,30 @@ def test_baseline_of_an_invalid_taxel_stays():
     assert skin.forces(np.full(N, 3.0))[0] == 1.0
 
 
+def test_masked_numbers_are_unknown():
+    """Numbers under the mask of a masked array are not readings: of one frame, and of a rest."""
+    skin = sole()
+    reading = np.ma.array(np.full(N, 9), mask=np.arange(N) < 5)
+    frame = skin.update(reading, 0.0)
+    assert frame.flags == {"not_finite"} and frame.known.tolist() == [False] * 5 + [True] * (N - 5)
+    assert np.isnan(skin.forces(reading)[:5]).all() and frame.wrench[2] == 9.0 * (N - 5)
+    assert skin.update(np.ma.masked_all(N), 0.1).flags == {"not_finite", "blind"}
+    rest = np.ma.array(np.full((2, N), 3), mask=np.zeros((2, N), bool))
+    rest[0, 4], rest[:, 5] = np.ma.masked, np.ma.masked
+    rest.data[0, 4] = 90
+    skin.tare(rest)
+    assert skin.forces(np.full(N, 9.0)).tolist() == [6.0] * 5 + [9.0] + [6.0] * (N - 6)
+
+
+def test_truth_values_are_no_readings():
+    """A row of true and false is a mask or a comparison that was passed by mistake."""
+    skin = sole()
+    for wrong in (np.ones(N, bool), [True] * N, np.ma.array(np.ones(N, bool), mask=False)):
+        assert skin.update(wrong, 0.0).flags == {"wrong_type"}
+        with pytest.raises(InvalidReading, match="one row of real numbers; this one is bool"):
+            skin.tare(wrong)
+
+
 @pytest.mark.parametrize(
     ("times", "flags"),
     [
@@ -177,6 +202,10 @@ def test_baseline_of_an_invalid_taxel_stays():
         ((0.0, 0.004, 0.003), ("time_back",)),
         ((0.0, 0.004, 0.012), ("dropped",)),
         ((0.0, 0.004, 5.0), ("time_jump",)),
+        ((0.0, 5.0), ("time_jump",)),
+        ((0.0, 5.0, 5.004), ()),
+        ((0.0, 5.0, 5.004, 5.012), ("dropped",)),
+        ((0.0, 0.9), ()),
         ((0.0, 0.004, np.nan), ("time_not_finite",)),
         ((0.0, 0.004, np.inf), ("time_not_finite",)),
         ((np.inf,), ("time_not_finite",)),

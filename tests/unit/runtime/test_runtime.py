@@ -189,11 +189,11 @@ def test_peak_pressure_is_that_of_one_cell():
     assert_allclose((contact.peak_pressure, contact.area, contact.force), (2e4, 1.1e-3, 7.0), rtol=1e-12)
 
 
-@pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i4", "u8", "f2", "f4", "f8", "?"])
+@pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i4", "u8", "f2", "f4", "f8"])
 def test_readings_of_any_type_do_not_overflow(dtype):
     """Maximum values of each type give the same newtons as the same numbers in double precision."""
     skin = closed_skin(newtons=(0.5, 0.2, 1e-4))
-    top = 1 if dtype == "?" else min(60000, np.finfo(dtype).max if dtype[0] == "f" else np.iinfo(dtype).max)
+    top = min(60000, np.finfo(dtype).max if dtype[0] == "f" else np.iinfo(dtype).max)
     reading = np.full(88, top, dtype)
     top = float(reading[0])
     expected = 0.5 + 0.2 * top + 1e-4 * top * top
@@ -256,13 +256,13 @@ def test_wrong_reading_is_flagged_and_changes_nothing(reading, message):
     """``update`` raises no error: its frame states the problem and knows nothing. ``forces`` raises an error."""
     skin = closed_skin()
     skin.update(pressed([(0, 0)], 1.0), 0)
-    frame = skin.update(reading, 1)
+    frame = skin.update(reading, 0.1)
     assert re.match(message, frame.problem) and frame.flags == {"wrong_length" if "87" in message else "wrong_type"}
     assert frame.touched is None and frame.contacts == () and np.isnan(frame.wrench).all()
     assert frame.cop is None and frame.reason == frame.problem and frame.polygon.outer.kind == "empty"
     with pytest.raises(InvalidReading, match=message):
         skin.forces(reading)
-    assert len(skin.update(pressed([(0, 0)], 0.15), 2).contacts) == 1
+    assert len(skin.update(pressed([(0, 0)], 0.15), 0.2).contacts) == 1
 
 
 def test_wrong_time_is_refused_and_changes_nothing():
@@ -271,7 +271,7 @@ def test_wrong_time_is_refused_and_changes_nothing():
     skin.update(pressed([(0, 0)], 1.0), 0)
     with pytest.raises(ValueError, match="could not convert"):
         skin.update(np.zeros(88), "now")
-    assert len(skin.update(pressed([(0, 0)], 0.15), 2).contacts) == 1
+    assert len(skin.update(pressed([(0, 0)], 0.15), 0.2).contacts) == 1
 
 
 @pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf])

@@ -87,6 +87,19 @@ def test_proximity_pushes_away_from_what_is_near():
     assert_allclose(wrench.proximity_wrench(sole.geometry, distances, 0.02, 1e5)[2], 1e5 * sole.areas.sum() * 0.02)
 
 
+def test_too_near_to_measure_pushes_fully():
+    """Minus infinity is what ROS sends for an object that is too near (REP 117); masked numbers are nothing."""
+    sole = skin_of(sole_patch())
+    near = np.full(42, -np.inf)
+    assert_allclose(wrench.proximity_wrench(sole.geometry, near, 0.02, 1e5)[2], 1e5 * sole.areas.sum() * 0.02)
+    assert proximity.preemptive_polygon(sole.ground, near, 0.01).area > 0
+    masked = np.ma.array(np.zeros(42), mask=True)
+    assert (wrench.proximity_wrench(sole.geometry, masked, 0.02, 1e5) == 0).all()
+    assert proximity.preemptive_polygon(sole.ground, masked, 0.01).kind == "empty"
+    assert np.isnan(wrench.distances_of(masked + 9.0, 0.02, 255.0)).all()
+    assert (wrench.temperature_wrench(sole.geometry, masked + 90.0, 31.0, 10.0) == 0).all()
+
+
 def test_proximity_does_not_depend_on_how_fine_the_skin_is():
     """Stiffness is per area: four times as many taxels on the same area give the same wrench."""
     coarse, fine = skin_of(sheet(4, 4, 0.01)), skin_of(sheet(8, 8, 0.005))
