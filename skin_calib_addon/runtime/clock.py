@@ -18,6 +18,11 @@ class Clock:
         self._last: float | None = None
         self._period = 0.0  # [s] 0 before the second frame; infinite after a jump: a slow clock may follow
 
+    @property
+    def period(self) -> float:
+        """Usual period [s]; 0 before the second frame, infinite after a jump."""
+        return self._period
+
     def flags(self, time: float) -> frozenset[str]:
         """Return what is wrong with the time of a frame [s]; change nothing.
 

@@ -17,6 +17,9 @@ from .touched import Touched
 # Larger: a foot that carries little has no CoP; smaller: its CoP is noisier.
 MIN_LOAD = 5.0
 
+# Flags of frames that guarantee nothing: the readings of free taxels are no longer those at rest, or are old.
+UNTRUSTED = frozenset({"drift", "frozen"})
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -24,8 +27,10 @@ class Frame:
 
     ``flags`` has every problem. Of the reading: ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels sent NaN
     or infinity, or are masked in a masked array), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a
-    force), ``saturated``, ``stuck``. Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did
-    not change at rest), ``drift`` (nothing is guaranteed). Of the time: ``time_not_finite``, ``time_still``,
+    force), ``saturated``, ``stuck`` (the reading of an active taxel does not change, as noise or 30 s would demand).
+    Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did not change at rest), ``drift``
+    (nothing is guaranteed), ``frozen`` (all readings stay the same although they have noise; nothing is guaranteed),
+    ``below_rest`` (some taxels read less than noise explains). Of the time: ``time_not_finite``, ``time_still``,
     ``time_back``, ``time_jump``, ``dropped``.
     """
 
@@ -33,7 +38,7 @@ class Frame:
     forces: Array  # (n,) on each taxel [N]; 0 if it is unknown
     known: BoolArray  # (n,) whether the taxel has a valid force
     saturated: BoolArray  # (n,) whether the force may be larger
-    stuck: BoolArray  # (n,) whether the reading of an active taxel has not changed for 30 s
+    stuck: BoolArray  # (n,) whether the reading of an active taxel has not changed for too long
     contacts: tuple[Contact, ...]
     wrench: Array  # (6,) of all contacts about the origin of the link [N, N m]; NaN if it is unknown
     flags: frozenset[str]
@@ -73,7 +78,7 @@ class Frame:
         ground, sets = self.ground, self.sets
         if ground is None or sets is None:
             return NO_POLYGON
-        standing, sure = ground.can_stand, None if "drift" in self.flags else sets.sure
+        standing, sure = ground.can_stand, sets.sure if UNTRUSTED.isdisjoint(self.flags) else None
         of_outer, of_nominal = ((which & standing).nonzero()[0] for which in (sets.possible, sets.active))
         of_guaranteed = of_nominal  # with thresholds of the caller
         if sure is not sets.active:

@@ -81,6 +81,12 @@ MIN_TAIL_PROBABILITY, TAIL_FACTOR = 0.01, 2.0
 # [1] Probability that a taxel of a skin with noise sends one number in all frames, below which it is dead.
 # Larger: a live taxel may count as dead.
 MAX_DEAD_PROBABILITY = 1e-6
+# [1] Probability that noise repeats one number, or one frame, below which it is a fault. Larger: a fault is reported
+# earlier, and chance as a fault.
+MAX_REPEAT_PROBABILITY = 1e-8
+# [distances from rest to surely touched] Depth of a reading below rest from which on it is a fault. Larger: a fault is
+# found only if it is deeper; smaller: tails of the noise are reported.
+BELOW_REST = 2.0
 
 # Standard normal distribution for interpolation; the error of the interpolation is below 1e-6.
 _GRID = np.linspace(-8.0, 8.0, 3201)
@@ -102,6 +108,9 @@ class Noise:
     pair: Array  # (n,) level above which a taxel is in a contact if a neighbour is
     possible: Array  # (n,) level above which a taxel is possibly touched
     release: Array  # (n,) level down to which it stays in its contact
+    lowest: Array  # (n,) level below which noise does not go
+    repeats: Array  # (n,) number of equal readings in a row that are no chance; infinite if noise proves none
+    frame_repeats: float  # number of equal frames in a row that are no chance
     slopes: Array  # (n,) force per reading near rest [N]
     free: Array  # (n,) mean signed reading at rest, after clipping
     free_sum: float  # its sum, weighted by the slopes [N]
@@ -259,6 +268,12 @@ def learned(rows: Array, responses: "TaxelResponses", pair_count: int, is_whole:
     if largest > NormalDist().inv_cdf(1 - MIN_TAIL_PROBABILITY / above.size):
         guard = mean + step / 2 + TAIL_FACTOR * largest * spread
         sure, pair = np.maximum(sure, guard), np.maximum(pair, guard)
+    centred = 1 - 2 * np.interp(-step / 2 / spread, _GRID, _BELOW)  # largest probability of one number
+    most = np.maximum(centred, _most(rows))
+    # an active taxel is not at the lowest level, however often it is there at rest
+    one, whole = (np.log(np.where(dead, 1.0, p)) for p in (np.where(clipped > 0, centred, most), most))
+    with np.errstate(divide="ignore"):
+        repeats, frame_repeats = (-math.log(MAX_REPEAT_PROBABILITY) / np.abs(x) for x in (one, whole.sum()))
     rest = responses.rest
     slopes = np.where(dead, 0.0, responses.forces(rest + 4 * responses.sign * sigma) - responses.forces(rest))
     slopes = np.nan_to_num(slopes / (4 * sigma))
@@ -281,6 +296,9 @@ def learned(rows: Array, responses: "TaxelResponses", pair_count: int, is_whole:
         pair=pair,
         possible=mean + POSSIBLE * sigma,
         release=mean + RELEASE * sigma,
+        lowest=mean - BELOW_REST * (sure - mean),
+        repeats=repeats,
+        frame_repeats=float(frame_repeats),
         slopes=slopes,
         free=rows.mean(axis=0),
         free_sum=float(sums.mean()),
@@ -289,6 +307,16 @@ def learned(rows: Array, responses: "TaxelResponses", pair_count: int, is_whole:
         detection_limits=limits,
         load_limit=LOAD_LIMIT * common * float(np.linalg.norm(slopes * sigma)),
     )
+
+
+def _most(rows: Array) -> Array:
+    """Return the fraction (n,) of the rows (frames, n) that have the most frequent number of each taxel."""
+    rows = np.sort(rows, axis=0)
+    run, longest = np.ones(rows.shape[1]), np.ones(rows.shape[1])
+    for below, above in zip(rows[:-1], rows[1:]):
+        run = np.where(above == below, run + 1, 1.0)
+        longest = np.maximum(longest, run)
+    return longest / len(rows)
 
 
 def student(normal: float, freedom: Array) -> Array:

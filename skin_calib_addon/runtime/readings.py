@@ -33,9 +33,15 @@ MAX_QUIET_PEAK = 6.0
 MIN_QUIET_CHANGE = 0.25
 # [reading] Standard deviation of a taxel that never changes, in the division by it. Derived: from double precision.
 MIN_SPREAD = 1e-12
-# [s] An active taxel whose reading has not changed in the last bit for longer is stuck.
+# [s] An active taxel whose reading has not changed in the last bit for longer is stuck, whatever its noise.
 # Larger: a broken taxel is reported later; smaller: a constant load on a taxel without noise is reported.
 STUCK_TIME = 30.0
+# [s] Longest time between two readings of the electronics; faster controllers see a reading several times.
+# Larger: a frozen bus is reported later; smaller: slow electronics are reported as frozen.
+MAX_READING_PERIOD = 0.02
+# [s] Shortest time after which equal frames are a frozen bus. Larger: it is reported later; smaller: a short
+# interruption, which is a matter of the clock, is reported.
+FROZEN_TIME = 0.1
 
 
 class Readings:
@@ -210,8 +216,8 @@ class Readings:
         """Return which readings (n,) equal those of the last frame in every bit."""
         return intensities == self._last
 
-    def stuck(self, unchanged: BoolArray, time: float) -> BoolArray:
-        """Return which readings (n,) have not changed for longer than the limit.
+    def stuck(self, unchanged: BoolArray, time: float, period: float) -> BoolArray:
+        """Return which readings (n,) have not changed for longer than the noise, or the limit, allows.
 
         Parameters
         ----------
@@ -219,8 +225,34 @@ class Readings:
             Which readings equal those of the last frame.
         time : float
             Of the frame [s].
+        period : float
+            Between two frames [s].
         """
-        return unchanged & (self._since < time - STUCK_TIME) if math.isfinite(time) else np.zeros(len(unchanged), bool)
+        if not math.isfinite(time) or not np.count_nonzero(unchanged):
+            return np.zeros(len(unchanged), bool)
+        limit: Array | float = STUCK_TIME
+        if self.noise is not None:
+            limit = np.minimum(self.noise.repeats * max(period, MAX_READING_PERIOD), STUCK_TIME)
+        return unchanged & (self._since < time - limit)
+
+    def is_frozen(self, unchanged: BoolArray, time: float, period: float) -> bool:
+        """Return whether the whole frame has not changed for longer than the noise allows.
+
+        Parameters
+        ----------
+        unchanged, time, period
+            As for :meth:`stuck`.
+        """
+        if self.noise is None or np.count_nonzero(unchanged) < len(unchanged) or not len(unchanged):
+            return False
+        limit = max(FROZEN_TIME, self.noise.frame_repeats * max(period, MAX_READING_PERIOD))
+        return bool(self._since.max() < time - limit)
+
+    def below_rest(self, intensities: Array, known: BoolArray) -> bool:
+        """Return whether a known taxel reads less than its noise without contact can give."""
+        if self.noise is None:
+            return False
+        return bool(np.count_nonzero((self.noise.signed(intensities) < self.noise.lowest) & known))
 
     def accept(self, intensities: Array, unchanged: BoolArray, time: float) -> None:
         """Store the readings and when each of them last changed. After a step back in time, count from this time.

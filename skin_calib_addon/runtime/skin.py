@@ -263,7 +263,7 @@ class Skin:
         if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
         unchanged = self._readings.unchanged(intensities)
-        stuck = self._readings.stuck(unchanged, time) & touched.active
+        stuck = self._readings.stuck(unchanged, time, self._clock.period) & touched.active
         saturated = self._readings.saturated(intensities) & known
         flags |= {name for name, which in (("stuck", stuck), ("saturated", saturated)) if np.count_nonzero(which)}
         noise = self.noise
@@ -276,6 +276,10 @@ class Skin:
                 noise, intensities, self._free(touched, known, float(touched.weights @ forces)), time
             ):
                 flags |= {"drift"}
+            if self._readings.is_frozen(unchanged, time, self._clock.period):
+                flags |= {"frozen"}
+            if self._readings.below_rest(intensities, known):
+                flags |= {"below_rest"}
         if fresh:
             self._identities.forget()
         moments = None

@@ -329,3 +329,101 @@ def test_only_a_rest_teaches_the_noise(kind, counts):
         frame = skin.update(read(rng, forces, counts)[0], k / 200)
     assert (skin.noise is not None) == (kind == "rest")
     assert ("noise_unknown" in frame.flags) == (kind != "rest")
+
+
+def rested(rng, noise=2.0, offset=0.0, frames=250):
+    """Return a sole that has learned its noise."""
+    skin = sole()
+    skin.tare(read(rng, FREE, noise, frames, offset))
+    return skin
+
+
+def first_flag(skin, readings, flag, period=0.004):
+    """Return the number of the first frame with a flag, of frames from 10 s on; None if there is none."""
+    for k, reading in enumerate(readings):
+        if flag in skin.update(reading, 10 + period * k).flags:
+            return k
+    return None
+
+
+@pytest.mark.parametrize(("noise", "offset"), [(2.0, 50.0), (2.0, 0.0), (0.5, 0.0), (0.5, 20.0)])
+@pytest.mark.parametrize("period", [0.001, 0.004, 0.04])
+@pytest.mark.parametrize("loaded", [False, True])
+def test_frozen_bus_is_flagged(noise, offset, period, loaded):
+    """One frame again and again is flagged within a second, and guarantees nothing; live frames before it are not."""
+    rng = np.random.default_rng(4)
+    skin = rested(rng, noise, offset)
+    live = read(rng, half_pressed(rng)[0] if loaded else FREE, noise, 100, offset)
+    assert first_flag(skin, live, "frozen", period) is None
+    for k in range(round(1 / period)):
+        frame = skin.update(live[-1], 10 + period * (len(live) + k))
+    assert "frozen" in frame.flags and frame.polygon.guaranteed.kind == "empty"
+    assert "frozen" not in skin.update(read(rng, FREE, noise, 1, offset)[0], 12 + period * len(live)).flags
+
+
+@pytest.mark.parametrize("offset", [0.0, 50.0])
+def test_zeros_everywhere_are_flagged(offset):
+    """A dead board sends zeros: below a rest with an offset, frozen where the rest is at zero."""
+    rng = np.random.default_rng(5)
+    zeros = np.zeros((100, N), np.uint16)
+    assert first_flag(rested(rng, offset=offset), zeros, "below_rest" if offset else "frozen") <= 60
+
+
+def test_slow_electronics_are_not_frozen():
+    """A fast controller sees each frame of slow electronics many times; a simulator has no noise to repeat."""
+    rng = np.random.default_rng(6)
+    frames = np.repeat(read(rng, half_pressed(rng)[0], frames=100), 20, axis=0)
+    skin = rested(rng)
+    flags = {flag for k, reading in enumerate(frames) for flag in skin.update(reading, 10 + 0.001 * k).flags}
+    assert flags <= {"time_jump"}
+    still = sole()
+    for k in range(1000):
+        flags = still.update(np.zeros(N), 0.01 * k).flags
+        assert "frozen" not in flags and "stuck" not in flags
+
+
+@pytest.mark.parametrize("wrong", [-490, "signed"])
+def test_reading_below_rest_is_flagged(wrong):
+    """-98 N on one taxel, and a byte above 127 that is read as signed, are no missing force."""
+    rng = np.random.default_rng(7)
+    skin = rested(rng, offset=20.0)
+    reading = read(rng, np.where(np.arange(N) == 3, 26.0, 0.0), offset=20.0)[0]
+    assert "below_rest" not in skin.update(reading, 9.99).flags
+    reading = np.where(np.arange(N) == 3, wrong, reading) if wrong != "signed" else reading.astype(np.uint8).view("i1")
+    assert "below_rest" in skin.update(reading, 10.0).flags
+
+
+def test_below_rest_follows_a_response_that_falls():
+    """Where readings fall with the force, below rest is above the reading at rest."""
+    rng = np.random.default_rng(8)
+    skin = sole(ResponseTable((0.0, 4095.0), (800.0, 0.0)))
+    skin.tare(4000 + np.rint(2 * rng.normal(size=(250, N))).astype(int))
+    assert "below_rest" not in skin.update(np.full(N, 3900), 0.0).flags
+    assert "below_rest" in skin.update(np.where(np.arange(N) == 3, 4090, 4000), 0.01).flags
+
+
+@pytest.mark.parametrize("noise", [2.0, 0.5])
+def test_full_scale_without_a_range_is_stuck(noise):
+    """A taxel at the end of its converter has no noise: flagged within 1.2 s; the live one next to it is not."""
+    rng = np.random.default_rng(9)
+    skin = rested(rng, noise)
+    readings = read(rng, np.where(np.arange(N) < 2, 400.0, 0.0), noise, 300)
+    assert first_flag(skin, readings, "stuck") is None
+    readings[:, 1] = 4095
+    for k, reading in enumerate(readings):
+        frame = skin.update(reading, 12 + 0.004 * k)
+    assert frame.stuck.nonzero()[0].tolist() == [1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [2.0, 0.5])
+@pytest.mark.parametrize("offset", [0.0, 50.0])
+def test_live_readings_are_not_called_lies(noise, offset):
+    """10 000 frames with noise, in the air and loaded, after a short rest and a long one."""
+    rng = np.random.default_rng(10)
+    for frames in (25, 250):
+        skin = rested(rng, noise, offset, frames)
+        for k in range(100):
+            for i, reading in enumerate(read(rng, half_pressed(rng)[0] if k % 2 else FREE, noise, 50, offset)):
+                flags = skin.update(reading, 10 + 0.004 * (50 * k + i)).flags
+                assert flags.isdisjoint({"frozen", "below_rest", "stuck"})
