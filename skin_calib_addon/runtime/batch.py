@@ -72,7 +72,7 @@ class Processor:
             result.forces[block], result.known[block] = forces, known
         valid = result.known.any(axis=1) | (n == 0)
         fresh = None if times is None else _fresh(times, valid)
-        before = np.zeros(n, bool)
+        before, sums = np.zeros(n, bool), np.empty((count, 12))
         for block in _blocks(count, n):
             forces, known = result.forces[block], result.known[block]
             switched, keeps, pushes, has_load = self._touched(rows[block], forces, known)
@@ -80,14 +80,15 @@ class Processor:
                 switched = _states(switched, (keeps | ~known) & ~fresh[block, None], before)
                 before = switched[-1]
             result.active[block] = active = switched & known
-            sums = self._sums(active * forces if pushes is None else pushes, active)
-            sums[~valid[block]] = np.nan
-            lift, lift_x, lift_y, fz, tx, ty = sums[:, 6:].T
-            stands = lift >= MIN_LOAD if has_load is None else has_load & (lift > 0)
-            result.wrench[block], result.load[block], result.stands[block] = sums[:, :6], lift, stands
-            lift, fz = np.where(stands, lift, np.nan), np.where(stands & (fz > 0), fz, np.nan)
-            result.cop[block] = np.column_stack((lift_x / lift, lift_y / lift))
-            result.zmp[block] = np.column_stack((-ty / fz, tx / fz))
+            sums[block] = self._sums(active * forces if pushes is None else pushes, active)
+            lift = sums[block, 6]
+            result.stands[block] = valid[block] & (lift >= MIN_LOAD if has_load is None else has_load & (lift > 0))
+        sums[~valid] = np.nan
+        lift, lift_x, lift_y, fz, tx, ty = sums[:, 6:].T
+        result.wrench[:], result.load[:] = sums[:, :6], lift
+        lift, fz = np.where(result.stands, lift, np.nan), np.where(result.stands & (fz > 0), fz, np.nan)
+        result.cop[:] = np.column_stack((lift_x / lift, lift_y / lift))
+        result.zmp[:] = np.column_stack((-ty / fz, tx / fz))
         result.contact_counts[valid] = component_counts(result.active, self.skin.neighbours)[valid]
         return result
 
@@ -134,7 +135,7 @@ class Processor:
             return np.hstack((pushes @ self.skin.terms[5:].T, np.zeros((len(pushes), 6))))
         plain = ground.in_cell if self.in_cell else CellMoments(ground.terms, self.skin.terms)
         sums = pushes @ _both(plain)
-        full = active[:, ground.can_stand].all(axis=1) & (ground.standing_count > 0)
+        full = (active | ~ground.can_stand).all(axis=1) & (ground.standing_count > 0)
         if full.any():
             sums[full] = pushes[full] @ _both(ground.full_contact)
         return sums
@@ -189,7 +190,11 @@ def _states(switched: BoolArray, keeps: BoolArray, before: BoolArray) -> BoolArr
     number = np.arange(2, 2 * len(switched) + 2, 2, dtype=smallest_type)[:, None]
     last = (number + switched) * (switched | ~keeps)
     last[0] = np.maximum(last[0], before)
-    return (np.maximum.accumulate(last, axis=0) & 1).astype(bool)
+    step = 1
+    while step < len(last):  # the largest number so far; six times as fast as maximum.accumulate along columns
+        last[step:] = np.maximum(last[step:], last[:-step])
+        step *= 2
+    return (last & 1).astype(bool)
 
 
 def _weights(noise: Noise, signed: Array, excess: Array) -> Array:
