@@ -38,6 +38,19 @@ def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
         object.__setattr__(record, name, value)
 
 
+def lock(*values: object) -> None:
+    """Make arrays read-only; other values stay as they are."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+
+
+def locked(array: Array) -> Array:
+    """Make an array read-only, and return it."""
+    array.setflags(write=False)
+    return array
+
+
 def unmasked(values: Any) -> Array:
     """Return numbers in double precision; those that a masked array masks are NaN."""
     if isinstance(values, np.ma.MaskedArray):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..common.arrays import Array, IntArray
+from ..common.arrays import Array, IntArray, lock, locked
 from .footprint import Footprint
 from .geometry import SkinGeometry
 
@@ -72,11 +72,11 @@ class Contact:
         mx, my, mz = -fx / force, -fy / force, -fz / force
         length = math.sqrt(mx * mx + my * my + mz * mz)  # 1 if all normals are parallel
         if length < MIN_MEAN_NORMAL:
-            return np.array((cx, cy, cz)), np.zeros(3)
+            return locked(np.array((cx, cy, cz))), locked(np.zeros(3))
         rise = (height / force - (mx * cx + my * cy + mz * cz)) / (1 + length) / length
         return (
-            np.array((cx + rise * mx, cy + rise * my, cz + rise * mz)),
-            np.array((mx / length, my / length, mz / length)),
+            locked(np.array((cx + rise * mx, cy + rise * my, cz + rise * mz))),
+            locked(np.array((mx / length, my / length, mz / length))),
         )
 
     @cached_property
@@ -160,6 +160,7 @@ def contacts_of(footprint: Footprint, forces: Array, numbers: list[int], terms: 
         return ()
     skin, f = footprint.skin, forces.take(rows)
     sums = np.add.reduceat(f * terms.take(rows, axis=1), starts, axis=1)
+    lock(footprint.rows, footprint.groups, rows, starts, f, sums)
     bounds = [*starts.tolist(), len(rows)]
     return tuple(
         Contact(number, rows[i:j], f[i:j], total, skin)

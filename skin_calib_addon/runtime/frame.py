@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray
+from ..common.arrays import Array, BoolArray, lock, locked
 from .contacts import Contact
 from .footprint import NO_POLYGON, Footprint, SupportingPolygon, supporting_polygon
 from .geometry import CellMoments, GroundGeometry
@@ -24,6 +24,8 @@ UNTRUSTED = frozenset({"drift", "frozen"})
 @dataclass(frozen=True, eq=False)
 class Frame:
     """The state of the skin at one time. CoP, ZMP and polygons are computed when they are first used.
+
+    Its arrays are read-only, because later frames use some of them.
 
     ``flags`` has every problem. Of the reading: ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels sent NaN
     or infinity, or are masked in a masked array), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a
@@ -48,6 +50,9 @@ class Frame:
     noise: Noise | None = None  # None if it is unknown
     moments: CellMoments | None = None  # terms of the sums with the moments within the cells, where they count
     deviations: Callable[[], Array] | None = None  # computes force_sigmas
+
+    def __post_init__(self) -> None:
+        lock(self.forces, self.known, self.saturated, self.stuck, self.wrench)
 
     @property
     def touched(self) -> bool | None:
@@ -143,7 +148,7 @@ class Frame:
         if self.reason is not None:
             return None
         lift, lift_x, lift_y, *_ = self._on_ground
-        return np.array((lift_x / lift, lift_y / lift))
+        return locked(np.array((lift_x / lift, lift_y / lift)))
 
     @cached_property
     def zmp(self) -> Array | None:
@@ -158,14 +163,14 @@ class Frame:
         If all taxels are in the ground plane and all normals are vertical, it equals the CoP.
         """
         *_, fz, tx, ty = self._on_ground
-        return np.array((-ty / fz, tx / fz)) if self.reason is None and fz > 0 else None
+        return locked(np.array((-ty / fz, tx / fz))) if self.reason is None and fz > 0 else None
 
     @cached_property
     def force_sigmas(self) -> Array | None:
         """Standard deviation (n,) of the force of each taxel [N]; infinite where it is unknown; None without noise."""
         if self.deviations is None:
             return None
-        return np.where(self.known, self.deviations(), np.inf)
+        return locked(np.where(self.known, self.deviations(), np.inf))
 
     @cached_property
     def _scatter(self) -> tuple[Array, Array, float] | None:
@@ -199,7 +204,7 @@ class Frame:
             return None
         noise, uneven, common = self._scatter
         placed = float(uneven**2 @ self.footprint.skin.areas) / 12  # a square has a second moment of 1/12 per area
-        return np.sqrt((terms * noise) ** 2 @ np.full(len(noise), common**2) + levers**2 * placed)
+        return locked(np.sqrt((terms * noise) ** 2 @ np.full(len(noise), common**2) + levers**2 * placed))
 
     @cached_property
     def wrench_sigma(self) -> Array | None:
@@ -236,7 +241,7 @@ class Frame:
         if sigma is None or self.moments is not None or self.ground is None:
             return sigma
         moments = self._pushes @ (self.ground.in_cell.ground[:, 1:3] - self.ground.terms[:, 1:3])
-        return np.hypot(sigma, moments / self.load)
+        return locked(np.hypot(sigma, moments / self.load))
 
 
 def zero_moment_point(wrench: Array, height: float = 0.0) -> Array | None:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray
+from ..common.arrays import Array, BoolArray, IntArray, lock
 from .balance.hull import HullTable
 from .balance.polygon import convex_hull
 from .plane import MIN_DOWNWARD, Plane
@@ -73,6 +73,7 @@ class SkinGeometry:
         heights = (self.normals * self.positions).sum(axis=1, keepdims=True)
         ones = np.ones((len(self.ids), 1))
         self.terms = np.hstack((ones, self.positions, heights, self.wrenches)).T.copy()
+        lock(*vars(self).values())
         self.scratch = np.full(len(self.ids) + 1, -1)
 
     def _period(self, patch: int) -> tuple[int, int]:
@@ -186,6 +187,7 @@ class GroundGeometry:
         seconds = _second_moments(self.corners - self.centres[:, None])
         shift = _arms_in_cells(self.centres, seconds, skin.areas, skin.neighbours, standing)
         self.in_cell = self._moved(skin, pushes, lift, shift)
+        lock(*vars(self).values(), *self.full_contact, *self.in_cell, *(self.full_contact_correction or ()))
 
     def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "CellMoments":
         """Return the terms if each force acts away from the centre of its cell.

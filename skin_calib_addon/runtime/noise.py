@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray
+from ..common.arrays import Array, BoolArray, IntArray, lock
 
 if TYPE_CHECKING:
     from ..calibration.taxel_responses import TaxelResponses
@@ -118,6 +118,9 @@ class Noise:
     common: float  # standard deviation of the sum, as a multiple of that of independent taxels; at least 1
     detection_limits: Array  # (n,) force from which on the outer polygon contains a taxel [N]
     load_limit: float  # force from which on the sum of all taxels is a load [N]
+
+    def __post_init__(self) -> None:
+        lock(*vars(self).values())
 
     def signed(self, intensities: Array) -> Array:
         """Return signed readings (n,)."""

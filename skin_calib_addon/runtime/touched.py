@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray
+from ..common.arrays import Array, BoolArray, IntArray, lock
 from .noise import Noise
 
 
@@ -17,6 +17,9 @@ class Touched:
     possible: BoolArray  # (n,) whether it is possibly touched
     weights: Array  # (n,) of its force in the sums
     stands: bool | None
+
+    def __post_init__(self) -> None:
+        lock(self.active, self.sure, self.possible, self.weights)
 
 
 def by_thresholds(

@@ -427,3 +427,26 @@ def test_live_readings_are_not_called_lies(noise, offset):
             for i, reading in enumerate(read(rng, half_pressed(rng)[0] if k % 2 else FREE, noise, 50, offset)):
                 flags = skin.update(reading, 10 + 0.004 * (50 * k + i)).flags
                 assert flags.isdisjoint({"frozen", "below_rest", "stuck"})
+
+
+def arrays_in(record):
+    """Yield the arrays of a record: of its fields, its properties, and of records and tuples in them."""
+    for name in {n for n in (*vars(record), *dir(type(record))) if n[0] != "_"} - {"scratch"}:
+        value = getattr(record, name, None)
+        for part in value if isinstance(value, tuple) else (value,):
+            if isinstance(part, np.ndarray):
+                yield f"{type(record).__name__}.{name}", part
+
+
+@pytest.mark.parametrize("learned", [False, True])
+def test_frames_and_geometry_are_read_only(learned):
+    """A controller that writes into a frame, or into the geometry, must not change later frames."""
+    rng = np.random.default_rng(11)
+    skin = rested(rng) if learned else sole()
+    frame = skin.update(read(rng, half_pressed(rng)[0])[0], 0.0)
+    records = [frame, frame.sets, frame.footprint, *frame.contacts, skin.geometry, skin.ground, skin.ground.plane]
+    records += [skin.noise] if learned else []
+    computed = {"Frame.active"}  # each time it is read
+    found = {name: array for record in records for name, array in arrays_in(record)}
+    assert {"Frame.forces", "Frame.zmp", "Touched.active", "Contact.position", "SkinGeometry.terms"} <= set(found)
+    assert [name for name, array in found.items() if array.flags.writeable and name not in computed] == []
