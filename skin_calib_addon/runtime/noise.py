@@ -33,10 +33,10 @@ MAX_FALSE_PAIR = 1e-4
 POSSIBLE = 2.4
 # [standard deviations] Margin of the detection limit over this threshold. Larger: a weak contact is missed less often,
 # and the limit is higher. 3.2: once in 1500.
-MISSED = 3.2
+LIMIT_MARGIN = 3.2
 # [1] Probability that the outer polygon contains a taxel at its detection limit, and that no free taxel counts as
 # surely touched. Derived: from the thresholds above.
-OUTER_PROBABILITY, GUARANTEED_PROBABILITY = NormalDist().cdf(MISSED), 1 - MAX_FALSE_SURE
+OUTER_PROBABILITY, GUARANTEED_PROBABILITY = NormalDist().cdf(LIMIT_MARGIN), 1 - MAX_FALSE_SURE
 # [standard deviations] Limit of the sum of all taxels, as a multiple of its noise. Larger: a lighter load is not
 # promised.
 LOAD_LIMIT = 7.0
@@ -68,7 +68,7 @@ LEVELS = 32
 # Iterations of the fits of all taxels together and of each. Larger: slower, for the last percent of the estimates.
 POOLED_ITERATIONS, ITERATIONS = 200, 60
 # [1] Smallest step of real numbers, relative to the range of the readings. Derived: from rounding.
-MIN_STEP = 1e-9
+MIN_STEP_FRACTION = 1e-9
 # [steps] Smallest standard deviation: readings that never changed in a second prove no less. Larger: coarse converters
 # have higher limits.
 MIN_SIGMA = 0.25
@@ -289,7 +289,7 @@ def learned(rows: Array, responses: "TaxelResponses", pair_count: int, is_whole:
     independent = float(np.linalg.norm(slopes * rows.std(axis=0, ddof=1)))
     common = max(1.0, deviation / independent) if independent else 1.0
     # the reading has to pass the threshold by less than a step, half of which rounding may take
-    limits = responses.forces(rest + responses.sign * (POSSIBLE * sigma + step / 2 + MISSED * spread))
+    limits = responses.forces(rest + responses.sign * (POSSIBLE * sigma + step / 2 + LIMIT_MARGIN * spread))
     return Noise(
         mean=mean,
         sigma=sigma,
@@ -355,7 +355,7 @@ def _step(rows: Array, is_whole: bool) -> float | None:
         return 1.0
     values = np.unique(rows)
     gaps = np.diff(values)
-    return float(gaps[gaps > MIN_STEP * np.ptp(values)].min()) if len(gaps) else None
+    return float(gaps[gaps > MIN_STEP_FRACTION * np.ptp(values)].min()) if len(gaps) else None
 
 
 def _normal(rows: Array, step: float) -> tuple[Array, Array, Array, BoolArray]:

@@ -19,7 +19,7 @@ from ...geometry.surface.footpoints import footpoints
 # of the adjacent ray. Larger: a coarser outline.
 OUTLINE_STEP = 0.01
 # Smallest cosine of the angle between a face and the surface. Larger: leaves out more oblique faces.
-MIN_FACING_COSINE = 0.5
+MIN_COVERED_COSINE = 0.5
 # Smallest number of rays in each direction that look for faces. Larger: detects smaller holes, slower.
 MIN_RAYS = 200
 # Points along each side of the border of a surface. Larger: more exact, slower.
@@ -199,7 +199,7 @@ def _outer_faces(surface: BSplineSurface, fit: SurfaceFit, step: float) -> BoolA
     sites = np.stack(np.meshgrid(np.linspace(0, 1, k), np.linspace(0, 1, l, endpoint=not closed), indexing="ij"), -1)
     chosen = np.zeros(len(mesh.faces), bool)
     for face, sites_uv in ((faces, sites[is_known]), (small[at_surface], uv[at_surface])):
-        chosen[face[(surface.normals(sites_uv) * mesh.face_normals[face]).sum(axis=1) > MIN_FACING_COSINE]] = True
+        chosen[face[(surface.normals(sites_uv) * mesh.face_normals[face]).sum(axis=1) > MIN_COVERED_COSINE]] = True
     return chosen
 
 
