@@ -430,20 +430,19 @@ class Search:
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
         self.enlarged: list[tuple[int, int]] = []  # the enlarged nets, which do not depend on the tolerance
         self.distance = cache(MeshDistance)  # computed when needed
-        self.is_usable, self.distances, self.estimate = (
-            cache(self._is_usable),
-            cache(self._distances),
-            cache(self._estimate),
-        )
+        self.is_usable = cache(self._is_usable)
+        self.distances = cache(self._distances)
+        self.estimate = cache(self._estimate)
 
     @property
     def best(self) -> SurfaceFit | None:
         """Return the smallest of the fitted nets within the tolerance; None without one."""
-        return min((fit for _, fit in self.tried.values() if self.meets(fit)), key=net_size, default=None)
+        return min((fit for size, (_, fit) in self.tried.items() if self.meets(size)), key=net_size, default=None)
 
-    def meets(self, fit: SurfaceFit) -> bool:
-        """Return whether a fit is within the tolerance and usable."""
-        return self.tried[fit.offsets.shape][0] <= self.tolerance and self.is_usable(fit, self.tolerance)
+    def meets(self, size: tuple[int, int]) -> bool:
+        """Return whether the fit of this size is within the tolerance and usable."""
+        error, fit = self.tried[size]
+        return error <= self.tolerance and self.is_usable(fit, self.tolerance)
 
     def _is_usable(self, fit: SurfaceFit, error: float) -> bool:
         """Return whether a fit with this error [m] neither folds nor is too far from the mesh somewhere."""
@@ -459,7 +458,7 @@ class Search:
             if size is None or size in self.tried:
                 break
             error = self.error(size)
-            if USED_TOLERANCE_RATIO * self.tolerance < error and self.meets(self.tried[size][1]):
+            if USED_TOLERANCE_RATIO * self.tolerance < error and self.meets(size):
                 break
 
     def enlarge(self) -> None:
@@ -495,7 +494,7 @@ class Search:
                 break
             size = self.predictor.best_sizes(count, 1)[0]
             self.error(size)
-            if not self.meets(self.tried[size][1]):
+            if not self.meets(size):
                 failed = count
 
     @property
@@ -533,8 +532,8 @@ class Search:
     def largest_failed(self) -> int:
         """Return the control points of the largest net that does not count, smaller than the best; 0 without one."""
         most = net_size(self.best) if self.best else 0
-        missed = [net_size(fit) for _, fit in self.tried.values() if not self.meets(fit)]
-        return max((size for size in missed if size < most), default=0)
+        missed = [net_size(fit) for size, (_, fit) in self.tried.items() if not self.meets(size)]
+        return max((count for count in missed if count < most), default=0)
 
     @property
     def target(self) -> float:

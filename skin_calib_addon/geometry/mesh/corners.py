@@ -68,7 +68,7 @@ def are_corners(mesh: TriangleMesh, chosen: BoolArray) -> BoolArray:
     products = areas[:, None, None] * normals[:, :, None] * normals[:, None]
 
     def total(values: Array) -> Array:
-        return np.bincount(corner, np.repeat(values, 3), len(mesh.vertices))[chosen]
+        return np.asarray(np.bincount(corner, np.repeat(values, 3), len(mesh.vertices))[chosen], float)
 
     quadrics = np.stack([[total(products[:, i, j]) for j in range(3)] for i in range(3)])
     least = np.linalg.eigvalsh(np.moveaxis(quadrics, -1, 0))[:, 0]
