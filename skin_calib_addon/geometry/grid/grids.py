@@ -14,7 +14,8 @@ from ..sampling.planes import Planes
 from ..sampling.rays import TURN
 from .axis import FULL_TURN_ANGLES, Axis, find_axis, long_direction, stations_between, tube_frame
 from .curved_axis import curved_axis_span, find_curved_axis
-from .error_model import ErrorModel, region_centre
+from .error_model import ErrorModel
+from .outlines import region_centre
 from .parametrizations import FaceParametrization, Parametrization, TubeParametrization, parametrized_lines
 from .spacing import spaced_lines
 

@@ -12,14 +12,8 @@ from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection
 from skin_calib_addon.geometry import AcrossGrid, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.grid import spacing
-from skin_calib_addon.geometry.grid.error_model import (
-    PROFILES,
-    ErrorModel,
-    filled,
-    interpolated,
-    moving_part,
-    span_errors,
-)
+from skin_calib_addon.geometry.grid.error_model import PROFILES, ErrorModel
+from skin_calib_addon.geometry.grid.misfits import filled, interpolated, moving_part, span_errors
 from skin_calib_addon.geometry.grid.parametrizations import FaceParametrization, TubeParametrization, parametrized_lines
 from skin_calib_addon.geometry.grid.spacing import (
     equalized_maps,

@@ -1,0 +1,58 @@
+"""Outlines of a mesh: heights along rays across a region, and the point of the mesh at its middle."""
+
+import numpy as np
+
+from ...common.arrays import Array
+from ..mesh.triangle_mesh import TriangleMesh
+from ..sampling.samples import cast_rays
+from .misfits import filled
+from .parametrizations import Parametrization
+
+OUTLINE_RAYS = 720  # [1] rays of an outline. Larger: finer features are seen, more time
+
+
+def outline_positions(parametrization: Parametrization) -> Array:
+    """Return the even t of the rays of an outline; the ray at ``OUTLINE_RAYS // 2`` is at the middle of the region."""
+    t = np.linspace(*parametrization.breadth, OUTLINE_RAYS + 1)
+    return t[:-1] if parametrization.closed else t
+
+
+def outline_centre(parametrization: Parametrization, s: float, outline: Array) -> Array:
+    """Return the point of an outline halfway across the region; of a full turn, opposite to angle zero.
+
+    Parameters
+    ----------
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    s : float
+        Of the outline [m].
+    outline : array, shape (l,)
+        Heights [m].
+
+    Returns
+    -------
+    array, shape (3,)
+        [m]
+    """
+    middle = OUTLINE_RAYS // 2
+    origins, directions = parametrization.rays(np.array([s]), outline_positions(parametrization)[[middle]])
+    return np.asarray(origins[0, 0] + outline[middle] * directions[0, 0])
+
+
+def region_centre(mesh: TriangleMesh, parametrization: Parametrization) -> Array | None:
+    """Return the point of a mesh at the middle of a region, shape (3,) [m]; None if the section there is empty.
+
+    Over a hole it is between the rims, at an interpolated height.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    """
+    s, t = np.array([sum(parametrization.span) / 2]), outline_positions(parametrization)
+    outline = cast_rays(mesh, parametrization.planes(s), *parametrization.rays(s, t))
+    if np.isnan(outline).all():
+        return None
+    return outline_centre(parametrization, s[0], filled(outline, parametrization.closed)[0])
