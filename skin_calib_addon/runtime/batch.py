@@ -11,7 +11,7 @@ from .clock import JUMP_TIME, Clock
 from .components import component_counts
 from .frame import MIN_LOAD
 from .geometry import CellMoments, GroundGeometry, SkinGeometry
-from .noise import HIDDEN_LOAD, Noise
+from .noise import HIDDEN_LOAD, Noise, hidden_weight
 from .touched import has_neighbour
 
 if TYPE_CHECKING:
@@ -211,10 +211,9 @@ def _weights(noise: Noise, signed: Array, excess: Array) -> Array:
     """
     weights = noise.steps(signed)
     clear = (weights * (signed - noise.free)) @ noise.slopes
-    start, full = HIDDEN_LOAD
-    few = excess > (1 + start) * clear
+    few = excess > (1 + HIDDEN_LOAD[0]) * clear
     excess, clear = excess[few], clear[few]
     with np.errstate(divide="ignore", invalid="ignore"):
-        hidden = np.where(clear > 0, np.minimum((excess / clear - 1 - start) / (full - start), 1.0), 1.0)
+        hidden = np.where(clear > 0, np.minimum(hidden_weight(excess / clear), 1.0), 1.0)
     weights[few] += hidden[:, None] * (1 - weights[few])
     return weights

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -36,48 +36,60 @@ POSSIBLE = 2.4
 LIMIT_MARGIN = 3.2
 # [1] Probability that the outer polygon contains a taxel at its detection limit, and that no free taxel counts as
 # surely touched. Derived: from the thresholds above.
-OUTER_PROBABILITY, GUARANTEED_PROBABILITY = NormalDist().cdf(LIMIT_MARGIN), 1 - MAX_FALSE_SURE
+OUTER_PROBABILITY = NormalDist().cdf(LIMIT_MARGIN)
+GUARANTEED_PROBABILITY = 1 - MAX_FALSE_SURE
 # [standard deviations] Limit of the sum of all taxels, as a multiple of its noise. Larger: a lighter load is not
 # promised.
 LOAD_LIMIT = 7.0
 # [standard deviations] Reading down to which a taxel stays in its contact. Larger: contacts flicker more.
 RELEASE = 1.5
-# [standard deviations] Readings between which the weight of a taxel in the sums rises from 0 to 1. Larger: weak
-# contacts are missing in the sums; smaller: the noise of free taxels is in them.
-WEIGHT_START, WEIGHT_FULL = 1.0, 3.0
+# [standard deviations] Reading up to which the weight of a taxel in the sums is 0. Larger: weak contacts are missing in
+# the sums; smaller: the noise of free taxels is in them.
+WEIGHT_START = 1.0
+# [standard deviations] Reading from which on this weight is 1. Larger: weak contacts count less in the sums.
+WEIGHT_FULL = 3.0
 # [1] Load of the taxels with little weight, relative to that of the others, from which on they count, and count fully.
 # Larger: light feet seem lighter; smaller: noise of free taxels is in the CoP of heavy ones.
 HIDDEN_LOAD = (0.1, 0.3)
 # [standard deviations] Mean of the free taxels that is a drift. Larger: more false contacts before it is reported;
 # smaller: light contacts are reported as drift.
 MAX_DRIFT = 0.3
-# [s] Time constant of the mean of free taxels, and largest weight of one frame. Larger: a drift is reported later;
-# smaller: noise is reported as drift.
-DRIFT_TIME, MAX_DRIFT_GAIN = 1.0, 0.1
+# [s] Time constant of the mean of free taxels. Larger: a drift is reported later; smaller: noise is reported as drift.
+DRIFT_TIME = 1.0
+# [1] Largest weight of one frame in this mean. Larger: at low rates, noise is reported as drift.
+MAX_DRIFT_GAIN = 0.1
 # [frames] Fewer frames say nothing about the noise. Larger: a longer rest is needed; smaller: the estimate is so
 # uncertain that hardly a taxel counts as touched.
 MIN_FRAMES = 20
-# [s] Shortest rest before a tare from which noise is learned, and period of the frames that are stored for it. Larger:
-# the skin is without statements for longer. MAX_FRAMES ends the rest; larger: better estimates, later.
-MIN_REST, REST_PERIOD, MAX_FRAMES = 0.5, 0.0035, 250
+# [s] Shortest rest before a tare from which noise is learned. Larger: the skin is without statements for longer.
+MIN_REST = 0.5
+# [s] Shortest period of the frames that are stored for it. Larger: fewer frames of a fast skin are stored.
+REST_PERIOD = 0.0035
+# [frames] Number of stored frames that ends the rest. Larger: better estimates, later.
+MAX_FRAMES = 250
 # [frames] Weight of the histogram of all taxels in that of each. Larger: a taxel that differs from the others is
 # learned more slowly; smaller: estimates scatter more.
 POOLED_FRAMES = 50.0
 # Number of levels of a histogram. Larger: slower; smaller: wide noise is overestimated, by 1/12 of a level squared.
 LEVELS = 32
-# Iterations of the fits of all taxels together and of each. Larger: slower, for the last percent of the estimates.
-POOLED_ITERATIONS, ITERATIONS = 200, 60
+# Iterations of the fit of all taxels together. Larger: slower, for the last percent of the estimates.
+POOLED_ITERATIONS = 200
+# Iterations of the fits of each taxel. Larger: slower, for the last percent of the estimates.
+ITERATIONS = 60
 # [1] Smallest step of real numbers, relative to the range of the readings. Derived: from rounding.
 MIN_STEP_FRACTION = 1e-9
 # [steps] Smallest standard deviation: readings that never changed in a second prove no less. Larger: coarse converters
 # have higher limits.
 MIN_SIGMA = 0.25
-# [1] Fraction of readings at the lowest level, and its ratio to that of the next level, from which on readings are
-# clipped. Larger: the hidden noise of some clipped taxels is missed; smaller: the noise of others is overestimated.
-MIN_CLIPPED, MIN_PILE = 0.05, 0.5
-# [1] Probability of a largest reading at rest, below which the noise is not normal; then thresholds are TAIL_FACTOR
-# times that reading. Larger: more skins count as such; smaller factor: rare spikes count as contacts.
-MIN_TAIL_PROBABILITY, TAIL_FACTOR = 0.01, 2.0
+# [1] Fraction of readings at the lowest level, from which on readings are clipped. Larger: the hidden noise of some
+# clipped taxels is missed; smaller: the noise of others is overestimated.
+MIN_CLIPPED = 0.05
+# [1] Ratio of this fraction to that of the next level, from which on readings are clipped. As MIN_CLIPPED.
+MIN_PILE = 0.5
+# [1] Probability of a largest reading at rest, below which the noise is not normal. Larger: more skins count as such.
+MIN_TAIL_PROBABILITY = 0.01
+# [largest reading at rest] Thresholds of such skins. Smaller: rare spikes count as contacts.
+TAIL_FACTOR = 2.0
 # [1] Probability that a taxel of a skin with noise sends one number in all frames, below which it is dead.
 # Larger: a live taxel may count as dead.
 MAX_DEAD_PROBABILITY = 1e-6
@@ -91,6 +103,8 @@ BELOW_REST = 2.0
 # Standard normal distribution for interpolation; the error of the interpolation is below 1e-6.
 _GRID = np.linspace(-8.0, 8.0, 3201)
 _BELOW = np.array([0.5 * math.erfc(-x / math.sqrt(2)) for x in _GRID.tolist()])
+
+Ratio = TypeVar("Ratio", float, Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +159,8 @@ class Noise:
         """
         weights = self.steps(signed)
         clear = float(weights * (signed - self.free) @ self.slopes)
-        start, full = HIDDEN_LOAD
-        if excess > (1 + start) * clear:
-            hidden = min((excess / clear - 1 - start) / (full - start), 1.0) if clear > 0 else 1.0
-            weights += hidden * (1 - weights)
+        if excess > (1 + HIDDEN_LOAD[0]) * clear:
+            weights += (min(hidden_weight(excess / clear), 1.0) if clear > 0 else 1.0) * (1 - weights)
         return weights
 
     @cached_property
@@ -320,6 +332,18 @@ def _most(rows: Array) -> Array:
         run = np.where(above == below, run + 1, 1.0)
         longest = np.maximum(longest, run)
     return longest / len(rows)
+
+
+def hidden_weight(ratio: Ratio) -> Ratio:
+    """Return the least weight of all taxels in the sums, before a limit of 1.
+
+    Parameters
+    ----------
+    ratio : float or array
+        The load of all taxels, relative to that of the taxels clear of the noise.
+    """
+    start, full = HIDDEN_LOAD
+    return (ratio - 1 - start) / (full - start)
 
 
 def student(normal: float, freedom: Array) -> Array:

@@ -16,9 +16,13 @@ ORIGIN_UNCERTAINTY = 1e-3
 # [rad] standard uncertainty of the direction in which an author mounts a skin by hand. Larger: taxels far from the
 # anchor are less certain.
 DIRECTION_UNCERTAINTY = float(np.deg2rad(1.0))
-# [m], [rad] limits of the uncertainties that an author or touches can state. A smaller minimum: covariances become
-# singular by rounding. A larger maximum: directions that nothing determines are accepted.
-MIN_ORIGIN_UNCERTAINTY, MAX_ORIGIN_UNCERTAINTY, MAX_DIRECTION_UNCERTAINTY = 1e-6, 0.1, 1.0
+# [m] least uncertainty of an origin that an author or touches can state. Smaller: covariances become singular by
+# rounding.
+MIN_ORIGIN_UNCERTAINTY = 1e-6
+# [m] largest uncertainty of an origin that can be stated. Larger: origins that nothing determines are accepted.
+MAX_ORIGIN_UNCERTAINTY = 0.1
+# [rad] largest uncertainty of a direction that can be stated. Larger: directions that nothing determines are accepted.
+MAX_DIRECTION_UNCERTAINTY = 1.0
 # [1] strain above which the position of a cell is unknown, because the sheet wrinkles or lifts there. Larger: more
 # taxels have an uncertainty.
 MAX_KNOWN_STRAIN = 0.1

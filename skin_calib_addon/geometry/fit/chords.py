@@ -1,4 +1,4 @@
-"""The distance between a surface and facets that are chords of it."""
+"""The smooth surface through the corners of facets, which are chords of it."""
 
 import numpy as np
 

@@ -96,7 +96,7 @@ def statistics_of(estimates: Array, fractions: Array, exact: Exact, largest: flo
     DistanceStatistics
     """
     count, mean, spread = EXACT_POINTS, 0.0, np.inf
-    average = max(float((fractions * estimates).sum()), np.finfo(float).tiny)
+    average = max(float((fractions * estimates).sum()), float(np.finfo(float).tiny))
     density = fractions * (1 + estimates / average) / 2
     while spread > MEAN_PRECISION * mean and count < EXACT_GROWTH * len(estimates):
         sample = stratified(density, min(count, len(estimates)))
@@ -327,18 +327,41 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
 
 
 def winding(mesh: TriangleMesh, samples: RaySamples) -> int:
-    """Return 1 if the faces that the rays hit face outward, -1 if they face inward, and 0 if they are mixed."""
+    """Return 1 if the faces that the rays hit face outward, -1 if they face inward, and 0 if they are mixed.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    samples : RaySamples
+        Of the fit to it; their rays go outward.
+    """
     hit = ~np.isnan(samples.residuals)
     facing = np.sign((samples.rays[hit] * mesh.face_normals[samples.faces[hit]]).sum(axis=1)).mean()
     return int(np.sign(facing)) if abs(facing) > MIN_MEAN_FACING else 0
 
 
 def points_by_area(mesh: TriangleMesh, count: int) -> tuple[Array, Array]:
-    """Return random points (count, 3) of a mesh [m], evenly by area, and the normals of their faces (count, 3)."""
+    """Return random points of a mesh, evenly by area (Turk, Generating Random Points in Triangles, 1990).
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    count : int
+        Number of points.
+
+    Returns
+    -------
+    points : array, shape (count, 3)
+        [m]
+    normals : array, shape (count, 3)
+        Of their faces.
+    """
     face = stratified(mesh.face_areas / mesh.face_areas.sum(), count)
     corners = mesh.vertices[mesh.faces[face]]
     a, b = np.random.default_rng(1).random((2, count, 1))
-    a = np.sqrt(a)  # Turk, Generating Random Points in Triangles (1990)
+    a = np.sqrt(a)
     points = (1 - a) * corners[:, 0] + a * (1 - b) * corners[:, 1] + a * b * corners[:, 2]
     return points, unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
