@@ -70,8 +70,6 @@ FIRST_COSINE = 0.0
 # [1] parameters beyond an open edge, by the nearest node, up to which the footpoint may be inside after all. Larger:
 # the maximum is safer where the surface swings, more time.
 EDGE_SLACK = 0.2
-# [1] most cells along a side of the box around points that search their nearest node, so that 64 bits number all.
-MAX_CELLS_PER_SIDE = 2**20
 CONFIDENCE_FACTOR = 1.96  # [standard deviations] half width of a 95 % confidence interval
 
 Exact = Callable[[IntArray], Array]
@@ -208,16 +206,8 @@ class Expansion:
         return cls(uv, points, normals, steps, bend, curvature, spacing, cKDTree(points))
 
     def nearest(self, points: Array) -> IntArray:
-        """Return a node near each point: the nearest one to the centre of the point's cell of half a spacing."""
-        low = points.min(axis=0)
-        extent = points.max(axis=0) - low
-        size = max(self.spacing / 2, float(extent.max()) / MAX_CELLS_PER_SIDE)
-        cells = ((points - low) // size).astype(np.int64)
-        shape = cells.max(axis=0) + 1
-        number = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
-        used, cell = np.unique(number, return_inverse=True)
-        centres = low + (np.stack(np.unravel_index(used, shape), axis=1) + 0.5) * size
-        return np.asarray(self.tree.query(centres)[1])[cell]
+        """Return the node nearest to each point."""
+        return np.asarray(self.tree.query(points)[1])
 
     def __call__(self, points: Array, node: IntArray) -> tuple[Array, Array]:
         """Return estimates and upper bounds of the distances of points (k, 3) from the surface, shape (k,) [m].

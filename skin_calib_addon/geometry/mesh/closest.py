@@ -1,17 +1,21 @@
 """Nearest points of a triangle mesh."""
 
+from functools import cached_property
+
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array, IntArray, cross
+from ...common.arrays import Array, BoolArray, IntArray, cross
 from .triangle_mesh import TriangleMesh
 
 # [1] most parts of one side of a face. Larger: denser samples on long faces, more memory.
 MAX_PARTS = 64
 # [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
 FLAT_TRIANGLE_RATIO = 1e-8
-# [1] faces from which distances are measured to the faces near the points only. It affects the time only.
+# [1] faces from which on distances are measured to the faces near the points only. It affects the time only.
 MANY_FACES = 30_000
+# [1] fraction of the faces that count as short. It affects the time only.
+SHORT_FRACTION = 0.99
 # [1] cells along the longest side of the box around a mesh, to find faces near points. It affects the time only.
 CELLS_PER_SIDE = 96
 
@@ -36,8 +40,7 @@ def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntAr
         Number of parts of each side of each face. A face has the square of this number of triangles.
     """
     corners = mesh.triangles
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    parts = np.clip(np.ceil(longest / size).astype(int), 1, MAX_PARTS)
+    parts = np.clip(np.ceil(mesh.longest_sides / size).astype(int), 1, MAX_PARTS)
     centres, face = [], []
     for k in np.unique(parts):
         chosen = np.flatnonzero(parts == k)
@@ -58,7 +61,7 @@ class MeshDistance:
 
     def __init__(self, mesh: TriangleMesh):
         self.triangles = mesh.triangles
-        sides = np.linalg.norm(self.triangles - np.roll(self.triangles, 1, axis=1), axis=2).max(axis=1)
+        sides = mesh.longest_sides
         centres, self.face, parts = split_faces(mesh, max(float(np.median(sides)), 0.01 * mesh.size))
         self.radii = (2 / 3 * sides / parts)[self.face]  # largest distance of a point of each triangle from its centre
         self.radius = float(self.radii.max())
@@ -98,38 +101,53 @@ class MeshDistance:
 class NearMesh:
     """The exact distance from points to a mesh, where upper bounds of the distances are known.
 
-    Of a mesh with many faces, only those with a vertex within the bound of some point are compared, and given ones.
+    Of a mesh with many faces, only those within the bound of some point are compared, long ones, and given ones.
     """
 
     def __init__(self, mesh: TriangleMesh, hit: IntArray):
-        self.mesh = mesh
-        self.hit = np.zeros(len(mesh.faces), bool)
-        self.hit[hit] = True
-        self.whole: MeshDistance | None = None
+        self.mesh, self.hit = mesh, hit
         self.low = mesh.vertices.min(axis=0)
         self.cell = float((mesh.vertices.max(axis=0) - self.low).max()) / CELLS_PER_SIDE
-        self.cells: IntArray | None = None  # of the vertices
 
     def __call__(self, points: Array, bounds: Array) -> Array:
         """Return the distances of points (k, 3) with upper bounds (k,) from the mesh, shape (k,) [m]."""
         if len(self.mesh.faces) > MANY_FACES and np.isfinite(bounds).all():
             return MeshDistance(self._near(points, bounds))(points)[0]
-        if self.whole is None:
-            self.whole = MeshDistance(self.mesh)
-        return self.whole(points)[0]
+        return self._whole(points)[0]
+
+    @cached_property
+    def _whole(self) -> MeshDistance:
+        return MeshDistance(self.mesh)
+
+    @cached_property
+    def _cells(self) -> IntArray:
+        """Return the cell of each vertex, shape (v, 3)."""
+        return np.asarray((self.mesh.vertices - self.low) / self.cell, np.int32)
+
+    @cached_property
+    def _long(self) -> float:
+        """Return the length of the sides from which on a face is compared in any case [m]."""
+        return float(np.quantile(self.mesh.longest_sides, SHORT_FRACTION))
+
+    @cached_property
+    def _always(self) -> BoolArray:
+        """Return the faces that are given or long, shape (f,)."""
+        always = self.mesh.longest_sides > self._long
+        always[self.hit] = True
+        return always
 
     def _near(self, points: Array, bounds: Array) -> TriangleMesh:
-        """Return the faces with a vertex within the bound of some point, and those that were given."""
-        if self.cells is None:
-            self.cells = ((self.mesh.vertices - self.low) * (1 / self.cell)).astype(np.int32)
-        shape = self.cells.max(axis=0) + 1
-        first, last = (np.floor((points + k * bounds[:, None] - self.low) / self.cell).astype(int) for k in (-1, 1))
+        """Return the long and the given faces, and those that are within the bound of some point."""
+        shape = self._cells.max(axis=0) + 1
+        # Each point of a short face has a corner within the radius of the circle around an equilateral triangle.
+        most = bounds[:, None] + self._long / np.sqrt(3)
+        first, last = (np.floor((points + k * most - self.low) / self.cell).astype(int) for k in (-1, 1))
         marked = np.zeros(shape, bool)
         for (i, j, k), (x, y, z) in zip(np.maximum(first, 0), last + 1):
             marked[i:x, j:y, k:z] = True
-        near = marked.reshape(-1)[(self.cells[:, 0] * shape[1] + self.cells[:, 1]) * shape[2] + self.cells[:, 2]]
+        near = marked.reshape(-1)[(self._cells[:, 0] * shape[1] + self._cells[:, 1]) * shape[2] + self._cells[:, 2]]
         a, b, c = self.mesh.corners
-        used, corners = np.unique(self.mesh.faces[near[a] | near[b] | near[c] | self.hit], return_inverse=True)
+        used, corners = np.unique(self.mesh.faces[near[a] | near[b] | near[c] | self._always], return_inverse=True)
         return TriangleMesh(self.mesh.vertices[used], corners.reshape(-1, 3))
 
 

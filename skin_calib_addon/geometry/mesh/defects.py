@@ -234,9 +234,7 @@ def count(number: int, thing: str) -> str:
 
 
 def _is_flat(mesh: TriangleMesh) -> BoolArray:
-    corners = mesh.triangles
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    return 2 * mesh.face_areas <= FLAT_FACE_RATIO * mesh.size * longest
+    return 2 * mesh.face_areas <= FLAT_FACE_RATIO * mesh.size * mesh.longest_sides
 
 
 def _doubled(faces: IntArray) -> BoolArray:

@@ -65,6 +65,13 @@ class TriangleMesh:
         return np.linalg.norm(self._cross, axis=1) / 2
 
     @cached_property
+    def longest_sides(self) -> Array:
+        """Return the length of the longest side of each face, shape (f,) [m]."""
+        a, b, c = (self.vertices[corner] for corner in self.corners)
+        squares = [np.einsum("fc,fc->f", side, side) for side in (b - a, c - b, a - c)]
+        return np.sqrt(np.maximum(np.maximum(*squares[:2]), squares[2]))
+
+    @cached_property
     def _cross(self) -> Array:
         corners = self.triangles
         return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

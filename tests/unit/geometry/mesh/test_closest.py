@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
+from skin_calib_addon.geometry.mesh.closest import MANY_FACES, MeshDistance, NearMesh, closest_on_triangles
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.oracles import distance_to_mesh, nearest_on_triangle
 from tests.shapes import LENGTH, RADIUS, TURN, box, cylinder
@@ -80,3 +80,32 @@ def test_no_face_is_lost_between_centres_at_equal_distances():
     side = 1.001 * RADIUS * np.cos(phi) - RADIUS * np.cos(half)
     along = 1.001 * RADIUS * np.sin(np.abs(phi)) - RADIUS * np.sin(half)
     assert_allclose(found, np.hypot(side, np.maximum(along, 0)), rtol=0, atol=1e-9)
+
+
+def grid_of_faces(rows, columns):
+    """Return the faces (f, 3) between the points of a grid, row by row."""
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    halves = (corner, corner + columns, corner + columns + 1), (corner, corner + columns + 1, corner + 1)
+    return np.concatenate([np.stack(half, axis=1) for half in halves])
+
+
+@pytest.mark.parametrize("shape", ["a large face over fine ones", "long strips"])
+def test_distances_with_bounds_are_those_without(shape):
+    """The nearest face may be far longer than the bound, so that none of its corners is within it."""
+    rng = np.random.default_rng(0)
+    if shape == "long strips":
+        turn, z = np.meshgrid(np.linspace(0, TURN, 20_001), (0.0, 0.4), indexing="ij")
+        vertices = np.stack((0.05 * np.cos(turn), 0.05 * np.sin(turn), z), axis=-1).reshape(-1, 3)
+        mesh = weld(vertices, grid_of_faces(20_001, 2))
+        angle, height = TURN * rng.random(4), 0.4 * rng.random(4)
+        points, bound = np.column_stack((0.051 * np.cos(angle), 0.051 * np.sin(angle), height)), 0.0011
+    else:
+        x, y = np.meshgrid(np.linspace(0, 0.15, 151), np.linspace(0, 0.15, 151), indexing="ij")
+        sheet = np.stack((x, y, 0 * x), axis=-1).reshape(-1, 3)
+        large = np.array([[-0.1, -0.1, 0.004], [0.4, -0.1, 0.004], [-0.1, 0.4, 0.004]])
+        added = len(sheet) + np.arange(3)
+        mesh = weld(np.concatenate((sheet, large)), np.concatenate((grid_of_faces(151, 151), [added])))
+        points, bound = np.column_stack((0.01 + 0.13 * rng.random((50, 2)), np.full(50, 0.0025))), 0.0026
+    assert len(mesh.faces) > MANY_FACES
+    found = NearMesh(mesh, np.empty(0, np.int64))(points, np.full(len(points), bound))
+    assert_allclose(found, MeshDistance(mesh)(points)[0], rtol=1e-12)
