@@ -3,6 +3,7 @@
 from ..common.encoding import encode
 from ..common.findings import Finding
 from .file import check_bytes, check_calibration, from_document, load_calibration, save_calibration, to_document
+from .modality import Modality
 from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray
 from .response import Response, ResponseTable
 from .taxel_responses import TaxelResponses
@@ -12,6 +13,7 @@ __all__ = [
     "Finding",
     "LinkCalibration",
     "MeshSource",
+    "Modality",
     "Patch",
     "Registration",
     "Response",

@@ -17,6 +17,7 @@ from ..common.surface_errors import DistanceStatistics, SurfaceErrors
 from ..common.warnings import from_document as warnings_from
 from ..common.warnings import to_document as warnings_document
 from .migration import migrated
+from .modality import modality_document, modality_from
 from .model import LinkCalibration, MeshSource, Patch, Registration, SurfaceModel, TaxelArray
 from .parts import STORED_ROUNDING
 from .response import response_document, response_from
@@ -127,6 +128,7 @@ def to_document(calibration: LinkCalibration) -> Document:
         "patches": [_patch_document(patch) for patch in calibration.patches],
         "response": response_document(calibration.response),
         **({"responses": [response_document(r) for r in calibration.responses]} if calibration.responses else {}),
+        **({"modalities": [modality_document(m) for m in calibration.modalities]} if calibration.modalities else {}),
         "warnings": warnings_document(calibration.warnings),
         **_free(calibration.extra),
     }
@@ -148,6 +150,7 @@ def from_document(document: Document) -> LinkCalibration:
         patches=tuple(_patch(patch) for patch in document["patches"]),
         response=response_from(document["response"]),
         responses=tuple(response_from(response) for response in document.get("responses", ())),
+        modalities=tuple(modality_from(modality) for modality in document.get("modalities", ())),
         warnings=warnings_from(document["warnings"]),
         generator=document["generator"],
         extra=_extra(document),

@@ -8,6 +8,7 @@ import numpy as np
 from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import SurfaceErrors
 from ..common.warnings import Warning
+from .modality import Modality
 from .response import AnyResponse, Response
 
 MAX_CHANNEL = 2**31 - 1  # Contract: a channel fits into a signed 32-bit integer
@@ -142,3 +143,4 @@ class LinkCalibration:
     extra: dict[str, Any] = field(default_factory=dict)  # top-level ``x_`` members, unchanged
     responses: tuple[AnyResponse, ...] = ()  # of single taxels, see `TaxelArray.responses`
     warnings: tuple[Warning, ...] = ()  # of fit and placement
+    modalities: tuple[Modality, ...] = ()  # further quantities that taxels measure

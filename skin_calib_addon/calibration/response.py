@@ -24,10 +24,27 @@ class Response:
 
     def newtons(self, readings: Any) -> Array:
         """Return forces [N] of readings of any shape; NaN for a reading that is not finite, or an overflow."""
-        readings = _finite(readings)
+        with np.errstate(all="ignore"):
+            return nonnegative(self.values(_finite(readings)))
+
+    def values(self, readings: Any) -> Array:
+        """Return the values of readings of any shape without the limit at 0, for other quantities than forces.
+
+        Infinite readings are at the ends of the range. NaN for a reading that is NaN, or an overflow.
+        """
+        readings = np.asarray(readings, float)
         with np.errstate(all="ignore"):
             clamped = readings if self.range is None else np.clip(readings, *self.range)
-            return nonnegative(np.polynomial.polynomial.polyval(clamped, self.coefficients))
+            values = np.full_like(clamped, self.coefficients[-1])
+            for coefficient in self.coefficients[-2::-1]:
+                values = coefficient + values * clamped
+        is_valid = np.isfinite(values) | np.isinf(readings)
+        return np.where(is_valid & ~np.isnan(readings), values, np.nan)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Return the readings at which the range begins and ends; infinite without a range."""
+        return (-np.inf, np.inf) if self.range is None else self.range
 
     @property
     def rest(self) -> float:
@@ -57,7 +74,16 @@ class ResponseTable:
 
     def newtons(self, readings: Any) -> Array:
         """Return forces [N] of readings of any shape; NaN for a reading that is not finite."""
-        return nonnegative(np.interp(_finite(readings), self.readings, self.forces))
+        return nonnegative(self.values(_finite(readings)))
+
+    def values(self, readings: Any) -> Array:
+        """Return the values of readings of any shape, as :meth:`.Response.values`."""
+        return np.asarray(np.interp(readings, self.readings, self.forces))
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Return the first and the last reading of the table."""
+        return self.readings[0], self.readings[-1]
 
     @property
     def rest(self) -> float:

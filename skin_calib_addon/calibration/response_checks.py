@@ -81,6 +81,10 @@ def _responses(document: Any) -> Iterator[tuple[str, Any]]:
     listed = document.get("responses")
     for index, response in enumerate(listed if isinstance(listed, list) else ()):
         yield f"/responses/{index}", response
+    modalities = document.get("modalities")
+    for index, modality in enumerate(modalities if isinstance(modalities, list) else ()):
+        if isinstance(modality, dict) and "response" in modality:
+            yield f"/modalities/{index}/response", modality["response"]
 
 
 def _possibly_wrong(responses: list[dict[str, Any]]) -> list[int]:

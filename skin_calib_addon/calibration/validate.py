@@ -11,6 +11,7 @@ from ..common.findings import Finding, child, did_you_mean, error, first, show, 
 from ..common.schema_check import check, read_schema
 from ..common.schema_types import has_type
 from . import patch_checks, surface_checks
+from .modality import modalities_are_distinct, modality_taxels_exist
 from .parts import Part, parts_of, pointers_with_findings
 from .response_checks import responses_are_monotone, responses_exist
 
@@ -106,6 +107,8 @@ def _meaning(document: Any, findings: Findings) -> Findings:
         *first(patch_checks.taxels_are_apart(patches)),
         *first(responses_are_monotone(document, findings)),
         *first(responses_exist(document, patches)),
+        *first(modalities_are_distinct(document, findings)),
+        *first(modality_taxels_exist(document, findings, patches)),
         *first(_stored_warnings(document, findings)),
     )
 

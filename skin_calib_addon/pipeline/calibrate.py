@@ -91,6 +91,7 @@ def calibrate(
         f"skin-calib {__version__}",
         plan.extra,
         warnings=warnings_of(fit, placed),
+        modalities=plan.modalities,
     )
     return Calibrated(calibration, cover, fit, placed, seconds)
 

@@ -165,6 +165,11 @@ def table(calibration: LinkCalibration) -> str:
         f"by        {calibration.generator}",
         f"response  {_response(calibration.response)}{own}",
     ]
+    count = sum(len(patch.taxels.ids) for patch in calibration.patches)
+    for modality in calibration.modalities:
+        which = "all" if modality.channels is None else f"{len(modality.channels)} of"
+        response = _response(modality.response, modality.unit)
+        lines.append(f"modality  {modality.name}: {response}; {which} {count} taxels")
     for s in calibration.surfaces:
         n, m = s.control_net.shape[:2]
         closed = "".join(f", closed in {name}" for name, is_closed in zip("uv", s.closed) if is_closed)
@@ -223,13 +228,13 @@ def _columns(name: str, values: Array) -> Iterator[tuple[str, Array, float, str]
         yield name.replace("_", " "), values, *((180 / np.pi, "degrees") if name == "tilt" else (1e3, "mm"))
 
 
-def _response(response: AnyResponse) -> str:
+def _response(response: AnyResponse, unit: str = "N") -> str:
     """Describe a response as text."""
     if isinstance(response, ResponseTable):
         readings, forces = response.readings, response.forces
-        ends = f"readings {readings[0]:g} to {readings[-1]:g}, {min(forces):g} to {max(forces):g} N"
+        ends = f"readings {readings[0]:g} to {readings[-1]:g}, {min(forces):g} to {max(forces):g} {unit}"
         return f"table of {len(readings)} rows, {ends}"
     powers = ("", " I", *(f" I^{k}" for k in range(2, len(response.coefficients))))
     terms = [f"{factor:g}{power}" for factor, power in zip(response.coefficients, powers) if factor]
     ends = f", readings {response.range[0]:g} to {response.range[1]:g}" if response.range else ""
-    return f"{' + '.join(terms).replace('+ -', '- ') or '0'} N for a reading I{ends}"
+    return f"{' + '.join(terms).replace('+ -', '- ') or '0'} {unit} for a reading I{ends}"

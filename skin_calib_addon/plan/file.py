@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..calibration.modality import modalities_are_distinct
 from ..calibration.response_checks import responses_are_monotone
 from ..calibration.validate import other_file
 from ..common.atomic_file import write_bytes_safely
@@ -64,12 +65,13 @@ def save_plan(plan: Plan, path: str | Path) -> None:
 
 
 def check_plan(document: Any) -> tuple[Finding, ...]:
-    """Return every place where a document breaks the schema, a response is not monotone, or a frame no rotation."""
+    """Return every place where a document breaks the schema, or a part of it contradicts itself."""
     other = tuple(other_file(document, FORMAT, PLAN_VERSION))
     if other:
         return other
     findings = check(document, plan_schema())
-    return (*findings, *responses_are_monotone(document, findings), *frames_are_rotations(document, findings))
+    checks = (responses_are_monotone, modalities_are_distinct, frames_are_rotations)
+    return (*findings, *(finding for check_part in checks for finding in check_part(document, findings)))
 
 
 def check_plan_wholly(document: Any) -> tuple[Finding, ...]:

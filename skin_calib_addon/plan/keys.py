@@ -4,6 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 from ..calibration.exchange import FORMATS, READABLE
+from ..calibration.modality import UNITS, Modality
+from ..calibration.model import MAX_CHANNEL
 from ..calibration.response import Response
 from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.axis import Axis
@@ -868,6 +870,31 @@ SKINS_OF: dict[str, Record] = {"sheet": SHEET, "hexagons": BOARDS, "imported": I
 
 # The plan.
 
+MODALITY = Record(
+    "modality",
+    "Modality",
+    Modality,
+    (
+        Key("name", NAME, 'Such as "proximity"; not "force".'),
+        Key("unit", choice(*(Choice(unit, words, words) for unit, words in UNITS.items())), "Unit of the values."),
+        Key("response", RESPONSE, "Value of a reading, in this unit; values below zero count."),
+        Key(
+            "channels",
+            Type(
+                "channels",
+                "object of ids and positions",
+                {
+                    "type": "object",
+                    "patternProperties": {"": {"type": "integer", "minimum": 0, "maximum": MAX_CHANNEL}},
+                },
+            ),
+            "Position in the readings of this modality, by the id of each taxel that has it.",
+            default=None,
+            otherwise="all taxels have it, with the channel of their force",
+        ),
+    ),
+)
+
 PLAN = Record(
     "plan",
     "Plan",
@@ -946,6 +973,13 @@ PLAN = Record(
             label="Response",
             acts="calibration/response.py",
         ),
+        Key(
+            "modalities",
+            many(MODALITY, maxItems=256),
+            "Further quantities that taxels measure, such as proximity and temperature. Each has readings of its own.",
+            default=(),
+            acts="calibration/modality.py",
+        ),
     ),
 )
 # Objects of the schema; records with the same constant "kind" have one together.
@@ -967,4 +1001,5 @@ RECORDS: tuple[Record, ...] = (
     FRAME,
     IMPORTED,
     MOUNTING,
+    MODALITY,
 )

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..calibration.modality import Modality
 from ..calibration.response import AnyResponse, Response
 from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.grids import Grid, PlanesGrid
@@ -27,6 +28,7 @@ class Plan:
     chords: bool = False  # whether the mesh's facets are chords of the true surface
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
     max_deviation: float = MAX_DEVIATION  # of the surface from the mesh; above, the fit is refused [m]
+    modalities: tuple[Modality, ...] = ()  # further quantities that taxels measure
 
 
 def named_from(plan: Plan, folder: Path) -> Plan:

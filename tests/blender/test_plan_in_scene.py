@@ -17,6 +17,15 @@ ACROSS = [{"point": [0, 0, z], "normal": [0, 0, 1]} for z in (0.03, 0.05, 0.07, 
 ALONG = [{"point": [0, 0.01, 0], "normal": n} for n in ([1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 1, 0])]
 BAND = PLAN["skins"][0]
 SLANTED = [BAND | {"direction": [0.5, 0.25, 0.125]}]
+MODALITIES = [
+    {
+        "name": "proximity",
+        "unit": "m",
+        "response": {"kind": "table", "readings": [0, 4000.5], "forces": [0.2000000001, 0]},
+        "channels": {"band.0.1": 4},
+    },
+    {"name": "temperature", "unit": "degC", "response": {"kind": "polynomial", "coefficients": [-40.0, 0.05]}},
+]
 CHANGES = {
     "as it is": {},
     "paper's m": {"grid": {"kind": "tube", "n": 5, "m": 6, "axis": AXIS}},
@@ -33,6 +42,7 @@ CHANGES = {
     "response": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.02, 5e-05]}, "x_by": {"who": "前腕"}},
     "table": {"response": {"kind": "table", "readings": [0, 100.5, 250], "forces": [0, 1.0000000001, 16]}},
     "range": {"response": {"kind": "polynomial", "coefficients": [0.0, 0.0200000001], "range": [0, 250]}},
+    "modalities": {"modalities": MODALITIES},
     "origin": {"skins": [BAND | {"origin": [0.035, 0.0233, 0.05], "first_channel": 7}]},
     "left hand, offset, trim": {"skins": [LEFT]},
     "landmarks": {"skins": [PINNED]},

@@ -70,7 +70,7 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
     )
     extra: StringProperty(
         name="Extra",
-        description="Members of the plan that begin with x_, and a response that is more than a polynomial, as JSON",
+        description="Members of the plan that begin with x_, modalities, and a response that is no polynomial, as JSON",
         **FIXED,
     )
     result: PointerProperty(type=SKIN_PG_result, name="Result", description="The result of the last fit")

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ...calibration.modality import modality_document, modality_from
 from ...calibration.response import AnyResponse, Response, response_document, response_from
 from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidMesh, InvalidPlan
@@ -89,6 +90,7 @@ def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
             grid=read_grid(settings.grid, metre),
             skins=tuple(read_skin(skin, metre) for skin in settings.skins),
             response=_read_response(settings, extra.pop("response", None)),
+            modalities=tuple(modality_from(modality) for modality in extra.pop("modalities", ())),
             extra=extra,
             **simple,
         )
@@ -129,6 +131,8 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> No
             settings.response.add().value = coefficient
     else:  # no property has a table or a range
         extra["response"] = response_document(plan.response)
+    if plan.modalities:  # no property has them
+        extra["modalities"] = [modality_document(modality) for modality in plan.modalities]
     settings.extra = json.dumps(extra) if extra else ""
 
 

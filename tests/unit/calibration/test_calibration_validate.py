@@ -24,6 +24,7 @@ from skin_calib_addon.common.strict_json import MAX_JSON_DEPTH, parse
 from tests.samples import seven_boards, sheet, small_calibration
 
 TABLE = {"kind": "table", "readings": [0.0, 10.0, 20.0], "forces": [5.0, 1.0, 0.0]}
+DEGREES = {"name": "temperature", "unit": "K", "response": TABLE, "channels": {"s9": 0, "s0.0": 1}}
 SAMPLE = to_document(small_calibration())
 TEXT = encode(SAMPLE)
 NORMAL = "/patches/0/taxels/normal"
@@ -324,6 +325,7 @@ MEANING = [  # errors that need the complete document
         "/responses/1/forces/1",
         "is 1, which reverses",
     ),
+    ("/modalities", [DEGREES], "unknown-taxel", "/modalities/0/channels/s9", 'names the unknown taxel "s9"'),
     (f"{T0}/response", [0] * 6, "unknown-response", f"{T0}/response/0", "is 0, but the file has 0 responses"),
     (f"{T0}/response", [0] * 5, "length", f"{T0}/response", "contains 5 taxels, but 'id' has 6"),
     (

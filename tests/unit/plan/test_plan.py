@@ -49,6 +49,7 @@ SHEET = {
     "direction": [0.0, 1.0, 0.0],
 }
 TABLE = {"kind": "table", "readings": [0.0, 100.0, 250.0], "forces": [0.0, 1.0, 16.0]}
+CELSIUS = {"kind": "polynomial", "coefficients": [-40.0, 0.05], "range": [0.0, 4095.0]}
 TURNING = {"kind": "polynomial", "coefficients": [0.0, 0.5, -0.002], "range": [0.0, 130.0]}
 WHOLE = {
     "format": "skin-plan",
@@ -61,6 +62,10 @@ WHOLE = {
     "degree": [3, 4],
     "skins": [SHEET, SHEET | {"name": "palm", "origin": [0.1, 0.2, 0.3], "first_channel": 200}],
     "response": {"kind": "polynomial", "coefficients": [0.0, 0.5]},
+    "modalities": [
+        {"name": "proximity", "unit": "m", "response": TABLE},
+        {"name": "temperature", "unit": "degC", "response": CELSIUS, "channels": {"a": 3}},
+    ],
     "x_note": {"by": "前腕", "numbers": [1, 2.5, None]},
 }
 
@@ -319,6 +324,12 @@ def test_planes_are_kept_in_their_order():
         ("/response", TURNING, "/response/range", "force is not monotone"),
         ("/response", TABLE | {"forces": [0.0, 1.0]}, "/response/forces", "contains 2 forces, but 'readings' has 3"),
         ("/response/coefficients", [], "/response/coefficients", "must have 1 to 16 elements, not 0"),
+        ("/modalities/0/unit", "mm", "/modalities/0/unit", 'must be one of "m", '),
+        ("/modalities/0/response", ..., "/modalities/0", 'lacks the member "response"'),
+        ("/modalities/0/response", TURNING, "/modalities/0/response/range", "force is not monotone"),
+        ("/modalities/0/name", "force", "/modalities/0/name", 'is "force", which `response` converts'),
+        ("/modalities/1/name", "proximity", "/modalities/1/name", 'repeats "proximity" of /modalities/0/name'),
+        ("/modalities/1/channels/b", 3, "/modalities/1/channels/b", "repeats 3 of /modalities/1/channels/a"),
         ("/chords", "yes", "/chords", "must be a boolean"),
         ("/gird", TUBE, "/gird", 'is not a known member; did you mean "grid"'),
         ("/x", 1, "/x", "is not a known member"),

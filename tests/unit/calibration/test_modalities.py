@@ -1,0 +1,136 @@
+"""Further modalities of a calibration: kept in the file, checked, and converted by their own responses."""
+
+import copy
+import re
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from skin_calib_addon.calibration import (
+    Modality,
+    Response,
+    ResponseTable,
+    from_document,
+    load_calibration,
+    save_calibration,
+    to_document,
+    validate,
+)
+from skin_calib_addon.common.encoding import checksum
+from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.pipeline.report import table
+from tests.samples import small_calibration
+
+NEARNESS = ResponseTable((0.0, 1000.0, 4000.0), (0.2, 0.05, 0.0))
+PROXIMITY = Modality("proximity", "m", NEARNESS)
+TEMPERATURE = Modality("temperature", "degC", Response((-40.0, 0.05), (0.0, 4095.0)), {"h0": 1, "h1": 0})
+MODALITIES = (PROXIMITY, TEMPERATURE)
+
+
+def document(**changes):
+    """Return a document with two modalities; the changes are those of the second one, ``...`` removes."""
+    result = copy.deepcopy(to_document(small_calibration(modalities=MODALITIES)))
+    for name, value in changes.items():
+        if value is ...:
+            del result["modalities"][1][name]
+        else:
+            result["modalities"][1][name] = value
+    return result | {"checksum": checksum({k: v for k, v in result.items() if k != "checksum"})}
+
+
+def test_modalities_are_read_as_they_were_written(tmp_path):
+    """Names, units, responses and channels come back; the members of the file have these names."""
+    path = tmp_path / "c.json"
+    save_calibration(small_calibration(modalities=MODALITIES), path)
+    assert load_calibration(path).modalities == MODALITIES
+    assert document()["modalities"] == [
+        {
+            "name": "proximity",
+            "unit": "m",
+            "response": {"kind": "table", "readings": [0.0, 1000.0, 4000.0], "forces": [0.2, 0.05, 0.0]},
+        },
+        {
+            "name": "temperature",
+            "unit": "degC",
+            "response": {"kind": "polynomial", "coefficients": [-40.0, 0.05], "range": [0.0, 4095.0]},
+            "channels": {"h0": 1, "h1": 0},
+        },
+    ]
+    assert validate(document()) == ()
+
+
+def test_files_without_modalities_are_as_before():
+    """The member is optional, and is not written where there is none."""
+    plain = to_document(small_calibration())
+    assert "modalities" not in plain and from_document(plain).modalities == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "pointer", "message"),
+    [
+        ({"response": ...}, "/modalities/1", "lacks the member \"response\""),
+        ({"unit": ...}, "/modalities/1", "lacks the member \"unit\""),
+        ({"unit": "mm"}, "/modalities/1/unit", "must be one of .*, not \"mm\""),
+        ({"name": "force"}, "/modalities/1/name", "is \"force\", which `response` converts"),
+        ({"name": "proximity"}, "/modalities/1/name", "repeats \"proximity\" of /modalities/0/name"),
+        ({"name": ""}, "/modalities/1/name", "must match"),
+        ({"response": {"kind": "table", "readings": [0, 1, 2], "forces": [0, 2, 1]}},
+         "/modalities/1/response/forces/2", "reverses the direction"),
+        ({"response": {"kind": "table", "readings": [0, 1, 2], "forces": [0, 2]}},
+         "/modalities/1/response/forces", "contains 2 forces"),
+        ({"response": {"kind": "polynomial", "coefficients": [0, 1, -1], "range": [0, 1]}},
+         "/modalities/1/response/range", "not monotone"),
+        ({"channels": {"h0": 0, "s0.1x": 1}}, "/modalities/1/channels/s0.1x", "did you mean \"s0.1\""),
+        ({"channels": {"h0": 3, "h1": 3}}, "/modalities/1/channels/h1", "repeats 3 of /modalities/1/channels/h0"),
+        ({"channels": {"h0": -1}}, "/modalities/1/channels/h0", "must be at least 0"),
+        ({"channels": {"h0": 0.5}}, "/modalities/1/channels/h0", "must be an integer"),
+        ({"channels": [0, 1]}, "/modalities/1/channels", "must be an object"),
+        ({"gain": 2}, "/modalities/1/gain", "is not a known member"),
+    ],
+)  # fmt: skip
+def test_errors_name_their_place(changes, pointer, message):
+    """Each mistake gives exactly one error with its JSON pointer, and the file is refused."""
+    (finding,) = validate(document(**changes))
+    assert finding.severity == "error" and finding.pointer == pointer
+    assert re.search(message, finding.message), finding.message
+
+
+def test_invalid_modalities_are_not_written(tmp_path):
+    """A calibration with an unknown taxel writes no file."""
+    wrong = small_calibration(modalities=(Modality("proximity", "m", NEARNESS, {"nobody": 0}),))
+    with pytest.raises(CalibrationFormatError, match="unknown taxel"):
+        save_calibration(wrong, tmp_path / "c.json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_table_of_a_calibration_lists_its_modalities():
+    """``show`` prints name, response with its unit, and the number of taxels."""
+    lines = table(small_calibration(modalities=MODALITIES)).splitlines()
+    assert "modality  proximity: table of 3 rows, readings 0 to 4000, 0 to 0.2 m; all 8 taxels" in lines
+    assert "modality  temperature: -40 + 0.05 I degC for a reading I, readings 0 to 4095; 2 of 8 taxels" in lines
+
+
+@pytest.mark.parametrize("response", [NEARNESS, TEMPERATURE.response, Response((0.5,)), Response((0.0, -2.0))])
+def test_values_are_those_of_the_response_without_the_limit_at_zero(response):
+    """Below zero the values continue; where forces are positive they are equal to them, to the bit."""
+    readings = np.linspace(-500.0, 5000.0, 200)
+    values, forces = response.values(readings), response.newtons(readings)
+    assert_array_equal(np.maximum(values, 0.0), forces)
+    if isinstance(response, ResponseTable):
+        expected = np.interp(readings, response.readings, response.forces)
+    else:
+        low, high = response.range or (-np.inf, np.inf)
+        expected = sum(c * np.clip(readings, low, high) ** k for k, c in enumerate(response.coefficients))
+    np.testing.assert_allclose(values, expected, rtol=1e-14, atol=1e-12)
+
+
+def test_infinite_readings_are_the_ends_of_the_response():
+    """REP 117: infinity says that nothing is in range, minus infinity that something is too near. NaN says nothing."""
+    readings = np.array([-np.inf, np.inf, np.nan])
+    assert_array_equal(Response().values(readings), readings)
+    assert_array_equal(Response((0.0, -1.0)).values(readings), -readings)
+    assert_array_equal(Response((0.0, 1.0), (0.1, 2.0)).values(readings), [0.1, 2.0, np.nan])
+    assert_array_equal(NEARNESS.values(readings), [0.2, 0.0, np.nan])
+    assert_array_equal(Response((3.0,)).values(readings), [3.0, 3.0, np.nan])
+    assert_array_equal(Response((0.0, 0.0, 1e300)).values(np.array([1e10])), [np.nan])  # overflow
