@@ -1,5 +1,6 @@
 """Give the results of one reading: contacts, wrench, CoP, ZMP and supporting polygons."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -173,8 +174,8 @@ class Frame:
         return locked(np.where(self.known, self.deviations(), np.inf))
 
     @cached_property
-    def _scatter(self) -> tuple[Array, Array, float] | None:
-        """What makes sums uncertain: noise (n,) and force away from the centre (n,) of each taxel [N], common noise.
+    def _variances(self) -> tuple[Array, float] | None:
+        """Variance (n,) of each weighted force by noise [N^2]; that of a moment by the place in the cells [(N m)^2].
 
         The force of a cell whose neighbours carry less acts anywhere in it. An unknown taxel may carry the mean of its
         neighbours.
@@ -182,66 +183,76 @@ class Frame:
         sigmas = self.force_sigmas
         if sigmas is None or self.sets is None or self.noise is None or self.footprint is None:
             return None
-        skin, weights = self.footprint.skin, self.sets.weights
-        pushes = np.append(self._pushes, 0.0)
-        counts = np.maximum((skin.neighbours < len(weights)).sum(axis=0), 1)
-        around = pushes.take(skin.neighbours).sum(axis=0) / counts
-        scatter = np.where(self.known, weights * np.where(self.known, sigmas, 0.0), around)
-        scatter = np.hypot(scatter, (1 - weights) * self.forces)  # what little weights leave out
-        return scatter, np.clip(pushes[:-1] - around, 0.0, None), self.noise.common
+        skin, pushes, unknown = self.footprint.skin, self._pushes, (~self.known).nonzero()[0]
+        if len(unknown):
+            sigmas = np.where(self.known, sigmas, 0.0)
+        of_noise, left_out = self.sets.weights * sigmas, self.forces - pushes
+        variances = of_noise * of_noise + left_out * left_out
+        if len(unknown):
+            variances[unknown] = skin.mean_around(pushes, unknown) ** 2
+        rows = pushes.nonzero()[0]
+        uneven = np.maximum(pushes.take(rows) - skin.mean_around(pushes, rows), 0.0)
+        placed = float(uneven * uneven @ skin.areas.take(rows)) / 12  # a square has a second moment of 1/12 per area
+        return variances * self.noise.common**2, placed
 
-    def _sigma(self, terms: Array, levers: Array) -> Array | None:
-        """Return standard deviations (k,) of sums of forces with some terms; None without noise.
-
-        Parameters
-        ----------
-        terms : array, shape (k, n)
-            Of a force of 1 N on each taxel.
-        levers : array, shape (k,)
-            Change of the term for 1 m from the centre of its cell.
-        """
-        if self._scatter is None or self.footprint is None:
+    @cached_property
+    def _covariance(self) -> list[list[float]] | None:
+        """Covariance (6, 6) of the sums of :attr:`.GroundGeometry.terms` by noise; None if it is not known."""
+        if self._variances is None or self.ground is None:
             return None
-        noise, uneven, common = self._scatter
-        placed = float(uneven**2 @ self.footprint.skin.areas) / 12  # a square has a second moment of 1/12 per area
-        return locked(np.sqrt((terms * noise) ** 2 @ np.full(len(noise), common**2) + levers**2 * placed))
+        return ((self._terms.T * self._variances[0]) @ self._terms).tolist()
 
     @cached_property
     def wrench_sigma(self) -> Array | None:
         """Standard deviations (6,) of the wrench by noise and place in the cells [N, N m]; None if not known."""
-        if self.footprint is None:
+        if self._variances is None or self.footprint is None:
             return None
-        return self._sigma(self.footprint.skin.terms[5:], np.repeat((0.0, 1.0), 3))
+        variances, placed = self._variances
+        return locked(np.sqrt(self.footprint.skin.terms[5:] ** 2 @ variances + np.repeat((0.0, placed), 3)))
 
-    @cached_property
+    @property
     def load_sigma(self) -> float | None:
         """Standard deviation of :attr:`load` by noise [N]; None if it is not known."""
-        sigma = None if self.ground is None else self._sigma(self._terms[:, :1].T, np.zeros(1))
-        return None if sigma is None else float(sigma[0])
+        return None if self._covariance is None else math.sqrt(self._covariance[0][0])
 
     @cached_property
     def cop_sigma(self) -> Array | None:
         """Standard deviations (2,) of the CoP by noise and by place in the cells [m]; None if they are not known."""
-        if self.cop is None:
-            return None
-        terms = self._terms[:, 1:3] - self._terms[:, :1] * self.cop
-        return self._with_gradient(self._sigma(terms.T / self.load, np.full(2, 1 / self.load)))
+        return self._point_sigma(self.cop, 0, (1, 2), (1, 1))
 
     @cached_property
     def zmp_sigma(self) -> Array | None:
         """Standard deviations (2,) of the ZMP by noise and by place in the cells [m]; None if they are not known."""
-        if self.zmp is None:
-            return None
-        fz = self._on_ground[3]
-        terms = self._terms[:, [5, 4]] * (-1.0, 1.0) - self._terms[:, 3:4] * self.zmp
-        return self._with_gradient(self._sigma(terms.T / fz, np.full(2, 1 / fz)))
+        return self._point_sigma(self.zmp, 3, (5, 4), (-1, 1))
 
-    def _with_gradient(self, sigma: Array | None) -> Array | None:
-        """Return standard deviations (2,) of a point with the shift by the gradient in the cells, if it is left out."""
-        if sigma is None or self.moments is not None or self.ground is None:
-            return sigma
-        moments = self._pushes @ (self.ground.in_cell.ground[:, 1:3] - self.ground.terms[:, 1:3])
-        return locked(np.hypot(sigma, moments / self.load))
+    def _point_sigma(self, point: Array | None, force: int, moments: tuple, signs: tuple) -> Array | None:
+        r"""Return standard deviations (2,) of a point, which is a ratio of sums :math:`x = \pm m / f`.
+
+        .. math::
+            \sigma_x^2 = \frac{1}{f^2} \left( C_{mm} \mp 2 x\, C_{mf} + x^2 C_{ff} + p + g^2 \right)
+
+        with the covariance :math:`C` of the sums, the variance :math:`p` by the place in the cells, and the moment
+        :math:`g` of the pressure gradient in the cells, where it is left out.
+
+        Parameters
+        ----------
+        point : array, shape (2,)
+            The point [m], or None.
+        force, moments : int, tuple of two int
+            Which sums are the force and the moments.
+        signs : tuple of two int
+            Of the moments.
+        """
+        covariance, ground = self._covariance, self.ground
+        if point is None or covariance is None or self._variances is None or ground is None:
+            return None
+        gradient = (0.0, 0.0) if self.moments is not None else (self._pushes @ ground.gradient).tolist()
+        load, placed = self._on_ground[force], self._variances[1]
+        sigmas = []
+        for x, m, sign, g in zip(point.tolist(), moments, signs, gradient):
+            noise = covariance[m][m] - 2 * sign * x * covariance[m][force] + x * x * covariance[force][force]
+            sigmas.append(math.sqrt(max(noise, 0.0) + placed + g * g) / load)
+        return locked(np.array(sigmas))
 
 
 def zero_moment_point(wrench: Array, height: float = 0.0) -> Array | None:

@@ -42,7 +42,8 @@ class SkinGeometry:
     areas : array, shape (n,)
         Of the cells [m^2].
     pairs : array, shape (e, 2)
-        Rows of neighbours; ``neighbours`` (k, n) has them as a table, see :func:`neighbour_table`.
+        Rows of neighbours; ``neighbours`` (k, n) has them as a table, see :func:`neighbour_table`. ``neighbour_counts``
+        (n,) has their numbers, at least 1.
     wrenches : array, shape (n, 6)
         Wrench of 1 N on each taxel about the origin of the link [N, N m] (thesis eq. 3.16):
         ``[-n_i; p_i x (-n_i)]``.
@@ -67,6 +68,7 @@ class SkinGeometry:
         pairs = {(i, row[other]) for i, others in enumerate(neighbours) for other in others if i < row[other]}
         self.pairs = np.array(sorted(pairs), np.int64).reshape(-1, 2)
         self.neighbours = neighbour_table(self.pairs, len(self.ids))
+        self.neighbour_counts = np.maximum((self.neighbours < len(self.ids)).sum(axis=0), 1)
         self.periods = [self._period(k) for k in range(len(taxels))]
         pushes = -self.normals
         self.wrenches = np.hstack((pushes, np.cross(self.positions, pushes)))
@@ -75,6 +77,20 @@ class SkinGeometry:
         self.terms = np.hstack((ones, self.positions, heights, self.wrenches)).T.copy()
         lock(*vars(self).values())
         self.scratch = np.full(len(self.ids) + 1, -1)
+
+    def mean_around(self, values: Array, rows: IntArray) -> Array:
+        """Return the mean (k,) of the values of the neighbours of some taxels; 0 without neighbours.
+
+        Parameters
+        ----------
+        values : array, shape (n,)
+            Of all taxels.
+        rows : array, shape (k,)
+            Those taxels.
+        """
+        padded = np.zeros(len(values) + 1)
+        padded[:-1] = values
+        return padded.take(self.neighbours.take(rows, axis=1)).sum(axis=0) / self.neighbour_counts.take(rows)
 
     def _period(self, patch: int) -> tuple[int, int]:
         """Return the rows and columns after which a patch closes on itself; 0 if its ends are not neighbours."""
@@ -155,6 +171,8 @@ class GroundGeometry:
         Correction of a CoP at full contact, see :func:`_full_contact_correction`.
     full_contact, in_cell : CellMoments
         The terms with the moments within the cells: at full contact, and at any, see :func:`_arms_in_cells`.
+    gradient : array, shape (n, 2)
+        What ``in_cell`` adds to lift x and lift y.
     last_polygons : tuple
         The hulls and polygons of the last call of :func:`.supporting_polygon`.
     """
@@ -187,6 +205,7 @@ class GroundGeometry:
         seconds = _second_moments(self.corners - self.centres[:, None])
         shift = _arms_in_cells(self.centres, seconds, skin.areas, skin.neighbours, standing)
         self.in_cell = self._moved(skin, pushes, lift, shift)
+        self.gradient = self.in_cell.ground[:, 1:3] - self.terms[:, 1:3]
         lock(*vars(self).values(), *self.full_contact, *self.in_cell, *(self.full_contact_correction or ()))
 
     def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "CellMoments":

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, lock
+from ..common.arrays import Array, BoolArray, IntArray, lock, locked
 
 if TYPE_CHECKING:
     from ..calibration.taxel_responses import TaxelResponses
@@ -162,6 +162,21 @@ class Noise:
         if excess > (1 + HIDDEN_LOAD[0]) * clear:
             weights += (min(hidden_weight(excess / clear), 1.0) if clear > 0 else 1.0) * (1 - weights)
         return weights
+
+    @cached_property
+    def levels(self) -> Array:
+        """The levels ``sure``, ``pair``, ``release`` and ``possible``, (4, n)."""
+        return locked(np.stack((self.sure, self.pair, self.release, self.possible)))
+
+    @cached_property
+    def sides(self) -> Array:
+        """Readings (2, n) a standard deviation below and above zero."""
+        return locked(np.stack((-self.sigma, self.sigma)))
+
+    @cached_property
+    def has_dead(self) -> bool:
+        """Whether a taxel is dead."""
+        return bool(self.dead.any())
 
     @cached_property
     def _step_line(self) -> tuple[Array, Array]:

@@ -122,7 +122,7 @@ class Readings:
         shifted = intensities if self._shift is None else intensities + self._shift
         forces = self._responses.forces(shifted)
         known = (forces <= MAX_FORCE) & self.alive
-        return forces, known if self.noise is None or not self.noise.dead.any() else known & ~self.noise.dead
+        return forces, known if self.noise is None or not self.noise.has_dead else known & ~self.noise.dead
 
     def deviations(self, intensities: Array) -> Array:
         """Return the standard deviations of the forces (n,) [N]: the noise, times the slope of the response here.
@@ -134,8 +134,9 @@ class Readings:
         """
         assert self.noise is not None
         shifted = intensities if self._shift is None else intensities + self._shift
-        low, high = (self._responses.forces(shifted + side * self.noise.sigma) for side in (-1, 1))
-        return np.nan_to_num(np.abs(high - low) / np.where((low > 0) & (high > 0), 2.0, 1.0))
+        low, high = self._responses.forces(shifted + self.noise.sides)
+        sigmas = np.abs(high - low) / np.where((low > 0) & (high > 0), 2.0, 1.0)
+        return np.where(np.isfinite(sigmas), sigmas, 0.0)
 
     def tare(self, readings: Any) -> None:
         """Set the baseline and learn the noise, see :meth:`.Skin.tare`."""

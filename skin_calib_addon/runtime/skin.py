@@ -270,7 +270,7 @@ class Skin:
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
         if noise is not None:
-            if np.count_nonzero(noise.dead):
+            if noise.has_dead:
                 flags |= {"dead"}
             if self._drift.is_drift(
                 noise, intensities, self._free(touched, known, float(touched.weights @ forces)), time

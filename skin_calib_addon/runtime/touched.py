@@ -72,24 +72,26 @@ def by_noise(
     complete = np.count_nonzero(known) == len(known)
     if not complete:
         signed = np.where(known, signed, noise.free)  # as without contact, for the sums
-    pushes = forces > 0
-    sure = (signed > noise.sure) & pushes
-    pair = (signed > noise.pair) & pushes
+    above = signed > noise.levels
+    above[:3] &= forces > 0
+    if not complete:
+        above[3] |= ~known
+    sure, pair, release, possible = above
     rows = pair.nonzero()[0]
     if len(rows):
-        rows = rows[np.append(pair, False).take(neighbours.take(rows, axis=1)).any(axis=0)]
+        padded = np.zeros(len(pair) + 1, bool)
+        padded[:-1] = pair
+        rows = rows[padded.take(neighbours.take(rows, axis=1)).any(axis=0)]
     excess = noise.excess(signed)
     if not np.count_nonzero(sure) and not len(rows) and excess <= noise.load_level:
         nothing = np.zeros(len(known), bool)
         state = nothing if complete else before & ~known
         return Touched(nothing, nothing, nothing, nothing.astype(float), False), state
-    active = sure | (before & (signed > noise.release) & pushes)
+    state = active = sure | (before & release)
     active[rows] = True
-    state, possible = active, signed > noise.possible
     if not complete:
         active = active & known
         state = np.where(known, active, before)
-        possible |= ~known
     return Touched(active, sure, possible, noise.weights(signed, excess), True), state
 
 

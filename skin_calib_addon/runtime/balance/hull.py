@@ -53,7 +53,7 @@ class HullTable:
         distinct, rank = np.unique(whole.reshape(-1, 2), axis=0, return_inverse=True)
         self._points: list[GridPoint] = list(map(tuple, distinct.tolist()))  # sorted; equal points are one
         self._rank = rank.reshape(points.shape[:2])
-        self._y = distinct[:, 1].copy()
+        self._heights = np.stack((-distinct[:, 1], distinct[:, 1]))  # for the lower and the upper half of a hull
         # Which points the last call chose, and their hull.
         self._last: tuple[BoolArray, list[GridPoint]] = np.zeros(len(distinct), bool), []
 
@@ -84,11 +84,8 @@ class HullTable:
         """Return the corners of the hull of some points, whose indices are in ascending order."""
         if len(chosen) < 2:
             return [self._points[k] for k in chosen.tolist()]
-        first, last = int(chosen[0]), int(chosen[-1])
-        y, between = self._y.take(chosen), chosen[1:-1]
-        low, high = (between[_upper_candidates(heights)].tolist() for heights in (-y, y))
-        below = [self._points[k] for k in (first, *low, last)]
-        above = [self._points[k] for k in (last, *high[::-1], first)]
+        low, high = (chosen[mask].tolist() for mask in _upper_candidates(self._heights.take(chosen, axis=1)))
+        below, above = ([self._points[k] for k in half] for half in (low, high[::-1]))
         return _hull_of_halves(below, above)
 
 
@@ -98,13 +95,16 @@ def _hull_of_halves(below: list[GridPoint], above: list[GridPoint]) -> list[Grid
 
 
 def _upper_candidates(heights: IntArray) -> BoolArray:
-    """Return which inner points (n - 2,) of n points, sorted by x and then y, can be corners of the upper hull.
+    """Return which points (..., n), sorted by x and then y, can be corners of the upper hull.
 
     A corner of the upper hull is higher than all points before it, or than all points after it. Few other points are.
-    The first and the last point are corners of both halves, and are left out.
+    The first and the last point are corners.
     """
-    before, after = np.maximum.accumulate(heights), np.maximum.accumulate(heights[::-1])[::-1]
-    return heights[1:-1] > np.minimum(before[:-2], after[2:])
+    before = np.maximum.accumulate(heights, axis=-1)
+    after = np.maximum.accumulate(heights[..., ::-1], axis=-1)[..., ::-1]
+    can_be = np.ones(heights.shape, bool)
+    np.greater(heights[..., 1:-1], np.minimum(before[..., :-2], after[..., 2:]), out=can_be[..., 1:-1])
+    return can_be
 
 
 def _left_turns(ordered: list[GridPoint]) -> list[GridPoint]:
