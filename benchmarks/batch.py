@@ -9,7 +9,7 @@ import numpy as np
 
 sys.path.insert(0, ".")
 
-from benchmarks.cycle import OFF, ON, PERIOD, PITCH, SPEED, Scene, moving
+from benchmarks.cycle import OFF, ON, PERIOD, PITCH, Scene, moving
 from skin_calib_addon.runtime import Skin
 
 ROWS = 1000
@@ -19,11 +19,10 @@ REPEATS = 5  # the fastest counts: other programs only add time
 def scenes(rows: int, columns: int) -> Iterator[tuple[str, Skin, np.ndarray]]:
     """Yield scenes with their name, skin and readings."""
     rng, n = np.random.default_rng(0), rows * columns
-    step = SPEED * PERIOD / PITCH
     free = np.zeros((ROWS, n))
     readings = {
-        "two contacts, 0.3 m/s": moving(rows, columns, 2, 2.6, step, ROWS),
-        "two contacts, another set each row": moving(rows, columns, 2, 2.6, 1.7, ROWS),
+        "two contacts, 0.3 m/s": moving(rows, columns, 2, 2.6, 0.3 * PERIOD / PITCH, ROWS),
+        "two contacts, 10 m/s": moving(rows, columns, 2, 2.6, 10 * PERIOD / PITCH, ROWS),
         "all active": free + rng.integers(400, 500, free.shape),
         "each taxel at random": np.where(rng.random(free.shape) < 0.5, 500, 0),
     }

@@ -329,7 +329,11 @@ def compared(scene: Scene) -> Iterator[Row]:
         found[method] = np.array([numbers(cycle(r, PERIOD * k), scene) for k, r in enumerate(frames[:200])])
         cycles[method] = cycle
     for method, values in found.items():
-        assert np.allclose(values, found["ours"], rtol=3e-3, atol=1e-4, equal_nan=True), (scene.name, scene.mode, method)
+        assert np.allclose(values, found["ours"], rtol=3e-3, atol=1e-4, equal_nan=True), (
+            scene.name,
+            scene.mode,
+            method,
+        )
     times: dict[str, list[float]] = {method: [] for method in cycles}
     done = dict.fromkeys(cycles, 200)
     for _ in range(TURNS):

@@ -124,23 +124,26 @@ def draw_placement(rows: list[placement.Row]) -> Figure:
 def draw_cycle(rows: list[cycle.Row]) -> Figure:
     """Draw a bar per scene and method: the median time of a cycle, with a line up to the 99th percentile."""
     title = "Time of a cycle, from raw readings to contacts, wrench, CoP, ZMP and three supporting polygons"
-    figure, (panel,) = figure_of(1, 1, title, 3.8)
-    scenes, methods = (list(dict.fromkeys(getattr(r, k) for r in rows)) for k in ("scene", "method"))
-    for k, (method, colour) in enumerate(zip(methods, (OURS_COLOUR, "#b01020", "#808080"))):
-        found = [r for r in rows if r.method == method]
-        at = np.array([scenes.index(r.scene) for r in found]) + 0.27 * (k - 1)
-        panel.bar(at, [r.median for r in found], 0.25, color=colour, label=method)
-        for x, r in zip(at, found):
-            panel.plot([x, x], [r.median, r.p99], color="#303030", linewidth=1)
-            over_bar(panel, f"{r.median:.0f}", x, max(r.median, r.p99))
-    panel.axhline(1000, color="#303030", linewidth=0.8, linestyle=":")
-    panel.annotate("1 kHz", (-0.6, 1000), (2, 3), textcoords="offset points", fontsize=LETTERS)
-    panel.set_yscale("log")
-    panel.set_ylim(top=8 * max(r.p99 for r in rows))
-    describe(panel, "", "", "time of a cycle [µs]: median, and 99th percentile")
-    wrapped = [s.replace(" taxels, ", " taxels,\n").replace("another set ", "another set\n") for s in scenes]
-    panel.set_xticks(range(len(scenes)), wrapped, fontsize=LETTERS - 0.5)
-    panel.legend(fontsize=LETTERS, loc="upper left", ncols=3, frameon=False)
+    figure, panels = figure_of(2, 1, title, 3.6)
+    methods = list(dict.fromkeys(r.method for r in rows))
+    names = {"thresholds": "contacts by two thresholds", "noise": "contacts by the learned noise, with deviations"}
+    for panel, (mode, name) in zip(panels, names.items()):
+        scenes = list(dict.fromkeys(r.scene for r in rows if r.mode == mode))
+        for k, (method, colour) in enumerate(zip(methods, (OURS_COLOUR, "#b01020", "#808080"))):
+            found = [r for r in rows if r.method == method and r.mode == mode]
+            at = np.array([scenes.index(r.scene) for r in found]) + 0.27 * (k - 1)
+            panel.bar(at, [r.median for r in found], 0.25, color=colour, label=method)
+            for x, r in zip(at, found):
+                panel.plot([x, x], [r.median, r.p99], color="#303030", linewidth=1)
+                over_bar(panel, f"{r.median:.0f}", x, max(r.median, r.p99))
+        panel.axhline(1000, color="#303030", linewidth=0.8, linestyle=":")
+        panel.annotate("1 kHz", (-0.6, 1000), (2, 3), textcoords="offset points", fontsize=LETTERS)
+        panel.set_yscale("log")
+        panel.set_ylim(top=8 * max(r.p99 for r in rows))
+        describe(panel, name, "", "median and 99th percentile [µs]")
+        wrapped = [s.replace(" ", "\n", 1).replace(", ", ",\n") for s in scenes]
+        panel.set_xticks(range(len(scenes)), wrapped, fontsize=LETTERS - 0.5)
+    panels[0].legend(fontsize=LETTERS, loc="upper left", ncols=3, frameon=False)
     return figure
 
 

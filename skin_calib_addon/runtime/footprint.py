@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ..common.arrays import IntArray
-from .balance.polygon import EMPTY_POLYGON, Polygon, from_grid
+from .balance.polygon import EMPTY_POLYGON, Polygon
 from .components import components
 from .geometry import GroundGeometry, SkinGeometry
 
@@ -77,15 +77,10 @@ def supporting_polygon(
     probabilities : tuple
         Of the outer and of the guaranteed polygon.
     """
-    centres = ground.centre_hull.hull(active)
-    core_hull = centres if sure is active else ground.sure_hull.hull(sure)
-    hulls = ground.corner_hull.hull(possible), centres, core_hull
-    key = hulls, probabilities
-    last_key, polygon = ground.last_polygons
-    if key != last_key:
-        nominal = from_grid(hulls[1], ground.centre_hull.step)
-        core = nominal if hulls[2] == hulls[1] else from_grid(hulls[2], ground.sure_hull.step)
-        outer = from_grid(hulls[0], ground.corner_hull.step)
-        polygon = SupportingPolygon(outer, nominal, core.eroded(ground.cell), *probabilities)
-        ground.last_polygons = key, polygon
-    return polygon
+    nominal = ground.centre_hull.hull(active)
+    core = nominal if sure is active else ground.sure_hull.hull(sure)
+    last_core, guaranteed = ground.last_eroded
+    if core is not last_core:
+        guaranteed = core.eroded(ground.cell)
+        ground.last_eroded = core, guaranteed
+    return SupportingPolygon(ground.corner_hull.hull(possible), nominal, guaranteed, *probabilities)

@@ -1,12 +1,11 @@
 """Prepare what is the same in every cycle: arrays of the taxels of a link, for sums over the active ones."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray, lock
-from .balance.hull import HullTable
-from .balance.polygon import convex_hull
+from .balance.polygon import EMPTY_POLYGON, PolygonTable, convex_hull
 from .plane import MIN_DOWNWARD, Plane
 
 if TYPE_CHECKING:
@@ -173,8 +172,8 @@ class GroundGeometry:
         The terms with the moments within the cells: at full contact, and at any, see :func:`_arms_in_cells`.
     gradient : array, shape (n, 2)
         What ``in_cell`` adds to lift x and lift y.
-    last_polygons : tuple
-        The hulls and polygons of the last call of :func:`.supporting_polygon`.
+    last_eroded : tuple
+        A hull of centres, and the guaranteed polygon that follows from it, of the last frame.
     """
 
     def __init__(self, skin: SkinGeometry, plane: Plane):
@@ -188,11 +187,11 @@ class GroundGeometry:
         pushes, arms = -skin.normals @ plane.axes.T, (skin.positions - plane.origin) @ plane.axes.T
         moments = np.cross(arms, pushes)
         self.terms = np.hstack((lift, lift * self.centres, pushes[:, 2:], moments[:, :2]))
-        self.centre_hull, self.sure_hull = HullTable(self.centres), HullTable(self.centres)
-        self.corner_hull = HullTable(self.corners)
+        self.centre_hull, self.sure_hull = PolygonTable(self.centres), PolygonTable(self.centres)
+        self.corner_hull = PolygonTable(self.corners)
         offsets = (self.corners - self.centres[:, None])[self.can_stand].reshape(-1, 2)
         self.cell = convex_hull(offsets).corners
-        self.last_polygons: tuple[Any, Any] = None, None
+        self.last_eroded = EMPTY_POLYGON, EMPTY_POLYGON
         standing = self.can_stand
         self.full_contact_correction = _full_contact_correction(
             self.centres[standing], self.corners[standing], skin.areas[standing]

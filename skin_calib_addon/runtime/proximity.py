@@ -3,7 +3,7 @@
 from typing import Any
 
 from ..common.arrays import Array, unmasked
-from .balance.polygon import Polygon, from_grid
+from .balance.polygon import Polygon
 from .geometry import GroundGeometry
 
 
@@ -23,7 +23,7 @@ def preemptive_polygon(ground: GroundGeometry, distances: Any, height: float) ->
         Upper limit of the distances [m].
     """
     near = unmasked(distances) < height  # NaN is not near
-    return from_grid(ground.corner_hull.hull((near & ground.can_stand).nonzero()[0]), ground.corner_hull.step)
+    return ground.corner_hull.hull((near & ground.can_stand).nonzero()[0])
 
 
 def height_contours(ground: GroundGeometry, distances: Any, heights: Array) -> tuple[Polygon, ...]:

@@ -54,7 +54,8 @@ class HullTable:
         self._points: list[GridPoint] = list(map(tuple, distinct.tolist()))  # sorted; equal points are one
         self._rank = rank.reshape(points.shape[:2])
         self._heights = np.stack((-distinct[:, 1], distinct[:, 1]))  # for the lower and the upper half of a hull
-        # Which points the last call chose, and their hull.
+        # Which rows and points the last call chose, and their hull.
+        self._last_rows: IntArray = np.empty(0, np.int64)
         self._last: tuple[BoolArray, list[GridPoint]] = np.zeros(len(distinct), bool), []
 
     @property
@@ -67,9 +68,11 @@ class HullTable:
 
         No three neighbouring corners are on a line. Equal points give one corner, points on a line two, no rows none.
         """
+        before, corners = self._last
+        if len(rows) == len(self._last_rows) and not np.count_nonzero(rows != self._last_rows):
+            return corners.copy()
         chosen = np.zeros(len(self._points), bool)
         chosen[self._rank.take(rows, axis=0)] = True
-        before, corners = self._last
         added = (chosen > before).nonzero()[0].tolist()
         removed = (before > chosen).nonzero()[0].tolist()
         if len(added) > MAX_NEW_POINTS or any(self._points[k] in corners for k in removed):
@@ -77,7 +80,7 @@ class HullTable:
         elif added:  # a removed point that was not a corner does not change the hull
             ordered = sorted([*corners, *(self._points[k] for k in added)])
             corners = _hull_of_halves(ordered, ordered[::-1])
-        self._last = chosen, corners
+        self._last_rows, self._last = rows, (chosen, corners)
         return corners.copy()
 
     def _hull(self, chosen: IntArray) -> list[GridPoint]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...common.arrays import Array
+from ...common.arrays import Array, IntArray
 from .hull import GridPoint, HullTable
 
 Point = tuple[float, float]
@@ -233,6 +233,28 @@ class Polygon:
 
 
 EMPTY_POLYGON = Polygon(np.empty((0, 2)))
+
+
+class PolygonTable:
+    """A set of points that computes the convex hull of some of them; an unchanged hull is the same polygon.
+
+    Parameters
+    ----------
+    points : array, shape (n, 2) or (n, k, 2)
+        As for :class:`.HullTable` [m].
+    """
+
+    def __init__(self, points: Array):
+        self._table = HullTable(points)
+        self._corners: list[GridPoint] = []
+        self._polygon = EMPTY_POLYGON
+
+    def hull(self, rows: IntArray) -> Polygon:
+        """Return the convex hull of the points of some rows."""
+        corners = self._table.hull(rows)
+        if corners != self._corners:
+            self._corners, self._polygon = corners, from_grid(corners, self._table.step)
+        return self._polygon
 
 
 def convex_hull(points: Any) -> Polygon:
