@@ -6,6 +6,7 @@ from .body import Body, BodyFrame
 from .contacts import Contact, Message
 from .footprint import SupportingPolygon
 from .frame import Frame, zero_moment_point
+from .modalities import ModalityValues
 from .plane import Plane
 from .skin import Skin, load
 
@@ -16,6 +17,7 @@ __all__ = [
     "Contact",
     "Frame",
     "Message",
+    "ModalityValues",
     "Plane",
     "Polygon",
     "Skin",

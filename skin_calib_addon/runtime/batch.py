@@ -1,7 +1,7 @@
 """Compute the results of many readings at once: of a log, or of the environments of a simulator."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ from .clock import JUMP_TIME, Clock
 from .components import component_counts
 from .frame import MIN_LOAD
 from .geometry import CellMoments, GroundGeometry, SkinGeometry
+from .modalities import ModalityValues
 from .noise import HIDDEN_LOAD, Noise, hidden_weight
 from .touched import has_neighbour
 
@@ -38,6 +39,7 @@ class Batch:
     stands: BoolArray  # (T,) whether the link stands on its ground
     cop: Array  # (T, 2) in the coordinates of the ground [m]; NaN if the link does not stand
     zmp: Array  # (T, 2) in the coordinates of the ground [m]; NaN if the link does not stand
+    modalities: Mapping[str, ModalityValues] = field(default_factory=dict)  # those that were passed, with arrays (T, n)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
 """Give the results of one reading: contacts, wrench, CoP, ZMP and supporting polygons."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from ..common.arrays import Array, BoolArray, lock, locked
 from .contacts import Contact
 from .footprint import NO_POLYGON, Footprint, SupportingPolygon, supporting_polygon
 from .geometry import CellMoments, GroundGeometry
+from .modalities import ModalityValues
 from .noise import GUARANTEED_PROBABILITY, OUTER_PROBABILITY, Noise
 from .touched import Touched
 
@@ -30,7 +31,8 @@ class Frame:
 
     ``flags`` has every problem. Of the reading: ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels sent NaN
     or infinity, or are masked in a masked array), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a
-    force), ``saturated``, ``stuck`` (the reading of an active taxel does not change, as noise or 30 s would demand).
+    force), ``modality`` (the reading of a modality was refused, see its ``problem``), ``saturated``, ``stuck`` (the
+    reading of an active taxel does not change, as noise or 30 s would demand).
     Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did not change at rest), ``drift``
     (nothing is guaranteed), ``frozen`` (all readings stay the same although they have noise; nothing is guaranteed),
     ``below_rest`` (some taxels read less than noise explains). Of the time: ``time_not_finite``, ``time_still``,
@@ -51,6 +53,7 @@ class Frame:
     noise: Noise | None = None  # None if it is unknown
     moments: CellMoments | None = None  # terms of the sums with the moments within the cells, where they count
     deviations: Callable[[], Array] | None = None  # computes force_sigmas
+    modalities: Mapping[str, ModalityValues] = field(default_factory=dict)  # all that the calibration names
 
     def __post_init__(self) -> None:
         lock(self.forces, self.known, self.saturated, self.stuck, self.wrench)

@@ -2,9 +2,10 @@
 
 from typing import Any
 
-from ..common.arrays import Array, unmasked
+from ..common.arrays import Array
 from .balance.polygon import Polygon
 from .geometry import GroundGeometry
+from .modalities import distances_in
 
 
 def preemptive_polygon(ground: GroundGeometry, distances: Any, height: float) -> Polygon:
@@ -16,13 +17,13 @@ def preemptive_polygon(ground: GroundGeometry, distances: Any, height: float) ->
     ----------
     ground : GroundGeometry
         ``Skin.ground``.
-    distances : array, shape (n,)
-        From each taxel along its normal [m]; infinity, NaN or masked if the sensor detects nothing, minus infinity if
-        something is too near to be measured (REP 117 of ROS).
+    distances : array, shape (n,), or ModalityValues
+        From each taxel along its normal [m], such as ``frame.modalities["proximity"]``; infinity, NaN or masked if the
+        sensor detects nothing, minus infinity if something is too near to be measured (REP 117 of ROS).
     height : float
         Upper limit of the distances [m].
     """
-    near = unmasked(distances) < height  # NaN is not near
+    near = distances_in(distances) < height  # NaN is not near
     return ground.corner_hull.hull((near & ground.can_stand).nonzero()[0])
 
 
@@ -33,7 +34,7 @@ def height_contours(ground: GroundGeometry, distances: Any, heights: Array) -> t
     ----------
     ground : GroundGeometry
         ``Skin.ground``.
-    distances : array, shape (n,)
+    distances : array, shape (n,), or ModalityValues
         As for :func:`preemptive_polygon` [m].
     heights : array, shape (k,)
         Upper limits of the distances [m].

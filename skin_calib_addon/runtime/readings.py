@@ -1,11 +1,12 @@
 """Turn readings of the electronics into forces on the taxels, and find readings that cannot be trusted."""
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, unmasked
+from ..common.arrays import Array, BoolArray, IntArray, unmasked
 from ..common.errors import InvalidReading
 from .geometry import SkinGeometry
 from .noise import Noise, learned
@@ -42,6 +43,53 @@ MAX_READING_PERIOD = 0.02
 # [s] Shortest time after which equal frames are a frozen bus. Larger: it is reported later; smaller: a short
 # interruption, which is a matter of the clock, is reported.
 FROZEN_TIME = 0.1
+
+
+def taxel_readings(
+    given: Any, dimensions: tuple[int, ...], channels: IntArray, length: int, name: str, link: str
+) -> tuple[Array, bool]:
+    """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers.
+
+    Parameters
+    ----------
+    given : array, shape (channels,) or (T, channels)
+        As the caller passed it.
+    dimensions : tuple of int
+        Valid numbers of dimensions.
+    channels : array, shape (n,)
+        Position of each taxel in a reading.
+    length : int
+        Minimum length of a reading.
+    name, link : str
+        What the numbers are, and whose, for messages.
+
+    Raises
+    ------
+    InvalidReading
+        If these are no numbers of this shape. ``flag`` names the problem.
+    """
+    must = f"a {name} must be {'rows' if dimensions == (2,) else 'one row'} of real numbers; this one"
+    try:
+        readings = np.asarray(given)
+    except ValueError as error:
+        raise InvalidReading(f"{must} has rows of different lengths", flag="wrong_type") from error
+    except Exception as error:  # arrays of other libraries raise errors of any type if they cannot be converted
+        raise InvalidReading(f"{must} is {type(given).__name__}: {error}", flag="wrong_type") from error
+    if readings.ndim not in dimensions or readings.dtype.kind not in "uif":
+        what = f"{must} is {readings.dtype} of shape {readings.shape}"
+        if isinstance(given, Mapping):
+            what = f"{must} is a mapping. Pass the readings of force alone"
+        raise InvalidReading(what, flag="wrong_type")
+    if readings.shape[-1] < length:
+        raise InvalidReading(
+            f"the {name} has {readings.shape[-1]} channels, the skin of {link} needs {length}",
+            flag="wrong_length",
+            length=readings.shape[-1],
+        )
+    is_whole = readings.dtype.kind in "ui"
+    if isinstance(given, np.ma.MaskedArray):
+        readings = unmasked(given)
+    return readings.take(channels, axis=-1), is_whole
 
 
 class Readings:
@@ -88,28 +136,7 @@ class Readings:
 
     def _rows(self, readings: Any, dimensions: tuple[int, ...]) -> tuple[Array, bool]:
         """Return the readings of the taxels, NaN where they are masked, and whether they are whole numbers."""
-        given = readings
-        try:
-            readings = np.asarray(given)
-        except ValueError as error:
-            what = "a reading must be one row of real numbers; this one has rows of different lengths"
-            raise InvalidReading(what, flag="wrong_type") from error
-        except Exception as error:  # arrays of other libraries raise errors of any type if they cannot be converted
-            what = f"a reading must be one row of real numbers; this one is {type(readings).__name__}: {error}"
-            raise InvalidReading(what, flag="wrong_type") from error
-        if readings.ndim not in dimensions or readings.dtype.kind not in "uif":
-            what = f"a reading must be one row of real numbers; this one is {readings.dtype} of shape {readings.shape}"
-            raise InvalidReading(what, flag="wrong_type")
-        is_whole = readings.dtype.kind in "ui"
-        if readings.shape[-1] < self.length:
-            raise InvalidReading(
-                f"the reading has {readings.shape[-1]} channels, the skin of {self.link} needs {self.length}",
-                flag="wrong_length",
-                length=readings.shape[-1],
-            )
-        if isinstance(given, np.ma.MaskedArray):
-            readings = unmasked(given)
-        return readings.take(self.channels, axis=-1), is_whole
+        return taxel_readings(readings, dimensions, self.channels, self.length, "reading", self.link)
 
     def forces(self, intensities: Array) -> tuple[Array, BoolArray]:
         r"""Return the forces of the taxels (n,) [N], and which of them are valid; masked taxels are not.

@@ -1,7 +1,8 @@
 """Give a controller the skin of one link: readings in, a frame with contacts, wrench and CoP out."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from .footprint import Footprint
 from .frame import Frame
 from .geometry import GroundGeometry, SkinGeometry, observable, wrench_rank
 from .identity import Identities
+from .modalities import FORCE, Modalities, ModalityValues, force_of
 from .noise import Drift, Noise, Rest
 from .plane import Plane, ground_of
 from .readings import Readings
@@ -105,6 +107,7 @@ class Skin:
         self.switch_on, self.switch_off = switch_on, switch_off
         self._in_cell, self._drift = in_cell, Drift()
         self._readings = Readings(calibration, self.geometry)
+        self._modalities = Modalities(calibration.modalities, self.link, self.ids, self.channels)
         self._rest: Rest | None = None if self._has_thresholds else Rest()
         self._clock = Clock()
         self._identities = Identities(len(self.ids))
@@ -145,6 +148,11 @@ class Skin:
     def pairs(self) -> IntArray:
         """Rows (e, 2) of neighbours, the lower row first."""
         return self.geometry.pairs
+
+    @property
+    def modalities(self) -> dict[str, str]:
+        """Unit of each further modality that :meth:`update` takes, by its name."""
+        return self._modalities.units
 
     @property
     def reading_length(self) -> int:
@@ -237,23 +245,30 @@ class Skin:
 
         Parameters
         ----------
-        readings : array, shape (channels,)
+        readings : array, shape (channels,), or mapping of str to array
             One frame of the electronics, of any real data type. If it cannot be read, the frame states why in its
-            ``flags`` and ``problem``, nothing in it is known, and the state of the skin does not change.
+            ``flags`` and ``problem``, nothing in it is known, and the state of the skin does not change. A mapping has
+            the readings of force as ``"force"``, and those of other modalities by their names.
         time : float
             Of the reading [s].
         """
         time = float(time)
         flags = self._clock.flags(time)
+        modalities = self._modalities.nothing
         try:
+            if isinstance(readings, Mapping):
+                modalities = self._modalities.frame(readings, self._readings.alive)
+                if any(modalities[name].problem for name in readings if name != FORCE):
+                    flags |= {"modality"}
+                readings = force_of(readings)
             intensities = self._readings.intensities(readings)
         except InvalidReading as error:
-            return self._unknown(time, flags | {error.flag}, str(error))
+            return self._unknown(time, flags | {error.flag}, str(error), modalities)
         forces, known = self._readings.forces(intensities)
         flags |= self._readings.flags(intensities, known)
         known_count = np.count_nonzero(known)
         if known_count == 0 < len(known):
-            return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading")
+            return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading", modalities)
         if known_count < len(known):
             forces = np.where(known, forces, 0.0)
         fresh = not flags.isdisjoint({"time_back", "time_jump"})  # the last frame says nothing about this one
@@ -296,7 +311,7 @@ class Skin:
         deviations = None if noise is None else partial(self._readings.deviations, intensities)
         return Frame(
             time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint, touched, noise, moments,
-            deviations,
+            deviations, modalities,
         )  # fmt: skip
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
@@ -308,8 +323,9 @@ class Skin:
 
         Parameters
         ----------
-        readings : array, shape (T, channels)
-            Frames of the electronics, of any real data type. A row without a finite number is unknown.
+        readings : array, shape (T, channels), or mapping of str to array
+            Frames of the electronics, of any real data type. A row without a finite number is unknown. A mapping as
+            for :meth:`update`.
         times : array, shape (T,), optional
             Of the readings of a log [s]: an active taxel stays active in the next row as in :meth:`update`. Without
             them no row depends on another one, as for the environments of a simulator.
@@ -317,17 +333,21 @@ class Skin:
         Raises
         ------
         InvalidReading
-            If these are not rows of numbers, or are too short for the highest channel.
+            If these are not rows of numbers, are too short for the highest channel, or have an unknown modality.
         ValueError
             If there is not one time for each row.
         """
-        rows = self._readings.rows(readings)
+        rows = self._readings.rows(force_of(readings) if isinstance(readings, Mapping) else readings)
+        modalities = {}
+        if isinstance(readings, Mapping):
+            modalities = self._modalities.batch(readings, self._readings.alive, len(rows))
         times = None if times is None else np.asarray(times, float)
         if times is not None and times.shape != rows.shape[:1]:
             raise ValueError(f"times of shape {times.shape} for {len(rows)} readings; pass one time for each")
         decides_noise = self.noise is not None and not self._has_thresholds
         thresholds = None if decides_noise else (self.switch_on, self.switch_off)
-        return Processor(self._readings, self.geometry, self.ground, thresholds, self._in_cell).batch(rows, times)
+        batch = Processor(self._readings, self.geometry, self.ground, thresholds, self._in_cell).batch(rows, times)
+        return replace(batch, modalities=modalities)
 
     def _touched(self, intensities: Array, forces: Array, known: BoolArray, fresh: bool) -> tuple[Touched, BoolArray]:
         """Return what is touched in a frame, and the state of the next one."""
@@ -378,8 +398,34 @@ class Skin:
         if self._rest.is_complete:
             self._rest = None
 
-    def _unknown(self, time: float, flags: frozenset[str], problem: str) -> Frame:
-        """Return the frame of a reading that cannot be used; the state of the skin does not change."""
+    def _unknown(
+        self, time: float, flags: frozenset[str], problem: str, modalities: Mapping[str, ModalityValues]
+    ) -> Frame:
+        """Return the frame of a reading of force that cannot be used; the state of the skin does not change.
+
+        Parameters
+        ----------
+        time : float
+            Of the frame [s].
+        flags : frozenset of str
+            Of the frame.
+        problem : str
+            Why the reading cannot be used.
+        modalities : mapping of str to ModalityValues
+            All modalities.
+        """
         n = len(self.ids)
         nothing = np.zeros(n, bool)
-        return Frame(time, np.zeros(n), nothing, nothing, nothing, (), np.full(6, np.nan), flags, problem, None)
+        return Frame(
+            time,
+            np.zeros(n),
+            nothing,
+            nothing,
+            nothing,
+            (),
+            np.full(6, np.nan),
+            flags,
+            problem,
+            None,
+            modalities=modalities,
+        )

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..common.arrays import Array, unmasked
 from .geometry import SkinGeometry
+from .modalities import distances_in, values_in
 from .plane import cross
 
 # [m^2] Smallest area of a pressure-driven wrench: half of a small cell. Larger: small contacts get weaker wrenches;
@@ -146,15 +147,16 @@ def proximity_wrench(skin: SkinGeometry, distances: Any, detection_range: float,
     ----------
     skin : SkinGeometry
         ``Skin.geometry``.
-    distances : array, shape (n,)
-        :math:`d_i` from each taxel along its normal [m]; infinity, NaN or masked if the sensor detects nothing, minus
-        infinity if something is too near to be measured (REP 117 of ROS), which pushes fully.
+    distances : array, shape (n,), or ModalityValues
+        :math:`d_i` from each taxel along its normal [m], such as ``frame.modalities["proximity"]``; infinity, NaN or
+        masked if the sensor detects nothing, minus infinity if something is too near to be measured (REP 117 of ROS),
+        which pushes fully. A modality at the far end of its response detects nothing.
     detection_range : float
         :math:`d_{\mathrm{range}}`, distance from which on there is no force [m].
     stiffness : float
         :math:`k` per area of skin [N/m^3].
     """
-    distances = unmasked(distances)
+    distances = distances_in(distances)
     distances = np.where(np.isnan(distances), np.inf, distances)
     return (stiffness * skin.areas * np.clip(detection_range - distances, 0.0, detection_range)) @ skin.wrenches
 
@@ -173,14 +175,15 @@ def temperature_wrench(skin: SkinGeometry, temperatures: Any, limit: float, gain
     ----------
     skin : SkinGeometry
         ``Skin.geometry``.
-    temperatures : array, shape (n,)
-        :math:`\kappa_i`, in the unit of ``limit``; NaN or masked if a sensor has no reading.
+    temperatures : array, shape (n,), or ModalityValues
+        :math:`\kappa_i`, in the unit of ``limit``, such as ``frame.modalities["temperature"]``; NaN or masked if a
+        sensor has no reading.
     limit : float
         Temperature up to which there is no force.
     gain : float
         :math:`k` per area of skin [N/(K m^2)].
     """
-    above = np.nan_to_num(unmasked(temperatures) - limit, nan=0.0, posinf=0.0, neginf=0.0)
+    above = np.nan_to_num(values_in(temperatures, "K", "degC") - limit, nan=0.0, posinf=0.0, neginf=0.0)
     return (gain * skin.areas * np.maximum(above, 0.0)) @ skin.wrenches
 
 
