@@ -63,13 +63,19 @@ class Processor:
             Of the rows [s]. Default: no row depends on another one.
         """
         count, n = rows.shape
+        drifts, number = self._drifts(rows, times)
         result = Batch(
             np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool), np.full(count, -1),
             np.full((count, 6), np.nan), np.full(count, np.nan), np.zeros(count, bool), np.full((count, 2), np.nan),
             np.full((count, 2), np.nan),
         )  # fmt: skip
+
+        def corrected(block: slice) -> Array:
+            intensities = rows[block].astype(float)
+            return intensities if drifts is None else intensities - drifts[number[block]]
+
         for block in _blocks(count, n):
-            forces, known = self.readings.forces(rows[block].astype(float))
+            forces, known = self.readings.forces(corrected(block))
             forces[~known] = 0.0
             result.forces[block], result.known[block] = forces, known
         valid = result.known.any(axis=1) | (n == 0)
@@ -77,7 +83,7 @@ class Processor:
         before, sums = np.zeros(n, bool), np.empty((count, 12))
         for block in _blocks(count, n):
             forces, known = result.forces[block], result.known[block]
-            switched, keeps, pushes, has_load = self._touched(rows[block], forces, known)
+            switched, keeps, pushes, has_load = self._touched(corrected(block), forces, known)
             if fresh is not None:
                 switched = _states(switched, (keeps | ~known) & ~fresh[block, None], before)
                 before = switched[-1]
@@ -94,8 +100,35 @@ class Processor:
         result.contact_counts[valid] = component_counts(result.active, self.skin.neighbours)[valid]
         return result
 
+    def _drifts(self, rows: Array, times: Array | None) -> tuple[Array | None, IntArray]:
+        """Return the drifts (k, n) of the readings, None for none, and the number (T,) of the one of each row.
+
+        Parameters
+        ----------
+        rows : array, shape (T, n)
+            Readings of the taxels, of any real data type.
+        times : array, shape (T,), optional
+            Of the rows [s]. Default: the drift does not change.
+        """
+        readings, number = self.readings, np.zeros(len(rows), np.int64)
+        noise, drift = readings.noise, readings.drift
+        if noise is None or times is None:
+            return None if drift.offset is None else drift.offset[None], number
+
+        def signed(which: IntArray | slice) -> Array:
+            return readings.valid(noise.signed(rows[which].astype(float)))
+
+        valid = np.zeros(len(rows), bool)
+        for block in _blocks(*rows.shape):
+            valid[block] = np.isfinite(signed(block)).any(axis=1)
+        fresh = _fresh(times, valid)
+        usable = (valid & np.isfinite(times)).nonzero()[0]
+        drifts, starts = drift.along(noise, signed, usable, times[usable], fresh[usable])
+        number[starts[1:]] = 1
+        return drifts, np.cumsum(number)
+
     def _touched(
-        self, rows: Array, forces: Array, known: BoolArray
+        self, intensities: Array, forces: Array, known: BoolArray
     ) -> tuple[BoolArray, BoolArray, Array | None, BoolArray | None]:
         """Return which taxels (T, n) become active, which of the active ones stay so, and two results of the noise.
 
@@ -107,7 +140,7 @@ class Processor:
             return (forces >= on) & known, (forces >= off) & known, None, None
         noise = self.readings.noise
         assert noise is not None
-        signed = noise.signed(rows.astype(float))
+        signed = noise.signed(intensities)
         if not known.all():
             signed = np.where(known, signed, noise.free)
         positive = forces > 0

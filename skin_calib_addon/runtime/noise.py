@@ -51,13 +51,9 @@ WEIGHT_FULL = 3.0
 # [1] Load of the taxels with little weight, relative to that of the others, from which on they count, and count fully.
 # Larger: light feet seem lighter; smaller: noise of free taxels is in the CoP of heavy ones.
 HIDDEN_LOAD = (0.1, 0.3)
-# [standard deviations] Mean of the free taxels that is a drift. Larger: more false contacts before it is reported;
-# smaller: light contacts are reported as drift.
-MAX_DRIFT = 0.3
-# [s] Time constant of the mean of free taxels. Larger: a drift is reported later; smaller: noise is reported as drift.
-DRIFT_TIME = 1.0
-# [1] Largest weight of one frame in this mean. Larger: at low rates, noise is reported as drift.
-MAX_DRIFT_GAIN = 0.1
+# [s] Time constant of the baseline of free taxels. Larger: the baseline is behind a fast drift; smaller: loads that
+# grow faster count as drift.
+TRACKING_TIME = 10.0
 # [frames] Fewer frames say nothing about the noise. Larger: a longer rest is needed; smaller: the estimate is so
 # uncertain that hardly a taxel counts as touched.
 MIN_FRAMES = 20
@@ -133,6 +129,16 @@ class Noise:
     detection_limits: Array  # (n,) force from which on the outer polygon contains a taxel [N]
     load_limit: float  # force from which on the sum of all taxels is a load [N]
 
+    @property
+    def rate_limits(self) -> Array:
+        """Rates (n,) of the force of one taxel up to which a load counts as drift [N/s]."""
+        return locked(POSSIBLE * self.sigma * self.slopes / TRACKING_TIME)
+
+    @property
+    def load_rate_limit(self) -> float:
+        """Rate of the sum of all taxels up to which a load counts as drift [N/s]."""
+        return self.load_level / TRACKING_TIME
+
     def __post_init__(self) -> None:
         lock(*vars(self).values())
 
@@ -192,34 +198,6 @@ class Noise:
         np.maximum(step, 0.0, out=step)
         np.minimum(step, 1.0, out=step)
         return step * step * (3 - 2 * step)
-
-
-class Drift:
-    """Watch the free taxels: their mean must stay what it was at rest."""
-
-    def __init__(self) -> None:
-        self._mean, self._time = 0.0, -math.inf
-
-    def is_drift(self, noise: Noise, intensities: Array, free: BoolArray, time: float) -> bool:
-        """Return whether the mean of the free taxels is no longer that at rest. It is filtered over a second.
-
-        Parameters
-        ----------
-        noise : Noise
-            Of the skin.
-        intensities : array, shape (n,)
-            Readings.
-        free : array of bool, shape (n,)
-            Taxels with a reading that are not possibly touched. If they are less than half, the last result stays.
-        time : float
-            Of the frame [s].
-        """
-        count = int(np.count_nonzero(free))
-        gap, self._time = time - self._time, time
-        if 2 * count >= len(free) > 0 and gap > 0:
-            deviation = float(np.where(free, (noise.signed(intensities) - noise.free) / noise.sigma, 0.0).sum()) / count
-            self._mean += min(gap / DRIFT_TIME, MAX_DRIFT_GAIN) * (deviation - self._mean)
-        return abs(self._mean) > MAX_DRIFT
 
 
 class Rest:

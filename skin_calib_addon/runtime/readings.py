@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray, unmasked
 from ..common.errors import InvalidReading
+from .drift import Drift
 from .geometry import SkinGeometry
 from .noise import Noise, learned
 
@@ -95,7 +97,7 @@ def taxel_readings(
 class Readings:
     """Convert readings to forces. Keep the baseline, the masked taxels, and when each reading last changed."""
 
-    def __init__(self, calibration: "LinkCalibration", geometry: SkinGeometry):
+    def __init__(self, calibration: "LinkCalibration", geometry: SkinGeometry, follows_drift: bool):
         from ..calibration.taxel_responses import TaxelResponses  # imported late: only a skin needs these modules
 
         self.link, self.channels = calibration.link, geometry.channels
@@ -104,6 +106,8 @@ class Readings:
         self._responses = TaxelResponses.of(calibration)
         self._shift: Array | None = None  # added to each reading, so that the reading at rest gives no force
         self.noise: Noise | None = None
+        self._new_drift = partial(Drift, geometry.neighbours, follows_drift)
+        self.drift = self._new_drift()
         self.is_whole = False  # whether the last readings were whole numbers
         self._pair_count = len(geometry.pairs)
         self._can_saturate = bool(np.isfinite(self._responses.full).any())
@@ -189,6 +193,28 @@ class Readings:
         before = np.zeros(rows.shape[1]) if self._shift is None else self._shift
         self._shift = np.where(counts > 0, self._responses.rest - mean, before)
         self.noise = noise or self.noise
+        self.drift = self._new_drift()
+
+    def follow(self, raw: Array, is_complete: bool, time: float) -> None:
+        """Follow the drift of the free taxels.
+
+        Parameters
+        ----------
+        raw : array, shape (n,)
+            Reading of each taxel, not corrected by the drift.
+        is_complete : bool
+            Whether all taxels have a valid force.
+        time : float
+            Of the frame [s].
+        """
+        if self.noise is not None:
+            signed = self.noise.signed(raw)
+            self.drift.add(self.noise, signed if is_complete else self.valid(signed), time)
+
+    def valid(self, signed: Array) -> Array:
+        """Return signed readings (..., n), NaN for defective taxels and invalid readings: what the drift uses."""
+        assert self.noise is not None
+        return np.where((np.abs(signed) < MAX_READING) & self.alive & ~self.noise.dead, signed, np.nan)
 
     def rests(self, rows: Array) -> bool:
         """Return whether readings (frames, n) are those of a skin without contact, as far as they can show it.

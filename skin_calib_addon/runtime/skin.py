@@ -19,7 +19,7 @@ from .frame import Frame
 from .geometry import GroundGeometry, SkinGeometry, observable, wrench_rank
 from .identity import Identities
 from .modalities import FORCE, Modalities, ModalityValues, force_of
-from .noise import Drift, Noise, Rest
+from .noise import Noise, Rest
 from .plane import Plane, ground_of
 from .readings import Readings
 from .touched import Touched, by_noise, by_thresholds
@@ -40,6 +40,7 @@ def load(
     switch_off: float | None = None,
     ground: Plane | None = None,
     in_cell: bool = False,
+    follow_drift: bool = True,
 ) -> "Skin":
     """Read a calibration file and return its skin.
 
@@ -47,7 +48,7 @@ def load(
     ----------
     path : path
         Of a ``*.calibration.json`` file.
-    switch_on, switch_off, ground, in_cell
+    switch_on, switch_off, ground, in_cell, follow_drift
         As for :class:`Skin`.
 
     Raises
@@ -57,7 +58,7 @@ def load(
     """
     from ..calibration.file import load_calibration  # imported late: only a caller with a file needs these modules
 
-    return Skin(load_calibration(path), switch_on, switch_off, ground, in_cell)
+    return Skin(load_calibration(path), switch_on, switch_off, ground, in_cell, follow_drift)
 
 
 class Skin:
@@ -77,6 +78,9 @@ class Skin:
     in_cell : bool
         Whether CoP, ZMP and wrench count the pressure gradient within the cells at partial contact, too. This is exact
         for a layer of springs, and better than nothing for soft skins on edges; on pebbles it is worse.
+    follow_drift : bool
+        Whether the baseline of a free taxel follows its mean. A load that grows more slowly than
+        ``noise.rate_limits`` [N/s] then counts as drift. Without it, drift is only reported.
 
     Raises
     ------
@@ -91,6 +95,7 @@ class Skin:
         switch_off: float | None = None,
         ground: Plane | None = None,
         in_cell: bool = False,
+        follow_drift: bool = True,
     ):
         self._has_thresholds = switch_on is not None or switch_off is not None
         if switch_on is None:
@@ -105,8 +110,8 @@ class Skin:
         plane = ground or ground_of(self.positions, self.normals, self.areas)
         self.ground = None if plane is None else GroundGeometry(self.geometry, plane)
         self.switch_on, self.switch_off = switch_on, switch_off
-        self._in_cell, self._drift = in_cell, Drift()
-        self._readings = Readings(calibration, self.geometry)
+        self._in_cell = in_cell
+        self._readings = Readings(calibration, self.geometry, follow_drift)
         self._modalities = Modalities(calibration.modalities, self.link, self.ids, self.channels)
         self._rest: Rest | None = None if self._has_thresholds else Rest()
         self._clock = Clock()
@@ -176,6 +181,12 @@ class Skin:
         return self._readings.noise
 
     @property
+    def drift(self) -> Array:
+        """Change of the readings (n,) without contact since the noise was learned. It is subtracted from readings."""
+        offset = self._readings.drift.offset
+        return np.zeros(len(self.ids)) if offset is None else offset.copy()
+
+    @property
     def observable(self) -> BoolArray:
         """Which components (6,) of the wrench the skin observes: 3 of 6 for a flat sole."""
         return observable(self.geometry.wrenches)
@@ -198,7 +209,8 @@ class Skin:
         InvalidReading
             If this is not one row of numbers, or is too short for the highest channel.
         """
-        forces, known = self._readings.forces(self._readings.intensities(readings))
+        raw = self._readings.intensities(readings)
+        forces, known = self._readings.forces(self._readings.drift.corrected(raw))
         return np.where(known, forces, np.nan)
 
     def tare(self, readings: Any) -> None:
@@ -222,7 +234,6 @@ class Skin:
         """
         self._readings.tare(readings)
         self._rest = None if self._has_thresholds or self.noise is not None else Rest()
-        self._drift = Drift()
 
     def mask(self, ids: Iterable[str]) -> None:
         """Leave out these defective taxels from now on; an empty list masks none.
@@ -261,9 +272,10 @@ class Skin:
                 if any(modalities[name].problem for name in readings if name != FORCE):
                     flags |= {"modality"}
                 readings = force_of(readings)
-            intensities = self._readings.intensities(readings)
+            raw = self._readings.intensities(readings)
         except InvalidReading as error:
             return self._unknown(time, flags | {error.flag}, str(error), modalities)
+        intensities = self._readings.drift.corrected(raw)
         forces, known = self._readings.forces(intensities)
         flags |= self._readings.flags(intensities, known)
         known_count = np.count_nonzero(known)
@@ -277,7 +289,7 @@ class Skin:
         footprint = self._footprint
         if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
-        unchanged = self._readings.unchanged(intensities)
+        unchanged = self._readings.unchanged(raw)
         stuck = self._readings.stuck(unchanged, time, self._clock.period) & touched.active
         saturated = self._readings.saturated(intensities) & known
         flags |= {name for name, which in (("stuck", stuck), ("saturated", saturated)) if np.count_nonzero(which)}
@@ -287,9 +299,7 @@ class Skin:
         if noise is not None:
             if noise.has_dead:
                 flags |= {"dead"}
-            if self._drift.is_drift(
-                noise, intensities, self._free(touched, known, float(touched.weights @ forces)), time
-            ):
+            if self._readings.drift.is_reported:
                 flags |= {"drift"}
             if self._readings.is_frozen(unchanged, time, self._clock.period):
                 flags |= {"frozen"}
@@ -297,6 +307,7 @@ class Skin:
                 flags |= {"below_rest"}
         if fresh:
             self._identities.forget()
+            self._readings.drift.drop_block()
         moments = None
         if self.ground is not None and (self._in_cell or footprint.is_full):
             moments = self.ground.full_contact if footprint.is_full else self.ground.in_cell
@@ -304,10 +315,11 @@ class Skin:
         contacts = contacts_of(footprint, forces, self._identities.follow(footprint), terms)
         wrench = terms[5:] @ (touched.weights * forces)
         self._clock.accept(time)
-        self._readings.accept(intensities, unchanged, time)
+        self._readings.accept(raw, unchanged, time)
+        self._readings.follow(raw, known_count == len(known), time)
         self._active, self._footprint = state, footprint
         if self._rest is not None and known_count == len(known):
-            self._learn(intensities, time, fresh)
+            self._learn(raw, time, fresh)
         deviations = None if noise is None else partial(self._readings.deviations, intensities)
         return Frame(
             time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint, touched, noise, moments,
@@ -318,8 +330,9 @@ class Skin:
         """Compute the results of many readings at once, without a change of the skin.
 
         They equal those of :meth:`update` in a loop that starts without contacts, with the baseline, noise and masked
-        taxels of now. A batch learns no noise: call :meth:`tare` before. It has no polygons, no standard deviations, no
-        single contacts with their numbers, and no flags.
+        taxels of now. With times the baseline follows a drift as in the loop, otherwise it stays. A batch learns no
+        noise: call :meth:`tare` before. It has no polygons, no standard deviations, no single contacts with their
+        numbers, and no flags.
 
         Parameters
         ----------
@@ -356,28 +369,6 @@ class Skin:
         if noise is None or self._has_thresholds:
             return by_thresholds(forces, known, before, self.switch_on, self.switch_off, self._has_thresholds)
         return by_noise(noise, intensities, forces, known, before, self.geometry.neighbours)
-
-    def _free(self, touched: Touched, known: BoolArray, force: float) -> BoolArray:
-        """Return which known taxels (n,) are free; none under a clear load, of which others may carry a little, too.
-
-        Parameters
-        ----------
-        touched : Touched
-            Of the frame.
-        known : array of bool, shape (n,)
-            Which taxels have a valid force.
-        force : float
-            Sum over the taxels [N].
-        """
-        if (
-            self.noise is None
-            or (touched.sure is not None and np.count_nonzero(touched.sure))
-            or force > self.noise.load_limit
-        ):
-            return np.zeros(len(known), bool)
-        near = np.append(touched.possible, False)
-        near[self.geometry.neighbours.take(touched.possible.nonzero()[0], axis=1)] = True
-        return known & ~near[:-1]
 
     def _learn(self, intensities: Array, time: float, fresh: bool) -> None:
         """Learn baseline and noise from the first quiet frames."""

@@ -76,6 +76,7 @@ def assert_equals_loop(skin, readings, times):
         if times is None:
             new = copy.deepcopy(skin) if t == 0 else new
             new._active = np.zeros(len(new.ids), bool)
+            new._readings.drift = copy.deepcopy(skin._readings.drift)
         frame = new.update(reading, float(t) if times is None else times[t])
         is_known = frame.problem is None
         assert_array_equal(batch.forces[t], frame.forces)

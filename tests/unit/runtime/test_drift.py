@@ -1,0 +1,173 @@
+"""The baseline of free taxels follows a drift; loads are not taken for one."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from skin_calib_addon.calibration import Response
+from skin_calib_addon.runtime import Skin
+from skin_calib_addon.runtime.noise import TRACKING_TIME
+from tests.samples import plane, small_calibration
+from tests.soles import sole_patch
+
+N = 42
+NEWTONS = 0.2  # of a count
+PERIOD = 0.02  # [s]
+REST = 50.0  # [counts]
+SIGMA = NEWTONS * np.sqrt(4 + 1 / 12)  # [N]
+
+
+def read(rng, newtons):
+    """Return readings (frames, n) of forces with two counts of noise."""
+    return np.clip(np.rint(REST + newtons / NEWTONS + 2 * rng.normal(size=newtons.shape)), 0, 4095).astype(int)
+
+
+def rested(rng, **options):
+    """Return a sole that has learned its noise."""
+    response = Response((0.0, NEWTONS))
+    patches, surfaces = (sole_patch(),), (plane(),)
+    skin = Skin(small_calibration(link="sole", patches=patches, surfaces=surfaces, response=response), **options)
+    skin.tare(read(rng, np.zeros((250, N))))
+    return skin
+
+
+def frames_of(skin, rng, newtons, start=10.0):
+    """Return the frames of forces (frames, n)."""
+    return [skin.update(reading, start + PERIOD * k) for k, reading in enumerate(read(rng, newtons))]
+
+
+def seconds(duration):
+    """Return the times of frames (frames, 1)."""
+    return np.arange(0, duration, PERIOD)[:, None]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_baseline_follows_a_slow_drift_of_free_taxels(sign):
+    """It is behind by rate times time constant; after 4 N of drift per taxel, the foot in the air does not stand."""
+    rng, rate = np.random.default_rng(0), 0.4 / 60
+    skin = rested(rng)
+    drift = sign * rate * seconds(120) * np.linspace(0.5, 1.5, N) + np.zeros(N)
+    frames = frames_of(skin, rng, drift)
+    assert np.mean([f.stands for f in frames]) < 2e-3
+    assert all("drift" not in f.flags and "below_rest" not in f.flags for f in frames)
+    behind = drift[-1] - skin.drift * NEWTONS
+    assert_allclose(behind.mean(), sign * rate * TRACKING_TIME, atol=0.02)
+    assert_allclose(behind.std(), rate * TRACKING_TIME * np.linspace(0.5, 1.5, N).std(), atol=0.03)
+
+
+def test_option_leaves_the_baseline():
+    """Then the drift is reported only."""
+    rng = np.random.default_rng(0)
+    skin = rested(rng, follow_drift=False)
+    frames = frames_of(skin, rng, 0.4 / 60 * seconds(60) + np.zeros(N))
+    assert "drift" in frames[-1].flags and not skin.drift.any()
+
+
+def test_foot_that_walks_follows_the_drift_as_fast():
+    """Free in a third of the time, its baseline is behind by the same."""
+    rng, rate = np.random.default_rng(1), 0.4 / 60
+    skin = rested(rng)
+    time = seconds(60)
+    frames = frames_of(skin, rng, rate * time + np.where(time % 1.5 < 1.0, 10.0, 0.0) + np.zeros(N))
+    assert_allclose(rate * 60 - skin.drift.mean() * NEWTONS, rate * TRACKING_TIME, atol=0.03)
+    air = [f.stands for f, now in zip(frames, time) if now % 1.5 > 1.1]
+    assert np.mean(air) < 5e-3
+
+
+@pytest.mark.parametrize("taxels", [1, N])
+def test_load_that_grows_twice_as_fast_as_the_limit_is_no_drift(taxels):
+    """The baseline takes at most the part that the analytic solution of the filter gives: 2 ln 2 - 1 of the limit."""
+    rng = np.random.default_rng(2)
+    skin = rested(rng)
+    one, limit = skin.noise.rate_limits.max(), skin.noise.load_rate_limit
+    rates = np.where(np.arange(N) < taxels, 2 * one if taxels == 1 else 2 * limit / N, 0.0)
+    time = seconds(60)
+    frame = frames_of(skin, rng, rates * time)[-1]
+    assert frame.stands and (frame.sets.sure[0] or taxels > 1)
+    lost = skin.drift.sum() * NEWTONS
+    assert -0.5 < lost < (2 * np.log(2) - 1) * TRACKING_TIME * (one if taxels == 1 else limit) + 4 * SIGMA
+
+
+def test_load_that_grows_at_a_tenth_of_the_limit_counts_as_drift():
+    """That is what the limit states: nothing distinguishes it from a drift."""
+    rng = np.random.default_rng(3)
+    skin = rested(rng)
+    frames = frames_of(skin, rng, 0.1 * skin.noise.load_rate_limit / N * seconds(60) + np.zeros(N))
+    assert np.mean([f.stands for f in frames]) < 5e-3
+    assert skin.drift.sum() * NEWTONS > 0.7 * 6 * skin.noise.load_rate_limit
+
+
+def test_constant_load_stays():
+    """A load at the limit of the sum, and a taxel at its detection limit, are there a minute later."""
+    rng = np.random.default_rng(4)
+    even, one = rested(rng), rested(rng)
+    frames = frames_of(even, rng, np.full((3000, N), even.noise.load_limit / N))
+    assert np.mean([f.stands for f in frames]) > 0.998
+    assert_allclose(np.mean([f.load for f in frames[-500:]]), np.mean([f.load for f in frames[:500]]), atol=1.0)
+    frames_of(one, rng, np.where(np.arange(N) == 5, one.noise.detection_limits.max(), np.zeros((3000, N))))
+    assert abs(one.drift[5]) * NEWTONS < 0.5 * SIGMA
+
+
+def test_light_load_at_the_start_is_unlearned():
+    """A skin that learned a light even load as rest is right again some time constants after the foot is lifted."""
+    rng = np.random.default_rng(5)
+    skin = rested(rng)
+    skin.tare(read(rng, np.full((250, N), 1.0)))
+    frames = frames_of(skin, rng, np.zeros((round(5 * TRACKING_TIME / PERIOD), N)))
+    assert "drift" in frames[200].flags and "drift" not in frames[-1].flags
+    assert_allclose(skin.drift.mean() * NEWTONS, -1.0, atol=0.05)
+
+
+def test_broken_taxel_does_not_keep_the_others():
+    """A masked taxel at full scale, and one that sends NaN, are left out."""
+    rng = np.random.default_rng(6)
+    skin = rested(rng)
+    skin.mask([skin.ids[3]])
+    readings = read(rng, 0.3 / 60 * seconds(60) + np.zeros(N)).astype(float)
+    readings[:, 3], readings[::2, 7] = 4095, np.nan
+    for k, reading in enumerate(readings):
+        skin.update(reading, 10 + PERIOD * k)
+    assert skin.drift[3] == skin.drift[7] == 0
+    others = np.delete(skin.drift, [3, 7]) * NEWTONS
+    assert_allclose(others.mean(), 0.3 - 0.3 / 60 * TRACKING_TIME, atol=0.03)
+
+
+def test_frozen_bus_teaches_nothing():
+    """The same readings again and again are no rest."""
+    rng = np.random.default_rng(7)
+    skin = rested(rng)
+    frame = read(rng, np.zeros((1, N)))[0]
+    for k in range(500):
+        skin.update(frame, 10 + PERIOD * k)
+    assert not skin.drift.any()
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_batch_follows_the_drift_as_the_loop(whole):
+    """Also with steps, jumps of the time and broken readings, and after updates of the skin."""
+    rng = np.random.default_rng(8)
+    skin, time = rested(rng), seconds(16)
+    forces = 0.02 * time * np.linspace(0, 1, N) + np.where((time % 1.5 < 1.0) & (time > 6), 10.0, 0.0)
+    readings = read(rng, forces)
+    if not whole:
+        readings = readings + np.where(rng.random(readings.shape) < 1e-3, np.nan, 0.0)
+        readings[100] = np.nan
+    for k in range(25):
+        skin.update(readings[0], 5 + 0.1 * k)
+    times = 10 + time[:, 0]
+    times[300:] += 5
+    times[500:] -= 2
+    times[650] = np.nan
+    batch = skin.batch(readings, times)
+    skin._readings.drift.drop_block()
+    skin._active = np.zeros(N, bool)
+    offsets = set()
+    for k, reading in enumerate(readings):
+        frame = skin.update(reading, times[k])
+        offsets.add(skin.drift.tobytes())
+        assert_allclose(batch.forces[k], frame.forces, rtol=1e-12, atol=1e-12)
+        assert_array_equal(batch.active[k], frame.active)
+        assert batch.stands[k] == frame.stands
+        if frame.problem is None:
+            assert_allclose(batch.load[k], frame.load, rtol=1e-12, atol=1e-12)
+    assert len(offsets) > 20
