@@ -237,7 +237,7 @@ class Rest:
         self._rows, self._times, self._next = [], [], MIN_FRAMES
 
 
-def learned(rows: Array, responses: "TaxelResponses", pair_count: int, is_whole: bool) -> Noise | None:
+def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole: bool) -> Noise | None:
     """Return the noise of readings at rest; None if they say nothing about it.
 
     Parameters
@@ -246,8 +246,8 @@ def learned(rows: Array, responses: "TaxelResponses", pair_count: int, is_whole:
         Readings of the taxels without contact; NaN where a taxel has none.
     responses : TaxelResponses
         Of the taxels.
-    pair_count : int
-        Number of pairs of neighbours.
+    pairs : array, shape (e, 2)
+        Rows of neighbours.
     is_whole : bool
         Whether the converter sends whole numbers.
     """
@@ -267,10 +267,13 @@ def learned(rows: Array, responses: "TaxelResponses", pair_count: int, is_whole:
         return None
     freedom = np.maximum(frames * (1 - clipped), 1.0) + POOLED_FRAMES / 2
 
-    def level(probability: float) -> Array:
-        return mean + step / 2 + spread * student(NormalDist().inv_cdf(1 - probability), freedom)
+    def level(quantile: float) -> Array:
+        return mean + step / 2 + spread * student(quantile, freedom)
 
-    sure, pair = level(MAX_FALSE_SURE / known), level(math.sqrt(MAX_FALSE_PAIR / max(pair_count, 1)))
+    first, second = ((rows - rows.mean(axis=0)) / np.maximum(rows.std(axis=0), MIN_SIGMA * step)).T[pairs.T]
+    alike = float((first * second).mean()) if len(pairs) else 0.0
+    sure = level(NormalDist().inv_cdf(1 - MAX_FALSE_SURE / known))
+    pair = level(both_quantile(MAX_FALSE_PAIR / max(len(pairs), 1), alike))
     above = ((rows - mean - step / 2) / spread)[:, ~dead]
     largest = float(above.max())
     if largest > NormalDist().inv_cdf(1 - MIN_TAIL_PROBABILITY / above.size):
@@ -356,6 +359,29 @@ def student(normal: float, freedom: Array) -> Array:
     second = (5 * z**5 + 16 * z**3 + 3 * z) / 96
     third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384
     return z + first / v + second / v**2 + third / v**3
+
+
+def both_quantile(probability: float, correlation: float) -> float:
+    r"""Return the level that two normal variables both exceed with a probability.
+
+    With noise u that is common to both, and given its value, they are independent:
+
+    .. math::
+        P = \int \varphi(u)\, Q\!\left( \frac{t - \sqrt{c}\, u}{\sqrt{1 - c}} \right)^2 \mathrm{d}u .
+
+    Parameters
+    ----------
+    probability : float
+        Less than 1/4.
+    correlation : float
+        Correlation c of the two; below 0 it counts as 0.
+    """
+    u, levels = _GRID[::20], _GRID[_GRID >= 0][::20]
+    width = float(u[1] - u[0])  # of a step of the sum
+    own = max(math.sqrt(1 - max(correlation, 0.0)), width)
+    above = np.interp((math.sqrt(max(correlation, 0.0)) * u - levels[:, None]) / own, _GRID, _BELOW)
+    both = (above**2 @ np.exp(-u * u / 2)) * width / math.sqrt(2 * math.pi)
+    return float(np.interp(-math.log(probability), -np.log(both), levels))
 
 
 def _step(rows: Array, is_whole: bool) -> float | None:

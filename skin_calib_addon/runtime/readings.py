@@ -31,8 +31,9 @@ MAX_QUIET_SHIFT = 4.0
 # [standard deviations] Largest deviation of a reading from the median at rest. Larger: taps at the start count as rest;
 # smaller: noise with rare large values is not learned without a tare.
 MAX_QUIET_PEAK = 6.0
-# [1] Mean square of the differences of successive readings at rest, relative to that of independent readings. Larger:
-# correlated noise is not learned without a tare; smaller: slow contacts at the start count as rest.
+# [1] Mean square of the differences of successive readings at rest, relative to that of independent readings; also of
+# one taxel, relative to the median. Larger: correlated noise is not learned without a tare; smaller: slow contacts at
+# the start count as rest.
 MIN_QUIET_CHANGE = 0.25
 # [reading] Standard deviation of a taxel that never changes, in the division by it. Derived: from double precision.
 MIN_SPREAD = 1e-12
@@ -109,7 +110,7 @@ class Readings:
         self._new_drift = partial(Drift, geometry.neighbours, follows_drift)
         self.drift = self._new_drift()
         self.is_whole = False  # whether the last readings were whole numbers
-        self._pair_count = len(geometry.pairs)
+        self._pairs = geometry.pairs
         self._can_saturate = bool(np.isfinite(self._responses.full).any())
         self._last = np.full(len(geometry.ids), np.nan)
         self._since = np.full(len(geometry.ids), np.inf)
@@ -187,7 +188,7 @@ class Readings:
         finite = np.abs(rows) < MAX_READING
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
-        noise = learned(np.where(finite, rows, np.nan), self._responses, self._pair_count, is_whole)
+        noise = learned(np.where(finite, rows, np.nan), self._responses, self._pairs, is_whole)
         if noise is not None:
             mean = np.where(noise.dead, mean, noise.mean * noise.sign)
         before = np.zeros(rows.shape[1]) if self._shift is None else self._shift
@@ -232,11 +233,15 @@ class Readings:
         sigma = np.maximum(sigma, np.median(sigma))  # of few frames, the estimate of one taxel can be small by chance
         is_noise = np.abs(rows - middle).max(axis=0) <= MAX_QUIET_PEAK * sigma
         variance = rows.var(axis=0, ddof=1)
-        is_noise &= (variance <= floor**2) | ((steps**2).mean(axis=0) >= MIN_QUIET_CHANGE * 2 * variance)
+        changes = (steps**2).mean(axis=0) / (2 * np.maximum(variance, MIN_SPREAD))
+        # 1 less the correlation of successive readings; independent ones give less by chance
+        change = min(float(np.median(changes)) * (1 + 2 / len(rows) ** 0.5), 1.0)
+        is_noise &= (variance <= floor**2) | ((changes >= MIN_QUIET_CHANGE * change) & (change >= MIN_QUIET_CHANGE))
         spread = np.maximum(rows.std(axis=0, ddof=1), np.abs(steps).max(axis=0) / 4)
         shifts = (rows[half:].mean(axis=0) - rows[:half].mean(axis=0)) / np.maximum(spread, MIN_SPREAD)
         total = shifts.sum() / max(len(shifts), 1) ** 0.5  # many taxels that change together, each by little
-        is_steady = np.abs(np.append(shifts, total)) <= MAX_QUIET_SHIFT * (2 / half) ** 0.5
+        of_mean = ((2 - change) / max(change, MIN_QUIET_CHANGE) / half) ** 0.5  # standard deviation, correlated
+        is_steady = np.abs(np.append(shifts, total)) <= MAX_QUIET_SHIFT * 2**0.5 * of_mean
         is_near = np.abs(rows.mean(axis=0) - self._responses.rest) <= MAX_QUIET_MEAN * spread
         return bool(is_noise.all() and is_steady.all() and is_near.all())
 

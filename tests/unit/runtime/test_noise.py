@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin, convex_hull
-from skin_calib_addon.runtime.noise import student
+from skin_calib_addon.runtime.noise import both_quantile, student
 from tests.samples import plane, sheet, small_calibration
 from tests.soles import sole_patch
 
@@ -266,6 +266,42 @@ def test_students_quantiles():
     for probability in (3e-4, 1e-5):
         expected = t.isf(probability, freedom)
         assert_allclose(student(float(norm.isf(probability)), freedom), expected, rtol=0.015)
+
+
+def test_level_that_two_correlated_variables_exceed():
+    """It agrees with SciPy's bivariate normal distribution; without correlation it is the quantile of the root."""
+    from scipy.stats import multivariate_normal, norm
+
+    assert_allclose(both_quantile(1e-6, 0.0), norm.isf(1e-3), rtol=1e-4)
+    for c in (0.1, 0.5, 0.9):
+        t = both_quantile(1e-6, c)
+        assert_allclose(multivariate_normal.cdf([-t, -t], cov=[[1, c], [c, 1]]), 1e-6, rtol=0.01)
+    assert both_quantile(1e-6, 1.0) < norm.isf(1e-6) + 0.1
+
+
+def test_noise_common_to_neighbours_makes_no_pairs():
+    """Half of the variance is common: two free neighbours exceed the level of a pair once in 10 000 frames at most."""
+    rng, skin = np.random.default_rng(17), sole()
+
+    def readings(frames):
+        return np.rint(100 + np.sqrt(2) * (rng.normal(size=(frames, N)) + rng.normal(size=(frames, 1))))
+
+    skin.tare(readings(250))
+    above = readings(40000) > skin.noise.pair
+    both = (above[:, skin.pairs[:, 0]] & above[:, skin.pairs[:, 1]]).any(axis=1)
+    assert both.mean() < 4e-4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_correlated_noise_is_learned_from_the_first_frames(seed):
+    """A correlation of 0.6 from frame to frame is no slow push."""
+    rng, skin = np.random.default_rng(seed), sole()
+    noise = rng.normal(size=(251, N))
+    for k in range(1, len(noise)):
+        noise[k] = 0.6 * noise[k - 1] + 0.8 * noise[k]
+    for k, reading in enumerate(np.maximum(np.rint(2 * noise), 0)):
+        skin.update(reading, 0.004 * k)
+    assert skin.noise is not None
 
 
 def test_in_cell_option_is_exact_for_a_linear_pressure_of_any_contact():
