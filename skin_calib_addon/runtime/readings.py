@@ -46,6 +46,9 @@ MAX_READING_PERIOD = 0.02
 # [s] Shortest time after which equal frames are a frozen bus. Larger: it is reported later; smaller: a short
 # interruption, which is a matter of the clock, is reported.
 FROZEN_TIME = 0.1
+# [taxels] Number of events, as a fraction of all taxels, up to which only their readings are converted to forces.
+# Larger: slower with many events, because single taxels take longer; smaller: slower with some events.
+MAX_EVENTS = 0.1
 
 
 def taxel_readings(
@@ -95,6 +98,34 @@ def taxel_readings(
     return readings.take(channels, axis=-1), is_whole
 
 
+def row_of(given: Any, kinds: str, must: str) -> Any:
+    """Return one row of numbers as an array; masked numbers stay in it.
+
+    Parameters
+    ----------
+    given : array, shape (k,)
+        As the caller passed it. An empty one may have any data type.
+    kinds : str
+        Valid kinds of data types, as in NumPy.
+    must : str
+        What it must be, the start of the message.
+
+    Raises
+    ------
+    InvalidReading
+        If it is something else.
+    """
+    try:
+        numbers = np.asarray(given)
+    except ValueError as error:
+        raise InvalidReading(f"{must}; this has rows of different lengths", flag="wrong_type") from error
+    if numbers.ndim != 1 or numbers.dtype.kind not in kinds:
+        if numbers.shape == (0,):
+            return np.empty(0, np.int64)
+        raise InvalidReading(f"{must}; these are {numbers.dtype} of shape {numbers.shape}", flag="wrong_type")
+    return numbers
+
+
 class Readings:
     """Convert readings to forces. Keep the baseline, the masked taxels, and when each reading last changed."""
 
@@ -112,6 +143,10 @@ class Readings:
         self.is_whole = False  # whether the last readings were whole numbers
         self._pairs = geometry.pairs
         self._can_saturate = bool(np.isfinite(self._responses.full).any())
+        self._latest = np.full(len(geometry.ids), np.nan)  # all that was sent, also in frames that are not accepted
+        self._converted: tuple[Any, Any, Array] = (None, None, self._latest)  # baseline, drift, forces of the latest
+        self._row_of_channel = np.full(self.length + 1, -1)  # -1: no taxel; the last one is for all higher channels
+        self._row_of_channel[self.channels] = np.arange(len(self.channels))
         self._last = np.full(len(geometry.ids), np.nan)
         self._since = np.full(len(geometry.ids), np.inf)
 
@@ -125,6 +160,34 @@ class Readings:
         """
         rows, self.is_whole = self._rows(readings, (1,))
         return rows.astype(float)
+
+    def after(self, indices: Any, values: Any) -> tuple[Array, IntArray]:
+        """Return the reading of each taxel (n,) after some events, and their rows. No event of wrong ones counts.
+
+        Parameters
+        ----------
+        indices, values : array, shape (k,)
+            As for :meth:`.Skin.update_events`.
+
+        Raises
+        ------
+        InvalidReading
+            If these are not two rows of whole and of real numbers of the same length. ``flag`` names the problem.
+        """
+        channels = row_of(indices, "iu", "indices of events must be one row of whole numbers")
+        numbers = row_of(values, "iuf", "values of events must be one row of real numbers")
+        if len(channels) != len(numbers):
+            raise InvalidReading(f"there are {len(channels)} indices for {len(numbers)} values", flag="wrong_length")
+        if channels.min(initial=0) < 0:
+            what = f"the index {channels.min()} of an event is negative; channels are counted from 0"
+            raise InvalidReading(what, flag="wrong_type")
+        rows = self._row_of_channel.take(channels, mode="clip")
+        is_own = rows >= 0
+        raw, rows = self._latest.copy(), rows[is_own]
+        raw[rows] = unmasked(values)[is_own]
+        if len(numbers):
+            self.is_whole = numbers.dtype.kind in "ui"
+        return raw, rows
 
     def rows(self, readings: Any) -> Array:
         """Return the readings of the taxels in many readings, shape (T, n), in their data type.
@@ -153,8 +216,37 @@ class Readings:
         """
         shifted = intensities if self._shift is None else intensities + self._shift
         forces = self._responses.forces(shifted)
+        return forces, self._known(forces)
+
+    def _known(self, forces: Array) -> BoolArray:
+        """Return which forces (..., n) are valid."""
         known = (forces <= MAX_FORCE) & self.alive
-        return forces, known if self.noise is None or not self.noise.has_dead else known & ~self.noise.dead
+        return known if self.noise is None or not self.noise.has_dead else known & ~self.noise.dead
+
+    def next(self, raw: Array, changed: IntArray | None) -> tuple[Array, Array, BoolArray]:
+        """Return readings without the drift, forces [N], and which of them are valid, (n,) each, of the next frame.
+
+        Forces of a few changed readings are converted alone, unless the baseline has moved.
+
+        Parameters
+        ----------
+        raw : array, shape (n,)
+            Reading of each taxel.
+        changed : array, shape (k,)
+            Rows in which it may differ from that of the last call; None for all.
+        """
+        intensities = self.drift.corrected(raw)
+        shift, offset, before = self._converted
+        is_same = shift is self._shift and offset is self.drift.offset
+        if changed is not None and is_same and len(changed) <= MAX_EVENTS * len(raw):
+            forces = before.copy()
+            shifted = intensities[changed] if shift is None else intensities[changed] + shift[changed]
+            forces[changed] = self._responses.forces_at(changed, shifted)
+            known = self._known(forces)
+        else:
+            forces, known = self.forces(intensities)
+        self._latest, self._converted = raw, (self._shift, self.drift.offset, forces)
+        return intensities, forces, known
 
     def deviations(self, intensities: Array) -> Array:
         """Return the standard deviations of the forces (n,) [N]: the noise, times the slope of the response here.

@@ -275,8 +275,56 @@ class Skin:
             raw = self._readings.intensities(readings)
         except InvalidReading as error:
             return self._unknown(time, flags | {error.flag}, str(error), modalities)
-        intensities = self._readings.drift.corrected(raw)
-        forces, known = self._readings.forces(intensities)
+        return self._frame(raw, None, time, flags, modalities)
+
+    def update_events(self, indices: Any, values: Any, time: float) -> Frame:
+        """Compute the frame after some readings changed; all others are those of the last frame.
+
+        The frame is that of :meth:`update` with the complete reading, to the bit, and wrong events raise no error.
+        Before the first complete reading, taxels without an event are unknown. A taxel that sends nothing has an
+        unchanged reading: the flags ``stuck`` and ``frozen`` mean the same as for complete readings.
+
+        Parameters
+        ----------
+        indices : array of int, shape (k,)
+            Channels of the events. Those that the skin does not have do not count. Of equal ones the last counts.
+        values : array, shape (k,)
+            Their new readings of force, of the data type of the complete readings.
+        time : float
+            Of the frame [s].
+        """
+        time = float(time)
+        flags = self._clock.flags(time)
+        try:
+            raw, changed = self._readings.after(indices, values)
+        except InvalidReading as error:
+            return self._unknown(time, flags | {error.flag}, str(error), self._modalities.nothing)
+        return self._frame(raw, changed, time, flags, self._modalities.nothing)
+
+    def _frame(
+        self,
+        raw: Array,
+        changed: IntArray | None,
+        time: float,
+        flags: frozenset[str],
+        modalities: Mapping[str, ModalityValues],
+    ) -> Frame:
+        """Return the frame of a reading, and change the state of the skin.
+
+        Parameters
+        ----------
+        raw : array, shape (n,)
+            Reading of each taxel.
+        changed : array, shape (k,)
+            Rows of the taxels whose reading may differ from that of the last call; None for all.
+        time : float
+            Of the reading [s].
+        flags : frozenset of str
+            Those of time and modalities.
+        modalities : mapping of str to ModalityValues
+            All modalities.
+        """
+        intensities, forces, known = self._readings.next(raw, changed)
         flags |= self._readings.flags(intensities, known)
         known_count = np.count_nonzero(known)
         if known_count == 0 < len(known):
