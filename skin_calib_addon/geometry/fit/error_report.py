@@ -37,7 +37,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.samples import RaySamples
 from ..surface.bspline import BSplineSurface
 from ..surface.distance import is_sampled, sample_lines
-from ..surface.footpoints import footpoints
+from ..surface.footpoints import descend, footpoints
 
 # [1] points of the mesh, evenly by area, that give its means. Larger: narrower confidence intervals, more time.
 MESH_POINTS = 10_000
@@ -67,9 +67,6 @@ MIN_COVER_COSINE = 0.5
 # [cosine] the same with the normal at the nearest node, before the footpoint is known. It affects the time only, unless
 # the surface swings. Larger: faster, and the mean is less safe.
 FIRST_COSINE = 0.0
-# [1] parameters beyond an open edge, by the nearest node, up to which the footpoint may be inside after all. Larger:
-# the maximum is safer where the surface swings, more time.
-EDGE_SLACK = 0.2
 CONFIDENCE_FACTOR = 1.96  # [standard deviations] half width of a 95 % confidence interval
 
 Exact = Callable[[IntArray], Array]
@@ -179,52 +176,44 @@ class Expansion:
     uv: Array  # (k, 2)
     points: Array  # (k, 3) [m]
     normals: Array  # (k, 3)
-    steps: Array  # (k, 2, 3) change of the parameters for a displacement of the point [1/m]
+    tangents: Array  # (k, 2, 3) along u and v [m]
+    first: Array  # (k, 2, 2) first fundamental form [m^2]
+    second: Array  # (k, 2, 2) second fundamental form [m]
     bend: Array  # (k, 3, 3) second derivatives of the distance by the point [1/m]
     curvature: Array  # (k,) [1/m] upper bound
-    spacing: float  # [m] largest distance of neighbouring nodes
     tree: cKDTree
 
     @classmethod
     def of(cls, surface: BSplineSurface) -> "Expansion":
         """Expand the distance about even parameters."""
         lines = sample_lines(surface, NODES_PER_SPAN)
-        shape = len(lines[0]), len(lines[1])
         uv = pairs_of(*lines)
         r = surface.derivatives(uv, 2)
         a, b, points = r[1, 0], r[0, 1], r[0, 0]
         normals = unit(cross(a, b))
-        aa, ab, bb = ((x * y).sum(axis=1)[:, None] for x, y in ((a, a), (a, b), (b, b)))
-        square_area = np.maximum(aa * bb - ab**2, np.finfo(float).tiny)
-        steps = np.stack(((bb * a - ab * b) / square_area, (aa * b - ab * a) / square_area), axis=1)
+        tangents = np.stack((a, b), axis=1)
+        first = tangents @ tangents.transpose(0, 2, 1)
         L, M, N = ((normals * x).sum(axis=1) for x in (r[2, 0], r[1, 1], r[0, 2]))
         second = np.stack((L, M, M, N), axis=1).reshape(-1, 2, 2)
+        steps = solved(first, tangents)  # change of the parameters for a displacement of the point [1/m]
         bend = -steps.transpose(0, 2, 1) @ second @ steps
-        grid = points.reshape(*shape, 3)
-        spacing = max(float(np.linalg.norm(np.diff(grid, axis=i), axis=2).max()) for i in (0, 1) if shape[i] > 1)
         curvature = np.sqrt(np.einsum("kij,kij->k", bend, bend))
-        return cls(uv, points, normals, steps, bend, curvature, spacing, cKDTree(points))
+        return cls(uv, points, normals, tangents, first, second, bend, curvature, cKDTree(points))
 
     def nearest(self, points: Array) -> IntArray:
         """Return the node nearest to each point."""
         return np.asarray(self.tree.query(points)[1])
 
-    def __call__(self, points: Array, node: IntArray) -> tuple[Array, Array]:
-        """Return estimates and upper bounds of the distances of points (k, 3) from the surface, shape (k,) [m].
+    def __call__(self, surface: BSplineSurface, points: Array, node: IntArray) -> tuple[Array, Array, BoolArray]:
+        r"""Return estimates and upper bounds of the distances, and whether footpoints are inside the surface.
 
-        The bound is the distance to the node. It is the estimate, too, where the node is too far for the expansion.
-        """
-        w = points - self.points[node]
-        bounds = np.sqrt(np.einsum("kc,kc->k", w, w))
-        near = np.flatnonzero(bounds * self.curvature[node] < EXPANSION_ANGLE)
-        node, w = node[near], w[near]
-        bent = (self.bend[node] @ w[:, :, None])[:, :, 0]
-        estimates = bounds.copy()
-        estimates[near] = np.abs(np.einsum("kc,kc->k", self.normals[node] + bent / 2, w))
-        return estimates, bounds
+        Near a node, the parameters of the footpoint follow from a step of Newton's method, with the height :math:`h`:
 
-    def is_over(self, surface: BSplineSurface, points: Array, node: IntArray, slack: float) -> BoolArray:
-        """Return which points are over the inside of the surface, or next to it.
+        .. math::
+
+            (I - h\, II)\, \mathbf{d} = J^T \mathbf{w}
+
+        Where the point is too far for the expansion, they follow from a descent from the node.
 
         Parameters
         ----------
@@ -234,20 +223,39 @@ class Expansion:
             [m]
         node : array of int, shape (k,)
             Their nearest nodes.
-        slack : float
-            Parameters beyond the edge that count as inside.
 
         Returns
         -------
-        array of bool, shape (k,)
+        estimates, bounds : array, shape (k,)
+            [m]
+        inside : array of bool, shape (k,)
         """
-        over = np.ones(len(points), bool)
-        w = points - self.points[node]
-        for axis in (0, 1):
-            if not surface.closed[axis]:
-                x = self.uv[node, axis] + np.einsum("kc,kc->k", self.steps[node, axis], w)
-                over &= (x > -slack) & (x < 1 + slack)
-        return over
+        w, start, is_open = points - self.points[node], self.uv[node], np.logical_not(surface.closed)
+        bounds, height = np.sqrt(np.einsum("kc,kc->k", w, w)), np.einsum("kc,kc->k", self.normals[node], w)
+        matrix = self.first[node] - height[:, None, None] * self.second[node]
+        uv = start + solved(matrix, np.einsum("kic,kc->ki", self.tangents[node], w)[:, :, None])[:, :, 0]
+        is_far = bounds * self.curvature[node] >= EXPANSION_ANGLE
+        slack = 2 * self.uv.min(axis=0)  # the distance of nodes
+        may_be_inside = ((uv > -slack) & (uv < 1 + slack))[:, is_open].all(axis=1) | ~is_positive_definite(matrix)
+        far = np.flatnonzero(is_far & may_be_inside)
+        uv[far], bounds[far] = descend(surface, start[far], points[far])
+        estimates, near = bounds.copy(), np.flatnonzero(~is_far)
+        bent = (self.bend[node[near]] @ w[near, :, None])[:, :, 0]
+        estimates[near] = np.abs(height[near] + np.einsum("kc,kc->k", bent, w[near]) / 2)
+        return estimates, bounds, ((uv > 0) & (uv < 1))[:, is_open].all(axis=1)
+
+
+def is_positive_definite(matrices: Array) -> BoolArray:
+    """Return which symmetric matrices (k, 2, 2) are positive definite."""
+    return (matrices[:, 0, 0] > 0) & (matrices[:, 0, 0] * matrices[:, 1, 1] > matrices[:, 0, 1] ** 2)
+
+
+def solved(matrices: Array, right: Array) -> Array:
+    """Return the solutions (k, 2, m) of positive definite systems (k, 2, 2) with the right sides (k, 2, m)."""
+    a, b, c = (matrices[:, i, j, None] for i, j in ((0, 0), (0, 1), (1, 1)))
+    determinant = np.maximum(a * c - b**2, np.finfo(float).tiny)
+    x, y = right[:, 0], right[:, 1]
+    return np.stack(((c * x - b * y) / determinant, (a * y - b * x) / determinant), axis=1)
 
 
 def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray, side: int) -> DistanceStatistics:
@@ -281,7 +289,8 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
     while len(counts) < MESH_POINTS / 2 and count <= MAX_MESH_POINTS:
         points, normals = points_by_area(mesh, count)
         node = table.nearest(points)
-        over = table.is_over(surface, points, node, 0.0) & is_sampled(surface, table.uv[node], known)
+        estimates, _, inside = table(surface, points, node)
+        over = inside & is_sampled(surface, table.uv[node], known)
         counts = np.flatnonzero(over & is_parallel(normals, table.normals[node], side, FIRST_COSINE))
         count *= EXACT_GROWTH
 
@@ -299,7 +308,7 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
     )
     if not len(counts):
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
-    estimates = table(points[counts], node[counts])[0]
+    estimates = estimates[counts]
     even = np.full(len(counts), 1 / len(counts))
     sample = stratified(even, min(EXACT_POINTS, len(counts)))
     errors = np.abs(footpoints(surface, points[counts[sample]])[1] - estimates[sample])
@@ -373,8 +382,8 @@ def largest_over(surface: BSplineSurface, table: Expansion, margin: float, point
         From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
     """
     node = table.nearest(points)
-    estimates, bounds = table(points, node)
-    over = np.flatnonzero(table.is_over(surface, points, node, EDGE_SLACK))
+    estimates, bounds, inside = table(surface, points, node)
+    over = np.flatnonzero(inside)
     return largest_of(np.minimum(estimates + margin, bounds)[over], lambda chosen: exact(over[chosen]))[0]
 
 

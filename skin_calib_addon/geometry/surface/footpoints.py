@@ -129,12 +129,12 @@ class _Search:
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """Return the footpoints (k, 2) of points (k, 3), and their distances (k,) [m]."""
         first = self._at_triangles(np.arange(len(points)), np.asarray(self.tree.query(points)[1]), points)
-        uv, distance = _descend(self.surface, first.uv, points)
+        uv, distance = descend(self.surface, first.uv, points)
         rivals = self._rivals(points, uv, distance)
         while len(rivals.row):
             best = np.append(True, rivals.row[1:] != rivals.row[:-1])  # one of each point, with the least bound
             chosen, rivals = rivals[best], rivals[~best]
-            found, length = _descend(self.surface, chosen.uv, points[chosen.row])
+            found, length = descend(self.surface, chosen.uv, points[chosen.row])
             better = length < distance[chosen.row]
             uv[chosen.row[better]], distance[chosen.row[better]] = found[better], length[better]
             for own in (found, chosen.uv):
@@ -243,8 +243,17 @@ def _power_fractions(count: int) -> Array:
     return np.array([[comb(j, i) / comb(count - 1, i) for i in range(count)] for j in range(count)])
 
 
-def _descend(surface: BSplineSurface, uv: Array, points: Array) -> tuple[Array, Array]:
+def descend(surface: BSplineSurface, uv: Array, points: Array) -> tuple[Array, Array]:
     """Apply Newton's method to the squared distance; a step that does not lower it is damped and repeated.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface, [m] in the link frame.
+    uv : array, shape (k, 2)
+        Parameters of the starts.
+    points : array, shape (k, 3)
+        The points [m].
 
     Returns
     -------

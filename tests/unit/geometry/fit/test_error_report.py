@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
-from scipy.spatial import cKDTree
+from numpy.testing import assert_allclose, assert_array_equal
 
+from skin_calib_addon.common.arrays import unit
 from skin_calib_addon.geometry import CoverSpec, TubeGrid, cut_cover, fit_surface, load_mesh, weld
 from skin_calib_addon.geometry.fit.error_report import Expansion, mesh_to_surface, surface_to_mesh
 from skin_calib_addon.geometry.fit.surface_fit import fit_lines
@@ -16,7 +16,19 @@ from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
 from skin_calib_addon.geometry.surface.distance import is_sampled, surface_samples
 from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.examples import examples
-from tests.shapes import LENGTH, RADIUS, Z_AXIS, box, cylinder, keep, plane_surface, sheet, wrist
+from tests.shapes import (
+    LENGTH,
+    RADIUS,
+    TURN,
+    Z_AXIS,
+    box,
+    cylinder,
+    grid_of_faces,
+    keep,
+    plane_surface,
+    sheet,
+    wrist,
+)
 
 DATA = Path(__file__).parents[5] / "shared" / "data" / "meshes"
 LINKS = ("icub27_l_upper_leg", "jvrc1_r_elbow_p", "hrp4c_r_wrist_y_cover_only", "icub27_l_forearm")
@@ -145,13 +157,22 @@ def test_errors_of_real_links_are_those_of_brute_force(name):
     assert abs(errors.mesh_to_surface.mean - back.mean()) < allowed + 1e-6
 
 
-def test_nearest_nodes_of_points_far_apart():
-    table = Expansion.of(plane_surface())
+def test_points_far_from_a_surface_are_over_it_or_beyond_its_edge():
+    """Over the zone of a sphere up to 40 degrees of latitude, far inside and outside of it."""
+    turn, latitude = np.meshgrid(np.linspace(0, TURN, 121), np.deg2rad(np.linspace(-60, 60, 81)), indexing="ij")
+    ball = np.stack((np.cos(latitude) * np.cos(turn), np.cos(latitude) * np.sin(turn), np.sin(latitude)), axis=-1)
+    mesh = weld(0.04 * ball.reshape(-1, 3), grid_of_faces(121, 81))
+    margin = 0.04 * (np.sin(np.deg2rad(60)) - np.sin(np.deg2rad(40)))
+    surface = fit_surface(mesh, TubeGrid(8, 16, axis=Z_AXIS, margin=margin)).surface
     rng = np.random.default_rng(0)
-    points = np.concatenate((rng.normal(size=(40_000, 3)), 300 * rng.normal(size=(10, 3))))
-    best = cKDTree(table.points).query(points)[0]
-    found = np.linalg.norm(points - table.points[table.nearest(points)], axis=1)
-    assert (found <= best + np.sqrt(3) / 2 * table.spacing).all()
+    directions = unit(rng.normal(size=(3000, 3)))
+    points = directions * rng.uniform(0.02, 0.07, (3000, 1))
+    table = Expansion.of(surface)
+    _, bounds, inside = table(surface, points, table.nearest(points))
+    angle = np.abs(np.rad2deg(np.arcsin(directions[:, 2])))
+    clear = np.abs(angle - 40) > 1
+    assert_array_equal(inside[clear], angle[clear] < 40)
+    assert (bounds >= footpoints(surface, points)[1] - 1e-9).all()
 
 
 def test_inner_wall_of_a_shell_is_no_error():

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from skin_calib_addon.geometry.mesh.closest import MANY_FACES, MeshDistance, NearMesh, closest_on_triangles
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.oracles import distance_to_mesh, nearest_on_triangle
-from tests.shapes import LENGTH, RADIUS, TURN, box, cylinder
+from tests.shapes import LENGTH, RADIUS, TURN, box, cylinder, grid_of_faces
 
 seeds = st.integers(0, 2**32 - 1)
 whole = st.integers(-3, 3)
@@ -80,13 +80,6 @@ def test_no_face_is_lost_between_centres_at_equal_distances():
     side = 1.001 * RADIUS * np.cos(phi) - RADIUS * np.cos(half)
     along = 1.001 * RADIUS * np.sin(np.abs(phi)) - RADIUS * np.sin(half)
     assert_allclose(found, np.hypot(side, np.maximum(along, 0)), rtol=0, atol=1e-9)
-
-
-def grid_of_faces(rows, columns):
-    """Return the faces (f, 3) between the points of a grid, row by row."""
-    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    halves = (corner, corner + columns, corner + columns + 1), (corner, corner + columns + 1, corner + 1)
-    return np.concatenate([np.stack(half, axis=1) for half in halves])
 
 
 @pytest.mark.parametrize("shape", ["a large face over fine ones", "long strips"])
