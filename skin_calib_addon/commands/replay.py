@@ -9,8 +9,9 @@ import numpy as np
 
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
-from ..inspection.recording import frame_document, read_recording
+from ..inspection.recording import frame_document, read_modalities, read_recording
 from ..runtime import Frame, Skin, load
+from ..runtime.modalities import FORCE
 from .common import DONE, check_picture, check_target, complain, count, newtons, say
 
 
@@ -61,7 +62,11 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.tare:
         skin.tare([reading for _, reading in recorded[: options.tare]])
-    frames = [skin.update(reading, time) for time, reading in recorded]
+    others = read_modalities(options.readings, skin.modalities)
+    frames = [
+        skin.update({FORCE: reading} | {name: rows[k] for name, rows in others.items()}, time)
+        for k, (time, reading) in enumerate(recorded)
+    ]
     if not frames:
         raise CalibrationFormatError(f"'{options.readings}' contains no frame. Check that it is the correct file.")
     if all(frame.problem for frame in frames):

@@ -2,7 +2,7 @@
 
 import math
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,21 +41,62 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, Array]]:
     return _packed(path) if path.suffix.lower() == ".npz" else _table(path)
 
 
+def read_modalities(path: str | Path, names: Collection[str]) -> dict[str, Array]:
+    """Return the readings (t, channels) of the modalities that a recording has.
+
+    Parameters
+    ----------
+    path : path
+        As for `read_recording`. An NPZ file can have an array for each modality; a CSV file has none.
+    names : collection of str
+        Modalities of the skin. Other arrays do not count.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the file is invalid, or an array has not one row for each frame.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        return {}
+    stored = _arrays(path, lambda there: ["time", *(name for name in names if name in there)])
+    time = stored.pop("time")
+    for name, rows in stored.items():
+        if rows.shape[:1] != time.shape or rows.ndim != 2:
+            what = f"{name} {rows.dtype} {rows.shape} for {len(time)} frames"
+            raise CalibrationFormatError(f"'{path}' has {what}. Give numbers of shape (t, channels)")
+    return stored
+
+
 def _packed(path: Path) -> Iterator[tuple[float, Array]]:
+    time, readings = _arrays(path, lambda _: ["time", "readings"]).values()
+    if time.ndim != 1 or time.dtype.kind not in "uif" or readings.shape[:1] != time.shape or readings.ndim != 2:
+        shapes = f"time {time.dtype} {time.shape} and readings {readings.dtype} {readings.shape}"
+        raise CalibrationFormatError(f"'{path}' has {shapes}. Give numbers of shapes (t,) and (t, channels)")
+    yield from zip(time.astype(float).tolist(), readings)
+
+
+def _arrays(path: Path, choose: Callable[[Collection[str]], Iterable[str]]) -> dict[str, np.ndarray]:
+    """Return some arrays of an NPZ file by their names.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    choose : callable
+        Returns the names of the arrays to read, from those in the file.
+    """
     size_of(path)
     if not zipfile.is_zipfile(path):  # NumPy would take it for a pickle
         raise CalibrationFormatError(f"cannot read '{path}': it is not an NPZ file; save it with numpy.savez")
     try:
         with zipfile.ZipFile(path) as archive:
-            time, readings = (_array(archive, name) for name in ("time", "readings"))
+            stored = [member.removesuffix(".npy") for member in archive.namelist()]
+            return {name: _array(archive, name) for name in choose(stored)}
     except CalibrationFormatError as problem:
         raise CalibrationFormatError(f"'{path}' {problem}") from problem
     except Exception as problem:  # the readers raise many types of exceptions for damaged files
         raise CalibrationFormatError(f"cannot read '{path}': {problem}. Save it again with numpy.savez") from problem
-    if time.ndim != 1 or time.dtype.kind not in "uif" or readings.shape[:1] != time.shape or readings.ndim != 2:
-        shapes = f"time {time.dtype} {time.shape} and readings {readings.dtype} {readings.shape}"
-        raise CalibrationFormatError(f"'{path}' has {shapes}. Give numbers of shapes (t,) and (t, channels)")
-    yield from zip(time.astype(float).tolist(), readings)
 
 
 def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
@@ -106,8 +147,14 @@ def _number(cell: str, path: Path, line: int, column: int) -> float:
 def frame_document(frame: Frame) -> dict[str, Any]:
     """Return a frame as JSON values in SI units.
 
-    Contacts and wrench are in the link frame, the rest is in coordinates of the ground. Unknown values are null.
+    Contacts and wrench are in the link frame, polygons, CoP and ZMP in coordinates of the ground. Unknown values are
+    null. Modalities are those with a reading.
     """
+    given = {
+        name: {"unit": m.unit, "values": [_known(value) for value in m.values.tolist()]}
+        for name, m in frame.modalities.items()
+        if m.problem is None
+    }
     return {
         "time": _known(frame.time),
         "flags": sorted(frame.flags),
@@ -130,6 +177,7 @@ def frame_document(frame: Frame) -> dict[str, Any]:
         "zmp": None if frame.zmp is None else frame.zmp.tolist(),
         "reason": frame.reason,
         "polygon": _polygons(frame.polygon),
+        **({"modalities": given} if given else {}),
     }
 
 

@@ -1,5 +1,6 @@
 """Recorded readings in the runtime, from the command line."""
 
+import dataclasses
 import io
 import json
 import os
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from skin_calib_addon.calibration import Response, save_calibration
+from skin_calib_addon.calibration import Modality, Response, ResponseTable, load_calibration, save_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import CalibrationFormatError
 from skin_calib_addon.inspection.recording import read_recording
@@ -223,6 +224,50 @@ def test_pipe_is_refused_without_waiting(name, tmp_path):
     os.mkfifo(tmp_path / name)
     with pytest.raises(CalibrationFormatError, match=f"{name}': it is not a regular file. Name a file"):
         list(read_recording(tmp_path / name))
+
+
+NEAR = Modality("proximity", "m", ResponseTable((0.0, 4000.0), (0.2, 0.0)))
+
+
+def with_proximity(calibration, tmp_path):
+    """Write the calibration with a modality, and return its path."""
+    path = tmp_path / "near.calibration.json"
+    save_calibration(dataclasses.replace(load_calibration(calibration), modalities=(NEAR,)), path)
+    return path
+
+
+def test_replay_takes_modalities_of_an_npz_file(calibration, tmp_path, capsys):
+    """Arrays with the names of modalities; the frames have their values, null where unknown. Others do not count."""
+    time, rows = readings(3)
+    raw = np.linspace(0.0, 4000.0, 3 * 42).reshape(3, 42)
+    raw[1, 7] = np.nan
+    np.savez(tmp_path / "r.npz", time=time, readings=rows, proximity=raw, truth=np.zeros(7))
+    out = tmp_path / "out.jsonl"
+    path = with_proximity(calibration, tmp_path)
+    assert main(["replay", str(path), str(tmp_path / "r.npz"), "-o", str(out), "--on", "0.2"]) == 0
+    lines = [json.loads(line) for line in out.read_text().splitlines()]
+    for k, line in enumerate(lines):
+        near = line["modalities"]["proximity"]
+        expected = [None if np.isnan(r) else 0.2 * (1 - r / 4000) for r in raw[k]]
+        assert near["unit"] == "m" and (near["values"][7] is None) == (k == 1)
+        pairs = [(a, b) for a, b in zip(near["values"], expected) if b is not None]
+        np.testing.assert_allclose(*np.array(pairs).T, rtol=0, atol=1e-15)
+        assert line["touched"] is True and line["flags"] == []
+    assert main(["replay", str(path), str(as_csv(tmp_path / "r.csv", time, rows)), "-o", str(out), "--on", "0.2"]) == 0
+    assert "modalities" not in json.loads(out.read_text().splitlines()[0])
+    capsys.readouterr()
+
+
+def test_wrong_modalities_of_a_recording_are_refused_or_flagged(calibration, tmp_path, capsys):
+    """A row for each frame is needed; channels that are missing are flagged in each frame."""
+    time, rows = readings(3)
+    path, out = with_proximity(calibration, tmp_path), tmp_path / "out.jsonl"
+    np.savez(tmp_path / "r.npz", time=time, readings=rows, proximity=np.zeros((2, 42)))
+    assert main(["replay", str(path), str(tmp_path / "r.npz"), "-o", str(out)]) == 1
+    assert "has proximity float64 (2, 42) for 3 frames. Give numbers of shape (t, channels)" in capsys.readouterr().err
+    np.savez(tmp_path / "r.npz", time=time, readings=rows, proximity=np.zeros((3, 5)))
+    assert main(["replay", str(path), str(tmp_path / "r.npz"), "-o", str(out), "--on", "0.2"]) == 0
+    assert "warning: modality in 3 of 3 frames" in capsys.readouterr().err
 
 
 def test_bad_calls_give_a_reason_and_no_file(calibration, tmp_path, capsys):
