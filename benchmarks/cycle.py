@@ -120,7 +120,7 @@ def centres(rows: int, columns: int, hexagons: bool) -> Array:
 def moving(
     rows: int, columns: int, contacts: int, radius: float, step: float, frames: int = 2000, hexagons: bool = False
 ) -> Array:
-    """Return counts (frames, n) of round contacts that move to and fro over the rows, by ``step`` pitches per frame."""
+    """Return counts (frames, n) of round contacts that move up and down the rows, by ``step`` pitches per frame."""
     cells = centres(rows, columns, hexagons)
     rng = np.random.default_rng(0)
     length = float(cells[-1, 1] - 0.5)

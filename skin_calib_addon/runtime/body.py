@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray
+from ..common.arrays import Array, BoolArray, lock, locked
 from ..common.errors import UnknownLink
 from .balance.polygon import EMPTY_POLYGON, Polygon, convex_hull
 from .footprint import NO_POLYGON, SupportingPolygon
@@ -35,19 +36,26 @@ class BodyFrame:
 
     A link whose contact is not known may carry any load. Then the wrench is None. If this link has a ground, ZMP, CoP
     and polygon are None, too: the other feet alone would give wrong ones. ``reason`` names the link.
+
+    Its arrays and mappings are read-only.
     """
 
-    links: dict[str, Frame]
-    poses: dict[str, Array]  # (4, 4) T_world_link of the links that have a frame
+    links: Mapping[str, Frame]
+    poses: Mapping[str, Array]  # (4, 4) T_world_link of the links that have a frame
     ground: Plane  # in the world frame
     flags: frozenset[str]
-    lost: dict[str, str] = field(default_factory=dict)  # links whose contact is not known: why
+    lost: Mapping[str, str] = field(default_factory=dict)  # links whose contact is not known: why
     lost_feet: frozenset[str] = frozenset()  # those that may stand
+
+    def __post_init__(self) -> None:
+        lock(*self.poses.values())
+        for name in ("links", "poses", "lost"):
+            object.__setattr__(self, name, MappingProxyType(getattr(self, name)))
 
     @cached_property
     def wrench(self) -> Array | None:
         """Wrench (6,) of all links about the origin of the world, along its axes [N, N m]; None if one is unknown."""
-        return None if self.lost else self._total(self.links)
+        return None if self.lost else locked(self._total(self.links))
 
     @cached_property
     def standing(self) -> tuple[str, ...]:
@@ -77,7 +85,8 @@ class BodyFrame:
         """
         if self.reason is not None:
             return None
-        return zero_moment_point(self.ground.wrench(self._total(self.standing)))
+        point = zero_moment_point(self.ground.wrench(self._total(self.standing)))
+        return None if point is None else locked(point)
 
     @cached_property
     def cop(self) -> Array | None:
@@ -85,9 +94,8 @@ class BodyFrame:
         if self.reason is not None:
             return None
         loads = np.array([self.links[name].load for name in self.standing])
-        return (
-            loads @ np.stack([self._on_ground(name, self.links[name].cop)[0] for name in self.standing]) / loads.sum()
-        )
+        points = np.stack([self._on_ground(name, self.links[name].cop)[0] for name in self.standing])
+        return locked(loads @ points / loads.sum())
 
     @cached_property
     def zmp_sigma(self) -> Array | None:
@@ -122,7 +130,7 @@ class BodyFrame:
             axes = self.ground.axes[:2] @ self.poses[link][:3, :3] @ foot.ground.plane.axes[:2].T
             apart = self._on_ground(link, own)[0] - point
             variance += (axes**2 @ spread**2) * (foot.load / total) ** 2 + (apart * load_sigma / total) ** 2
-        return np.sqrt(variance)
+        return locked(np.sqrt(variance))
 
     @cached_property
     def polygon(self) -> SupportingPolygon | None:

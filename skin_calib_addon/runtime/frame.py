@@ -20,7 +20,7 @@ from .touched import Touched
 MIN_LOAD = 5.0
 
 # Flags of frames that guarantee nothing: the readings of free taxels are no longer those at rest, or are old.
-UNTRUSTED = frozenset({"drift", "frozen"})
+UNTRUSTED = frozenset({"drift", "frozen", "byte_order"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,11 @@ class Frame:
     ``flags`` has every problem. Of the reading: ``wrong_type``, ``wrong_length``, ``not_finite`` (some taxels sent NaN
     or infinity, or are masked in a masked array), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a
     force), ``modality`` (the reading of a modality was refused, see its ``problem``), ``saturated``, ``stuck`` (the
-    reading of an active taxel does not change, as noise or 30 s would demand).
+    reading of an active taxel does not change, as noise or 30 s would demand), ``byte_order`` (the two bytes of the
+    readings are in the wrong order; nothing is guaranteed), ``below_rest`` (some taxels read less than without contact).
     Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did not change at rest), ``drift``
-    (nothing is guaranteed), ``frozen`` (all readings stay the same although they have noise; nothing is guaranteed),
-    ``below_rest`` (some taxels read less than noise explains). Of the time: ``time_not_finite``, ``time_still``,
+    (nothing is guaranteed), ``frozen`` (all readings stay the same although they have noise; nothing is guaranteed).
+    Of the time: ``time_not_finite``, ``time_still``,
     ``time_back``, ``time_jump``, ``dropped``.
     """
 

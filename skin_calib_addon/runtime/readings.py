@@ -9,6 +9,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray, unmasked
 from ..common.errors import InvalidReading
+from .byte_order import ByteOrder
 from .drift import Drift
 from .geometry import SkinGeometry
 from .noise import Noise, learned
@@ -16,9 +17,16 @@ from .noise import Noise, learned
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
 
-# [N] A larger force on one taxel is impossible: a pressure of 1 MPa on a large board is 1 kN.
-# Larger: broken readings enter the wrench.
-MAX_FORCE = 1e6
+# [Pa] A larger pressure is impossible: silicone rubber tears at 10 MPa. Larger: broken readings enter the wrench.
+MAX_PRESSURE = 1e7
+# [N] A force up to it is possible on a taxel of any size: a sharp edge on small cells. Larger: as above.
+MIN_IMPOSSIBLE = 100.0
+# [N] Depth of a reading below rest, as the force of a reading as far above it, from which on it is a fault while the
+# noise is not known. Larger: a fault is found only if it is deeper; smaller: a baseline is reported as fault.
+MAX_NEGATIVE = 5.0
+# [s] Time for which a fault stays reported, because it may show in some frames only. Larger: it is reported for longer
+# after its end; smaller: the flag of a rare fault flickers.
+FAULT_TIME = 1.0
 # [reading] A larger reading is left out of the baseline: the sum of several would overflow. Derived: from the range
 # of double-precision numbers.
 MAX_READING = 1e100
@@ -142,11 +150,16 @@ class Readings:
         self.drift = self._new_drift()
         self.is_whole = False  # whether the last readings were whole numbers
         self._pairs = geometry.pairs
-        self._can_saturate = bool(np.isfinite(self._responses.full).any())
         self._latest = np.full(len(geometry.ids), np.nan)  # all that was sent, also in frames that are not accepted
         self._converted: tuple[Any, Any, Array] = (None, None, self._latest)  # baseline, drift, forces of the latest
         self._row_of_channel = np.full(self.length + 1, -1)  # -1: no taxel; the last one is for all higher channels
         self._row_of_channel[self.channels] = np.arange(len(self.channels))
+        full, rest = self._responses.full, self._responses.rest
+        self._can_saturate = bool(np.isfinite(full).any())
+        self.byte_order = ByteOrder(float(np.abs(full - rest).max(initial=0.0)))
+        measured = np.where(np.isfinite(full), self._responses.forces(np.where(np.isfinite(full), full, rest)), 0.0)
+        self._most = np.maximum(np.maximum(MAX_PRESSURE * geometry.areas, MIN_IMPOSSIBLE), measured)
+        self._below_rest = -math.inf  # time of the last frame with a reading below rest
         self._last = np.full(len(geometry.ids), np.nan)
         self._since = np.full(len(geometry.ids), np.inf)
 
@@ -213,6 +226,9 @@ class Readings:
 
         .. math::
             f_i = \max\bigl(0,\; R_i(I_i + b_i)\bigr) .
+
+        A force is valid up to :data:`MAX_PRESSURE` on the cell, or up to the largest one of its response, if it has a
+        range that states more.
         """
         shifted = intensities if self._shift is None else intensities + self._shift
         forces = self._responses.forces(shifted)
@@ -220,7 +236,7 @@ class Readings:
 
     def _known(self, forces: Array) -> BoolArray:
         """Return which forces (..., n) are valid."""
-        known = (forces <= MAX_FORCE) & self.alive
+        known = (forces <= self._most) & self.alive
         return known if self.noise is None or not self.noise.has_dead else known & ~self.noise.dead
 
     def next(self, raw: Array, changed: IntArray | None) -> tuple[Array, Array, BoolArray]:
@@ -277,6 +293,7 @@ class Readings:
         is_whole : bool
             Whether the electronics sends whole numbers.
         """
+        self.byte_order.learn(rows)
         finite = np.abs(rows) < MAX_READING
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
@@ -399,11 +416,28 @@ class Readings:
         limit = max(FROZEN_TIME, self.noise.frame_repeats * max(period, MAX_READING_PERIOD))
         return bool(self._since.max() < time - limit)
 
-    def below_rest(self, intensities: Array, known: BoolArray) -> bool:
-        """Return whether a known taxel reads less than its noise without contact can give."""
-        if self.noise is None:
-            return False
-        return bool(np.count_nonzero((self.noise.signed(intensities) < self.noise.lowest) & known))
+    def below_rest(self, intensities: Array, known: BoolArray, time: float) -> bool:
+        """Return whether a known taxel reads less than its noise without contact can give, now or a second before.
+
+        Parameters
+        ----------
+        intensities, known : array, shape (n,)
+            Reading of each taxel; which taxels have a valid force.
+        time : float
+            Of the frame [s].
+        """
+        if self.noise is not None:
+            is_below = self.noise.signed(intensities) < self.noise.lowest
+        else:
+            shifted = intensities if self._shift is None else intensities + self._shift
+            rest, sign = self._responses.rest, self._responses.sign
+            is_below = shifted * sign < rest * sign
+            if np.count_nonzero(is_below):
+                is_below &= self._responses.forces(2 * rest - shifted) > MAX_NEGATIVE
+        is_now = bool(np.count_nonzero(is_below & known))
+        if is_now and math.isfinite(time):
+            self._below_rest = time
+        return is_now or 0 <= time - self._below_rest < FAULT_TIME
 
     def accept(self, intensities: Array, unchanged: BoolArray, time: float) -> None:
         """Store the readings and when each of them last changed. After a step back in time, count from this time.

@@ -351,8 +351,10 @@ class Skin:
                 flags |= {"drift"}
             if self._readings.is_frozen(unchanged, time, self._clock.period):
                 flags |= {"frozen"}
-            if self._readings.below_rest(intensities, known):
-                flags |= {"below_rest"}
+        if self._readings.below_rest(intensities, known, time):
+            flags |= {"below_rest"}
+        if self._readings.byte_order.is_wrong(raw, time):
+            flags |= {"byte_order"}
         if fresh:
             self._identities.forget()
             self._readings.drift.drop_block()
@@ -367,7 +369,7 @@ class Skin:
         self._readings.follow(raw, known_count == len(known), time)
         self._active, self._footprint = state, footprint
         if self._rest is not None and known_count == len(known):
-            self._learn(raw, time, fresh)
+            self._learn(raw, time, fresh or "byte_order" in flags)
         deviations = None if noise is None else partial(self._readings.deviations, intensities)
         return Frame(
             time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint, touched, noise, moments,

@@ -208,3 +208,15 @@ def test_arm_adds_to_the_wrench_and_not_to_the_ground():
     assert (touched.polygon.outer.corners == quiet.polygon.outer.corners).all()
     assert_allclose(touched.zmp, quiet.zmp)
     assert body.observable.tolist() == [True, True, True, True, True, False]
+
+
+def test_frames_of_a_body_are_read_only():
+    """A controller that writes into a result must not change later ones."""
+    poses = {"left": pose(y=0.1), "right": pose(y=-0.1)}
+    frame = feet().update({name: np.full(42, 3.0) for name in poses}, 0.0, poses)
+    for array in (frame.wrench, frame.zmp, frame.cop, frame.poses["left"], frame.polygon.outer.corners):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        frame.links["left"] = None
+    assert poses["left"].flags.writeable  # the pose of the caller stays as it was

@@ -21,7 +21,7 @@ from tests.soles import skin_of, sole_patch
 
 N = 42
 FLAGS = {"wrong_type", "wrong_length", "not_finite", "too_large", "blind", "saturated", "stuck"}
-FLAGS |= {"time_not_finite", "time_still", "time_back", "time_jump", "dropped"}
+FLAGS |= {"below_rest", "byte_order", "time_not_finite", "time_still", "time_back", "time_jump", "dropped"}
 
 
 def sole(**options):
@@ -349,3 +349,46 @@ def test_memory_does_not_grow():
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
     assert grown < 20_000
+
+
+@pytest.mark.parametrize(("side", "most"), [(0.016308, 6909.7), (0.002, 103.92), (0.001, 100.0)])
+def test_force_that_no_skin_can_bear_is_left_out(side, most):
+    """The limit is that of the cell: 10 MPa on a hexagon of any size, and 100 N at least."""
+    skin = skin_of(sole_patch(side=side))
+    assert skin.areas[0] == pytest.approx(1.5 * 3**0.5 * side**2)
+    for force, flags in ((0.99 * most, frozenset()), (1.01 * most, {"too_large"})):
+        frame = skin.update(np.where(np.arange(N) == 7, force, 2.0), 0.0)
+        assert frame.flags - {"time_still"} == flags and frame.known[7] == (not flags)
+
+
+def test_range_of_a_response_states_what_the_skin_can_bear():
+    """A response that was measured up to 9 kN has forces up to 9 kN."""
+    response = Response((0.0, 1.0), (0.0, 9000.0))
+    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response), 0.2)
+    frame = skin.update(np.full(N, 8990.0), 0.0)
+    assert frame.flags == frozenset() and frame.known.all()
+
+
+@pytest.mark.parametrize("response", [Response((0.0, 0.2)), ResponseTable((0.0, 100.0, 255.0), (30.0, 4.0, 0.0))])
+def test_reading_far_below_rest_is_a_fault_without_noise_too(response):
+    """A reading as far below rest as 98 N is above it: flagged without any knowledge of the noise, and for a second."""
+    skin = Skin(small_calibration(link="sole", patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    sign = -1 if response.rest else 1
+    for time, below, is_fault in ((0.0, 4, False), (0.1, 490, True), (0.2, 0, True), (1.0, 0, True), (1.2, 0, False)):
+        reading = np.full(N, response.rest)
+        reading[5] -= sign * below
+        assert ("below_rest" in skin.update(reading, time).flags) == is_fault
+
+
+def test_fault_that_shows_in_some_frames_stays_reported():
+    """A byte around 127 that is read as signed is below rest in every other frame; the flag stays, and then goes."""
+    skin = skin_of(sole_patch(), newtons=(0.0, 0.2))
+    rng = np.random.default_rng(3)
+    skin.tare(rng.integers(10, 15, (250, N)).astype(np.uint8))
+    for k in range(100):
+        reading = rng.integers(10, 15, N).astype(np.uint8)
+        reading[4] = 127 + (k % 5 == 0)
+        frame = skin.update(reading.view(np.int8), 10 + 0.01 * k)
+        assert "below_rest" in frame.flags
+    flags = [skin.update(rng.integers(10, 15, N).astype(np.uint8), 11 + 0.01 * k).flags for k in range(120)]
+    assert "below_rest" in flags[50] and "below_rest" not in flags[-1]
