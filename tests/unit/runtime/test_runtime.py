@@ -192,11 +192,11 @@ def test_peak_pressure_is_that_of_one_cell():
 @pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i4", "u8", "f2", "f4", "f8"])
 def test_readings_of_any_type_do_not_overflow(dtype):
     """Maximum values of each type give the same newtons as the same numbers in double precision."""
-    skin = closed_skin(newtons=(0.5, 0.2, 1e-4))
+    skin = closed_skin(newtons=(0.5, 0.002, 1e-7))
     top = min(60000, np.finfo(dtype).max if dtype[0] == "f" else np.iinfo(dtype).max)
     reading = np.full(88, top, dtype)
     top = float(reading[0])
-    expected = 0.5 + 0.2 * top + 1e-4 * top * top
+    expected = 0.5 + 0.002 * top + 1e-7 * top * top
     assert_allclose(skin.forces(reading), expected, rtol=1e-12)
     assert_allclose(skin.update(reading, 0).contacts[0].force, 88 * expected, rtol=1e-12)
 
