@@ -33,11 +33,10 @@ class Frame:
     or infinity, or are masked in a masked array), ``too_large`` (some forces are impossible), ``blind`` (no taxel has a
     force), ``modality`` (the reading of a modality was refused, see its ``problem``), ``saturated``, ``stuck`` (the
     reading of an active taxel does not change, as noise or 30 s would demand), ``byte_order`` (the two bytes of the
-    readings are in the wrong order; nothing is guaranteed), ``below_rest`` (some taxels read less than without contact).
-    Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did not change at rest), ``drift``
-    (nothing is guaranteed), ``frozen`` (all readings stay the same although they have noise; nothing is guaranteed).
-    Of the time: ``time_not_finite``, ``time_still``,
-    ``time_back``, ``time_jump``, ``dropped``.
+    readings are in the wrong order; nothing is guaranteed), ``below_rest`` (some taxels read less than without
+    contact). Of the noise: ``noise_unknown`` (nothing is guaranteed), ``dead`` (some taxels did not change at rest),
+    ``drift`` (nothing is guaranteed), ``frozen`` (all readings stay the same although they have noise; nothing is
+    guaranteed). Of the time: ``time_not_finite``, ``time_still``, ``time_back``, ``time_jump``, ``dropped``.
     """
 
     time: float  # [s]
