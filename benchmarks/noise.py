@@ -9,9 +9,10 @@ default settings and one second of rest. For each scene the table has the fracti
 - the guaranteed polygon is inside the true contact, and is not empty;
 - the outer polygon contains every taxel with more than the detection limit that the skin states;
 
-the mean distance of the CoP from the true one, and its ratio to the stated standard deviation. For a foot in the air it
-has the fraction of frames in which the foot stands, and those with a contact. For two feet it has the distance of the
-ZMP, and the frames in which a foot that carries more than the limit of its sum does not stand.
+the mean distance of the CoP from the true one, and the fractions of errors of load, CoP and moments within one and two
+stated standard deviations, component by component. For a foot in the air it has the fraction of frames in which the
+foot stands, and those with a contact. For two feet it has the distance of the ZMP, its errors within one and two
+standard deviations, and the frames in which a foot that carries more than the limit of its sum does not stand.
 """
 
 import argparse
@@ -24,7 +25,7 @@ import winkler
 from winkler import Array, Scene
 
 from skin_calib_addon.calibration import Response
-from skin_calib_addon.runtime import Body, Frame, Skin, convex_hull
+from skin_calib_addon.runtime import Body, Skin, convex_hull
 
 SHARED = Path(__file__).resolve().parents[1] / ".." / "shared" / "data" / "truth"
 FULL_SCALE = 800.0  # [N] force of a taxel at the highest count
@@ -114,10 +115,11 @@ def limits(skin: Skin, sensor: Sensor) -> tuple[Array, float]:
     return stated.detection_limits, stated.load_limit
 
 
-def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator) -> dict[str, float]:
+def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator) -> dict:
     """Return the fractions and the errors of a scene."""
     limit, _ = limits(skin, sensor)
-    inside, filled, holds, overshoot, errors, stated, forces = [], [], [], [], [], [], []
+    inside, filled, holds, overshoot, errors = [], [], [], [], []
+    ratios: dict[str, list[float]] = {"load": [], "CoP": [], "moment": []}
     start = 10.0
     for k, reading in enumerate(sensor.read(scene.forces, rng)):
         frame = skin.update(reading, start + scene.times[k])
@@ -128,25 +130,23 @@ def judge(skin: Skin, sensor: Sensor, scene: Scene, rng: np.random.Generator) ->
         holds.append(all(polygon.outer.margin(c) > -1e-9 for c in corners))
         overshoot.append(max((-true.margin(c) for c in polygon.outer.corners), default=0.0))
         if frame.cop is not None:
+            load, (x, y) = scene.forces[k].sum(), scene.cops[k]
             errors.append(np.linalg.norm(frame.cop - scene.cops[k]))
-            stated.append(deviation(frame, "cop_sigma"))
-        forces.append((frame.load - scene.forces[k].sum()) / (deviation(frame, "load_sigma") or np.nan))
+            ratios["load"].append((frame.load - load) / frame.load_sigma)
+            ratios["CoP"].extend((frame.cop - scene.cops[k]) / frame.cop_sigma)
+            ratios["moment"].extend((frame.wrench[3:5] - (y * load, -x * load)) / frame.wrench_sigma[3:5])
     return {
         "inside": np.mean(inside),
         "filled": np.mean(filled),
         "holds": np.mean(holds),
         "too far": 1e3 * np.mean(overshoot),
-        "CoP": 1e3 * np.mean(errors),
-        "CoP/sd": np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(stated))),
-        "load/sd": np.sqrt(np.mean(np.square(forces))),
-        "frames": len(inside),
-    }
+        "mm": 1e3 * np.mean(errors),
+    } | {name: coverage(values) for name, values in ratios.items()}
 
 
-def deviation(frame: Frame, name: str) -> float:
-    """Return a standard deviation that a frame states, of a vector the root of the sum of squares; NaN without one."""
-    sigma = getattr(frame, name, None)
-    return np.nan if sigma is None else float(np.linalg.norm(sigma))
+def coverage(ratios: list[float]) -> str:
+    """Return the percentages of errors, relative to their standard deviations, within one and two of them."""
+    return "/".join(f"{np.mean(np.abs(ratios) < k):.0%}"[:-1] for k in (1, 2))
 
 
 def in_the_air(skin: Skin, sensor: Sensor, rng: np.random.Generator) -> tuple[float, float]:
@@ -156,8 +156,8 @@ def in_the_air(skin: Skin, sensor: Sensor, rng: np.random.Generator) -> tuple[fl
     return float(np.mean([f.cop is not None for f in frames])), float(np.mean([bool(f.touched) for f in frames]))
 
 
-def two_feet(sensor: Sensor, how: str, scenes: tuple[Scene, Scene], rng: np.random.Generator) -> tuple[float, ...]:
-    """Return mean and maximum distance of the ZMP [mm], and the number of feet that vanish, of all that carry enough.
+def two_feet(sensor: Sensor, how: str, scenes: tuple[Scene, Scene], rng: np.random.Generator) -> str:
+    """Return mean and maximum distance of the ZMP, and the number of feet that vanish, of all that carry enough.
 
     The feet are 0.2 m apart.
     """
@@ -165,18 +165,21 @@ def two_feet(sensor: Sensor, how: str, scenes: tuple[Scene, Scene], rng: np.rand
     body, poses = Body(skins), {scene.name: np.eye(4) for scene in scenes}
     poses["left"][1, 3], poses["right"][1, 3] = 0.1, -0.1
     readings = {scene.name: sensor.read(scene.forces, rng) for scene in scenes}
-    errors, vanished, enough = [], 0, 0
+    errors, ratios, vanished, enough = [], [], 0, 0
     for k, time in enumerate(scenes[0].times):
         frame = body.update({name: rows[k] for name, rows in readings.items()}, 10 + time, poses)
         weights = np.array([scene.forces[k].sum() for scene in scenes])
         points = np.array([np.nan_to_num(scene.cops[k]) + poses[scene.name][:2, 3] for scene in scenes])
         if frame.zmp is not None:
-            errors.append(np.linalg.norm(frame.zmp - weights @ points / weights.sum()))
+            error = frame.zmp - weights @ points / weights.sum()
+            errors.append(1e3 * np.linalg.norm(error))
+            ratios.extend(error / frame.zmp_sigma)
         for scene, weight in zip(scenes, weights):
             if weight > limits(skins[scene.name], sensor)[1]:
                 enough += 1
                 vanished += scene.name not in frame.standing
-    return 1e3 * float(np.mean(errors)), 1e3 * float(np.max(errors)), vanished, enough
+    distances = f"{np.mean(errors):.2f} / {np.percentile(errors, 95):.2f} / {np.max(errors):.2f} mm"
+    return f"ZMP mean/95%/max {distances}, covered {coverage(ratios)}, vanished {vanished} of {enough}"
 
 
 def table(sensor: Sensor, how: str, scenes: list[Scene], feet: tuple[Scene, Scene], seed: int) -> Iterator[str]:
@@ -188,18 +191,17 @@ def table(sensor: Sensor, how: str, scenes: list[Scene], feet: tuple[Scene, Scen
         f"{sensor.bits} bits, {sensor.noise:g} counts, {sensor.kind}, rest by {how}: detection limit"
         f" {np.median(limit):.2f} N of a taxel ({np.median(limit) / sensor.sigma:.1f} sigma), {whole:.1f} N of the sole"
     )
-    names = "inside", "filled", "outer", "too far", "CoP mm", "CoP/sd", "N/sd"
-    yield f"  {'scene':12}" + "".join(f" {name:>{width}}" for name, width in zip(names, (7, 7, 7, 8, 7, 6, 5)))
+    names = "inside", "filled", "outer", "too far", "CoP mm", "load", "CoP", "moment"
+    yield f"  {'scene':12}" + "".join(f" {name:>{width}}" for name, width in zip(names, (7, 7, 7, 8, 7, 7, 7, 7)))
     for scene in scenes:
         row = judge(rested(sensor, how, rng), sensor, scene, rng)
         yield (
             f"  {scene.name:12} {row['inside']:7.2%} {row['filled']:7.1%} {row['holds']:7.2%} {row['too far']:8.1f}"
-            f" {row['CoP']:7.2f} {row['CoP/sd']:6.2f} {row['load/sd']:5.2f}"
+            f" {row['mm']:7.2f} {row['load']:>7} {row['CoP']:>7} {row['moment']:>7}"
         )
     stands, ghosts = in_the_air(skin, sensor, rng)
-    mean, largest, vanished, enough = two_feet(sensor, how, feet, rng)
     yield f"  in the air: stands {stands:.2%}, contact {ghosts:.2%}"
-    yield f"  two feet: ZMP {mean:.2f} / {largest:.2f} mm, vanished {vanished} of {enough}"
+    yield f"  two feet: {two_feet(sensor, how, feet, rng)}"
 
 
 def main() -> None:

@@ -210,8 +210,12 @@ class Frame:
         """Standard deviations (6,) of the wrench by noise and place in the cells [N, N m]; None if not known."""
         if self._variances is None or self.footprint is None:
             return None
+        terms = self.footprint.skin.terms[5:]
         variances, placed = self._variances
-        return locked(np.sqrt(self.footprint.skin.terms[5:] ** 2 @ variances + np.repeat((0.0, placed), 3)))
+        squares = terms**2 @ variances + np.repeat((0.0, placed), 3)
+        if self.moments is None and self.ground is not None:  # the moments of the pressure gradient are left out
+            squares += ((self.ground.in_cell.link[5:] - terms) @ self._pushes) ** 2
+        return locked(np.sqrt(squares))
 
     @property
     def load_sigma(self) -> float | None:

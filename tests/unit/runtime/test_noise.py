@@ -120,6 +120,16 @@ def test_standard_deviations_are_those_of_repeated_readings():
     assert_allclose(frames[0].force_sigmas, NEWTONS * skin.noise.sigma)
 
 
+def test_moments_of_the_wrench_are_as_uncertain_as_the_cop():
+    """Under a heavy load on the rear half, noise is small: the deviation of a moment is load times that of the CoP."""
+    rng, skin = np.random.default_rng(18), sole()
+    skin.tare(read(rng, FREE, 0.5, 250))
+    forces = np.maximum(0.0, -1e3 * skin.positions[:, 0] + 200 * skin.positions[:, 1])
+    frame = skin.update(read(rng, forces, 0.5)[0], 0.0)
+    assert frame.moments is None
+    assert_allclose(frame.wrench_sigma[[4, 3]], frame.load * frame.cop_sigma, rtol=0.05)
+
+
 def test_noise_common_to_all_taxels_is_in_the_deviation_of_the_load():
     """Half of the variance is common: the load scatters five times as much, and the free foot still does not stand."""
     rng, skin = np.random.default_rng(5), sole()
