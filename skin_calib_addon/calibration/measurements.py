@@ -29,7 +29,9 @@ class Measurements:
         freeze(self, readings=(len(self.forces),), forces=(len(self.forces),))
 
 
-def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> tuple[Measurements, ...]:
+def read_measurements(
+    path: str | os.PathLike[str], taxels: Collection[str], quantity: str = "force"
+) -> tuple[Measurements, ...]:
     """Read a table with columns ``reading`` and ``force`` [N], and optionally ``taxel``.
 
     The names may have any order and case. Other columns are ignored. The separator is a comma, a semicolon or a tab.
@@ -40,6 +42,8 @@ def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> 
         CSV file.
     taxels : collection of str
         Valid ids of the column ``taxel``.
+    quantity : str, optional
+        Name of the column ``force``, which may have values of a modality.
 
     Returns
     -------
@@ -55,7 +59,7 @@ def read_measurements(path: str | os.PathLike[str], taxels: Collection[str]) -> 
     with naming_file(path):
         table = read_named_rows(read_text(path))
         line, header = next(table, (1, [""]))
-        columns = [find_column(header, name, line) for name in ("reading", "force")]
+        columns = [find_column(header, name, line) for name in ("reading", quantity)]
         owner = find_column(header, "taxel", line) if "taxel" in header else None
         for line, row in table:
             taxel = None if owner is None else row[owner]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class ResponseFit:
         return f"polynomial of degree {len(self.response.coefficients) - 1}"
 
 
-def fit_response(readings: Array, forces: Array) -> ResponseFit:
+def fit_response(readings: Array, forces: Array, quantity: str = "force", unit: str = "N") -> ResponseFit:
     r"""Fit the force F as a function of the reading I by least squares.
 
     .. math:: \min_F \sum_i \bigl(f_i - F(I_i)\bigr)^2
@@ -72,7 +73,9 @@ def fit_response(readings: Array, forces: Array) -> ResponseFit:
     readings : array, shape (n,)
         In the order of measurement. The order affects only the warning about hysteresis.
     forces : array, shape (n,)
-        Applied forces [N].
+        Applied forces [N], or other values.
+    quantity, unit : str, optional
+        What they are, for messages. Only a ``"force"`` has a limit at zero.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def fit_response(readings: Array, forces: Array) -> ResponseFit:
     readings, forces = np.asarray(readings, float), np.asarray(forces, float)
     if len(readings) < 2 or np.ptp(readings) == 0 or np.ptp(forces) == 0:
         raise UnderdeterminedFit(
-            f"{_missing_variation(readings, forces)}. Measure at two or more forces with different readings."
+            f"{_missing_variation(readings, forces, unit)}. Measure at two or more {quantity}s with different readings."
         )
     sign = -1.0 if np.sum((readings - readings.mean()) * (forces - forces.mean())) < 0 else 1.0
     full, rest = _stuck(sign * readings, forces), _stuck(-sign * readings, forces)
@@ -96,16 +99,31 @@ def fit_response(readings: Array, forces: Array) -> ResponseFit:
         targets[rest] = forces[readings == readings[rest][0]].min()
     with np.errstate(all="ignore"):  # nearly equal readings may overflow, which counts as a large error
         response = _best(readings[~full], targets[~full], sign)
-    residuals = forces[used] - response.newtons(readings[used])
-    warnings = tuple(_warnings(response, readings, forces, used, residuals))
+    residuals = forces[used] - predicted(response, readings[used], quantity)
+    warnings = tuple(_warnings(response, readings, forces, used, residuals, quantity, unit))
     return ResponseFit(response, used, residuals, warnings)
 
 
-def _missing_variation(readings: Array, forces: Array) -> str:
+def predicted(response: AnyResponse, readings: Any, quantity: str) -> Array:
+    """Return forces, or values of another quantity, of readings of any shape.
+
+    Parameters
+    ----------
+    response : Response or ResponseTable
+        Of the sensor.
+    readings : array
+        Of any shape.
+    quantity : str
+        Only a ``"force"`` has a limit at zero.
+    """
+    return response.newtons(readings) if quantity == "force" else response.values(readings)
+
+
+def _missing_variation(readings: Array, forces: Array, unit: str) -> str:
     """Describe why no response can be fitted."""
     if len(readings) < 2:
         return ("there is no measurement", "there is one measurement")[len(readings)]
-    what = f"read {readings[0]:g}" if np.ptp(readings) == 0 else f"are of {forces[0]:g} N"
+    what = f"read {readings[0]:g}" if np.ptp(readings) == 0 else f"are of {forces[0]:g} {unit}"
     return f"all {len(readings)} measurements {what}"
 
 
@@ -244,26 +262,32 @@ def _isotonic(values: Array, weights: Array) -> Array:
 
 
 def _warnings(
-    response: AnyResponse, readings: Array, forces: Array, used: BoolArray, residuals: Array
+    response: AnyResponse,
+    readings: Array,
+    forces: Array,
+    used: BoolArray,
+    residuals: Array,
+    quantity: str,
+    unit: str,
 ) -> Iterator[Warning]:
     """Yield warnings about the measurements and the fit."""
     distinct, span = np.unique(readings), float(np.ptp(forces))
     if len(readings) < MIN_MEASUREMENTS or len(distinct) < MIN_READINGS:
         message = f"There are only {len(readings)} measurements at {len(distinct)} readings."
-        advice = f"Take {MIN_MEASUREMENTS} or more, spread over all forces."
+        advice = f"Take {MIN_MEASUREMENTS} or more, spread over all {quantity}s."
         yield Warning("few-measurements", "warning", message, value=float(len(readings)), advice=advice)
     for end, code, cause in (
         (response.full, "saturated", "The sensor is saturated there"),
-        (response.rest, "dead-zone", "The sensor does not react to smaller forces"),
+        (response.rest, "dead-zone", f"The sensor does not react to smaller {quantity}s"),
     ):
         count = int((~used & (readings == end)).sum())
         if count:
-            between, force = forces[readings == end], float(response.newtons(end))
+            between, force = forces[readings == end], float(predicted(response, end, quantity))
             yield Warning(
                 code,
                 "warning",
-                f"{count + 1} measurements of {between.min():.3g} to {between.max():.3g} N all read {end:g}. "
-                f"{cause}, and the response gives {force:.3g} N.",
+                f"{count + 1} measurements of {between.min():.3g} to {between.max():.3g} {unit} all read {end:g}. "
+                f"{cause}, and the response gives {force:.3g} {unit}.",
                 value=force,
             )
     wide = int(np.argmax(np.diff(distinct)))
@@ -272,9 +296,9 @@ def _warnings(
             "reading-gap",
             "warning",
             f"No measurement reads between {distinct[wide]:g} and {distinct[wide + 1]:g}. "
-            "The force there is interpolated.",
+            f"The {quantity} there is interpolated.",
             value=float(distinct[wide + 1] - distinct[wide]),
-            advice="Measure forces in between.",
+            advice=f"Measure {quantity}s in between.",
         )
     poor = np.sqrt(np.mean(residuals**2)) > POOR_RESIDUAL_FRACTION * forces[used].std()
     difference, error = _hysteresis(readings[used], residuals, _loads(forces)[used])
@@ -283,15 +307,15 @@ def _warnings(
         yield Warning(
             "hysteresis",
             "warning",
-            f"At the same reading the force is {abs(difference):.3g} N {more} while it rises than while it falls "
-            "(hysteresis). The response lies between the two.",
+            f"At the same reading the {quantity} is {abs(difference):.3g} {unit} {more} while it rises than while it "
+            "falls (hysteresis). The response lies between the two.",
             value=float(difference),
         )
     if poor:
         yield Warning(
             "poor-response",
             "warning",
-            "The readings hardly depend on the force.",
+            f"The readings hardly depend on the {quantity}.",
             advice="Check the columns, and that the readings belong to the taxel.",
         )
 

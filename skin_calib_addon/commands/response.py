@@ -9,10 +9,12 @@ import numpy as np
 
 from ..calibration.file import load_calibration, save_calibration
 from ..calibration.measurements import Measurements, read_measurements
+from ..calibration.modality import Modality
 from ..calibration.model import LinkCalibration, Patch
 from ..calibration.response import AnyResponse
 from ..calibration.response_fit import ResponseFit, fit_response
-from ..common.errors import UnderdeterminedFit
+from ..common.errors import CalibrationFormatError, UnderdeterminedFit
+from ..common.findings import did_you_mean, show
 from ..common.warnings import Place, Warning
 from .common import DONE, check_picture, check_target, complain, say
 
@@ -24,7 +26,10 @@ def add(commands) -> None:
         "measurements",
         type=Path,
         metavar="MEASUREMENTS",
-        help="CSV file with columns reading, force [N], and optionally taxel",
+        help="CSV file with columns reading, force [N], and optionally taxel; with --modality reading and value",
+    )
+    response.add_argument(
+        "--modality", metavar="NAME", help="fit the response of this modality of the calibration, in its unit"
     )
     response.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file")
     response.add_argument("--picture", type=Path, metavar="PNG", help="picture of measurements, curves and residuals")
@@ -37,18 +42,27 @@ def run(options: argparse.Namespace) -> int:
     check_picture(options.picture)
     calibration = load_calibration(options.file)
     ids = {name for patch in calibration.patches for name in patch.taxels.ids}
-    measured = read_measurements(options.measurements, ids)
-    fits = [_fit(one, options.measurements) for one in measured]
-    result = with_responses(calibration, {one.taxel: fit.response for one, fit in zip(measured, fits)})
+    modality = None if options.modality is None else _modality(calibration, options.modality, options.file)
+    quantity, unit = ("force", "N") if modality is None else ("value", modality.unit)
+    measured = read_measurements(options.measurements, ids, quantity)
+    if modality is not None and measured[0].taxel is not None:
+        what = f"the modality {show(modality.name)} has one response for all taxels. Remove the column 'taxel'"
+        raise CalibrationFormatError(f"'{options.measurements}': {what}")
+    fits = [_fit(one, options.measurements, quantity, unit) for one in measured]
+    if modality is None:
+        result = with_responses(calibration, {one.taxel: fit.response for one, fit in zip(measured, fits)})
+    else:
+        fitted = replace(modality, response=fits[0].response)
+        result = replace(calibration, modalities=tuple(fitted if m is modality else m for m in calibration.modalities))
     if options.picture:
         from ..pictures.response import draw_responses  # matplotlib is optional
 
-        draw_responses(measured, fits, options.picture)
+        draw_responses(measured, fits, options.picture, quantity, unit)
     save_calibration(result, options.output)
-    for warning in _warnings(calibration, measured, fits):
+    for warning in _warnings(calibration, measured, fits) if modality is None else fits[0].warnings:
         complain(f"{warning.severity}: {warning}")
     for one, fit in zip(measured, fits):
-        say(_line(one, fit))
+        say(_line(one, fit, options.modality, unit))
     say(f"calibration      {options.output}")
     return DONE
 
@@ -86,21 +100,31 @@ def _with_rows(patch: Patch, rows: Sequence[int]) -> Patch:
     return replace(patch, taxels=replace(patch.taxels, responses=np.array(rows, np.int64)))
 
 
-def _fit(measured: Measurements, path: Path) -> ResponseFit:
+def _modality(calibration: LinkCalibration, name: str, path: Path) -> Modality:
+    """Return the modality of a calibration with a name."""
+    known = {modality.name: modality for modality in calibration.modalities}
+    if name not in known:
+        has = f"It has {', '.join(known)}" if known else "It has none. Add it to the plan, and fit again"
+        near = did_you_mean(name, known) or "."
+        raise CalibrationFormatError(f"'{path}' has no modality {show(name)}{near} {has}")
+    return known[name]
+
+
+def _fit(measured: Measurements, path: Path, quantity: str, unit: str) -> ResponseFit:
     try:
-        return fit_response(measured.readings, measured.forces)
+        return fit_response(measured.readings, measured.forces, quantity, unit)
     except UnderdeterminedFit as problem:
         whose = "" if measured.taxel is None else f", taxel {measured.taxel}"
         raise UnderdeterminedFit(f"'{path}'{whose}: {problem}") from problem
 
 
-def _line(measured: Measurements, fit: ResponseFit) -> str:
-    """Return one line about the fit for one taxel, or for all taxels."""
+def _line(measured: Measurements, fit: ResponseFit, modality: str | None, unit: str) -> str:
+    """Return one line about the fit for one taxel, for all taxels, or of a modality."""
     size = np.abs(fit.residuals)
     return (
-        f"{(measured.taxel or 'all taxels')[:16]:16} {fit.kind} on readings {measured.readings.min():g} to "
+        f"{(modality or measured.taxel or 'all taxels')[:16]:16} {fit.kind} on readings {measured.readings.min():g} to "
         f"{measured.readings.max():g}, {len(measured.forces)} measurements; residuals mean {size.mean():.4f}, "
-        f"rms {np.sqrt(np.mean(size**2)):.4f}, max {size.max():.4f} N"
+        f"rms {np.sqrt(np.mean(size**2)):.4f}, max {size.max():.4f} {unit}"
     )
 
 

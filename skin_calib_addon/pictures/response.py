@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..calibration.measurements import Measurements
-from ..calibration.response_fit import ResponseFit
+from ..calibration.response_fit import ResponseFit, predicted
 from .calibration import blank, save_png
 
 # Points of a drawn curve. Larger: smoother.
@@ -15,7 +15,13 @@ RESPONSE_CURVE_POINTS = 400
 MAX_CURVES_NAMED = 10
 
 
-def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit], path: str | Path) -> None:
+def draw_responses(
+    measured: Sequence[Measurements],
+    fits: Sequence[ResponseFit],
+    path: str | Path,
+    quantity: str = "force",
+    unit: str = "N",
+) -> None:
     """Draw forces over readings with the fitted curves, and the residuals, into a PNG file.
 
     Parameters
@@ -26,6 +32,8 @@ def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit]
         Their fits.
     path : path
         The PNG file.
+    quantity, unit : str, optional
+        What the responses give. Only a ``"force"`` has a limit at zero.
 
     Raises
     ------
@@ -43,10 +51,10 @@ def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit]
         label = fit.kind if one.taxel is None else f"{one.taxel}: {fit.kind}"
         curves.plot(one.readings[fit.used], one.forces[fit.used], ".", color=colour, alpha=0.5 * alpha, markersize=4)
         curves.plot(one.readings[~fit.used], one.forces[~fit.used], "x", color="#d62728", alpha=alpha, markersize=4)
-        curves.plot(x, fit.response.newtons(x), color=colour, alpha=alpha, linewidth=1.3, label=label)
+        curves.plot(x, predicted(fit.response, x, quantity), color=colour, alpha=alpha, linewidth=1.3, label=label)
         errors.plot(one.readings[fit.used], fit.residuals, ".", color=colour, alpha=0.6 * alpha, markersize=4)
     errors.axhline(0.0, color="0.4", linewidth=0.8)
-    for axis, label in ((curves, "force [N]"), (errors, "residual, measured minus fitted [N]")):
+    for axis, label in ((curves, f"{quantity} [{unit}]"), (errors, f"residual, measured minus fitted [{unit}]")):
         axis.set_xlabel("reading")
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
@@ -54,6 +62,6 @@ def draw_responses(measured: Sequence[Measurements], fits: Sequence[ResponseFit]
         curves.legend(fontsize=8)
     residuals = np.concatenate([fit.residuals for fit in fits])
     curves.set_title(f"{sum(len(one.forces) for one in measured)} measurements")
-    errors.set_title(f"rms {np.sqrt(np.mean(residuals**2)):.3g} N, largest {np.abs(residuals).max():.3g} N")
+    errors.set_title(f"rms {np.sqrt(np.mean(residuals**2)):.3g} {unit}, largest {np.abs(residuals).max():.3g} {unit}")
     figure.tight_layout()
     save_png(figure, path)
