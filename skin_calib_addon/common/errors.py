@@ -1,5 +1,9 @@
 """Errors that a user can correct: each message states what is wrong, where, and what to do."""
 
+from collections.abc import Sequence
+
+MAX_NAMED = 5  # names or numbers that a message lists. Larger: longer lines
+
 
 class SkinCalibError(Exception):
     """Base class of all errors that a user can correct.
@@ -80,3 +84,8 @@ class UnreachableTolerance(SkinCalibError):
 def millimetres(point) -> str:
     """Return a point (3,) [m] of the link frame in millimetres, for messages."""
     return f"({', '.join(f'{round(float(x) * 1e3, 1) + 0.0:.1f}' for x in point)}) mm"  # no minus zero
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the first names, for messages: ``a, b, c, d, e, ...``."""
+    return ", ".join(names[:MAX_NAMED]) + (", ..." if len(names) > MAX_NAMED else "")

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from ..calibration.exchange import TaxelSet, read_taxels
 from ..calibration.file import load_with_warnings
 from ..common.arrays import Array, IntArray
-from ..common.errors import CalibrationFormatError
+from ..common.errors import CalibrationFormatError, listed
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import MAX_REMAINING_RATIO, ON_MESH_DISTANCE, find_frame
 from .all_taxels import AllTaxels
@@ -22,8 +22,6 @@ from .all_taxels import AllTaxels
 MIN_MOTION_DISTANCE = 5e-4
 # Smallest rotation that a note states [degrees]. Larger: fewer rotations.
 MIN_ROTATION = 0.05
-# Number of ids that a note names.
-MAX_IDS_NAMED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,19 +157,15 @@ def _unpaired(
     others = [labels[row] for row in np.setdiff1d(np.arange(len(labels)), theirs)]
     repeated = len(ours) - len(np.unique(ours))
     if alone:
-        yield f"{_count(alone)} of the link without a partner in the file: {_named(alone)}"
+        yield f"{_count(alone)} of the link without a partner in the file: {listed(alone)}"
     if others:
-        yield f"{_count(others)} of the file without a partner on the link: {_named(others)}"
+        yield f"{_count(others)} of the file without a partner on the link: {listed(others)}"
     if by == "nearest" and repeated:
         yield f"{repeated} of the file have the same nearest taxel of the link as another one"
 
 
 def _count(names: list[str]) -> str:
     return f"{len(names)} taxel" + ("s" if len(names) > 1 else "")
-
-
-def _named(names: list[str]) -> str:
-    return ", ".join(names[:MAX_IDS_NAMED]) + (", ..." if len(names) > MAX_IDS_NAMED else "")
 
 
 def _inward(angles: Array | None) -> Iterator[str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import __version__
 from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
-from ..common.errors import PoorFit
+from ..common.errors import PoorFit, listed
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
@@ -133,7 +133,7 @@ def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
     if len(over) == 0:
         return ()
     taxels = tuple(patch.taxels.ids[i] for i in over)
-    ids = ", ".join(taxels[:5]) + (", ..." if len(over) > 5 else "")
+    ids = listed(taxels)
     return (
         Warning(
             "over-hole",

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..calibration.model import Patch, Registration
 from ..common.arrays import Array, BoolArray
-from ..common.errors import InvalidPlan, millimetres
+from ..common.errors import InvalidPlan, listed, millimetres
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
@@ -168,7 +168,7 @@ def unknown_sigma(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
                 "no-uncertainty",
                 "warning",
                 f"The uncertainty of {len(rows)} taxels of {patch.name} is unknown, because {reason}: "
-                f"{', '.join(taxels[:5])}{', ...' if len(rows) > 5 else ''}.",
+                f"{listed(taxels)}.",
                 Place(point_of(patch.taxels.positions_link[rows[0]]), skin=patch.name, taxels=taxels),
                 float(len(rows)),
                 "Move the skin, or mend the surface there.",

@@ -13,15 +13,10 @@ FLAT_TOLERANCE = 1e-5
 # Least number of taxels whose plane is found from positions alone: five points are always on a conic.
 MIN_FOUND_TAXELS = 6
 MIN_STATED_TAXELS = 4  # least number of taxels of a board that the file states; three are always flat
-# Smallest relative deviation from every conic. A plane meets cylinders, cones and spheres in conics. Taxels of a sheet
-# bent over them can be in a plane, too, but only on one. Larger: finds fewer boards.
+# Smallest relative deviation from every line and conic. A plane meets cylinders, cones and spheres in conics. Taxels of
+# a sheet bent over them can be in a plane, too, but only on one. Larger: finds fewer boards, above all narrow ones.
 MIN_CONIC_DEVIATION = 0.02
-# Relative extent of a board across its longest direction. Larger: finds fewer narrow boards.
-MIN_WIDTH_FRACTION = 0.1
-MAX_TAKEN_FRACTION = 0.5  # taxels of a board that are in the planes of others, too. Larger: boards from mixed sets
-NEAREST_TAXELS = 8  # neighbours of a taxel whose planes are tried. Larger: a safer search, slower
-MAX_BOARD_TAXELS = 40  # taxels near a taxel that select its plane. Larger: a safer search, slower
-PLANES_TRIED = 3  # planes of a taxel, those with the most taxels first. Larger: a safer search, slower
+NEAREST_TAXELS = 12  # taxels near a taxel that give the planes to try. Larger: a safer search, slower
 JOINED_PITCHES = 1.7  # distance of taxels of one board, in distances to the nearest one. Larger: joins distant taxels
 
 
@@ -68,7 +63,7 @@ def _plane(points: Array) -> tuple[Array, Array] | None:
     """Return centre and normal of the plane of points; None if they are not flat, or on a line."""
     centre = points.mean(axis=0)
     _, extent, axes = np.linalg.svd(points - centre, full_matrices=False)
-    if extent[1] < MIN_WIDTH_FRACTION * extent[0] or np.abs((points - centre) @ axes[2]).max() > FLAT_TOLERANCE:
+    if extent[1] < MIN_CONIC_DEVIATION * extent[0] or np.abs((points - centre) @ axes[2]).max() > FLAT_TOLERANCE:
         return None
     return centre, axes[2]
 
@@ -81,13 +76,12 @@ def _found(positions: Array) -> list[IntArray]:
     if len(points) < MIN_FOUND_TAXELS:
         return []
     tree = cKDTree(points)
-    count = min(MAX_BOARD_TAXELS, len(points))
+    count = min(NEAREST_TAXELS + 1, len(points))
     distance, near = map(np.asarray, tree.query(points, k=np.arange(1, count + 1)))
     joined = JOINED_PITCHES * np.median(distance[:, 1])
     pairs = tree.query_pairs(joined, output_type="ndarray")
     adjacent = csr_array((np.ones(len(pairs)), pairs.T), (len(points), len(points)))
-    few = min(NEAREST_TAXELS + 1, count)
-    a, b = (1 + k for k in np.triu_indices(few - 1, 1))
+    a, b = (1 + k for k in np.triu_indices(count - 1, 1))
     groups: dict[bytes, IntArray] = {}
     is_done = np.zeros(len(points), bool)
     for i in range(len(points)):
@@ -97,7 +91,7 @@ def _found(positions: Array) -> list[IntArray]:
         normals = unit(np.cross(arms[a], arms[b]))
         within = np.abs(arms @ normals.T) <= FLAT_TOLERANCE
         within[:, ~normals.any(axis=1)] = False
-        for column in np.argsort(-within.sum(axis=0), kind="stable")[:PLANES_TRIED]:
+        for column in np.argsort(-within.sum(axis=0), kind="stable"):
             if within[:, column].sum() < MIN_FOUND_TAXELS:
                 break
             members = _connected(adjacent, near[i][within[:, column]], i)
@@ -115,7 +109,7 @@ def _found(positions: Array) -> list[IntArray]:
     result: list[IntArray] = []
     is_taken = np.zeros(len(points), bool)
     for members in sorted(groups.values(), key=len, reverse=True):
-        if is_taken[members].mean() <= MAX_TAKEN_FRACTION:
+        if 2 * np.count_nonzero(is_taken[members]) <= len(members):
             result.append(members)
             is_taken[members] = True
     inverse = np.asarray(tree.query(positions)[1])

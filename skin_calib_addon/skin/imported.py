@@ -9,51 +9,39 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from ..calibration.exchange.taxel_set import TaxelSet
+from ..calibration.exchange.taxel_set import SAME_POSITION, TaxelSet
 from ..calibration.model import TaxelArray
+from ..calibration.patch_checks import MIN_TAXEL_DISTANCE
 from ..common.arrays import Array, BoolArray, IntArray, unit
-from ..common.errors import InvalidPlan
+from ..common.errors import InvalidPlan, listed
 from ..common.findings import Finding, error, warning
 from ..common.surface_errors import DistanceStatistics
 from ..geometry.mesh.closest import MeshDistance
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..geometry.registration import ON_MESH_DISTANCE, RigidFit, find_frame
+from ..geometry.registration import MAX_SKIN_THICKNESS, ON_MESH_DISTANCE, RigidFit, find_frame
 from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
 from .board_planes import board_planes
+from .sheet.constraints import MIN_DIRECTION_SINE
 from .sheet.taxels import fan_areas
 
 # Largest deviation of a given matrix from a rotation; covers four decimals. Larger: accepts less exact matrices.
 ROTATION_MATRIX_TOLERANCE = 1e-3
-# Largest distance of a taxel from its surface [m]. Larger: fewer warnings.
-MAX_SURFACE_DISTANCE = 0.01
-# Lateral distance from which on a taxel is beyond an open edge [m]. Larger: fewer warnings.
-LATERAL_TOLERANCE = 1e-6
 # Sides of the outline of a cell. Larger: rounder cells, larger files.
 OUTLINE_SIDES = 16
 # Derived: largest radius of a cell in pitches, that of the corners of a square.
 MAX_CELL_RADIUS = 0.5**0.5
 # Limit of the mean number of taxels near each taxel; protects the memory. More of them are at the same position.
 MAX_MEAN_NEIGHBOURS = 200
-# Taxels nearer than this fraction of the pitch are at the same position. Larger: merges more of them.
-SAME_POINT_TOLERANCE = 1e-3
-# Taxels are merged if they are nearer than this on the surface, in pitches, ... Larger: finds more pairs.
-MERGED_PITCHES = 0.1
-# ... and farther than this in the file, in pitches. Larger: finds fewer pairs.
+# Taxels in one place on the surface are an error if they are farther apart than this in the file, in pitches. Larger:
+# finds fewer pairs.
 APART_PITCHES = 0.5
-# Relative excess of a ball in which a third taxel still separates two cells. Larger: fewer neighbours.
-GABRIEL_TOLERANCE = 0.01
-# Smallest sine of the angle between a tangent of the file and the normal. Larger: replaces more tangents.
-MIN_TANGENT_SINE = 0.02
+# Relative difference of two distances between taxels up to which they are equal. Larger: fewer neighbours, and close
+# taxels do not bound their cells.
+DISTANCE_ROUNDING = 0.01
 # Least mean cosine between the plane normal of a board and the surface; below it the sign is unknown. Larger: more
 # boards have the normals of the surface.
 MIN_PLANE_COSINE = 0.5
-# Decimals of a position [m] that count for the pitch.
-POSITION_DECIMALS = 6
-# Number of taxels near the middle of a pair that may separate its cells. Larger: slower.
-MAX_THIRD_TAXELS = 12
-# Number of taxels that a warning names.
-MAX_TAXELS_NAMED = 5
 
 Frame = tuple[ArrayLike, ArrayLike]  # a rotation and a translation [m] into the link frame
 
@@ -87,7 +75,7 @@ def imported_taxels(
     frame: Frame | None = None,
     snap: bool = False,
     tangent: Literal["u", "v"] = "u",
-    farthest: float = MAX_SURFACE_DISTANCE,
+    farthest: float = MAX_SKIN_THICKNESS,
     pitch: float | None = None,
 ) -> ImportedTaxels:
     """Return the taxels of a file with footpoints, outward normals and frames of a surface.
@@ -160,7 +148,7 @@ def imported_taxels(
     found = (
         *_frame_findings(name, fit, frame),
         *_named("far", ids, distance > farthest, f"farther than {farthest * 1e3:g} mm from the surface"),
-        *_named("beyond-edge", ids, at_edge & (lateral > LATERAL_TOLERANCE), "beyond an open edge of the surface"),
+        *_named("beyond-edge", ids, at_edge & (lateral > SAME_POSITION), "beyond an open edge of the surface"),
         *_flipped(name, taxel_set, normals),
         *_merged(ids, given, positions, pitch),
     )
@@ -278,7 +266,7 @@ def median_pitch(positions: Array, name: str) -> float:
     InvalidPlan
         If all have one position.
     """
-    points = positions[np.unique(np.round(positions, POSITION_DECIMALS), axis=0, return_index=True)[1]]
+    points = positions[np.unique(np.round(positions / SAME_POSITION), axis=0, return_index=True)[1]]
     if len(points) < 2:
         raise InvalidPlan(f"the taxels of {name} have one position, so that their cells have no size; give a pitch")
     return float(np.median(np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]))
@@ -311,7 +299,7 @@ def outlines(positions: Array, normals: Array, tangents: Array, pairs: IntArray,
     flat = np.column_stack(((gap * tangents[a]).sum(axis=1), (gap * across[a]).sum(axis=1)))
     length = np.linalg.norm(gap, axis=1)  # in space, not in the tangent plane: exact around a bend
     # A taxel at the same position, or straight above, is no bound.
-    apart = np.linalg.norm(flat, axis=1) > np.maximum(SAME_POINT_TOLERANCE * max_radius, SAME_POINT_TOLERANCE * length)
+    apart = np.linalg.norm(flat, axis=1) > DISTANCE_ROUNDING * np.maximum(max_radius, length)
     a, flat, length = a[apart], unit(flat[apart]), length[apart]
     cosine = flat @ rays.T
     bound = np.where(cosine > 0, length[:, None] / 2 / np.where(cosine > 0, cosine, 1.0), np.inf)
@@ -341,16 +329,12 @@ def gabriel(positions: Array, normals: Array, pairs: IntArray) -> IntArray:
     """
     a, b = pairs.T
     middle, radius = (positions[a] + positions[b]) / 2, np.linalg.norm(positions[a] - positions[b], axis=1) / 2
-    count = min(len(positions), MAX_THIRD_TAXELS)
-    distances, third = cKDTree(positions).query(middle, k=np.arange(1, count + 1))
-    facing = (normals[third] * (normals[a] + normals[b])[:, None]).sum(axis=2) > 0
-    ends = np.minimum(*(np.linalg.norm(positions[third] - positions[end][:, None], axis=2) for end in (a, b)))
-    between = (
-        facing
-        & (ends > SAME_POINT_TOLERANCE * radius[:, None])
-        & (distances < (1 + GABRIEL_TOLERANCE) * radius[:, None])
-    )
-    return pairs[~between.any(axis=1)]
+    inside = cKDTree(positions).query_ball_point(middle, (1 + DISTANCE_ROUNDING) * radius)
+    pair = np.repeat(np.arange(len(pairs)), [len(row) for row in inside])
+    third = np.array([k for row in inside for k in row], np.int64)
+    facing = (normals[third] * (normals[a] + normals[b])[pair]).sum(axis=1) > 0
+    ends = np.minimum(*(np.linalg.norm(positions[third] - positions[end[pair]], axis=1) for end in (a, b)))
+    return np.delete(pairs, pair[facing & (ends > DISTANCE_ROUNDING * radius[pair])], axis=0)
 
 
 def near_pairs(positions: Array, normals: Array, far: float, name: str) -> IntArray:
@@ -408,7 +392,7 @@ def _tangents(taxel_set: TaxelSet, surface: BSplineSurface, uv: Array, normals: 
     r = surface.derivatives(uv)
     wanted = r[1, 0] if along == "u" else r[0, 1]
     if taxel_set.tangents is not None:
-        upright = np.linalg.norm(np.cross(taxel_set.tangents, normals), axis=1) < MIN_TANGENT_SINE
+        upright = np.linalg.norm(np.cross(taxel_set.tangents, normals), axis=1) < MIN_DIRECTION_SINE
         wanted = np.where(upright[:, None], wanted, taxel_set.tangents)
     wanted = unit(wanted)
     return unit(wanted - (wanted * normals).sum(axis=1, keepdims=True) * normals)
@@ -424,10 +408,9 @@ def _named(code: str, ids: tuple[str, ...], chosen: BoolArray, where: str) -> It
     """Yield one warning with the first of the chosen taxels; its value names all."""
     names = [ids[i] for i in np.flatnonzero(chosen)]
     if names:
-        shown = ", ".join(names[:MAX_TAXELS_NAMED]) + (", ..." if len(names) > MAX_TAXELS_NAMED else "")
-        message = (
-            f"is the only taxel {where}" if len(names) == 1 else f"is the first of {len(names)} taxels {where}: {shown}"
-        )
+        message = f"is the first of {len(names)} taxels {where}: {listed(names)}"
+        if len(names) == 1:
+            message = f"is the only taxel {where}"
         yield warning(code, names[0], message, names)
 
 
@@ -442,7 +425,7 @@ def _flipped(name: str, taxel_set: TaxelSet, normals: Array) -> Iterator[Finding
 
 def _merged(ids: tuple[str, ...], given: Array, positions: Array, pitch: float) -> Iterator[Finding]:
     """Yield an error if taxels that are apart in the file are in one place on the surface."""
-    pairs = cKDTree(positions).query_pairs(MERGED_PITCHES * pitch, output_type="ndarray")
+    pairs = cKDTree(positions).query_pairs(MIN_TAXEL_DISTANCE * pitch, output_type="ndarray")
     apart = np.linalg.norm(given[pairs[:, 0]] - given[pairs[:, 1]], axis=1)
     found = np.flatnonzero(apart > APART_PITCHES * pitch)
     if len(found):
@@ -485,7 +468,7 @@ def _frame_findings(name: str, fit: RigidFit | None, given: Frame | None) -> Ite
         yield error("wrong-frame", name, message, frame)
     elif fit.verdict == "lost":
         message = f"is {off} off the mesh on average, and no motion brings it nearer than {left}; check link and unit"
-        yield (error if fit.before.mean > MAX_SURFACE_DISTANCE else warning)("off-mesh", name, message, fit.before.mean)
+        yield (error if fit.before.mean > MAX_SKIN_THICKNESS else warning)("off-mesh", name, message, fit.before.mean)
     else:
         message = f"is {off} off the mesh on average, and no motion brings it much nearer: is the skin so thick?"
         yield warning("off-mesh", name, message, fit.before.mean)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..calibration.model import LinkCalibration, Patch
 from ..common.arrays import Array, IntArray
+from ..common.errors import MAX_NAMED
 from ..common.warnings import Place, Warning
 from .touches import Touches
 
@@ -31,8 +32,6 @@ OUTLIER_FACTOR = 3.0
 OUTLIER_CELLS = 1.5
 # Another order of the channels is right if it leaves less than this fraction of the distances. Larger: accepts more.
 ORDER_GAIN = 0.5
-# Number of touches that a warning names.
-MAX_TOUCHES_NAMED = 3
 # Median height of touches above or below the taxels from which on a warning is given [m]: half of the distance at which
 # a single touch is an error. Larger: fewer warnings.
 HEIGHT_LIMIT = 2.5e-3
@@ -347,9 +346,7 @@ def other_order(placement: Placement) -> str | None:
 
 
 def _listed(items: list[str]) -> str:
-    return "; ".join(items[:MAX_TOUCHES_NAMED]) + (
-        f"; and {len(items) - MAX_TOUCHES_NAMED} more" if len(items) > MAX_TOUCHES_NAMED else ""
-    )
+    return "; ".join(items[:MAX_NAMED]) + (f"; and {len(items) - MAX_NAMED} more" if len(items) > MAX_NAMED else "")
 
 
 def _mean(ends: Array) -> float:

@@ -9,6 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
+from ...common.errors import listed
 from ...common.warnings import Warning
 from .cover import is_seen, shells
 from .outliers import without_outliers
@@ -21,8 +22,6 @@ FLAT_FACE_RATIO = 1e-7
 INWARD_COSINE = 0.2
 # [fraction of the area] Faces back to back give a warning above this fraction. Larger: fewer warnings.
 MAX_DOUBLED_FRACTION = 0.01
-# [1] holes that are listed one by one in a message.
-MAX_LISTED_HOLES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +100,9 @@ class Diagnosis:
         if not len(lengths):
             yield _finding("holes", "No hole")
             return
-        listed = ", ".join(f"{length * 1e3:.4g}" for length in lengths[:MAX_LISTED_HOLES]) + (
-            ", ..." if len(lengths) > MAX_LISTED_HOLES else ""
-        )
+        sizes = listed([f"{length * 1e3:.4g}" for length in lengths])
         advice = "Ends may be open. Elsewhere the fit has no data: fill the holes, or keep the skin away from them."
-        what = f"{count(len(lengths), 'hole')}, circumference {listed} mm"
+        what = f"{count(len(lengths), 'hole')}, circumference {sizes} mm"
         yield _finding("holes", what, len(lengths) > 2, advice)  # a tube has two ends
 
     def _edges(self) -> Iterator[Warning]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray, cross, freeze, pairs_of, product, unit
+from ...common.arrays import Array, IntArray, cross, freeze, product, unit
 from ...common.errors import InvalidKnotVector
 
 # Least number of sites [1] in a direction, by whether it is closed. With fewer, all of them may be at the corners of
@@ -265,8 +265,6 @@ def _derivatives(count: int, order: int) -> Array:
     return np.concatenate(blocks, axis=1)
 
 
-# Fractions of a knot span at which the direction of the normal is evaluated.
-SPAN_FRACTIONS = np.array((0.0, 0.5))
 MIN_LENGTH = 1e-12  # [m] lower bound of a length in a denominator, where points of the surface coincide
 
 
@@ -415,36 +413,6 @@ class BSplineSurface:
             for rows, columns in ((along, B), (A, across))
         )
         return by_u, by_v
-
-    def turning(self, length: float) -> float:
-        """Return the largest rotation of the normal along coordinate lines, over at most this length [rad].
-
-        Rotations over shorter lengths that cancel each other do not add up. A surface that follows the facets of a mesh
-        has such rotations.
-        """
-        angles, per_length = self._turns
-        return float(np.minimum(angles, per_length * length).max())
-
-    @cached_property
-    def _turns(self) -> tuple[Array, Array]:
-        """Return, for points 1, 2, 4 ... half spans apart, the largest rotation [rad] and the largest per length."""
-        u, v = (spans.starts[:, None] + spans.lengths[:, None] * SPAN_FRACTIONS for spans in self.spans)
-        r = self.derivatives(pairs_of(u.ravel(), v.ravel()))
-        points, normals = (x.reshape(u.size, v.size, 3) for x in (r[0, 0], unit(cross(r[1, 0], r[0, 1]))))
-        turns = []
-        for axis, closed in enumerate(self.closed):
-            n = points.shape[axis]
-            chords = np.linalg.norm(np.roll(points, -1, axis) - points, axis=2)
-            done = np.cumsum(np.concatenate((np.zeros_like(chords.take([0], axis)), chords, chords), axis), axis)
-            for parts in 2 ** np.arange(max(n // 2, 1).bit_length()):
-                here = np.arange(n if closed else n - parts)
-                there = here + parts
-                cosines = (normals.take(there % n, axis) * normals.take(here, axis)).sum(axis=2)
-                angles = np.arccos(np.clip(cosines, -1, 1))
-                lengths = done.take(there, axis) - done.take(here, axis)
-                turns.append((angles.max(), (angles / np.maximum(lengths, MIN_LENGTH)).max()))
-        largest, per_length = np.transpose(turns)
-        return largest, per_length
 
     @cached_property
     def spans(self) -> tuple[SpanPolynomials, SpanPolynomials]:

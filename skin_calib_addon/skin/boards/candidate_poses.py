@@ -12,12 +12,11 @@ from ..lattice import PORTS, HexLattice
 from .pose_refinement import Pose
 from .region import Region
 
-# Number of evaluations (offsets x angles x cells). It defines the step, so that all regions take the same time. Larger:
-# finer steps, slower.
-MAX_EVALUATIONS = 2e6
-# Limits of a step, in pitches. A shorter step finds nothing new. A longer one misses poses.
-MIN_STEP = 1 / 40
-MAX_STEP = 1 / 6
+# Step, in pitches. Smaller: slower, finds no more boards. Larger: misses poses.
+STEP_IN_PITCHES = 0.1
+# Limit of the evaluations (offsets x angles x cells). In very large regions it increases the step. Larger: more memory,
+# four bytes each.
+MAX_EVALUATIONS = 5e7
 # Derived: largest distance from any pose to the nearest candidate, in steps: 0.58 for the shift, 0.5 for the rotation.
 SLACK_STEPS = 1.1
 # Number of the best poses that are refined with half of the step. Larger: misses fewer maxima, slower.
@@ -182,7 +181,7 @@ def _suitable_step(region: Region, lattice: HexLattice, radius: float, shifts: b
     boards = np.prod(np.ptp(region.box, axis=0)) / cell
     work = boards * (cell if shifts else 1.0) * (LATTICE_PERIOD * radius if turns else 1.0)
     step = (work / MAX_EVALUATIONS) ** (1 / (2 * shifts + turns))
-    return float(np.clip(step, MIN_STEP * lattice.pitch, MAX_STEP * lattice.pitch))
+    return float(max(step, STEP_IN_PITCHES * lattice.pitch))
 
 
 def _slack(step: float, first: float) -> float:

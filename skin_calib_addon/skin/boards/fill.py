@@ -10,12 +10,9 @@ from ...common.arrays import Array, IntArray, freeze
 from ...common.errors import InvalidPlan
 from ..lattice import HexLattice
 from .candidate_poses import LATTICE_PERIOD, CandidatePoses, axes, candidate_poses, cells_within
-from .pose_refinement import Pose, PoseRefinement
+from .pose_refinement import TOUCH_TOLERANCE, Pose, PoseRefinement
 from .region import Region
 
-# Negative clearance [m] at which two outlines still touch without overlap. It is far above rounding and far below the
-# precision of boards. Larger: accepts boards that overlap the border.
-TOUCH_TOLERANCE = 1e-9
 # Limit of a move during the refinement, in steps of the candidate poses. Larger: may leave the local maximum.
 MAX_MOVE_STEPS = 0.5
 # Limit of a move that balances the clearances, in pitches. The play is below a pitch, or one more board would fit.

@@ -22,14 +22,12 @@ OUTLINE_STEP = 0.01
 MIN_COVERED_COSINE = 0.5
 # Smallest number of rays in each direction that look for faces. Larger: detects smaller holes, slower.
 MIN_RAYS = 200
-# Points along each side of the border of a surface. Larger: more exact, slower.
+# Points along each side of the border of a surface, and on an excluded circle. Larger: more exact, slower.
 BORDER_POINTS = 100
 # Nodes whose maps are blended at a point. Larger: a smoother map.
 BLENDED_NODES = 4
 # Iterations that find the parameters of a flat point with the slope at the nearest node. Larger: more exact, slower.
 INVERSE_ITERATIONS = 6
-# Sides of the polygon around an excluded disc. Larger: a tighter polygon.
-DISC_SIDES = 48
 
 
 @dataclass(frozen=True)
@@ -265,8 +263,8 @@ def disc(centre: Array, radius: float) -> Array:
 
     Returns
     -------
-    array, shape (DISC_SIDES, 2)
+    array, shape (BORDER_POINTS, 2)
         Corners [m].
     """
-    angles = np.linspace(0, 2 * np.pi, DISC_SIDES, endpoint=False)
-    return centre + radius / np.cos(np.pi / DISC_SIDES) * np.column_stack((np.cos(angles), np.sin(angles)))
+    angles = np.linspace(0, 2 * np.pi, BORDER_POINTS, endpoint=False)
+    return centre + radius / np.cos(np.pi / BORDER_POINTS) * np.column_stack((np.cos(angles), np.sin(angles)))

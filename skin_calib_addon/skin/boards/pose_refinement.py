@@ -17,8 +17,9 @@ MAX_REFINEMENT_MOVES = 12
 HORIZON_STEPS = 5
 # Error of the linear program, as a fraction of a step: rotations move boards on circles. Larger: accepts worse moves.
 LINEARIZATION_TOLERANCE = 0.05
-# Smallest gain or movement of a refinement [m]. Larger: stops earlier.
-MOVE_TOLERANCE = 1e-11
+# Length [m] that is rounding: outlines that overlap by less still touch, and a smaller movement has no effect. It is
+# far below the precision of boards. Larger: accepts boards that overlap the border.
+TOUCH_TOLERANCE = 1e-9
 # Multipliers and differences of slopes up to which they are zero in the linear program. Larger: fixes more boards.
 PROGRAM_TOLERANCE = 1e-6
 
@@ -99,7 +100,7 @@ class PoseRefinement:
                 and clearance + gain < floor - LINEARIZATION_TOLERANCE * step
             ):
                 break
-            if (length if balance else gain) < MOVE_TOLERANCE:
+            if (length if balance else gain) < TOUCH_TOLERANCE:
                 break
             new_clearances = self.clearances(moved, centres)
             new_clearance = np.partition(new_clearances, -count)[-count]

@@ -17,7 +17,7 @@ from ..sheet.geodesic import unroll
 from ..sheet.net import board_net
 from ..sheet.offset import offset_surface
 from ..sheet.relax import relax
-from ..sheet.wrap import beyond_edge, check_size, guess_step, on_surface, root_of
+from ..sheet.wrap import beyond_edge, check_size, on_surface, root_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +226,7 @@ def unroll_boards(
     """
     flat, along = lattice.centres(cells), row_axis(layer, start, direction)
     half = np.array((lattice.pitch / 2, 0.0))
-    uv = unroll(layer, np.concatenate((flat, flat - half, flat + half)), start, along, guess_step(layer, lattice.pitch))
+    uv = unroll(layer, np.concatenate((flat, flat - half, flat + half)), start, along, lattice.pitch / 2)
     uv, before, after = np.split(uv, 3)
     # Differences over a pitch: points between two geodesics are accurate, their derivatives are not on a wavy surface.
     vectors, normals = layer.points(after) - layer.points(before), layer.normals(uv)

@@ -17,8 +17,6 @@ MIN_TURN = 0.5
 PATH_SEGMENTS = 8
 # Gauss-Newton iterations of a shortest path. Larger: more exact on doubly curved surfaces, and slower.
 PATH_ITERATIONS = 6
-# Interior points of the straight paths in the parameters that select the nearest nodes. Larger: a safer selection.
-ESTIMATE_POINTS = 3
 # Derived: weights of the first four points of a path in the derivative of the cubic through them at its start.
 START_RATE = np.array((-11 / 6, 3, -3 / 2, 1 / 3))
 
@@ -160,7 +158,7 @@ def _outline(present: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
 
 def _estimates(layer: BSplineSurface, start: Array, ends: Array) -> Array:
     """Return the lengths of the straight paths in the parameters from a start (2,) to ends (n, 2) [m]."""
-    fractions = np.linspace(0, 1, ESTIMATE_POINTS + 2)[:, None, None]
+    fractions = np.linspace(0, 1, PATH_SEGMENTS + 1)[:, None, None]
     path = layer.points((start + fractions * (ends - start)).reshape(-1, 2)).reshape(len(fractions), -1, 3)
     return np.linalg.norm(np.diff(path, axis=0), axis=2).sum(axis=0)
 

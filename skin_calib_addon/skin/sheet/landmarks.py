@@ -9,7 +9,7 @@ from ...common.arrays import Array, IntArray
 from ...common.errors import InvalidPlan, millimetres
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
-from ..lattice import SheetLattice
+from ..lattice import ROUNDING, SheetLattice
 from .constraints import Constraints, flat_axes, rigid_loads
 from .geodesic import unroll
 from .net import Net
@@ -17,8 +17,6 @@ from .net import Net
 # Iterations in which a sheet is rotated towards its landmarks before the placement. Larger: better for a direction that
 # is far off.
 ROTATION_ITERATIONS = 4
-# Rotation of the finite difference [rad]. Larger: less exact; much smaller: rounding.
-ROTATION_STEP = 1e-3
 # Largest distance of an origin or a landmark from the surface [m]. Larger: points on another link are accepted.
 MAX_POINT_DISTANCE = 5e-3
 
@@ -96,11 +94,12 @@ class LandmarkTargets:
         start, aims = self.uv[0], self.layer.points(self.uv[1:])
         normal = self.layer.normals(start[None])[0]
 
-        turned = self.flat[1:] + ROTATION_STEP * np.column_stack((-self.flat[1:, 1], self.flat[1:, 0]))
+        angle_step = np.sqrt(ROUNDING)  # of the finite difference [rad]: `unroll` rounds distances
+        turned = self.flat[1:] + angle_step * np.column_stack((-self.flat[1:, 1], self.flat[1:, 0]))
         for _ in range(ROTATION_ITERATIONS):
             uv = unroll(self.layer, np.concatenate((self.flat[1:], turned)), start, along, step)
             ends, moved = np.split(self.layer.points(uv), 2)
-            slope = (moved - ends) / ROTATION_STEP
+            slope = (moved - ends) / angle_step
             angle = np.clip(((aims - ends) * slope).sum() / (slope**2).sum(), -1, 1)
             along = np.cos(angle) * along + np.sin(angle) * np.cross(normal, along)
         return along

@@ -5,7 +5,7 @@ import numpy as np
 from ...common.arrays import Array, IntArray, cross, unit
 from ...common.errors import InvalidPlan
 from ...geometry.surface.bspline import BSplineSurface
-from .constraints import Constraints
+from .constraints import PARAMETER_ROUNDING, Constraints
 from .equations import equations_of
 from .net import Net
 
@@ -14,9 +14,7 @@ MAX_NEWTON_STEPS = 30
 # A step that increases the energy by more than this factor is halved. A small increase is harmless: the gradients are
 # those of geodesics, the lengths are those of cubics, and their minima differ slightly. Larger: may diverge.
 MAX_ENERGY_RATIO = 1.01
-# Violation up to which a constraint is met, in parameters or radians. Larger: constraints are met less exactly.
-CONSTRAINT_TOLERANCE = 1e-6
-# Default tolerance of the movement of the nodes, as a fraction of the pitch. Larger: fewer steps, less exact positions.
+# Movement of the nodes in the step after the last, as a fraction of the pitch. Larger: fewer steps, less exact.
 STEP_TOLERANCE = 1e-4
 
 
@@ -26,7 +24,6 @@ def relax(
     uv: Array,
     constraints: Constraints,
     weights: Array | None = None,
-    step_tolerance: float = STEP_TOLERANCE,
 ) -> Array:
     r"""Return the parameters of the nodes that minimize the strain of a net (Newton's method with constraints).
 
@@ -49,8 +46,6 @@ def relax(
         What fixes the net.
     weights : array, shape (e,), optional
         Weight w of each pair; by default 1.
-    step_tolerance : float
-        The last step is the one after which no node would move by more than this fraction of the pitch.
 
     Returns
     -------
@@ -73,7 +68,7 @@ def relax(
         measured, pull = pair_lengths(points, normals, net.pairs, net.straight)
         strain = scale * (measured / net.lengths - 1)
         energy, violations = float(strain @ strain), constraints.violations(x, points)
-        closer = violation > CONSTRAINT_TOLERANCE and np.abs(violations).max() < violation / 2
+        closer = violation > PARAMETER_ROUNDING and np.abs(violations).max() < violation / 2
         if energy > MAX_ENERGY_RATIO * lowest_energy and not closer:
             x, use_turn_stiffness = (best + x) / 2, False
             continue
@@ -102,7 +97,7 @@ def relax(
         x = x + step
         moved = float(np.linalg.norm(np.matmul(step[:, None], basis)[:, 0], axis=1).max())
         # Linear convergence predicts the next step from the ratio of the last two; the first ratio is to the pitch.
-        if moved * min(moved / last_move, 1.0) < step_tolerance * net.pitch:
+        if moved * min(moved / last_move, 1.0) < STEP_TOLERANCE * net.pitch:
             break
         last_move = moved
     return x

@@ -1,47 +1,31 @@
 """Placement of a sheet on a surface with the least strain: the sheet bends, it does not stretch."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
 
 from ...common.arrays import Array, BoolArray
 from ...common.errors import InvalidPlan, OutsideSurface
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.centre import surface_centre
 from ..lattice import SheetLattice
-from .constraints import Constraints, pin_constraints, row_axis
+from .constraints import PARAMETER_ROUNDING, Constraints, pin_constraints, row_axis
 from .folds import check_folds, turned_over
 from .geodesic import unroll
 from .landmarks import Landmark, LandmarkTargets, located
 from .net import Net, grid_net
 from .offset import offset_surface
-from .relax import STEP_TOLERANCE, relax
+from .relax import relax
 
-# A first guess farther beyond an edge than this fraction of the surface is refused at once. Larger: refuses later,
-# after more time.
-MAX_GUESS_OVERSHOOT = 0.5
 # Weight of the strain beyond the edges of the surface, for a sheet that is trimmed. Larger: the extrapolated surface
 # has more influence on the cells inside.
 OUTSIDE_WEIGHT = 1e-3
-# Movement up to which an intermediate solution has converged, as a fraction of the pitch. Larger: faster, and less
-# exact.
-COARSE_STEP_TOLERANCE = 0.01
-# Relative error of a chord from which on a net may be folded. Larger: accepts folded nets.
-MAX_CHORD_ERROR = 0.5
-# Largest distance of the nodes between two surfaces for a start from the old nodes, in pitches. Larger: starts that are
-# too far away, and slow.
-MAX_START_DISTANCE = 2
-# Parameters beyond an edge by this fraction of the surface are on the edge: rounding.
-PARAMETER_ROUNDING = 1e-9
-# Longest step of the geodesics of a first guess, as a fraction of the size of the surface. Larger: faster, less exact.
-GUESS_STEP = 0.1
-# Largest rotation of the normal in such a step [rad]; beyond it cubics do not interpolate the parameters.
-MAX_GUESS_TURN = 1.0
-# A shorter step that still exceeds this rotation by this factor crosses a sharp edge.
-EDGE_FACTOR = 1.2
+# Steps of the geodesics of a first guess, in nodes, tried in this order until no cell is turned over. One through every
+# node has no folds; longer ones follow a wavy surface less. More steps: more sheets are placed, more time.
+GUESS_STEPS = (1, 2, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +75,7 @@ def wrap_sheet(
     trim : bool
         Whether cells may be outside the surface; they are left out.
     near : WrappedSheet, optional
-        The same sheet on a similar surface, as a start. The result is exact to a hundredth of the pitch, in half the
-        time.
+        The same sheet on a similar surface, as the first start: it saves time.
 
     Returns
     -------
@@ -114,7 +97,7 @@ def wrap_sheet(
     else:
         pin = (1, 1) if origin is not None else (lattice.rows, lattice.columns)
     start = root_of(surface, origin)
-    along, step = row_axis(layer, start, direction), guess_step(layer, max(lattice.pitch))
+    along, step = row_axis(layer, start, direction), min(lattice.pitch) / 2
 
     def pin_by_direction(net: Net, uv: Array) -> Constraints:
         return pin_constraints(layer, net, uv, row_axis(layer, uv[net.pin], direction))
@@ -124,15 +107,12 @@ def wrap_sheet(
         targets = LandmarkTargets.of(surface, layer, lattice, landmarks)
         along, constrain = targets.heading(along, step), targets.constraints
     net = grid_net(lattice.node_shape, lattice.step, pin)
-
-    def guess(step: float) -> Array:
-        uv = unroll(layer, net.flat, start, along, step).reshape(*lattice.node_shape, 2)
-        if not trim:
-            _check_inside(layer, lattice, uv, MAX_GUESS_OVERSHOOT)
-        return uv
-
-    start_nodes = None if near is None else _moved_sheet(near, layer, net, start)
-    uv = _relax_sheet(layer, lattice, guess, step, pin, constrain, trim, start_nodes)
+    starts: Iterable[Array] = (
+        unroll(layer, net.flat, start, along, n * step).reshape(*lattice.node_shape, 2) for n in GUESS_STEPS
+    )
+    if near is not None:
+        starts = chain([near.uv + (start - near.uv[pin])], starts)
+    uv = _relax_sheet(layer, lattice, net, starts, constrain, trim)
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         _check_inside(layer, lattice, uv)
@@ -140,37 +120,17 @@ def wrap_sheet(
     return WrappedSheet(surface, offset, layer, lattice, uv, inside)
 
 
-def _moved_sheet(sheet: WrappedSheet, layer: BSplineSurface, net: Net, start: Array) -> Array | None:
-    """Return the nodes of a sheet, shifted to its start on another layer, shape (n, 2); None if they are far from it.
-
-    Parameters
-    ----------
-    sheet : WrappedSheet
-        The sheet on its own layer.
-    layer : BSplineSurface
-        The other layer.
-    net : Net
-        The net of the sheet.
-    start : array, shape (2,)
-        Parameters of the pinned node.
-    """
-    before = sheet.uv.reshape(-1, 2)
-    uv = before + (start - before[net.pin])
-    far = np.linalg.norm(layer.points(uv) - sheet.layer.points(before), axis=1).max()
-    return uv if far < MAX_START_DISTANCE * net.pitch else None
-
-
 def _relax_sheet(
     layer: BSplineSurface,
     lattice: SheetLattice,
-    guess: Callable[[float], Array],
-    step: float,
-    pin: tuple[int, int],
+    net: Net,
+    starts: Iterable[Array],
     constrain: Callable[[Net, Array], Constraints],
     trim: bool,
-    start_nodes: Array | None,
 ) -> Array:
-    """Return the nodes of least strain, shape (a, b, 2): first every second node with the pinned one, then all.
+    """Return the nodes of least strain, shape (a, b, 2), from the first start that leaves no cell turned over.
+
+    A fold has no strain and stays.
 
     Parameters
     ----------
@@ -178,68 +138,25 @@ def _relax_sheet(
         Surface of the neutral layer.
     lattice : SheetLattice
         The flat sheet.
-    guess : function
-        Returns the first guess of all nodes for a step of the geodesics [m].
-    step : float
-        Step of the first guess [m].
-    pin : pair of int
-        Row and column of the pinned node.
+    net : Net
+        Its net.
+    starts : iterable of array, shape (a, b, 2)
+        First guesses of all nodes.
     constrain : function
         Returns the constraints of a net at given parameters.
     trim : bool
         As for :func:`wrap_sheet`.
-    start_nodes : array, shape (n, 2), or None
-        Nodes on a similar surface, if known.
     """
-
-    def relaxed(net: Net, uv: Array, step_tolerance: float = STEP_TOLERANCE) -> Array:
+    for start in starts:
+        uv = start.reshape(-1, 2)
         weights = None
         if trim:
             weights = np.where(on_surface(layer, uv)[net.pairs].any(axis=1), 1.0, OUTSIDE_WEIGHT)
-        return relax(layer, net, uv, constrain(net, uv), weights, step_tolerance)
-
-    def is_valid(uv: Array) -> bool:
-        inside = on_surface(layer, uv[1::2, 1::2]).ravel()
-        return not (turned_over(layer, lattice, uv) & inside).any()
-
-    net, shape = grid_net(lattice.node_shape, lattice.step, pin), (*lattice.node_shape, 2)
-    if start_nodes is not None:
-        uv = relaxed(net, start_nodes, COARSE_STEP_TOLERANCE)
-        if not may_be_folded(layer, net, uv) and is_valid(uv.reshape(shape)):
-            return uv.reshape(shape)
-    uv = guess(step)
-    first = (pin[0] % 2, pin[1] % 2)
-    coarse = uv[first[0] :: 2, first[1] :: 2]
-    if min(coarse.shape[:2]) > 1 and layer.turning(min(lattice.pitch)) < MAX_GUESS_TURN:
-        coarse_net = grid_net(coarse.shape[:2], (2 * lattice.step[0], 2 * lattice.step[1]), (pin[0] // 2, pin[1] // 2))
-        uv = _interpolated(
-            relaxed(coarse_net, coarse.reshape(-1, 2), COARSE_STEP_TOLERANCE).reshape(coarse.shape),
-            first,
-            lattice.node_shape,
-        )
-        if may_be_folded(layer, net, uv.reshape(-1, 2)):
-            uv = guess(min(lattice.pitch) / 2)
-    uv = relaxed(net, uv.reshape(-1, 2)).reshape(shape)
-    if is_valid(uv):
-        return uv
-    # A fold has no strain and stays. Start again with a geodesic through every node, which has none.
-    return relaxed(net, guess(min(lattice.pitch) / 2).reshape(-1, 2)).reshape(shape)
-
-
-def may_be_folded(layer: BSplineSurface, net: Net, uv: Array) -> bool:
-    """Return whether a chord is so short or so long that the net may be folded.
-
-    Parameters
-    ----------
-    layer : BSplineSurface
-        Surface of the net.
-    net : Net
-        The net.
-    uv : array, shape (n, 2)
-        Parameters of its nodes.
-    """
-    chords = np.linalg.norm(np.diff(layer.points(uv)[net.pairs], axis=1)[:, 0], axis=1)
-    return bool(np.abs(chords / net.lengths - 1).max() > MAX_CHORD_ERROR)
+        nodes = relax(layer, net, uv, constrain(net, uv), weights).reshape(start.shape)
+        inside = on_surface(layer, nodes[1::2, 1::2]).ravel()
+        if not (turned_over(layer, lattice, nodes) & inside).any():
+            break
+    return nodes
 
 
 def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
@@ -260,32 +177,6 @@ def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
     if origin is None:
         return np.array(surface_centre(surface))
     return located(surface, np.asarray(origin, float)[None], ["The origin"])[0]
-
-
-def _interpolated(uv: Array, first: tuple[int, int], shape: tuple[int, int]) -> Array:
-    """Interpolate all nodes of a grid from every second node, beginning at ``first``, by cubics in both directions."""
-    for axis in (0, 1):
-        n = uv.shape[axis]
-        known = first[axis] + 2 * np.arange(n)
-        spline = make_interp_spline(known, uv, k=3 if n > 3 else 1, axis=axis)
-        uv = spline(np.arange(shape[axis]))
-    return uv
-
-
-def guess_step(surface: BSplineSurface, pitch: float) -> float:
-    """Return the step of the geodesics of a first guess: short enough for cubics between the points [m].
-
-    Parameters
-    ----------
-    surface : BSplineSurface
-        The surface.
-    pitch : float
-        Pitch of the cells [m].
-    """
-    step = max(2 * pitch, GUESS_STEP * size_of(surface))
-    step *= MAX_GUESS_TURN / max(surface.turning(step), MAX_GUESS_TURN)
-    # At a sharp edge the normal rotates as much over a shorter step: trace every node there.
-    return pitch / 2 if surface.turning(step) > EDGE_FACTOR * MAX_GUESS_TURN else max(step, pitch / 2)
 
 
 def size_of(surface: BSplineSurface) -> float:
@@ -328,14 +219,11 @@ def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
         )
 
 
-def _check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array, slack: float = 0.0) -> None:
-    """Raise OutsideSurface for the first cell whose centre is beyond an open edge.
-
-    Cells beyond it by up to ``slack``, as a fraction of the surface, are accepted if no cell is farther out.
-    """
+def _check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array) -> None:
+    """Raise OutsideSurface for the first cell whose centre is beyond an open edge."""
     centres = uv[1::2, 1::2].reshape(-1, 2)
     beyond = np.where(surface.closed, 0.0, np.abs(centres - 0.5) - 0.5).max(axis=1)
-    if beyond.max() <= slack + PARAMETER_ROUNDING:
+    if beyond.max() <= PARAMETER_ROUNDING:
         return
     outside = np.flatnonzero(beyond > PARAMETER_ROUNDING)
     row, column = lattice.index[outside[0]].tolist()

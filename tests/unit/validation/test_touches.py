@@ -205,7 +205,7 @@ def test_touches_of_another_frame_are_a_warning():
     assert len(none.rows) == len(none.outliers) == 0 and none.motion is None
     (warning,) = none.warnings()
     assert warning.code == "grazing-touch" and warning.value == 20
-    assert warning.message.endswith("are left out: line 2; line 3; line 4; and 17 more.")
+    assert warning.message.endswith("are left out: line 2; line 3; line 4; line 5; line 6; and 15 more.")
 
 
 def test_touches_belong_to_their_patches():

@@ -259,32 +259,3 @@ def test_surface_refuses_a_net_of_another_shape(broken):
     """Points of three finite numbers in two directions."""
     with pytest.raises(ValueError, match="control_net"):
         BSplineSurface(broken, clamped_knots(4, 3), clamped_knots(4, 3), (3, 3))
-
-
-def tube(radii, length=0.1):
-    """A tube about z, closed in v, whose control points stand at these distances from it, one for each angle."""
-    angle = 2 * np.pi * np.arange(len(radii)) / len(radii)
-    ring = np.column_stack((radii * np.cos(angle), -radii * np.sin(angle), 0 * angle))
-    ring = np.concatenate((ring, ring[:3]))
-    net = ring + np.linspace(0, length, 6)[:, None, None] * np.array((0, 0, 1.0))
-    return BSplineSurface(net, clamped_knots(6, 3), periodic_knots(len(radii), 3), (3, 3), (False, True))
-
-
-def test_turning_is_the_length_over_the_radius():
-    """On a cylinder the normal rotates by the length of an arc over the radius, and by half a turn at most."""
-    surface = tube(np.full(64, 0.03))
-    radius = np.linalg.norm(surface.points([[0.5, 0.2]])[0, :2])
-    for length in (1e-4, 0.01, 0.05):
-        assert_allclose(surface.turning(length), length / radius, rtol=2e-3)
-    assert_allclose(surface.turning(1.0), np.pi, rtol=1e-6)
-
-
-def test_turning_does_not_add_up_what_turns_back():
-    """Ripples of 0.1 mm every 12 mm add little over 20 mm, though they bend a short path half as much again; an
-    edge adds all of its angle, over any length."""
-    plain, ripples = tube(np.full(64, 0.03)), tube(0.03 + 1.2e-4 * np.cos(np.pi * np.arange(64) / 2))
-    assert ripples.turning(1e-4) > 1.5 * plain.turning(1e-4)
-    assert_allclose(ripples.turning(0.02), plain.turning(0.02), rtol=0.1)
-    angle = 2 * np.pi * np.arange(256) / 256
-    square = tube(0.03 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle))))
-    assert 0.45 * np.pi < square.turning(0.004) < 0.55 * np.pi
