@@ -64,8 +64,12 @@ class Modalities:
         """Unit of each modality, by its name."""
         return {name: modality.unit for name, modality in self._all.items()}
 
-    def frame(self, readings: Mapping[Any, Any], alive: BoolArray) -> Mapping[str, ModalityValues]:
-        """Return the values of all modalities in one reading; a wrong array leaves its modality unknown.
+    def frame(
+        self, readings: Mapping[Any, Any], alive: BoolArray
+    ) -> tuple[Mapping[str, ModalityValues], frozenset[str]]:
+        """Return the values of all modalities in one reading, and the flags of the frame.
+
+        A wrong array leaves its modality unknown, with the flag ``modality``.
 
         Parameters
         ----------
@@ -80,14 +84,14 @@ class Modalities:
             If a modality is unknown.
         """
         self._check_names(readings)
-        values = dict(self.nothing)
+        values, flags = dict(self.nothing), frozenset[str]()
         for name, given in readings.items():
             if name != FORCE:
                 try:
                     values[name] = self._values(name, given, alive, 1)
                 except InvalidReading as error:
-                    values[name] = self._unknown(name, str(error))
-        return values
+                    values[name], flags = self._unknown(name, str(error)), frozenset({"modality"})
+        return values, flags
 
     def batch(self, readings: Mapping[Any, Any], alive: BoolArray, count: int) -> dict[str, ModalityValues]:
         """Return the values of the modalities in rows of readings.
@@ -186,6 +190,21 @@ def force_of(readings: Mapping[Any, Any]) -> Any:
         listed = ", ".join(map(str, readings)) or "nothing"
         raise InvalidReading(f"the mapping has no reading of {FORCE}; it has {listed}", flag="wrong_type")
     return readings[FORCE]
+
+
+def without_force(modalities: Any) -> Mapping[Any, Any]:
+    """Return a mapping of other modalities than force.
+
+    Raises
+    ------
+    InvalidReading
+        If it is no mapping, or has a force, which comes as events.
+    """
+    if not isinstance(modalities, Mapping) or FORCE in modalities:
+        what = f"a mapping with {FORCE}" if isinstance(modalities, Mapping) else type(modalities).__name__
+        must = "modalities must be a mapping of the other readings, because the forces are events"
+        raise InvalidReading(f"{must}; this is {what}", flag="wrong_type")
+    return modalities
 
 
 def values_in(given: Any, *units: str) -> Array:

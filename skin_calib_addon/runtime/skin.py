@@ -18,7 +18,7 @@ from .footprint import Footprint
 from .frame import Frame
 from .geometry import GroundGeometry, SkinGeometry, observable, wrench_rank
 from .identity import Identities
-from .modalities import FORCE, Modalities, ModalityValues, force_of
+from .modalities import Modalities, ModalityValues, force_of, without_force
 from .noise import Noise, Rest
 from .plane import Plane, ground_of
 from .readings import Readings
@@ -268,16 +268,17 @@ class Skin:
         modalities = self._modalities.nothing
         try:
             if isinstance(readings, Mapping):
-                modalities = self._modalities.frame(readings, self._readings.alive)
-                if any(modalities[name].problem for name in readings if name != FORCE):
-                    flags |= {"modality"}
+                modalities, problems = self._modalities.frame(readings, self._readings.alive)
+                flags |= problems
                 readings = force_of(readings)
             raw = self._readings.intensities(readings)
         except InvalidReading as error:
             return self._unknown(time, flags | {error.flag}, str(error), modalities)
         return self._frame(raw, None, time, flags, modalities)
 
-    def update_events(self, indices: Any, values: Any, time: float) -> Frame:
+    def update_events(
+        self, indices: Any, values: Any, time: float, modalities: Mapping[str, Any] | None = None
+    ) -> Frame:
         """Compute the frame after some readings changed; all others are those of the last frame.
 
         The frame is that of :meth:`update` with the complete reading, to the bit, and wrong events raise no error.
@@ -292,14 +293,19 @@ class Skin:
             Their new readings of force, of the data type of the complete readings.
         time : float
             Of the frame [s].
+        modalities : mapping of str to array, shape (channels,), optional
+            Complete readings of other modalities, as for :meth:`update`.
         """
         time = float(time)
-        flags = self._clock.flags(time)
+        flags, others = self._clock.flags(time), self._modalities.nothing
         try:
+            if modalities is not None:
+                others, problems = self._modalities.frame(without_force(modalities), self._readings.alive)
+                flags |= problems
             raw, changed = self._readings.after(indices, values)
         except InvalidReading as error:
-            return self._unknown(time, flags | {error.flag}, str(error), self._modalities.nothing)
-        return self._frame(raw, changed, time, flags, self._modalities.nothing)
+            return self._unknown(time, flags | {error.flag}, str(error), others)
+        return self._frame(raw, changed, time, flags, others)
 
     def _frame(
         self,

@@ -174,6 +174,26 @@ def test_proximity_wrench_takes_the_modality():
     assert_allclose(wrench.proximity_wrench(skin.geometry, near, 0.25, 500.0), expected, rtol=1e-12, atol=1e-15)
 
 
+def test_events_take_modalities_too():
+    """The frame is that of `update` with the complete readings; wrong ones have the same effect."""
+    full, events = sole(), sole()
+    now, raw = FORCE.copy(), np.arange(N) * 90
+    same(full.update(now, 0.0), events.update(now, 0.0))
+    now[3] = 5.0
+    for others in ({"proximity": raw}, {"proximity": raw[:3]}, {"proximty": raw}, {}):
+        one = full.update({"force": now} | others, 0.1)
+        other = events.update_events([3], [5.0], 0.1, others)
+        same(one, other)
+        for name, value in one.modalities.items():
+            assert_array_equal(value.values, other.modalities[name].values)
+            assert value.problem == other.modalities[name].problem
+    refused = ({"nothing": raw}, "no modality"), (raw, "this is ndarray"), ({"force": now}, "a mapping with force")
+    for others, problem in refused:
+        frame = events.update_events([3], [1.0], 0.2, others)
+        assert problem in frame.problem and frame.flags == {"wrong_type"} and frame.touched is None
+    same(full.update(now, 0.3), events.update_events([], [], 0.3))
+
+
 def test_nothing_in_range_gives_no_virtual_wrench():
     """All sensors at their far end: no push, even if the range of the springs is longer than that of the sensors."""
     near = sole().update({"force": FORCE, "proximity": np.zeros(N)}, 0.0).modalities["proximity"]
