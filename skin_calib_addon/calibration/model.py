@@ -12,6 +12,8 @@ from .modality import Modality
 from .response import AnyResponse, Response
 
 MAX_CHANNEL = 2**31 - 1  # Contract: a channel fits into a signed 32-bit integer
+# Distance of two taxels in pitches below which they are in one place. Larger: more findings in narrow folds.
+MIN_TAXEL_DISTANCE = 0.1
 
 
 @dataclass(frozen=True)

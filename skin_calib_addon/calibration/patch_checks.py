@@ -10,6 +10,7 @@ import numpy as np
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..common.findings import Finding, error, show, warning
+from .model import MIN_TAXEL_DISTANCE
 from .parts import Part, needs
 from .surface_checks import MAX_DISTANCE
 
@@ -19,8 +20,6 @@ SINGLE_ROUNDING = 1e-6
 # sheet bend with the surface; at a sharp edge their outlines are up to 8 % smaller. Others are flat. Larger: wrong
 # areas pass.
 AREA_TOLERANCES = {"sheet": 0.1, "hexagons": 0.02, "imported": 0.02}
-# Distance of two taxels in pitches below which they are in one place. Larger: more findings in narrow folds.
-MIN_TAXEL_DISTANCE = 0.1
 # Direction along which taxels are sorted to find near ones; oblique, because taxels are often on planes and lines.
 SORTING_DIRECTION = np.array((0.36, 0.48, 0.8))
 # Doubled area of the triangle of a side and a corner, relative to the square of the size of the cell, up to which the

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from ..calibration.exchange.taxel_set import SAME_POSITION, TaxelSet
-from ..calibration.model import TaxelArray
-from ..calibration.patch_checks import MIN_TAXEL_DISTANCE
+from ..calibration.model import MIN_TAXEL_DISTANCE, TaxelArray
 from ..common.arrays import Array, BoolArray, IntArray, unit
 from ..common.errors import InvalidPlan, listed
 from ..common.findings import Finding, error, warning
