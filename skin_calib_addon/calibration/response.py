@@ -34,12 +34,12 @@ class Response:
         """
         readings = np.asarray(readings, float)
         with np.errstate(all="ignore"):
-            clamped = readings if self.range is None else np.clip(readings, *self.range)
-            values = np.full_like(clamped, self.coefficients[-1])
+            low, high = self.ends
+            clamped = np.minimum(np.maximum(readings, low), high)
+            values = np.where(np.isnan(readings), np.nan, self.coefficients[-1])
             for coefficient in self.coefficients[-2::-1]:
                 values = coefficient + values * clamped
-        is_valid = np.isfinite(values) | np.isinf(readings)
-        return np.where(is_valid & ~np.isnan(readings), values, np.nan)
+            return np.where(np.isfinite(values) | np.isinf(readings), values, np.nan)
 
     @property
     def ends(self) -> tuple[float, float]:

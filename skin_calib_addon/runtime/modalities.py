@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, lock, unmasked
+from ..common.arrays import Array, BoolArray, IntArray, lock, unmasked
 from ..common.errors import InvalidReading
 from .readings import taxel_readings
 
@@ -31,6 +31,68 @@ class ModalityValues:
         lock(self.values, self.known, self.saturated)
 
 
+class Converter:
+    """Convert the readings of one modality.
+
+    Parameters
+    ----------
+    modality : Modality
+        Of the calibration.
+    link : str
+        Its name, for messages.
+    ids : tuple of str
+        Of the taxels.
+    channels : array, shape (n,)
+        Of their forces.
+    """
+
+    def __init__(self, modality: "Modality", link: str, ids: tuple[str, ...], channels: IntArray):
+        self.unit, self._response = modality.unit, modality.response
+        self._name, self._link, self._count = modality.name, link, len(ids)
+        self._channels, self._rows = channels, None  # rows of the taxels that have it; None: all
+        if modality.channels is not None:
+            row = {id: i for i, id in enumerate(ids)}
+            self._rows = np.array([row[id] for id in modality.channels], np.int64)
+            self._channels = np.array(list(modality.channels.values()), np.int64)
+        self._length = int(self._channels.max(initial=-1)) + 1
+        self._ends = modality.response.ends
+        self._largest = float(modality.response.values(np.array(self._ends)).max())
+
+    def values(self, given: Any, alive: BoolArray, dimensions: int) -> ModalityValues:
+        """Return the values of all taxels.
+
+        Parameters
+        ----------
+        given : array, shape (channels,) or (T, channels)
+            Readings of the modality.
+        alive : array of bool, shape (n,)
+            Which taxels are not masked.
+        dimensions : int
+            1 for one reading, 2 for rows of readings.
+
+        Raises
+        ------
+        InvalidReading
+            If these are not rows of numbers, or are too short for the highest channel.
+        """
+        what = f"reading of {self._name}"
+        readings = taxel_readings(given, (dimensions,), self._channels, self._length, what, self._link)[0].astype(float)
+        if self._rows is not None:
+            own, readings = readings, np.full((*readings.shape[:-1], self._count), np.nan)
+            readings[..., self._rows] = own
+        if np.count_nonzero(alive) < len(alive):
+            readings[..., ~alive] = np.nan
+        values = self._response.values(readings)
+        low, high = self._ends
+        saturated = (readings <= low) | (readings >= high)  # neither if it is NaN
+        return ModalityValues(self.unit, values, ~np.isnan(values), saturated, self._largest)
+
+    def unknown(self, problem: str) -> ModalityValues:
+        """Return the values without a valid reading."""
+        nothing = np.zeros(self._count, bool)
+        return ModalityValues(self.unit, np.full(self._count, np.nan), nothing, nothing, self._largest, problem)
+
+
 class Modalities:
     """The modalities of one skin.
 
@@ -46,23 +108,18 @@ class Modalities:
         Of their forces.
     """
 
-    def __init__(self, modalities: "Iterable[Modality]", link: str, ids: tuple[str, ...], channels: Any):
-        self._link, self._count = link, len(ids)
-        self._all = {modality.name: modality for modality in modalities}
-        row = {id: i for i, id in enumerate(ids)}
-        self._rows, self._channels = {}, {}
-        for name, modality in self._all.items():
-            own = modality.channels
-            self._rows[name] = np.arange(len(ids)) if own is None else np.array([row[id] for id in own], np.int64)
-            self._channels[name] = channels if own is None else np.array(list(own.values()), np.int64)
+    def __init__(self, modalities: "Iterable[Modality]", link: str, ids: tuple[str, ...], channels: IntArray):
+        self._link = link
+        self._converters = {modality.name: Converter(modality, link, ids, channels) for modality in modalities}
         self.nothing: Mapping[str, ModalityValues] = {
-            name: self._unknown(name, f"there is no reading of {name} in this frame") for name in self._all
+            name: converter.unknown(f"there is no reading of {name} in this frame")
+            for name, converter in self._converters.items()
         }
 
     @property
     def units(self) -> dict[str, str]:
         """Unit of each modality, by its name."""
-        return {name: modality.unit for name, modality in self._all.items()}
+        return {name: converter.unit for name, converter in self._converters.items()}
 
     def frame(
         self, readings: Mapping[Any, Any], alive: BoolArray
@@ -74,7 +131,7 @@ class Modalities:
         Parameters
         ----------
         readings : mapping of str to array, shape (channels,)
-            By modality.
+            By modality. A force does not count.
         alive : array of bool, shape (n,)
             Which taxels are not masked.
 
@@ -83,14 +140,12 @@ class Modalities:
         InvalidReading
             If a modality is unknown.
         """
-        self._check_names(readings)
         values, flags = dict(self.nothing), frozenset[str]()
-        for name, given in readings.items():
-            if name != FORCE:
-                try:
-                    values[name] = self._values(name, given, alive, 1)
-                except InvalidReading as error:
-                    values[name], flags = self._unknown(name, str(error)), frozenset({"modality"})
+        for name, converter in self._used(readings):
+            try:
+                values[name] = converter.values(readings[name], alive, 1)
+            except InvalidReading as error:
+                values[name], flags = converter.unknown(str(error)), frozenset({"modality"})
         return values, flags
 
     def batch(self, readings: Mapping[Any, Any], alive: BoolArray, count: int) -> dict[str, ModalityValues]:
@@ -99,7 +154,7 @@ class Modalities:
         Parameters
         ----------
         readings : mapping of str to array, shape (T, channels)
-            By modality.
+            By modality. A force does not count.
         alive : array of bool, shape (n,)
             Which taxels are not masked.
         count : int
@@ -110,72 +165,27 @@ class Modalities:
         InvalidReading
             If a modality is unknown, has no rows of numbers, or not as many rows as the force.
         """
-        self._check_names(readings)
-        values = {name: self._values(name, given, alive, 2) for name, given in readings.items() if name != FORCE}
+        values = {name: converter.values(readings[name], alive, 2) for name, converter in self._used(readings)}
         for name, value in values.items():
             if len(value.values) != count:
                 what = f"there are {len(value.values)} readings of {name} for {count} of {FORCE}"
                 raise InvalidReading(what, flag="wrong_length")
         return values
 
-    def _values(self, name: str, given: Any, alive: BoolArray, dimensions: int) -> ModalityValues:
-        """Return the values of one modality.
-
-        Parameters
-        ----------
-        name : str
-            Of the modality.
-        given : array, shape (channels,) or (T, channels)
-            Its readings.
-        alive : array of bool, shape (n,)
-            Which taxels are not masked.
-        dimensions : int
-            1 for one reading, 2 for rows of readings.
+    def _used(self, readings: Mapping[Any, Any]) -> list[tuple[str, Converter]]:
+        """Return the modalities in a mapping.
 
         Raises
         ------
         InvalidReading
-            If these are not rows of numbers, or are too short for the highest channel.
-        """
-        modality = self._all[name]
-        channels = self._channels[name]
-        length = int(channels.max(initial=-1)) + 1
-        readings = taxel_readings(given, (dimensions,), channels, length, f"reading of {name}", self._link)[0]
-        readings = readings.astype(float)
-        values = np.full((*readings.shape[:-1], self._count), np.nan)
-        saturated = np.zeros(values.shape, bool)
-        rows = self._rows[name]
-        low, high = modality.response.ends
-        values[..., rows] = modality.response.values(readings)
-        saturated[..., rows] = (readings <= low) | (readings >= high)
-        values[..., ~alive] = np.nan
-        known = ~np.isnan(values)
-        return ModalityValues(modality.unit, values, known, saturated & known, self._largest(name))
-
-    def _check_names(self, readings: Mapping[Any, Any]) -> None:
-        """Refuse a mapping with an unknown modality.
-
-        Raises
-        ------
-        InvalidReading
-            Names the unknown modality, and those of the skin.
+            Names an unknown modality, and those of the skin.
         """
         for name in readings:
-            if name != FORCE and name not in self._all:
-                known = ", ".join((FORCE, *self._all))
+            if name != FORCE and name not in self._converters:
+                known = ", ".join((FORCE, *self._converters))
                 what = f"the skin of {self._link} has no modality {name!r}; it has {known}"
                 raise InvalidReading(what, flag="wrong_type")
-
-    def _largest(self, name: str) -> float:
-        response = self._all[name].response
-        return float(response.values(np.array(response.ends)).max())
-
-    def _unknown(self, name: str, problem: str) -> ModalityValues:
-        """Return the values of a modality without a valid reading."""
-        nothing = np.zeros(self._count, bool)
-        return ModalityValues(
-            self._all[name].unit, np.full(self._count, np.nan), nothing, nothing, self._largest(name), problem
-        )
+        return [(name, self._converters[name]) for name in readings if name != FORCE]
 
 
 def force_of(readings: Mapping[Any, Any]) -> Any:
