@@ -73,12 +73,12 @@ def supporting_polygon(
     ground : GroundGeometry
         Of the skin.
     possible, active, sure : array, shape (k,)
-        Rows of the taxels that can stand and are possibly touched, active, and surely touched.
+        Rows of the taxels that can stand and are possibly touched, active, and surely touched. The sure ones are active.
     probabilities : tuple
         Of the outer and of the guaranteed polygon.
     """
     nominal = ground.centre_hull.hull(active)
-    core = nominal if sure is active else ground.sure_hull.hull(sure)
+    core = nominal if len(sure) == len(active) else ground.sure_hull.hull(sure)
     last_core, guaranteed = ground.last_eroded
     if core is not last_core:
         guaranteed = core.eroded(ground.cell)

@@ -97,6 +97,17 @@ class Frame:
         return supporting_polygon(ground, of_outer, of_nominal, of_guaranteed, probabilities)
 
     @cached_property
+    def _is_complete(self) -> bool:
+        """Whether all taxels have a valid force."""
+        return np.count_nonzero(self.known) == len(self.known)
+
+    @cached_property
+    def _gradient(self) -> list[float]:
+        """Moments of the pressure gradient in the cells that :attr:`_on_ground` leaves out, lift x and lift y [N m]."""
+        assert self.ground is not None
+        return [0.0, 0.0] if self.moments is not None else (self._pushes @ self.ground.gradient).tolist()
+
+    @cached_property
     def _pushes(self) -> Array:
         """Weighted force (n,) of each taxel [N]."""
         assert self.sets is not None
@@ -174,7 +185,8 @@ class Frame:
         """Standard deviation (n,) of the force of each taxel [N]; infinite where it is unknown; None without noise."""
         if self.deviations is None:
             return None
-        return locked(np.where(self.known, self.deviations(), np.inf))
+        sigmas = self.deviations()
+        return locked(sigmas if self._is_complete else np.where(self.known, sigmas, np.inf))
 
     @cached_property
     def _variances(self) -> tuple[Array, float] | None:
@@ -186,12 +198,13 @@ class Frame:
         sigmas = self.force_sigmas
         if sigmas is None or self.sets is None or self.noise is None or self.footprint is None:
             return None
-        skin, pushes, unknown = self.footprint.skin, self._pushes, (~self.known).nonzero()[0]
-        if len(unknown):
+        skin, pushes = self.footprint.skin, self._pushes
+        if not self._is_complete:
             sigmas = np.where(self.known, sigmas, 0.0)
         of_noise, left_out = self.sets.weights * sigmas, self.forces - pushes
         variances = of_noise * of_noise + left_out * left_out
-        if len(unknown):
+        if not self._is_complete:
+            unknown = (~self.known).nonzero()[0]
             variances[unknown] = skin.mean_around(pushes, unknown) ** 2
         rows = pushes.nonzero()[0]
         uneven = np.maximum(pushes.take(rows) - skin.mean_around(pushes, rows), 0.0)
@@ -250,13 +263,12 @@ class Frame:
         signs : tuple of two int
             Of the moments.
         """
-        covariance, ground = self._covariance, self.ground
-        if point is None or covariance is None or self._variances is None or ground is None:
+        covariance = self._covariance
+        if point is None or covariance is None or self._variances is None:
             return None
-        gradient = (0.0, 0.0) if self.moments is not None else (self._pushes @ ground.gradient).tolist()
         load, placed = self._on_ground[force], self._variances[1]
         sigmas = []
-        for x, m, sign, g in zip(point.tolist(), moments, signs, gradient):
+        for x, m, sign, g in zip(point.tolist(), moments, signs, self._gradient):
             noise = covariance[m][m] - 2 * sign * x * covariance[m][force] + x * x * covariance[force][force]
             sigmas.append(math.sqrt(max(noise, 0.0) + placed + g * g) / load)
         return locked(np.array(sigmas))

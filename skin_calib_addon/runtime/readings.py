@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, unmasked
+from ..common.arrays import Array, BoolArray, IntArray, lock, unmasked
 from ..common.errors import InvalidReading
 from .byte_order import ByteOrder
 from .drift import Drift
@@ -159,6 +159,8 @@ class Readings:
         self.byte_order = ByteOrder(float(np.abs(full - rest).max(initial=0.0)))
         measured = np.where(np.isfinite(full), self._responses.forces(np.where(np.isfinite(full), full, rest)), 0.0)
         self._most = np.maximum(np.maximum(MAX_PRESSURE * geometry.areas, MIN_IMPOSSIBLE), measured)
+        self._none = np.zeros(len(geometry.ids), bool)
+        lock(self._none)
         self._below_rest = -math.inf  # time of the last frame with a reading below rest
         self._last = np.full(len(geometry.ids), np.nan)
         self._since = np.full(len(geometry.ids), np.inf)
@@ -265,7 +267,7 @@ class Readings:
         return intensities, forces, known
 
     def deviations(self, intensities: Array) -> Array:
-        """Return the standard deviations of the forces (n,) [N]: the noise, times the slope of the response here.
+        """Return the standard deviations of valid forces (n,) [N]: the noise, times the slope of the response here.
 
         Parameters
         ----------
@@ -275,8 +277,7 @@ class Readings:
         assert self.noise is not None
         shifted = intensities if self._shift is None else intensities + self._shift
         low, high = self._responses.forces(shifted + self.noise.sides)
-        sigmas = np.abs(high - low) / np.where((low > 0) & (high > 0), 2.0, 1.0)
-        return np.where(np.isfinite(sigmas), sigmas, 0.0)
+        return np.abs(high - low) / np.where(low * high > 0, 2.0, 1.0)
 
     def tare(self, readings: Any) -> None:
         """Set the baseline and learn the noise, see :meth:`.Skin.tare`."""
@@ -357,7 +358,7 @@ class Readings:
     def saturated(self, intensities: Array) -> BoolArray:
         """Return which readings (n,) are at the end of the range of their response: the force may be larger."""
         if not self._can_saturate:
-            return np.zeros(len(intensities), bool)
+            return self._none
         return self._responses.saturated(intensities if self._shift is None else intensities + self._shift)
 
     def flags(self, intensities: Array, known: BoolArray) -> frozenset[str]:
@@ -397,7 +398,7 @@ class Readings:
             Between two frames [s].
         """
         if not math.isfinite(time) or not np.count_nonzero(unchanged):
-            return np.zeros(len(unchanged), bool)
+            return self._none
         limit: Array | float = STUCK_TIME
         if self.noise is not None:
             limit = np.minimum(self.noise.repeats * max(period, MAX_READING_PERIOD), STUCK_TIME)

@@ -346,7 +346,10 @@ class Skin:
         unchanged = self._readings.unchanged(raw)
         stuck = self._readings.stuck(unchanged, time, self._clock.period) & touched.active
         saturated = self._readings.saturated(intensities) & known
-        flags |= {name for name, which in (("stuck", stuck), ("saturated", saturated)) if np.count_nonzero(which)}
+        if np.count_nonzero(stuck):
+            flags |= {"stuck"}
+        if np.count_nonzero(saturated):
+            flags |= {"saturated"}
         noise = self.noise
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}

@@ -23,6 +23,7 @@ KINDS = ("empty", "point", "segment", "area")
 ROUNDING_BOUND = 3.3306690738754716e-16
 # Size of the terms below which they can underflow, so that the bound is not valid. Derived: from double precision.
 UNDERFLOW_LIMIT = 1e-290
+QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])  # turns rows to the left
 # Rounding error of an area, relative to the area, from which on the area is computed with fractions: in very thin
 # polygons. Larger: less accurate areas; smaller: slower for thin polygons.
 MAX_ROUNDING_FRACTION = 1e-10
@@ -211,8 +212,12 @@ class Polygon:
         """
         if len(self._loop) < 3:
             return EMPTY_POLYGON
-        inward = np.array([(-uy, ux) for _, _, ux, uy, _ in self._sides])
-        return self.moved_in((inward @ np.asarray(cell).T).max(axis=1, initial=0.0).tolist())
+        edges = np.concatenate((self.corners[1:], self.corners[:1])) - self.corners
+        extents = np.maximum.reduce(edges @ QUARTER_TURN @ np.asarray(cell).T, axis=1, initial=0.0).tolist()
+        moved = _moved_corners(self._loop, edges.tolist(), extents)
+        if moved is None:
+            return self.moved_in(extent / side[4] for extent, side in zip(extents, self._sides))
+        return Polygon(np.array(_convex(moved)))
 
     def moved_in(self, distances: Iterable[float]) -> "Polygon":
         """Return the polygon after each edge moved inward by its own distance [m]; it can be empty.
@@ -324,6 +329,32 @@ def _fan(corners: list) -> tuple:
         along_x += cross * (x + u)
         along_y += cross * (y + v)
     return twice, along_x, along_y
+
+
+def _moved_corners(loop: list[Point], edges: list[Point], extents: list[float]) -> list[Point] | None:
+    """Return the corners after each edge moved inward; None if an edge vanishes, where :func:`_cut` is needed.
+
+    Parameters
+    ----------
+    loop : list of tuple of float
+        Corners.
+    edges : list of tuple of float
+        Vector from each corner to the next one.
+    extents : list of float
+        Distance by which each edge moves, times its length.
+    """
+    moved = []
+    (ax, ay), a = edges[-1], extents[-1]
+    for (x, y), (bx, by), b in zip(loop, edges, extents):
+        turns = ax * by - ay * bx
+        if not UNDERFLOW_LIMIT < turns < math.inf:
+            return None
+        moved.append((x + (a * bx - b * ax) / turns, y + (a * by - b * ay) / turns))
+        ax, ay, a = bx, by, b
+    for (x, y), (u, v), (ex, ey) in zip(moved, moved[1:] + moved[:1], edges):
+        if not (u - x) * ex + (v - y) * ey > 0:
+            return None
+    return moved
 
 
 def _cut(loop: list[Point], sides: list[Side], distances: list[float]) -> list[Point]:

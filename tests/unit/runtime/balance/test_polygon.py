@@ -394,3 +394,28 @@ def test_corners_cannot_be_changed():
     """Results that are kept would be wrong."""
     with pytest.raises(ValueError, match="read-only"):
         convex_hull([(0, 0), (1, 0), (0, 1)]).corners[0] = 5
+
+
+@pytest.mark.parametrize("kind", ["random", "lattice", "round", "thin"])
+def test_erosion_keeps_the_points_at_which_the_cell_is_inside(kind):
+    """With its centre at a corner the reflected cell touches an edge, and is inside; the area is that of the cut."""
+    rng, areas = np.random.default_rng(1), []
+    for _ in range(300):
+        angle, points = rng.uniform(0, 2 * np.pi, 24), rng.normal(size=(24, 2))
+        if kind == "lattice":
+            points = rng.integers(0, 8, (24, 2)) * 0.01
+        elif kind == "round":
+            points = np.column_stack((np.cos(angle), np.sin(angle)))
+        elif kind == "thin":
+            points *= (1.0, 1e-7)
+        hull = convex_hull(points)
+        size = float(np.ptp(hull.corners, axis=0).max())
+        cell = rng.normal(size=(5, 2)) * np.ptp(hull.corners, axis=0) * 10.0 ** rng.uniform(-3, -0.5)
+        normals, offsets = hull.half_planes
+        extents = np.maximum((-normals @ cell.T).max(axis=1), 0.0)
+        eroded, cut = hull.eroded(cell), hull.moved_in(extents)
+        depths = offsets - extents - eroded.corners @ normals.T
+        assert np.abs(depths.min(axis=1)).max(initial=0.0) < 1e-12 * size
+        assert abs(eroded.area - cut.area) < 1e-11 * hull.area
+        areas.append(eroded.area)
+    assert 0 in areas and max(areas) > 0
