@@ -73,7 +73,7 @@ def supporting_polygon(
     ground : GroundGeometry
         Of the skin.
     possible, active, sure : array, shape (k,)
-        Rows of the taxels that can stand and are possibly touched, active, and surely touched. The sure ones are active.
+        Rows of the taxels that can stand and are possibly touched, active, and surely touched. Sure ones are active.
     probabilities : tuple
         Of the outer and of the guaranteed polygon.
     """
