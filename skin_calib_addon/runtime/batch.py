@@ -63,6 +63,7 @@ class Processor:
             Of the rows [s]. Default: no row depends on another one.
         """
         count, n = rows.shape
+        rows = self.readings.without_creep(rows, times)
         drifts, number = self._drifts(rows, times)
         result = Batch(
             np.zeros((count, n)), np.zeros((count, n), bool), np.zeros((count, n), bool), np.full(count, -1),

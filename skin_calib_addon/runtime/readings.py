@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, IntArray, lock, unmasked
 from ..common.errors import InvalidReading
 from .byte_order import ByteOrder
+from .creep import Creep
 from .drift import Drift
 from .geometry import SkinGeometry
 from .noise import Noise, learned
@@ -137,7 +139,13 @@ def row_of(given: Any, kinds: str, must: str) -> Any:
 class Readings:
     """Convert readings to forces. Keep the baseline, the masked taxels, and when each reading last changed."""
 
-    def __init__(self, calibration: "LinkCalibration", geometry: SkinGeometry, follows_drift: bool):
+    def __init__(
+        self,
+        calibration: "LinkCalibration",
+        geometry: SkinGeometry,
+        follows_drift: bool,
+        creep: tuple[float, float] | None,
+    ):
         from ..calibration.taxel_responses import TaxelResponses  # imported late: only a skin needs these modules
 
         self.link, self.channels = calibration.link, geometry.channels
@@ -148,6 +156,7 @@ class Readings:
         self.noise: Noise | None = None
         self._new_drift = partial(Drift, geometry.neighbours, follows_drift)
         self.drift = self._new_drift()
+        self._creep = None if creep is None else Creep(len(geometry.ids), *creep)
         self.is_whole = False  # whether the last readings were whole numbers
         self._pairs = geometry.pairs
         self._latest = np.full(len(geometry.ids), np.nan)  # all that was sent, also in frames that are not accepted
@@ -242,7 +251,7 @@ class Readings:
         return known if self.noise is None or not self.noise.has_dead else known & ~self.noise.dead
 
     def next(self, raw: Array, changed: IntArray | None) -> tuple[Array, Array, BoolArray]:
-        """Return readings without the drift, forces [N], and which of them are valid, (n,) each, of the next frame.
+        """Return corrected readings, forces [N], and which of them are valid, (n,) each, of the next frame.
 
         Forces of a few changed readings are converted alone, unless the baseline has moved.
 
@@ -253,9 +262,9 @@ class Readings:
         changed : array, shape (k,)
             Rows in which it may differ from that of the last call; None for all.
         """
-        intensities = self.drift.corrected(raw)
+        intensities = self.corrected(raw)
         shift, offset, before = self._converted
-        is_same = shift is self._shift and offset is self.drift.offset
+        is_same = shift is self._shift and offset is self.drift.offset and self._creep is None
         if changed is not None and is_same and len(changed) <= MAX_EVENTS * len(raw):
             forces = before.copy()
             shifted = intensities[changed] if shift is None else intensities[changed] + shift[changed]
@@ -305,14 +314,16 @@ class Readings:
         self._shift = np.where(counts > 0, self._responses.rest - mean, before)
         self.noise = noise or self.noise
         self.drift = self._new_drift()
+        if self._creep is not None:
+            self._creep.restart()
 
     def follow(self, raw: Array, is_complete: bool, time: float) -> None:
-        """Follow the drift of the free taxels.
+        """Follow the creep of the taxels, and the drift of the free ones.
 
         Parameters
         ----------
         raw : array, shape (n,)
-            Reading of each taxel, not corrected by the drift.
+            Reading of each taxel, not corrected.
         is_complete : bool
             Whether all taxels have a valid force.
         time : float
@@ -320,7 +331,40 @@ class Readings:
         """
         if self.noise is not None:
             signed = self.noise.signed(raw)
-            self.drift.add(self.noise, signed if is_complete else self.valid(signed), time)
+            if self._creep is not None:
+                signed -= self._creep.part
+            if not is_complete:
+                signed = self.valid(signed)
+            if self._creep is not None:
+                self._creep.add(signed - self.noise.free, time)
+            self.drift.add(self.noise, signed, time)
+
+    def corrected(self, raw: Array) -> Array:
+        """Return readings (..., n) without creep and drift."""
+        if self._creep is not None and self.noise is not None:
+            raw = raw - self.noise.signed(self._creep.part)
+        return self.drift.corrected(raw)
+
+    def without_creep(self, rows: Array, times: Array | None) -> Array:
+        """Return many readings (T, n) without creep.
+
+        Parameters
+        ----------
+        rows : array, shape (T, n)
+            Readings of the taxels, of any real data type.
+        times : array, shape (T,), optional
+            Of the rows [s]. Default: the creep does not change.
+        """
+        noise, creep = self.noise, copy(self._creep)
+        if noise is None or creep is None:
+            return rows
+        found = rows.astype(float)
+        for row, time in zip(found, (times if times is not None else np.full(len(rows), np.nan)).tolist()):
+            row -= noise.signed(creep.part)
+            signed = self.valid(noise.signed(row))
+            if np.isfinite(signed).any():
+                creep.add(signed - noise.free, time)
+        return found
 
     def valid(self, signed: Array) -> Array:
         """Return signed readings (..., n), NaN for defective taxels and invalid readings: what the drift uses."""

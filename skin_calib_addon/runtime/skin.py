@@ -41,6 +41,7 @@ def load(
     ground: Plane | None = None,
     in_cell: bool = False,
     follow_drift: bool = True,
+    creep: tuple[float, float] | None = None,
 ) -> "Skin":
     """Read a calibration file and return its skin.
 
@@ -48,7 +49,7 @@ def load(
     ----------
     path : path
         Of a ``*.calibration.json`` file.
-    switch_on, switch_off, ground, in_cell, follow_drift
+    switch_on, switch_off, ground, in_cell, follow_drift, creep
         As for :class:`Skin`.
 
     Raises
@@ -58,7 +59,7 @@ def load(
     """
     from ..calibration.file import load_calibration  # imported late: only a caller with a file needs these modules
 
-    return Skin(load_calibration(path), switch_on, switch_off, ground, in_cell, follow_drift)
+    return Skin(load_calibration(path), switch_on, switch_off, ground, in_cell, follow_drift, creep)
 
 
 class Skin:
@@ -81,11 +82,14 @@ class Skin:
     follow_drift : bool
         Whether the baseline of a free taxel follows its mean. A load that grows more slowly than
         ``noise.rate_limits`` [N/s] then counts as drift. Without it, drift is only reported.
+    creep : tuple of two float, optional
+        How much a reading rises under a constant load, relative to its first value, and the time constant of the rise
+        [s]. A larger fraction than the true one makes guaranteed polygons smaller. Default: no creep.
 
     Raises
     ------
     ValueError
-        If the forces are not ``0 < switch_off <= switch_on``.
+        If the forces are not ``0 < switch_off <= switch_on``, or the creep is negative.
     """
 
     def __init__(
@@ -96,6 +100,7 @@ class Skin:
         ground: Plane | None = None,
         in_cell: bool = False,
         follow_drift: bool = True,
+        creep: tuple[float, float] | None = None,
     ):
         self._has_thresholds = switch_on is not None or switch_off is not None
         if switch_on is None:
@@ -111,7 +116,7 @@ class Skin:
         self.ground = None if plane is None else GroundGeometry(self.geometry, plane)
         self.switch_on, self.switch_off = switch_on, switch_off
         self._in_cell = in_cell
-        self._readings = Readings(calibration, self.geometry, follow_drift)
+        self._readings = Readings(calibration, self.geometry, follow_drift, creep)
         self._modalities = Modalities(calibration.modalities, self.link, self.ids, self.channels)
         self._rest: Rest | None = None if self._has_thresholds else Rest()
         self._clock = Clock()
@@ -210,7 +215,7 @@ class Skin:
             If this is not one row of numbers, or is too short for the highest channel.
         """
         raw = self._readings.intensities(readings)
-        forces, known = self._readings.forces(self._readings.drift.corrected(raw))
+        forces, known = self._readings.forces(self._readings.corrected(raw))
         return np.where(known, forces, np.nan)
 
     def tare(self, readings: Any) -> None:

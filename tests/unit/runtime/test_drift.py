@@ -142,11 +142,67 @@ def test_frozen_bus_teaches_nothing():
     assert not skin.drift.any()
 
 
+def with_creep(forces, fraction, time):
+    """Return the forces (frames, n) that a sensor reads: exact for forces that are constant in each period."""
+    late, felt = np.zeros(N), []
+    for force in forces:
+        felt.append(force + fraction * late)
+        late = force + np.exp(-PERIOD / time) * (late - force)
+    return np.array(felt)
+
+
+def walking(duration):
+    """Return forces of a foot that stands for one second, with its rear half, and is in the air for half of one."""
+    time = seconds(duration)
+    rear = sole_patch().taxels.positions_link[:, 0] < 0
+    return np.where((time % 1.5 < 1.0) & rear, 15.0, 0.0)
+
+
+@pytest.mark.parametrize("fraction", [0.08, 0.4])
+def test_known_creep_is_taken_off(fraction):
+    """The foot in the air does not stand, and loads are right; otherwise it stands on its creep."""
+    rng, forces = np.random.default_rng(9), walking(15)
+    air, loads = forces.sum(axis=1) == 0, forces.sum(axis=1)
+    felt = with_creep(forces, fraction, 2.0)
+    frames = frames_of(rested(rng, creep=(fraction, 2.0)), rng, felt)
+    assert np.mean([f.stands for f, free in zip(frames, air) if free]) < 0.01
+    assert_allclose(np.mean([f.load for f in frames[-300:]]), loads[-300:].mean(), rtol=0.02)
+    unknown = frames_of(rested(rng), rng, felt)
+    assert np.mean([f.stands for f, free in zip(unknown, air) if free]) > 0.8
+
+
+def test_creep_of_a_falling_response_is_that_of_a_rising_one():
+    """The readings are mirrored, the forces are equal."""
+    rng = np.random.default_rng(10)
+    felt = with_creep(walking(6), 0.3, 2.0)
+    rest, readings = read(rng, np.zeros((250, N))), read(rng, felt)
+    loads = []
+    for sign in (1, -1):
+        response = (
+            Response((0.0, NEWTONS), (0.0, 4095.0)) if sign > 0 else Response((4095 * NEWTONS, -NEWTONS), (0.0, 4095.0))
+        )
+        patches, surfaces = (sole_patch(),), (plane(),)
+        calibration = small_calibration(link="sole", patches=patches, surfaces=surfaces, response=response)
+        skin = Skin(calibration, creep=(0.3, 2.0))
+        skin.tare(rest if sign > 0 else 4095 - rest)
+        rows = readings if sign > 0 else 4095 - readings
+        loads.append([skin.update(row, PERIOD * k).load for k, row in enumerate(rows)])
+    assert_allclose(loads[0], loads[1], atol=1e-6)
+
+
+@pytest.mark.parametrize("wrong", [(-0.1, 2.0), (0.1, 0.0), (np.nan, 2.0), (0.1, np.inf)])
+def test_creep_must_be_positive(wrong):
+    """Other constants are refused."""
+    with pytest.raises(ValueError, match="creep .* must be a fraction of at least 0 and a time above 0 s"):
+        rested(np.random.default_rng(0), creep=wrong)
+
+
+@pytest.mark.parametrize("creep", [None, (0.3, 2.0)])
 @pytest.mark.parametrize("whole", [True, False])
-def test_batch_follows_the_drift_as_the_loop(whole):
+def test_batch_follows_drift_and_creep_as_the_loop(whole, creep):
     """Also with steps, jumps of the time and broken readings, and after updates of the skin."""
     rng = np.random.default_rng(8)
-    skin, time = rested(rng), seconds(16)
+    skin, time = rested(rng, creep=creep), seconds(16)
     forces = 0.02 * time * np.linspace(0, 1, N) + np.where((time % 1.5 < 1.0) & (time > 6), 10.0, 0.0)
     readings = read(rng, forces)
     if not whole:
