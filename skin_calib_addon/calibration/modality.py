@@ -42,7 +42,11 @@ def modality_document(modality: Modality) -> dict[str, Any]:
         "name": modality.name,
         "unit": modality.unit,
         "response": response_document(modality.response),
-        **({} if modality.channels is None else {"channels": {id: int(k) for id, k in modality.channels.items()}}),
+        **(
+            {}
+            if modality.channels is None
+            else {"channels": {id: int(k) for id, k in sorted(modality.channels.items())}}
+        ),
     }
 
 

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skin_calib_addon.calibration import (
+    Modality,
     Response,
     ResponseTable,
     check_bytes,
@@ -20,6 +21,7 @@ from skin_calib_addon.calibration import (
     to_document,
     validate,
 )
+from skin_calib_addon.calibration.modality import UNITS
 from skin_calib_addon.calibration.validate import SCHEMA
 from skin_calib_addon.common.encoding import checksum
 from skin_calib_addon.common.errors import CalibrationFormatError
@@ -37,8 +39,11 @@ def own_responses(patch, index):
     return dataclasses.replace(patch, taxels=dataclasses.replace(patch.taxels, responses=np.array(index)))
 
 
+NEAR_AND_WARM = (Modality("proximity", "m", OWN[0]), Modality("temperature", "K", OWN[1], {"h0": 1, "s0.0": 0}))
 SMALL = to_document(
-    small_calibration(1, 2, patches=(own_responses(sheet(1, 2, 0.01), (1, 0)), boards(2)), responses=OWN)
+    small_calibration(
+        1, 2, patches=(own_responses(sheet(1, 2, 0.01), (1, 0)), boards(2)), responses=OWN, modalities=NEAR_AND_WARM
+    )
 )
 TEXT = encode(SMALL)
 
@@ -79,6 +84,18 @@ def responses(draw):
 
 
 @st.composite
+def modalities(draw, ids):
+    """Draw modalities of any names and responses, of all taxels or of some."""
+    drawn = []
+    for name in draw(st.lists(names.filter(lambda name: name != "force"), max_size=3, unique=True)):
+        which = draw(st.none() | st.lists(st.sampled_from(sorted(ids)), unique=True).map(sorted))
+        positions = [] if which is None else draw(st.permutations(range(len(which))))
+        channels = None if which is None else dict(zip(which, positions))
+        drawn.append(Modality(name, draw(st.sampled_from(sorted(UNITS))), draw(responses()), channels))
+    return tuple(drawn)
+
+
+@st.composite
 def calibrations(draw):
     """Draw valid calibrations whose free numbers are any floats: negative zero, subnormal, close to one."""
     patch = sheet(draw(st.integers(1, 3)), draw(st.integers(1, 3)), 0.01)
@@ -103,6 +120,7 @@ def calibrations(draw):
         responses=tuple(own),
         link=draw(names),
         extra=draw(extra),
+        modalities=draw(modalities(patch.taxels.ids)),
     )
 
 

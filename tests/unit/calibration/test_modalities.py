@@ -11,6 +11,7 @@ from skin_calib_addon.calibration import (
     Modality,
     Response,
     ResponseTable,
+    encode,
     from_document,
     load_calibration,
     save_calibration,
@@ -58,6 +59,14 @@ def test_modalities_are_read_as_they_were_written(tmp_path):
         },
     ]
     assert validate(document()) == ()
+
+
+def test_equal_modalities_have_equal_bytes():
+    """The order in which the channels were listed does not count."""
+    listed = Modality("temperature", "degC", TEMPERATURE.response, {"h1": 0, "h0": 1})
+    assert listed == TEMPERATURE
+    one, other = (to_document(small_calibration(modalities=(m,))) for m in (listed, TEMPERATURE))
+    assert encode(one) == encode(other)
 
 
 def test_files_without_modalities_are_as_before():
