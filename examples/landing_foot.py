@@ -51,7 +51,7 @@ def main() -> None:
     for k, (height, frame, wrench) in enumerate(landing(skin)):
         if k % 5 == 0:
             state = "stands" if frame.touched else "slows down" if lands_early(wrench, 5.0) else "swings"
-            print(f"{height * 1e3:6.1f} mm  {state:10}  {wrench[2]:6.1f} N up, {wrench[4]:6.2f} N m about y")
+            print(f"{round(height * 1e3) + 0:4d} mm  {state:10}  {wrench[2]:6.1f} N up, {wrench[4]:6.2f} N m about y")
 
 
 if __name__ == "__main__":
