@@ -204,8 +204,8 @@ class Body:
 
         Parameters
         ----------
-        readings : mapping of str to array
-            By link; a link without a reading is flagged, and its contact is not known.
+        readings : mapping of str to array, or to a mapping of modalities
+            By link, as for :meth:`.Skin.update`; a link without a reading is flagged, and its contact is not known.
         time : float
             Of the readings [s].
         poses : mapping of str to array, shape (4, 4)
