@@ -88,7 +88,8 @@ class Frame:
         if ground is None or sets is None:
             return NO_POLYGON
         standing, sure = ground.can_stand, sets.sure if UNTRUSTED.isdisjoint(self.flags) else None
-        of_outer, of_nominal = ((which & standing).nonzero()[0] for which in (sets.possible, sets.active))
+        nominal = sets.active if sure is None else sets.active | sure
+        of_outer, of_nominal = ((which & standing).nonzero()[0] for which in (sets.possible, nominal))
         of_guaranteed = of_nominal  # with thresholds of the caller
         if sure is not sets.active:
             of_guaranteed = of_nominal[:0] if sure is None else (sure & standing).nonzero()[0]

@@ -19,8 +19,8 @@ from ..common.arrays import Array, BoolArray, IntArray, lock, locked
 if TYPE_CHECKING:
     from ..calibration.taxel_responses import TaxelResponses
 
-# [1] Probability that noise makes a free taxel count as surely touched, for all taxels of a frame together. Larger:
-# guaranteed polygons are larger, and wrong more often.
+# [1] Probability that noise makes a free taxel count as surely touched, for all taxels of a frame together: one half by
+# one frame, one half by three. Larger: guaranteed polygons are larger, and wrong more often.
 MAX_FALSE_SURE = 3e-4
 # [1] Probability that noise alone makes the sum of a frame count as a load. Larger: lighter feet stand, and feet in the
 # air stand more often.
@@ -115,6 +115,7 @@ class Noise:
     dead: BoolArray  # (n,) whether the taxel did not change at rest, as others did, or had no finite reading
     sign: Array  # (n,) 1 where readings rise with the force, -1 where they fall
     sure: Array  # (n,) level above which a taxel is surely touched
+    lasting: Array  # (n,) level above which it is surely touched if it is so in three new frames in a row
     pair: Array  # (n,) level above which a taxel is in a contact if a neighbour is
     possible: Array  # (n,) level above which a taxel is possibly touched
     release: Array  # (n,) level down to which it stays in its contact
@@ -171,8 +172,8 @@ class Noise:
 
     @cached_property
     def levels(self) -> Array:
-        """The levels ``sure``, ``pair``, ``release`` and ``possible``, (4, n)."""
-        return locked(np.stack((self.sure, self.pair, self.release, self.possible)))
+        """The levels ``sure``, ``pair``, ``release``, ``lasting`` and ``possible``, (5, n)."""
+        return locked(np.stack((self.sure, self.pair, self.release, self.lasting, self.possible)))
 
     @cached_property
     def sides(self) -> Array:
@@ -270,15 +271,19 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
     def level(quantile: float) -> Array:
         return mean + step / 2 + spread * student(quantile, freedom)
 
-    first, second = ((rows - rows.mean(axis=0)) / np.maximum(rows.std(axis=0), MIN_SIGMA * step)).T[pairs.T]
+    unit = (rows - rows.mean(axis=0)) / np.maximum(rows.std(axis=0), MIN_SIGMA * step)
+    first, second = unit.T[pairs.T]
     alike = float((first * second).mean()) if len(pairs) else 0.0
-    sure = level(NormalDist().inv_cdf(1 - MAX_FALSE_SURE / known))
-    pair = level(both_quantile(MAX_FALSE_PAIR / max(len(pairs), 1), alike))
+    alike_later = float((unit[1:] * unit[:-1])[:, ~dead].mean())
+    false_sure = MAX_FALSE_SURE / 2 / known
+    sure, three = level(NormalDist().inv_cdf(1 - false_sure)), joint_quantile(false_sure, alike_later, 3)
+    pair = level(joint_quantile(MAX_FALSE_PAIR / max(len(pairs), 1), alike, 2))
     above = ((rows - mean - step / 2) / spread)[:, ~dead]
     largest = float(above.max())
     if largest > NormalDist().inv_cdf(1 - MIN_TAIL_PROBABILITY / above.size):
         guard = mean + step / 2 + TAIL_FACTOR * largest * spread
         sure, pair = np.maximum(sure, guard), np.maximum(pair, guard)
+        three = max(three, float(np.quantile(above, NormalDist().cdf(three))))
     centred = 1 - 2 * np.interp(-step / 2 / spread, _GRID, _BELOW)  # largest probability of one number
     most = np.maximum(centred, _most(rows))
     # an active taxel is not at the lowest level, however often it is there at rest
@@ -304,6 +309,7 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
         dead=dead,
         sign=responses.sign,
         sure=sure,
+        lasting=level(three),
         pair=pair,
         possible=mean + POSSIBLE * sigma,
         release=mean + RELEASE * sigma,
@@ -361,27 +367,29 @@ def student(normal: float, freedom: Array) -> Array:
     return z + first / v + second / v**2 + third / v**3
 
 
-def both_quantile(probability: float, correlation: float) -> float:
-    r"""Return the level that two normal variables both exceed with a probability.
+def joint_quantile(probability: float, correlation: float, count: int) -> float:
+    r"""Return the level that all of a few normal variables exceed with a probability.
 
-    With noise u that is common to both, and given its value, they are independent:
+    With noise u that is common to all k, and given its value, they are independent:
 
     .. math::
-        P = \int \varphi(u)\, Q\!\left( \frac{t - \sqrt{c}\, u}{\sqrt{1 - c}} \right)^2 \mathrm{d}u .
+        P = \int \varphi(u)\, Q\!\left( \frac{t - \sqrt{c}\, u}{\sqrt{1 - c}} \right)^k \mathrm{d}u .
 
     Parameters
     ----------
     probability : float
-        Less than 1/4.
+        Less than that at the level 0.
     correlation : float
-        Correlation c of the two; below 0 it counts as 0.
+        Correlation c of each two; below 0 it counts as 0.
+    count : int
+        Number k of the variables.
     """
     u, levels = _GRID[::20], _GRID[_GRID >= 0][::20]
     width = float(u[1] - u[0])  # of a step of the sum
     own = max(math.sqrt(1 - max(correlation, 0.0)), width)
     above = np.interp((math.sqrt(max(correlation, 0.0)) * u - levels[:, None]) / own, _GRID, _BELOW)
-    both = (above**2 @ np.exp(-u * u / 2)) * width / math.sqrt(2 * math.pi)
-    return float(np.interp(-math.log(probability), -np.log(both), levels))
+    every = (above**count @ np.exp(-u * u / 2)) * width / math.sqrt(2 * math.pi)
+    return float(np.interp(-math.log(probability), -np.log(every), levels))
 
 
 def _step(rows: Array, is_whole: bool) -> float | None:

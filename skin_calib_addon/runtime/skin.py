@@ -22,7 +22,7 @@ from .modalities import Modalities, ModalityValues, force_of, without_force
 from .noise import Noise, Rest
 from .plane import Plane, ground_of
 from .readings import Readings
-from .touched import Touched, by_noise, by_thresholds
+from .touched import Streak, Touched, by_noise, by_thresholds
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
@@ -122,6 +122,7 @@ class Skin:
         self._clock = Clock()
         self._identities = Identities(len(self.ids))
         self._active: BoolArray = np.zeros(len(self.ids), bool)
+        self._streak = Streak(len(self.ids))
         self._footprint = Footprint(self.geometry, self.ground, np.empty(0, np.int64))
 
     @property
@@ -343,12 +344,13 @@ class Skin:
         if known_count < len(known):
             forces = np.where(known, forces, 0.0)
         fresh = not flags.isdisjoint({"time_back", "time_jump"})  # the last frame says nothing about this one
-        touched, state = self._touched(intensities, forces, known, fresh)
+        unchanged = self._readings.unchanged(raw)
+        is_new = bool(np.count_nonzero(unchanged) < len(unchanged))
+        touched, state = self._touched(intensities, forces, known, fresh, is_new)
         rows = touched.active.nonzero()[0]
         footprint = self._footprint
         if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
-        unchanged = self._readings.unchanged(raw)
         stuck = self._readings.stuck(unchanged, time, self._clock.period) & touched.active
         saturated = self._readings.saturated(intensities) & known
         if np.count_nonzero(stuck):
@@ -426,13 +428,18 @@ class Skin:
         batch = Processor(self._readings, self.geometry, self.ground, thresholds, self._in_cell).batch(rows, times)
         return replace(batch, modalities=modalities)
 
-    def _touched(self, intensities: Array, forces: Array, known: BoolArray, fresh: bool) -> tuple[Touched, BoolArray]:
+    def _touched(
+        self, intensities: Array, forces: Array, known: BoolArray, fresh: bool, is_new: bool
+    ) -> tuple[Touched, BoolArray]:
         """Return what is touched in a frame, and the state of the next one."""
         before = np.zeros(len(known), bool) if fresh else self._active
         noise = self.noise
         if noise is None or self._has_thresholds:
             return by_thresholds(forces, known, before, self.switch_on, self.switch_off, self._has_thresholds)
-        return by_noise(noise, intensities, forces, known, before, self.geometry.neighbours)
+        if fresh:
+            self._streak = Streak(len(known))
+        neighbours = self.geometry.neighbours
+        return by_noise(noise, intensities, forces, known, before, neighbours, self._streak, is_new)
 
     def _learn(self, intensities: Array, time: float, fresh: bool) -> None:
         """Learn baseline and noise from the first quiet frames."""

@@ -22,6 +22,28 @@ class Touched:
         lock(self.active, self.sure, self.possible, self.weights)
 
 
+class Streak:
+    """Remember which taxels exceeded a level in the last three new frames."""
+
+    def __init__(self, n: int):
+        self._above = [np.zeros(n, bool)] * 3
+
+    def add(self, above: BoolArray, is_new: bool) -> BoolArray:
+        """Return which taxels (n,) exceed the level in three new frames in a row, with this one.
+
+        Parameters
+        ----------
+        above : array of bool, shape (n,)
+            Which taxels exceed it in this frame.
+        is_new : bool
+            Whether a reading changed. A repeated frame is no new evidence.
+        """
+        if is_new:
+            self._above = [above, *self._above[:2]]
+        first, second, third = self._above
+        return first & second & third
+
+
 def by_thresholds(
     forces: Array, known: BoolArray, before: BoolArray, on: float, off: float, is_sure: bool
 ) -> tuple[Touched, BoolArray]:
@@ -51,7 +73,14 @@ def by_thresholds(
 
 
 def by_noise(
-    noise: Noise, intensities: Array, forces: Array, known: BoolArray, before: BoolArray, neighbours: IntArray
+    noise: Noise,
+    intensities: Array,
+    forces: Array,
+    known: BoolArray,
+    before: BoolArray,
+    neighbours: IntArray,
+    streak: Streak,
+    is_new: bool,
 ) -> tuple[Touched, BoolArray]:
     """Return what is touched according to the noise at rest, and the state of the next frame.
 
@@ -67,16 +96,21 @@ def by_noise(
         State of the last frame.
     neighbours : array, shape (k, n)
         See :func:`.neighbour_table`.
+    streak : Streak
+        Of the level ``lasting``. It only makes more taxels of a link that stands sure, and has no effect on contacts.
+    is_new : bool
+        Whether a reading changed since the last frame.
     """
     signed = noise.signed(intensities)
     complete = np.count_nonzero(known) == len(known)
     if not complete:
         signed = np.where(known, signed, noise.free)  # as without contact, for the sums
     above = signed > noise.levels
-    above[:3] &= forces > 0
+    above[:4] &= forces > 0
     if not complete:
-        above[3] |= ~known
-    sure, pair, release, possible = above
+        above[4] |= ~known
+    sure, pair, release, lasting, possible = above
+    lasts = streak.add(lasting, is_new)
     rows = pair.nonzero()[0]
     if len(rows):
         padded = np.zeros(len(pair) + 1, bool)
@@ -92,7 +126,7 @@ def by_noise(
     if not complete:
         active = active & known
         state = np.where(known, active, before)
-    return Touched(active, sure, possible, noise.weights(signed, excess), True), state
+    return Touched(active, sure | lasts, possible | lasts, noise.weights(signed, excess), True), state
 
 
 def has_neighbour(which: BoolArray, neighbours: IntArray) -> BoolArray:

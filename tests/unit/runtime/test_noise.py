@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin, convex_hull
-from skin_calib_addon.runtime.noise import both_quantile, student
+from skin_calib_addon.runtime.noise import joint_quantile, student
 from tests.samples import plane, sheet, small_calibration
 from tests.soles import sole_patch
 
@@ -156,6 +156,7 @@ def test_heavy_tails_raise_the_thresholds():
 
     skin.tare(readings(250))
     assert ((skin.noise.sure - skin.noise.mean) / skin.noise.sigma > 8).all()
+    assert ((skin.noise.lasting - skin.noise.mean) / skin.noise.sigma < 3).all()
     sure = [skin.update(r, 0.01 * k).sets.sure.any() for k, r in enumerate(readings(2000))]
     assert np.mean(sure) <= 2e-3
 
@@ -282,11 +283,11 @@ def test_level_that_two_correlated_variables_exceed():
     """It agrees with SciPy's bivariate normal distribution; without correlation it is the quantile of the root."""
     from scipy.stats import multivariate_normal, norm
 
-    assert_allclose(both_quantile(1e-6, 0.0), norm.isf(1e-3), rtol=1e-4)
+    assert_allclose(joint_quantile(1e-6, 0.0, 2), norm.isf(1e-3), rtol=1e-4)
     for c in (0.1, 0.5, 0.9):
-        t = both_quantile(1e-6, c)
+        t = joint_quantile(1e-6, c, 2)
         assert_allclose(multivariate_normal.cdf([-t, -t], cov=[[1, c], [c, 1]]), 1e-6, rtol=0.01)
-    assert both_quantile(1e-6, 1.0) < norm.isf(1e-6) + 0.1
+    assert joint_quantile(1e-6, 1.0, 2) < norm.isf(1e-6) + 0.1
 
 
 def test_noise_common_to_neighbours_makes_no_pairs():
@@ -312,6 +313,40 @@ def test_correlated_noise_is_learned_from_the_first_frames(seed):
     for k, reading in enumerate(np.maximum(np.rint(2 * noise), 0)):
         skin.update(reading, 0.004 * k)
     assert skin.noise is not None
+
+
+def test_three_frames_in_a_row_make_a_weak_contact_sure():
+    """Of 3.5 standard deviations on a foot that stands, single frames prove nothing; repeated frames no more."""
+    rng, skin = np.random.default_rng(19), sole()
+    skin.tare(read(rng, FREE, frames=250))
+    weak = np.arange(N) == 30
+    forces = np.where(np.arange(N) < 8, 30.0, np.where(weak, 3.5 * skin.noise.sigma * NEWTONS, 0.0))
+    readings = read(rng, forces, frames=600)
+    found = [skin.update(reading, 0.004 * k).sets for k, reading in enumerate(readings)]
+    sure = np.array([sets.sure for sets in found])
+    single = readings[:, 30] > skin.noise.sure[30]
+    assert single.mean() < 0.1 and sure[2:, 30].mean() > 0.5
+    assert all((sets.sure <= sets.possible).all() for sets in found)
+    high = int(np.flatnonzero((readings[:, 30] > skin.noise.lasting[30]) & ~single)[0])
+    for k in range(20):
+        frame = skin.update(readings[high], 10 + 0.004 * k)
+    assert not frame.sets.sure[30]
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.6])
+def test_three_frames_of_noise_rarely_make_a_free_taxel_sure(correlation):
+    """The level follows the correlation from frame to frame; the statement is one frame in 3000."""
+    rng = np.random.default_rng(20)
+    noise = rng.normal(size=(20000, N))
+    for k in range(1, len(noise)):
+        noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation**2) * noise[k]
+    readings = np.rint(100 + 2 * noise)
+    skin = sole()
+    skin.tare(readings[:250])
+    above = readings[250:] > skin.noise.lasting
+    wrong = (above[2:] & above[1:-1] & above[:-2]).any(axis=1).mean()
+    assert wrong < 3e-4
+    assert 2.0 < ((skin.noise.lasting - skin.noise.mean) / skin.noise.sigma).min() < (3.8 if correlation else 2.6)
 
 
 def test_in_cell_option_is_exact_for_a_linear_pressure_of_any_contact():
