@@ -1,6 +1,5 @@
 """The rigid motion that registers a cloud of points to a mesh, from any initial frame."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,6 +13,7 @@ from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import DistanceStatistics
 from .mesh.closest import MeshDistance, closest_on_triangles, split_faces
 from .mesh.triangle_mesh import TriangleMesh
+from .surface.bspline import MIN_LENGTH
 
 # [m] mean distance below which a cloud is on the mesh: the thickness of a cover separates taxels from the mesh. Larger:
 # wrong frames of less than this distance are not found.
@@ -33,7 +33,6 @@ DISTINCT_FRACTION = 0.1
 RIVAL_RATIO = 1.5
 # [fraction of the cloud size] mean distances that differ by less are equal. Larger: more ambiguous results.
 RESOLUTION_FRACTION = 5e-4
-MIN_CLOUD_SIZE = 1e-6  # [m] size of a cloud of equal points
 
 # [1] initial poses: even rotations, with the centre of the cloud at positions over the mesh and at its centre. Larger:
 # a safer search, more time.
@@ -41,30 +40,24 @@ START_ROTATIONS = 300
 START_POSITIONS = 12
 # (iterations, fraction of the initial poses that takes them). More: a safer search, more time.
 DESCENT_ROUNDS = ((10, 1.0), (10, 0.3), (10, 0.1))
-MIN_STARTS = 30  # [1] least number of poses in a round
 DESCENT_POINTS = 60  # [1] points of the cloud that the descent uses. Larger: a safer search, more time
 RANKING_POINTS = 150  # [1] points of the cloud that rank and distinguish the best poses. Larger: safer, more time
-# [fraction of the points] nearest to the mesh that an iteration uses. Smaller: more outliers are ignored.
+# [fraction of the points] with the least distances or deviations that count. Smaller: more outliers are ignored.
 TRIMMED_FRACTION = 0.9
 # [1] weight of the squared motion of a point relative to its squared distance. Larger: shorter steps.
 MOTION_COST = 1e-2
 # [1] weight of the squared motion in the final refinement. Larger: shorter steps, slower convergence.
 FINAL_MOTION_COST = 1e-6
-# [1] numbers of poses: refined on some points, different ones among them, refined on all points. Larger: a safer
-# search, more time.
-CANDIDATES = 16
-RIVALS = 2
-FINALISTS = 8
+CANDIDATES = 16  # [1] different poses that are refined on all points. Larger: a safer search, more time
 # [fraction of the cloud size] mean distance between the points of two poses below which they are equal. Larger: fewer
 # candidates.
 EQUAL_FRACTION = 0.03
-CANDIDATE_ITERATIONS = 15  # [1] most iterations on some points. Larger: no visible effect, more time
-FINAL_ITERATIONS = 60  # [1] most iterations on all points. Larger: no effect after convergence
+MAX_STEPS = 60  # [1] of the refinement of a pose. Larger: no effect after convergence
 # [fraction of the cloud size] Shorter distances count by their squares, longer ones linearly. Mean distances alone have
 # a local minimum wherever a few points are on faces. Larger: outliers have more weight.
 SOFT_WIDTH_FRACTION = 2.5e-3
-# [fraction of the cloud size] movement of all points below which the iterations have converged. Larger: less accurate.
-POSE_TOLERANCE = 1e-7
+# [fraction of the cloud size] movement of all points below which the steps have converged. Larger: less accurate.
+POSE_TOLERANCE = 1e-6
 
 SAMPLE_SPACING = (
     0.015  # [fraction of the mesh size] between the sample points of the mesh. Smaller: more accurate descent
@@ -75,13 +68,9 @@ CANDIDATE_FACES = 4  # [1] faces per point whose exact distance is computed. Lar
 
 
 # Nearby motions.
-# [1] fraction of the heights nearest to their median that count for the residual. Smaller: more outliers are ignored.
-NEARBY_FRACTION = 0.9
 # [1] weight of the squared motion relative to the squared deviations. Larger: shorter motions on a link that does not
 # fix its taxels, such as a cylinder.
 NEARBY_MOTION_COST = 1e-3
-NEARBY_ITERATIONS = 20  # [1] most iterations. Larger: no effect after convergence
-NEARBY_TOLERANCE = 1e-5  # [m] movement of all points below which the iterations end. Larger: less accurate
 # [1] ratio of the residuals after and before a nearby motion below which the frame is wrong. True frames of real skins
 # have 0.85 to 0.98, frames that are wrong by 3 degrees and 4 mm at most 0.41. Larger: false alarms.
 NEARBY_RATIO = 0.6
@@ -173,7 +162,7 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
     cost += _tiny(some) * np.eye(6)
     start = pose = best = Pose(np.eye(3), cloud.centre)
     least = np.inf
-    for _ in range(NEARBY_ITERATIONS):
+    for _ in range(MAX_STEPS):
         height, heading = _heights(mesh, exact, some @ pose.rotation.T + pose.position)
         off = height - np.median(height)
         residual = _residual(height)
@@ -190,7 +179,7 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
             pose.rotation @ Rotation.from_rotvec(step[:3]).as_matrix(), pose.position + pose.rotation @ step[3:]
         )
         is_small = np.linalg.norm(pose.position - cloud.centre) < NEARBY_LIMIT[0] and _angle(pose) < NEARBY_LIMIT[1]
-        if not is_small or np.linalg.norm(displacements @ step, axis=1).max() < NEARBY_TOLERANCE:
+        if not is_small or np.linalg.norm(displacements @ step, axis=1).max() < POSE_TOLERANCE * cloud.size:
             break
     before, after = (_residual(_heights(mesh, exact, cloud.at(p))[0]) for p in (start, best))
     if after >= before:
@@ -206,13 +195,13 @@ def _heights(mesh: TriangleMesh, exact: MeshDistance, points: Array) -> tuple[Ar
     normals, gap = mesh.face_normals[face], points - feet
     sign = np.where((gap * normals).sum(axis=1) < 0, -1.0, 1.0)
     near = distance < 1e-9 * mesh.size  # the direction to the foot is rounding
-    heading = np.where(near[:, None], normals, (sign / np.maximum(distance, 1e-300))[:, None] * gap)
+    heading = np.where(near[:, None], normals, (sign / np.maximum(distance, np.finfo(float).tiny))[:, None] * gap)
     return sign * distance, heading
 
 
 def _residual(height: Array) -> float:
     off = np.sort(np.abs(height - np.median(height)))
-    return float(np.sqrt((off[: max(int(np.ceil(NEARBY_FRACTION * len(off))), 1)] ** 2).mean()))
+    return float(np.sqrt((off[: max(int(np.ceil(TRIMMED_FRACTION * len(off))), 1)] ** 2).mean()))
 
 
 def _angle(pose: "Pose") -> float:
@@ -289,7 +278,7 @@ class Cloud:
         """Return the cloud of points (n, 3)."""
         centre = points.mean(axis=0)
         arms = points - centre
-        return cls(arms, centre, max(2 * float(np.linalg.norm(arms, axis=1).max()), MIN_CLOUD_SIZE))
+        return cls(arms, centre, max(2 * float(np.linalg.norm(arms, axis=1).max()), MIN_LENGTH))
 
     def at(self, pose: Pose) -> Array:
         """Return the points in a pose, shape (n, 3) [m]."""
@@ -343,20 +332,14 @@ def _search(samples: SampledMesh, cloud: Cloud) -> tuple[Pose, list[Pose]]:
     )
     starts, misfit = len(rotations), np.zeros(len(rotations))
     for steps, fraction in DESCENT_ROUNDS:
-        kept = np.argsort(misfit, kind="stable")[: max(MIN_STARTS, int(fraction * starts))]
+        kept = np.argsort(misfit, kind="stable")[: int(fraction * starts)]
         rotations, positions, misfit = descend(samples, few, rotations[kept], positions[kept], steps)
     found = [Pose(rotations[i], positions[i]) for i in np.argsort(misfit, kind="stable")]
     some = cloud.points[farthest_points(cloud.points, RANKING_POINTS)]
     found = _different(found, some, EQUAL_FRACTION * cloud.size, CANDIDATES)
-    found = _ranked(_refine(samples, some, pose, CANDIDATE_ITERATIONS, cloud.size) for pose in found)
-    rivals = _different(found, some, DISTINCT_FRACTION * cloud.size, RIVALS)
-    finalists = rivals + [pose for pose in found if pose not in rivals][: FINALISTS - len(rivals)]
-    found = _ranked(_refine(samples, cloud.points, pose, FINAL_ITERATIONS, cloud.size) for pose in finalists)
+    refined = [_refine(samples, cloud.points, pose, cloud.size) for pose in found]
+    found = [pose for _, pose in sorted(refined, key=lambda pair: pair[0])]
     return found[0], [pose for pose in found if _between(some, pose, found[0]) > DISTINCT_FRACTION * cloud.size]
-
-
-def _ranked(refined: Iterable[tuple[float, Pose]]) -> list[Pose]:
-    return [pose for _, pose in sorted(refined, key=lambda pair: pair[0])]
 
 
 def descend(
@@ -418,14 +401,14 @@ def descend(
     return rotations, positions, misfit
 
 
-def _refine(samples: SampledMesh, points: Array, pose: Pose, steps: int, size: float) -> tuple[float, Pose]:
+def _refine(samples: SampledMesh, points: Array, pose: Pose, size: float) -> tuple[float, Pose]:
     """Minimize the mean soft distance by reweighted Gauss-Newton steps; return it [m] and its pose."""
     displacements = _displacements(points)
     cost = FINAL_MOTION_COST * np.einsum("kci,kcj->ij", displacements, displacements) / len(points) + _tiny(
         points
     ) * np.eye(6)
     least, best = np.inf, pose
-    for _ in range(steps):
+    for _ in range(MAX_STEPS):
         there = points @ pose.rotation.T + pose.position
         feet, faces = samples(there)
         gap = (feet - there) @ pose.rotation
@@ -436,7 +419,7 @@ def _refine(samples: SampledMesh, points: Array, pose: Pose, steps: int, size: f
             least, best = misfit, pose
         heading = np.where(
             (distance > 1e-9 * size)[:, None],
-            gap / np.maximum(distance, 1e-300)[:, None],
+            gap / np.maximum(distance, np.finfo(float).tiny)[:, None],
             samples.mesh.face_normals[faces] @ pose.rotation,
         )
         weight = 1 / soft
@@ -466,7 +449,7 @@ def _displacements(points: Array) -> Array:
 
 def _tiny(points: Array) -> float:
     """Return a regularization that keeps the system solvable if all points are on one line."""
-    return 1e-12 * max(float((points**2).sum(axis=1).max()), 1e-300)
+    return 1e-12 * float((points**2).sum(axis=1).max()) + float(np.finfo(float).tiny)
 
 
 def _slack(mesh: TriangleMesh, exact: MeshDistance, points: Array) -> float:

@@ -18,37 +18,29 @@ from ..sampling.sections import Sections, cut_sections
 SHEET_THICKNESS_RATIO = 0.15
 # [fraction of the area] on each side above which a mesh has two sides. Larger: fewer sheets are found.
 SHEET_SIDE_FRACTION = 0.25
-# [1] iterations for an axis from the centres of two sections. Each changes the axis by a fraction of the one before.
-# Larger: no visible effect.
-AXIS_ITERATIONS = 8
+# [1] iterations for an axis or a curve from centres of sections, and for a maximum of the profile. Each changes the
+# result by a fraction of the one before. Larger: no visible effect.
+ITERATIONS = 8
 # [1] sections of the middle half of a tube whose circles give its axis. Larger: less influence of one section, more
 # time. They are at the heights of a Gauss quadrature, which rarely coincide with the edge of a step.
 AXIS_SECTIONS = 9
-# [1] change of the radius per length below which both ends of a tube are equally thick: 10 um on 100 mm, which is more
-# than the rounding of a mesh file. Larger: the link frame directs more axes.
-EQUAL_ENDS_TAPER = 1e-4
+# [1] relative difference of lengths, 10 um on 100 mm, up to which both ends of a tube are equally thick, both ends of a
+# face equally wide, and a section is round, so that the link frame decides. It is more than the rounding of a mesh
+# file, and far less than ``ROUND_PROFILE``. Larger: the link frame decides for more axes.
+EQUAL_SHAPE = 1e-4
 # [1] sections over the whole length that give angle zero. Larger: less influence of one section, more time.
 ZERO_SECTIONS = 12
 ZERO_HARMONICS = 5  # [1] of the profile that gives angle zero. Larger: more influence of corners
 # [1] height of the profile below which a section is round: 0.1 % of the radius. Larger: the link frame decides for more
 # tubes.
 ROUND_PROFILE = 1e-3
-# [1] height of the profile that the link frame adds to a round tube; far above the rounding of a mesh file, far below
-# ``ROUND_PROFILE``.
-LINK_PROFILE = 1e-4
-# [1] skewness of a face along its longer side below which it has no sense. Larger: the link frame decides for more
-# faces.
-EQUAL_SIDES_SKEW = 1e-4
 # [1] difference of two maxima of the profile below which they are equal. Larger: the link frame decides for more tubes.
 EQUAL_MAXIMA = 1e-5
 # [rad] difference of two angles below which they are equal. Larger: the link frame decides for more tubes.
 EQUAL_ANGLES = 1e-3
-MAXIMUM_ITERATIONS = 8  # [1] Newton steps to a maximum of the profile. Larger: no visible effect
 TRIAL_STATIONS = 192  # [1] tried for complete sections. Larger: narrower openings are seen, more time
-# [1] parts of a step, and rounds of division, that find the end of the complete sections: to 1/512 of a step. Larger:
-# more accurate, more time.
-END_PARTS = 8
-END_ROUNDS = 3
+# [1] halvings of a step that find the end of the complete sections, to 1/512 of it. Larger: more accurate, more time.
+END_HALVINGS = 9
 # [fraction of the mesh size] least distance of the two sections; nearer ones give no direction. Larger: more are
 # refused.
 MIN_SECTION_DISTANCE = 0.02
@@ -119,12 +111,12 @@ def zero_direction(mesh: TriangleMesh, frame: TubeFrame) -> Array:
     c = profile_harmonics(mesh, frame)
     k = np.arange(1, len(c) + 1)
     x, y = frame.across(link_direction(frame.e3))
-    c[0] += LINK_PROFILE * link_influence(float(np.abs(c).sum())) * (x + 1j * y)
+    c[0] += EQUAL_SHAPE * link_influence(float(np.abs(c).sum())) * (x + 1j * y)
     step = TURN / (16 * len(c))
     angles = step * np.arange(16 * len(c))
     profile = (c * np.exp(-1j * k * angles[:, None])).real.sum(axis=1)
     angles = angles[(profile >= np.roll(profile, 1)) & (profile > np.roll(profile, -1))]
-    for _ in range(MAXIMUM_ITERATIONS):
+    for _ in range(ITERATIONS):
         waves = c * np.exp(-1j * k * angles[:, None])
         slope, bend = (k * waves).imag.sum(axis=1), (k**2 * waves).real.sum(axis=1)
         angles = angles + np.clip(slope / np.maximum(bend, 1e-300), -step, step)
@@ -268,7 +260,7 @@ def find_axis(mesh: TriangleMesh) -> TubeFrame:
         direction = np.linalg.svd(np.sqrt(weights)[:, None] * (centres - point))[2][0]
         along_axis = (centres - point) @ direction
         taper = weights @ (radii * along_axis) / (weights @ along_axis**2)
-        towards_thin = -np.sign(taper) if abs(taper) > EQUAL_ENDS_TAPER else link_side(direction)
+        towards_thin = -np.sign(taper) if abs(taper) > EQUAL_SHAPE else link_side(direction)
         direction = towards_thin * direction
     return frame_of(point, direction)
 
@@ -298,7 +290,7 @@ def axis_through(mesh: TriangleMesh, first: Array, second: Array) -> Axis:
     points = np.array((first, second), float)
     direction = find_axis(mesh).e3
     direction = direction * np.sign((points[1] - points[0]) @ direction)
-    for _ in range(AXIS_ITERATIONS):
+    for _ in range(ITERATIONS):
         if (points[1] - points[0]) @ direction < MIN_SECTION_DISTANCE * mesh.size:
             raise InvalidPlan(
                 "The two sections are too close to each other. Choose points that are further apart along the link."
@@ -432,15 +424,10 @@ def run_between(
         [m]
     """
     step = stations[1] - stations[0]
-    inside, outside = stations[[first, last - 1]], stations[[first, last - 1]] + (-step, step)
-    fractions = np.arange(1, END_PARTS) / END_PARTS
-    for _ in range(END_ROUNDS):
-        trials = inside[:, None] + fractions * (outside - inside)[:, None]
-        complete = is_complete(trials.ravel()).reshape(trials.shape)
-        count = np.where(complete.all(axis=1), END_PARTS - 1, np.argmin(complete, axis=1))  # complete ones next to it
-        part = (outside - inside) / END_PARTS
-        inside = inside + count * part
-        outside = inside + part
+    inside, part = stations[[first, last - 1]], np.array((-step, step))
+    for _ in range(END_HALVINGS):
+        part = part / 2
+        inside = np.where(is_complete(inside + part), inside + part, inside)
     low, high = inside + (step / 2, -step / 2)
     return float(low), float(high)
 
@@ -518,13 +505,13 @@ def long_direction(triangles: Array, up: Array) -> Array:
     total = z.sum(axis=1)
     second = areas @ ((z**2).sum(axis=1) + total**2) / 12  # exact integrals over the triangles
     square = areas @ ((np.abs(z) ** 2).sum(axis=1) + np.abs(total) ** 2) / 12
-    second += square * LINK_PROFILE * link_influence(np.abs(second) / square)
+    second += square * EQUAL_SHAPE * link_influence(np.abs(second) / square)
     angle = np.angle(second) / 2
     along = (z * np.exp(-1j * angle)).real
     total = along.sum(axis=1)
     third = areas @ (total**3 + 3 * total * (along**2).sum(axis=1) + 2 * (along**3).sum(axis=1)) / 60
     direction = np.cos(angle) * frame.e1 + np.sin(angle) * frame.e2
-    skewed = np.abs(third) > EQUAL_SIDES_SKEW * square**1.5
+    skewed = np.abs(third) > EQUAL_SHAPE * square**1.5
     return direction * (-np.sign(third) if skewed else link_side(direction))
 
 

@@ -20,7 +20,8 @@ MIN_MOVABLE_FRACTION = 0.06
 EQUALIZING_ROUNDS = 3  # [1] iterations that equalize the errors of all spans. Larger: little effect, more time
 # [fraction of the mean] lower bound of the mean square error of a span. Larger: spans without errors stay shorter.
 MIN_SPAN_ERROR = 1e-4
-# [1] ratio of errors above which the first, simplest choice is kept. Smaller: simple spacings are kept more often.
+# [1] ratio of errors, or of their squares, above which there is no gain: the first, simplest choice is kept, and the
+# steps of a movement have converged. Smaller: simple spacings are kept more often, fewer steps.
 MAX_ERROR_RATIO = 0.98
 # [fraction of the mean height] errors that differ by less are equal. Larger: simple spacings are kept more often.
 NEGLIGIBLE_ERROR = 1e-7
@@ -35,8 +36,6 @@ MIN_INTERVAL = 0.1
 INITIAL_DAMPING = 0.01
 DAMPING_DECREASE = 4.0
 DAMPING_INCREASE = 6.0
-# [1] ratio of the squares after and before a step above which the steps have converged. Smaller: fewer steps.
-CONVERGED_RATIO = 0.98
 # [intervals] rotation of closed lines that is tried too. Other values are less different from zero.
 ROTATED_INTERVALS = 0.5
 
@@ -375,7 +374,7 @@ def refined_positions(
             positions, residuals, change, damping = after, left, changed, damping / DAMPING_DECREASE
         else:
             damping *= DAMPING_INCREASE
-        if CONVERGED_RATIO * before < now < before:
+        if MAX_ERROR_RATIO * before < now < before:
             break
     return positions
 

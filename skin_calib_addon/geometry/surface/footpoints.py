@@ -22,12 +22,9 @@ from ...common.arrays import Array, BoolArray, IntArray
 from ..mesh.closest import closest_on_triangles
 from .bspline import BSplineSurface
 
-# [1] cells into which a surface is divided, for few points and for many. Larger: tighter bounds and so fewer descents,
-# more time for the table. The footpoints stay the same.
-CELLS_FOR_FEW = 1500
-CELLS_FOR_MANY = 10_000
-# [1] points up to which the smaller table is used. It affects the time only.
-FEW_POINTS = 500
+# [1] cells into which a surface is divided. Larger: tighter bounds and so fewer descents, more time for the table. The
+# footpoints stay the same.
+CELLS = 6000
 # [1] largest deviation of a cell from its triangles, as a fraction of its side. Smaller: more cells where it bends.
 MAX_CELL_DEVIATION = 0.05
 # [1] most cells along a span, so that a surface with one sharp bend does not fill the memory.
@@ -42,14 +39,11 @@ PARAMETER_TOLERANCE = 1e-10
 # [1] pivots of the exact Hessian, as a fraction of those of Gauss-Newton, below which the latter are used. Larger:
 # slower convergence far from the surface.
 MIN_CURVATURE = 0.05
-# [1] damping after the first rejected step. It affects the time only.
+# [1] damping after the first rejected step; each further one divides by it. It affects the time only.
 FIRST_DAMPING = 0.1
-# [1] growth of the damping after each further rejected step. It affects the time only.
-DAMPING_GROWTH = 8.0
 # [1] points that are searched at a time. Larger: more memory.
 BLOCK_POINTS = 2048
-# Smallest number that a denominator can have.
-TINY = 1e-300
+TINY = np.finfo(float).tiny  # in denominators
 
 
 def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
@@ -82,7 +76,7 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
         [m]. No point of the surface is nearer than this less twice the deviation of a cell from its triangles.
     """
     points = np.asarray(points, float).reshape(-1, 3)
-    search = _search_of(surface, CELLS_FOR_FEW if len(points) <= FEW_POINTS else CELLS_FOR_MANY)
+    search = _search_of(surface, CELLS)
     uv, distance = np.empty((len(points), 2)), np.empty(len(points))
     for i in range(0, len(points), BLOCK_POINTS):
         block = slice(i, i + BLOCK_POINTS)
@@ -278,7 +272,7 @@ def descend(surface: BSplineSurface, uv: Array, points: Array) -> tuple[Array, A
         square = ((target - there[0, 0]) ** 2).sum(axis=1)
         better = square < best[moving]
         uv[moving[better]], best[moving[better]] = after[better], square[better]
-        damping = np.where(better, 0.0, np.maximum(DAMPING_GROWTH * damping, FIRST_DAMPING))
+        damping = np.where(better, 0.0, np.maximum(damping / FIRST_DAMPING, FIRST_DAMPING))
         open_ = np.abs(after - before).max(axis=1) > PARAMETER_TOLERANCE
         r = np.where(better[:, None], there, r)[:, :, open_]
         moving, damping = moving[open_], damping[open_]
