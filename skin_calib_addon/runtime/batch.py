@@ -125,6 +125,8 @@ class Processor:
         fresh = _fresh(times, valid)
         usable = (valid & np.isfinite(times)).nonzero()[0]
         drifts, starts = drift.along(noise, signed, usable, times[usable], fresh[usable])
+        if len(starts) == 1 and drift.offset is None:
+            return None, number
         number[starts[1:]] = 1
         return drifts, np.cumsum(number)
 

@@ -187,3 +187,43 @@ def test_skin_without_taxels():
     """It has no contacts and no wrench."""
     batch = Skin(small_calibration(patches=(), surfaces=())).batch(np.zeros((3, 0)))
     assert batch.forces.shape == (3, 0) and (batch.contact_counts == 0).all() and (batch.wrench == 0).all()
+
+
+@pytest.mark.parametrize("make", [two_feet, with_noise])
+def test_masked_numbers_of_a_batch_are_unknown(make):
+    """A number under the mask is as NaN, whatever is there; rows that are masked completely are unknown."""
+    skin, rng = make(), np.random.default_rng(5)
+    counts = rng.integers(0, 60, (80, skin.reading_length)).astype(np.uint16)
+    mask = rng.random(counts.shape) < 0.2
+    mask[[0, 40]] = True
+    hidden = np.where(mask, 60000, counts).astype(np.uint16)
+    times = np.arange(80.0)
+    ours = skin.batch(np.ma.array(hidden, mask=mask), times)
+    theirs = skin.batch(np.where(mask, np.nan, counts), times)
+    for name in ("forces", "known", "active", "contact_counts", "wrench", "load", "stands", "cop", "zmp"):
+        assert_array_equal(getattr(ours, name), getattr(theirs, name))
+    assert_array_equal(ours.known, ~mask[:, skin.channels])
+    assert (ours.contact_counts[[0, 40]] == -1).all()
+    with pytest.raises(InvalidReading, match="real numbers"):
+        skin.batch(mask, times)
+
+
+@pytest.mark.parametrize("make", [two_feet, with_noise])
+def test_environments_of_a_simulator_do_not_depend_on_each_other(make):
+    """Thousands of environments (E, n): the result of each is that of a reading alone, in any order."""
+    skin, rng = make(), np.random.default_rng(6)
+    readings = np.zeros((4000, skin.reading_length))
+    readings[:, skin.channels] = (
+        60 * rng.random((4000, 1)) * (rng.random((4000, len(skin.ids))) < rng.random((4000, 1)))
+    )
+    together = skin.batch(readings)
+    order = rng.permutation(len(readings))
+    permuted = skin.batch(readings[order])
+    for name in ("forces", "known", "active", "contact_counts", "wrench", "load", "stands", "cop", "zmp"):
+        assert_allclose(getattr(permuted, name), getattr(together, name)[order], rtol=1e-12, atol=1e-12)
+    for e in rng.integers(0, len(readings), 20):
+        frame = copy.deepcopy(skin).update(readings[e], 0.0)
+        assert together.contact_counts[e] == len(frame.contacts) and together.stands[e] == frame.stands
+        assert_allclose(together.wrench[e], frame.wrench, rtol=1e-12, atol=1e-12)
+        if frame.cop is not None and frame.zmp is not None:
+            assert_allclose((together.cop[e], together.zmp[e]), (frame.cop, frame.zmp), rtol=1e-12, atol=1e-12)
