@@ -137,12 +137,13 @@ def draw_cycle(rows: list[cycle.Row]) -> Figure:
                 panel.plot([x, x], [r.median, r.p99], color="#303030", linewidth=1)
                 over_bar(panel, f"{r.median:.0f}", x, max(r.median, r.p99))
         panel.axhline(1000, color="#303030", linewidth=0.8, linestyle=":")
-        panel.annotate("1 kHz", (-0.6, 1000), (2, 3), textcoords="offset points", fontsize=LETTERS)
+        panel.annotate("1 kHz", (-1.3, 1000), (2, 3), textcoords="offset points", fontsize=LETTERS)
         panel.set_yscale("log")
         panel.set_ylim(top=8 * max(r.p99 for r in rows))
         describe(panel, name, "", "median and 99th percentile [µs]")
-        wrapped = [s.replace(" ", "\n", 1).replace(", ", ",\n") for s in scenes]
-        panel.set_xticks(range(len(scenes)), wrapped, fontsize=LETTERS - 0.5)
+        wrapped = [s.replace(" ", "\n", 1).replace(", ", "\n") for s in scenes]
+        panel.set_xticks(range(len(scenes)), wrapped, fontsize=LETTERS - 1.5)
+        panel.set_xlim(-1.3, len(scenes) - 0.3)
     panels[0].legend(fontsize=LETTERS, loc="upper left", ncols=3, frameon=False)
     return figure
 
