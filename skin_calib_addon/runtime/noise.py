@@ -266,15 +266,16 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
     known = int(np.count_nonzero(~dead))
     if not known:
         return None
-    freedom = np.maximum(frames * (1 - clipped), 1.0) + POOLED_FRAMES / 2
+    unit = (rows - rows.mean(axis=0)) / np.maximum(rows.std(axis=0), MIN_SIGMA * step)
+    alike_later = max(float((unit[1:] * unit[:-1])[:, ~dead].mean()), 0.0)
+    independent = frames * (1 - alike_later**2) / (1 + alike_later**2)  # frames that give as good a deviation
+    freedom = np.maximum(independent * (1 - clipped), 1.0) + POOLED_FRAMES / 2
 
     def level(quantile: float) -> Array:
         return mean + step / 2 + spread * student(quantile, freedom)
 
-    unit = (rows - rows.mean(axis=0)) / np.maximum(rows.std(axis=0), MIN_SIGMA * step)
     first, second = unit.T[pairs.T]
     alike = float((first * second).mean()) if len(pairs) else 0.0
-    alike_later = float((unit[1:] * unit[:-1])[:, ~dead].mean())
     false_sure = MAX_FALSE_SURE / 2 / known
     sure, three = level(NormalDist().inv_cdf(1 - false_sure)), joint_quantile(false_sure, alike_later, 3)
     pair = level(joint_quantile(MAX_FALSE_PAIR / max(len(pairs), 1), alike, 2))
@@ -297,10 +298,10 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
     deviations = sums - sums.mean()
     deviation = float(deviations.std(ddof=1))
     skewness = float((deviations**3).mean()) / deviation**3 if deviation else 0.0
-    k = float(student(NormalDist().inv_cdf(1 - MAX_FALSE_LOAD), np.array(frames - 1.0)))
+    k = float(student(NormalDist().inv_cdf(1 - MAX_FALSE_LOAD), np.array(max(independent - 1, 1.0))))
     k += (k * k - 1) * max(skewness, 0.0) / 6  # Cornish and Fisher 1938
-    independent = float(np.linalg.norm(slopes * rows.std(axis=0, ddof=1)))
-    common = max(1.0, deviation / independent) if independent else 1.0
+    if_alone = float(np.linalg.norm(slopes * rows.std(axis=0, ddof=1)))  # of the sum, if taxels have no common noise
+    common = max(1.0, deviation / if_alone) if if_alone else 1.0
     # the reading has to pass the threshold by less than a step, half of which rounding may take
     limits = responses.forces(rest + responses.sign * (POSSIBLE * sigma + step / 2 + LIMIT_MARGIN * spread))
     return Noise(

@@ -349,6 +349,16 @@ def test_three_frames_of_noise_rarely_make_a_free_taxel_sure(correlation):
     assert 2.0 < ((skin.noise.lasting - skin.noise.mean) / skin.noise.sigma).min() < (3.8 if correlation else 2.6)
 
 
+def test_repeated_frames_at_rest_are_no_more_frames():
+    """A fast controller that passes each of 25 frames ten times has the thresholds of about 25 frames."""
+    distance = {}
+    for frames, times in ((250, 1), (25, 1), (25, 10)):
+        skin = sole()
+        skin.tare(np.repeat(read(np.random.default_rng(21), FREE, frames=frames, offset=100), times, axis=0))
+        distance[frames, times] = np.median((skin.noise.sure - skin.noise.mean) / skin.noise.sigma)
+    assert distance[25, 10] > distance[250, 1] + 0.5 * (distance[25, 1] - distance[250, 1])
+
+
 def test_in_cell_option_is_exact_for_a_linear_pressure_of_any_contact():
     """For a pressure that is linear where it acts, and ends at the border of the sole, CoP and ZMP agree with it."""
     skin = sole(switch_on=1e-6, in_cell=True)
