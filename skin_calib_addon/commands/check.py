@@ -7,12 +7,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from ..calibration import robot_set
 from ..calibration.file import check_bytes
 from ..common.errors import CalibrationFormatError, InvalidMesh, OutputError
-from ..common.findings import Finding, printable, warning
+from ..common.file_hash import file_hash
+from ..common.findings import Finding, did_you_mean, error, printable, warning
 from ..common.strict_json import parse, read
 from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh
 from ..plan import FORMAT, check_plan_wholly
+from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, complain, say
 
 MAX_UNCOUNTED = 10  # findings without a count by code. Larger: longer lists without a count.
@@ -26,7 +29,11 @@ def add(commands) -> None:
         "folder, and in the folder of the calibration.",
     )
     check.add_argument(
-        "files", nargs="+", type=Path, metavar="FILE", help="file, or folder of *.calibration.json and *.plan.json"
+        "files",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="file, or folder of *.calibration.json, *.plan.json and robot.json",
     )
     check.add_argument("--mesh", type=Path, metavar="MESH", help="mesh of the calibration; only for a single file")
     check.set_defaults(run=run)
@@ -41,7 +48,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _files(named: Iterable[Path]) -> Iterator[Path]:
     for path in named:
-        inside = sorted((*path.glob("*.calibration.json"), *path.glob("*.plan.json"))) if os.path.isdir(path) else []
+        inside: list[Path] = []
+        if os.path.isdir(path):
+            inside = sorted((*path.glob("*.calibration.json"), *path.glob("*.plan.json"), *path.glob(robot_set.FILE)))
         yield from inside or [path]  # an empty folder is rejected later, because it is not a file
 
 
@@ -56,6 +65,8 @@ def _check_one(path: Path, mesh: Path | None) -> int:
     if isinstance(document, dict) and document.get("format") == FORMAT:
         findings = tuple(findings) or check_plan_wholly(document)
         findings = findings or tuple(_missing_files(path, document))
+    elif isinstance(document, dict) and document.get("format") == robot_set.FORMAT:
+        findings = tuple(findings) or robot_set.check_robot_document(document) or tuple(_check_robot(path))
     else:
         document, findings = check_bytes(data)
         if not any(finding.severity == "error" for finding in findings):
@@ -70,6 +81,29 @@ def _check_one(path: Path, mesh: Path | None) -> int:
         counted.append(", ".join(f"{n} {code}" for code, n in Counter(f.code for f in findings).most_common()))
     say(f"{path}: {'; '.join(counted)}")
     return WRONG_DATA if errors else DONE
+
+
+def _check_robot(path: Path) -> Iterator[Finding]:
+    """Yield the problems of the links of a robot together, and those of its URDF."""
+    robot = robot_set.load_robot_set(path)
+    yield from robot_set.calibrations_of(robot, path.parent)[1]
+    if robot.urdf is None:
+        return
+    now = file_hash(path.parent / robot.urdf.file)
+    if now is None:
+        yield warning("no-urdf", "/urdf/file", "does not exist: links were not compared with it", robot.urdf.file)
+        return
+    if now != robot.urdf.sha256:
+        yield warning("outdated", "/urdf/file", "has changed; fit the plans again, with this URDF", robot.urdf.file)
+    try:
+        links = read_robot(path.parent / robot.urdf.file).links
+    except CalibrationFormatError as problem:
+        yield error("invalid", "/urdf/file", f"cannot be read: {problem}", robot.urdf.file)
+        return
+    for k, link in enumerate(robot.links):
+        if link.link not in links:
+            message = f"is not in {robot.urdf.file}{did_you_mean(link.link, links)}"
+            yield error("unknown-link", f"/links/{k}/link", message, link.link)
 
 
 def _taxels(document: dict[str, Any]) -> int:

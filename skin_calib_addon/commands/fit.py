@@ -5,11 +5,14 @@ import os.path
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from ..common.errors import InvalidPlan, OutputError, SkinCalibError
+from ..calibration.robot_set import FILE, RobotSet, UrdfFile, load_robot_set, robot_link, save_robot_set
+from ..common.errors import CalibrationFormatError, InvalidPlan, OutputError, SkinCalibError
+from ..common.file_hash import file_hash
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..pipeline.sources import Source, load_sources, save_source
+from ..pipeline.sources import Source, load_sources, relative_path, save_source
 from ..plan import Plan
 from ..robot.urdf import Robot, read_robot
 from .common import DONE, WRONG_CALL, WRONG_DATA, check_picture, check_target, complain, count, say
@@ -58,8 +61,10 @@ def run(options: argparse.Namespace) -> int:
     check_target(options.picture, *options.plans, options.output)
     check_target(options.report, *options.plans, options.output, options.picture)
     robot: Robot | None = None
+    urdf: Path | None = None
     if options.plans:
-        files, robot = _plan_files(options.plans)
+        files, urdf = _plan_files(options.plans)
+        robot = read_robot(urdf) if urdf else None
         links = [(path.name.removesuffix(".json").removesuffix(".plan"), path, None) for path in files]
     else:
         links = [(plan.link, plan, mesh) for plan, mesh in (options.scene_plans() if options.scene_plans else ())]
@@ -82,11 +87,40 @@ def run(options: argparse.Namespace) -> int:
     known = load_sources(folder) if folder else {}
     jobs = [_job(options, name, plan, mesh, robot, folder, known) for name, plan, mesh in links]
     # Blender's program cannot be started again as a plain Python
-    return _carry_out(jobs, 1 if options.scene_plans else options.jobs)
+    code = _carry_out(jobs, 1 if options.scene_plans else options.jobs)
+    if folder and code != INTERRUPTED:
+        _save_robot(folder, robot, urdf)
+    return code
 
 
-def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Robot | None]:
-    """Return the plan files of the arguments (files, folders, folder of a URDF), and the robot of the URDF."""
+def _save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
+    """Write ``robot.json``: all calibrations of a folder. Name, URDF and buses of an earlier one stay.
+
+    A folder of several calibrations of one link is no robot: without URDF and earlier file, none is written.
+    """
+    try:
+        before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
+        known = {link.link: link for link in before.links}
+        links = []
+        for path in sorted(folder.glob("*.calibration.json")):
+            link = robot_link(folder, path.name)
+            earlier = known.get(link.link, link)
+            parent = robot.parents.get(link.link) if robot else earlier.parent
+            links.append(replace(link, parent=parent, bus=earlier.bus))
+        if not (robot or before.links) and len({link.link for link in links}) < len(links):
+            return
+        now = replace(before, links=tuple(links))
+        if robot and urdf:
+            file = UrdfFile(relative_path(folder, urdf), file_hash(urdf) or "")
+            now = replace(now, robot=robot.name or urdf.stem, urdf=file)
+        if now != before:
+            save_robot_set(now, folder)
+    except CalibrationFormatError as problem:
+        complain(f"warning: {FILE} is not up to date: {problem}")
+
+
+def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Path | None]:
+    """Return the plan files of the arguments (files, folders, folder of a URDF), and the URDF."""
     robots = [path for path in named if path.suffix.lower() == ".urdf"]
     if len(robots) > 1:
         raise OutputError(f"{robots[0]} and {robots[1]} are two robots. Fit one at a time.")
@@ -102,7 +136,7 @@ def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Robot | None]:
             )
         files += found
     unique = {os.path.realpath(path): path for path in files}
-    return list(unique.values()), read_robot(robots[0]) if robots else None
+    return list(unique.values()), robots[0] if robots else None
 
 
 def _job(

@@ -1,6 +1,5 @@
 """Record the source files of calibrations, to skip repeated fits and to find changed meshes."""
 
-import hashlib
 import json
 import os
 from contextlib import suppress
@@ -16,6 +15,7 @@ import trimesh
 from .. import __version__
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError
+from ..common.file_hash import file_hash
 from ..common.schema_check import check, read_schema
 from ..common.strict_json import parse, read
 from ..common.warnings import Warning, from_document, to_document
@@ -227,17 +227,6 @@ def is_same_mesh(path: Path, sha256: str) -> bool:
     """
     raw = read_mesh(path)
     return any(TriangleMesh(raw.vertices * metres, raw.faces).sha256 == sha256 for metres in METRES_PER_UNIT.values())
-
-
-def file_hash(path: Path) -> str | None:
-    """Return the hash of a file; None if it is not a readable regular file, because a pipe may never end."""
-    if not os.path.isfile(path):
-        return None
-    try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return None
 
 
 def relative_path(folder: Path, path: Path) -> str:

@@ -1,6 +1,6 @@
 """Read the links and meshes of a URDF, and compare plans with them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from ..calibration.exchange.xml_nodes import Node, XmlError, children_of_root
@@ -29,10 +29,12 @@ class LinkMesh:
 
 @dataclass(frozen=True)
 class Robot:
-    """The meshes of all links."""
+    """The meshes of all links, and what carries them."""
 
     file: str
     links: dict[str, tuple[LinkMesh, ...]]
+    name: str = ""
+    parents: dict[str, str] = field(default_factory=dict)  # link that carries a link, by the name of the latter
 
 
 def read_robot(path: Path) -> Robot:
@@ -43,16 +45,19 @@ def read_robot(path: Path) -> Robot:
     CalibrationFormatError
         If the file cannot be read, or is not a URDF.
     """
-    text, links = read_text(path), {}
+    text, links, parents, name = read_text(path), {}, {}, ""
     try:
         for node in children_of_root(text, "robot", MAX_NODES_PER_LINK):
+            name = node.parent.attributes.get("name", "") if node.parent else ""
             if node.tag == "link":
                 links[node.attribute("name")] = tuple(_meshes(node))
+            elif node.tag == "joint":
+                parents[node.child("child").attribute("link")] = node.child("parent").attribute("link")
     except XmlError as problem:
         raise CalibrationFormatError(f"'{path}' has {problem.finding}", (problem.finding,)) from problem
     if not links:
         raise CalibrationFormatError(f"'{path}' has no link. Check that it is the correct file.")
-    return Robot(path.name, links)
+    return Robot(path.name, links, name, parents)
 
 
 def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -193,6 +194,26 @@ class Body:
     def __init__(self, skins: Mapping[str, Skin], ground: Plane | None = None):
         self.skins = dict(skins)
         self.ground = ground or Plane.through((0, 0, 0), (0, 0, 1))
+
+    @classmethod
+    def load(cls, path: str | Path, ground: Plane | None = None) -> "Body":
+        """Return the skins of all links of a robot.
+
+        Parameters
+        ----------
+        path : path
+            Of ``robot.json``, which ``skin-calib fit`` writes, or of its folder.
+        ground : Plane, optional
+            As for :class:`Body`.
+
+        Raises
+        ------
+        CalibrationFormatError
+            If the file or a calibration is missing, not valid or changed; ``findings`` has every problem.
+        """
+        from ..calibration.robot_set import load_links  # imported late: only a caller with a file needs these modules
+
+        return cls({name: Skin(calibration) for name, calibration in load_links(path).items()}, ground)
 
     @property
     def observable(self) -> BoolArray:

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from ...common.errors import SkinCalibError
+from ...common.file_hash import file_hash
 from ...geometry import cut_cover, fit_grid
 from ...pipeline.place_skins import PlacedSkin, place_all
-from ...pipeline.sources import file_hash, taxel_files
+from ...pipeline.sources import taxel_files
 from ...plan import Plan
 from ..overlay.layers import Layers, layers_of
 from ..scene.facets import Facets

@@ -9,9 +9,10 @@ import json
 from collections.abc import Callable
 from threading import Lock
 
+from ...common.file_hash import file_hash
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated, calibrate
-from ...pipeline.sources import file_hash, taxel_files
+from ...pipeline.sources import taxel_files
 from ...plan import Plan, plan_document
 
 KEPT = 16

@@ -32,6 +32,7 @@ class Node:
     line: int
     children: list["Node"] = field(default_factory=list)
     text: str = ""
+    parent: "Node | None" = field(default=None, repr=False, compare=False)
 
     def child(self, tag: str) -> "Node":
         """Return the first child with this tag; raise XmlError without one."""
@@ -78,7 +79,7 @@ def children_of_root(text: str, root: str, most_nodes: int = MAX_NODES) -> Itera
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal nodes
-        node = Node(tag, attributes, parser.CurrentLineNumber)
+        node = Node(tag, attributes, parser.CurrentLineNumber, parent=path[-1] if path else None)
         nodes = nodes + 1 if len(path) > 1 else 0
         if not path and tag != root:
             raise XmlError("syntax", node.line, f"starts {show(tag)}; the root element must be {root}")

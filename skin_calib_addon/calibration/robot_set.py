@@ -1,0 +1,239 @@
+"""The calibrations of all links of a robot: ``robot.json`` in the folder of the calibrations."""
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ..common.atomic_file import write_bytes_safely
+from ..common.errors import CalibrationFormatError
+from ..common.file_hash import file_hash
+from ..common.findings import Finding, child, error, in_short, show, warning
+from ..common.schema_check import check, read_schema
+from ..common.strict_json import parse, read
+from .file import load_calibration
+from .model import LinkCalibration
+
+FILE = "robot.json"  # Contract: name of the file
+FORMAT = "skin-robot"  # Format
+ROBOT_VERSION = 1  # Format
+
+
+@dataclass(frozen=True)
+class RobotLink:
+    """One link with a skin."""
+
+    link: str
+    calibration: str  # file in the folder
+    sha256: str  # of the bytes of this file
+    parent: str | None = None  # link that carries this link
+    first_channel: int | None = None  # lowest channel; None without taxels
+    bus: str | None = None  # electronics whose readings contain the channels; None: of this link alone
+
+
+@dataclass(frozen=True)
+class UrdfFile:
+    """The URDF with which the links were compared."""
+
+    file: str  # path relative to the folder
+    sha256: str
+
+
+@dataclass(frozen=True)
+class RobotSet:
+    """The skins of a robot; paths are relative to the folder of the file."""
+
+    robot: str
+    urdf: UrdfFile | None
+    links: tuple[RobotLink, ...]
+
+
+def load_robot_set(path: str | os.PathLike[str]) -> RobotSet:
+    """Read ``robot.json``, or the one of a folder. The calibrations are not read.
+
+    Parameters
+    ----------
+    path : path
+        Of the file or its folder.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the file cannot be read, or is invalid; ``findings`` lists all problems.
+    """
+    file = robot_file(path)
+    document, findings = parse(read(file))
+    findings = tuple(findings) or check_robot_document(document)
+    if findings:
+        raise CalibrationFormatError(f"'{file}' is invalid: {in_short(findings)}", findings)
+    urdf = document["urdf"]
+    links = tuple(RobotLink(**link) for link in document["links"])
+    return RobotSet(document["robot"], UrdfFile(**urdf) if urdf else None, links)
+
+
+def save_robot_set(robot: RobotSet, folder: Path) -> None:
+    """Write ``robot.json`` to the folder of the calibrations in one step.
+
+    Parameters
+    ----------
+    robot : RobotSet
+        Links with different names.
+    folder : Path
+        It must exist.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If it is invalid, for example because two calibrations have the same link. No file is written.
+    OutputError
+        If the file cannot be written.
+    """
+    document = {"format": FORMAT, "version": ROBOT_VERSION, **asdict(robot), "links": [asdict(k) for k in robot.links]}
+    if findings := check_robot_document(document):
+        raise CalibrationFormatError(f"{FILE} cannot be written: {in_short(findings)}", findings)
+    write_bytes_safely(folder / FILE, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
+
+
+def load_links(path: str | os.PathLike[str]) -> dict[str, LinkCalibration]:
+    """Read the calibrations of all links of a robot, by the name of the link.
+
+    Parameters
+    ----------
+    path : path
+        Of ``robot.json`` or its folder.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If a file is missing or invalid, is of another link, or has changed, or if a channel is used twice.
+    """
+    file = robot_file(path)
+    robot = load_robot_set(file)
+    calibrations, findings = calibrations_of(robot, file.parent)
+    errors = tuple(finding for finding in findings if finding.severity == "error")
+    if errors:
+        advice = "Fit the plans into this folder again; calibrations that were edited stay as they are."
+        raise CalibrationFormatError(f"'{file}': {in_short(errors)}. {advice}", findings)
+    return calibrations
+
+
+def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibration], tuple[Finding, ...]]:
+    """Return the calibrations that can be read, by the name of the link, and all problems.
+
+    Parameters
+    ----------
+    robot : RobotSet
+        The set.
+    folder : Path
+        Its folder.
+
+    Returns
+    -------
+    calibrations : dict of str to LinkCalibration
+    findings : tuple of Finding
+        Errors: a file that is missing, has changed or is invalid, another link, a channel that is used twice on a bus.
+        Warnings: an id that is used twice.
+    """
+    calibrations: dict[str, LinkCalibration] = {}
+    findings = []
+    for k, link in enumerate(robot.links):
+        where = child("", "links", k, "calibration")
+        now = file_hash(folder / link.calibration)
+        if now is None:
+            findings.append(error("no-calibration", where, "does not exist, or cannot be read", link.calibration))
+            continue
+        if now != link.sha256:
+            findings.append(error("changed", where, f"has changed since {FILE} was written", link.calibration))
+        try:
+            calibration = load_calibration(folder / link.calibration)
+        except CalibrationFormatError as problem:
+            findings.append(error("invalid", where, f"is invalid: {in_short(problem.findings)}", link.calibration))
+            continue
+        if calibration.link != link.link:
+            message = f"is of the link {show(calibration.link)}, not of {show(link.link)}"
+            findings.append(error("link", where, message, link.calibration))
+            continue
+        calibrations[link.link] = calibration
+    return calibrations, (*findings, *_used_twice(robot, calibrations))
+
+
+def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> Iterator[Finding]:
+    """Yield an error for each link with channels of an earlier link on its bus, and a warning for its ids.
+
+    Parameters
+    ----------
+    robot : RobotSet
+        The set.
+    calibrations : dict of str to LinkCalibration
+        By the name of the link.
+    """
+    channels: dict[tuple[str | None, int], str] = {}
+    ids: dict[str, str] = {}
+    for k, link in enumerate(robot.links):
+        if link.link not in calibrations:
+            continue
+        taxels = [patch.taxels for patch in calibrations[link.link].patches]
+        own_channels = {(link.bus, int(channel)) for t in taxels for channel in t.channels} if link.bus else set()
+        own_ids = {name for t in taxels for name in t.ids}
+        if both := sorted(own_channels & channels.keys()):
+            message = (
+                f"has channel {both[0][1]} of bus {link.bus}, as {show(channels[both[0]])} has; {len(both)} in all"
+            )
+            yield error("duplicate-channel", child("", "links", k), message)
+        if again := sorted(own_ids & ids.keys()):
+            message = f"has a taxel {show(again[0])}, as {show(ids[again[0]])} has; {len(again)} in all"
+            yield warning("duplicate-id", child("", "links", k), message)
+        channels.update(dict.fromkeys(own_channels, link.link))
+        ids.update(dict.fromkeys(own_ids, link.link))
+
+
+def robot_link(folder: Path, name: str, parent: str | None = None, bus: str | None = None) -> RobotLink:
+    """Return the entry of a calibration.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the set.
+    name : str
+        Calibration file in it.
+    parent : str, optional
+        Link that carries the link.
+    bus : str, optional
+        Electronics of the link.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the calibration cannot be read or is invalid.
+    """
+    calibration = load_calibration(folder / name)
+    channels = [int(patch.taxels.channels.min()) for patch in calibration.patches if len(patch.taxels.ids)]
+    sha256 = file_hash(folder / name) or ""
+    return RobotLink(calibration.link, name, sha256, parent, min(channels, default=None), bus)
+
+
+def check_robot_document(document: Any) -> tuple[Finding, ...]:
+    """Return the errors of a document: of its form, and links or files that are named twice."""
+    return check(document, _schema()) or tuple(_twice(document["links"]))
+
+
+def robot_file(path: str | os.PathLike[str]) -> Path:
+    """Return the path of ``robot.json``, given this path or that of its folder."""
+    return Path(path) / FILE if os.path.isdir(path) else Path(path)
+
+
+def _twice(links: list[dict[str, Any]]) -> Iterator[Finding]:
+    for member in ("link", "calibration"):
+        seen: set[str] = set()
+        for k, link in enumerate(links):
+            if link[member] in seen:
+                yield error("duplicate", child("", "links", k, member), "is named twice", link[member])
+            seen.add(link[member])
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return read_schema(Path(__file__).with_name("robot_schema.json"))

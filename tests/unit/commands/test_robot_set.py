@@ -1,0 +1,136 @@
+"""``robot.json``: written by ``fit``, examined by ``check``, loaded by a controller."""
+
+import json
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration.robot_set import load_robot_set
+from skin_calib_addon.cli import main
+from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.runtime import Body, load
+from tests.shapes import cylinder
+from tests.unit.commands.test_cli import write_plan
+
+LINKS = ("arm", "hand")
+URDF = """<robot name="bot"><link name="base"/>{}<joint name="a" type="revolute"><parent link="base"/><child link="arm"/>
+</joint><joint name="b" type="revolute"><parent link="arm"/><child link="hand"/></joint></robot>"""
+
+
+def write_urdf(folder, links=LINKS):
+    mesh = '<link name="{0}"><visual><geometry><mesh filename="{0}.ply"/></geometry></visual></link>'
+    (folder / "bot.urdf").write_text(URDF.format("".join(mesh.format(name) for name in links)))
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """A folder with a URDF and two plans, fitted into the folder ``out``."""
+    (tmp_path / "out").mkdir()
+    write_urdf(tmp_path)
+    for name in LINKS:
+        save_mesh(cylinder(around=24, along=8), tmp_path / f"{name}.ply")
+        write_plan(tmp_path, name, link=name, mesh=f"{name}.ply")
+    assert main(["fit", str(tmp_path / "bot.urdf"), "-o", str(tmp_path / "out")]) == 0
+    return tmp_path
+
+
+def check(robot, capsys):
+    """Return exit code and lines about the set of ``check``."""
+    capsys.readouterr()
+    code = main(["check", str(robot / "out")])
+    lines = [line for line in capsys.readouterr().out.splitlines() if "calibration.json:" not in line]
+    return code, lines
+
+
+def edit(robot, **changes):
+    """Change members of the links in the file."""
+    path = robot / "out" / "robot.json"
+    document = json.loads(path.read_text())
+    for member, values in changes.items():
+        for link, value in zip(document["links"], values):
+            link[member] = value
+    path.write_text(json.dumps(document))
+
+
+def test_fit_lists_the_links_of_the_robot(robot, capsys):
+    """Names, parents, hashes and channels; a second fit leaves the file as it is."""
+    found = load_robot_set(robot / "out")
+    assert found.robot == "bot" and found.urdf.file == "../bot.urdf"
+    assert [(k.link, k.parent, k.calibration, k.first_channel, k.bus) for k in found.links] == [
+        ("arm", "base", "arm.calibration.json", 0, None),
+        ("hand", "arm", "hand.calibration.json", 0, None),
+    ]
+    before = (robot / "out" / "robot.json").stat().st_ino
+    assert main(["fit", str(robot), "-o", str(robot / "out")]) == 0
+    assert (robot / "out" / "robot.json").stat().st_ino == before and load_robot_set(robot / "out") == found
+
+
+def test_check_is_silent_about_a_good_set(robot, capsys):
+    code, lines = check(robot, capsys)
+    assert code == 0 and [line for line in lines if "duplicate-id" not in line] == [
+        f"{robot / 'out' / 'robot.json'}: 0 errors, 1 warnings"
+    ]
+
+
+@pytest.mark.parametrize("problem", ["changed", "no-calibration", "unknown-link", "duplicate-channel", "link"])
+def test_check_finds_what_is_wrong_between_links(robot, capsys, problem):
+    path = robot / "out" / "hand.calibration.json"
+    if problem == "changed":
+        path.write_bytes(path.read_bytes() + b" \n")
+    elif problem == "no-calibration":
+        path.unlink()
+    elif problem == "unknown-link":
+        write_urdf(robot, ("arm", "hnad"))
+    elif problem == "duplicate-channel":
+        edit(robot, bus=["can0", "can0"])
+    else:
+        edit(robot, link=["arm", "foot"])
+    code, lines = check(robot, capsys)
+    assert code == 1 and any(line.startswith("error: ") and line.endswith(f"[{problem}]") for line in lines)
+
+
+def test_buses_of_the_author_stay_and_separate_channels(robot, capsys):
+    edit(robot, bus=["can0", "can1"])
+    assert main(["fit", str(robot), "-o", str(robot / "out"), "--again"]) == 0
+    assert [link.bus for link in load_robot_set(robot / "out").links] == ["can0", "can1"]
+    assert check(robot, capsys)[0] == 0
+
+
+def test_body_has_the_skins_of_all_links(robot):
+    for path in (robot / "out", robot / "out" / "robot.json"):
+        body = Body.load(path)
+        assert set(body.skins) == set(LINKS)
+    alone = load(robot / "out" / "hand.calibration.json")
+    readings = np.linspace(0.5, 3, alone.reading_length)
+    frame = body.update({"arm": 0 * readings, "hand": readings}, 0.0, {"arm": np.eye(4), "hand": np.eye(4)})
+    assert (frame.links["hand"].forces == alone.update(readings, 0.0).forces).all()
+
+
+def test_body_refuses_a_changed_calibration(robot):
+    """The file may be another skin; a fit of the folder accepts it."""
+    path = robot / "out" / "arm.calibration.json"
+    path.write_bytes(path.read_bytes() + b"\n")
+    with pytest.raises(CalibrationFormatError, match="has changed since robot.json was written.*Fit the plans"):
+        Body.load(robot / "out")
+    assert main(["fit", str(robot), "-o", str(robot / "out")]) == 0
+    assert set(Body.load(robot / "out").skins) == set(LINKS)
+
+
+@pytest.mark.parametrize("name", ["../arm.calibration.json", "/etc/passwd", "a\\b"])
+def test_calibrations_outside_of_the_folder_are_refused(robot, name):
+    edit(robot, calibration=[name])
+    with pytest.raises(CalibrationFormatError, match="/links/0/calibration"):
+        Body.load(robot / "out")
+
+
+def test_several_calibrations_of_one_link_are_no_robot(robot, capsys):
+    """Without a URDF no file is written; a file that is there stays, with a warning."""
+    write_plan(robot, "other", link="arm", mesh="arm.ply")
+    before = (robot / "out" / "robot.json").read_bytes()
+    assert main(["fit", str(robot), "-o", str(robot / "out")]) == 0
+    assert "robot.json is not up to date" in capsys.readouterr().err
+    assert (robot / "out" / "robot.json").read_bytes() == before
+    (robot / "new").mkdir()
+    assert main(["fit", str(robot), "-o", str(robot / "new")]) == 0
+    assert not (robot / "new" / "robot.json").exists() and capsys.readouterr().err == ""
