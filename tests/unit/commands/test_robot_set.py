@@ -14,8 +14,9 @@ from tests.shapes import cylinder
 from tests.unit.commands.test_cli import write_plan
 
 LINKS = ("arm", "hand")
-URDF = """<robot name="bot"><link name="base"/>{}<joint name="a" type="revolute"><parent link="base"/><child link="arm"/>
-</joint><joint name="b" type="revolute"><parent link="arm"/><child link="hand"/></joint></robot>"""
+URDF = """<robot name="bot"><link name="base"/>{}
+<joint name="a" type="revolute"><parent link="base"/><child link="arm"/></joint>
+<joint name="b" type="revolute"><parent link="arm"/><child link="hand"/></joint></robot>"""
 
 
 def write_urdf(folder, links=LINKS):
