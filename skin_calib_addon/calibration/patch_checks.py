@@ -30,11 +30,10 @@ CROSSING_TOLERANCE = 1e-9
 MIN_LATTICE_COSINE = -0.25
 # Ratio of these areas from which the unit is wrong; square centimetres give 10 000. Larger: wrong units pass.
 AREA_UNIT_RATIO = 100.0
-MAX_PITCH = 1.0  # [m]. Larger: a pitch in millimetres is accepted.
+MAX_LENGTH = 1.0  # [m] of a pitch or an uncertainty. Larger: one in millimetres is accepted.
 # Smallest and largest distances of neighbours, and of corners from the centre (0.7 for squares, 0.6 for hexagons), in
 # pitches. A wider range: wrong units pass.
 DISTANCE_IN_PITCHES = (0.1, 10.0)
-MAX_SIGMA = 1.0  # [m]. Larger: an uncertainty in millimetres is accepted.
 MAX_ANGLE = np.pi  # [rad] between two directions
 
 
@@ -194,7 +193,7 @@ def _positions_are_in_metres(patch: Part, position: Array) -> Iterator[Finding]:
 
 @needs("pitch")
 def _pitch_is_in_metres(patch: Part, pitch: Array) -> Iterator[Finding]:
-    if pitch.max() > MAX_PITCH:
+    if pitch.max() > MAX_LENGTH:
         message = f"is {pitch.max():.6g} m; divide lengths by 1000 if they are in millimetres"
         yield error("units", patch.at("pitch"), message, pitch.tolist())
 
@@ -231,7 +230,7 @@ def _neighbours_fit_pitch(
 def _sigma_is_in_si_units(patch: Part, sigma: list[list[float] | None]) -> Iterator[Finding]:
     known = [row for row, values in enumerate(sigma) if values is not None]
     values = np.array([sigma[row] for row in known], float).reshape(-1, 3)
-    for row, column in np.argwhere(values > (MAX_SIGMA, MAX_SIGMA, MAX_ANGLE)):
+    for row, column in np.argwhere(values > (MAX_LENGTH, MAX_LENGTH, MAX_ANGLE)):
         stated, pointer = float(values[row, column]), patch.at("sigma", known[row], int(column))
         if column == 2:
             yield error("units", pointer, f"is {stated:.6g} rad; an angle is at most {MAX_ANGLE:.4f} rad", stated)
@@ -242,7 +241,7 @@ def _sigma_is_in_si_units(patch: Part, sigma: list[list[float] | None]) -> Itera
 
 @needs("registration")
 def _registration_is_in_si_units(patch: Part, registration: dict[str, Any]) -> Iterator[Finding]:
-    limits = (("origin", MAX_SIGMA, "m"), ("direction", MAX_ANGLE, "rad"))
+    limits = (("origin", MAX_LENGTH, "m"), ("direction", MAX_ANGLE, "rad"))
     for name, limit, unit in limits:
         if registration[name] > limit:
             message = f"is {registration[name]:.6g} {unit}; it must be at most {limit:.4g} {unit}"

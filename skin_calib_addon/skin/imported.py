@@ -21,6 +21,7 @@ from ..geometry.registration import MAX_SKIN_THICKNESS, ON_MESH_DISTANCE, RigidF
 from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
 from .board_planes import board_planes
+from .boards.outline import MIN_COVERED_COSINE
 from .sheet.constraints import MIN_DIRECTION_SINE
 from .sheet.taxels import fan_areas
 
@@ -38,9 +39,6 @@ APART_PITCHES = 0.5
 # Relative difference of two distances between taxels up to which they are equal. Larger: fewer neighbours, and close
 # taxels do not bound their cells.
 DISTANCE_ROUNDING = 0.01
-# Least mean cosine between the plane normal of a board and the surface; below it the sign is unknown. Larger: more
-# boards have the normals of the surface.
-MIN_PLANE_COSINE = 0.5
 
 Frame = tuple[ArrayLike, ArrayLike]  # a rotation and a translation [m] into the link frame
 
@@ -171,7 +169,7 @@ def board_normals(taxel_set: TaxelSet, upright: Array) -> Array:
         members = np.flatnonzero(board == number)
         plane = planes[members[0]]
         cosine = float((upright[members] @ plane).mean())
-        if abs(cosine) > MIN_PLANE_COSINE:
+        if abs(cosine) > MIN_COVERED_COSINE:
             normals[members] = np.copysign(1.0, cosine) * plane
     return normals
 

@@ -40,8 +40,9 @@ CURVATURE_EXPONENT = 0.35
 # [rad] rotation of an outline in one step below which it is straight, because noise of a nanometre rotates it, too.
 # Larger: lines do not follow slight curvature.
 FLAT_TURN = 1e-5
-# [fraction of the mean] lower bound of the curvature; below, it is rounding. Larger: more lines in flat parts.
-MIN_CURVATURE_RATIO = 1e-3
+# [fraction of the mean] lower bound of the curvature, and of the error of a span; below, it is rounding. Larger: more
+# lines in flat parts.
+MIN_MEAN_FRACTION = 1e-3
 # [steps of an outline] width of the average of the curvature, because the edges of facets have curvature too. Larger:
 # corners get fewer lines.
 SMOOTHING_WIDTH = 2.3
@@ -52,15 +53,16 @@ MAX_REFITS = 5  # [1] most iterations of a fit to the outlines. Larger: no visib
 REFIT_TOLERANCE = 1e-3
 # [1] least number of sites for a mean or largest distance. Larger: coarse nets are predicted more accurately.
 MIN_ERROR_SITES = 80
-# [1] sites per span for the selection and for the validation of positions. A short spline interpolates three sites. The
-# two numbers differ, because the number of facets is often a round number. Larger: more accurate, more time.
+# [1] sites per span for the selection of positions. A short spline interpolates three. Larger: more accurate, more
+# time.
 SELECTION_SITES = 7
+# [1] sites per span for their validation. It differs from ``SELECTION_SITES``, because the number of facets is often a
+# round number. Larger: more accurate, more time.
+VALIDATION_SITES = 10
 # [1] every which outline and profile compares residuals at even and at shifted positions. Larger: less time, by chance.
 FLOOR_STRIDE = 4
-# [1] least number of sites for this comparison, so that facets are seen. Larger: more time.
+# [1] least number of sites across for this comparison, so that facets are seen. Larger: more time.
 FLOOR_SITES_ACROSS = 400
-FLOOR_SITES_ALONG = 80
-VALIDATION_SITES = 10
 
 # A spacing is a piecewise linear map from the fraction of the intervals before a position, 0 to 1, to the position.
 SpacingMap = tuple[Array, Array]
@@ -167,7 +169,7 @@ class ErrorModel:
         window = np.exp(-0.5 * (TURN * np.fft.rfftfreq(l) * SMOOTHING_WIDTH) ** 2)
         smooth_turn, smooth_length = (np.fft.irfft(np.fft.rfft(x) * window, l) for x in (turn, length))
         curvature = np.abs(smooth_turn) / smooth_length
-        curvature = np.maximum(curvature, MIN_CURVATURE_RATIO * curvature.mean())
+        curvature = np.maximum(curvature, MIN_MEAN_FRACTION * curvature.mean())
         curved = curvature**CURVATURE_EXPONENT * smooth_length
         return {"arc": length.mean(axis=0), "curvature": curved.mean(axis=0)}
 
@@ -358,7 +360,7 @@ class ErrorModel:
         even = np.linspace(*self.parametrization.span, count)
         residuals = []
         for s in (even, shifted(even)):
-            model = replace(self, per_span=2 * int(np.ceil(FLOOR_SITES_ALONG / len(s) / 2)))
+            model = replace(self, per_span=2 * int(np.ceil(MIN_ERROR_SITES / len(s) / 2)))
             sites, known, left = model._fit_along(s, degree)
             at = sites.values @ s
             residuals.append(np.array([np.interp(self.profile_s, at, row) for row in left * known]))

@@ -34,7 +34,8 @@ MAX_CELLS_PER_SPAN = 200
 SAME_MINIMUM = 1.5
 # [1] most iterations of a descent. Larger: no effect, because descents end before.
 MAX_ITERATIONS = 30
-# [1] step of the parameters below which a descent ends. Larger: less accurate footpoints.
+# [1] difference of two parameters below which they are equal: a descent ends, a point is on an edge, a constraint is
+# met. Larger: less accurate footpoints.
 PARAMETER_TOLERANCE = 1e-10
 # [1] pivots of the exact Hessian, as a fraction of those of Gauss-Newton, below which the latter are used. Larger:
 # slower convergence far from the surface.

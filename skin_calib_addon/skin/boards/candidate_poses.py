@@ -12,7 +12,8 @@ from ..lattice import PORTS, HexLattice
 from .pose_refinement import Pose
 from .region import Region
 
-# Step, in pitches. Smaller: slower, finds no more boards. Larger: misses poses.
+# Step between candidates, between starts, and of a move that balances the clearances, in pitches. Smaller: slower,
+# finds no more boards. Larger: misses poses.
 STEP_IN_PITCHES = 0.1
 # Limit of the evaluations (offsets x angles x cells). In very large regions it increases the step. Larger: more memory,
 # four bytes each.
@@ -25,8 +26,6 @@ MAX_CANDIDATES = 300
 HALVINGS = 2
 # Number of starts for the refinement. Larger: misses fewer maxima, slower.
 MAX_STARTS = 20
-# Smallest distance between two starts, in the last steps. Larger: starts that differ more.
-START_SEPARATION = 4
 # Parts of a step to which positions are rounded. Larger: more exact, more memory.
 GRID_PARTS = 4
 # Derived: rounding errors of centre, shift and corner together, in parts of a step.
@@ -70,7 +69,7 @@ class CandidatePoses:
             turned = Pose(self.middle, float(angles[0]))
             yield Pose(turned.to_plane(shifts[0]), turned.angle), float(clearance[0])
             distances = np.column_stack((shifts - shifts[0], self.radius * (angles - angles[0])))
-            is_apart = np.abs(distances).max(axis=1) > START_SEPARATION * self.step / 2**HALVINGS
+            is_apart = np.abs(distances).max(axis=1) > self.step
             angles, shifts, clearance = angles[is_apart], shifts[is_apart], clearance[is_apart]
 
     def finest(self, count: int) -> tuple[Array, Array, Array]:

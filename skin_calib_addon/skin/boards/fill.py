@@ -9,14 +9,12 @@ from numpy.typing import ArrayLike
 from ...common.arrays import Array, IntArray, freeze
 from ...common.errors import InvalidPlan
 from ..lattice import HexLattice
-from .candidate_poses import LATTICE_PERIOD, CandidatePoses, axes, candidate_poses, cells_within
+from .candidate_poses import LATTICE_PERIOD, STEP_IN_PITCHES, CandidatePoses, axes, candidate_poses, cells_within
 from .pose_refinement import TOUCH_TOLERANCE, Pose, PoseRefinement
 from .region import Region
 
 # Limit of a move during the refinement, in steps of the candidate poses. Larger: may leave the local maximum.
 MAX_MOVE_STEPS = 0.5
-# Limit of a move that balances the clearances, in pitches. The play is below a pitch, or one more board would fit.
-MAX_PLAY_MOVE = 1 / 8
 # Clearances and distances [m] and rotations [rad] that differ by less are equal for an author. Larger: other choices
 # among nearly equal poses.
 EQUAL_TOLERANCE = 1e-6
@@ -169,7 +167,7 @@ class Search:
         found = list(self.refined_poses(count))
         largest = max(clearance for _, clearance in found)
         pose = min((pose for pose, clearance in found if clearance > largest - EQUAL_TOLERANCE), key=_preference)
-        play_refinement = replace(self.refinement, step=MAX_PLAY_MOVE * self.refinement.lattice.pitch)
+        play_refinement = replace(self.refinement, step=STEP_IN_PITCHES * self.refinement.lattice.pitch)
         centred, clearance = play_refinement.refine(pose, self.centres, count, balance=True)
         return centred if clearance > max(largest - EQUAL_TOLERANCE, -TOUCH_TOLERANCE) else pose
 

@@ -18,7 +18,8 @@ from ...geometry.surface.footpoints import footpoints
 # Step along an outline, as a fraction of the size of the mesh. It is also the largest distance of a face from the end
 # of the adjacent ray. Larger: a coarser outline.
 OUTLINE_STEP = 0.01
-# Smallest cosine of the angle between a face and the surface. Larger: leaves out more oblique faces.
+# Smallest cosine of the angle between a face of the mesh, or a board, and the surface that it belongs to. Larger:
+# leaves out more oblique faces; more boards of a file have the normals of the surface.
 MIN_COVERED_COSINE = 0.5
 # Smallest number of rays in each direction that look for faces. Larger: detects smaller holes, slower.
 MIN_RAYS = 200

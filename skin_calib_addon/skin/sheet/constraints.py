@@ -16,9 +16,6 @@ from .net import Net
 GEODESIC_STEPS = 2
 # Smallest sine of the angle between a direction and the normal. Larger: refuses more directions.
 MIN_DIRECTION_SINE = 0.05
-# Difference of two parameters, or of angles [rad], that is rounding: a point so far beyond an edge is on it, and a
-# constraint so nearly met is met. Larger: cells beyond an edge pass.
-PARAMETER_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

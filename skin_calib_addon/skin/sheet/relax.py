@@ -5,7 +5,8 @@ import numpy as np
 from ...common.arrays import Array, IntArray, cross, unit
 from ...common.errors import InvalidPlan
 from ...geometry.surface.bspline import BSplineSurface
-from .constraints import PARAMETER_ROUNDING, Constraints
+from ...geometry.surface.footpoints import PARAMETER_TOLERANCE
+from .constraints import Constraints
 from .equations import equations_of
 from .net import Net
 
@@ -68,7 +69,7 @@ def relax(
         measured, pull = pair_lengths(points, normals, net.pairs, net.straight)
         strain = scale * (measured / net.lengths - 1)
         energy, violations = float(strain @ strain), constraints.violations(x, points)
-        closer = violation > PARAMETER_ROUNDING and np.abs(violations).max() < violation / 2
+        closer = violation > PARAMETER_TOLERANCE and np.abs(violations).max() < violation / 2
         if energy > MAX_ENERGY_RATIO * lowest_energy and not closer:
             x, use_turn_stiffness = (best + x) / 2, False
             continue

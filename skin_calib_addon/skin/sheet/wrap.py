@@ -11,8 +11,9 @@ from ...common.arrays import Array, BoolArray
 from ...common.errors import InvalidPlan, OutsideSurface
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.centre import surface_centre
+from ...geometry.surface.footpoints import PARAMETER_TOLERANCE
 from ..lattice import SheetLattice
-from .constraints import PARAMETER_ROUNDING, Constraints, pin_constraints, row_axis
+from .constraints import Constraints, pin_constraints, row_axis
 from .folds import check_folds, turned_over
 from .geodesic import unroll
 from .landmarks import Landmark, LandmarkTargets, located
@@ -194,7 +195,7 @@ def on_surface(surface: BSplineSurface, uv: Array) -> BoolArray:
     uv : array, shape (..., 2)
         Parameters.
     """
-    return (surface.closed | (np.abs(uv - 0.5) <= 0.5 + PARAMETER_ROUNDING)).all(axis=-1)
+    return (surface.closed | (np.abs(uv - 0.5) <= 0.5 + PARAMETER_TOLERANCE)).all(axis=-1)
 
 
 def check_size(surface: BSplineSurface, pitch: tuple[float, float]) -> None:
@@ -223,9 +224,9 @@ def _check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array) -> 
     """Raise OutsideSurface for the first cell whose centre is beyond an open edge."""
     centres = uv[1::2, 1::2].reshape(-1, 2)
     beyond = np.where(surface.closed, 0.0, np.abs(centres - 0.5) - 0.5).max(axis=1)
-    if beyond.max() <= PARAMETER_ROUNDING:
+    if beyond.max() <= PARAMETER_TOLERANCE:
         return
-    outside = np.flatnonzero(beyond > PARAMETER_ROUNDING)
+    outside = np.flatnonzero(beyond > PARAMETER_TOLERANCE)
     row, column = lattice.index[outside[0]].tolist()
     gap, edge = beyond_edge(surface, centres[outside[0]])
     raise OutsideSurface(
