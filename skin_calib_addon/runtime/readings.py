@@ -308,14 +308,18 @@ class Readings:
         counts = finite.sum(axis=0)
         mean = np.where(finite, rows, 0.0).sum(axis=0) / np.maximum(counts, 1)
         noise = learned(np.where(finite, rows, np.nan), self._responses, self._pairs, is_whole)
-        if noise is not None:
-            mean = np.where(noise.dead, mean, noise.mean * noise.sign)
-        before = np.zeros(rows.shape[1]) if self._shift is None else self._shift
-        self._shift = np.where(counts > 0, self._responses.rest - mean, before)
-        self.noise = noise or self.noise
+        before: Array | float = 0.0 if self.drift.offset is None else self.drift.offset
         self.drift = self._new_drift()
         if self._creep is not None:
             self._creep.restart()
+        if noise is None and self.noise is not None:  # too few frames for the noise: its baseline moves to them
+            self.drift.offset = np.where(counts > 0, mean - self.noise.signed(self.noise.mean), before)
+            return
+        if noise is not None:
+            mean = np.where(noise.dead, mean, noise.mean * noise.sign)
+        shift = 0.0 if self._shift is None else self._shift
+        self._shift = np.where(counts > 0, self._responses.rest - mean, shift)
+        self.noise = noise
 
     def follow(self, raw: Array, is_complete: bool, time: float) -> None:
         """Follow the creep of the taxels, and the drift of the free ones.

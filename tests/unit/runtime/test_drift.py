@@ -118,6 +118,23 @@ def test_light_load_at_the_start_is_unlearned():
     assert_allclose(skin.drift.mean() * NEWTONS, -1.0, atol=0.05)
 
 
+def test_tare_with_a_few_frames_moves_the_baseline_of_the_noise():
+    """After a drift of 3 standard deviations the foot in the air does not stand, and a load is right."""
+    rng = np.random.default_rng(11)
+    skin = rested(rng)
+    sigma = skin.noise.sigma
+    drift = np.full(N, 1.2)
+    assert frames_of(skin, rng, drift + np.zeros((1, N)))[-1].stands
+    skin.tare(read(rng, drift + np.zeros((10, N))))
+    assert skin.noise.sigma is sigma
+    before = skin.drift
+    skin.tare(np.where(np.arange(N) == 4, np.nan, read(rng, drift + np.zeros((10, N)))))
+    assert skin.drift[4] == before[4] and skin.drift[5] != before[5]
+    assert not any(f.stands for f in frames_of(skin, rng, drift + np.zeros((100, N)), 20.0))
+    loads = [f.load for f in frames_of(skin, rng, drift + np.full((100, N), 10.0), 30.0)]
+    assert_allclose(np.mean(loads), 420, rtol=0.02)
+
+
 def test_broken_taxel_does_not_keep_the_others():
     """A masked taxel at full scale, and one that sends NaN, are left out."""
     rng = np.random.default_rng(6)
