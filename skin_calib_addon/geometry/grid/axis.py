@@ -20,7 +20,7 @@ SHEET_THICKNESS_RATIO = 0.15
 SHEET_SIDE_FRACTION = 0.25
 # [1] iterations for an axis or a curve from centres of sections, and for a maximum of the profile. Each changes the
 # result by a fraction of the one before. Larger: no visible effect.
-ITERATIONS = 8
+SECTION_ITERATIONS = 8
 # [1] sections of the middle half of a tube whose circles give its axis. Larger: less influence of one section, more
 # time. They are at the heights of a Gauss quadrature, which rarely coincide with the edge of a step.
 AXIS_SECTIONS = 9
@@ -116,7 +116,7 @@ def zero_direction(mesh: TriangleMesh, frame: TubeFrame) -> Array:
     angles = step * np.arange(16 * len(c))
     profile = (c * np.exp(-1j * k * angles[:, None])).real.sum(axis=1)
     angles = angles[(profile >= np.roll(profile, 1)) & (profile > np.roll(profile, -1))]
-    for _ in range(ITERATIONS):
+    for _ in range(SECTION_ITERATIONS):
         waves = c * np.exp(-1j * k * angles[:, None])
         slope, bend = (k * waves).imag.sum(axis=1), (k**2 * waves).real.sum(axis=1)
         angles = angles + np.clip(slope / np.maximum(bend, 1e-300), -step, step)
@@ -290,7 +290,7 @@ def axis_through(mesh: TriangleMesh, first: Array, second: Array) -> Axis:
     points = np.array((first, second), float)
     direction = find_axis(mesh).e3
     direction = direction * np.sign((points[1] - points[0]) @ direction)
-    for _ in range(ITERATIONS):
+    for _ in range(SECTION_ITERATIONS):
         if (points[1] - points[0]) @ direction < MIN_SECTION_DISTANCE * mesh.size:
             raise InvalidPlan(
                 "The two sections are too close to each other. Choose points that are further apart along the link."

@@ -12,7 +12,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.planes import Planes
 from ..sampling.samples import cast_rays
-from .axis import FULL_TURN_ANGLES, ITERATIONS, MIN_TUBE_LENGTH, TRIAL_STATIONS, longest_run, run_between
+from .axis import FULL_TURN_ANGLES, MIN_TUBE_LENGTH, SECTION_ITERATIONS, TRIAL_STATIONS, longest_run, run_between
 
 # [1] stations at which centres are found. Larger: more bends are seen, more time.
 CENTRE_COUNT = 15
@@ -107,7 +107,7 @@ def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
     if np.linalg.norm(off - np.outer(off @ direction, direction), axis=1).max() < MAX_STRAIGHT_OFFSET * radius:
         return None
     axes, offsets = [curve_through(centres, frame.e1)], []
-    for _ in range(ITERATIONS):
+    for _ in range(SECTION_ITERATIONS):
         length = axes[-1].stations[-1]
         stations = np.linspace(-EXTENSION * length, (1 + EXTENSION) * length, CENTRE_COUNT)
         planes = axes[-1].planes(stations)
