@@ -20,14 +20,13 @@ FOLDS = 10  # of the cross-validation. Larger: slower, and less random error.
 ERROR_TOLERANCE = 0.02
 # Rounding errors of a polynomial in powers of the reading, in units of STORED_ROUNDING. Larger: higher degrees.
 POWERS_ROUNDING_RATIO = 100
-# Measurements at the first or last reading are unusable if there are STUCK_COUNT or more of them, and if their forces
-# spread over more than STUCK_FORCE_SPREAD (fraction of the force range) and more than STUCK_EXCESS times the usual
-# spread at one reading. Larger: fewer saturated sensors and dead zones are detected.
+# [fraction of the force range] spread of the forces at the first or last reading above which these measurements are
+# unusable. Larger: fewer saturated sensors and dead zones are detected.
 STUCK_FORCE_SPREAD = 0.05
-STUCK_COUNT = 4
+# [usual spreads at one reading] the spread must also exceed this multiple. Larger: as above.
 STUCK_EXCESS = 3.0
-# Fewer measurements, or fewer different readings, give a warning.
-MIN_MEASUREMENTS = 10
+MIN_MEASUREMENTS = 10  # fewer give a warning
+# Fewer different readings give a warning, and fewer measurements at the first or last reading are usable in any case.
 MIN_READINGS = 5
 READING_GAP = 0.2  # fraction of the range of readings. Larger: fewer warnings about gaps.
 # Loading and unloading differ by hysteresis if their difference exceeds this fraction of the force range, and this
@@ -134,7 +133,7 @@ def _stuck(readings: Array, forces: Array) -> BoolArray:
     """
     at_end = readings == readings.max()
     stuck = np.zeros(len(readings), bool)
-    if at_end.sum() < STUCK_COUNT:
+    if at_end.sum() < MIN_READINGS:
         return stuck
     spreads = [np.ptp(forces[readings == x]) for x in np.unique(readings[~at_end]) if (readings == x).sum() >= 3]
     usual = float(np.median(spreads)) if spreads else 0.0

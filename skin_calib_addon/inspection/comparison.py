@@ -20,8 +20,6 @@ from .all_taxels import AllTaxels
 
 # Mean distance from which on a motion between the two sets is tested [m]. Larger: fewer notes.
 MIN_MOTION_DISTANCE = 5e-4
-# Smallest rotation that a note states [degrees]. Larger: fewer rotations.
-MIN_ROTATION = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +139,7 @@ def _motion(turn: Array, shift: Array) -> str:
     """Describe a motion in words."""
     angle = np.rad2deg(np.linalg.norm(Rotation.from_matrix(turn).as_rotvec()))
     by = ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in shift.tolist())  # no minus zero
-    turned = f"a turn by {angle:.1f}° and " if angle >= MIN_ROTATION else ""
+    turned = f"a turn by {angle:.1f}° and " if round(angle, 1) else ""
     return f"{turned}a shift by ({by}) mm"
 
 

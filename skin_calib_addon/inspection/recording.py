@@ -17,8 +17,8 @@ from ..runtime.balance.polygon import Polygon
 from ..runtime.footprint import SupportingPolygon
 from ..runtime.frame import Frame
 
-# Limit of the numbers in an array of an NPZ file; protects the memory, because a file can be a thousand times smaller
-# than its arrays. Larger: accepts larger files.
+# Limit of the numbers of an array of a recording or a replay: half a gigabyte. It protects the memory, because an NPZ
+# file can be a thousand times smaller than its arrays. Larger: accepts longer recordings.
 MAX_NUMBERS = 2**26
 
 

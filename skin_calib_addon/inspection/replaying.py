@@ -10,10 +10,8 @@ from ..common.arrays import Array
 from ..common.errors import CalibrationFormatError, InvalidReading
 from ..runtime import Frame, Skin
 from .all_taxels import AllTaxels
-from .recording import read_recording
+from .recording import MAX_NUMBERS, read_recording
 
-# Limit of the numbers that a replay keeps: a quarter of a gigabyte. Larger: accepts longer recordings.
-MAX_FORCES = 2**25
 # Period of the frames if the times of a recording do not increase [s]. Larger: slower replay.
 DEFAULT_PERIOD = 0.01
 
@@ -70,8 +68,8 @@ class Replay:
 
     def _take(self, reading: Array, name: str) -> None:
         """Check a reading and store it."""
-        if (len(self._readings) + 1) * len(self.taxels.ids) > MAX_FORCES:
-            most = MAX_FORCES // len(self.taxels.ids)
+        if (len(self._readings) + 1) * len(self.taxels.ids) > MAX_NUMBERS:
+            most = MAX_NUMBERS // len(self.taxels.ids)
             raise CalibrationFormatError(
                 f"'{name}' has more than {most} frames, which is too long. Split it into parts"
             )

@@ -76,7 +76,7 @@ def test_longer_readings_are_accepted_and_shorter_ones_refused(calibration):
 
 def test_recording_that_is_too_long_is_refused(calibration, monkeypatch):
     """The limit protects the memory."""
-    monkeypatch.setattr("skin_calib_addon.inspection.replaying.MAX_FORCES", 24)
+    monkeypatch.setattr("skin_calib_addon.inspection.replaying.MAX_NUMBERS", 24)
     assert len(Replay(calibration, recording(3), "r.csv")) == 3
     with pytest.raises(CalibrationFormatError, match="more than 3 frames"):
         Replay(calibration, recording(4), "r.csv")
