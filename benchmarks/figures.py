@@ -124,7 +124,7 @@ def draw_placement(rows: list[placement.Row]) -> Figure:
 def draw_cycle(rows: list[cycle.Row]) -> Figure:
     """Draw a bar per scene and method: the median time of a cycle, with a line up to the 99th percentile."""
     title = "Time of a cycle, from raw readings to contacts, wrench, CoP, ZMP and three supporting polygons"
-    figure, panels = figure_of(2, 1, title, 3.6)
+    figure, panels = figure_of(2, 2, title, 9.0)
     methods = list(dict.fromkeys(r.method for r in rows))
     names = {"thresholds": "contacts by two thresholds", "noise": "contacts by the learned noise, with deviations"}
     for panel, (mode, name) in zip(panels, names.items()):
@@ -132,19 +132,19 @@ def draw_cycle(rows: list[cycle.Row]) -> Figure:
         for k, (method, colour) in enumerate(zip(methods, (OURS_COLOUR, "#b01020", "#808080"))):
             found = [r for r in rows if r.method == method and r.mode == mode]
             at = np.array([scenes.index(r.scene) for r in found]) + 0.27 * (k - 1)
-            panel.bar(at, [r.median for r in found], 0.25, color=colour, label=method)
-            for x, r in zip(at, found):
-                panel.plot([x, x], [r.median, r.p99], color="#303030", linewidth=1)
-                over_bar(panel, f"{r.median:.0f}", x, max(r.median, r.p99))
-        panel.axhline(1000, color="#303030", linewidth=0.8, linestyle=":")
-        panel.annotate("1 kHz", (-1.3, 1000), (2, 3), textcoords="offset points", fontsize=LETTERS)
-        panel.set_yscale("log")
-        panel.set_ylim(top=8 * max(r.p99 for r in rows))
-        describe(panel, name, "", "median and 99th percentile [µs]")
-        wrapped = [s.replace(" ", "\n", 1).replace(", ", "\n") for s in scenes]
-        panel.set_xticks(range(len(scenes)), wrapped, fontsize=LETTERS - 1.5)
-        panel.set_xlim(-1.3, len(scenes) - 0.3)
-    panels[0].legend(fontsize=LETTERS, loc="upper left", ncols=3, frameon=False)
+            panel.barh(at, [r.median for r in found], 0.25, color=colour, label=method)
+            for y, r in zip(at, found):
+                panel.plot([r.median, r.p99], [y, y], color="#303030", linewidth=1)
+                text = f"{r.median:.0f}"
+                panel.annotate(text, (r.p99, y), (3, 0), textcoords="offset points", va="center", fontsize=LETTERS - 1)
+        panel.axvline(1000, color="#303030", linewidth=0.8, linestyle=":")
+        panel.set_xscale("log")
+        panel.set_xlim(10, 4 * max(r.p99 for r in rows))
+        describe(panel, name, "median and 99th percentile [µs]; dotted: 1 kHz", "")
+        panel.set_yticks(range(len(scenes)), scenes, fontsize=LETTERS)
+        panel.set_ylim(len(scenes) - 0.4, -0.6)
+    labels = panels[0].get_legend_handles_labels()
+    figure.legend(*labels, fontsize=LETTERS, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
