@@ -103,6 +103,9 @@ def cross(a: Array, b: Array) -> Array:
     return result
 
 
+# [1] length of a vector of an author, or of a mean of unit vectors, below which it has no direction. Larger: more
+# directions are refused.
+MIN_DIRECTION_LENGTH = 1e-6
 # Scalar multiplications of one matrix product. OpenBLAS keeps up to twice as many on the calling thread.
 # Larger: fewer pieces, until BLAS starts its threads.
 SINGLE_THREAD_PRODUCTS = 2**17

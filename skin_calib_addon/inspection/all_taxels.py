@@ -11,12 +11,11 @@ from ..calibration.model import MAX_CHANNEL, Patch
 from ..common.arrays import Array, IntArray, cross
 from ..common.errors import UnknownTaxel
 from ..common.findings import did_you_mean
+from ..geometry.sampling.rays import HIT_TOLERANCE
 
 # Largest distance between the middles of two sides that are one side, as a fraction of the shorter one. Larger: bridges
 # wider gaps.
 SHARED_SIDE_TOLERANCE = 0.3
-# Barycentric coordinate of a ray outside a triangle that is rounding. Larger: a wider border.
-BARYCENTRIC_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +130,9 @@ class AllTaxels:
         b, c, far = (t * p).sum(axis=2) / scale, (q @ direction) / scale, (v * q).sum(axis=2) / scale
         met = (
             facing
-            & (b >= -BARYCENTRIC_ROUNDING)
-            & (c >= -BARYCENTRIC_ROUNDING)
-            & (b + c <= 1 + BARYCENTRIC_ROUNDING)
+            & (b >= -HIT_TOLERANCE)
+            & (c >= -HIT_TOLERANCE)
+            & (b + c <= 1 + HIT_TOLERANCE)
             & (far >= 0)
             & (far <= farthest)
         )

@@ -6,16 +6,13 @@ from typing import Any
 import numpy as np
 
 from ..calibration.parts import pointers_with_findings
-from ..common.arrays import Array
+from ..common.arrays import MIN_DIRECTION_LENGTH, Array
 from ..common.errors import InvalidPlan
 from ..common.findings import Finding, child, error
 from ..geometry.grid.grids import Across, Grid, PlanesGrid
 from ..skin.imported import ROTATION_MATRIX_TOLERANCE
 from .plan import Plan
 from .skins import BoardSkin, SheetSkin, Skin, first_channels
-
-# A direction whose length is below this is no direction.
-SHORTEST = 1e-6
 
 
 def check_together(plan: Plan) -> None:
@@ -118,7 +115,7 @@ def check_direction(vector: Any, message: str) -> None:
     Raises
     ------
     InvalidPlan
-        If the vector is shorter than ``SHORTEST``.
+        If the vector is shorter than ``MIN_DIRECTION_LENGTH``.
     """
-    if np.linalg.norm(vector) < SHORTEST:
+    if np.linalg.norm(vector) < MIN_DIRECTION_LENGTH:
         raise InvalidPlan(message)

@@ -9,8 +9,8 @@ import numpy as np
 from ..common.arrays import Array, IntArray
 from ..common.errors import InvalidPlan
 
-# Relative difference of two lengths (cells, pitches, steps) up to which they are equal. Larger: cells that are really
-# apart count as touching.
+# Relative difference of two lengths (cells, pitches, steps), and of slopes and multipliers of a linear program, up to
+# which they are equal. Larger: cells that are really apart count as touching.
 ROUNDING = 1e-6
 
 Hand = Literal["right", "left"]

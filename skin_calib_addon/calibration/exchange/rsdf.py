@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, unit
+from ...common.arrays import MIN_DIRECTION_LENGTH, Array, unit
 from ...common.errors import CalibrationFormatError
 from ...common.findings import show
 from ..model import LinkCalibration, Patch
@@ -11,7 +11,6 @@ from .xml_text import HEAD, numbers, quoted, rpy
 # Distance of corners from the plane [m]: as uncertain as the position of a mounted skin. Larger: more curved patches
 # are written.
 FLATNESS_TOLERANCE = 1e-3
-MIN_MEAN_LENGTH = 1e-6  # of a mean unit vector; a shorter one has no direction. Larger: more patches are rejected.
 
 
 def write_rsdf(calibration: LinkCalibration) -> bytes:
@@ -47,7 +46,11 @@ def _plane(patch: Patch) -> tuple[Array, Array, Array]:
     x = along - along @ z * z
     origin, corners = taxels.positions_link.mean(axis=0), taxels.corners_link.reshape(-1, 3)
     off = np.abs((corners - origin) @ z).max()
-    if np.linalg.norm(inwards) < MIN_MEAN_LENGTH or np.linalg.norm(x) < MIN_MEAN_LENGTH or off > FLATNESS_TOLERANCE:
+    if (
+        np.linalg.norm(inwards) < MIN_DIRECTION_LENGTH
+        or np.linalg.norm(x) < MIN_DIRECTION_LENGTH
+        or off > FLATNESS_TOLERANCE
+    ):
         raise CalibrationFormatError(
             f"patch {show(patch.name)} is not flat: its cells deviate up to {off * 1e3:.1f} mm from their plane, and "
             f"rsdf contains only surfaces that are planar within {FLATNESS_TOLERANCE * 1e3:g} mm. Select the flat "

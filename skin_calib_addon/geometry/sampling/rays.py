@@ -7,8 +7,8 @@ from .curves import fold_distances, outer_curve
 
 TURN = 2 * np.pi
 DIAMOND_TURN = 4.0  # one turn as a ``diamond_angle``
-# [fraction of a segment] A ray through the common end of two segments may miss both by rounding; it counts as a hit
-# within this fraction. Larger: hits beyond the ends of open curves.
+# [fraction of a segment, or of a triangle's side] A ray through the common end of two segments, or the common side of
+# two triangles, may miss both by rounding; it counts as a hit within this fraction. Larger: hits beyond open ends.
 HIT_TOLERANCE = 1e-9
 # [1] rays that determine the outer curve of a section. Larger: smaller parts are seen, more time.
 PROBE_RAYS = 64

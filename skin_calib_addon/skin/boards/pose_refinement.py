@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from ...common.arrays import Array
-from ..lattice import HexLattice
+from ..lattice import ROUNDING, HexLattice
 from .board_contacts import contacts
 from .region import Region
 
@@ -20,8 +20,6 @@ LINEARIZATION_TOLERANCE = 0.05
 # Length [m] that is rounding: outlines that overlap by less still touch, and a smaller movement has no effect. It is
 # far below the precision of boards. Larger: accepts boards that overlap the border.
 TOUCH_TOLERANCE = 1e-9
-# Multipliers and differences of slopes up to which they are zero in the linear program. Larger: fixes more boards.
-PROGRAM_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,14 +164,11 @@ def _largest_gap_move(slopes: Array, gaps: Array, is_free: tuple[bool, ...], bal
         if found.status != 0 or found.x is None:  # rounding has made the fixed gaps infeasible: keep the last move
             break
         move = found.x[:3]
-        tight = ~is_fixed & (found.ineqlin.marginals < -PROGRAM_TOLERANCE)
+        tight = ~is_fixed & (found.ineqlin.marginals < -ROUNDING)
         if not balance or not tight.any():
             break
         # No move along the slopes of the active gaps is left. Gaps with slopes in their span are fixed, too.
         span = slopes[is_fixed | tight]
-        is_fixed = (
-            np.linalg.norm(slopes - slopes @ np.linalg.pinv(span, rcond=PROGRAM_TOLERANCE) @ span, axis=1)
-            < PROGRAM_TOLERANCE
-        )
+        is_fixed = np.linalg.norm(slopes - slopes @ np.linalg.pinv(span, rcond=ROUNDING) @ span, axis=1) < ROUNDING
         sizes = np.where(is_fixed, gaps + slopes @ move, 0.0)
     return move, float((gaps + slopes @ move).min(initial=HORIZON_STEPS))
