@@ -1,16 +1,21 @@
-"""``show``: print table and warnings of a calibration, and draw a picture."""
+"""``show``: print table and warnings of a calibration or of a whole robot, and draw a picture."""
 
 import argparse
+import os.path
 from pathlib import Path
 
 from ..calibration.file import load_with_warnings
-from ..pipeline.report import table
-from .common import DONE, check_picture, check_target, complain, say
+from ..calibration.robot_set import FILE, calibrations_of, load_robot_set, robot_file
+from ..common.errors import OutputError
+from ..pipeline.report import robot_table, table
+from .common import DONE, WRONG_DATA, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
-    show = commands.add_parser("show", help="print table and warnings of a calibration, and draw a picture")
-    show.add_argument("file", type=Path, metavar="FILE", help="calibration file")
+    show = commands.add_parser(
+        "show", help="print table and warnings of a calibration or of the links of a robot, and draw a picture"
+    )
+    show.add_argument("file", type=Path, metavar="FILE", help="calibration file; robot.json, or its folder")
     show.add_argument("--picture", type=Path, metavar="PNG", help="picture of surfaces and taxels")
     show.set_defaults(run=run)
 
@@ -18,6 +23,8 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     check_target(options.picture, options.file)
     check_picture(options.picture)
+    if os.path.isdir(options.file) or options.file.name == FILE:
+        return _show_robot(options)
     calibration, warnings = load_with_warnings(options.file)
     say(table(calibration))
     for warning in warnings:
@@ -27,3 +34,14 @@ def run(options: argparse.Namespace) -> int:
 
         draw_calibration(calibration, options.picture)
     return DONE
+
+
+def _show_robot(options: argparse.Namespace) -> int:
+    if options.picture:
+        raise OutputError("--picture draws one link. Specify its calibration file.")
+    robot = load_robot_set(options.file)
+    calibrations, findings = calibrations_of(robot, robot_file(options.file).parent)
+    say(robot_table(robot, calibrations))
+    for finding in findings:
+        complain(str(finding))
+    return WRONG_DATA if any(finding.severity == "error" for finding in findings) else DONE

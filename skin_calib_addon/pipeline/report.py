@@ -1,6 +1,6 @@
 """Describe a calibration as text and as JSON: summary of a fit, report, table of a file."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from ..calibration.model import LinkCalibration, Patch, TaxelArray
 from ..calibration.response import AnyResponse, ResponseTable
+from ..calibration.robot_set import RobotSet
 from ..common.arrays import Array
 from ..common.errors import millimetres
 from ..common.findings import printable
@@ -153,6 +154,42 @@ def report_document(result: Calibrated) -> dict[str, Any]:
         "patches": [_patch_document(placed) for placed in result.placed],
         "seconds": result.seconds,
     }
+
+
+def robot_table(robot: RobotSet, calibrations: Mapping[str, LinkCalibration]) -> str:
+    """Return a table of the links of a robot, a line for each and one for all.
+
+    Parameters
+    ----------
+    robot : RobotSet
+        The set.
+    calibrations : mapping of str to LinkCalibration
+        By link; a link without one has no numbers.
+
+    Returns
+    -------
+    str
+    """
+    rows: list[tuple[str, ...]] = [("link", "parent", "patches", "taxels", "channels", "bus", "mean error", "warnings")]
+    total = 0
+    for link in robot.links:
+        numbers: tuple[str, ...] = ("", "", "", link.bus or "", "", "not readable")
+        if calibration := calibrations.get(link.link):
+            channels = np.concatenate([np.empty(0, int), *(p.taxels.channels for p in calibration.patches)])
+            errors = [s.errors.surface_to_mesh.mean for s in calibration.surfaces]
+            total += len(channels)
+            numbers = (
+                str(len(calibration.patches)),
+                str(len(channels)),
+                f"{channels.min()} to {channels.max()}" if len(channels) else "",
+                link.bus or "",
+                f"{max(errors) * 1e3:.4f} mm" if errors else "",
+                str(len(calibration.warnings) or ""),
+            )
+        rows.append((link.link, link.parent or "", *numbers))
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows)
+    return "\n".join((*lines, f"{robot.robot}: {len(robot.links)} links, {total} taxels"))
 
 
 def table(calibration: LinkCalibration) -> str:

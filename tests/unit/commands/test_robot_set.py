@@ -135,3 +135,20 @@ def test_several_calibrations_of_one_link_are_no_robot(robot, capsys):
     (robot / "new").mkdir()
     assert main(["fit", str(robot), "-o", str(robot / "new")]) == 0
     assert not (robot / "new" / "robot.json").exists() and capsys.readouterr().err == ""
+
+
+def test_show_lists_all_links(robot, capsys):
+    """A line for each link with its numbers, and one for all; a link with a changed file gives exit code 1."""
+    edit(robot, bus=["can0", "can1"])
+    capsys.readouterr()
+    assert main(["show", str(robot / "out")]) == 0
+    header, arm, hand, total = capsys.readouterr().out.splitlines()
+    taxels = len(load(robot / "out" / "arm.calibration.json").ids)
+    assert header.split()[:3] == ["link", "parent", "patches"] and total == f"bot: 2 links, {2 * taxels} taxels"
+    assert arm.split()[:8] == ["arm", "base", "1", str(taxels), "0", "to", str(taxels - 1), "can0"]
+    assert hand.split()[:2] == ["hand", "arm"]
+    (robot / "out" / "hand.calibration.json").write_text("{")
+    assert main(["show", str(robot / "out" / "robot.json")]) == 1
+    captured = capsys.readouterr()
+    assert captured.out.splitlines()[2].endswith("not readable") and "[changed]" in captured.err
+    assert main(["show", str(robot / "out"), "--picture", str(robot / "x.png")]) == 2
