@@ -24,7 +24,7 @@ The estimates from mesh to surface are expansions about nodes :math:`\mathbf{q}`
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -72,8 +72,12 @@ CONFIDENCE_FACTOR = 1.96  # [standard deviations] half width of a 95 % confidenc
 Exact = Callable[[IntArray], Array]
 
 
-def statistics_of(estimates: Array, fractions: Array, exact: Exact, largest: float) -> DistanceStatistics:
+def statistics_of(
+    estimates: Array, fractions: Array, exact: Exact, largest: float, is_sample: bool
+) -> DistanceStatistics:
     """Return the statistics of distances from estimates and the exact distances of a random sample.
+
+    The sample grows until the mean is known to `MEAN_PRECISION`, or as well as the points allow.
 
     Parameters
     ----------
@@ -85,24 +89,29 @@ def statistics_of(estimates: Array, fractions: Array, exact: Exact, largest: flo
         From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
     largest : float
         The maximum [m].
+    is_sample : bool
+        Whether the points of the estimates are a random sample, too.
 
     Returns
     -------
     DistanceStatistics
     """
-    count, mean, spread = EXACT_POINTS, 0.0, np.inf
+    count, mean, rms, spread, own = EXACT_POINTS, 0.0, 0.0, np.inf, 0.0
     average = max(float((fractions * estimates).sum()), float(np.finfo(float).tiny))
+    average_square = float((fractions * estimates**2).sum())
     density = fractions * (1 + estimates / average) / 2
-    while spread > MEAN_PRECISION * mean and count < EXACT_GROWTH * len(estimates):
+    while spread > max(MEAN_PRECISION * mean, own) and count < EXACT_GROWTH * len(estimates):
         sample = stratified(density, min(count, len(estimates)))
         distances = exact(sample)
         weights = fractions[sample] / density[sample] / len(sample)
         mean, spread = corrected_mean(average, weights, estimates[sample], distances)
+        mean = min(max(mean, 0.0), largest)
+        squares = np.where(distances < 0, -1.0, distances**2)
+        square = corrected_mean(average_square, weights, estimates[sample] ** 2, squares)[0]
+        rms = min(max(square, mean**2) ** 0.5, largest)
+        own = CONFIDENCE_FACTOR * float(np.sqrt((rms**2 - mean**2) / len(estimates))) if is_sample else 0.0
         count *= EXACT_GROWTH
-    mean = min(max(mean, 0.0), largest)
-    squares = np.where(distances < 0, -1.0, distances**2)
-    square = corrected_mean(float((fractions * estimates**2).sum()), weights, estimates[sample] ** 2, squares)[0]
-    return DistanceStatistics(mean, min(max(square, mean**2) ** 0.5, largest), largest, spread)
+    return DistanceStatistics(mean, rms, largest, float(np.hypot(spread, own)))
 
 
 def corrected_mean(average: float, weights: Array, estimates: Array, exact: Array) -> tuple[float, float]:
@@ -319,10 +328,7 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
     )
     if largest < 0:
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
-    statistics = statistics_of(estimates, even, lambda chosen: of_points(counts[chosen]), largest)
-    deviation = np.sqrt(statistics.rms**2 - statistics.mean**2)
-    spread = CONFIDENCE_FACTOR * float(deviation) / np.sqrt(len(counts))  # the points are a sample, too
-    return replace(statistics, uncertainty=float(np.hypot(statistics.uncertainty, spread)))
+    return statistics_of(estimates, even, lambda chosen: of_points(counts[chosen]), largest, is_sample=True)
 
 
 def winding(mesh: TriangleMesh, samples: RaySamples) -> int:
@@ -478,4 +484,4 @@ def surface_to_mesh(
         exact(unknown)
     estimates, fractions = bounds.copy(), areas / areas.sum()
     largest, index = largest_of(bounds, exact)
-    return statistics_of(estimates, fractions, exact, largest), index
+    return statistics_of(estimates, fractions, exact, largest, is_sample=False), index
