@@ -40,9 +40,8 @@ CURVATURE_EXPONENT = 0.35
 # [rad] rotation of an outline in one step below which it is straight, because noise of a nanometre rotates it, too.
 # Larger: lines do not follow slight curvature.
 FLAT_TURN = 1e-5
-# [fraction of the mean] lower bound of the curvature, and of the error of a span; below, it is rounding. Larger: more
-# lines in flat parts.
-MIN_MEAN_FRACTION = 1e-3
+# [fraction of the mean] lower bound of the curvature; below, it is rounding. Larger: more lines in flat parts.
+MIN_CURVATURE_FRACTION = 1e-3
 # [steps of an outline] width of the average of the curvature, because the edges of facets have curvature too. Larger:
 # corners get fewer lines.
 SMOOTHING_WIDTH = 2.3
@@ -169,7 +168,7 @@ class ErrorModel:
         window = np.exp(-0.5 * (TURN * np.fft.rfftfreq(l) * SMOOTHING_WIDTH) ** 2)
         smooth_turn, smooth_length = (np.fft.irfft(np.fft.rfft(x) * window, l) for x in (turn, length))
         curvature = np.abs(smooth_turn) / smooth_length
-        curvature = np.maximum(curvature, MIN_MEAN_FRACTION * curvature.mean())
+        curvature = np.maximum(curvature, MIN_CURVATURE_FRACTION * curvature.mean())
         curved = curvature**CURVATURE_EXPONENT * smooth_length
         return {"arc": length.mean(axis=0), "curvature": curved.mean(axis=0)}
 

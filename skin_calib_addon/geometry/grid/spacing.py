@@ -8,7 +8,7 @@ from ...common.arrays import Array, product
 from ..sampling.basis import check_counts, spline_sites
 from ..sampling.lines import LineGrid
 from ..surface.bspline import greville
-from .error_model import MIN_MEAN_FRACTION, ErrorModel, SpacingMap
+from .error_model import ErrorModel, SpacingMap
 from .parametrizations import parametrized_lines
 
 # [1] The length of a span is divided by this power of its mean square error. The mean square error of a cubic is
@@ -18,6 +18,8 @@ ERROR_EXPONENT = 0.11
 # same length: the rest is the mesh's own facets. Larger: more grids are even, less time, up to half of this more error.
 MIN_MOVABLE_FRACTION = 0.06
 EQUALIZING_ROUNDS = 3  # [1] iterations that equalize the errors of all spans. Larger: little effect, more time
+# [fraction of the mean] lower bound of the mean square error of a span. Larger: spans without errors stay shorter.
+MIN_SPAN_ERROR = 1e-4
 # [1] ratio of errors, or of their squares, above which there is no gain: the first, simplest choice is kept, and the
 # steps of a movement have converged. Smaller: simple spacings are kept more often, fewer steps.
 MAX_ERROR_RATIO = 0.98
@@ -503,7 +505,7 @@ def equalized_maps(
         errors.append(left)
         if not energy.any():
             return maps, errors
-        energy = np.maximum(energy / energy.mean(), MIN_MEAN_FRACTION)
+        energy = np.maximum(energy / energy.mean(), MIN_SPAN_ERROR)
         padded = np.concatenate((energy[-1:], energy, energy[:1])) if closed else np.pad(energy, 1, mode="edge")
         # Rounding removes the last bits of the heights, so that the lines move together with the mesh.
         weight = np.round((padded[:-2] + 2 * energy + padded[2:]) ** ERROR_EXPONENT, 4)

@@ -17,7 +17,7 @@ from skin_calib_addon.calibration.validate import CALIBRATION_VERSION
 HERE = Path(__file__).parent
 FILES = {  # by version, the SHA-256 of its file
     1: "5c574a156d36e537c1868582c25eeb4acf6e85e17f86999e16db6127f348249b",
-    2: "276a5b04b71dcb09a5ed44a446abea70662116fd93d89e596f8d6bd1e62aeec4",
+    2: "cf50b134e9c8f9b5422c23a8c55b06921a4f3328afa0b5688b76164f940d9de7",
 }
 FITTED = {  # files of older versions that the program of then fitted to samples
     "1.sheet": "aaf3827a8102660a3bb3d7fcbe86b4ffa0fab1624bc1551f519251a698e34c88",
@@ -71,6 +71,8 @@ def numbers(calibration):
         }
     if calibration.warnings:
         found["warnings"] = _json([asdict(warning) for warning in calibration.warnings])
+    if calibration.modalities:
+        found["modalities"] = _json([asdict(modality) for modality in calibration.modalities])
     return found
 
 
@@ -147,4 +149,5 @@ def test_file_of_our_version_has_everything():
     assert {name for w in warnings for name in w["where"]} == set(parts["place"]["properties"])
     assert {w["severity"] for w in warnings} == {"warning", "note"}  # an error makes a file invalid
     assert {w["value"] is None for w in warnings} == {True, False}
+    assert {name for m in document["modalities"] for name in m} == set(parts["modality"]["properties"])
     assert set(schema["properties"]) == {name for name in document if name[:2] != "x_"}

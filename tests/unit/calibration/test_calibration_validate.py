@@ -550,11 +550,13 @@ def test_finding_is_one_printable_line():
 
 
 def test_every_code_is_tested():
-    """Each code in the package occurs in a test of this file."""
+    """Each code in the package occurs in a test of this file; those of robots have tests of their own."""
     place = {"error": 0, "warning": 0, "refused": 0, "_UnreadableError": 0, "Finding": 0, "_repeats": 2}
     codes = set()
     package = Path(calibration.__file__).parents[1]
     for path in (*(package / "calibration").glob("*.py"), *(package / "common").glob("*.py")):
+        if path.name == "robot_set.py":
+            continue
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", None) in place:
                 code = node.args[place[node.func.id]]

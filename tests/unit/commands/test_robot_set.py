@@ -74,13 +74,19 @@ def test_check_is_silent_about_a_good_set(robot, capsys):
     ]
 
 
-@pytest.mark.parametrize("problem", ["changed", "no-calibration", "unknown-link", "duplicate-channel", "link"])
+@pytest.mark.parametrize(
+    "problem", ["changed", "no-calibration", "invalid", "unknown-link", "duplicate", "duplicate-channel", "link"]
+)
 def test_check_finds_what_is_wrong_between_links(robot, capsys, problem):
     path = robot / "out" / "hand.calibration.json"
     if problem == "changed":
         path.write_bytes(path.read_bytes() + b" \n")
     elif problem == "no-calibration":
         path.unlink()
+    elif problem == "invalid":
+        path.write_text("{")
+    elif problem == "duplicate":
+        edit(robot, link=["arm", "arm"])
     elif problem == "unknown-link":
         write_urdf(robot, ("arm", "hnad"))
     elif problem == "duplicate-channel":
