@@ -477,7 +477,7 @@ class Search:
                 self.enlarged.append(size)
                 self.error(size)
                 fit = self.tried[size][1]
-                if self.measure == "max":  # ``error`` may be an estimate
+                if self.measure == "max" and fit.smallest_area >= FOLDED_AREA:  # ``error`` may be an estimate
                     self.tried[size] = self.estimate(fit), fit
             if self.best:
                 break

@@ -84,8 +84,8 @@ def confirmed_error(
 def largest_distance(fit: "SurfaceFit", distance: MeshDistance) -> float:
     """Return the largest distance of a surface from the mesh [m], edges included and holes left out.
 
-    The distance is computed at the samples of the error report and on the edges. The cells around the largest distances
-    are then searched on finer grids, and 2 % are added.
+    The distance is computed at the samples of the error report and on the edges. Those cells around the
+    largest distances that can have a larger one are then searched on finer grids, and 2 % are added.
 
     Parameters
     ----------
@@ -127,6 +127,10 @@ def largest_distance(fit: "SurfaceFit", distance: MeshDistance) -> float:
         peaks = np.argsort(-found, kind="stable")[:PEAK_CELLS]
         largest = max(largest, float(found.max()))
         uv, distances = [around[peaks]], [found[peaks]]
+        # Two points differ by no more in their distances from the mesh than the distance between them.
+        r = surface.derivatives(around[peaks])
+        sides = np.linalg.norm((r[1, 0], r[0, 1]), axis=2)
+        peaks = peaks[found[peaks] + width @ sides > largest]
         centres = cells_around(surface, around[peaks], width)
         width = width / PEAK_SHRINK
     return (1 + PEAK_MARGIN) * largest
