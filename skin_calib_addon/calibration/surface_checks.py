@@ -71,7 +71,7 @@ def _net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
 def _errors_agree(surface: Part, errors: dict[str, Any]) -> Iterator[Finding]:
     """Check mean <= rms <= max, and that the Hausdorff distance is the larger maximum."""
     for name in ("mesh_to_surface", "surface_to_mesh"):
-        mean, rms, most = (errors[name][key] for key in ("mean", "rms", "max"))
+        mean, rms, most = (float(errors[name][key]) for key in ("mean", "rms", "max"))
         if not mean <= rms * (1 + STORED_ROUNDING) <= most * (1 + 2 * STORED_ROUNDING):
             message = f"has mean {show(mean)}, rms {show(rms)}, max {show(most)}; they must not decrease in this order"
             yield warning("errors", surface.at("errors", name), message, errors[name])

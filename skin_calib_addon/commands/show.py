@@ -23,7 +23,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     check_target(options.picture, options.file)
     check_picture(options.picture)
-    if os.path.isdir(options.file) or options.file.name == FILE:
+    if os.path.isfile(robot_file(options.file)) and robot_file(options.file).name == FILE:
         return _show_robot(options)
     calibration, warnings = load_with_warnings(options.file)
     say(table(calibration))

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from skin_calib_addon.calibration import (
@@ -227,6 +227,7 @@ def mutated_often(changes):
     return document
 
 
+@example(changes=[("/surfaces/0/errors/surface_to_mesh/rms", 0)])
 @given(changes=mutations)
 @examples(200)
 def test_any_changed_structure_is_handled(changes):

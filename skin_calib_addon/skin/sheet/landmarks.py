@@ -16,7 +16,7 @@ from .net import Net
 
 # Iterations in which a sheet is rotated towards its landmarks before the placement. Larger: better for a direction that
 # is far off.
-ROTATION_ITERATIONS = 4
+ROTATION_ITERATIONS = 6
 # Largest distance of an origin or a landmark from the surface [m]. Larger: points on another link are accepted.
 MAX_POINT_DISTANCE = 5e-3
 
