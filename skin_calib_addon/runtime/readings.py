@@ -161,8 +161,8 @@ class Readings:
         self._pairs = geometry.pairs
         self._latest = np.full(len(geometry.ids), np.nan)  # all that was sent, also in frames that are not accepted
         self._converted: tuple[Any, Any, Array] = (None, None, self._latest)  # baseline, drift, forces of the latest
-        self._row_of_channel = np.full(self.length + 1, -1)  # -1: no taxel; the last one is for all higher channels
-        self._row_of_channel[self.channels] = np.arange(len(self.channels))
+        order = np.argsort(self.channels)  # a table of all channels may not fit into the memory
+        self._sorted_channels, self._sorted_rows = np.append(self.channels[order], -1), np.append(order, -1)
         full, rest = self._responses.full, self._responses.rest
         self._can_saturate = bool(np.isfinite(full).any())
         self.byte_order = ByteOrder(float(np.abs(full - rest).max(initial=0.0)))
@@ -205,9 +205,9 @@ class Readings:
         if channels.min(initial=0) < 0:
             what = f"the index {channels.min()} of an event is negative; channels are counted from 0"
             raise InvalidReading(what, flag="wrong_type")
-        rows = self._row_of_channel.take(channels, mode="clip")
-        is_own = rows >= 0
-        raw, rows = self._latest.copy(), rows[is_own]
+        position = np.searchsorted(self._sorted_channels[:-1], channels)
+        is_own = self._sorted_channels[position] == channels
+        raw, rows = self._latest.copy(), self._sorted_rows[position[is_own]]
         raw[rows] = unmasked(values)[is_own]
         if len(numbers):
             self.is_whole = numbers.dtype.kind in "ui"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -191,3 +192,15 @@ def test_wrong_events_are_refused_as_a_whole(indices, values, flag, message):
     assert re.search(message, frame.problem), frame.problem
     now[3] = 1.0
     same(full.update(now, 0.2), events.update_events([3], [1.0], 0.2))
+
+
+def test_channels_may_be_far_apart():
+    """The memory follows the number of taxels, not the highest channel."""
+    patch = sole_patch()
+    taxels = dataclasses.replace(patch.taxels, channels=patch.taxels.channels * 10_000_000)
+    tracemalloc.start()
+    skin = skin_of(dataclasses.replace(patch, taxels=taxels))
+    frame = skin.update_events([0, 41 * 10_000_000, 5], [3.0, 4.0, 9.0], 0.0)
+    assert tracemalloc.get_traced_memory()[1] < 10e6
+    tracemalloc.stop()
+    assert frame.forces[[0, 41]].tolist() == [3.0, 4.0] and frame.known.sum() == 2
