@@ -10,6 +10,7 @@ from numpy.testing import assert_array_equal
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin
+from tests.examples import slow
 from tests.samples import plane, small_calibration
 from tests.soles import skin_of, sole_patch
 
@@ -72,7 +73,7 @@ def pushes(count, rng):
 
 
 @pytest.mark.parametrize("name", SKINS)
-@pytest.mark.parametrize("options", [{}, {"switch_on": 0.2}, {"creep": (0.2, 0.5)}, {"follow_drift": False}])
+@pytest.mark.parametrize("options", [{}, {"switch_on": 0.2}, {"creep": (0.2, 0.5)}, slow({"follow_drift": False})])
 @pytest.mark.parametrize("most", [0, 1, 5, 200])
 def test_frames_of_events_are_those_of_full_readings(name, options, most):
     """Random events, from none to more than there are channels, with repeated ones; the last of them counts."""

@@ -9,6 +9,7 @@ from skin_calib_addon.calibration.exchange.taxel_set import finished
 from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
 from skin_calib_addon.skin.board_planes import board_planes
 from skin_calib_addon.skin.imported import imported_taxels
+from tests.examples import slow
 from tests.shapes import Motion, cone_surface, plane_surface, wrist_surface
 from tests.unit.skin.test_imported import taxel_set
 
@@ -82,7 +83,7 @@ def rolled(kind, radius, cone=0.0):
 
 
 @pytest.mark.parametrize("kind", ["square", "rows around", "rows along"])
-@pytest.mark.parametrize("radius, cone", [(0.02, 0), (0.035, 0), (0.1, 0), (0.3, 0), (0.05, 0.2)])
+@pytest.mark.parametrize("radius, cone", [slow(0.02, 0), (0.035, 0), slow(0.1, 0), slow(0.3, 0), (0.05, 0.2)])
 def test_a_flexible_sheet_has_no_boards(kind, radius, cone):
     """Two columns along a cylinder are in a plane exactly, but on two lines: their plane is not that of the cells."""
     positions = rolled(kind, radius, cone)
