@@ -190,8 +190,8 @@ def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> It
         ids.update(dict.fromkeys(own_ids, link.link))
 
 
-def robot_link(folder: Path, name: str, parent: str | None = None, bus: str | None = None) -> RobotLink:
-    """Return the entry of a calibration.
+def robot_link(folder: Path, name: str) -> RobotLink:
+    """Return the entry of a calibration, without what the calibration does not have: parent and bus.
 
     Parameters
     ----------
@@ -199,10 +199,6 @@ def robot_link(folder: Path, name: str, parent: str | None = None, bus: str | No
         Folder of the set.
     name : str
         Calibration file in it.
-    parent : str, optional
-        Link that carries the link.
-    bus : str, optional
-        Electronics of the link.
 
     Raises
     ------
@@ -212,12 +208,18 @@ def robot_link(folder: Path, name: str, parent: str | None = None, bus: str | No
     calibration = load_calibration(folder / name)
     channels = [int(patch.taxels.channels.min()) for patch in calibration.patches if len(patch.taxels.ids)]
     sha256 = file_hash(folder / name) or ""
-    return RobotLink(calibration.link, name, sha256, parent, min(channels, default=None), bus)
+    return RobotLink(calibration.link, name, sha256, first_channel=min(channels, default=None))
 
 
 def check_robot_document(document: Any) -> tuple[Finding, ...]:
     """Return the errors of a document: of its form, and links or files that are named twice."""
     return check(document, _schema()) or tuple(_twice(document["links"]))
+
+
+def is_robot(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path is that of ``robot.json``, or of a folder that has one."""
+    file = robot_file(path)
+    return file.name == FILE and os.path.isfile(file)
 
 
 def robot_file(path: str | os.PathLike[str]) -> Path:

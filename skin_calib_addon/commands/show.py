@@ -1,11 +1,10 @@
 """``show``: print table and warnings of a calibration or of a whole robot, and draw a picture."""
 
 import argparse
-import os.path
 from pathlib import Path
 
 from ..calibration.file import load_with_warnings
-from ..calibration.robot_set import FILE, calibrations_of, load_robot_set, robot_file
+from ..calibration.robot_set import calibrations_of, is_robot, load_robot_set, robot_file
 from ..common.errors import OutputError
 from ..pipeline.report import robot_table, table
 from .common import DONE, WRONG_DATA, check_picture, check_target, complain, say
@@ -23,7 +22,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     check_target(options.picture, options.file)
     check_picture(options.picture)
-    if os.path.isfile(robot_file(options.file)) and robot_file(options.file).name == FILE:
+    if is_robot(options.file):
         return _show_robot(options)
     calibration, warnings = load_with_warnings(options.file)
     say(table(calibration))

@@ -260,7 +260,19 @@ def is_positive_definite(matrices: Array) -> BoolArray:
 
 
 def solved(matrices: Array, right: Array) -> Array:
-    """Return the solutions (k, 2, m) of positive definite systems (k, 2, 2) with the right sides (k, 2, m)."""
+    """Return the solutions of systems of two equations; those of matrices that are not positive definite mean nothing.
+
+    Parameters
+    ----------
+    matrices : array, shape (k, 2, 2)
+        Symmetric.
+    right : array, shape (k, 2, m)
+        Right sides.
+
+    Returns
+    -------
+    array, shape (k, 2, m)
+    """
     a, b, c = (matrices[:, i, j, None] for i, j in ((0, 0), (0, 1), (1, 1)))
     determinant = np.maximum(a * c - b**2, np.finfo(float).tiny)
     x, y = right[:, 0], right[:, 1]
