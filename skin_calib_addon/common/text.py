@@ -8,10 +8,10 @@ from .errors import CalibrationFormatError
 from .plain_text import DecodingError, decoded
 from .strict_json import read
 
-# Limits of files that other programs write. Larger: a malicious file takes more time and memory.
-MAX_TEXT_BYTES = 64 * 2**20
-MAX_TEXT_LINES = 2**21
-MAX_LINE_LENGTH = 2**20  # characters
+# Limits of files that other programs write.
+MAX_TEXT_BYTES = 64 * 2**20  # of a file. Larger: a malicious file takes more time and memory.
+MAX_TEXT_LINES = 2**21  # of a file. Larger: a malicious file takes more time and memory.
+MAX_LINE_LENGTH = 2**20  # characters. Larger: a malicious file takes more time and memory.
 MAX_TAXELS = 100_000  # Contract: the documentation promises this number
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)

@@ -34,9 +34,8 @@ RIVAL_RATIO = 1.5
 # [fraction of the cloud size] mean distances that differ by less are equal. Larger: more ambiguous results.
 RESOLUTION_FRACTION = 5e-4
 
-# [1] initial poses: even rotations, with the centre of the cloud at positions over the mesh and at its centre. Larger:
-# a safer search, more time.
-START_ROTATIONS = 300
+START_ROTATIONS = 300  # [1] even rotations of the initial poses. Larger: a safer search, more time
+# [1] positions over the mesh of the centre of the cloud in these poses, besides its own. Larger: safer, more time.
 START_POSITIONS = 12
 # (iterations, fraction of the initial poses that takes them). More: a safer search, more time.
 DESCENT_ROUNDS = ((10, 1.0), (10, 0.3), (10, 0.1))
@@ -68,9 +67,6 @@ CANDIDATE_FACES = 4  # [1] faces per point whose exact distance is computed. Lar
 
 
 # Nearby motions.
-# [1] weight of the squared motion relative to the squared deviations. Larger: shorter motions on a link that does not
-# fix its taxels, such as a cylinder.
-NEARBY_MOTION_COST = 1e-3
 # [1] ratio of the residuals after and before a nearby motion below which the frame is wrong. True frames of real skins
 # have 0.85 to 0.98, frames that are wrong by 3 degrees and 4 mm at most 0.41. Larger: false alarms.
 NEARBY_RATIO = 0.6
@@ -139,10 +135,9 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
 
     .. math::
 
-        \min_{R, t, h} \sum_i w_i \left( d(R \mathbf{p}_i + t) - h \right)^2 + \lambda |\Delta|^2 \quad [m^2]
+        \min_{R, t, h} \sum_i w_i \left( d(R \mathbf{p}_i + t) - h \right)^2 \quad [m^2]
 
-    with the signed distances d to the mesh [m], positive outside, the thickness h of the skin [m], robust weights w,
-    and the displacements of the points in each step :math:`\Delta` [m].
+    with the signed distances d to the mesh [m], positive outside, the thickness h of the skin [m] and robust weights w.
 
     Parameters
     ----------
@@ -158,8 +153,7 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
     exact, cloud = MeshDistance(mesh), Cloud.of(points)
     some = cloud.points[farthest_points(cloud.points, RANKING_POINTS)]
     displacements = _displacements(some)
-    cost = NEARBY_MOTION_COST * np.einsum("kci,kcj->ij", displacements, displacements) / len(some)
-    cost += _tiny(some) * np.eye(6)
+    cost = _tiny(some) * np.eye(6)  # only for motions that no height shows, such as along a cylinder
     start = pose = best = Pose(np.eye(3), cloud.centre)
     least = np.inf
     for _ in range(MAX_STEPS):
@@ -241,14 +235,35 @@ def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
     moved = cloud.at(best)
     after, slack = _statistics(exact, moved), _slack(mesh, exact, moved)
     rival = min((_statistics(exact, cloud.at(pose)).mean for pose in others), default=np.inf)
-    if after.mean > MAX_REMAINING_RATIO * before.mean and before.mean <= MAX_SKIN_THICKNESS:
+    verdict = verdict_of(before.mean, after.mean, rival, slack, cloud.size)
+    if verdict == "right":
         return _right(before, slack, rival, fit_nearby(mesh, points))
-    unsure = (
-        rival <= RIVAL_RATIO * after.mean + RESOLUTION_FRACTION * cloud.size or slack > DISTINCT_FRACTION * cloud.size
-    )
-    lost = after.mean > min(MAX_MEAN_DISTANCE, MAX_REMAINING_RATIO * before.mean)
-    verdict: Verdict = "lost" if lost else "ambiguous" if unsure else "moved"
     return RigidFit(best.rotation, best.position - best.rotation @ cloud.centre, before, after, verdict, slack, rival)
+
+
+def verdict_of(before: float, after: float, rival: float, slack: float, size: float) -> Verdict:
+    """Return what to do with a cloud whose best pose is known.
+
+    Parameters
+    ----------
+    before, after, rival : float
+        Mean distances of the cloud as given, in its best pose, and in the best different pose [m].
+    slack : float
+        Distance that it can slide [m].
+    size : float
+        Its size [m].
+
+    Returns
+    -------
+    str
+        As of `RigidFit`.
+    """
+    if after > MAX_REMAINING_RATIO * before and before <= MAX_SKIN_THICKNESS:
+        return "right"
+    if after > min(MAX_MEAN_DISTANCE, MAX_REMAINING_RATIO * before):
+        return "lost"
+    has_rival = rival <= RIVAL_RATIO * after + RESOLUTION_FRACTION * size
+    return "ambiguous" if has_rival or slack > DISTINCT_FRACTION * size else "moved"
 
 
 def _right(

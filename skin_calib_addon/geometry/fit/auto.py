@@ -32,18 +32,15 @@ MAX_FITS = 6  # [1] most fits of a search. Larger: a grid nearer to the smallest
 MAX_PROPORTIONS = 3
 # [1] least ratio of the planes of two proportions, because predictions do not separate closer ones. Larger: fewer.
 MIN_PROPORTION_RATIO = 1.12
-# [fraction of the tolerance] error above which a fit within the tolerance is small enough. Larger: more fits.
-USED_TOLERANCE_RATIO = 0.9
 # [1] control points of the nets that are fitted if no prediction is confirmed, before the largest. More: a smaller net
 # within the tolerance, more time.
 NET_SIZES = 150, 600, 2400
 # [1] ratio of the mean errors of two successive of these nets above which larger ones do not help. Larger: more fits.
 NO_GAIN_RATIO = 0.8
-BISECTIONS = 2  # [1] nets between the last two of them. Larger: a smaller net, more time
-# [1] least ratio of the control points of two nets that are both fitted. Larger: fewer fits.
+NET_BISECTIONS = 2  # [1] nets between the last two of them. Larger: a smaller net, more time
+# [1] least ratio of the control points of two nets that are both fitted. Their errors have at least this ratio, too: a
+# fit that uses more of the tolerance is small enough. Larger: fewer fits.
 MIN_SIZE_RATIO = 1.1
-# [1] ratio of the upper bound of an error to its prediction above which the error itself is computed, as over steps.
-LOOSE_BOUND_RATIO = 1.5
 # [fraction of the tolerance] aim of the next fit, so that it does not exceed the tolerance narrowly. Larger: smaller
 # nets, more fits.
 TARGET_RATIO = 0.97
@@ -458,7 +455,7 @@ class Search:
             if size is None or size in self.tried:
                 break
             error = self.error(size)
-            if USED_TOLERANCE_RATIO * self.tolerance < error and self.meets(size):
+            if self.tolerance / MIN_SIZE_RATIO < error and self.meets(size):
                 break
 
     def enlarge(self) -> None:
@@ -486,7 +483,7 @@ class Search:
                 before, least = least, self.estimate(self.tried[size][1])
                 if least > NO_GAIN_RATIO * before:
                     break
-        for _ in range(BISECTIONS):  # between the last two nets
+        for _ in range(NET_BISECTIONS):  # between the last two nets
             if self.best is None:
                 break
             count = int(np.sqrt(failed * net_size(self.best)))
@@ -543,7 +540,7 @@ class Search:
         """
         missed = [self.predictor.error(size) for size, (error, _) in self.tried.items() if error > self.tolerance]
         target = TARGET_RATIO * self.tolerance / self.prediction_ratio
-        return min(target, USED_TOLERANCE_RATIO * min(missed)) if missed and self.best is None else target
+        return min(target, min(missed) / MIN_SIZE_RATIO) if missed and self.best is None else target
 
     @property
     def prediction_ratio(self) -> float:
@@ -558,8 +555,6 @@ class Search:
         if size not in self.tried:
             fit = self.fit(size)
             error = confirmed_error(*self.distances(fit), self.measure, self.tolerance)
-            if LOOSE_BOUND_RATIO * self.predictor.error(size) < error <= self.tolerance:
-                error = min(error, confirmed_error(*self.distances(fit), self.measure, 0.0))  # an estimate
             if self.measure == "max" and error <= self.tolerance:
                 error = max(error, self.estimate(fit))
             self.tried[size] = error, fit

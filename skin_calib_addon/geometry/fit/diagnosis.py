@@ -30,8 +30,6 @@ WARNED_RATIO = 0.2
 # [1] ratio of that distance to a tolerance of the mean distance. Good surfaces with 10 x 20 lines are 3 to 9 times the
 # mean distance off. Larger: fewer warnings.
 MEAN_TOLERANCE_RATIO = 10.0
-# [1] condition number of the least squares above which planes are nearly redundant. Larger: fewer warnings.
-MAX_CONDITION = 1e4
 
 
 @dataclass(frozen=True)
@@ -264,7 +262,7 @@ def fit_warnings(
         Distances from the mesh that are warned of.
     """
     yield from lines.warnings
-    missed = np.isnan(samples.residuals)
+    missed = samples.missed
     if missed.any():
         around = missed.mean(axis=1)[:, None] + missed.mean(axis=0)
         site = np.unravel_index(np.argmax(np.where(missed, around, -1.0)), missed.shape)
@@ -273,10 +271,10 @@ def fit_warnings(
         yield Warning(
             "missing-samples",
             "warning",
-            f"{missed.mean():.1%} of the sample rays do not hit the mesh, most of them {place.words}. "
+            f"{samples.missing:.1%} of the sample rays do not hit the mesh, most of them {place.words}. "
             "The surface there is extrapolated.",
             place,
-            float(missed.mean()),
+            samples.missing,
             "Close the hole, or keep the skin away from it.",
         )
     distance, place = maximum_deviation(mesh, lines, basis, samples, limits.warned)
@@ -318,12 +316,4 @@ def fit_warnings(
             "warning",
             "The iterations of the fit did not converge, because the section is not star-shaped about its axis.",
             advice="Move the axis, or cut.",
-        )
-    if (number := condition(basis)) > MAX_CONDITION:
-        yield Warning(
-            "ill-conditioned",
-            "warning",
-            f"The condition number of the least squares is {number:.0f}.",
-            value=number,
-            advice="Lower the degree, or remove a plane.",
         )

@@ -33,7 +33,7 @@ NEXT_RATIOS = 2.0, 4.0
 MIN_FREEDOM = 0.1
 
 
-NEXT, PREVIOUS = [1, 2, 0], [2, 0, 1]  # corners of a face, by corner
+NEXT, PREVIOUS = [1, 2, 0], [2, 0, 1]  # Format: corners of a face, by corner
 
 
 def vertex_normals(vertices: Array, faces: IntArray) -> Array:

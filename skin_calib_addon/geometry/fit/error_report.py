@@ -67,7 +67,8 @@ MIN_COVER_COSINE = 0.5
 # [cosine] the same with the normal at the nearest node, before the footpoint is known. It affects the time only, unless
 # the surface swings. Larger: faster, and the mean is less safe.
 FIRST_COSINE = 0.0
-CONFIDENCE_FACTOR = 1.96  # [standard deviations] half width of a 95 % confidence interval
+# [standard deviations] half width of a 95 % confidence interval. Contract: as the documentation states it.
+CONFIDENCE_FACTOR = 1.96
 
 Exact = Callable[[IntArray], Array]
 

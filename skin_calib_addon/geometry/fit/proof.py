@@ -22,9 +22,8 @@ PEAK_CELLS = 400
 # [fraction of the largest distance] that is added to it: a peak over an edge of a facet may be between the points.
 # Larger: safer, larger nets.
 PEAK_MARGIN = 0.02
-PEAK_ROUNDS = 3  # [1] rounds of this search, each in cells of a third of the width. Larger: a more exact maximum
+PEAK_ROUNDS = 3  # [1] rounds of this search, in smaller and smaller cells. Larger: a more exact maximum
 PEAK_POINTS = 5  # [1] points of a cell, per direction, from edge to edge. Larger: a safer maximum, more time
-PEAK_SHRINK = 3.0  # [1] ratio of the widths of cells of successive rounds
 
 
 def confirmed_error(
@@ -132,7 +131,7 @@ def largest_distance(fit: "SurfaceFit", distance: MeshDistance) -> float:
         sides = np.linalg.norm((r[1, 0], r[0, 1]), axis=2)
         peaks = peaks[found[peaks] + width @ sides > largest]
         centres = cells_around(surface, around[peaks], width)
-        width = width / PEAK_SHRINK
+        width = width / (PEAK_POINTS - 1)  # up to the middle between two points
     return (1 + PEAK_MARGIN) * largest
 
 

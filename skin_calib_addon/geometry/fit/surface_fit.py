@@ -4,11 +4,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ...common.arrays import Array, BoolArray, IntArray, pairs_of
 from ...common.errors import EmptySection, PoorFit, millimetres
 from ...common.surface_errors import DistanceStatistics, SurfaceErrors
-from ...common.warnings import Warning
+from ...common.warnings import Place, Warning, point_of
 from ..grid.grids import Grid, PlanesGrid
 from ..mesh.closest import closest_on_triangles
 from ..mesh.outliers import without_outliers
@@ -32,7 +33,7 @@ from .diagnosis import (
     off,
 )
 from .error_field import ErrorField, error_field
-from .error_report import NearMesh, mesh_to_surface, surface_to_mesh, winding
+from .error_report import MIN_COVER_COSINE, NearMesh, mesh_to_surface, surface_to_mesh, winding
 from .smoothing import MAX_SCORE_RATIO, best_stiffness, looks_noisy, sites_for_noise
 from .undercut import undercut_warnings
 
@@ -61,7 +62,7 @@ STIFF_ITERATIONS = 2
 # larger holes are allowed.
 MAX_MISSING_FRACTION = 0.5
 # [1] smallest area element to the mean area element below which a surface is folded, or closes to a point.
-MIN_AREA = 1e-3
+MIN_AREA_RATIO = 1e-3
 # [1] points per control point and direction at which the area element is evaluated. Larger: smaller folds are found.
 AREA_SITES_PER_CONTROL_POINT = 5
 
@@ -106,9 +107,27 @@ class SurfaceFit:
         """Return the distances between mesh and surface, in both directions [m]."""
         to_mesh, _ = self._to_mesh
         to_surface = mesh_to_surface(
-            self.mesh, self.surface, ~np.isnan(self.residuals), winding(self.mesh, self.samples)
+            self._mesh_inside, self.surface, ~np.isnan(self.residuals), winding(self.mesh, self.samples)
         )
         return SurfaceErrors(to_surface, to_mesh, max(to_surface.max, to_mesh.max))
+
+    @property
+    def _mesh_inside(self) -> TriangleMesh:
+        """Return the faces of the mesh inside the boundary: those that rays hit, and those between them.
+
+        A face is between them if its centre is inside, near a hit, and it faces the same side as the face that was hit.
+        """
+        if self.lines.region is None:
+            return self.mesh
+        hit = ~np.isnan(self.residuals)
+        faces, points = self.samples.faces[hit], self.points[hit]
+        centres, normals = self.mesh.triangles.mean(axis=1), self.mesh.face_normals
+        step = max(np.nanmedian(np.linalg.norm(np.diff(self.points, axis=axis), axis=2)) for axis in (0, 1))
+        distance, nearest = map(np.asarray, cKDTree(points).query(centres))
+        between = self.lines.region(centres) & (distance <= step + self.mesh.longest_sides / 2)
+        between &= (normals * normals[faces[nearest]]).sum(axis=1) > MIN_COVER_COSINE
+        between[faces] = True
+        return TriangleMesh(self.mesh.vertices, self.mesh.faces[between])
 
     @cached_property
     def _to_mesh(self) -> tuple[DistanceStatistics, int]:
@@ -129,7 +148,7 @@ class SurfaceFit:
     @property
     def missing(self) -> float:
         """Return the fraction of the sample rays without a hit: holes that the surface spans."""
-        return float(np.isnan(self.residuals).mean())
+        return self.samples.missing
 
     @cached_property
     def worst(self) -> tuple[Array, Array, float]:
@@ -172,6 +191,8 @@ class SurfaceFit:
         outward = BSplineSurface(self.basis.close(self.lines.directions), s.knots_u, s.knots_v, s.degree, s.closed)
         areas = np.linalg.norm(normals, axis=1)
         signed = areas * np.sign((normals * outward.points(uv)).sum(axis=1))
+        if self.lines.region is not None:
+            signed[~self.lines.region(s.points(uv))] = np.inf
         least = int(signed.argmin())
         return float(signed[least] / areas.mean()), uv[least]
 
@@ -249,8 +270,15 @@ class SurfaceFit:
         return arms, SampleRows.of(self.mesh, self.lines, basis).cast(arms)
 
     def is_trusted(self, uv: Array) -> BoolArray:
-        """Return whether the mesh was hit all around parameters (m, 2); elsewhere the surface spans a hole."""
-        return is_sampled(self.surface, np.asarray(uv, float).reshape(-1, 2), ~np.isnan(self.residuals))
+        """Return whether the mesh was hit all around parameters (m, 2), inside the boundary of the region.
+
+        Elsewhere the surface spans a hole.
+        """
+        uv, known, outside = np.asarray(uv, float).reshape(-1, 2), ~np.isnan(self.residuals), self.samples.outside
+        if outside is None or self.lines.region is None:
+            return is_sampled(self.surface, uv, known)
+        is_inside = self.lines.region(self.surface.points(uv))
+        return is_inside & is_sampled(self.surface, uv, known | outside)
 
     @cached_property
     def condition(self) -> float:
@@ -271,14 +299,15 @@ class SurfaceFit:
         """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
         found = [*self.outliers, *fit_warnings(self.mesh, *parts, *self._smallest_area, self.converged, self.limits)]
-        found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
+        if self.lines.region is None:  # outside a boundary they are left out on purpose
+            found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
         if self.refused_chords:
             found.append(Warning("chords-refused", "warning", CHORDS_REFUSED, advice="Remove the option chords."))
         return (*found, *undercut_warnings(self.mesh, *parts, self.surface))
 
     def is_within(self, tolerance: float) -> bool:
         """Return whether surface and mesh are within ``tolerance`` [m] of each other, without holes and folds."""
-        return self.missing == 0 and self.smallest_area > MIN_AREA and self.errors.hausdorff <= tolerance
+        return self.missing == 0 and self.smallest_area > MIN_AREA_RATIO and self.errors.hausdorff <= tolerance
 
     def leave_one_out(self) -> Array:
         """Return the error at each inner u-plane of a surface fitted without it, shape (n - 2,) [m].
@@ -378,6 +407,7 @@ def check_fit(fit: SurfaceFit) -> None:
             f"The surface is {off(distance, limit)} the mesh {place.words}. Cut away what protrudes there, move the "
             "planes away from it, use more planes, or fit only a sector or one side of the link.",
             distance=distance,
+            code="off-mesh",
             place=place,
         )
 
@@ -407,7 +437,7 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
     rows = SampleRows.of(mesh, lines, basis)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
-    check_coverage(lines, basis, samples.residuals)
+    check_coverage(lines, basis, samples)
     offsets, samples, iterations, converged = iterate(lines, basis, rows, offsets, samples)
     if converged and looks_noisy(mesh, samples, 0.0, offsets.size):
         finer = TensorBasis.of(lines, *degree, sites_for_noise(mesh, basis, samples))
@@ -440,7 +470,7 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
         offsets = offsets + basis.solve(samples.residuals + gaps, offsets, stiffness)
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         iterations += 1
-    check_coverage(lines, basis, samples.residuals)  # the rays moved with the surface
+    check_coverage(lines, basis, samples)  # the rays moved with the surface
     surface = surface_at(lines, basis, offsets)
     found = SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, converged, noise)
     return replace(found, stiffness=stiffness, refused_chords=refused_chords)
@@ -497,7 +527,9 @@ def iterate(
             break
         if misfit < least:
             best, least = (offsets, samples), misfit
-        moves.append(float(np.abs(step).max()))
+        # Outside a boundary, control points without samples move on.
+        moved = step if samples.outside is None else (basis.N @ step @ basis.v.values.T)[~samples.outside]
+        moves.append(float(np.abs(moved).max(initial=0.0)))
         converged = moves[-1] < FIT_TOLERANCE * rows.mesh.size
         if converged or (iterations > 2 and moves[-1] > OSCILLATION_RATIO * moves[-3]):
             break
@@ -530,8 +562,8 @@ def surface_at(lines: LineGrid, basis: TensorBasis, offsets: Array) -> BSplineSu
     return BSplineSurface(net, basis.u.knots, basis.v.knots, degree, (False, lines.closed), lines.centre)
 
 
-def check_coverage(lines: LineGrid, basis: TensorBasis, residuals: Array) -> None:
-    """Check that each plane and line is near samples that hit the mesh.
+def check_coverage(lines: LineGrid, basis: TensorBasis, samples: RaySamples) -> None:
+    """Check that each plane and line is near samples that hit the mesh, or that are outside the boundary.
 
     Parameters
     ----------
@@ -539,15 +571,17 @@ def check_coverage(lines: LineGrid, basis: TensorBasis, residuals: Array) -> Non
         The lines of the control points.
     basis : TensorBasis
         The basis at the sample sites.
-    residuals : array, shape (k, l)
-        [m]; NaN without a hit.
+    samples : RaySamples
+        Hits of the rays.
 
     Raises
     ------
     EmptySection
         If no ray near a u-plane or v-line hits the mesh, or too many rays have no hit.
     """
-    missed = np.isnan(residuals)
+    missed = samples.missed
+    if samples.outside is not None and np.isnan(samples.residuals).all():
+        raise EmptySection("No sample ray hits the mesh inside the boundary. Move the boundary to the mesh.")
     for what, weights, empty in (("u", basis.N, missed.all(axis=1)), ("v", basis.M, missed.all(axis=0))):
         nearest = weights.argmax(axis=0)  # the site with the largest weight of each plane
         lost = np.flatnonzero(empty[nearest])
@@ -561,10 +595,11 @@ def check_coverage(lines: LineGrid, basis: TensorBasis, residuals: Array) -> Non
             raise EmptySection(
                 f"{name}, through {millimetres(place)}, does not intersect the mesh. Move it, or increase the margin.",
                 plane=i,
+                place=Place(point_of(place), name),
             )
-    if missed.mean() > MAX_MISSING_FRACTION:
+    if samples.missing > MAX_MISSING_FRACTION:
         raise EmptySection(
-            f"{missed.mean():.0%} of the sample rays do not hit the mesh. "
+            f"{samples.missing:.0%} of the sample rays do not hit the mesh. "
             "Move the axis or the planes, or use a grid over a sector or a face.",
-            missing=float(missed.mean()),
+            missing=samples.missing,
         )

@@ -94,6 +94,8 @@ def undercuts(
         sides = segments[:, 1] - segments[:, 0]
         lengths = np.linalg.norm(along, axis=1) * np.linalg.norm(sides, axis=1)
         distance[np.abs((along * sides).sum(axis=1)) <= MIN_COVER_COSINE * lengths] = 0.0  # a wall, as at a rim
+        if lines.region is not None:
+            distance[~lines.region(origin + section @ axes)] = 0.0
         worst = int(np.argmax(distance))
         column = int(v[nearest[worst]] * (l if lines.closed else l - 1) + 0.5) % l
         names = nearest_names(lines, basis, (int(i), column))

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from ...common.arrays import Array, BoolArray, ComplexArray, IntArray, unit
 from ...common.errors import EmptySection, InvalidPlan, millimetres
+from ...common.warnings import Place, point_of
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame, frame_of, link_direction, link_side
 from ..sampling.planes import Planes
@@ -57,7 +58,12 @@ class Axis:
     point: tuple[float, float, float]
     direction: tuple[float, float, float]
 
+    def __post_init__(self):
+        object.__setattr__(self, "point", tuple(self.point))  # hashable
+        object.__setattr__(self, "direction", tuple(self.direction))
 
+
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep the axis of their mesh
 def tube_frame(mesh: TriangleMesh, axis: Axis | None) -> TubeFrame:
     """Return the frame of a tube: about the given axis, or about the axis of the mesh.
 
@@ -215,6 +221,7 @@ def segment_points(ends: Array, count: int) -> tuple[Array, Array]:
     return ends[:, :1] + fractions[:, None] * steps[:, None], np.linalg.norm(steps, axis=1)[:, None] * weights
 
 
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep the axis of their mesh
 def find_axis(mesh: TriangleMesh) -> TubeFrame:
     """Return the line that fits the centres of a tube's sections best, towards its thinner end.
 
@@ -389,15 +396,19 @@ def stations_between(mesh: TriangleMesh, frame: TubeFrame, margin: float | None,
     hit = hits(stations)
     first, last = longest_run(hit.all(axis=1))
     if first == last:
+        opening, place = _opening(hit, stations, angles, frame)
         raise EmptySection(
-            f"No section across the axis is closed. {_opening(hit, stations, angles, frame)} Close it, "
-            "use a grid over a sector or a face, or give the axis."
+            f"No section across the axis is closed. {opening} Close it, use a grid over a sector or a face, or give "
+            "the axis.",
+            place=place,
         )
     low, high = run_between(lambda stations: hits(stations).all(axis=1), stations, first, last)
     if high - low < MIN_TUBE_LENGTH:
+        opening, place = _opening(hit, stations, angles, frame)
         raise EmptySection(
-            f"The closed part of the tube is shorter than {MIN_TUBE_LENGTH * 1e3:g} mm. "
-            f"{_opening(hit, stations, angles, frame)} Close it, use a grid over a sector or a face, or give the axis."
+            f"The closed part of the tube is shorter than {MIN_TUBE_LENGTH * 1e3:g} mm. {opening} Close it, use a grid "
+            "over a sector or a face, or give the axis.",
+            place=place,
         )
     return low, high
 
@@ -441,12 +452,14 @@ def longest_run(chosen: BoolArray) -> tuple[int, int]:
     return int(first), int(last)
 
 
-def _opening(hit: BoolArray, stations: Array, angles: Array, frame: TubeFrame) -> str:
-    """Return a text with the position of the gap in the open section that is most nearly closed."""
+def _opening(hit: BoolArray, stations: Array, angles: Array, frame: TubeFrame) -> tuple[str, Place]:
+    """Return a text with the position of the gap in the open section that is most nearly closed, and its centre."""
     i = int(np.argmax(np.where(hit.all(axis=1), -1, hit.sum(axis=1))))
     j = int(np.argmin(hit.sum(axis=0) + len(hit) * hit[i]))
-    place = millimetres(frame.point + stations[i] * frame.e3)
-    return f"The section with the smallest gap, through {place}, is open at {np.rad2deg(angles[j]) % 360:.0f} degrees."
+    point = frame.point + stations[i] * frame.e3
+    angle = f"{np.rad2deg(angles[j]) % 360:.0f} degrees"
+    text = f"The section with the smallest gap, through {millimetres(point)}, is open at {angle}."
+    return text, Place(point_of(point))
 
 
 def rays_hit(sections: Sections, frame: TubeFrame, angles: Array) -> BoolArray:

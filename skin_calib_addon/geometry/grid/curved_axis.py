@@ -1,7 +1,7 @@
 """A curved axis: the curve through the centres of a tube's sections, with planes perpendicular to it."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,9 +16,6 @@ from .axis import FULL_TURN_ANGLES, MIN_TUBE_LENGTH, SECTION_ITERATIONS, TRIAL_S
 
 # [1] stations at which centres are found. Larger: more bends are seen, more time.
 CENTRE_COUNT = 15
-# [fraction of the mean radius] offset of a curve from the centres of its own sections below which a later curve is
-# preferred, because it covers more of the ends. Larger: at steps and ends, worse curves are used.
-MAX_CURVE_OFFSET = 0.05
 # [fraction of its length] by which the next curve extends beyond both ends, if sections are complete there. Larger: the
 # curve covers open ends in fewer iterations.
 EXTENSION = 0.06
@@ -74,6 +71,7 @@ class CurvedAxis:
         return np.cos(angles)[:, None] * e1[:, None] + np.sin(angles)[:, None] * e2[:, None]
 
 
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep the axis of their mesh
 def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
     """Return the curve through the centres of the sections across a straight axis; None if the straight axis serves.
 
@@ -116,8 +114,7 @@ def find_curved_axis(mesh: TriangleMesh, frame: TubeFrame) -> CurvedAxis | None:
             raise EmptySection("No axis was found for the sections of the mesh. Give the axis, or cut the mesh.")
         offsets.append(np.sqrt(((centres - planes.points[complete]) ** 2).sum(axis=1).mean()))
         axes.append(curve_through(centres, axes[-1].e1[0]))
-    near = np.flatnonzero(np.array(offsets) <= max(min(offsets), MAX_CURVE_OFFSET * radius))
-    return axes[near[-1]]
+    return axes[int(np.argmin(offsets))]
 
 
 def section_centres(mesh: TriangleMesh, planes: Planes, fan: Array) -> tuple[Array, float, BoolArray]:

@@ -9,7 +9,6 @@ from ...common.arrays import Array, BoolArray, over_rows
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import SplineSites, spline_sites
 from ..sampling.rays import TURN
-from ..sampling.samples import cast_rays
 from ..surface.bspline import sites_per_span
 from .misfits import (
     filled,
@@ -26,15 +25,13 @@ from .misfits import (
     span_errors,
 )
 from .outlines import OUTLINE_RAYS, outline_centre, outline_positions
-from .parametrizations import Parametrization
+from .parametrizations import Parametrization, heights
 
 OUTLINES = 17  # [1] outlines across the region. Larger: a more accurate error model, more time
 PROFILES = 48  # [1] profiles along the region. Larger: a more accurate error model, more time
-# [1] sites of a profile per plane, and the limits of their number. Larger: more accurate positions of planes, more
-# time.
-PROFILE_SITES_PER_PLANE = 4
-MIN_PROFILE_SITES = 24
-MAX_PROFILE_SITES = 72
+PROFILE_SITES_PER_PLANE = 4  # [1] sites of a profile. Larger: more accurate positions of planes, more time
+MIN_PROFILE_SITES = 24  # [1] least sites of a profile. Larger: more accurate positions of few planes, more time
+MAX_PROFILE_SITES = 72  # [1] most sites of a profile. Larger: more accurate positions of many planes, more time
 # [1] The density of lines is this power of the curvature. Larger: more lines at corners, fewer in flat parts.
 CURVATURE_EXPONENT = 0.35
 # [rad] rotation of an outline in one step below which it is straight, because noise of a nanometre rotates it, too.
@@ -112,8 +109,7 @@ class ErrorModel:
         outline_s = np.linspace(*parametrization.span, 2 * OUTLINES + 1)[1::2]
         profile_t = t[:: OUTLINE_RAYS // PROFILES][:PROFILES]
         outlines, profiles = (
-            cast_rays(mesh, parametrization.planes(rows), *parametrization.rays(rows, columns))
-            for rows, columns in ((outline_s, t), (s, profile_t))
+            heights(mesh, parametrization, rows, columns) for rows, columns in ((outline_s, t), (s, profile_t))
         )
         known, profiles_met = (~np.isnan(h) * 1.0 for h in (outlines, profiles.T))
         outlines = filled(outlines, parametrization.closed)

@@ -8,7 +8,7 @@ from ...common.arrays import Array, unit
 from ...common.errors import InvalidPlan
 from ...common.warnings import Place, Warning
 from ..mesh.triangle_mesh import TriangleMesh
-from ..sampling.frames import frame_of
+from ..sampling.frames import TubeFrame, frame_of
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.rays import TURN
@@ -16,7 +16,7 @@ from .axis import FULL_TURN_ANGLES, Axis, find_axis, long_direction, stations_be
 from .curved_axis import curved_axis_span, find_curved_axis
 from .error_model import ErrorModel
 from .outlines import region_centre
-from .parametrizations import FaceParametrization, Parametrization, TubeParametrization, parametrized_lines
+from .parametrizations import FaceParametrization, Parametrization, TubeParametrization, bounded, parametrized_lines
 from .spacing import spaced_lines
 
 Vector = tuple[float, float, float]
@@ -48,6 +48,8 @@ class Region:
 
     axis: Axis | None = None  # None: found from the mesh
     margin: float | None = None  # [m] left free at the ends; None: derived from the mesh
+    # Corners of closed loops on the mesh [m], inside which surface and skins stay. They replace the margin.
+    boundary: tuple[tuple[Vector, ...], ...] = ()
 
     def parametrization(self, mesh: TriangleMesh) -> Parametrization:
         """Return the parametrization of this region of ``mesh``."""
@@ -64,6 +66,8 @@ class Tube(Region):
     def parametrization(self, mesh: TriangleMesh) -> TubeParametrization:
         """Return stations and angles on ``mesh``."""
         frame = tube_frame(mesh, self.axis)
+        if self.boundary:
+            return bounded(TubeParametrization(frame, (0.0, 0.0)), self.boundary)
         if self.axis is None:
             curved_axis = find_curved_axis(mesh, frame)
             if curved_axis is not None:
@@ -85,13 +89,18 @@ class Sector(Region):
             raise InvalidPlan(
                 f"The sector from {self.start:g} to {self.stop:g} rad must span more than 0 and less than 2 pi."
             )
-        found = (
-            find_axis(mesh) if self.axis is None else frame_of(np.array(self.axis.point), np.array(self.axis.direction))
-        )
-        x_axis, y_axis = np.eye(3)[:2]
-        frame = frame_of(found.point, found.e3, y_axis if abs(found.e3 @ x_axis) > 0.9 else x_axis)
+        frame = sector_frame(find_axis(mesh) if self.axis is None else self.axis)
+        if self.boundary:
+            return bounded(TubeParametrization(frame, (0.0, 0.0), (self.start, self.stop)), self.boundary)
         span = stations_between(mesh, frame, self.margin, np.linspace(self.start, self.stop, 90))
         return TubeParametrization(frame, span, (self.start, self.stop))
+
+
+def sector_frame(axis: Axis | TubeFrame) -> TubeFrame:
+    """Return the frame about an axis in which the angles of sectors are, from the side of the link's x or y axis."""
+    point, direction = (axis.point, axis.e3) if isinstance(axis, TubeFrame) else (axis.point, axis.direction)
+    e3, (x_axis, y_axis) = unit(direction), np.eye(3)[:2]
+    return frame_of(np.asarray(point, float), e3, y_axis if abs(e3 @ x_axis) > 0.9 else x_axis)
 
 
 @dataclass(frozen=True)
@@ -120,7 +129,7 @@ class Across(Region):
             raise InvalidPlan(f"Margin {margin * 1e3:g} mm leaves nothing of the face. Make it smaller.")
         below = ((mesh.vertices @ up).min() - 0.1 * mesh.size) * up  # rays start inside and go outward
         span, breadth = ((float(c.min() + margin), float(c.max() - margin)) for c in (x, y))
-        return FaceParametrization(below, along, side, up, span, breadth)
+        return bounded(FaceParametrization(below, along, side, up, span, breadth), self.boundary)
 
     def _along(self, triangles: Array, up: Array) -> Array:
         """Return the unit direction in the face, whose triangles are given, that the u-planes are perpendicular to."""

@@ -4,9 +4,8 @@ import numpy as np
 
 from ...common.arrays import Array
 from ..mesh.triangle_mesh import TriangleMesh
-from ..sampling.samples import cast_rays
 from .misfits import filled
-from .parametrizations import Parametrization
+from .parametrizations import Parametrization, heights
 
 OUTLINE_RAYS = 720  # [1] rays of an outline. Larger: finer features are seen, more time
 
@@ -52,7 +51,11 @@ def region_centre(mesh: TriangleMesh, parametrization: Parametrization) -> Array
         The region.
     """
     s, t = np.array([sum(parametrization.span) / 2]), outline_positions(parametrization)
-    outline = cast_rays(mesh, parametrization.planes(s), *parametrization.rays(s, t))
+    outline = np.full((1, len(t)), np.nan)
+    middle = slice(OUTLINE_RAYS // 2, OUTLINE_RAYS // 2 + 1)
+    outline[:, middle] = heights(mesh, parametrization, s, t[middle])
     if np.isnan(outline).all():
-        return None
+        outline = heights(mesh, parametrization, s, t)
+        if np.isnan(outline).all():
+            return None
     return outline_centre(parametrization, s[0], filled(outline, parametrization.closed)[0])

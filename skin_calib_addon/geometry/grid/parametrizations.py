@@ -1,14 +1,19 @@
 """Parametrizations of a region: s along the u-direction and t across it give the plane and the ray of each point."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
-from ...common.arrays import Array, over_rows
+from ...common.arrays import Array, BoolArray, over_rows
+from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.frames import TubeFrame
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.rays import TURN
+from ..sampling.samples import cast_rays
+from .boundary import Boundary
 from .curved_axis import CurvedAxis
 
 
@@ -19,6 +24,15 @@ class TubeParametrization:
     frame: TubeFrame | CurvedAxis
     span: tuple[float, float]  # first and last station [m]
     sector: tuple[float, float] | None = None  # first and last angle, counter-clockwise [rad]; None: a full turn
+    boundary: Boundary | None = None
+
+    period = TURN  # of the second coordinate
+
+    def coordinates(self, points: Array) -> Array:
+        """Return station [m] and angle [rad] of points (..., 3), shape (..., 2)."""
+        assert isinstance(self.frame, TubeFrame)  # a region with a boundary has a straight axis
+        x, y = np.moveaxis(self.frame.across(points - self.frame.point), -1, 0)
+        return np.stack((self.frame.stations(points), np.arctan2(y, x)), axis=-1)
 
     @property
     def closed(self) -> bool:
@@ -131,8 +145,15 @@ class FaceParametrization:
     up: Array  # (3,) unit, of the rays
     span: tuple[float, float]
     breadth: tuple[float, float]
+    boundary: Boundary | None = None
     closed = False
     bends = False
+    period = np.inf  # of the second coordinate
+
+    def coordinates(self, points: Array) -> Array:
+        """Return s and t of points (..., 3), shape (..., 2) [m]."""
+        arms = points - self.corner
+        return np.stack((arms @ self.along, arms @ self.side), axis=-1)
 
     def planes(self, s: Array) -> Planes:
         """Return one plane perpendicular to ``along`` at each s."""
@@ -201,6 +222,81 @@ class FaceParametrization:
 Parametrization = TubeParametrization | FaceParametrization
 
 
+Loop = tuple[tuple[float, float, float], ...]
+AnyParametrization = TypeVar("AnyParametrization", TubeParametrization, FaceParametrization)
+
+
+def bounded(parametrization: AnyParametrization, loops: tuple[Loop, ...]) -> AnyParametrization:
+    """Return a parametrization of the part of a region inside closed loops of points.
+
+    Parameters
+    ----------
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    loops : tuple of tuple of points
+        Corners in the link frame [m]. Without loops, the region stays as it is.
+
+    Returns
+    -------
+    TubeParametrization or FaceParametrization
+        Its span, and over a face its breadth, are those of the loops.
+    """
+    if not loops:
+        return parametrization
+    corners = [parametrization.coordinates(np.array(loop)) for loop in loops]
+    every = np.concatenate(corners)
+    (first, low), (last, high) = every.min(axis=0).tolist(), every.max(axis=0).tolist()
+    boundary = Boundary.of(corners, parametrization.period)
+    if isinstance(parametrization, TubeParametrization):
+        return replace(parametrization, span=(first, last), boundary=boundary)
+    return replace(parametrization, span=(first, last), breadth=(low, high), boundary=boundary)
+
+
+def inside(parametrization: Parametrization, points: Array) -> BoolArray:
+    """Return whether points are inside the boundary of a region; without one, all are.
+
+    Parameters
+    ----------
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    points : array, shape (..., 3)
+        [m], link frame.
+
+    Returns
+    -------
+    array of bool, shape (...)
+    """
+    if parametrization.boundary is None:
+        return np.ones(points.shape[:-1], bool)
+    return parametrization.boundary.contains(parametrization.coordinates(points))
+
+
+def heights(mesh: TriangleMesh, parametrization: Parametrization, s: Array, t: Array) -> Array:
+    """Return the heights of a mesh along the rays of a region.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    s : array, shape (k,)
+        Of the planes [m].
+    t : array, shape (l,)
+        Of the rays in each plane [m or rad].
+
+    Returns
+    -------
+    array, shape (k, l)
+        [m]; NaN where a ray hits nothing, or outside the boundary.
+    """
+    origins, directions = parametrization.rays(s, t)
+    found = cast_rays(mesh, parametrization.planes(s), origins, directions)
+    if parametrization.boundary is not None:
+        found[~inside(parametrization, origins + found[..., None] * directions)] = np.nan
+    return found
+
+
 def parametrized_lines(parametrization: Parametrization, s: Array, t: Array, centre: Array | None = None) -> LineGrid:
     """Return the lines of the control points at every pair of s and t.
 
@@ -225,4 +321,5 @@ def parametrized_lines(parametrization: Parametrization, s: Array, t: Array, cen
         parametrization.closed,
         parametrization.names(t),
         centre=centre,
+        region=None if parametrization.boundary is None else partial(inside, parametrization),
     )

@@ -18,24 +18,16 @@ ERROR_EXPONENT = 0.11
 # same length: the rest is the mesh's own facets. Larger: more grids are even, less time, up to half of this more error.
 MIN_MOVABLE_FRACTION = 0.06
 EQUALIZING_ROUNDS = 3  # [1] iterations that equalize the errors of all spans. Larger: little effect, more time
-# [fraction of the mean] lower bound of the mean square error of a span. Larger: spans without errors stay shorter.
-MIN_SPAN_ERROR = 1e-4
 # [1] ratio of errors, or of their squares, above which there is no gain: the first, simplest choice is kept, and the
 # steps of a movement have converged. Smaller: simple spacings are kept more often, fewer steps.
 MAX_ERROR_RATIO = 0.98
-# [fraction of the mean height] errors that differ by less are equal. Larger: simple spacings are kept more often.
-NEGLIGIBLE_ERROR = 1e-7
-# [1] most planes or lines that are moved one by one; with more, each has little effect. Larger: more time.
-MAX_MOVED = 80
 MAX_MOVES = 8  # [1] most steps of their movement. Larger: slightly less error, more time
-# [fraction of the mean interval] below which no interval is shortened, because lines at equal positions are redundant.
-# Larger: more even lines.
+# [fraction of the mean interval] below which no interval is shortened, because lines at equal positions are redundant,
+# and least weight of a span. Larger: more even lines.
 MIN_INTERVAL = 0.1
-# [1] damping of the Gauss-Newton steps: initial value, and factors after a success and after a failure. Larger initial
-# value: shorter first steps.
-INITIAL_DAMPING = 0.01
-DAMPING_DECREASE = 4.0
-DAMPING_INCREASE = 6.0
+INITIAL_DAMPING = 0.01  # [1] damping of the first Gauss-Newton step. Larger: shorter first steps
+DAMPING_DECREASE = 4.0  # [1] divisor of the damping after a step with less error. Larger: longer steps, more failures
+DAMPING_INCREASE = 6.0  # [1] factor of the damping after a step with more error. Larger: shorter steps, fewer failures
 # [intervals] rotation of closed lines that is tried too. Other values are less different from zero.
 ROTATED_INTERVALS = 0.5
 
@@ -223,10 +215,8 @@ def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves
     array, shape (n,)
         [m]
     """
-    if (
-        not error_model.is_filled or error_model.parametrization.bends or len(positions) > MAX_MOVED
-    ):  # the model does not contain the error of a curved axis
-        return positions
+    if not error_model.is_filled or error_model.parametrization.bends:
+        return positions  # the model does not contain the error of a curved axis
     selection, validation = error_model.halves
     moved = refined_positions(selection.slopes_along, positions, degree, error_model.parametrization.span, False, moves)
     return least_error([positions, moved], validation.errors_along, degree, error_model)
@@ -310,7 +300,7 @@ def refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves:
     array, shape (m,)
         [rad] or [m]
     """
-    if not error_model.is_filled or len(positions) > MAX_MOVED:
+    if not error_model.is_filled:
         return positions
     selection, validation = error_model.halves
     moved = refined_positions(
@@ -452,8 +442,8 @@ def least_error(
     array, shape (m,)
     """
     left = errors(np.stack(candidates), degree)
-    nothing = NEGLIGIBLE_ERROR * float(np.abs(error_model.profiles).mean())
-    return candidates[int(np.argmax(MAX_ERROR_RATIO * left - nothing <= left.min()))]
+    rounding = float(np.finfo(np.float32).eps * np.abs(error_model.profiles).mean())  # of vertices in mesh files
+    return candidates[int(np.argmax(MAX_ERROR_RATIO * left - rounding <= left.min()))]
 
 
 def positions_at(m: SpacingMap, fractions: Array) -> Array:
@@ -505,10 +495,11 @@ def equalized_maps(
         errors.append(left)
         if not energy.any():
             return maps, errors
-        energy = np.maximum(energy / energy.mean(), MIN_SPAN_ERROR)
+        energy = energy / energy.mean()
         padded = np.concatenate((energy[-1:], energy, energy[:1])) if closed else np.pad(energy, 1, mode="edge")
         # Rounding removes the last bits of the heights, so that the lines move together with the mesh.
-        weight = np.round((padded[:-2] + 2 * energy + padded[2:]) ** ERROR_EXPONENT, 4)
+        weight = (padded[:-2] + 2 * energy + padded[2:]) ** ERROR_EXPONENT
+        weight = np.round(np.maximum(weight, MIN_INTERVAL), 4)  # of spans without errors
         cumulative = np.append(0.0, np.cumsum(weight))
         maps.append((cumulative / cumulative[-1], positions_at(m, np.linspace(0, 1, len(energy) + 1))))
     return maps, [*errors, error(positions_at(maps[-1], fractions), degree)[0]]

@@ -1,4 +1,4 @@
-"""From a link's mesh to its cover: cut it with planes, then keep the shells that are visible from outside."""
+"""From a link's mesh to its cover: keep what is outside, and cut it with planes."""
 
 from dataclasses import dataclass
 
@@ -12,6 +12,7 @@ from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from .closest import split_faces
 from .triangle_mesh import TriangleMesh, weld
+from .visibility import visibility
 
 # [fraction of the area] A shell with more of its area inside the hull of the shells kept so far is an inner part.
 # Larger: more inner parts are kept.
@@ -36,7 +37,7 @@ class Cut:
 class CoverSpec:
     """The part of the mesh that the skin covers."""
 
-    shell: str = "outer"  # or "all"
+    shell: str = "outer"  # or "seen", or "all"
     cuts: tuple[Cut, ...] = ()
 
 
@@ -58,8 +59,10 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
     Raises
     ------
     InvalidPlan
-        If a cut removes everything, or its normal is zero.
+        If a cut removes everything, or its normal is zero; or if nothing can be seen.
     """
+    if spec.shell == "seen":
+        mesh = seen_faces(mesh)  # before the cuts: through them one would see the inside
     for i, cut in enumerate(spec.cuts):
         normal = unit(cut.normal)
         if not normal.any():
@@ -71,9 +74,21 @@ def cut_cover(mesh: TriangleMesh, spec: CoverSpec) -> TriangleMesh:
                 f"Cut {i} removes the whole mesh. A cut keeps the side to which its normal points. "
                 "Reverse the normal, or move the plane."
             ) from error
-    if spec.shell == "all":
-        return mesh
-    return outer_shells(mesh)
+    return outer_shells(mesh) if spec.shell == "outer" else mesh
+
+
+def seen_faces(mesh: TriangleMesh) -> TriangleMesh:
+    """Return the faces of all shells that can be seen from outside.
+
+    Raises
+    ------
+    InvalidPlan
+        If there is none.
+    """
+    seen = visibility(mesh).seen
+    if not seen.any():
+        raise InvalidPlan('No face of the mesh can be seen from outside. Set "shell": "outer".')
+    return mesh if seen.all() else weld(mesh.vertices, mesh.faces[seen])
 
 
 def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, IntArray]:
@@ -101,11 +116,11 @@ def one_side(mesh: TriangleMesh, point: Array, normal: Array) -> tuple[Array, In
 
 def outer_shells(mesh: TriangleMesh) -> TriangleMesh:
     """Remove the inner parts: shells that are mostly inside the convex hull of larger ones."""
-    kept = is_seen(mesh)
+    kept = is_outer(mesh)
     return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
 
 
-def is_seen(mesh: TriangleMesh) -> BoolArray:
+def is_outer(mesh: TriangleMesh) -> BoolArray:
     """Return whether each face belongs to an outer shell, shape (f,)."""
     shell = shells(mesh)
     largest, *others = np.argsort(-np.bincount(shell, mesh.face_areas), kind="stable")

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
 from ...common.errors import listed
 from ...common.warnings import Warning
-from .cover import is_seen, shells
+from .cover import is_outer, shells
 from .outliers import without_outliers
 from .triangle_mesh import TriangleMesh, weld
 
@@ -169,7 +169,7 @@ def diagnose(vertices: Any, faces: Any) -> Diagnosis:
     )
     edges = np.column_stack(np.divmod(numbers, len(mesh.vertices)))
     on_rim = faces_at[edge] == 1
-    part, seen = shells(mesh), is_seen(mesh)
+    part, seen = shells(mesh), is_outer(mesh)
     flipped, one_sided = _sides(mesh, part, half, edge, face, faces_at)
     rims = half[on_rim]
     return Diagnosis(

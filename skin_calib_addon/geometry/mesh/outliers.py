@@ -20,9 +20,6 @@ MIN_RING_COSINE = 0.9
 # [1] least ratio of the height of an outlier to its distance along the plane from the mean of its neighbours. Larger:
 # fewer outliers are found among triangles of different sizes.
 MIN_STEEPNESS = 2.0
-# [cosine] between the same plane and the faces of a needle, which is an outlier on any mesh. The corner of a cube has
-# 0.58. Larger: more tips of parts are outliers.
-MAX_NEEDLE_COSINE = 0.2
 # [1] most rounds; each removes the highest outlier of each group. Larger: larger groups of outliers are found.
 MAX_ROUNDS = 6
 
@@ -68,8 +65,7 @@ def flattened(mesh: TriangleMesh) -> tuple[Array, Array]:
         h = \frac{\mathbf{a}}{|\mathbf{a}|} \cdot (\mathbf{p} - \mathbf{c}) \quad [\text{m}]
 
     A vertex is an outlier if all its neighbours but one have a much smaller height as soon as it is at their mean.
-    Next to an edge, at least two neighbours are as high. The tip of a needle is an outlier, too. Vertices at open rims
-    are not tested.
+    Next to an edge, at least two neighbours are as high. Vertices at open rims are not tested.
 
     Parameters
     ----------
@@ -97,8 +93,7 @@ def flattened(mesh: TriangleMesh) -> tuple[Array, Array]:
         tried = np.where(candidates[:, None], means, moved)
         after = np.abs(_heights(tried, faces[near])[0])
         found = candidates & (high > MIN_HEIGHT_RATIO * _largest_around(after, faces[near])[1])
-        found &= _cosines(tried, normals, faces[near])[0] > MIN_RING_COSINE
-        found |= candidates & (_cosines(moved, normals, faces[near])[1] < MAX_NEEDLE_COSINE)
+        found &= _least_cosine(tried, normals, faces[near]) > MIN_RING_COSINE
         if not found.any():
             break
         moved = np.where(found[:, None], tried, moved)
@@ -126,16 +121,14 @@ def _heights(vertices: Array, faces: IntArray) -> tuple[Array, Array, Array]:
     return np.where((ends == 0) & (degree > 0), heights, 0.0), normals, mean
 
 
-def _cosines(vertices: Array, normals: Array, faces: IntArray) -> tuple[Array, Array]:
-    """Return the least and the largest cosine between the normal of each vertex (v, 3) and its faces, shape (v,)."""
+def _least_cosine(vertices: Array, normals: Array, faces: IntArray) -> Array:
+    """Return the least cosine between the normal of each vertex (v, 3) and its faces, shape (v,)."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     of_faces = unit(cross(b - a, c - a))
-    least, largest = np.ones(len(vertices)), -np.ones(len(vertices))
+    least = np.ones(len(vertices))
     for at in faces.T:
-        cosine = np.einsum("fc,fc->f", of_faces, normals[at])
-        np.minimum.at(least, at, cosine)
-        np.maximum.at(largest, at, cosine)
-    return least, largest
+        np.minimum.at(least, at, np.einsum("fc,fc->f", of_faces, normals[at]))
+    return least
 
 
 def _largest_around(values: Array, faces: IntArray) -> tuple[Array, Array]:

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,14 +16,14 @@ from ...common.arrays import Array, IntArray, freeze
 from ...common.arrays import unit as to_unit
 from ...common.atomic_file import write_bytes_safely
 from ...common.errors import InvalidMesh
+from .dae import read_dae
 
-FORMATS = ("stl", "ply", "obj", "off")
+FORMATS = ("stl", "ply", "obj", "off", "dae")
 METRES_PER_UNIT = {"m": 1.0, "mm": 1e-3}
 # Regular expressions for the number of faces that the header of a file announces.
 FACE_COUNTS = {"ply": rb"\nelement\s+face\s+(\d+)", "off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
-# [m] least and largest size of the mesh of a link; outside of this range the unit is wrong. Wider: wrong units pass.
-MIN_MESH_SIZE = 2e-3
-MAX_MESH_SIZE = 5.0
+MIN_MESH_SIZE = 2e-3  # [m] least size of the mesh of a link; below, the unit is wrong. Smaller: wrong units pass
+MAX_MESH_SIZE = 5.0  # [m] largest size of the mesh of a link; above, the unit is wrong. Larger: wrong units pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +152,30 @@ def weld(vertices: Any, faces: Any) -> TriangleMesh:
     return TriangleMesh(ordered[new][used], renumber[faces])
 
 
+def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+    """Return several meshes as one.
+
+    Parameters
+    ----------
+    meshes : sequence of TriangleMesh
+        In one frame.
+
+    Returns
+    -------
+    TriangleMesh
+    """
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts)]
+    return weld(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+
+
 def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
     """Read a mesh file into metres.
 
     Parameters
     ----------
     path : path
-        An STL, PLY, OBJ or OFF file.
+        An STL, PLY, OBJ, OFF or DAE file.
     unit : "m" or "mm"
         Unit of the numbers in the file.
 
@@ -178,12 +196,12 @@ def load_mesh(path: str | Path, unit: str = "m") -> TriangleMesh:
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:
-    """Read a mesh file without conversion of its numbers.
+    """Read a mesh file without conversion of its numbers; those of a DAE file become metres by its unit.
 
     Raises
     ------
     InvalidMesh
-        If the file is missing, unreadable or without a surface.
+        If the file is missing, unreadable or without a surface, or if the package is missing that reads DAE files.
     """
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
@@ -193,12 +211,19 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         )
     if kind not in FORMATS:
         raise InvalidMesh(f"{path.name} has an unknown format. Use one of {', '.join(FORMATS)}.", path=str(path))
+    if os.path.getsize(path) == 0:
+        raise InvalidMesh(f"{path.name} is empty. Check that it was written completely.", path=str(path))
     try:
-        # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
-        raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
-        vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
+        if kind == "dae":
+            vertices, faces = read_dae(path)
+        else:
+            # As a real path: trimesh removes "link/..", which is wrong if "link" is a symbolic link.
+            raw: Any = trimesh.load(os.path.realpath(path), file_type=kind, process=False, force="mesh")
+            vertices, faces = np.asarray(raw.vertices, float), np.asarray(raw.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise ValueError(f"its vertices have {vertices.shape[-1]} coordinates instead of 3")
+    except ImportError as error:
+        raise InvalidMesh(f"{path.name} cannot be read: {error}", path=str(path)) from error
     except Exception as error:  # the readers of trimesh raise many types of exceptions for broken files
         raise InvalidMesh(f"{path.name} is not a valid {kind.upper()} file: {error}", path=str(path)) from error
     check_face_count(path, kind, len(faces))

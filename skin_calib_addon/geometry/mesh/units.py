@@ -2,10 +2,8 @@
 
 from .triangle_mesh import METRES_PER_UNIT
 
-# [m] least and largest longest side of a link with skin, between a fingertip and a crane. Wider: more units are
-# plausible.
-MIN_LINK_LENGTH = 5e-3
-MAX_LINK_LENGTH = 3.0
+MIN_LINK_LENGTH = 5e-3  # [m] least longest side of a link with skin, a fingertip. Smaller: more units are plausible
+MAX_LINK_LENGTH = 3.0  # [m] largest longest side of a link with skin, a crane. Larger: more units are plausible
 UNITS = METRES_PER_UNIT | {"cm": 1e-2, "in": 0.0254}
 UNIT_NAMES = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
 

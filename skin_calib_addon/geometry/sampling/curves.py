@@ -14,31 +14,38 @@ OUTER_RAY_FRACTION = 0.8
 MAX_FOLD_FRACTION = 0.05
 
 
-def curves(ends: Array) -> IntArray:
-    """Return the number of the curve of each segment of a section; ends that are equal to the bit are connected.
+def curves(ends: Array, row: IntArray | int = 0) -> IntArray:
+    """Return the number of the curve of each segment; ends in one row that are equal to the bit are connected.
 
     Parameters
     ----------
     ends : array, shape (s, 2, 2)
         [m]
+    row : array of int, shape (s,), or int
+        Section of each segment.
 
     Returns
     -------
     array of int, shape (s,)
     """
-    _, node = np.unique(ends.reshape(-1, 2) @ np.array((1, 1j)), return_inverse=True)
+    x, y = ends.reshape(-1, 2).T
+    rows = np.repeat(np.broadcast_to(row, len(ends)), 2)
+    order = np.lexsort((y, x, rows))
+    new = [np.diff(values[order]) != 0 for values in (rows, x, y)]
+    node = np.zeros(len(x), np.int64)
+    node[order[1:]] = np.cumsum(np.logical_or.reduce(new))
     a, b = node.reshape(-1, 2).T
     graph = coo_array((np.ones(len(a)), (a, b)), shape=(2 * len(ends),) * 2)
     return connected_components(graph, directed=False)[1][a].astype(np.int64)
 
 
-def outer_curve(ends: Array, ray: IntArray, segment: IntArray, distance: Array) -> BoolArray | None:
+def outer_curve(curve: IntArray, ray: IntArray, segment: IntArray, distance: Array) -> BoolArray | None:
     """Return which segments form the outer curve of a section: the curve that most rays hit last.
 
     Parameters
     ----------
-    ends : array, shape (s, 2, 2)
-        [m]
+    curve : array of int, shape (s,)
+        Number of the curve of each segment.
     ray, segment : array of int, shape (c,)
         Ray and segment of each intersection of even rays with the segments.
     distance : array, shape (c,)
@@ -52,10 +59,10 @@ def outer_curve(ends: Array, ray: IntArray, segment: IntArray, distance: Array) 
     """
     if len(ray) == 0:
         return None
-    curve = curves(ends)
     order = np.lexsort((distance, ray))
     last = order[np.append(ray[order][1:] != ray[order][:-1], True)]
-    outer = np.bincount(curve[segment[last]]).argmax()
+    numbers, counts = np.unique(curve[segment[last]], return_counts=True)
+    outer = numbers[counts.argmax()]
     often = (curve[segment[last]] == outer).mean()
     crossings = np.bincount(ray[curve[segment] == outer])
     leaving = (crossings % 2 == 1).sum() / len(last)

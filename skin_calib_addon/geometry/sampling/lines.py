@@ -1,8 +1,9 @@
 """The lines P_u ∩ P_v on which control points move."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from ...common.arrays import Array, freeze
+from ...common.arrays import Array, BoolArray, freeze
 from ...common.warnings import Warning
 from .planes import Planes
 
@@ -22,6 +23,8 @@ class LineGrid:
     v_names: tuple[str, ...]  # name of each v-line in messages
     warnings: tuple[Warning, ...] = ()  # about the placement of the planes
     centre: Array | None = None  # (3,) point of the mesh at the middle of the region [m]
+    # Whether points (..., 3) are inside the boundary; None: there is none.
+    region: Callable[[Array], BoolArray] | None = None
 
     def __post_init__(self):
         n, m = len(self.planes_u), len(self.v_names)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...common.arrays import Array, BoolArray, IntArray
-from .curves import fold_distances, outer_curve
+from .curves import curves, fold_distances, outer_curve
 
 TURN = 2 * np.pi
 DIAMOND_TURN = 4.0  # one turn as a ``diamond_angle``
@@ -128,10 +128,13 @@ class RayCaster:
         probe, segment, distance = self._crossings(origins, directions, rows)
         kept = np.ones(len(ends), bool)
         row = probe // PROBE_RAYS
+        overlaps = np.flatnonzero(~self.clean[self.row])
+        curve_of = np.zeros(len(ends), np.int64)
+        curve_of[overlaps] = curves(ends[overlaps], self.row[overlaps])
         for i in rows:
             index, mine = slice(self.bounds[i], self.bounds[i + 1]), slice(*np.searchsorted(row, (i, i + 1)))
             crossings = (probe[mine] % PROBE_RAYS, segment[mine] - self.bounds[i], distance[mine])
-            curve = outer_curve(ends[index], *crossings)
+            curve = outer_curve(curve_of[index], *crossings)
             if curve is not None:
                 kept[index], self.followed[i] = curve, True
         return kept

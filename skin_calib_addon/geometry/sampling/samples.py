@@ -1,6 +1,7 @@
 """Samples of the mesh at the sites of a fit: sections through the rows of sites, and rays cast on them."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,6 +39,19 @@ class RaySamples:
     faces: IntArray  # (k, l) faces that were hit
     folds: BoolArray  # (k,) rows whose section folds back, so that some rays intersect it more than once
     parts: BoolArray  # (k,) rows whose outside consists of several curves
+    outside: BoolArray | None = None  # (k, l) rays outside the boundary, without residual; None: no boundary
+
+    @property
+    def missed(self) -> BoolArray:
+        """Return which rays inside the boundary do not hit the mesh, shape (k, l)."""
+        missed = np.isnan(self.residuals)
+        return missed if self.outside is None else missed & ~self.outside
+
+    @property
+    def missing(self) -> float:
+        """Return the fraction of the rays inside the boundary that do not hit the mesh; 1 if all are outside."""
+        inside = self.missed.size if self.outside is None else int((~self.outside).sum())
+        return float(self.missed.sum()) / inside if inside else 1.0
 
     @cached_property
     def rays(self) -> Array:
@@ -62,6 +76,7 @@ class SampleRows:
     origins: Array  # (k, l, 3) of the rays [m]
     local: Array  # (k, l, 2) or (1, 1, 2) the same in the frames of the rows [m]
     flat: bool  # whether rays are in the plane of their row
+    region: Callable[[Array], BoolArray] | None = None  # whether points are inside the boundary
 
     @classmethod
     def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis) -> "SampleRows":
@@ -87,7 +102,8 @@ class SampleRows:
         concurrent = bool((lines.origins == lines.origins[:, :1]).all())
         direction = lines.directions[0, 0] if (lines.directions == lines.directions[0, 0]).all() else None
         first = basis.N @ lines.directions[:, 0]
-        return cls.cut(mesh, planes, basis.blend(lines.origins), first, concurrent, direction)
+        rows = cls.cut(mesh, planes, basis.blend(lines.origins), first, concurrent, direction)
+        return replace(rows, region=lines.region)
 
     @classmethod
     def cut(
@@ -154,9 +170,13 @@ class SampleRows:
         if not self.flat:  # correct rays that leave the plane of a fanned row
             length = np.linalg.norm(arms, axis=2)
             distance = self._onto_facets(distance, hit, arms / length[..., None])
-        return RaySamples(
-            distance - length, self.origins, arms, self.sections.face[hit], self.caster.folds, self.caster.parts
-        )
+        residuals, outside = distance - length, None
+        if self.region is not None:
+            fraction = np.where(np.isnan(distance), 1.0, distance / length)  # a ray without a hit ends on the surface
+            outside = ~self.region(self.origins + fraction[..., None] * arms)
+            residuals = np.where(outside, np.nan, residuals)
+        faces = self.sections.face[hit] if len(self.sections.face) else hit  # no plane intersects the mesh
+        return RaySamples(residuals, self.origins, arms, faces, self.caster.folds, self.caster.parts, outside)
 
     def _onto_facets(self, distance: Array, hit: IntArray, rays: Array) -> Array:
         r"""Return the distance to the planes of the facets that rays hit, for rays that leave the plane of their row.

@@ -140,10 +140,14 @@ def _rims_of_ranks(
     -------
     level_index, face, on : array of int, shape (r,)
     """
-    a, b, c = (np.where(on_plane[corner], rank[corner], -1 - i) for i, corner in enumerate(mesh.corners))
+    are_on = [on_plane[corner] for corner in mesh.corners]
+    near = np.flatnonzero((are_on[0] & are_on[1]) | (are_on[1] & are_on[2]) | (are_on[2] & are_on[0]))
+    a, b, c = (
+        np.where(is_on[near], rank[corner[near]], -1 - i) for i, (is_on, corner) in enumerate(zip(are_on, mesh.corners))
+    )
     on = 3 * (a == b) + 6 * (b == c) + 5 * (c == a)  # 14: all corners are on one plane
-    face = np.flatnonzero((on == 3) | (on == 6) | (on == 5))
-    on = on[face]
+    edges = (on == 3) | (on == 6) | (on == 5)
+    face, on = near[edges], on[edges]
     first = mesh.faces[face, np.where(on == 6, 1, 0)]
     tip = mesh.faces[face, TIP[on]]
     level_index = rank[first]

@@ -11,10 +11,9 @@ from skin_calib_addon.calibration.measurements import MAX_MAGNITUDE, MIN_MAGNITU
 from skin_calib_addon.common.errors import CalibrationFormatError, InvalidPlan, listed
 from skin_calib_addon.common.findings import error, first
 from skin_calib_addon.common.text import check_size, text_of
-from skin_calib_addon.skin.boards.fill import fill
-from skin_calib_addon.skin.boards.region import Region
+from skin_calib_addon.skin import HexLattice, lay_boards
 from skin_calib_addon.skin.imported import near_pairs
-from skin_calib_addon.skin.lattice import HexLattice
+from tests.shapes import plane_surface
 
 
 def test_text_files_have_64_megabytes_and_lines_of_a_million_characters():
@@ -69,18 +68,19 @@ def test_forces_span_a_hundred_orders():
         assert MIN_MAGNITUDE**2 * 1e-90 > 0 and np.isfinite(MAX_MAGNITUDE**14)
 
 
-def test_region_of_boards_has_up_to_5000_cells():
-    """The circle around a region of boards with a pitch of 20 mm may have the area of 5000 cells."""
+def test_surface_of_boards_has_up_to_5000_cells():
+    """The circle around a surface with boards with a pitch of 20 mm may have the area of 5000 cells."""
     lattice = HexLattice(0.02 / np.sqrt(3), 0.0)
-    radius = np.sqrt(5000 * np.sqrt(0.75) * 0.02**2 / np.pi)
+    diagonal = 2 * np.sqrt(5000 * np.sqrt(0.75) * 0.02**2 / np.pi)
     for factor, fits in ((0.999, True), (1.001, False)):
-        half = np.sqrt((factor * radius) ** 2 - 0.02**2)
-        region = Region((np.array(((-half, -0.02), (half, -0.02), (half, 0.02), (-half, 0.02))),))
+        surface = plane_surface(np.sqrt((factor * diagonal) ** 2 - 0.04**2), 0.04)
         if fits:
-            assert len(fill(region, lattice, np.zeros(2), 0.0).cells) > 50
+            assert len(lay_boards(surface, lattice, "all", None, (1, 0, 0))[0].cells) > 50
         else:
-            with pytest.raises(InvalidPlan, match="too far for boards with a pitch of 20 mm"):
-                fill(region, lattice, np.zeros(2), 0.0)
+            with pytest.raises(
+                InvalidPlan, match=r"extends too far for boards with a pitch of 20 mm; lengths are in m"
+            ):
+                lay_boards(surface, lattice, "all", None, (1, 0, 0))
 
 
 def test_taxels_have_up_to_200_neighbours_on_average():

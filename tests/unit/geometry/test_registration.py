@@ -10,16 +10,28 @@ from skin_calib_addon.geometry.mesh.closest import MeshDistance, split_faces
 from skin_calib_addon.geometry.registration import (
     MAX_SKIN_THICKNESS,
     ON_MESH_DISTANCE,
+    NearbyFit,
     SampledMesh,
     descend,
     even_rotations,
     farthest_points,
     find_frame,
     fit_nearby,
+    verdict_of,
 )
 from tests.examples import slow
 from tests.oracles import nearest_on_triangle
 from tests.shapes import Motion, box, cylinder, sheet, together, wrist
+
+
+def grid_faces(points):
+    """Vertices and faces of a tube, of points (rows, around, 3)."""
+    rows, around, _ = points.shape
+    a = np.arange((rows - 1) * around)
+    b = a - a % around + (a + 1) % around
+    return points.reshape(-1, 3), np.concatenate(
+        (np.stack((a, b, b + around), 1), np.stack((a, b + around, a + around), 1))
+    )
 
 
 def on_wrist(seed=0, count=150):
@@ -84,6 +96,44 @@ def test_cloud_a_little_aside_stays():
         and 0.3 * ON_MESH_DISTANCE < fit.before.mean < ON_MESH_DISTANCE
         and fit.after == fit.before
     )
+
+
+@pytest.mark.parametrize(
+    "mm, verdict",
+    [
+        ((50, 0.3, 1.5, 1), "moved"),  # a skin of an iCub on its own part: 0.03 to 0.46 mm, others 1.6 mm or more
+        ((50, 0.3, 0.50, 1), "ambiguous"),  # a rival is half as far again, and up to 0.1 mm in 200 mm
+        ((50, 0.3, 0.60, 1), "moved"),
+        ((50, 0.0, 0.09, 1), "ambiguous"),
+        ((50, 0.0, 0.12, 1), "moved"),
+        ((50, 0.3, 1.5, 18), "moved"),  # it can slide by a tenth of its size
+        ((50, 0.3, 1.5, 22), "ambiguous"),
+        ((50, 0.9, 9, 1), "moved"),
+        ((50, 1.1, 9, 1), "lost"),
+        ((9, 4.0, 9, 1), "lost"),
+        ((9, 5.0, 9, 1), "right"),  # no motion halves the distance of a skin of 10 mm or less
+        ((11, 6.0, 9, 1), "lost"),
+        ((1.6, 0.7, 9, 1), "moved"),
+        ((1.6, 0.9, 9, 1), "right"),
+    ],
+)
+def test_verdict_follows_from_distances(mm, verdict):
+    """Before and after the motion, in the best different pose, and how far a cloud of 200 mm can slide."""
+    assert verdict_of(*(1e-3 * length for length in mm), 0.2) == verdict
+
+
+def test_slack_of_exact_points_is_that_of_their_rounding():
+    """An ellipse with half axes that differ by 4 %: a rotation by an angle t moves a point by 0.04 t sin(2a) outward.
+
+    The normals of the cone are inclined by atan(1/2). Points on the mesh count as 0.05 % of their size off it.
+    """
+    angle, z = np.meshgrid(np.linspace(0, 2 * np.pi, 360, endpoint=False), np.linspace(-0.02, 0.02, 30))
+    radius = 0.05 * (1 - 0.2 * z / 0.02)  # so steep that it does not slide along the axis
+    side = np.stack((1.02 * radius * np.cos(angle), 0.98 * radius * np.sin(angle), z), axis=-1)
+    mesh = weld(*grid_faces(side))
+    points = mesh.triangles.mean(axis=1)[::7]
+    size = 2 * np.linalg.norm(points - points.mean(axis=0), axis=1).max()
+    assert_allclose(find_frame(mesh, points).slack, 5e-4 * size / (0.04 / 2**0.5 * 0.8**0.5), rtol=0.02)
 
 
 @pytest.mark.slow
@@ -251,6 +301,15 @@ def test_nearby_motion_shows_a_slightly_wrong_frame(seed, thickness):
     assert_allclose(np.linalg.det(found.rotation), 1, rtol=1e-12)
     fit = find_frame(wrist(), wrong)
     assert fit.verdict != "right" or fit.nearby.is_better
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "is_better"), [(1.0, 0.55, True), (1.0, 0.65, False), (0.3, 0.15, True), (0.16, 0.08, False)]
+)
+def test_frame_is_wrong_if_a_small_motion_is_clearly_better(before, after, is_better):
+    """Residuals [mm]. True frames of real skins have ratios of 0.85 to 0.98, wrong ones at most 0.41."""
+    found = NearbyFit(np.eye(3), np.zeros(3), 1e-3 * before, 1e-3 * after, 0.01, 0.001)
+    assert found.is_better == is_better
 
 
 @pytest.mark.parametrize("thickness", [0.0, 0.002, 0.007])

@@ -68,6 +68,19 @@ def stepped():
     return welded(shapes.tube_mesh(point, 288, 41))
 
 
+def shouldered(rise=1e-5):
+    """A tube of two radii, 5 mm apart; the step between its rings of 2.5 mm is ``rise`` [m] long."""
+    rings = 42  # even, so that the middle two of them are at the step
+
+    def point(angle, height):
+        radius = np.where(height < 0.5, 0.035, 0.030)
+        from_step = (0.1 - rise) / 2 * (2 * np.abs(height - 0.5) * (rings - 1) - 1) / (rings - 2) + rise / 2
+        z = 0.05 + np.sign(height - 0.5) * from_step
+        return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z))
+
+    return welded(shapes.tube_mesh(point, 96, rings))
+
+
 def closed_cone(apex, height, sides, rings):
     """A cone about z from rings of triangles, with a tip of this angle [degrees] and a base."""
     radius, angle = height * np.tan(np.radians(apex) / 2), TURN * np.arange(sides) / sides
@@ -172,11 +185,15 @@ def test_cause_is_a_fold_of_the_section():
 
 @pytest.mark.slow
 def test_cause_is_a_step():
-    """Two radii: the place is on the step, and neither facets nor the axis are blamed."""
+    """Two radii: the place is on the step, and neither facets nor the axis are blamed.
+
+    The best net is off the step by five times the tolerance, and by six times what facets explain.
+    """
     with pytest.raises(UnreachableTolerance, match="because the mesh has steps or edges, the largest at") as caught:
-        fit_to_tolerance(stepped(), 2e-5, "max", axis=Z_AXIS, margin=0.002)
+        fit_to_tolerance(shouldered(), 1e-4, "max", axis=Z_AXIS, margin=0.002)
     height = float(str(caught.value).split(") mm, near")[0].split(", ")[-1])
-    assert 45 < height < 55
+    assert 49 < height < 51
+    assert caught.value.numbers["achievable"] > 4e-4
 
 
 def test_cause_are_facets():

@@ -210,6 +210,7 @@ def test_plan_is_carried_out(members, kind, measure, tolerance):
     """An automatic grid as a plan writes it: the mesh's part that was meant, within the tolerance that was asked."""
     plan = plan_from(
         {
+            "version": 1,
             "link": "forearm",
             "mesh": "forearm.stl",
             "unit": "m",
@@ -217,9 +218,9 @@ def test_plan_is_carried_out(members, kind, measure, tolerance):
             "skins": [],
         }
     )
-    assert isinstance(plan.grid.size, Tolerance)
+    assert isinstance(plan.surface.grid.size, Tolerance)
     mesh = ridge() if kind == "face" else wrist()
-    fit = fit_grid(mesh, plan.grid, plan.degree)
+    fit = fit_grid(mesh, plan.surface.grid, plan.surface.degree)
     assert getattr(fit.errors.surface_to_mesh, measure) <= 1.05 * tolerance
     assert fit.surface.closed == (False, kind == "tube")
     if kind == "sector":

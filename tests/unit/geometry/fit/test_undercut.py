@@ -73,6 +73,13 @@ def test_undercut_is_a_warning_with_its_place(lines, turned):
     assert f"{warning.value * 1e3:.2f} mm" in warning.message and "half-plane at" in warning.message
 
 
+@pytest.mark.parametrize("swing, is_warned", [(1.015, False), (1.03, True)])
+def test_undercut_of_more_than_two_tenths_of_a_millimetre_gives_a_warning(swing, is_warned):
+    """The folded parts are 0.17 and 0.27 mm from the surface."""
+    fit = fit_surface(lobed(swing), TubeGrid(5, 40, Z_AXIS, 0.002))
+    assert fit.samples.folds.any() and bool(undercuts(fit)) == is_warned
+
+
 @pytest.mark.parametrize("mesh", [lobed(0.95), cylinder(), wrist(), cone()])
 def test_star_shaped_sections_have_no_undercut(mesh):
     """Lobes that do not lean over, and plain tubes."""
@@ -142,6 +149,6 @@ def test_hidden_part_next_to_the_open_side_counts():
 def test_side_walls_of_a_sole_are_not_undercuts():
     """The sections of the sample sole run up its walls, behind the last rays; the fit is within 0.02 mm."""
     plan = load_plan(Path(__file__).parents[4] / "sample_scenes" / "sole.plan.json")
-    fit = fit_grid(cut_cover(load_mesh(plan.mesh), plan.cover), plan.grid, plan.degree)
+    fit = fit_grid(cut_cover(load_mesh(plan.mesh), plan.surface.cover), plan.surface.grid, plan.surface.degree)
     assert fit.samples.folds.any() and fit.errors.surface_to_mesh.max < 2e-5
     assert "undercut" not in [warning.code for warning in fit.warnings]

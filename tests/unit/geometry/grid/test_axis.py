@@ -305,3 +305,44 @@ def test_single_triangle_has_no_axis():
     """What has no sections has no axis; the message says what to do."""
     with pytest.raises(EmptySection, match="No axis was found: sections .* are empty. Give the axis in the plan"):
         find_axis(weld(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), [[0, 1, 2]]))
+
+
+def tray(thickness, covered):
+    """A square plate of 100 mm with side walls, whose upper side is covered in part."""
+    x, y, z = 0.1, 0.1, thickness
+    w = covered * x
+    corners = [
+        (0, 0, 0),
+        (x, 0, 0),
+        (x, y, 0),
+        (0, y, 0),
+        (0, 0, z),
+        (x, 0, z),
+        (x, y, z),
+        (0, y, z),
+        (w, 0, z),
+        (w, y, z),
+    ]
+    squares = [(0, 3, 2, 1), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 8, 9, 7)]
+    return weld(np.array(corners), np.array([face for a, b, c, d in squares for face in ((a, b, c), (a, c, d))]))
+
+
+@pytest.mark.parametrize(
+    "thickness, covered, is_sheet",
+    [(0.012, 1.0, True), (0.020, 1.0, False), (0.010, 0.65, True), (0.010, 0.35, False)],
+)
+def test_thin_mesh_with_two_sides_is_a_sheet(thickness, covered, is_sheet):
+    """It is one if its thickness is below 15 % of the width, and each side has a quarter of the area."""
+    mesh = tray(thickness, covered)
+    if is_sheet:
+        with pytest.raises(InvalidPlan, match="thin sheet"):
+            find_axis(mesh)
+    else:
+        find_axis(mesh)
+
+
+def test_axis_of_arrays_is_that_of_tuples():
+    """An axis is hashable, whatever sequences its coordinates came in; fits keep the frame of their last axes."""
+    tuples, arrays = Axis((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), Axis(np.zeros(3), [0.0, 0.0, 1.0])
+    mesh = cylinder(around=24, along=12)
+    assert tuples == arrays and tube_frame(mesh, arrays) is tube_frame(mesh, tuples)

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.geometry.mesh.cover import CoverSpec, Cut, cut_cover, one_side, shells
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
-from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, wrist
+from tests.shapes import RADIUS, Motion, box, cylinder, keep, same_mesh, shuffled, together, welded, wrist
 
 INNER = box((-0.01, -0.01, 0.03), (0.01, 0.01, 0.07))  # a servo inside the tube
 NEAR = box((0.05, -0.01, 0.03), (0.06, 0.01, 0.07))  # a bracket outside of it
@@ -140,3 +141,36 @@ def test_shells_are_kept_by_their_area_inside_not_by_their_faces(divided):
         inner = together(*(weld(*half) for half in halves))
     cover = cut_cover(together(box((0, 0, 0), (0.1, 0.1, 0.046)), inner), CoverSpec())
     assert np.ptp(cover.vertices[:, 2]) == pytest.approx(0.046)
+
+
+def test_seen_keeps_what_is_outside_of_all_shells():
+    """The tube without its inner box, with the bracket outside of it; of closed bodies to the bit."""
+    closed, outside = box((-0.04, -0.04, 0), (0.04, 0.04, 0.1)), box((0.1, -0.01, 0.03), (0.11, 0.01, 0.07))
+    mesh = together(closed, INNER, outside)
+    assert same_mesh(cut_cover(mesh, CoverSpec("seen")), together(closed, outside))
+    assert same_mesh(cut_cover(closed, CoverSpec("seen")), closed)
+
+
+def test_seen_is_decided_before_the_cuts():
+    """A cut opens the view on the inner box, which stays hidden.
+
+    For a box that is cut, "outer" gives the same.
+    """
+    mesh = together(box((-0.04, -0.04, 0), (0.04, 0.04, 0.1)), INNER)
+    cuts = (Cut((0, 0, 0.05), (0, 0, -1)),)
+    cover = cut_cover(mesh, CoverSpec("seen", cuts))
+    assert same_mesh(cover, cut_cover(mesh, CoverSpec("outer", cuts)))
+    assert same_mesh(cover, cut_cover(box((-0.04, -0.04, 0), (0.04, 0.04, 0.1)), CoverSpec("all", cuts)))
+
+
+def test_seen_removes_inner_walls_that_are_connected_to_the_outside():
+    """A box with a thin wall around a cavity that a bore opens: one shell, of which the cavity goes."""
+    profile = [[0.002, 0], [0.04, 0], [0.04, 0.1], [0.002, 0.1], [0.002, 0.097], [0.037, 0.097], [0.037, 0.003]]
+    mesh = welded(trimesh.creation.revolve([*profile, [0.002, 0.003], [0.002, 0]], sections=48))
+    centres = mesh.triangles.mean(axis=1)
+    radius = np.linalg.norm(centres[:, :2], axis=1)
+    outside = (radius > 0.0385) | (centres[:, 2] < 1e-4) | (centres[:, 2] > 0.0999)
+    assert shells(mesh).max() == 0
+    assert same_mesh(cut_cover(mesh, CoverSpec("outer")), mesh)
+    kept = keep(cut_cover(mesh, CoverSpec("seen")), lambda c: np.linalg.norm(c[:, :2], axis=1) > 0.0025)  # not the bore
+    assert same_mesh(kept, weld(mesh.vertices, mesh.faces[outside]))

@@ -162,6 +162,16 @@ def test_faces_without_use_are_counted():
     assert said["2 faces without area or repeated, left out"] is False and said["2 faces back to back"] is True
 
 
+@pytest.mark.parametrize("fraction, matters", [(0.007, False), (0.014, True)])
+def test_doubled_faces_matter_from_one_percent_of_the_area(fraction, matters):
+    """Some of many equal faces are there twice, back to back: 0.7 or 1.4 % of the area."""
+    mesh = cylinder()
+    count = round(fraction * len(mesh.faces) / 2)
+    found = diagnose(mesh.vertices, np.concatenate((mesh.faces, mesh.faces[:count, ::-1])))
+    assert found.doubled.sum() == 2 * count
+    assert findings(found)[f"{2 * count} faces back to back"] == matters
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_diagnosis_does_not_see_the_order(seed):
     """Vertices and faces in any order: the same words."""

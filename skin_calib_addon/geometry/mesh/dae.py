@@ -1,0 +1,99 @@
+"""Read COLLADA files (DAE) of robots, as ROS does."""
+
+import io
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ...common.arrays import Array, IntArray
+
+MAX_DAE_NODES = 100_000  # nodes of the scene, each as often as it is instanced. Larger: slower malicious files.
+# Elements without an effect on the shape. They are not read, so that defects in them do not matter.
+OTHER_PARTS = {
+    *("library_images", "library_effects", "library_materials", "library_animations", "library_lights"),
+    *("library_cameras", "library_physics_scenes", "bind_material", "instance_light", "instance_camera", "extra"),
+}
+
+
+def read_dae(path: str | Path) -> tuple[Array, IntArray]:
+    """Read the triangles of a COLLADA file.
+
+    As in RViz and Gazebo, the numbers are multiplied by ``<unit meter>``, and ``<up_axis>`` is ignored: the meshes of
+    robots are in the frame of their link, whatever it states.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    vertices : array, shape (3 f, 3)
+        Three of each triangle [m].
+    faces : array of int, shape (f, 3)
+
+    Raises
+    ------
+    ImportError
+        If the package that reads COLLADA is missing.
+    Exception
+        Of many types, if the file is damaged, or declares a document type, which may contain entities.
+    """
+    try:
+        import collada
+    except ImportError as error:
+        raise ImportError("this needs pycollada, which is not installed here: pip install pycollada") from error
+    with open(path, "rb") as file:
+        root = ElementTree.parse(file, ElementTree.XMLParser(target=_Builder())).getroot()
+    for parent in root.iter():
+        for child in [child for child in parent if child.tag.rpartition("}")[2] in OTHER_PARTS]:
+            parent.remove(child)
+        if parent.tag.endswith("float_array") and parent.text:
+            # pycollada makes zeros of NaN, also in vertices
+            parent.text = re.sub("nan", "inf", parent.text, flags=re.I)
+    document = collada.Collada(io.BytesIO(ElementTree.tostring(root)))
+    if document.scene is None:
+        raise ValueError("it has no scene")
+    triangles = _triangles(document.scene.nodes, collada)
+    metre = 1.0 if document.assetInfo.unitmeter is None else document.assetInfo.unitmeter
+    vertices = np.concatenate([np.zeros((0, 3)), *triangles]) * metre
+    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+
+
+class _Builder(ElementTree.TreeBuilder):
+    """Builds the tree of a document without a document type."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        """Refuse the document type."""
+        raise ValueError("it declares a document type, which may contain entities; remove it from the file")
+
+
+def _triangles(roots: list[Any], collada: Any) -> list[Array]:
+    """Return the corners (3 k, 3) of all triangles below nodes of the scene."""
+    found, count = [], 0
+    nodes = [(root, np.eye(4)) for root in reversed(roots)]
+    while nodes:
+        node, pose = nodes.pop()
+        count += 1
+        if count > MAX_DAE_NODES:
+            raise ValueError(f"its scene has more than {MAX_DAE_NODES} nodes")
+        if isinstance(node, collada.scene.Node):
+            pose = pose @ np.asarray(node.matrix, float)
+            nodes += [(child, pose) for child in reversed(node.children)]
+        elif isinstance(node, collada.scene.ControllerNode):
+            raise ValueError("it has a mesh with bones; export it without them")
+        elif isinstance(node, collada.scene.GeometryNode):
+            for part in node.geometry.primitives:
+                announced = int(part.xmlnode.get("count", len(part)))
+                if len(part) != announced:
+                    raise ValueError(f"it announces {announced} faces of {node.geometry.id}, but has {len(part)}")
+                part = part.triangleset() if isinstance(part, collada.polylist.Polylist) else part
+                if isinstance(part, collada.triangleset.TriangleSet) and part.vertex is not None:  # no lines
+                    corners = part.vertex[part.vertex_index].reshape(-1, 3).astype(float)
+                    if not np.isfinite(corners).all():
+                        raise ValueError(f"vertices of {node.geometry.id} are not finite")
+                    found.append(corners @ pose[:3, :3].T + pose[:3, 3])
+    return found

@@ -1,0 +1,239 @@
+"""What of a mesh can be seen from outside, by depth buffers from directions all around it.
+
+A buffer has for each square pixel the foremost point of the mesh. A point of a face is visible unless this foremost
+point lies above the plane of its face. The winding of the faces is not used: both sides are looked at.
+"""
+
+from dataclasses import dataclass
+from functools import cache, lru_cache
+
+import numpy as np
+
+from ...common.arrays import Array, BoolArray, IntArray, freeze, unit
+from .triangle_mesh import TriangleMesh
+
+# [1] directions in which the buffers look, half of them; each buffer is looked at from both ends. More: narrower
+# openings let something be seen, and it takes longer.
+AXES = 30
+# [m] distance of the points on the faces. Larger: faster; narrow gaps and thin walls are less exact.
+FACE_POINT_DISTANCE = 1.3e-3
+# [fraction of the size of the mesh] the same for small meshes.
+SMALL_POINT_DISTANCE = 0.01
+# [1] points of a mesh at which the distance of the points increases. Larger: large meshes are more exact and take
+# longer. Each face has one point in any case.
+MAX_POINTS = 300_000
+# [distance of the points] side of a pixel; a square with this side contains a point of a grid. Smaller: what is behind
+# between the points can be seen; larger: more is hidden next to edges.
+PIXEL_SIDE = 1.42
+# [m] height above the plane of a face up to which other faces do not hide it. Larger: faces behind narrow gaps are
+# visible; smaller: concave faces hide themselves.
+HIDING_HEIGHT = 1e-4
+# [1] cosine of the angle between the normal and a direction below which this direction sees nothing. Smaller: walls are
+# looked at so flatly that a pixel is longer than they are thick.
+MIN_VIEW_COSINE = 0.2
+# [1] openness above which a point is visible. Larger: the bottoms of holes and slots become hidden; smaller: single
+# directions that see through between two points decide.
+MIN_OPENNESS = 0.02
+# [1] fraction of the area of a visible face that is visible. Larger: more gaps; smaller: more hidden area is kept.
+MIN_SEEN_FRACTION = 0.5
+# [1] openness of the side of the winding, relative to the other side, below which the other one is outside. Larger: the
+# sides of sheets without thickness change from face to face; smaller: faces wound inward stay so.
+OTHER_SIDE_RATIO = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """What of each face can be seen from outside."""
+
+    fractions: Array  # (f,) visible fraction of the area, of the outer side
+    sides: IntArray  # (f,) 1 if the normal by the winding points outward, otherwise -1
+
+    def __post_init__(self):
+        freeze(self, fractions=(None,), sides=(None,))
+
+    @property
+    def seen(self) -> BoolArray:
+        """Return the faces that are mostly visible, shape (f,)."""
+        return self.fractions > MIN_SEEN_FRACTION
+
+
+@lru_cache(maxsize=1)  # in the window, the author changes cuts of one mesh
+def visibility(mesh: TriangleMesh) -> Visibility:
+    """Return what of each face can be seen from outside, and which of its sides is outside.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        [m]; all shells, closed or not.
+
+    Returns
+    -------
+    Visibility
+    """
+    distance = point_distance(mesh)
+    points, face, areas = sample_faces(mesh, distance)
+    open_sides = openness(points, points, mesh.face_normals[face], distance)
+    with_winding, against = (np.bincount(face, areas * side, len(mesh.faces)) for side in open_sides)
+    inward = with_winding < OTHER_SIDE_RATIO * against
+    visible = np.where(inward[face], open_sides[1], open_sides[0]) > MIN_OPENNESS
+    total = np.bincount(face, areas, len(mesh.faces))
+    fractions = np.bincount(face, areas * visible, len(mesh.faces)) / np.where(total, total, 1)
+    return Visibility(fractions, np.where(inward, -1, 1))
+
+
+def are_seen(mesh: TriangleMesh, points: Array, normals: Array) -> BoolArray:
+    """Return which points on or above a mesh can be seen from outside.
+
+    A point below a face is hidden by it. Move points of a surface that approximates the mesh outward before.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        [m]; all shells, closed or not.
+    points : array, shape (k, 3)
+        [m]
+    normals : array, shape (k, 3)
+        Unit normals of the points, outward.
+
+    Returns
+    -------
+    array of bool, shape (k,)
+    """
+    distance = point_distance(mesh)
+    hiding = sample_faces(mesh, distance)[0]
+    return openness(hiding, np.asarray(points, float), np.asarray(normals, float), distance)[0] > MIN_OPENNESS
+
+
+def openness(hiding: Array, points: Array, normals: Array, distance: float) -> Array:
+    r"""Return how open the space above points is, on the side of their normals and on the other side.
+
+    This is :math:`\frac{4}{m} \sum_i \cos\alpha_i` over the directions that see the point, of m directions, with
+    the angle :math:`\alpha_i` to the normal: 1 for a free point, 0 for a hidden one (ambient occlusion; Zhukov et al.,
+    An ambient light illumination model, 1998).
+
+    Parameters
+    ----------
+    hiding : array, shape (n, 3)
+        Points of the faces that hide others [m].
+    points : array, shape (k, 3)
+        [m]
+    normals : array, shape (k, 3)
+        Unit normals.
+    distance : float
+        Largest distance of adjacent points of ``hiding`` [m].
+
+    Returns
+    -------
+    array, shape (2, k)
+        No unit.
+    """
+    middle, pixel = hiding.mean(axis=0)[:, None], PIXEL_SIDE * distance
+    # Coordinates one after the other: faster, and rounded in the same manner on all machines.
+    hiding, points = (np.subtract(positions.T, middle, order="C") for positions in (hiding, points))
+    normals = np.ascontiguousarray(normals.T)
+    radius = pixel + np.sqrt(_dot(hiding, hiding).max())  # so that the pixels at the border are empty
+    width, number = int(2 * radius / pixel) + 1, np.arange(hiding.shape[1])
+    heights, sums = _dot(points, normals), np.zeros((2, points.shape[1]))
+
+    def pixels(right: Array, up: Array, positions: Array) -> IntArray:
+        column, row = (
+            np.clip((_dot(positions, axis) + radius) / pixel, 0, width - 1).astype(np.int64) for axis in (right, up)
+        )
+        return column * width + row
+
+    for right, up, viewer in view_frames():
+        # Depth and number of a point in one integer: the least and the largest of a pixel are its ends.
+        key = (((_dot(hiding, viewer) + radius) * (2**31 / (2 * radius))).astype(np.int64) << 32) | number
+        at, here, cosines = pixels(right, up, hiding), pixels(right, up, points), _dot(normals, viewer)
+        for sign, foremost, behind in ((1, np.maximum, -1), (-1, np.minimum, 2**63 - 1)):
+            buffer = np.full(width * width, behind, np.int64)
+            foremost.at(buffer, at, key)
+            found = buffer[here]
+            empty = found == behind
+            front = np.where(empty, 0, found & (2**32 - 1))
+            facing = sign * cosines
+            above = sum(h.take(front) * n for h, n in zip(hiding, normals)) - heights
+            visible = (np.abs(facing) > MIN_VIEW_COSINE) & (empty | (above * np.sign(facing) < HIDING_HEIGHT))
+            facing *= visible
+            sums[0] += np.maximum(facing, 0)
+            sums[1] -= np.minimum(facing, 0)
+    return 2 / AXES * sums
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Return the dot products of vectors whose coordinates are rows."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@cache
+def view_frames() -> Array:
+    """Return the directions of the buffers as rotations, shape (AXES, 3, 3): right, up and towards the viewer.
+
+    They are evenly spread over half of the sphere (golden spiral; González, Measurement of areas on a sphere using
+    Fibonacci and latitude-longitude lattices, 2010).
+    """
+    i = np.arange(AXES)
+    z, angle = 1 - (i + 0.5) / AXES, np.pi * (1 + np.sqrt(5)) * i
+    r = np.sqrt(1 - z**2)
+    axes = np.column_stack((r * np.cos(angle), r * np.sin(angle), z))
+    right = unit(np.cross(axes, np.eye(3)[np.argmin(np.abs(axes), axis=1)]))
+    return np.stack((right, np.cross(axes, right), axes), axis=1)
+
+
+def point_distance(mesh: TriangleMesh) -> float:
+    """Return the distance of points on the faces, with which their number is limited [m]."""
+    area, length = float(mesh.face_areas.sum()), float(mesh.longest_sides.sum())
+    # The number of points is at most about area / distance^2 + length / distance, plus one for each face.
+    wanted = min(FACE_POINT_DISTANCE, SMALL_POINT_DISTANCE * mesh.size)
+    return max(wanted, (length + np.sqrt(length**2 + 4 * MAX_POINTS * area)) / (2 * MAX_POINTS))
+
+
+def sample_faces(mesh: TriangleMesh, distance: float) -> tuple[Array, IntArray, Array]:
+    """Return points spread over the faces, at least one on each.
+
+    Along its longest side a face has columns of equal width; each column has points at equal distances. So narrow faces
+    have points up to their tips.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        [m]
+    distance : float
+        Largest distance of adjacent points along columns and rows [m].
+
+    Returns
+    -------
+    points : array, shape (k, 3)
+        [m]
+    face : array of int, shape (k,)
+        Face of each point.
+    areas : array, shape (k,)
+        Area that each point stands for; they sum to the areas of the faces [m^2].
+    """
+    triangles, f = mesh.triangles, np.arange(len(mesh.faces))
+    squares = [np.square(triangles[:, (k + 1) % 3] - triangles[:, k]).sum(axis=1) for k in range(3)]
+    first = np.argmax(squares, axis=0)
+    a, b, c = (triangles[f, (first + k) % 3] for k in range(3))
+    length = mesh.longest_sides
+    foot = np.clip(np.einsum("fc,fc->f", c - a, b - a) / length**2, 0, 1)
+    height = 2 * mesh.face_areas / length
+    columns = np.maximum(np.ceil(length / distance).astype(np.int64), 1)
+    of = np.repeat(f, columns)  # face of each column
+    x = (_counted(columns) + 0.5) / columns[of]
+    # Height of the triangle over the middle of the column, as a fraction of its largest height.
+    top = np.minimum(x / np.maximum(foot[of], x), (1 - x) / np.maximum(1 - foot[of], 1 - x))
+    rows = np.maximum(np.ceil(top * height[of] / distance).astype(np.int64), 1)
+    column = np.repeat(np.arange(len(of)), rows)
+    y = (_counted(rows) + 0.5) / rows[column] * top[column]
+    face = of[column]
+    of_b = x[column] - y * foot[face]
+    points = np.column_stack(
+        [(1 - of_b - y) * p[face] + of_b * q[face] + y * r[face] for p, q, r in zip(a.T, b.T, c.T)]
+    )
+    weights = (top / rows)[column]
+    return points, face, weights * (mesh.face_areas / np.bincount(face, weights, len(f)))[face]
+
+
+def _counted(counts: IntArray) -> IntArray:
+    """Return 0 ... n-1 for each number n, one after the other."""
+    return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -1,0 +1,154 @@
+"""Limits of fits and of their errors: a case just within is treated as one, a case just beyond as the other.
+
+The numbers are written out, so that a limit does not change unnoticed.
+"""
+
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.geometry import SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry.fit import error_report
+from skin_calib_addon.geometry.fit.auto import ErrorCurve, Search, SizePredictor
+from skin_calib_addon.geometry.fit.chords import facet_sagittas
+from skin_calib_addon.geometry.fit.error_report import Expansion, statistics_of, winding
+from skin_calib_addon.geometry.fit.limits import limit_of
+from skin_calib_addon.geometry.fit.proof import largest_distance
+from skin_calib_addon.geometry.fit.surface_fit import iterate
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.sampling.samples import SampleRows
+from tests.shapes import RADIUS, Z_AXIS, cylinder, wrist
+
+
+@cache
+def tube():
+    """A fit to a cylinder."""
+    return fit_surface(cylinder(around=96), TubeGrid(6, 24, Z_AXIS, 0.002))
+
+
+@pytest.mark.parametrize("ratio, cause", [(1.8, "faceted"), (2.2, "steps")])
+def test_facets_explain_a_distance_of_two_sagittas(ratio, cause):
+    """Each site is off by this multiple of the sagitta of its facet."""
+    fit = tube()
+    slope = np.abs((fit.samples.rays * fit.mesh.face_normals[fit.samples.faces]).sum(axis=2))
+    residuals = ratio * facet_sagittas(fit.mesh)[fit.samples.faces] / slope
+    off = replace(fit, samples=replace(fit.samples, residuals=residuals))
+    assert cause in limit_of(off, 1e-9)[0]
+
+
+def test_the_largest_distance_is_stated_with_2_percent_more():
+    """Of a net that is too coarse; next to the largest distance on a fine grid."""
+    fit = fit_surface(wrist(), SectorGrid(6, 9, -1.0, 1.5, Z_AXIS, 0.003))
+    u, v = np.linspace(0, 1, 131), np.linspace(0, 1, 307)
+    uv = np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))
+    distance = MeshDistance(fit.mesh)
+    dense = distance(fit.surface.points(uv[fit.is_trusted(uv)]))[0].max()
+    assert 1.02 * dense <= largest_distance(fit, distance) <= 1.035 * dense  # the grid misses 0.9 % of the peak
+
+
+class Predictor:
+    """Nets of ten lines."""
+
+    most_control_points = 9600
+
+    def forget(self):
+        """Nothing is stored."""
+
+    def best_sizes(self, count, _):
+        """One size."""
+        return [(count // 10, 10)]
+
+
+@pytest.mark.parametrize("errors, fitted", [((1.0, 0.75, 0.5, 0.3), 4), ((1.0, 0.75, 0.63), 3), ((1.0, 0.85), 2)])
+def test_larger_nets_are_fitted_while_they_reduce_the_error_by_a_fifth(errors, fitted):
+    """Of the mean; none of them is within the tolerance."""
+    search = Search(None, Predictor(), 1e-9, "mean", None)
+    search.fit = lambda size: SimpleNamespace(smallest_area=1.0, size=size)
+    search.error = lambda size: search.tried.setdefault(size, (1.0, search.fit(size)))[0]
+    search.estimate = lambda fit: errors[[size for size in search.tried].index(fit.size)]
+    search.enlarge()
+    assert len(search.tried) == fitted
+
+
+def test_proportions_of_nets_differ_by_more_than_12_percent():
+    """Errors that are equal along u and v: the best net of 400 is 20 x 20, and 17 or 23 planes are the next."""
+    predictor = SizePredictor.__new__(SizePredictor)
+
+    def error(count):
+        return float(count) ** -2.0
+
+    predictor.along = ErrorCurve(error, lambda count: (error(count), np.empty(0)), 4, 60)
+    predictor.across = ErrorCurve(error, lambda count: (error(count), np.empty(0)), 4, 160)
+    assert sorted(n for n, _ in predictor.best_sizes(400, 3)) == [17, 20, 23]
+
+
+@pytest.mark.parametrize("precision", [0.018, 0.028, 0.058])
+def test_means_are_known_to_3_percent(precision):
+    """Distances that differ from their estimates: 400 exact distances give this precision of the mean."""
+    k, asked = 10_000, []
+    rng = np.random.default_rng(0)
+    distances = 1 + rng.choice((-1, 1), k) * precision * 20 / 1.96
+
+    def exact(chosen):
+        asked.append(len(chosen))
+        return distances[chosen]
+
+    found = statistics_of(np.ones(k), np.full(k, 1 / k), exact, 10.0, is_sample=False)
+    assert max(asked) == (400 if precision < 0.03 else 1600)
+    assert found.mean == pytest.approx(1, abs=0.03)
+
+
+@pytest.mark.parametrize("flipped, expected", [(20, 1), (30, 0), (70, 0), (80, -1)])
+def test_winding_counts_if_three_quarters_of_the_hits_agree(flipped, expected):
+    """Of a hundred rays, some hit faces with the other winding."""
+    normals = np.where(np.arange(100) < flipped, -1.0, 1.0)[:, None] * (0, 0, 1.0)
+    samples = SimpleNamespace(
+        residuals=np.zeros((1, 100)), rays=np.tile((0, 0, 1.0), (1, 100, 1)), faces=np.arange(100)[None]
+    )
+    assert winding(SimpleNamespace(face_normals=normals), samples) == expected
+
+
+@pytest.mark.parametrize("radii, descends", [(0.45, False), (0.55, True)])
+def test_expansions_are_used_up_to_half_a_radius(radii, descends, monkeypatch):
+    """From the surface; beyond, a descent finds the footpoint."""
+    surface, found = tube().surface, []
+    expansion = Expansion.of(surface)
+    nodes = np.flatnonzero(np.abs(expansion.uv[:, 0] - 0.5) < 0.2)
+    points = expansion.points[nodes] + radii * RADIUS * expansion.normals[nodes]
+
+    def descend(surface, uv, points):
+        found.append(len(points))
+        return uv, np.zeros(len(points))
+
+    monkeypatch.setattr(error_report, "descend", descend)
+    expansion(surface, points, nodes)
+    assert sum(found) == (len(nodes) if descends else 0)
+
+
+@pytest.mark.parametrize("cosine, is_used", [(0.18, False), (0.22, True)])
+def test_planes_of_facets_are_used_up_to_a_cosine_of_a_fifth(cosine, is_used):
+    """One ray along x hits the plane of a facet at 2 m; before, it hits the section at 1 m."""
+    normal = np.array((cosine, (1 - cosine**2) ** 0.5, 0))
+    rows = SimpleNamespace(
+        mesh=SimpleNamespace(face_normals=normal[None]),
+        sections=SimpleNamespace(face=np.array([0]), ends=np.array([[(2.0, 0, 0)]])),
+        origins=np.zeros((1, 1, 3)),
+    )
+    distance = SampleRows._onto_facets(rows, np.ones((1, 1)), np.zeros((1, 1), int), np.array([[(1.0, 0, 0)]]))
+    assert distance[0, 0] == pytest.approx(2.0 if is_used else 1.0)
+
+
+@pytest.mark.parametrize("ratio, iterations", [(0.9, 10), (1.0, 3)])
+def test_iterations_end_if_a_movement_is_as_large_as_two_before(ratio, iterations):
+    """Each movement has this ratio to the one two iterations before; the residuals stay the same."""
+    steps = iter([1e-3 * ratio ** (k / 2) for k in range(20)])
+    samples = SimpleNamespace(residuals=np.ones((1, 1)), outside=None)
+    basis = SimpleNamespace(
+        solve=lambda residuals, start: np.full((1, 1), next(steps)), blend=lambda x: x, is_closed=(False, False)
+    )
+    rows = SimpleNamespace(cast=lambda arms: samples, mesh=SimpleNamespace(size=0.1))
+    lines = SimpleNamespace(directions=np.ones((1, 1, 3)))
+    assert iterate(lines, basis, rows, np.zeros((1, 1)), samples)[2:] == (iterations, False)

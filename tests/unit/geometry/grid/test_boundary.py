@@ -1,0 +1,129 @@
+"""Boundaries of regions: what is inside, and fits that follow nothing outside."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common.errors import EmptySection
+from skin_calib_addon.geometry import fit_grid, fit_surface
+from skin_calib_addon.geometry.grid.axis import Axis
+from skin_calib_addon.geometry.grid.boundary import Boundary
+from skin_calib_addon.geometry.grid.grids import Across, Grid, Sector, Size, Tolerance, Tube
+from skin_calib_addon.geometry.mesh.triangle_mesh import weld
+from tests.shapes import cylinder
+
+RADIUS, HEIGHT = 0.05, 0.2
+TURN = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+AXIS = Axis((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+TUBE = cylinder(RADIUS, HEIGHT, 96, 30)
+UV = np.random.default_rng(0).random((20_000, 2))
+
+
+def on_tube(arc, height):
+    """Points of the tube at some arc lengths from the x axis, as a loop."""
+    return tuple(zip(RADIUS * np.cos(arc / RADIUS), RADIUS * np.sin(arc / RADIUS), height + 0 * arc))
+
+
+DISC = on_tube(0.03 * np.cos(TURN), 0.1 + 0.03 * np.sin(TURN))
+
+
+@given(st.integers(0, 10_000))
+def test_inside_is_that_of_a_polygon(seed):
+    """Random polygons with a hole, compared with another library; also across the seam of a tube."""
+    shapely = pytest.importorskip("shapely")
+    rng = np.random.default_rng(seed)
+    angles, hole = np.sort(rng.random(7)) * 2 * np.pi, np.sort(rng.random(4)) * 2 * np.pi
+    outer, inner = (r * np.column_stack((np.cos(a), np.sin(a))) for r, a in ((1, angles), (0.2, hole)))
+    points = rng.uniform(-1.2, 1.2, (60, 2))
+    polygons = shapely.Polygon(outer), shapely.Polygon(inner)
+    expected = [polygons[0].contains(p) != polygons[1].contains(p) for p in map(shapely.Point, points)]
+    assert Boundary.of([outer, inner], np.inf).contains(points).tolist() == expected
+    shift = np.array((0.0, rng.uniform(-9, 9)))  # along t, which comes back after 2 pi
+    wrapped = [np.column_stack((q[:, 0], (q + shift)[:, 1] % (2 * np.pi))) for q in (outer, inner, points)]
+    assert Boundary.of(wrapped[:2], 2 * np.pi).contains(wrapped[2]).tolist() == expected
+
+
+def test_points_level_with_a_corner_are_decided():
+    """Corners at the very t of the points: each corner counts for none or both of its edges."""
+    for angle in np.linspace(0, 3, 50):
+        turn = np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))))
+        loop = np.array(((0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2.0))) @ turn
+        far = loop + np.stack((np.linspace(-9, -4, 6), np.zeros(6)), axis=1)
+        assert not Boundary.of([loop], np.inf).contains(far).any()
+
+
+def test_points_that_are_not_numbers_are_outside():
+    """Rays without a hit; and no points at all."""
+    square = Boundary.of([np.array(((0, 0), (1, 0), (1, 1), (0, 1.0)))], np.inf)
+    assert square.contains(np.array(((0.5, 0.5), (np.nan, 0.5), (0.5, np.nan)))).tolist() == [True, False, False]
+    assert square.contains(np.zeros((0, 2))).shape == (0,)
+
+
+def test_surface_is_trusted_inside_its_boundary_only():
+    """A disc on a tube: the planes span the disc, and exactly its points are trusted."""
+    fit = fit_surface(TUBE, Grid(Sector(AXIS, None, (DISC,), start=-1, stop=1), Size(6, 8), "uniform"))
+    assert_allclose(fit.lines.planes_u.points[[0, -1], 2], (0.07, 0.13), atol=1e-12)
+    assert fit.missing == 0 and fit.warnings == () and fit.errors.hausdorff < 1e-4
+    points = fit.surface.points(UV)
+    from_centre = np.hypot(np.arctan2(points[:, 1], points[:, 0]) * RADIUS, points[:, 2] - 0.1)
+    trusted = fit.is_trusted(UV)
+    assert from_centre[trusted].max() < 0.03 < from_centre[~trusted].min() + 0.0004  # the polygon has 24 corners
+
+
+def test_loops_may_go_round_the_tube():
+    """Between two wavy rings; the seam is no edge."""
+    low, high = (on_tube(RADIUS * TURN, z + 0.01 * np.sin(3 * TURN)) for z in (0.05, 0.15))
+    fit = fit_surface(TUBE, Grid(Tube(AXIS, None, (low, high)), Size(6, 16)))
+    points = fit.surface.points(UV)
+    wave = 0.01 * np.sin(3 * np.arctan2(points[:, 1], points[:, 0]))
+    height = points[:, 2] - wave
+    near = np.minimum(abs(height - 0.05), abs(height - 0.15)) < 0.001  # the rings are polygons
+    assert (fit.is_trusted(UV) == ((height > 0.05) & (height < 0.15)))[~near].all()
+
+
+def with_box():
+    """A flat plate with a box on it that hides a quarter of it."""
+    x, y = np.meshgrid(np.linspace(0, 0.1, 21), np.linspace(0, 0.06, 13), indexing="ij")
+    height = np.where((x > 0.06) & (y > 0.03), 0.02, 0.0)
+    k = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = k[:-1, :-1].ravel(), k[1:, :-1].ravel(), k[1:, 1:].ravel(), k[:-1, 1:].ravel()
+    points = np.column_stack((x.ravel(), y.ravel(), height.ravel()))
+    return weld(points, np.concatenate((np.column_stack((a, b, c)), np.column_stack((a, c, d)))))
+
+
+CORNERS = ((0.01, 0.005), (0.09, 0.005), (0.09, 0.02), (0.05, 0.02), (0.05, 0.055), (0.01, 0.055))
+SQUARE = tuple((x, y, 0.0) for x, y in CORNERS)
+
+
+@pytest.mark.parametrize("size", [Size(8, 8), Tolerance(1e-5)], ids=["fixed", "auto"])
+def test_what_is_outside_does_not_pull_the_surface(size):
+    """With the boundary the plate is flat; without it, the box is in the surface."""
+    mesh = with_box()
+    fit = fit_grid(mesh, Grid(Across(normal=(0, 0, 1), boundary=(SQUARE,)), size), (3, 3))
+    uv = UV[fit.is_trusted(UV)]
+    assert len(uv) > 5000 and np.abs(fit.surface.points(uv)[:, 2]).max() < 1e-9
+    assert fit.errors.surface_to_mesh.max < 1e-9
+    broken = fit_surface(mesh, Grid(Across(normal=(0, 0, 1), margin=0.005), Size(8, 8)), max_deviation=0.1)
+    assert broken.errors.surface_to_mesh.max > 5e-4
+
+
+def test_holes_inside_the_boundary_are_holes():
+    """Rays that miss the mesh inside count as missing, those outside do not."""
+    open_tube = cylinder(RADIUS, HEIGHT, 96, 30)
+    centres = open_tube.triangles.mean(axis=1)
+    hole = np.hypot(centres[:, 1], centres[:, 2] - 0.1) < 0.01
+    mesh = weld(open_tube.vertices, open_tube.faces[~(hole & (centres[:, 0] > 0))])
+    fit = fit_surface(mesh, Grid(Sector(AXIS, None, (DISC,), start=-1, stop=1), Size(6, 8), "uniform"))
+    assert 0.05 < fit.missing < 0.2 and "missing-samples" in [w.code for w in fit.warnings]
+    points = fit.surface.points(UV)
+    in_hole = np.hypot(points[:, 1], points[:, 2] - 0.1) < 0.009
+    assert not fit.is_trusted(UV)[in_hole].any()
+
+
+def test_boundary_off_the_mesh_is_refused():
+    """No ray is inside."""
+    far = tuple((x + 1.0, y, z + 1.0) for x, y, z in DISC)
+    with pytest.raises(EmptySection, match="inside the boundary"):
+        fit_surface(TUBE, Grid(Sector(AXIS, None, (far,), start=-1, stop=1), Size(6, 8), "uniform"))

@@ -1,0 +1,180 @@
+"""COLLADA files: units, axes, nodes, damage and malice; trimesh's own reading of the scene is the independent truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from skin_calib_addon.common.errors import InvalidMesh
+from skin_calib_addon.geometry.mesh import dae
+from skin_calib_addon.geometry.mesh.triangle_mesh import load_mesh, read_mesh, save_mesh
+from tests.shapes import box, same_mesh
+
+pytest.importorskip("collada")
+ROBOT = Path(__file__).parents[5] / "shared" / "data" / "robots" / "jvrc_description" / "meshes"
+POINTS = "0 0 0 0.1 0 0 0 0.2 0 0 0 0.3"
+FACES = "0 2 1 0 1 3 0 3 2 1 2 3"
+GEOMETRY = """<geometry id="{name}"><mesh>
+<source id="{name}-p"><float_array id="{name}-a" count="12">{points}</float_array><technique_common>
+<accessor source="#{name}-a" count="4" stride="3">
+<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+</accessor></technique_common></source>
+<vertices id="{name}-v"><input semantic="POSITION" source="#{name}-p"/></vertices>
+{faces}</mesh></geometry>"""
+TRIANGLES = '<triangles count="4"><input semantic="VERTEX" source="#{name}-v" offset="0"/><p>{p}</p></triangles>'
+FILE = """<?xml version="1.0"?>{before}
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="u" meter="{metre}"/><up_axis>{up}</up_axis></asset>{other}
+<library_geometries>{geometries}</library_geometries>{nodes}
+<library_visual_scenes><visual_scene id="scene">{scene}</visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#scene"/></scene></COLLADA>"""
+INSTANCE = '<node>{at}<instance_geometry url="#a"/></node>'
+CORNERS = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]])
+
+
+def geometry(name="a", points=POINTS, faces=TRIANGLES, p=FACES):
+    return GEOMETRY.format(name=name, points=points, faces=faces.format(name=name, p=p))
+
+
+def written(folder, before="", metre=1, up="Z_UP", other="", geometries=None, nodes="", scene=None, at=""):
+    """Write a tetrahedron, with changes."""
+    path = folder / "link.dae"
+    scene = INSTANCE.format(at=at) if scene is None else scene
+    geometries = geometry() if geometries is None else geometries
+    parts = {"before": before, "metre": metre, "up": up, "other": other, "nodes": nodes}
+    path.write_text(FILE.format(**parts, geometries=geometries, scene=scene))
+    return path
+
+
+def ordered(points):
+    return points[np.lexsort(points.round(6).T[::-1])]
+
+
+def vertices(path):
+    """Return the vertices, sorted."""
+    return ordered(read_mesh(path).vertices)
+
+
+def test_tetrahedron(tmp_path):
+    mesh = read_mesh(written(tmp_path))
+    np.testing.assert_allclose(vertices(written(tmp_path)), ordered(CORNERS), atol=1e-8)
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    np.testing.assert_allclose((a * np.cross(b, c)).sum() / 6, 0.1 * 0.2 * 0.3 / 6, rtol=1e-6)
+
+
+@pytest.mark.parametrize("up", ["X_UP", "Y_UP", "Z_UP"])
+@pytest.mark.parametrize("metre", [1, 0.01, 0.0254])
+def test_unit_counts_and_up_axis_does_not(tmp_path, metre, up):
+    """As in RViz and Gazebo."""
+    np.testing.assert_allclose(vertices(written(tmp_path, metre=metre, up=up)), ordered(CORNERS * metre), rtol=1e-7)
+
+
+def test_nodes_are_placed(tmp_path):
+    """Translation, rotation, scale and matrix, nested, and a node that is instanced twice."""
+    library = f'<library_nodes><node id="n">{INSTANCE.format(at="<scale>2 2 2</scale>")}</node></library_nodes>'
+    turn = '<rotate>0 0 1 90</rotate><instance_node url="#n"/>'
+    matrix = '<matrix>1 0 0 0 0 1 0 0 0 0 1 5 0 0 0 1</matrix><instance_node url="#n"/>'
+    scene = f"<node><translate>1 0 0</translate><node>{turn}</node></node><node>{matrix}</node>"
+    found = vertices(written(tmp_path, nodes=library, scene=scene))
+    turned = CORNERS[:, [1, 0, 2]] * (-2, 2, 2) + (1, 0, 0)
+    np.testing.assert_allclose(found, ordered(np.concatenate((turned, CORNERS * 2 + (0, 0, 5)))), atol=1e-6)
+
+
+def test_polygons_are_split(tmp_path):
+    """A quadrilateral is two triangles; lines are left out."""
+    points = "0 0 0 1 0 0 1 1 0 0 1 0"
+    quad = (
+        '<polylist count="1"><input semantic="VERTEX" source="#{name}-v" offset="0"/><vcount>4</vcount><p>0 1 2 3</p>'
+        '</polylist><lines count="1"><input semantic="VERTEX" source="#{name}-v" offset="0"/><p>0 2</p></lines>'
+    )
+    mesh = read_mesh(written(tmp_path, geometries=geometry(points=points, faces=quad)))
+    assert len(mesh.faces) == 2 and mesh.face_areas.sum() == 1
+
+
+def test_defects_without_an_effect_on_the_shape_do_not_matter(tmp_path):
+    """Materials, lights and images that are missing or damaged."""
+    other = "<library_effects><effect/></library_effects><library_images><image/></library_images>"
+    bind = '<bind_material><technique_common><instance_material symbol="m" target="#none"/></technique_common>'
+    scene = f'<node><instance_geometry url="#a">{bind}</bind_material></instance_geometry></node>'
+    scene += '<node><instance_light url="#none"/><instance_camera url="#none"/></node>'
+    assert len(read_mesh(written(tmp_path, other=other, scene=scene)).faces) == 4
+
+
+def test_file_of_trimesh_is_read(tmp_path):
+    """Triangles with normals; the unit that a file does not state is the metre."""
+    mesh = box((0, 0, 0), (0.1, 0.05, 0.025))
+    raw = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    (tmp_path / "box.dae").write_bytes(raw.export(file_type="dae"))
+    found = load_mesh(tmp_path / "box.dae")
+    np.testing.assert_allclose(found.vertices, mesh.vertices, atol=1e-8)
+    assert (found.faces == mesh.faces).all()
+
+
+@pytest.mark.skipif(not ROBOT.exists(), reason="the robots are not here")
+def test_meshes_of_a_robot_are_those_of_trimesh():
+    """Areas and boxes of all 35 links of JVRC-1."""
+    files = sorted(ROBOT.glob("*.dae"))
+    for file in files:
+        mesh, scene = load_mesh(file), trimesh.load(file)
+        expected = scene.to_mesh()
+        np.testing.assert_allclose(mesh.face_areas.sum(), expected.area, rtol=1e-6)
+        np.testing.assert_allclose((mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)), expected.bounds, atol=1e-7)
+    assert len(files) == 35
+
+
+DOUBLING = "".join(
+    f'<node id="n{k}"><instance_node url="#n{k - 1}"/><instance_node url="#n{k - 1}"/></node>' for k in range(1, 40)
+)
+LAUGHS = '<!DOCTYPE COLLADA [<!ENTITY a "1"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
+BAD = {
+    "entities": ({"before": LAUGHS}, "it declares a document type, which may contain entities; remove it"),
+    "external": ({"before": '<!DOCTYPE COLLADA SYSTEM "file:///etc/passwd">'}, "it declares a document type"),
+    "nodes": (
+        {"nodes": f'<library_nodes><node id="n0"/>{DOUBLING}</library_nodes>', "scene": '<instance_node url="#n39"/>'},
+        "",
+    ),
+    "number": ({"geometries": geometry(points=POINTS.replace("0.2", "0.2x"))}, ""),
+    "not finite": ({"geometries": geometry(points=POINTS.replace("0.2", "nan"))}, "vertices of a are not finite"),
+    "fewer points": ({"geometries": geometry(points=POINTS[:-6])}, ""),
+    "index": ({"geometries": geometry(p=FACES.replace("3", "9"))}, ""),
+    "fewer faces": ({"geometries": geometry(p=FACES[:-6])}, "it announces 4 faces of a, but has 3"),
+    "no geometry": ({"geometries": geometry("b")}, "Geometry #a not found"),
+    "one of two": ({"geometries": geometry() + geometry("b", points="1 2")}, ""),
+    "no face": ({"scene": "<node/>"}, "has no faces"),
+    "unit": ({"metre": 0}, "degenerate"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_file_is_one_line(tmp_path, case):
+    """Also where the reader would leave a part out without a word, and where a small file would fill the memory."""
+    changes, words = BAD[case]
+    if case == "nodes":
+        changes = changes | {"scene": f"<node>{changes['scene']}</node>"}
+        words = f"its scene has more than {dae.MAX_DAE_NODES} nodes"
+    with pytest.raises(InvalidMesh, match=f"link.dae.*{words}") as error:
+        read_mesh(written(tmp_path, **changes))
+    assert "\n" not in str(error.value)
+
+
+def test_every_truncated_file_is_refused(tmp_path):
+    """At 200 positions."""
+    whole = written(tmp_path).read_bytes()
+    for end in np.linspace(0, len(whole) - 12, 200).astype(int):
+        (tmp_path / "cut.dae").write_bytes(whole[:end])
+        with pytest.raises(InvalidMesh, match="cut.dae is not a valid DAE file"):
+            read_mesh(tmp_path / "cut.dae")
+
+
+def test_without_the_package_the_message_states_how_to_install_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "collada", None)
+    with pytest.raises(InvalidMesh, match=r"link.dae cannot be read: this needs pycollada.*pip install pycollada"):
+        read_mesh(written(tmp_path))
+
+
+def test_mesh_survives_as_ply(tmp_path):
+    """The same mesh in another format has the same hash."""
+    mesh = read_mesh(written(tmp_path))
+    save_mesh(mesh, tmp_path / "link.ply")
+    assert same_mesh(read_mesh(tmp_path / "link.ply"), mesh)
