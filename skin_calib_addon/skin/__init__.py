@@ -5,9 +5,8 @@ from numpy.typing import ArrayLike
 from ..calibration.model import TaxelArray
 from ..geometry.surface.bspline import BSplineSurface
 from .boards.board_taxels import board_taxels
-from .boards.layout import Choice, lay_boards
-from .boards.outline import Zone
-from .boards.wrap import WrappedBoards, wrap_boards
+from .boards.ground import Zone
+from .boards.layout import Choice, WrappedBoards, lay_boards, wrap_boards
 from .lattice import HexLattice, SheetLattice
 from .sheet.landmarks import Landmark
 from .sheet.taxels import sheet_taxels

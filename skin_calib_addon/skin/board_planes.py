@@ -10,9 +10,10 @@ from ..common.arrays import Array, IntArray, unit
 # Distance from its plane up to which a taxel is on a flat board [m]: positions of files have six decimals. Nine taxels
 # of a square at a pitch of 6.5 mm are deeper if the radius is below 1 m. Larger: bent sheets count as boards.
 FLAT_TOLERANCE = 1e-5
-# Least number of taxels whose plane is found from positions alone: five points are always on a conic.
+# Least number of taxels whose plane is found from positions alone. Derived: five points are always on a conic.
 MIN_FOUND_TAXELS = 6
-MIN_STATED_TAXELS = 4  # least number of taxels of a board that the file states; three are always flat
+# Least number of taxels of a board that the file states. Derived: three points are always in a plane.
+MIN_STATED_TAXELS = 4
 # Smallest relative deviation from every line and conic. A plane meets cylinders, cones and spheres in conics. Taxels of
 # a sheet bent over them can be in a plane, too, but only on one. Larger: finds fewer boards, above all narrow ones.
 MIN_CONIC_DEVIATION = 0.02

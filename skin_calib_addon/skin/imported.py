@@ -21,10 +21,12 @@ from ..geometry.registration import MAX_SKIN_THICKNESS, ON_MESH_DISTANCE, RigidF
 from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
 from .board_planes import board_planes
-from .boards.outline import MIN_COVERED_COSINE
 from .sheet.constraints import MIN_DIRECTION_SINE
 from .sheet.taxels import fan_areas
 
+# Smallest cosine of the angle between a board of a file and the surface that it belongs to. Larger: more boards have
+# the normals of the surface.
+MIN_COVERED_COSINE = 0.5
 # Largest deviation of a given matrix from a rotation; covers four decimals. Larger: accepts less exact matrices.
 ROTATION_MATRIX_TOLERANCE = 1e-3
 # Sides of the outline of a cell. Larger: rounder cells, larger files.

@@ -78,10 +78,11 @@ class SheetLattice:
         return np.stack([nodes[i + a, j + b] for a, b in offsets], axis=1)
 
 
-CENTRE = ((0, 0),)
-# Counter-clockwise, seen from outside, for a right-handed sheet: x runs along the row, z points out of the robot.
+CENTRE = ((0, 0),)  # Format: offset in half pitches
+# Format: offsets in half pitches. Counter-clockwise, seen from outside, for a right-handed sheet: x runs along the row,
+# z points out of the robot.
 CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
-EDGES = ((0, 1), (1, 0), (0, -1), (-1, 0))
+EDGES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # Format: offsets of the middles of the sides, as of the corners
 
 
 @dataclass(frozen=True)
@@ -137,5 +138,5 @@ class HexLattice:
         return self.side * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
-# Axial step to the cell beyond side k of a hexagon. Side k is between the corners k and k + 1.
+# Format: axial step to the cell beyond side k of a hexagon. Side k is between the corners k and k + 1.
 PORTS = ((1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1))

@@ -11,17 +11,19 @@ from ..geometry.fit.error_field import ErrorField
 from ..geometry.surface.bspline import MIN_LENGTH, BSplineSurface
 
 # [m] standard uncertainty, per axis along the surface, of the point where an author mounts a skin by hand. Larger: all
-# positions and normals are less certain.
+# positions and normals are less certain. Contract: the documented default of a plan.
 ORIGIN_UNCERTAINTY = 1e-3
 # [rad] standard uncertainty of the direction in which an author mounts a skin by hand. Larger: taxels far from the
-# anchor are less certain.
+# anchor are less certain. Contract: the documented default of a plan.
 DIRECTION_UNCERTAINTY = float(np.deg2rad(1.0))
 # [m] least uncertainty of an origin that an author or touches can state. Smaller: covariances become singular by
-# rounding.
+# rounding. Contract: a limit of plan files.
 MIN_ORIGIN_UNCERTAINTY = 1e-6
 # [m] largest uncertainty of an origin that can be stated. Larger: origins that nothing determines are accepted.
+# Contract: a limit of plan files.
 MAX_ORIGIN_UNCERTAINTY = 0.1
 # [rad] largest uncertainty of a direction that can be stated. Larger: directions that nothing determines are accepted.
+# Contract: a limit of plan files.
 MAX_DIRECTION_UNCERTAINTY = 1.0
 # [1] strain above which the position of a cell is unknown, because the sheet wrinkles or lifts there. Larger: more
 # taxels have an uncertainty.

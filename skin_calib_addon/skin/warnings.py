@@ -13,7 +13,7 @@ from .sheet.closure import Closure
 # Limits of what real skins tolerate. Larger: fewer warnings.
 STRAIN_LIMIT = 0.05  # relative stretch of a cell of a sheet
 MAX_OVERLAP_FRACTION = 0.1  # overlap of the ends of a sheet in cells; more is an error unless the plan allows it
-OVERLAP_LIMIT = 5e-4  # overlap of the ends of a sheet, or of two boards in excess of the flat lattice [m]
+OVERLAP_LIMIT = 5e-4  # overlap of the ends of a sheet [m]
 GAP_LIMIT = 3e-3  # distance between a corner of a board and the surface [m]
 OVERHANG_LIMIT = 1e-3  # overhang of a board over an edge [m]
 
@@ -31,13 +31,6 @@ BOARD_LIMITS = (
         OVERHANG_LIMIT,
         "protrude over an edge by more than {limit:g} mm",
         "Leave them out, or move the origin.",
-    ),
-    (
-        "collision",
-        "board-collision",
-        OVERLAP_LIMIT,
-        "collide with another board by more than {limit:g} mm",
-        "Leave one of the two out.",
     ),
 )
 
@@ -130,6 +123,8 @@ def check_overlap(patch: Patch, closure: Closure | None) -> None:
             f"skin {patch.name!r} {overlap_words(closure)}. Use {count} fewer {what}, a smaller pitch, or allow it "
             'with "overlap"',
             overlap=closure.overlap,
+            code="overlap",
+            place=Place(names=closure.worst_line, skin=patch.name),
         )
 
 

@@ -32,13 +32,16 @@ def loaded(name, calibration):
 
 @given(parts=some_patches, link=any_name)
 def test_any_model_has_its_sites(parts, link):
-    """Sites have names, order and frames of the taxels, and one sensor each."""
+    """Sites have names and frames of the taxels, and one sensor each, in the order of the taxels."""
     calibration = small_calibration(patches=parts, link=link)
     model, data = loaded("mjcf", calibration)
     taxels = taxels_of(calibration)
-    assert model.body(1).name == link and [model.site(i).name for i in range(model.nsite)] == list(taxels.ids)
-    assert_allclose(data.site_xpos, taxels.positions, rtol=0, atol=1e-12)
-    assert_allclose(data.site_xmat.reshape(-1, 3, 3), taxels.axes, rtol=0, atol=1e-12)
+    assert model.body(1).name == link and model.nsite == len(taxels.ids)
+    sites = model.sensor_objid[: model.nsite]
+    assert [model.site(i).name for i in sites] == list(taxels.ids)
+    assert [model.sensor(i).name for i in range(model.nsite)] == list(taxels.ids)
+    assert_allclose(data.site_xpos[sites], taxels.positions, rtol=0, atol=1e-12)
+    assert_allclose(data.site_xmat[sites].reshape(-1, 3, 3), taxels.axes, rtol=0, atol=1e-12)
     meshes = [patch for patch in parts if len(patch.taxels.ids) > 3]
     assert model.nsensor == len(taxels.ids) + len(meshes)
     assert model.nsensordata == len(taxels.ids) + 3 * sum(len(patch.taxels.ids) for patch in meshes)

@@ -1,15 +1,14 @@
 """Taxels of placed boards, and the fit of each board: tilt, gaps under it, collisions."""
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...calibration.model import TaxelArray
 from ...common.arrays import Array, IntArray, cross, unit
 from ...geometry.surface.footpoints import footpoints
-from ..lattice import ROUNDING, HexLattice
+from ..lattice import HexLattice
 from ..neighbours import neighbours
 from ..sheet.net import board_net
-from .wrap import WrappedBoards
+from .layout import WrappedBoards
 
 
 def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overhang: Array | None = None) -> TaxelArray:
@@ -62,7 +61,7 @@ def board_taxels(boards: WrappedBoards, name: str, first_channel: int = 0, overh
             "gap": _corner_gaps(boards, corners - boards.offset * normals[:, None]),
             "tilt": _largest_per_board(angles(normals, pairs), pairs, len(ids)),
             "pitch_error": _largest_per_board(np.abs(_distances(positions, linked) - lattice.pitch), linked, len(ids)),
-            "collision": _collisions(boards, positions, corners, normals),
+            "collision": _collisions(boards),
         }
         | ({} if overhang is None else {"overhang": overhang}),
     )
@@ -120,27 +119,13 @@ def _corner_gaps(boards: WrappedBoards, corners: Array) -> Array:
     return heights[np.arange(len(heights)), np.abs(heights).argmax(axis=1)]
 
 
-def _collisions(boards: WrappedBoards, positions: Array, corners: Array, normals: Array) -> Array:
-    """Return the penetration of each board into another, beyond that in the flat lattice, shape (n,) [m].
-
-    The separating axis theorem is applied in the plane of each board, for the upper and the lower face. The middle
-    planes of the boards are ``offset`` above the surface.
-    """
-    lattice, depth = boards.lattice, np.zeros(len(positions))
-    apothem, flat_overlap = np.sqrt(0.75) * lattice.side, max(-lattice.gap, 0.0)
-    pairs = cKDTree(positions).query_pairs(2 * lattice.side, output_type="ndarray")
-    pairs = np.concatenate((pairs, pairs[:, ::-1]))
-    a, b = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > 0].T
-    side_normals = unit((corners + np.roll(corners, -1, axis=1)) / 2 - positions[:, None])  # outward
-    for height in {boards.offset, -boards.offset}:
-        faces = corners + height * normals[:, None]
-        middles = positions + height * normals
-        apart = np.full(len(a), -np.inf)
-        for one, other in ((a, b), (b, a)):  # separated by any side of one of them
-            heights = np.einsum("pkc,psc->psk", faces[other] - middles[one][:, None], side_normals[one])
-            apart = np.maximum(apart, (heights.min(axis=2) - apothem).max(axis=1))
-        np.maximum.at(depth, a, -apart - flat_overlap)
-    return np.where(depth > ROUNDING * lattice.pitch, depth, 0.0)
+def _collisions(boards: WrappedBoards) -> Array:
+    """Return the depth of the deepest overlap of each board with another, shape (n,) [m]."""
+    depth = np.zeros(len(boards.cells))
+    pairs, depths, _ = boards.overlaps()
+    for column in pairs.T:
+        np.maximum.at(depth, column, depths)
+    return depth
 
 
 def board_at(taxels: TaxelArray, lattice: HexLattice, point: Array) -> tuple[int, int]:

@@ -1,36 +1,59 @@
 """Choice of the boards on a surface: as many as fit, all that fit at a given position, or a list of the author."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from ...common.arrays import Array
-from ...common.errors import InvalidPlan, OutsideSurface
+from ...common.arrays import Array, BoolArray, IntArray, unit
+from ...common.errors import InvalidPlan, OutsideSurface, millimetres
 from ...geometry.fit.surface_fit import SurfaceFit
 from ...geometry.surface.bspline import BSplineSurface
-from ...geometry.surface.footpoints import footpoints
 from ..lattice import HexLattice
-from ..sheet.net import board_net
 from ..sheet.offset import offset_surface
-from ..sheet.wrap import on_surface, root_of, size_of
-from .fill import EQUAL_TOLERANCE, LatticePlacement, fill
-from .outline import FlatMap, Zone, disc, flat_loops, outline
-from .region import Region
-from .wrap import WrappedBoards, check_board_folds, relax_boards, turned_over_boards, unroll_boards, with_surrounded
+from ..sheet.wrap import check_size, on_surface, root_of
+from .flat_map import POSITION_TOLERANCE, FlatMap, flat_map, lengths_of
+from .ground import MAX_ANGLE, MAX_DISTANCE, Ground, Zone
+from .overlap import TOUCH, largest_apart, overlapping
+from .region import region_of
+from .search import MAX_PITCH_CHANGE, Poses, Search, axes_at
 
 Choice = Literal["fill", "all"] | Sequence[tuple[int, int]]
-# Largest number of nodes of the flat map along the size of the surface. Larger: more exact for small boards, slower.
-MAX_MAP_NODES = 30
-# Relative pitch error of two nodes of the map from which on their geodesics are wrong. Larger: keeps wrong nodes.
-MAX_MAP_PITCH_ERROR = 0.3
-# Overhang up to which a board that "fill" or "all" chose is kept: on a doubly curved surface the lattice strains [m].
-# Larger: keeps boards that protrude.
-FILL_OVERHANG_LIMIT = 5e-4
+# [1] Distance of the nodes of the flat map, in pitches. Larger: less exact, faster.
+MAP_SPACING = 0.5
+# [1] Length by which the map of a tube continues over its cut, in pitches: a board and its corners.
+OVER_CUT = 2.2
+# [1] Samples of each side of a board that are compared with the mesh in the end. More: smaller protrusions, slower.
+OUTLINE_SAMPLES = 4
+# [1] Protrusion of a corner of the border into a board, in sides, that is not an overhang. Larger: boards protrude.
+MAX_PROTRUSION = 0.06
+# [1] Most cells in the circle around a surface; more of them mean wrong units. Larger: more time and memory.
+MAX_CELLS = 50_000
+# [1] Most rounds of moves. More: fewer boards are left out, slower.
+MOVES = 30
+
+
+@dataclass(frozen=True, eq=False)
+class WrappedBoards:
+    """Boards placed on a surface; row i of every array is the board of ``cells[i]``."""
+
+    surface: BSplineSurface
+    offset: float  # height of the boards' middle planes above the surface [m]
+    lattice: HexLattice
+    cells: IntArray  # (n, 2) axial coordinates
+    uv: Array  # (n, 2) parameters of the centres, continuous over a seam
+    tangents: Array  # (n, 3) unit, along the rows of the lattice
+
+    def __getitem__(self, which: BoolArray | IntArray) -> "WrappedBoards":
+        return replace(self, cells=self.cells[which], uv=self.uv[which], tangents=self.tangents[which])
+
+    def overlaps(self) -> tuple[IntArray, Array, Array]:
+        """Return the pairs of boards that overlap (k, 2), how deep (k,) [m], and the axes between them (k, 3)."""
+        normals = self.surface.normals(self.uv)
+        positions = self.surface.points(self.uv) + self.offset * normals
+        return overlapping(positions, normals, self.tangents, self.lattice, abs(self.offset))
 
 
 def lay_boards(
@@ -46,6 +69,10 @@ def lay_boards(
 ) -> tuple[WrappedBoards, Array]:
     """Choose boards and place them on a surface.
 
+    The lattice keeps its pitch along the surface, as far as a flat map can. Rows close around a tube. Boards that
+    overlap in space move apart by up to 6 % of the pitch. After that, as many boards as possible without an overlap
+    remain.
+
     Parameters
     ----------
     surface : BSplineSurface
@@ -60,7 +87,7 @@ def lay_boards(
     direction : array, shape (3,), or None
         Direction of the row at the root, or nearly so for "fill". None takes the direction of v.
     offset : float
-        Height of the middle planes of the boards above the surface [m].
+        Height of the middle planes of the boards above the surface [m]. The boards have twice this thickness.
     fit : SurfaceFit, optional
         Fit of the surface: boards stay where its mesh has faces.
     excluded : sequence of Zone
@@ -71,103 +98,262 @@ def lay_boards(
     boards : WrappedBoards
         The placed boards.
     overhang : array, shape (n,)
-        Protrusion of each board over an edge of the surface or the mesh, or into an excluded zone [m].
+        Protrusion of each board over an edge of the surface or the mesh, or into an excluded zone [m]. It is zero for
+        "fill" and "all".
 
     Raises
     ------
     InvalidPlan
-        If no board fits, or boards of the given sequence fold over each other.
+        If no board fits, or boards of the given sequence overlap.
     OutsideSurface
         If a board of the given sequence is outside the surface.
     """
-    layer, start = offset_surface(surface, offset), root_of(surface, origin)
-    if direction is None:
-        direction = layer.derivatives(start[None])[0, 1, 0]
-    to_flat = _flat_map(layer, lattice, fit, start, direction)
-    loops = flat_loops(to_flat, outline(surface, fit, float(start[1])))
-    centres = np.array([zone.point for zone in excluded]).reshape(-1, 3)
-    flat_points = to_flat(centres, footpoints(surface, centres)[0])
-    region = Region(
-        tuple(loops), tuple(disc(flat_point, zone.radius) for flat_point, zone in zip(flat_points, excluded))
-    )
-    if choice == "fill":
-        placement = _with_root_at_origin(fill(region, lattice))
-    elif choice == "all":
-        placement = fill(region, lattice, np.zeros(2), 0.0)
-    else:
-        placement = LatticePlacement(lattice, np.zeros(2), 0.0, np.array(choice))
-    complete = with_surrounded(placement.cells)
-    guess = to_flat.at(replace(placement, cells=complete).centres, placement.angle)
-    uv, tangents = (values[: len(placement.cells)] for values in relax_boards(layer, lattice, complete, *guess))
-    boards = WrappedBoards(surface, offset, lattice, placement.cells, uv, tangents)
-    overhang = _overhangs(region, placement, to_flat(layer.points(boards.uv), boards.uv))
-    inside = on_surface(layer, boards.uv)
-    if not isinstance(choice, str):
-        if not inside.all():
-            raise OutsideSurface(
-                f"board {placement.cells[~inside][0].tolist()} lies beyond the edge of the surface, the first of "
-                f"{np.count_nonzero(~inside)}; leave it out, or move the origin"
+    layout = Layout.of(surface, lattice, origin, direction, offset, fit, excluded)
+    given = layout.given()
+    if isinstance(choice, str):
+        pose, boards = layout.most_boards([*layout.search.best(), *given] if choice == "fill" else given)
+        boards = boards[layout.outline_is_covered(boards, pose)]
+        if not len(boards.cells):
+            width, height = layout.search.region.size * 1e3
+            raise InvalidPlan(
+                f"no board with sides of {lattice.side * 1e3:g} mm fits completely in the region, which is {width:.1f} "
+                f"x {height:.1f} mm over all, with its centre within {MAX_DISTANCE * 1e3:g} mm and "
+                f"{np.rad2deg(MAX_ANGLE):.0f} degrees of the mesh; extend the surface, or use smaller boards"
             )
-        check_board_folds(layer, placement.cells, boards.uv)
-        return boards, overhang
-    # On a doubly curved surface boards keep their pitch and leave their flat positions. Remove those that protrude or
-    # fold over each other.
-    inside &= (overhang <= FILL_OVERHANG_LIMIT) & ~turned_over_boards(boards.cells, boards.uv)
-    if not inside.any():
-        raise InvalidPlan("no board fits on this surface: the curvature is too high for this size. Use smaller boards")
-    kept = replace(boards, cells=boards.cells[inside], uv=boards.uv[inside], tangents=boards.tangents[inside])
-    return kept, overhang[inside]
+        if choice == "fill":
+            boards = _rooted(boards, layout.to_flat)
+        return boards, np.zeros(len(boards.cells))
+    return layout.listed(np.array(choice, np.int64).reshape(-1, 2), *layout.most_boards(given))
 
 
-def _with_root_at_origin(placement: LatticePlacement) -> LatticePlacement:
-    """Return the same boards; the root is the cell nearest to the flat origin."""
-    distances = np.linalg.norm(placement.centres, axis=1)
-    root = placement.cells[np.flatnonzero(distances < distances.min() + EQUAL_TOLERANCE)[0]]
-    centre = placement.centres[(placement.cells == root).all(axis=1)][0]
-    return replace(placement, offset=centre, cells=placement.cells - root)
+def wrap_boards(
+    surface: BSplineSurface,
+    lattice: HexLattice,
+    cells: Sequence[Sequence[int]] | IntArray,
+    origin: ArrayLike | None,
+    direction: ArrayLike,
+    *,
+    offset: float = 0.0,
+) -> WrappedBoards:
+    """Place given boards on the tangent planes of a surface, see :func:`lay_boards`.
 
+    Parameters
+    ----------
+    surface : BSplineSurface
+        The surface, in the link frame.
+    lattice : HexLattice
+        The flat lattice.
+    cells : sequence of (q, r)
+        Axial coordinates of the boards.
+    origin : array, shape (3,), or None
+        Position of the centre of the root cell (0, 0), with or without a board [m]; its nearest surface point counts.
+        None takes the middle of the surface.
+    direction : array, shape (3,)
+        Direction of the row at the root, in the link frame; its tangential part counts.
+    offset : float
+        Height of the middle planes of the boards above the surface [m].
 
-def _overhangs(region: Region, placement: LatticePlacement, centres: Array) -> Array:
-    """Return the protrusion of each board out of the region, with its flat centre, shape (n,) [m]."""
-    turn = np.array(
-        ((np.cos(placement.angle), np.sin(placement.angle)), (-np.sin(placement.angle), np.cos(placement.angle)))
-    )
-    overhang = -region.clearances(centres, placement.lattice.corners @ turn)
-    return np.where(overhang > EQUAL_TOLERANCE, overhang, 0.0)
+    Returns
+    -------
+    WrappedBoards
 
-
-def _flat_map(
-    layer: BSplineSurface, lattice: HexLattice, fit: SurfaceFit | None, start: Array, direction: ArrayLike
-) -> FlatMap:
-    """Return a flat map of the part of a surface that the mesh covers.
-
-    Its nodes are boards of the lattice, or larger ones if there would be too many.
+    Raises
+    ------
+    InvalidPlan
+        If the direction is perpendicular to the surface, the offset folds the surface, or boards overlap.
+    OutsideSurface
+        If the centre of a board is outside the surface; names the first board.
     """
-    size = size_of(layer)
-    if lattice.pitch < size / MAX_MAP_NODES:
-        lattice = HexLattice(size / MAX_MAP_NODES / np.sqrt(3), 0.0)
-    grid = layer.grid_points(np.linspace(0, 1, 33), np.linspace(0, 1, 33))
-    length, breadth = (float(np.linalg.norm(np.diff(grid, axis=k), axis=2).sum(axis=k).max()) for k in (0, 1))
-    radius = float(np.hypot(length, breadth / 2 if layer.closed[1] else breadth))
-    if fit is not None:  # without a mesh the surface may be far off
-        radius = min(radius, (2.0 if layer.closed[1] else 1.0) * fit.mesh.size)
-    count = int(np.ceil(radius / lattice.row_step)) + 1
-    r, q = np.indices((2 * count + 1, 2 * count + 1)).reshape(2, -1) - count
-    cells = np.column_stack((q, r))
-    cells = cells[(lattice.centres(cells) ** 2).sum(axis=1) <= radius**2]
-    uv, _ = unroll_boards(layer, lattice, cells, start, direction)
-    kept = on_surface(layer, uv) & (~np.array(layer.closed) | (np.abs(uv - start) <= 0.5)).all(axis=1)
-    if fit is not None:
-        kept &= fit.is_trusted(layer.wrap(np.where(kept[:, None], uv, start)))
-    kept |= (cells == 0).all(axis=1)
-    cells, points = cells[kept], layer.points(uv[kept])
-    # Keep the cells connected to the root: a geodesic that has left the mesh may return at a wrong position.
-    pairs = board_net(lattice, cells).pairs
-    pairs = pairs[
-        np.abs(np.linalg.norm(np.diff(points[pairs], axis=1)[:, 0], axis=1) / lattice.pitch - 1) < MAX_MAP_PITCH_ERROR
-    ]
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
-    group = connected_components(links, directed=False)[1]
-    cells = cells[group == group[(cells == 0).all(axis=1)]]
-    guess = unroll_boards(layer, lattice, cells, start, direction)
-    return FlatMap(layer, lattice.centres(cells), *relax_boards(layer, lattice, cells, *guess))
+    check_size(surface, (lattice.pitch, lattice.pitch))
+    choice = [(int(q), int(r)) for q, r in np.asarray(cells)]
+    return lay_boards(surface, lattice, choice, origin, direction, offset=offset)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A lattice on a surface, before its pose is known."""
+
+    surface: BSplineSurface
+    offset: float  # [m]
+    lattice: HexLattice
+    to_flat: FlatMap
+    ground: Ground
+    search: Search
+
+    @classmethod
+    def of(
+        cls,
+        surface: BSplineSurface,
+        lattice: HexLattice,
+        origin: ArrayLike | None,
+        direction: ArrayLike | None,
+        offset: float,
+        fit: SurfaceFit | None,
+        excluded: Sequence[Zone],
+    ) -> "Layout":
+        """Develop the surface and find the region of the boards; parameters as for :func:`lay_boards`."""
+        layer, start, pitch = offset_surface(surface, offset), root_of(surface, origin), lattice.pitch
+        length, breadth = lengths_of(layer)
+        if np.pi / 4 * (length**2 + breadth**2) > MAX_CELLS * lattice.row_step * pitch:
+            raise InvalidPlan(
+                f"the surface, {length:.2f} x {breadth:.2f} m, extends too far for boards with a pitch of "
+                f"{pitch * 1e3:g} mm; lengths are in metres"
+            )
+        to_flat = flat_map(layer, start, direction, fit, MAP_SPACING * pitch, OVER_CUT * pitch)
+        ground = Ground(surface, fit, tuple(excluded), lattice.side)
+        period = None
+        if surface.closed[1]:
+            low, high = to_flat(start + [(0.0, -0.5), (0.0, 0.5)])
+            period = high - low
+        search = Search(region_of(to_flat, ground, pitch), lattice, period, abs(offset))
+        layout = cls(surface, offset, lattice, to_flat, ground, search)
+        return replace(layout, search=replace(search, stretch=layout._stretch_for_thickness()))
+
+    def _stretch_for_thickness(self) -> float:
+        """Return the stretch of the lattice after which a quarter of the pairs of neighbours may still overlap."""
+        if self.search.half == 0:
+            return 1.0
+        boards = self._on_map(Poses.at(0.0, 1.0))
+        depths = np.sort(boards.overlaps()[1])[::-1]
+        depths = depths[depths <= MAX_PITCH_CHANGE * self.lattice.pitch]
+        quarter = 3 * len(boards.cells) // 4  # of three pairs per board
+        return 1 + float(depths[quarter]) / self.lattice.pitch if len(depths) > quarter else 1.0
+
+    def given(self) -> list[Poses]:
+        """Return the poses with the root at the start and its row along x: not stretched, and closed around a tube."""
+        stretches = [self.search.stretch]
+        angles, closing = self.search.closed_rows()
+        if self.search.period is not None:
+            gaps = np.abs(np.sin(angles)) * np.linalg.norm(self.search.period)
+            stretches += closing[gaps <= MAX_PITCH_CHANGE * self.lattice.pitch].tolist()
+        return [Poses.at(0.0, stretch) for stretch in stretches]
+
+    def most_boards(self, poses: Iterable[Poses]) -> tuple[Poses, WrappedBoards]:
+        """Return the first pose with the most boards, and the boards."""
+        best: tuple[Poses, WrappedBoards] | None = None
+        for pose in poses:
+            boards = self.complete(pose)
+            if best is None or len(boards.cells) > len(best[1].cells):
+                best = pose, boards
+        assert best is not None  # there is always the given pose
+        return best
+
+    def placed(self, pose: Poses, cells: IntArray) -> tuple[WrappedBoards, Array]:
+        """Return boards at a pose, and the distances of their flat positions from the map (n,) [m]."""
+        uv, missed = self.to_flat.inverse(self.search.centres(pose, cells)[0])
+        tangents = self.to_flat.directions(uv, float(pose.angles[0]))
+        normals = self.surface.normals(uv)
+        tangents = unit(tangents - (tangents * normals).sum(axis=1, keepdims=True) * normals)
+        return WrappedBoards(self.surface, self.offset, self.lattice, cells, uv, tangents), missed
+
+    def complete(self, pose: Poses) -> WrappedBoards:
+        """Return all boards that fit at a pose, without overlaps, by r, then q."""
+        boards = self._on_map(pose)
+        boards = boards[self.fits(boards, pose)]
+        pairs, depths, _ = boards.overlaps()
+        boards = boards[largest_apart(len(boards.cells), pairs[depths > MAX_PITCH_CHANGE * self.lattice.pitch])]
+        moved = self._moved_apart(boards)
+        still = (moved.uv == boards.uv).all(axis=1)
+        still[~still] = self.fits(moved[~still], pose)
+        boards = moved[still]
+        boards = boards[largest_apart(len(boards.cells), boards.overlaps()[0])]
+        return boards[np.lexsort(boards.cells.T)]
+
+    def _on_map(self, pose: Poses) -> WrappedBoards:
+        """Return the boards at a pose with their centres on the map, around a tube once and a pitch beyond."""
+        near = self.search.region.may_be_centres(self.search.centres(pose, self.search.cells)[0], more_than_once=True)
+        boards, missed = self.placed(pose, self.search.cells[near])
+        return boards[(missed <= POSITION_TOLERANCE) & self._around_once(boards.uv)]
+
+    def _around_once(self, uv: Array) -> BoolArray:
+        """Return which parameters (n, 2) are between the cuts of a tube, or at most a pitch beyond."""
+        if not self.surface.closed[1]:
+            return np.ones(len(uv), bool)
+        over = self.lattice.pitch / lengths_of(self.surface)[1]
+        return np.abs(uv[:, 1] - self.to_flat.start[1]) <= 0.5 + over
+
+    def fits(self, boards: WrappedBoards, pose: Poses) -> BoolArray:
+        """Return which boards are on the ground completely."""
+        chosen = np.flatnonzero(self.clearances(boards, pose) >= -TOUCH * self.lattice.side)
+        chosen = chosen[self.ground.carries(boards.uv[chosen])]
+        normals = self.surface.normals(boards.uv[chosen])
+        axes = np.stack((boards.tangents[chosen], np.cross(normals, boards.tangents[chosen])), axis=1)
+        corners = self.surface.points(boards.uv[chosen])[:, None] + self.lattice.corners @ axes
+        over = self.ground.is_over_mesh(corners.reshape(-1, 3), np.repeat(normals, corners.shape[1], axis=0))
+        fits = np.zeros(len(boards.cells), bool)
+        fits[chosen[over.reshape(len(chosen), corners.shape[1]).all(axis=1)]] = True
+        return fits
+
+    def outline_is_covered(self, boards: WrappedBoards, pose: Poses) -> BoolArray:
+        """Return which boards do not protrude at a corner of the border, which is only known between two nodes."""
+        corners = self.lattice.corners @ axes_at(float(pose.angles[0]))
+        parts = np.arange(OUTLINE_SAMPLES)[:, None, None] / OUTLINE_SAMPLES
+        outline = (corners + parts * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
+        points = self.to_flat(boards.uv)[:, None] + (1 - MAX_PROTRUSION) * outline
+        uv, _ = self.to_flat.inverse(points.reshape(-1, 2))
+        return self.ground.covers(uv).reshape(points.shape[:2]).all(axis=1)
+
+    def clearances(self, boards: WrappedBoards, pose: Poses) -> Array:
+        """Return the clearances of boards from the border of the region, negative over it, shape (n,) [m]."""
+        return self.search.clearances(self.to_flat(boards.uv), float(pose.angles[0]))
+
+    def _moved_apart(self, boards: WrappedBoards) -> WrappedBoards:
+        """Return boards moved along the surface until none overlap, or as far as they may move."""
+        uv, limit = boards.uv.copy(), MAX_PITCH_CHANGE * self.lattice.pitch
+        starts = self.surface.points(uv)
+        for _ in range(MOVES):
+            moved = replace(boards, uv=uv)
+            pairs, depths, axes = moved.overlaps()
+            if not len(pairs):
+                break
+            arms = np.zeros((len(uv), 3))
+            for column, sign in ((0, -0.5), (1, 0.5)):
+                np.add.at(arms, pairs[:, column], sign * (depths + TOUCH * self.lattice.side)[:, None] * axes)
+            r = self.surface.derivatives(uv)
+            slopes = np.stack((r[1, 0], r[0, 1]), axis=-1)
+            uv = uv + np.einsum("nac,nc->na", np.linalg.pinv(slopes), arms)
+            away = np.linalg.norm(self.surface.points(uv) - starts, axis=1)
+            back = np.where(away > limit, limit / np.maximum(away, limit), 1.0)[:, None]
+            uv = boards.uv + back * (uv - boards.uv)
+        normals = self.surface.normals(uv)
+        along = boards.tangents - (boards.tangents * normals).sum(axis=1, keepdims=True) * normals
+        return replace(boards, uv=uv, tangents=unit(along))
+
+    def listed(self, cells: IntArray, pose: Poses, complete: WrappedBoards) -> tuple[WrappedBoards, Array]:
+        """Return the boards of an author, and their overhangs [m]; where all boards moved apart, these did, too."""
+        boards, missed = self.placed(pose, cells)
+        outside = np.flatnonzero(~on_surface(self.surface, boards.uv) | (missed > POSITION_TOLERANCE))
+        if len(outside):
+            first = outside[0]
+            axis = int(np.argmax(np.where(self.surface.closed, 0.0, np.abs(boards.uv[first] - 0.5))))
+            raise OutsideSurface(
+                f"board {cells[first].tolist()} lies {missed[first] * 1e3:.1f} mm beyond the edge "
+                f"{'uv'[axis]} = {np.rint(boards.uv[first, axis]):g} of the surface, the first of {len(outside)}; "
+                "leave it out, or move the origin",
+                cell=cells[first].tolist(),
+                distance=float(missed[first]),
+            )
+        known = {tuple(cell): i for i, cell in enumerate(complete.cells.tolist())}
+        for row, cell in enumerate(map(tuple, cells.tolist())):
+            if cell in known:
+                boards.uv[row], boards.tangents[row] = complete.uv[known[cell]], complete.tangents[known[cell]]
+        pairs, depths, _ = boards.overlaps()
+        if len(pairs) and depths.max() <= MAX_PITCH_CHANGE * self.lattice.pitch:
+            boards = self._moved_apart(boards)
+            pairs, depths, _ = boards.overlaps()
+        if len(pairs):
+            i, j = pairs[depths.argmax()]
+            place = self.surface.points(boards.uv[[i]])[0]
+            raise InvalidPlan(
+                f"boards {cells[i].tolist()} and {cells[j].tolist()} overlap by {depths.max() * 1e3:.2f} mm at "
+                f"{millimetres(place)}, the worst of {len(pairs)} pairs; leave one of the two out, or move the origin"
+            )
+        overhangs = -self.clearances(boards, pose)
+        return boards, np.where(overhangs > TOUCH * self.lattice.side, overhangs, 0.0)
+
+
+def _rooted(boards: WrappedBoards, to_flat: FlatMap) -> WrappedBoards:
+    """Return the same boards; the root is the one nearest to the flat origin."""
+    distances = np.linalg.norm(to_flat(boards.uv), axis=1)
+    root = boards.cells[np.flatnonzero(distances <= distances.min() + TOUCH * boards.lattice.side)[0]]
+    return replace(boards, cells=boards.cells - root)

@@ -11,8 +11,8 @@ from ...common.errors import InvalidPlan, millimetres
 from ...geometry.surface.bspline import BSplineSurface
 from ..lattice import CENTRE, CORNERS, SheetLattice
 
-# Distance of two nodes on the flat sheet up to which their cells are adjacent, in half pitches. Larger: finds only
-# folds of more cells.
+# Distance of two nodes on the flat sheet up to which their cells are adjacent, in half pitches. Derived: the width of a
+# cell.
 ADJACENT_NODES = 2.0
 
 

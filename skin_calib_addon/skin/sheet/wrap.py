@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from ...common.arrays import Array, BoolArray
 from ...common.errors import InvalidPlan, OutsideSurface
+from ...common.warnings import Place, point_of
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.centre import surface_centre
 from ...geometry.surface.footpoints import PARAMETER_TOLERANCE
@@ -235,6 +236,7 @@ def _check_inside(surface: BSplineSurface, lattice: SheetLattice, uv: Array) -> 
         row=row,
         column=column,
         distance=gap,
+        place=Place(point_of(surface.points(surface.wrap(centres[outside[:1]]).clip(0, 1))[0])),
     )
 
 

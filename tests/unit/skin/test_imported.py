@@ -15,6 +15,7 @@ from skin_calib_addon.common.errors import InvalidPlan
 from skin_calib_addon.common.findings import warning
 from skin_calib_addon.skin.imported import (
     MAX_CELL_RADIUS,
+    board_normals,
     frame_on,
     gabriel,
     imported_taxels,
@@ -401,6 +402,45 @@ def test_placed_takes_a_rotation_rounded_by_hand():
         message = "the matrix .* is not a rotation; its rows must be orthogonal unit vectors, right-handed"
         with pytest.raises(InvalidPlan, match=message):
             placed(taxel_set(positions), wrong, (0, 0, 0))
+
+
+@pytest.mark.parametrize("scale, is_rotation", [(1.0008, True), (1.0012, False)])
+def test_rotation_may_be_wrong_by_a_thousandth(scale, is_rotation):
+    """Of each number of the matrix, which is then replaced by the nearest rotation."""
+    positions = flat(lattice(3, 3, "square"))
+    if is_rotation:
+        assert_allclose(placed(taxel_set(positions), scale * np.eye(3), (0, 0, 0)).positions, positions, atol=1e-15)
+        return
+    with pytest.raises(InvalidPlan, match="is not a rotation"):
+        placed(taxel_set(positions), scale * np.eye(3), (0, 0, 0))
+
+
+@pytest.mark.parametrize("degrees_apart, is_board", [(55, True), (65, False), (77, False)])
+def test_board_up_to_60_degrees_from_the_surface_gives_its_normals(degrees_apart, is_board):
+    """Beyond, the plane of a board says nothing about its outer side."""
+    a, positions = np.deg2rad(degrees_apart), flat(lattice(4, 4, "triangle"))
+    upright = np.tile((0, np.sin(a), np.cos(a)), (16, 1))
+    found = board_normals(taxel_set(positions), upright)
+    assert_allclose(found, np.tile((0, 0, 1.0), (16, 1)) if is_board else upright, atol=1e-12)
+
+
+@pytest.mark.parametrize("height, is_pair", [(1.008, False), (1.013, True)])
+def test_third_taxel_within_a_hundredth_of_the_ball_is_between(height, is_pair):
+    """As the corners of a square of a file with few decimals, which are on the ball."""
+    positions = 0.01 * np.array([(0, 0, 0), (2, 0, 0), (1, height, 0)])
+    pairs = gabriel(positions, np.tile((0, 0, 1.0), (3, 1)), np.array([(0, 1)]))
+    assert len(pairs) == is_pair
+
+
+@pytest.mark.parametrize("count, is_accepted", [(190, True), (210, False)])
+def test_taxels_have_200_others_near_them_at_most(count, is_accepted):
+    """More of them are at the same position."""
+    positions, normals = np.zeros((count, 3)), np.tile((0, 0, 1.0), (count, 1))
+    if is_accepted:
+        assert len(near_pairs(positions, normals, 0.01, "s")) == count * (count - 1) // 2
+        return
+    with pytest.raises(InvalidPlan, match="too close together"):
+        near_pairs(positions, normals, 0.01, "s")
 
 
 def test_taxels_without_spacing_need_a_pitch():

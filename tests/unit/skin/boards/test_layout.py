@@ -4,15 +4,16 @@ import pathlib
 
 import numpy as np
 import pytest
-from matplotlib.path import Path
 from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
 
 from skin_calib_addon.common.errors import InvalidPlan, OutsideSurface
 from skin_calib_addon.geometry import AcrossGrid, TubeGrid, cut_cover, fit_grid, fit_surface, load_mesh
+from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles
 from skin_calib_addon.plan import load_plan
 from skin_calib_addon.skin import HexLattice, Zone, lay_boards
-from skin_calib_addon.skin.boards.fill import fill
-from skin_calib_addon.skin.boards.region import Region
+from skin_calib_addon.skin.boards.ground import MAX_GAP
+from tests.examples import slow
 from tests.shapes import Z_AXIS, cone_surface, cylinder, keep, plane_surface, sheet, with_hole, wrist_surface
 
 SAMPLES = pathlib.Path(__file__).resolve().parents[4] / "sample_scenes"
@@ -89,33 +90,119 @@ def test_zone_beyond_the_edge_adds_no_area():
     assert np.linalg.norm(found.reshape(-1, 2) - (0.1, 0.04), axis=1).min() > 0.015
 
 
-def test_zone_over_a_hole_does_not_close_it():
-    """Holes and zones add up where they overlap: no board is in either."""
-    hole = 0.006 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 40, endpoint=False)]) + 0.03
-    plate = np.array(((0, 0), (0.06, 0), (0.06, 0.06), (0, 0.06)))
-    zones = tuple(hole + shift for shift in ((0.003, 0.0), (0.0, 0.004), (0.031, 0.0)))
-    region = Region((plate, hole), zones)
-    points = np.random.default_rng(0).uniform(-0.01, 0.07, (20000, 2))
-    free = ((points > 0) & (points < 0.06)).all(axis=1)
-    for loop in (hole, *zones):
-        free &= ~Path(loop).contains_points(points)
-    clear = region.distances(points).min(axis=1) > 1e-4
-    assert (region.contains(points) == free)[clear].all()
-    assert (region.distances(points[free]).min(axis=1) > 0).all()
-    boards = fill(region, HexLattice(0.002, 0.0), np.zeros(2), 0.0)
-    for loop in (hole, *zones):
-        assert not Path(loop).contains_points(boards.corners.reshape(-1, 2), radius=-1e-9).any()
+def test_zones_and_holes_add_up():
+    """Where a zone overlaps a hole, no board is in either."""
+    mesh = with_hole(sheet(lambda x, y: 0 * x, cells=(50, 40)), (0.03, 0.03, 0), 0.008)
+    zones = (Zone((0.036, 0.03, 0), 0.008), Zone((0.03, 0.038, 0), 0.006), Zone((0.075, 0.04, 0), 0.005))
+    fit = flat_fit(mesh)
+    boards, _ = lay_boards(fit.surface, HexLattice(0.002, 0.0), "all", None, (1, 0, 0), fit=fit, excluded=zones)
+    points = np.concatenate((corners(boards, boards.lattice), corners(boards, HexLattice(0.001, 0.0))), axis=1)
+    for centre, radius in (((0.03, 0.03), 0.0067), *((zone.point[:2], zone.radius) for zone in zones)):
+        assert np.linalg.norm(points - centre, axis=2).min() > radius - 1e-4
+    assert len(boards.cells) > 400
 
 
-def test_boards_on_a_tube_end_at_a_seam():
-    """Opposite of the root no board overlaps another or is beyond the rims, and the pitch is kept."""
-    fit = fit_surface(cylinder(0.05, 0.2, 96, 30), TubeGrid(6, 24, Z_AXIS, margin=1e-3))
-    boards, overhang = lay_boards(fit.surface, HexLattice(0.01, 0.0), "all", (0.05, 0, 0.1), (0, 1, 0), fit=fit)
-    places = fit.surface.points(boards.uv)
-    assert len(places) > 60 and overhang.max() <= 5e-4
-    distance = np.linalg.norm(places[:, None] - places, axis=2) + np.eye(len(places))
-    assert distance.min() > 0.99 * HexLattice(0.01, 0.0).pitch
-    assert places[:, 2].min() > 0.008 and places[:, 2].max() < 0.192
+@pytest.mark.parametrize(("radius", "around"), [(0.0366, 8), slow(0.04, 9), slow(0.05, 11), slow(0.06, 13)])
+@pytest.mark.parametrize("choice", ["all", "fill"])
+def test_rows_close_around_a_tube(radius, around, choice):
+    """With rows around it, a tube has five closed rings: boards of width w on its tangent planes touch at an angle of
+    2 atan(w / 2 R). No ring has a seam, and no two boards overlap.
+    """
+    assert around == int(np.pi / np.arctan(np.sqrt(0.75) * 0.0163 / radius))
+    fit = fit_surface(cylinder(radius, 0.15, 96, 26), TubeGrid(8, 24, Z_AXIS, margin=1e-3))
+    boards, overhang = lay_boards(fit.surface, HexLattice(0.0163, 0.0), choice, (radius, 0, 0.075), (0, 1, 0), fit=fit)
+    assert len(boards.cells) >= 5 * around and not overhang.any()
+    assert_no_overlap(boards)
+    if choice == "all":
+        points = fit.surface.points(boards.uv)
+        _, counts = np.unique(points[:, 2].round(4), return_counts=True)
+        assert counts.tolist() == [around] * 5
+
+
+def assert_no_overlap(boards, depth=1e-3):
+    """Assert that the shadows of boards on the plane between two of them are apart, edge by edge."""
+    normals, points = boards.surface.normals(boards.uv), boards.surface.points(boards.uv)
+    axes = np.stack((boards.tangents, np.cross(normals, boards.tangents)), axis=1)
+    outlines = points[:, None] + boards.lattice.corners @ axes
+    for i, j in cKDTree(points).query_pairs(2 * boards.lattice.side):
+        view = normals[i] + normals[j]
+        plane = np.linalg.svd(view[None])[2][1:]
+        first, second = outlines[i] @ plane.T, outlines[j] @ plane.T
+        edges = np.concatenate([np.roll(outline, -1, axis=0) - outline for outline in (first, second)])
+        across = np.column_stack((-edges[:, 1], edges[:, 0])) / np.linalg.norm(edges, axis=1)[:, None]
+        one, other = first @ across.T, second @ across.T
+        gaps = np.maximum(other.min(axis=0) - one.max(axis=0), one.min(axis=0) - other.max(axis=0))
+        assert gaps.max() > -1.1 * depth * boards.lattice.side
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.001])
+@pytest.mark.parametrize("choice", ["all", "fill"])
+def test_boards_on_a_doubly_curved_surface_do_not_overlap(choice, offset):
+    """A flat lattice overlaps itself there; boards move apart or are left out, thick ones too."""
+    boards, _ = lay_boards(wrist_surface(), HexLattice(0.008, 0.0), choice, None, (0, 1, 0), offset=offset)
+    assert len(boards.cells) > 60
+    assert_no_overlap(boards)
+    assert boards.overlaps()[0].size == 0
+
+
+def test_fill_never_has_fewer_boards_than_all():
+    """Also where the flat map is only an estimate: a wrist, rows in several directions."""
+    for direction in ((0, 1, 0), (0, 1, 0.4), (0, 0, 1)):
+        counts = [
+            len(lay_boards(wrist_surface(), HexLattice(0.0163, 0.0), choice, None, direction)[0].cells)
+            for choice in ("all", "fill")
+        ]
+        assert counts[0] <= counts[1]
+
+
+def test_boards_that_overlap_are_an_error():
+    """Around a tube, the board after a whole turn is on the first one. The message names both, and the depth."""
+    surface = cone_surface(0.04, 0.04, 0.1)
+    lattice = HexLattice(0.0163, 0.0)
+    lay_boards(surface, lattice, [(q, 0) for q in range(-4, 5)], (0.04, 0, 0.05), (0, 1, 0))
+    with pytest.raises(
+        InvalidPlan,
+        match=r"boards \[-4, 0\] and \[5, 0\] overlap by \d+\.\d\d mm at \(.*\) mm, the worst of 1 pairs; leave one",
+    ):
+        lay_boards(surface, lattice, [(q, 0) for q in range(-4, 6)], (0.04, 0, 0.05), (0, 1, 0))
+
+
+def test_boards_that_filled_a_wrist_are_placed_again_as_a_list():
+    """Painting lists the boards, with the root where it is: they stay near their positions, without an overlap."""
+    surface, lattice = wrist_surface(), HexLattice(0.008, 0.0)
+    filled, _ = lay_boards(surface, lattice, "fill", None, None)
+    points, root = surface.points(filled.uv), filled.cells.tolist().index([0, 0])
+    cells = [tuple(cell) for cell in filled.cells.tolist()]
+    listed, _ = lay_boards(surface, lattice, cells, points[root], filled.tangents[root])
+    assert listed.cells.tolist() == filled.cells.tolist()
+    assert_no_overlap(listed)
+    assert np.linalg.norm(surface.points(listed.uv) - points, axis=1).max() < 0.15 * lattice.pitch
+
+
+def test_boards_are_on_the_mesh():
+    """A step of 3 mm and a groove: each centre is within a millimetre of the mesh, and 15 degrees of its faces. Corners
+    are within the stated distance.
+    """
+
+    def height(x, y):
+        return 0.003 * (x > 0.06) - 0.004 * (np.abs(y - 0.03) < 0.002)
+
+    mesh = sheet(height, cells=(100, 80))
+    fit = fit_surface(mesh, AcrossGrid(12, 12, (0, 0, 1), (1, 0, 0)))
+    for choice in ("all", "fill"):
+        boards, _ = lay_boards(fit.surface, SMALL, choice, None, (1, 0, 0), fit=fit)
+        points, normals = fit.surface.points(boards.uv), fit.surface.normals(boards.uv)
+        axes = np.stack((boards.tangents, np.cross(normals, boards.tangents)), axis=1)
+        for i, point in enumerate(points):
+            distances = np.linalg.norm(
+                closest_on_triangles(np.broadcast_to(point, mesh.triangles.shape[::2]), mesh.triangles) - point, axis=1
+            )
+            assert distances.min() <= 1e-3 and mesh.face_normals[distances.argmin()] @ normals[i] >= np.cos(
+                np.deg2rad(15)
+            )
+        outlines = (points[:, None] + SMALL.corners @ axes).reshape(-1, 3)
+        assert MeshDistance(mesh)(outlines)[0].max() <= MAX_GAP * SMALL.side
+        assert fit.is_trusted(boards.uv).all() and len(points) > 5
 
 
 def test_given_boards_are_placed_and_their_overhang_returned():
@@ -125,7 +212,9 @@ def test_given_boards_are_placed_and_their_overhang_returned():
     assert boards.cells.tolist() == [[0, 0], [3, 0], [4, 0]]
     protrusion = 0.05 + 4 * SMALL.pitch + SMALL.pitch / 2 - 0.1  # of its flat side
     assert_allclose(overhang, (0, 0, max(protrusion, 0)), rtol=0, atol=1e-9)
-    with pytest.raises(OutsideSurface, match=r"board \[9, 0\] lies beyond the edge of the surface, the first of 1"):
+    with pytest.raises(
+        OutsideSurface, match=r"board \[9, 0\] lies \d+\.\d mm beyond the edge u = 1 of the surface, the first of 1"
+    ):
         lay_boards(FLOOR, SMALL, ((0, 0), (9, 0)), (0.05, 0.04, 0), (1, 0, 0))
 
 
@@ -137,7 +226,10 @@ def test_curved_surface_is_filled_within_its_edges():
 
 def test_no_board_fits():
     """The message for boards wider than the length of the cone is clear."""
-    with pytest.raises(InvalidPlan, match="no board with sides of 40 mm fits completely in the region"):
+    with pytest.raises(
+        InvalidPlan,
+        match=r"no board with sides of 40 mm fits completely in the region, which is \d+\.\d x \d+\.\d mm over all",
+    ):
         lay_boards(cone_surface(0.06, 0.06, 0.05), HexLattice(0.04, 0.0), "fill", None, (0, 1, 0))
 
 
@@ -146,8 +238,8 @@ def test_no_board_fits():
 def test_row_of_the_root_keeps_its_direction_on_a_wavy_surface(direction, choice):
     """The surface of a sole is an extrapolation outside its outline; it does not change the direction of the row."""
     plan = load_plan(SAMPLES / "sole.plan.json")
-    cover = cut_cover(load_mesh(plan.mesh, plan.unit), plan.cover)
-    fit = fit_grid(cover, plan.grid, plan.degree)
+    cover = cut_cover(load_mesh(plan.mesh, plan.unit), plan.surface.cover)
+    fit = fit_grid(cover, plan.surface.grid, plan.surface.degree)
     boards, _ = lay_boards(fit.surface, HexLattice(0.0163, 0.0), choice, None, direction, fit=fit)
     vector = boards.tangents[np.flatnonzero(~boards.cells.any(axis=1))[0], :2]
     turned = np.arctan2(vector[1], vector[0]) - np.arctan2(direction[1], direction[0])
@@ -157,7 +249,9 @@ def test_row_of_the_root_keeps_its_direction_on_a_wavy_surface(direction, choice
 def test_removed_board_leaves_the_others_in_place_on_a_narrow_sole():
     """Without the middle board two parallel links remain, which shear with no pitch error; the other boards stay."""
     plan, lattice = load_plan(SAMPLES / "sole.plan.json"), HexLattice(0.0163, -0.000482428)
-    fit = fit_grid(cut_cover(load_mesh(plan.mesh, plan.unit), plan.cover), plan.grid, plan.degree)
+    fit = fit_grid(
+        cut_cover(load_mesh(plan.mesh, plan.unit), plan.surface.cover), plan.surface.grid, plan.surface.degree
+    )
     surface = fit.error_field.surface
     boards, _ = lay_boards(surface, lattice, "fill", None, None, fit=fit)
     points, cells = surface.points(boards.uv), boards.cells.tolist()

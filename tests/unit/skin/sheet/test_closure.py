@@ -5,8 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
-from skin_calib_addon.skin import SheetLattice, wrap_sheet
-from skin_calib_addon.skin.sheet.closure import closure, shortest_paths
+from skin_calib_addon.calibration import Patch
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.sheet.closure import Closure, closure, shortest_paths
+from skin_calib_addon.skin.warnings import check_overlap
 from tests.shapes import LENGTH, RADIUS, cone_surface, plane_surface, wrist_surface
 
 SQUARE = (0.01, 0.01)
@@ -44,6 +47,43 @@ def test_closure_of_columns_and_of_a_short_sheet():
     assert_allclose(closure(sheet).gaps, 2 * np.pi * RADIUS - 0.21, rtol=0, atol=5e-6)
     assert closure(wrap_sheet(cone_surface(), SheetLattice(3, 9, SQUARE), None, (0, 1, 0))) is None
     assert closure(wrap_sheet(plane_surface(), SheetLattice(3, 4, SQUARE), None, (1, 0, 0))) is None
+
+
+@pytest.mark.parametrize("columns, closes", [(10, False), (12, True)])
+def test_sheet_of_half_a_turn_closes(columns, closes):
+    """22 columns are a turn: a sheet that is clearly shorter than half of it is on one side of the link."""
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, columns, SQUARE), None, (0, 1, 0))
+    assert (closure(sheet) is not None) == closes
+
+
+def test_long_paths_are_those_of_the_developed_cone():
+    """Up to four fifths of a turn and 20 cm: lengths and headings are those of a straight line in the plane."""
+    surface, rng = cone_surface(0.02, 0.05, 0.1), np.random.default_rng(0)
+    start = rng.uniform(0.1, 0.9, (40, 2))
+    end = np.clip(start + rng.uniform(-0.8, 0.8, (40, 2)), 0.02, 0.98)
+    lengths, headings, _ = shortest_paths(surface, start, end)
+    sine = 0.3 / 1.09**0.5  # of half of the angle at the apex
+    (r, from_z), (s, to_z) = ((np.hypot(*p[:, :2].T) / sine, p[:, 2]) for p in map(surface.points, (start, end)))
+    apart = 2 * np.pi * (end - start)[:, 1] * sine
+    straight = np.sqrt(r * r + s * s - 2 * r * s * np.cos(apart))
+    assert_allclose(lengths, straight, rtol=0, atol=4e-5)
+    along = (s * np.cos(apart) - r) / straight  # of the heading, away from the apex
+    upwards = np.array((1.0, 0.3)) / 1.09**0.5  # of a line of the cone: along z, outwards
+    out = surface.points(start)[:, :2] / np.hypot(*surface.points(start)[:, :2].T)[:, None]
+    found = headings[:, 2] * upwards[0] + (headings[:, :2] * out).sum(axis=1) * upwards[1]
+    assert_allclose(found, along, rtol=0, atol=8e-3)
+
+
+@pytest.mark.parametrize("cells, is_refused", [(0.07, False), (0.15, True), (1.15, True)])
+def test_overlap_of_a_tenth_of_a_cell_is_refused(cells, is_refused):
+    """The message names the columns that are too many: one for 0.15 cells, two for 1.15."""
+    sheet = wrap_sheet(cone_surface(RADIUS, RADIUS), SheetLattice(3, 22, SQUARE), None, (0, 1, 0))
+    lapped = Closure("rows", np.arange(3), -cells * np.array((0.0, 0.01, 0.005)), np.zeros(3))
+    patch = Patch("skin", "sheet", "s", (3, 22), SQUARE, sheet_taxels(sheet, "skin"))
+    if not is_refused:
+        return check_overlap(patch, lapped)
+    with pytest.raises(InvalidPlan, match=f"Use {np.ceil(cells):.0f} fewer columns"):
+        check_overlap(patch, lapped)
 
 
 HEADINGS = np.deg2rad([-80, -60, -45, -30, -10, 0, 5, 20, 40, 45, 50, 70, 90])

@@ -12,7 +12,6 @@ from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError
 from skin_calib_addon.geometry import BSplineSurface
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, greville
 from skin_calib_addon.skin import Landmark, SheetLattice, sheet_taxels, wrap_sheet
-from skin_calib_addon.skin.boards.wrap import check_board_folds, turned_over_boards
 from skin_calib_addon.skin.sheet.folds import check_folds, turned_over
 from skin_calib_addon.skin.sheet.wrap import WrappedSheet
 from tests.shapes import cone_surface, plane_surface
@@ -165,19 +164,3 @@ def test_trimmed_sheet_around_a_bend_has_no_fold():
     assert 0 < sheet.inside.sum() < 360
     assert not (turned_over(sheet.layer, sheet.lattice, sheet.uv) & sheet.inside).any()
     assert pdist(sheet_taxels(sheet, "s").positions_link).min() > 0.9 * SQUARE[0]
-
-
-def test_boards_may_not_fold_over_each_other():
-    """Boards behind a line are reflected: the triangles of neighbours across it and behind it are turned over."""
-    cells = np.array([(q, r) for q in range(4) for r in range(4)])
-    uv = 0.3 + 0.05 * np.column_stack((cells[:, 0] + cells[:, 1] / 2, 0.75**0.5 * cells[:, 1]))
-    surface = plane_surface(1.0, 1.0)
-    check_board_folds(surface, cells, uv)
-    uv[:, 1] = np.where(uv[:, 1] > 0.36, 0.72 - uv[:, 1], uv[:, 1])
-    turned = turned_over_boards(cells, uv)
-    assert turned[cells[:, 1] > 0].all()
-    assert not turned_over_boards(cells[cells[:, 1] < 2], uv[cells[:, 1] < 2]).any()
-    with pytest.raises(
-        InvalidPlan, match=r"board \[\d, \d\] at \(.*\) mm and its neighbours fold over each other, the"
-    ):
-        check_board_folds(surface, cells, uv)

@@ -1,0 +1,127 @@
+"""The ground of the boards: where on a surface a board may be."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from ...common.arrays import Array, BoolArray
+from ...geometry.fit.surface_fit import SurfaceFit
+from ...geometry.mesh.closest import MeshDistance, closest_on_triangles
+from ...geometry.surface.bspline import BSplineSurface
+from ...geometry.surface.footpoints import footpoints
+from .overlap import TOUCH
+
+# [m] Largest distance of the centre of a board, or of a cell of a trimmed sheet, from the mesh. A proposal counts on
+# it. Larger: skin where the surface does not follow the mesh.
+MAX_DISTANCE = 1e-3
+# [1] Largest distance of any other point of a board from the mesh, in sides. Larger: boards on smaller radii.
+MAX_GAP = 0.3
+# [rad] Largest angle between a board, or such a cell, and the faces at its centre. Larger: skin on steps and grooves.
+MAX_ANGLE = np.deg2rad(15.0)
+# [1] Largest slope of the shortest line from a point to the mesh; beyond an edge of the mesh it is larger. Larger:
+# boards protrude over edges where the surface is off the mesh.
+MAX_SLOPE = 0.5
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A disc without boards: a screw, a cable outlet."""
+
+    point: tuple[float, float, float]  # its centre, on or near the mesh [m]
+    radius: float  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A surface with its mesh and the zones without boards. All rules where a board may be are here."""
+
+    surface: BSplineSurface
+    fit: SurfaceFit | None  # None: a surface without a mesh
+    excluded: Sequence[Zone]
+    side: float  # of the boards [m]
+
+    @cached_property
+    def _distance(self) -> MeshDistance | None:
+        return None if self.fit is None else MeshDistance(self.fit.mesh)
+
+    @cached_property
+    def _zones(self) -> tuple[Array, Array, Array]:
+        """Centres of the zones on the surface, normals there, and radii."""
+        centres = np.array([zone.point for zone in self.excluded]).reshape(-1, 3)
+        uv = footpoints(self.surface, centres)[0] if len(centres) else np.zeros((0, 2))
+        return self.surface.points(uv), self.surface.normals(uv), np.array([zone.radius for zone in self.excluded])
+
+    def covers(self, uv: Array) -> BoolArray:
+        """Return whether a part of a board may be over parameters (k, 2), shape (k,).
+
+        It may where the mesh is near and continues below it, inside the boundary, outside of all zones.
+        """
+        points, normals = self.surface.points(uv), self.surface.normals(uv)
+        free = self.is_over_mesh(points, normals)
+        if self.fit is not None and self.fit.lines.region is not None:
+            free &= self.fit.lines.region(points)
+        for centre, normal, radius in zip(*self._zones):
+            free &= (np.linalg.norm(points - centre, axis=1) >= radius) | (normals @ normal <= 0)
+        return free
+
+    def is_over_mesh(self, points: Array, normals: Array) -> BoolArray:
+        """Return which points are above or below the mesh, and not beyond its edges.
+
+        Parameters
+        ----------
+        points : array, shape (k, 3)
+            [m]
+        normals : array, shape (k, 3)
+            Directions of the surface, unit.
+
+        Returns
+        -------
+        array of bool, shape (k,)
+        """
+        over = np.ones(len(points), bool)
+        if self._distance is None:
+            return over
+        limit = MAX_GAP * self.side
+        over[:] = self._distance.tree.query(points, distance_upper_bound=limit + self._distance.radius)[0] < np.inf
+        near = np.flatnonzero(over)
+        distance, _, foot = self._distance(points[near])
+        heights = np.abs(((points[near] - foot) * normals[near]).sum(axis=1))
+        aside = np.sqrt(np.maximum(distance**2 - heights**2, 0))
+        over[near] = (distance <= limit) & (aside <= TOUCH * self.side + MAX_SLOPE * heights)
+        return over
+
+    def carries(self, uv: Array) -> BoolArray:
+        """Return whether boards may be centred at parameters (k, 2): on the mesh, parallel to its nearest faces."""
+        if self.fit is None or self._distance is None:
+            return np.ones(len(uv), bool)
+        points, normals = self.surface.points(uv), self.surface.normals(uv)
+        distances, faces, _ = self._distance(points)
+        kept = self.fit.is_trusted(self.surface.wrap(uv)) & (distances <= MAX_DISTANCE)
+        # Above an edge several faces are nearest.
+        board, face = self._adjacent[faces].nonzero()
+        feet = closest_on_triangles(points[board], self.fit.mesh.triangles[face])
+        nearest = np.linalg.norm(feet - points[board], axis=1) <= distances[board] + TOUCH * self.side
+        cosines = self._winding * (self.fit.mesh.face_normals[face] * normals[board]).sum(axis=1)
+        steep = cosines < np.cos(MAX_ANGLE)
+        kept[board[nearest & steep]] = False
+        return kept
+
+    @cached_property
+    def _winding(self) -> float:
+        """One if most face normals that rays hit point outward, minus one if they point inward."""
+        assert self.fit is not None
+        samples = self.fit.samples
+        hit = ~np.isnan(samples.residuals)
+        outward = (samples.rays * self.fit.mesh.face_normals[samples.faces]).sum(axis=2)[hit]
+        return -1.0 if outward.sum() < 0 else 1.0
+
+    @cached_property
+    def _adjacent(self) -> csr_array:
+        """Faces with a common vertex, as a sparse matrix (f, f)."""
+        assert self.fit is not None
+        faces = self.fit.mesh.faces
+        at = csr_array((np.ones(faces.size), faces.ravel(), np.arange(0, faces.size + 1, 3)))
+        return (at @ at.T).tocsr()

@@ -1,0 +1,291 @@
+"""The search for the poses of a lattice with the most boards in a flat region."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...common.arrays import Array, IntArray, pairs_of, unit
+from ..lattice import HexLattice
+from .overlap import TOUCH
+from .region import Region
+
+# [1] Steps of the first shifts and rotations, and of the raster of depths, per pitch. More: misses fewer poses, slower.
+STEPS_PER_PITCH = 12
+# [1] Groups of rotations of which the best pose is wanted. More: more boards on doubly curved surfaces, slower.
+GROUPS = 3
+# [1] Poses of a group that are refined together. More: misses fewer poses, slower.
+BEAM = 16
+# [1] Halvings of the steps; the last ones are below TOUCH. More: slower.
+HALVINGS = 7
+# [1] Largest change of the pitch: around a tube, so that the rows close, and of a board that would overlap another.
+# Larger: more boards, wider gaps between them.
+MAX_PITCH_CHANGE = 0.06
+# [1] Positions of discs on the line from the centre of a board to its corner, as fractions. With a disc about the
+# centre they nearly fill the board. More: fewer overlooked corners of a border, slower.
+DISC_POSITIONS = (1.0, 0.5, 0.75)
+# [boards] Preference of small rotations and shifts among poses with as many boards and as much clearance. Larger: less
+# clearance; smaller: rounding decides.
+PREFERENCE = 0.05
+# Derived: rotation about a cell that maps the lattice onto itself [rad].
+LATTICE_PERIOD = np.pi / 3
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Poses of a lattice in the plane: it is rotated, stretched (on a tube only around it), and shifted."""
+
+    angles: Array  # (k,) [rad]
+    stretches: Array  # (k,) [1]
+    offsets: Array  # (k, 2) positions of cell (0, 0) [m]
+
+    def __getitem__(self, which: Any) -> "Poses":
+        return Poses(self.angles[which], self.stretches[which], self.offsets[which])
+
+    @classmethod
+    def at(cls, angle: float, stretch: float, offsets: ArrayLike = ((0.0, 0.0),)) -> "Poses":
+        """Return poses of one angle and stretch.
+
+        Parameters
+        ----------
+        angle : float
+            [rad]
+        stretch : float
+            [1]
+        offsets : array, shape (k, 2)
+            [m]
+        """
+        offsets = np.asarray(offsets, float)
+        return cls(np.full(len(offsets), angle), np.full(len(offsets), stretch), offsets)
+
+    @classmethod
+    def joined(cls, parts: list["Poses"]) -> "Poses":
+        """Return several poses as one."""
+        return cls(*(np.concatenate([getattr(p, k) for p in parts]) for k in ("angles", "stretches", "offsets")))
+
+
+def axes_at(angles: ArrayLike) -> Array:
+    """Return the x and y axes (rows) at angles of any shape [rad], shape (..., 2, 2)."""
+    c, s = np.cos(angles), np.sin(angles)
+    return np.stack((np.stack((c, s), axis=-1), np.stack((-s, c), axis=-1)), axis=-2)
+
+
+def in_period(angles: Array) -> Array:
+    """Return angles within half a period of the lattice about zero [rad]."""
+    return (angles + LATTICE_PERIOD / 2) % LATTICE_PERIOD - LATTICE_PERIOD / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """A lattice and a region. All shifts and steps are relative to the zero of the plane."""
+
+    region: Region
+    lattice: HexLattice
+    period: Array | None  # (2,) flat vector around a tube [m]; None for an open surface
+    half: float = 0.0  # half of the thickness of the boards [m]
+    stretch: float = 1.0  # of the lattice, so that thick boards do not overlap where the surface bends
+
+    def centres(self, poses: Poses, cells: IntArray) -> Array:
+        """Return the centres of cells at poses.
+
+        Parameters
+        ----------
+        poses : Poses
+            The k poses.
+        cells : array of int, shape (n, 2)
+            Axial coordinates.
+
+        Returns
+        -------
+        array, shape (k, n, 2)
+            [m]
+        """
+        centres = self.lattice.centres(cells) @ axes_at(poses.angles)
+        ahead = np.eye(2) if self.period is None else unit(self.period)[None]
+        centres = centres + (poses.stretches[:, None, None] - 1) * (centres @ ahead.T @ ahead)
+        return centres + poses.offsets[:, None]
+
+    def clearances(self, centres: Array, angle: float) -> Array:
+        """Return the clearances of boards from the border, negative over it, shape (n,) [m].
+
+        Parameters
+        ----------
+        centres : array, shape (n, 2)
+            Flat centres [m].
+        angle : float
+            Angle of the rows [rad].
+        """
+        corners = self.lattice.corners @ axes_at(angle)
+        found = [self.region.depths(centres) - self._apothem]
+        for fraction in DISC_POSITIONS:
+            found += [self.region.depths(centres + fraction * k) - (1 - fraction) * self._apothem for k in corners]
+        return np.min(found, axis=0)
+
+    def closed_rows(self) -> tuple[Array, Array]:
+        r"""Return the angles [rad] at which rows close around a tube, and the stretches that close them.
+
+        The tube has the radius :math:`R = |T| / 2\pi` with its period T [m]. Boards on its tangent planes, with the
+        width w and half of the thickness h [m], touch at the distance :math:`2 R \arctan(w / 2 (R - h))` along the
+        surface.
+        """
+        if self.period is None:
+            return np.zeros(0), np.zeros(0)
+        length = float(np.linalg.norm(self.period))
+        q, r = (k.ravel() for k in np.indices(2 * (int(length / self.lattice.row_step) + 2,)))
+        vectors = self.lattice.centres(np.column_stack((q, r))[q > 0])  # a sixth of all
+        stretches = length / np.linalg.norm(vectors, axis=1)
+        radius, width = length / (2 * np.pi), min(2 * self._apothem, self.lattice.pitch)
+        least = 2 * radius / width * np.arctan2(width / 2, max(radius - self.half, 0.0))
+        near = (stretches >= least) & (stretches <= 1 + MAX_PITCH_CHANGE)
+        angles = np.arctan2(*self.period[::-1]) - np.arctan2(*vectors[near].T[::-1])
+        return in_period(angles), stretches[near]
+
+    def best(self) -> list[Poses]:
+        """Return the best pose of each group of rotations, and of the best rotations that close around a tube.
+
+        On a doubly curved surface the number of boards in the plane is only an estimate, so that several are needed.
+        """
+        if not self.region.carries.any():
+            return []
+        count = int(np.ceil(LATTICE_PERIOD * self._radius / self.lattice.pitch * STEPS_PER_PITCH / GROUPS))
+        turn = LATTICE_PERIOD / (GROUPS * count)
+        angles = in_period(turn * np.arange(float(GROUPS * count))).reshape(GROUPS, count)
+        free = [self._starts(group, np.full(count, self.stretch), turn) for group in angles]
+        closed = [
+            self._starts(angle, stretch, 0.0) for angle, stretch in zip(*(k[:, None] for k in self.closed_rows()))
+        ]
+        found = []
+        for groups, step in ((free, turn), (closed, 0.0)):
+            groups.sort(key=lambda group: -group[1][0])
+            found += [self._refined(poses, step) for poses, _ in groups[:GROUPS]]
+        return found
+
+    def _starts(self, angles: Array, stretches: Array, turn: float) -> tuple[Poses, Array]:
+        """Return the best of many poses at angles in steps of ``turn`` [rad], and their scores."""
+        parts = pairs_of(*2 * [np.arange(STEPS_PER_PITCH) / STEPS_PER_PITCH])
+        offsets = (parts - np.rint(parts)) @ self.lattice.centres(np.eye(2, dtype=int))
+        slack, found = self._slack(self._step, turn), []
+        for angle, stretch in zip(angles, stretches):
+            # The depth changes by at most the shift.
+            nodes = self._nodes(self.centres(Poses.at(angle, stretch), self.cells)[0])
+            least = self._apothem - slack - np.linalg.norm(offsets, axis=1).max() - self._step
+            cells = self.cells[self._rounded(np.maximum(nodes, 0)) >= least]
+            found.append(self._best(Poses.at(angle, stretch, offsets @ axes_at(angle)), cells, slack, exact=False))
+        poses, scores = Poses.joined([p for p, _ in found]), np.concatenate([s for _, s in found])
+        best = np.argsort(-scores, kind="stable")[:BEAM]
+        return poses[best], scores[best]
+
+    def _refined(self, poses: Poses, turn: float) -> Poses:
+        """Return the best pose near given ones: half a step to both sides, in all directions, again and again."""
+        half, step = (-0.5, 0.5), self._step
+        signs = np.array([(x, y, z) for x in half for y in half for z in (half if turn else (0.0,))])
+        for _ in range(HALVINGS):
+            step, turn = step / 2, turn / 2
+            x, y, z = np.tile(signs, (len(poses.angles), 1)).T
+            near = poses[np.repeat(np.arange(len(poses.angles)), len(signs))]
+            offsets = np.einsum("kc,kcd->kd", near.offsets, axes_at(turn * z)) + step * np.column_stack((x, y))
+            near = Poses(near.angles + turn * z, near.stretches, offsets)
+            poses, _ = self._best(near, self.cells, self._slack(step, turn), exact=True)
+        return self._best(poses, self.cells, TOUCH * self.lattice.side, exact=True)[0][:1]
+
+    def _best(self, poses: Poses, cells: IntArray, slack: float, exact: bool) -> tuple[Poses, Array]:
+        """Return the poses with the largest scores, and the scores."""
+        scores = self._scores(poses, cells, slack, exact)
+        best = np.argsort(-scores, kind="stable")[:BEAM]
+        return poses[best], scores[best]
+
+    def _slack(self, step: float, turn: float) -> float:
+        """Return the clearance that boards may lack at the pose nearest to a valid one, in steps [m] and [rad]."""
+        return max(step / np.sqrt(3) + turn * self._radius / 2, TOUCH * self.lattice.side)
+
+    def _scores(self, poses: Poses, cells: IntArray, slack: float, exact: bool) -> Array:
+        r"""Return the scores of poses, shape (k,): the boards that fit, and the clearance of the tightest one.
+
+        .. math:: \sum_i \min(\max(1 + c_i / s, 0), 1) + \tfrac12 \min_i c_i / P
+
+        with the clearances c [m] of the cells, the slack s [m] and the pitch P [m].
+        """
+        look = self._interpolated if exact else self._rounded
+        first = self._nodes(self.centres(poses, cells))
+        corners = self.lattice.corners @ axes_at(poses.angles) / self._step
+        _, depths, of_centres = self._raster
+        pose, cell = np.nonzero(((first >= 0) & (first <= np.array(depths.shape) - 1)).all(axis=2))
+        first = first[pose, cell]
+        near = of_centres[tuple((first + 0.5).astype(np.intp).T)] >= self._apothem - slack - self._step
+        pose, first = pose[near], first[near]
+        clear = look(first) - self._apothem
+        for fraction in DISC_POSITIONS if exact else DISC_POSITIONS[:1]:
+            fits = clear > -slack
+            pose, first, clear = pose[fits], first[fits], clear[fits]
+            for k in range(corners.shape[1]):
+                there = look(first + fraction * corners[pose, k]) - (1 - fraction) * self._apothem
+                np.minimum(clear, there, out=clear)
+        pose, clear = pose[clear > -slack], clear[clear > -slack]
+        count = np.bincount(pose, np.minimum(1 + clear / slack, 1), len(poses.angles))
+        found, start = np.unique(pose, return_index=True)
+        tightest = np.zeros(len(count))
+        tightest[found] = np.minimum.reduceat(clear, start) if len(start) else 0.0
+        # Mirror images have different preferences, so that rounding does not decide between them.
+        shifts = poses.offsets / self.lattice.pitch
+        size = np.abs(poses.angles) + 0.3 * poses.angles + np.linalg.norm(shifts, axis=1) + shifts @ (0.1, 0.07)
+        return count + 0.5 * tightest / self.lattice.pitch - PREFERENCE * size
+
+    @property
+    def _apothem(self) -> float:
+        return float(np.sqrt(0.75)) * self.lattice.side
+
+    @property
+    def _step(self) -> float:
+        """Distance of the nodes of the raster [m]."""
+        return self.lattice.pitch / STEPS_PER_PITCH
+
+    @cached_property
+    def _radius(self) -> float:
+        """Distance from the zero to the farthest centre of a board, in whole pitches [m]."""
+        far = np.linalg.norm(self.region.nodes[self.region.carries], axis=1).max(initial=0.0)
+        return max(float(np.ceil(far / self.lattice.pitch)), 1.0) * self.lattice.pitch
+
+    @cached_property
+    def cells(self) -> IntArray:
+        """Cells that may be in the region at a pose, also beyond the cut of a tube, shape (n, 2), from the root out."""
+        radius = self._radius + 3 * self.lattice.pitch
+        most = int(radius / self.lattice.row_step) + 1
+        r, q = (a.ravel() - most for a in np.indices((2 * most + 1, 2 * most + 1)))
+        order = np.lexsort((r, np.abs(r), 2 * q + r, q * q + q * r + r * r))  # mirrored cells follow each other
+        cells = np.column_stack((q, r))[order]
+        return cells[np.linalg.norm(self.lattice.centres(cells), axis=1) <= radius]
+
+    @cached_property
+    def _raster(self) -> tuple[Array, Array, Array]:
+        """The first node of the raster, depths at its nodes, and of centres; minus infinity where none may be."""
+        home = self.region.nodes[self.region.carries] / self._step
+        margin = STEPS_PER_PITCH + 2
+        low, high = np.floor(home.min(axis=0)) - margin, np.ceil(home.max(axis=0)) + margin
+        nodes = self._step * (low + pairs_of(*(np.arange(n + 1.0) for n in high - low)))
+        shape = tuple((high - low + 1).astype(int))
+        depths = self.region.depths(nodes).reshape(shape)
+        return low, depths, np.where(self.region.may_be_centres(nodes).reshape(shape), depths, -np.inf)
+
+    def _nodes(self, points: Array) -> Array:
+        """Return flat points (..., 2) in steps of the raster, from its first node."""
+        return points / self._step - self._raster[0]
+
+    def _rounded(self, nodes: Array) -> Array:
+        """Return the depths at the nodes nearest to fractional ones (k, 2), shape (k,) [m]."""
+        depths = self._raster[1]
+        i, j = (nodes + 0.5).astype(np.intp).T
+        return depths.ravel().take(i * depths.shape[1] + np.minimum(j, depths.shape[1] - 1), mode="clip")
+
+    def _interpolated(self, nodes: Array) -> Array:
+        """Return the depths between the nodes next to fractional ones (k, 2), shape (k,) [m]."""
+        depths = self._raster[1]
+        i, j = nodes.astype(np.intp).T
+        x, y = nodes[:, 0] - i, nodes[:, 1] - j
+        at = i * depths.shape[1] + j
+        low, high = (
+            (1 - y) * depths.ravel().take(at + k, mode="clip") + y * depths.ravel().take(at + k + 1, mode="clip")
+            for k in (0, depths.shape[1])
+        )
+        return (1 - x) * low + x * high
