@@ -13,7 +13,7 @@ sys.path.insert(0, str(ROOT))
 
 from skin_calib_addon.plan.document import write_value  # noqa: E402
 from skin_calib_addon.plan.key import Key, Record  # noqa: E402
-from skin_calib_addon.plan.keys import PLAN, RECORDS  # noqa: E402
+from skin_calib_addon.plan.keys import PLANS, RECORDS  # noqa: E402
 from skin_calib_addon.plan.schema import plan_schema  # noqa: E402
 
 SCHEMA = ROOT / "skin_calib_addon" / "plan" / "schema.json"
@@ -33,7 +33,7 @@ def schema() -> str:
 
 def tables() -> str:
     """Return the text of the page of tables: one for each object of a plan file."""
-    return HEAD + "".join(table(record) for record in (PLAN, *RECORDS))
+    return HEAD + "".join(table(record) for record in (*PLANS.values(), *RECORDS))
 
 
 def table(record: Record) -> str:

@@ -12,8 +12,9 @@ from ..common.findings import did_you_mean, show
 from ..common.tables import CellError, find_column, naming_file, number_in, read_named_rows
 from ..common.text import read_text
 
-# Absolute values of nonzero readings and forces [N] that are accepted. A wider range: products may overflow in the fit.
+# [reading, N] least nonzero readings and forces that are accepted. Smaller: their products may become zero in the fit.
 MIN_MAGNITUDE = 1e-100
+# [reading, N] largest readings and forces that are accepted. Larger: their powers may overflow in the fit.
 MAX_MAGNITUDE = 1e12
 
 

@@ -12,7 +12,7 @@ from ..common.arrays import Array, BoolArray, IntArray
 from ..common.findings import Finding, error, show, warning
 from .model import MIN_TAXEL_DISTANCE
 from .parts import Part, needs
-from .surface_checks import MAX_DISTANCE
+from .surface_checks import MAX_LINK_DISTANCE
 
 # Rounding of unit vectors and of right angles in single precision, which reading removes. Larger: wrong vectors pass.
 SINGLE_ROUNDING = 1e-6
@@ -186,7 +186,7 @@ def _ports_are_neighbours(patch: Part, ports: list[Any], neighbours: list[Any]) 
 def _positions_are_in_metres(patch: Part, position: Array) -> Iterator[Finding]:
     distance = np.linalg.norm(position, axis=1)
     row = int(np.argmax(distance))
-    if distance[row] > MAX_DISTANCE:
+    if distance[row] > MAX_LINK_DISTANCE:
         message = f"is {distance[row]:.6g} m from the link frame; divide lengths by 1000 if they are in millimetres"
         yield error("units", patch.at("position", row), message, position[row].tolist())
 
@@ -247,7 +247,7 @@ def _registration_is_in_si_units(patch: Part, registration: dict[str, Any]) -> I
             message = f"is {registration[name]:.6g} {unit}; it must be at most {limit:.4g} {unit}"
             yield error("units", patch.at("registration", name), message, registration[name])
     distance = float(np.linalg.norm(np.array(registration["anchor"], float)))
-    if distance > MAX_DISTANCE:
+    if distance > MAX_LINK_DISTANCE:
         message = f"is {distance:.6g} m from the link frame; divide lengths by 1000 if they are in millimetres"
         yield error("units", patch.at("registration", "anchor"), message, registration["anchor"])
 

@@ -120,7 +120,7 @@ def response_from(document: dict[str, Any]) -> AnyResponse:
 
 def nonnegative(forces: Array) -> Array:
     """Replace negative forces by 0, and forces that are not finite (minus infinity too) by NaN."""
-    return np.maximum(forces, 0.0) + forces * 0.0
+    return np.maximum(forces, 0.0) + (forces - forces)
 
 
 def _finite(readings: Any) -> Array:

@@ -29,9 +29,9 @@ MIN_MEASUREMENTS = 10  # fewer give a warning
 # Fewer different readings give a warning, and fewer measurements at the first or last reading are usable in any case.
 MIN_READINGS = 5
 READING_GAP = 0.2  # fraction of the range of readings. Larger: fewer warnings about gaps.
-# Loading and unloading differ by hysteresis if their difference exceeds this fraction of the force range, and this
-# number of standard errors. Larger: fewer warnings.
+# [force range] difference of loading and unloading from which on it is hysteresis. Larger: fewer warnings.
 HYSTERESIS_FRACTION = 0.01
+# [standard errors] of this difference that it must exceed, too. Larger: fewer warnings.
 HYSTERESIS_STANDARD_ERRORS = 4.0
 HYSTERESIS_BINS = 8  # intervals of readings in which loading and unloading are compared. Larger: fewer pairs in each.
 POOR_RESIDUAL_FRACTION = 0.3  # of the standard deviation of the forces. Larger: fewer warnings about poor fits.

@@ -19,7 +19,7 @@ from .model import LinkCalibration
 
 FILE = "robot.json"  # Contract: name of the file
 FORMAT = "skin-robot"  # Format
-ROBOT_VERSION = 1  # Format
+ROBOT_VERSION = 1  # Format: version of these files
 
 
 @dataclass(frozen=True)
@@ -140,20 +140,24 @@ def calibrations_of(robot: RobotSet, folder: Path) -> tuple[dict[str, LinkCalibr
     calibrations: dict[str, LinkCalibration] = {}
     findings = []
     for k, link in enumerate(robot.links):
-        where = child("", "links", k, "calibration")
+        where, name = child("", "links", k, "calibration"), f"({show(link.calibration)})"
         now = file_hash(folder / link.calibration)
         if now is None:
-            findings.append(error("no-calibration", where, "does not exist, or cannot be read", link.calibration))
+            findings.append(
+                error("no-calibration", where, f"{name} does not exist, or cannot be read", link.calibration)
+            )
             continue
         if now != link.sha256:
-            findings.append(error("changed", where, f"has changed since {FILE} was written", link.calibration))
+            findings.append(error("changed", where, f"{name} has changed since {FILE} was written", link.calibration))
         try:
             calibration = load_calibration(folder / link.calibration)
         except CalibrationFormatError as problem:
-            findings.append(error("invalid", where, f"is invalid: {in_short(problem.findings)}", link.calibration))
+            findings.append(
+                error("invalid", where, f"{name} is invalid: {in_short(problem.findings)}", link.calibration)
+            )
             continue
         if calibration.link != link.link:
-            message = f"is of the link {show(calibration.link)}, not of {show(link.link)}"
+            message = f"{name} is of the link {show(calibration.link)}, not of {show(link.link)}"
             findings.append(error("link", where, message, link.calibration))
             continue
         calibrations[link.link] = calibration
@@ -179,12 +183,12 @@ def _used_twice(robot: RobotSet, calibrations: dict[str, LinkCalibration]) -> It
         own_channels = {(link.bus, int(channel)) for t in taxels for channel in t.channels} if link.bus else set()
         own_ids = {name for t in taxels for name in t.ids}
         if both := sorted(own_channels & channels.keys()):
-            message = (
-                f"has channel {both[0][1]} of bus {link.bus}, as {show(channels[both[0]])} has; {len(both)} in all"
-            )
+            other, (bus, channel) = show(channels[both[0]]), both[0]
+            message = f"({show(link.link)}) has channel {channel} of bus {bus}, as {other} has; {len(both)} in all"
             yield error("duplicate-channel", child("", "links", k), message)
         if again := sorted(own_ids & ids.keys()):
-            message = f"has a taxel {show(again[0])}, as {show(ids[again[0]])} has; {len(again)} in all"
+            other = show(ids[again[0]])
+            message = f"({show(link.link)}) has a taxel {show(again[0])}, as {other} has; {len(again)} in all"
             yield warning("duplicate-id", child("", "links", k), message)
         channels.update(dict.fromkeys(own_channels, link.link))
         ids.update(dict.fromkeys(own_ids, link.link))
@@ -232,7 +236,9 @@ def _twice(links: list[dict[str, Any]]) -> Iterator[Finding]:
         seen: set[str] = set()
         for k, link in enumerate(links):
             if link[member] in seen:
-                yield error("duplicate", child("", "links", k, member), "is named twice", link[member])
+                yield error(
+                    "duplicate", child("", "links", k, member), f"({show(link[member])}) is named twice", link[member]
+                )
             seen.add(link[member])
 
 

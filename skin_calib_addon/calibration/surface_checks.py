@@ -12,7 +12,7 @@ from ..common.arrays import Array
 from ..common.findings import Finding, error, show, warning
 from .parts import STORED_ROUNDING, Part, needs
 
-MAX_DISTANCE = 20.0  # [m] from the link frame. Larger: numbers in millimetres pass.
+MAX_LINK_DISTANCE = 20.0  # [m] from the link frame. Larger: numbers in millimetres pass.
 # Larger values of the next three accept surfaces that other programs wrote less precisely.
 
 
@@ -62,7 +62,7 @@ def _closed_is_closed(surface: Part, degree: Array, closed: list[bool], net: Arr
 @needs("control_net")
 def _net_is_in_metres(surface: Part, net: Array) -> Iterator[Finding]:
     farthest = np.abs(net).max()
-    if farthest > MAX_DISTANCE:
+    if farthest > MAX_LINK_DISTANCE:
         message = f"has points {farthest:.6g} m from the link frame; divide lengths by 1000 if they are in millimetres"
         yield error("units", surface.at("control_net"), message)
 

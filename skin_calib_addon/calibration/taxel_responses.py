@@ -106,14 +106,15 @@ class _Polynomials:
             coefficients[len(coefficients) - len(r.coefficients) :, k] = r.coefficients[::-1]
             if r.range is not None:
                 ranges[k] = r.range
-        self._coefficients = np.take(coefficients, index, axis=1)  # (degree + 1, n)
+        self._coefficients = list(np.take(coefficients, index, axis=1))  # degree + 1 of (n,)
         self._low, self._high = np.take(ranges.T, index, axis=1)
         self._clamps = bool(np.isfinite(ranges).any())
 
     def forces(self, readings: Array, rows: IntArray | slice = ALL) -> Array:
-        first, second, *others = self._coefficients[:, rows]
+        coefficients = self._coefficients if rows is ALL else [c[rows] for c in self._coefficients]
+        first, second, *others = coefficients
         if self._clamps:
-            invalid = readings * 0.0  # NaN for a reading that is not finite, which the clamping would hide
+            invalid = readings - readings  # NaN for a reading that is not finite, which the clamping would hide
             readings = np.maximum(readings, self._low[rows])
             np.minimum(readings, self._high[rows], out=readings)
             readings += invalid

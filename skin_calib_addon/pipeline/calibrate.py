@@ -1,8 +1,9 @@
 """Calculate the calibration of one link: load, cut, fit, wrap, errors."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from time import perf_counter
 
 import numpy as np
@@ -14,10 +15,14 @@ from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.cover import cut_cover
-from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
+from ..geometry.mesh.triangle_mesh import TriangleMesh, joined
 from ..geometry.surface.bspline import BSplineSurface
 from ..plan import Plan
-from .place_skins import SURFACE, PlacedSkin, place_all
+from ..plan.checks import naming_surface
+from ..plan.plan import Surface
+from ..robot.link_mesh import load_plan_mesh
+from ..skin.between import overlap_warnings
+from .place_skins import PlacedSkin, place_all
 from .taxel_sigma import unknown_sigma
 
 
@@ -26,10 +31,37 @@ class Calibrated:
     """A calibration with its intermediate results, for reports and pictures."""
 
     calibration: LinkCalibration
-    cover: TriangleMesh
-    fit: SurfaceFit
+    fits: dict[str, SurfaceFit]  # by the name of the surface, in the order of the plan
+    covers: dict[str, TriangleMesh]
     placed: tuple[PlacedSkin, ...]
     seconds: dict[str, float]  # by stage
+
+    @property
+    def fit(self) -> SurfaceFit:
+        """Return the fit of a calibration with only one surface."""
+        (only,) = self.fits.values()
+        return only
+
+    @cached_property
+    def cover(self) -> TriangleMesh:
+        """Return the covers of all surfaces as one mesh."""
+        first, *others = self.covers.values()
+        return joined([first, *others]) if others else first
+
+    @property
+    def worst_fit(self) -> SurfaceFit:
+        """Return the fit with the largest maximum deviation from its mesh."""
+        return max(self.fits.values(), key=lambda fit: fit.errors.surface_to_mesh.max)
+
+    @property
+    def taxels(self) -> int:
+        """Return the number of taxels of all skins."""
+        return sum(len(patch.taxels.ids) for patch in self.calibration.patches)
+
+    @property
+    def mean(self) -> float:
+        """Return the largest mean distance of a surface from its mesh [m]."""
+        return max(fit.errors.surface_to_mesh.mean for fit in self.fits.values())
 
     @property
     def warnings(self) -> tuple[Warning, ...]:
@@ -70,30 +102,76 @@ def calibrate(
         seconds[name] = perf_counter() - start
 
     with stage("load"):
-        mesh = load_mesh(plan.mesh, plan.unit) if mesh is None else mesh
+        mesh = load_plan_mesh(plan) if mesh is None else mesh
     with stage("cut"):
-        cover = cut_cover(mesh, plan.cover)
+        covers = {surface.name: cut_for(plan, surface, mesh) for surface in plan.surfaces}
     with stage("fit"):
-        fit = fit_grid(cover, plan.grid, plan.degree, plan.chords, plan.max_deviation)
-        refuse_errors(fit.warnings)
+        fits = {surface.name: fit_of(plan, surface, covers[surface.name]) for surface in plan.surfaces}
     with stage("wrap"):
-        placed = place_all(plan.skins, fit)
+        placed = place_all(plan, fits)
         patches = tuple(done.patch for done in placed)
     with stage("errors"):
-        surface = surface_model(fit)
+        surfaces = tuple(surface_model(name, fit) for name, fit in fits.items())
     source = MeshSource(plan.mesh.name, mesh.sha256, len(mesh.vertices), len(mesh.faces))
     calibration = LinkCalibration(
         plan.link,
         source,
-        (surface,),
+        surfaces,
         patches,
         plan.response,
         f"skin-calib {__version__}",
         plan.extra,
-        warnings=warnings_of(fit, placed),
+        warnings=warnings_of(fits, placed),
         modalities=plan.modalities,
     )
-    return Calibrated(calibration, cover, fit, placed, seconds)
+    return Calibrated(calibration, fits, covers, placed, seconds)
+
+
+def cut_for(plan: Plan, surface: Surface, mesh: TriangleMesh) -> TriangleMesh:
+    """Return the cover of one surface of a plan; errors name the surface if there are several.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    surface : Surface
+        One of its surfaces.
+    mesh : TriangleMesh
+        Of the link.
+
+    Returns
+    -------
+    TriangleMesh
+    """
+    with naming_surface(plan, surface.name):
+        return cut_cover(mesh, surface.cover)
+
+
+def fit_of(plan: Plan, surface: Surface, cover: TriangleMesh) -> SurfaceFit:
+    """Fit one surface of a plan; errors name the surface if there are several.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    surface : Surface
+        One of its surfaces.
+    cover : TriangleMesh
+        Of this surface.
+
+    Returns
+    -------
+    SurfaceFit
+
+    Raises
+    ------
+    SkinCalibError
+        If the surface cannot be fitted, or a warning about it is an error.
+    """
+    with naming_surface(plan, surface.name):
+        fit = fit_grid(cover, surface.grid, surface.degree, surface.chords, surface.max_deviation)
+        refuse_errors(fit.warnings)
+    return fit
 
 
 def refuse_errors(warnings: Iterable[Warning]) -> None:
@@ -106,16 +184,16 @@ def refuse_errors(warnings: Iterable[Warning]) -> None:
     """
     for warning in warnings:
         if warning.severity == "error":
-            raise PoorFit(f"{warning.message} {warning.advice}", place=warning.where)
+            raise PoorFit(f"{warning.message} {warning.advice}", code=warning.code, place=warning.where)
 
 
-def warnings_of(fit: SurfaceFit, placed: tuple[PlacedSkin, ...]) -> tuple[Warning, ...]:
-    """Return the warnings of a fit and of the skins on it.
+def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) -> tuple[Warning, ...]:
+    """Return the warnings of all fits and of the skins on them; they name the surface if there are several.
 
     Parameters
     ----------
-    fit : SurfaceFit
-        The surface.
+    fits : mapping of str to SurfaceFit
+        By the name of the surface.
     placed : tuple of PlacedSkin
         The skins.
 
@@ -123,8 +201,16 @@ def warnings_of(fit: SurfaceFit, placed: tuple[PlacedSkin, ...]) -> tuple[Warnin
     -------
     tuple of Warning
     """
-    of_skins = ((*_over_holes(skin.patch, fit), *skin.warnings, *unknown_sigma(skin.patch, fit)) for skin in placed)
-    return fit.warnings + tuple(warning for warnings in of_skins for warning in warnings)
+    found = [
+        warning if len(fits) == 1 else replace(warning, message=f"surface {name!r}: {warning.message}")
+        for name, fit in fits.items()
+        for warning in fit.warnings
+    ]
+    for skin in placed:
+        fit = fits[skin.patch.surface]
+        found += (*_over_holes(skin.patch, fit), *skin.warnings, *unknown_sigma(skin.patch, fit))
+    found += overlap_warnings([skin.patch for skin in placed])
+    return tuple(found)
 
 
 def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
@@ -147,10 +233,18 @@ def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
     )
 
 
-def surface_model(fit: SurfaceFit) -> SurfaceModel:
-    """Convert a fitted surface to the record of a calibration."""
+def surface_model(name: str, fit: SurfaceFit) -> SurfaceModel:
+    """Convert a fitted surface to the record of a calibration.
+
+    Parameters
+    ----------
+    name : str
+        Of the surface.
+    fit : SurfaceFit
+        The surface.
+    """
     s = fit.surface
-    return SurfaceModel(SURFACE, s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
+    return SurfaceModel(name, s.degree, s.knots_u, s.knots_v, s.control_net, s.closed, fit.errors)
 
 
 def surface_of(model: SurfaceModel) -> BSplineSurface:

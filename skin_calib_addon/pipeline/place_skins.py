@@ -1,17 +1,24 @@
 """Place the skins of a plan on the fitted surface."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, singledispatch
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ..calibration.exchange import read_taxels
 from ..calibration.model import Patch
-from ..common.errors import InvalidPlan
+from ..common.arrays import unit
+from ..common.errors import InvalidPlan, OutsideSurface, SkinCalibError
 from ..common.warnings import Place, Warning
 from ..geometry.fit.surface_fit import SurfaceFit
+from ..geometry.mesh.closest import MeshDistance
+from ..plan import Plan
+from ..plan.plan import SURFACE
 from ..plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
 from ..skin.boards.board_taxels import board_taxels
+from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
 from ..skin.boards.layout import lay_boards
 from ..skin.imported import ImportedTaxels, imported_taxels
 from ..skin.neighbours import with_neighbours_across
@@ -20,8 +27,6 @@ from ..skin.sheet.taxels import sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
 from ..skin.warnings import check_overlap, placement_warnings
 from .taxel_sigma import with_sigma
-
-SURFACE = "cover"  # name of the surface in a calibration
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,17 +52,17 @@ class PlacedSkin:
         return (*placement_warnings(self.patch, self.closure), *of_file)
 
 
-def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, ...] = ()) -> tuple[PlacedSkin, ...]:
+def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], near: tuple[PlacedSkin, ...] = ()) -> tuple[PlacedSkin, ...]:
     """Place the skins of a link one after another, join adjacent sheets, and state the uncertainty of their taxels.
 
     The skins are on the surface through the vertices, see `SurfaceFit.error_field`, and not along the facets.
 
     Parameters
     ----------
-    skins : tuple of Skin
-        Skins of a plan.
-    fit : SurfaceFit
-        The surface.
+    plan : Plan
+        Has the skins.
+    fits : mapping of str to SurfaceFit
+        Its surfaces by their names.
     near : tuple of PlacedSkin, optional
         Placements of the same skins on a similar surface. Sheets then converge faster and less precisely.
 
@@ -71,18 +76,24 @@ def place_all(skins: tuple[Skin, ...], fit: SurfaceFit, near: tuple[PlacedSkin, 
         If a skin does not fit, two skins have a channel in common, or imported taxels are in another frame.
         If a sheet overlaps itself around the link by more than a tenth of a cell, and its plan does not allow it.
     """
+    skins = plan.skins
     placed: list[PlacedSkin] = []
     counts: list[int | None] = []
     for k, skin in enumerate(skins):
         first = first_channels(skins[: k + 1], [*counts, None])[k]
         assert first is not None  # the counts of all previous skins are known
-        done = place_skin(skin, fit, first, near[k] if near else None)
-        placed.append(done)
+        name = plan.surface_of(skin)
+        try:
+            done = place_skin(skin, fits[name], first, near[k] if near else None)
+        except SkinCalibError as error:
+            error.numbers["skin"] = skin.name
+            raise
+        placed.append(replace(done, patch=replace(done.patch, surface=name)))
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
     patches = with_neighbours_across(tuple(done.patch for done in placed))
     return tuple(
-        replace(done, patch=with_sigma(patch, skin, fit, done.sheet))
+        replace(done, patch=with_sigma(patch, skin, fits[patch.surface], done.sheet))
         for done, patch, skin in zip(placed, patches, skins)
     )
 
@@ -121,12 +132,50 @@ def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | N
         trim=skin.trim,
         near=near.sheet if near else None,
     )
+    if skin.trim:
+        sheet = on_cover(sheet, skin, fit)
     taxels, shape = sheet_taxels(sheet, skin.name, first_channel), (skin.lattice.rows, skin.lattice.columns)
     patch = Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
     placed = PlacedSkin(patch, sheet)
     if not skin.overlap:
         check_overlap(patch, placed.closure)
     return placed
+
+
+def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit) -> WrappedSheet:
+    """Return a sheet without the cells that the cover does not carry.
+
+    They are over a hole, outside the boundary of the grid, off the mesh, or inclined to the mean normal of the faces
+    below their centre, corners and edges.
+
+    Parameters
+    ----------
+    sheet : WrappedSheet
+        The placed sheet.
+    skin : SheetSkin
+        Its skin, which is trimmed.
+    fit : SurfaceFit
+        The surface.
+
+    Raises
+    ------
+    OutsideSurface
+        If no cell is left.
+    """
+    shape, flat = sheet.uv.shape[:2], sheet.uv.reshape(-1, 2)
+    distance, face, _ = MeshDistance(fit.mesh)(sheet.surface.points(flat))
+    normals = sheet.surface.normals(flat)
+    below = fit.mesh.face_normals[face]
+    below = (below * np.sign((below * normals).sum(axis=1, keepdims=True))).reshape(*shape, 3)
+    mean = unit(sliding_window_view(below, (3, 3, 1))[::2, ::2].sum(axis=(3, 4, 5)))
+    centre = normals.reshape(*shape, 3)[1::2, 1::2]
+    is_parallel = (mean * centre).sum(axis=2).ravel() > np.cos(MAX_ANGLE)
+    is_near = distance.reshape(shape)[1::2, 1::2].ravel() <= MAX_DISTANCE
+    on_mesh = fit.is_trusted(sheet.surface.wrap(sheet.uv[1::2, 1::2].reshape(-1, 2)))
+    inside = sheet.inside & on_mesh & is_near & is_parallel
+    if not inside.any():
+        raise OutsideSurface(f"No cell of skin {skin.name!r} lies on the cover. Move it, or choose another surface.")
+    return replace(sheet, inside=inside)
 
 
 @place_skin.register

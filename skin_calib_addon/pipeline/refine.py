@@ -77,11 +77,11 @@ def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
             moved(skin, done.patch, motions[skin.name]) if skin.name in motions else skin
             for skin, done in zip(skins, placed)
         )
-        placed = place_all(skins, result.fit)
+        placed = place_all(replace(plan, skins=skins), result.fits)
         calibration = replace(
             result.calibration,
             patches=tuple(done.patch for done in placed),
-            warnings=warnings_of(result.fit, placed),
+            warnings=warnings_of(result.fits, placed),
         )
         found = placements(calibration, touches)
         if all(_largest(placement) < REFINE_TOLERANCE for placement in found):
@@ -111,7 +111,7 @@ def _with_registration(plan: Plan, result: Calibrated, placed: Sequence[PlacedSk
                 direction = registration_of(skin, patch, done.sheet).direction
             anchor = _triple(link_point(patch, motion.middle))
             skin = replace(skin, registration=Mounting(origin, direction, anchor))
-            patch = with_sigma(patch, skin, result.fit, done.sheet)
+            patch = with_sigma(patch, skin, result.fits[patch.surface], done.sheet)
         skins.append(skin)
         patches.append(patch)
     return Refined(replace(plan, skins=tuple(skins)), replace(result.calibration, patches=tuple(patches)), found)

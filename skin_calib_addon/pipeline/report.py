@@ -14,6 +14,9 @@ from ..common.errors import millimetres
 from ..common.findings import printable
 from ..common.surface_errors import DistanceStatistics
 from ..common.warnings import to_document
+from ..geometry.fit.surface_fit import SurfaceFit
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..geometry.mesh.visibility import visibility
 from ..skin.boards.board_taxels import angles
 from ..skin.imported import Distances
 from .calibrate import Calibrated
@@ -38,25 +41,35 @@ def summary(result: Calibrated, path: Path) -> str:
     str
         About a dozen lines.
     """
-    fit, seconds, errors = result.fit, result.seconds, result.fit.errors
-    n, m = fit.lines.origins.shape[:2]
+    seconds = result.seconds
     taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
     mesh = result.calibration.mesh
     return "\n".join(
         (
             f"link             {result.calibration.link}",
             f"mesh             {mesh.file}: {mesh.faces} faces; cover {len(result.cover.faces)} faces",
-            f"surface          {n} x {m} control points, degree {fit.surface.degree}, {fit.iterations} iterations, "
-            f"{fit.missing:.1%} of the samples missing",
-            f"surface to mesh  {_millimetres(errors.surface_to_mesh)}",
-            f"mesh to surface  {_millimetres(errors.mesh_to_surface)}",
-            f"Hausdorff        {errors.hausdorff * 1e3:.4f} mm",
+            *(line for name in result.fits for line in _surface_summary(result, name)),
             f"taxels           {taxels} in {len(result.calibration.patches)} patches",
             *(line for placed in result.placed for line in _patch_summary(placed)),
             "time             " + ", ".join(f"{name} {s * 1e3:.1f} ms" for name, s in seconds.items()),
             f"calibration      {path}",
         )
     )
+
+
+def _surface_summary(result: Calibrated, name: str) -> Iterator[str]:
+    """Yield lines about a surface: its cover, size and errors."""
+    fit = result.fits[name]
+    n, m = fit.lines.origins.shape[:2]
+    if len(result.fits) > 1:
+        yield f"on surface       {name}, cover {len(result.covers[name].faces)} faces"
+    yield (
+        f"surface          {n} x {m} control points, degree {fit.surface.degree}, {fit.iterations} iterations, "
+        f"{fit.missing:.1%} of the samples missing"
+    )
+    yield f"surface to mesh  {_millimetres(fit.errors.surface_to_mesh)}"
+    yield f"mesh to surface  {_millimetres(fit.errors.mesh_to_surface)}"
+    yield f"Hausdorff        {fit.errors.hausdorff * 1e3:.4f} mm"
 
 
 def _patch_summary(placed: PlacedSkin) -> Iterator[str]:
@@ -127,8 +140,26 @@ def _millimetres(d: DistanceStatistics) -> str:
 
 
 def report_document(result: Calibrated) -> dict[str, Any]:
-    """Return errors, sizes and times of one fit as a JSON value, in metres and seconds."""
-    fit = result.fit
+    """Return errors, sizes and times of one fit as a JSON value, in metres and seconds.
+
+    The members of the first surface are at the top level; ``surfaces`` has those of all, if there are several.
+    """
+    surfaces = [{"name": name} | _surface_document(fit) for name, fit in result.fits.items()]
+    several = {"surfaces": surfaces} if len(surfaces) > 1 else {}
+    first = {key: value for key, value in surfaces[0].items() if key != "name"}
+    return {
+        "link": result.calibration.link,
+        **first,
+        **several,
+        "warnings": to_document(result.warnings),
+        "taxels": sum(len(p.taxels.ids) for p in result.calibration.patches),
+        "patches": [_patch_document(placed) for placed in result.placed],
+        "seconds": result.seconds,
+    }
+
+
+def _surface_document(fit: SurfaceFit) -> dict[str, Any]:
+    """Return errors and sizes of one surface."""
     errors = {
         name: {"mean": d.mean, "mean_uncertainty": d.uncertainty, "rms": d.rms, "max": d.max}
         for name, d in (
@@ -137,7 +168,6 @@ def report_document(result: Calibrated) -> dict[str, Any]:
         )
     }
     return {
-        "link": result.calibration.link,
         "control_points": int(np.prod(fit.lines.origins.shape[:2])),
         "iterations": fit.iterations,
         "missing": fit.missing,
@@ -146,13 +176,9 @@ def report_document(result: Calibrated) -> dict[str, Any]:
         "condition": fit.condition,
         "dropped_loops": int(fit.dropped_loops.max()),
         "leave_one_out": fit.leave_one_out().tolist(),
-        "warnings": to_document(result.warnings),
         "worst": {"uv": fit.worst[0].tolist(), "point": fit.worst[1].tolist(), "distance": fit.worst[2]},
         "smallest_area": fit.smallest_area,
         "errors": errors | {"hausdorff": fit.errors.hausdorff},
-        "taxels": sum(len(p.taxels.ids) for p in result.calibration.patches),
-        "patches": [_patch_document(placed) for placed in result.placed],
-        "seconds": result.seconds,
     }
 
 
@@ -170,26 +196,60 @@ def robot_table(robot: RobotSet, calibrations: Mapping[str, LinkCalibration]) ->
     -------
     str
     """
-    rows: list[tuple[str, ...]] = [("link", "parent", "patches", "taxels", "channels", "bus", "mean error", "warnings")]
-    total = 0
+    rows: list[tuple[str, ...]] = [
+        ("link", "parent", "patches", "taxels", "channels", "bus", "area", "mean error", "warnings")
+    ]
+    total, total_area = 0, 0.0
     for link in robot.links:
-        numbers: tuple[str, ...] = ("", "", "", link.bus or "", "", "not readable")
+        numbers: tuple[str, ...] = ("", "", "", link.bus or "", "", "", "not readable")
         if calibration := calibrations.get(link.link):
             channels = np.concatenate([np.empty(0, int), *(p.taxels.channels for p in calibration.patches)])
             errors = [s.errors.surface_to_mesh.mean for s in calibration.surfaces]
-            total += len(channels)
+            area = covered_area(calibration)
+            total, total_area = total + len(channels), total_area + area
             numbers = (
                 str(len(calibration.patches)),
                 str(len(channels)),
                 f"{channels.min()} to {channels.max()}" if len(channels) else "",
                 link.bus or "",
+                f"{area * 1e4:.1f} cm²",
                 f"{max(errors) * 1e3:.4f} mm" if errors else "",
                 str(len(calibration.warnings) or ""),
             )
         rows.append((link.link, link.parent or "", *numbers))
     widths = [max(map(len, column)) for column in zip(*rows)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows)
-    return "\n".join((*lines, f"{robot.robot}: {len(robot.links)} links, {total} taxels"))
+    return "\n".join((*lines, f"{robot.robot}: {len(robot.links)} links, {total} taxels, {total_area * 1e4:.0f} cm²"))
+
+
+def covered_area(calibration: LinkCalibration) -> float:
+    """Return the area of all cells of a link [m^2]."""
+    return sum(float(patch.taxels.areas.sum()) for patch in calibration.patches)
+
+
+def seen_area(mesh: TriangleMesh) -> float:
+    """Return the area of a mesh that can be seen from outside [m^2]."""
+    return float(visibility(mesh).fractions @ mesh.face_areas)
+
+
+def area_table(areas: Mapping[str, tuple[float, float]]) -> str:
+    """Return a table of the areas of a robot, a line for each link and one for all.
+
+    Parameters
+    ----------
+    areas : mapping of str to (float, float)
+        Area of the cells, and area that can be seen from outside without the other links, by link [m^2].
+
+    Returns
+    -------
+    str
+    """
+    total = tuple(sum(column) for column in zip((0.0, 0.0), *areas.values()))
+    lines = []
+    for link, (cells, seen) in (*areas.items(), ("all links", total)):
+        percent = 100 * cells / seen if seen else 0
+        lines.append(f"cells cover {cells * 1e4:7.1f} of {seen * 1e4:7.1f} cm² seen, {percent:3.0f} %  {link}")
+    return "\n".join(lines)
 
 
 def table(calibration: LinkCalibration) -> str:

@@ -22,6 +22,7 @@ from ..common.warnings import Warning, from_document, to_document
 from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT, TriangleMesh, read_mesh
 from ..plan import Plan
 from ..plan.skins import ImportedSkin
+from ..robot.link_mesh import is_urdf, load_urdf_mesh, plan_mesh_files
 
 FILE = "sources.json"
 FORMAT = "skin-sources"
@@ -72,8 +73,13 @@ def source_of(path: Path, plan: Plan, folder: Path) -> Source:
     -------
     Source
         Without outputs.
+
+    Raises
+    ------
+    SkinCalibError
+        If the mesh is a URDF that cannot be read, or whose mesh files are missing.
     """
-    files = (path, plan.mesh, *taxel_files(plan))
+    files = (path, *plan_mesh_files(plan), *taxel_files(plan))
     inputs = {relative_path(folder, file): file_hash(file) or "" for file in files}
     return Source(PROGRAM, relative_path(folder, path), relative_path(folder, plan.mesh), inputs, {}, 0, 0.0, ())
 
@@ -210,21 +216,25 @@ def changed_inputs(calibration: Path) -> tuple[str, ...]:
     return tuple(path for path, known in files.items() if file_hash(calibration.parent / path) not in (known, None))
 
 
-def is_same_mesh(path: Path, sha256: str) -> bool:
-    """Return whether a mesh file has the geometry of a hash, in any unit.
+def is_same_mesh(path: Path, sha256: str, link: str = "") -> bool:
+    """Return whether a mesh file has the geometry of a hash, in any unit; or whether a link of a URDF has it.
 
     Parameters
     ----------
     path : Path
-        Mesh file.
+        Mesh file, or URDF.
     sha256 : str
         Hash of the geometry in metres.
+    link : str
+        Name of the link in a URDF.
 
     Raises
     ------
-    InvalidMesh
+    SkinCalibError
         If the file cannot be read.
     """
+    if is_urdf(path):
+        return load_urdf_mesh(path, link).sha256 == sha256
     raw = read_mesh(path)
     return any(TriangleMesh(raw.vertices * metres, raw.faces).sha256 == sha256 for metres in METRES_PER_UNIT.values())
 

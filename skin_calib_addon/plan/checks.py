@@ -1,14 +1,15 @@
 """What the members of a plan must be together, where each of them is right alone."""
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from ..calibration.parts import pointers_with_findings
 from ..common.arrays import MIN_DIRECTION_LENGTH, Array
-from ..common.errors import InvalidPlan
-from ..common.findings import Finding, child, error
+from ..common.errors import InvalidPlan, SkinCalibError, listed
+from ..common.findings import Finding, child, did_you_mean, error
 from ..geometry.grid.grids import Across, Grid, PlanesGrid
 from ..skin.imported import ROTATION_MATRIX_TOLERANCE
 from .plan import Plan
@@ -23,10 +24,40 @@ def check_together(plan: Plan) -> None:
     InvalidPlan
         Names the members.
     """
-    for i, cut in enumerate(plan.cover.cuts):
-        check_direction(cut.normal, f"The normal of cut {i} is zero. Give the direction of the side to keep.")
-    check_grid(plan.grid)
+    if plan.mesh.suffix.lower() == ".urdf" and plan.unit != "m":
+        raise InvalidPlan('The mesh is a URDF, which is in metres. Set "unit" to "m".')
+    names = [surface.name for surface in plan.surfaces]
+    for surface in plan.surfaces:
+        if names.count(surface.name) > 1:
+            raise InvalidPlan(f"Two surfaces have the name {surface.name!r}. Rename one.")
+        with naming_surface(plan, surface.name):
+            for i, cut in enumerate(surface.cover.cuts):
+                check_direction(cut.normal, f"The normal of cut {i} is zero. Give the direction of the side to keep.")
+            check_grid(surface.grid)
+    for skin in plan.skins:
+        if plan.surface_of(skin) not in names:
+            near = did_you_mean(plan.surface_of(skin), names) or f". It has {listed(names)}."
+            raise InvalidPlan(f"Skin {skin.name!r} is on surface {skin.surface!r}, which the plan does not have{near}")
     check_skins(plan.skins)
+
+
+@contextmanager
+def naming_surface(plan: Plan, name: str) -> Iterator[None]:
+    """Add the name of a surface to the errors about it, if the plan has several.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    name : str
+        Of the surface.
+    """
+    try:
+        yield
+    except SkinCalibError as error:
+        if len(plan.surfaces) > 1:
+            error.args = (f"surface {name!r}: {error}",)
+        raise
 
 
 def check_grid(grid: Grid | PlanesGrid) -> None:

@@ -15,8 +15,8 @@ from ..geometry.mesh.cover import Cut
 from ..geometry.sampling.planes import Planes
 from .checks import check_skins, check_together
 from .key import Record, Type
-from .keys import GRIDS, PLAN, PLANE, SKINS_OF
-from .plan import Plan
+from .keys import GRIDS, PLAN, PLANE, PLANS, SKINS_OF
+from .plan import SURFACE, Plan
 from .skins import BoardSkin, SheetSkin, Skin, with_channels
 
 NO_REGION = 'A patch needs either "from" and "to" (a sector of a tube), or "normal" (planes across a face).'
@@ -30,15 +30,19 @@ def plan_from(document: dict[str, Any]) -> Plan:
     InvalidPlan
         If its members contradict each other.
     """
-    plan: Plan = read(PLAN, document)
+    plan: Plan = read(PLANS[document["version"]], document)
     plan = replace(plan, extra={name: value for name, value in document.items() if name.startswith("x_")})
     check_together(plan)
     return plan
 
 
 def plan_document(plan: Plan) -> dict[str, Any]:
-    """Return the plan as the JSON document that reads back to it, with the channels that are known."""
-    return write(PLAN, replace(plan, skins=with_channels(plan.skins))) | plan.extra
+    """Return the plan as the JSON document that reads back to it, with the channels that are known.
+
+    A plan with one surface of the usual name is of version 1, which older programs read.
+    """
+    is_old = [surface.name for surface in plan.surfaces] == [SURFACE]
+    return write(PLAN if is_old else PLANS[2], replace(plan, skins=with_channels(plan.skins))) | plan.extra
 
 
 def skins_from(documents: list[dict[str, Any]]) -> tuple[Skin, ...]:

@@ -15,7 +15,7 @@ from ..common.schema_check import check
 from ..common.strict_json import parse, read
 from .checks import frames_are_rotations
 from .document import plan_document, plan_from
-from .keys import FORMAT, PLAN_VERSION
+from .keys import FORMAT, PLAN_VERSION, PLANS
 from .plan import Plan
 from .schema import plan_schema
 from .skins import ImportedSkin
@@ -69,7 +69,10 @@ def check_plan(document: Any) -> tuple[Finding, ...]:
     other = tuple(other_file(document, FORMAT, PLAN_VERSION))
     if other:
         return other
-    findings = check(document, plan_schema())
+    version = document.get("version") if isinstance(document, dict) else None
+    is_known = isinstance(version, int) and version in PLANS
+    schema = {"$ref": f"#/$defs/version_{version if is_known else 1}", "$defs": plan_schema()["$defs"]}
+    findings = check(document, schema)
     checks = (responses_are_monotone, modalities_are_distinct, frames_are_rotations)
     return (*findings, *(finding for check_part in checks for finding in check_part(document, findings)))
 

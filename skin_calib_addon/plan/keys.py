@@ -1,5 +1,6 @@
 """All keys of the plan file, one entry for each; ``CONTRIBUTING.md`` says how to add one."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from ..geometry.fit.diagnosis import MAX_DEVIATION
 from ..geometry.grid.axis import Axis
 from ..geometry.grid.grids import Across, Grid, PlanesGrid, Sector, Size, Tolerance, Tube
 from ..geometry.mesh.cover import CoverSpec, Cut
-from ..skin.boards.outline import Zone
+from ..skin.boards.ground import Zone
 from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
 from ..skin.uncertainty import (
@@ -22,10 +23,12 @@ from ..skin.uncertainty import (
     ORIGIN_UNCERTAINTY,
 )
 from .key import Choice, Key, Record, Switch, Type
-from .plan import Plan
+from .plan import SURFACE as FIRST_SURFACE
+from .plan import Plan, Surface
 from .skins import GAP, SIDE, BoardSkin, Frame, ImportedSkin, Mounting, SheetSkin
 
-FORMAT, PLAN_VERSION = "skin-plan", 1
+FORMAT = "skin-plan"
+PLAN_VERSION = 2  # Format: newest version of plan files
 FARTHEST = 1_000_000  # [m] from the origin of the link frame; [m] of a margin
 
 
@@ -247,9 +250,10 @@ COVER = Record(
             "shell",
             choice(
                 Choice("outer", "Outer", "Drop the connected parts that lie inside larger ones"),
+                Choice("seen", "Seen", "Keep the faces that can be seen from outside"),
                 Choice("all", "All", "Keep all connected parts"),
             ),
-            "Which connected parts of the mesh belong to the cover.",
+            "Which faces of the mesh belong to the cover.",
             default="outer",
             label="Shell",
             acts="geometry/mesh/cover.py",
@@ -377,6 +381,25 @@ MARGIN = Key(
     switch=Switch("auto_margin", "Automatic Margin"),
     acts="geometry/grid/axis.py",
 )
+BOUNDARY = Key(
+    "boundary",
+    Type(
+        "boundary",
+        "list of loops of points [m]",
+        {
+            "type": "array",
+            "items": {"type": "array", "items": dict(POINT.schema), "minItems": 3, "maxItems": 1000},
+            "maxItems": 100,
+        },
+    ),
+    "Corners of closed loops on the mesh, inside which surface and skins stay; a loop in another is a hole. They "
+    "replace the margin.",
+    default=(),
+    otherwise="the whole region",
+    field="region.boundary",
+    label="Boundary",
+    acts="geometry/grid/boundary.py",
+)
 FROM = Key(
     "from",
     ANGLE,
@@ -412,42 +435,42 @@ TUBE = Record(
     "tube",
     "Tube",
     Grid,
-    (kind("tube"), N, M, LINES, SPACING, AXIS, MARGIN),
+    (kind("tube"), N, M, LINES, SPACING, AXIS, MARGIN, BOUNDARY),
     {"region": Tube, "size": Size},
 )
 SECTOR = Record(
     "sector",
     "Sector of a tube",
     Grid,
-    (kind("patch"), N, M, LINES, SPACING, AXIS, FROM, TO, MARGIN),
+    (kind("patch"), N, M, LINES, SPACING, AXIS, FROM, TO, MARGIN, BOUNDARY),
     {"region": Sector, "size": Size},
 )
 ACROSS = Record(
     "across",
     "Across a face",
     Grid,
-    (kind("patch"), N, M, LINES, SPACING, NORMAL, FACE_AXIS, MARGIN),
+    (kind("patch"), N, M, LINES, SPACING, NORMAL, FACE_AXIS, MARGIN, BOUNDARY),
     {"region": Across, "size": Size},
 )
 AUTO_TUBE = Record(
     "auto_tube",
     "Automatic tube",
     Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, MARGIN),
+    (kind("auto"), TOLERANCE, MEASURE, AXIS, MARGIN, BOUNDARY),
     {"region": Tube, "size": Tolerance},
 )
 AUTO_SECTOR = Record(
     "auto_sector",
     "Automatic sector of a tube",
     Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, FROM, TO, MARGIN),
+    (kind("auto"), TOLERANCE, MEASURE, AXIS, FROM, TO, MARGIN, BOUNDARY),
     {"region": Sector, "size": Tolerance},
 )
 AUTO_ACROSS = Record(
     "auto_across",
     "Automatic across a face",
     Grid,
-    (kind("auto"), TOLERANCE, MEASURE, AXIS, NORMAL, MARGIN),
+    (kind("auto"), TOLERANCE, MEASURE, AXIS, NORMAL, MARGIN, BOUNDARY),
     {"region": Across, "size": Tolerance},
 )
 PLANES = Record(
@@ -508,6 +531,16 @@ GRID_REGIONS = (
 # Skins: what they have in common, then each kind.
 
 PATCH_NAME = Key("name", NAME, "Name of the patch; ids of its taxels begin with it.", label="Name", first="skin")
+SURFACE_OF_SKIN = Key(
+    "surface",
+    NAME,
+    "Name of the surface that the skin is on.",
+    default=None,
+    otherwise="the first surface of the plan",
+    label="Surface",
+    empty="",
+    acts="pipeline/place_skins.py",
+)
 ORIGIN = Key(
     "origin",
     POINT,
@@ -614,6 +647,7 @@ SHEET = Record(
     (
         PATCH_NAME,
         kind("sheet"),
+        SURFACE_OF_SKIN,
         Key(
             "rows",
             count(minimum=1, maximum=1000),
@@ -670,8 +704,9 @@ SHEET = Record(
         Key(
             "trim",
             SWITCH,
-            "Whether cells whose centre lies off the surface are left out; otherwise they are an error. The other "
-            "cells keep their ids and channels.",
+            "Whether cells are left out whose centre is off the surface, more than 1 mm off the mesh, over a hole or "
+            "outside the boundary, or that are inclined by more than 15 degrees to the faces below them. Otherwise "
+            "those off the surface are an error. The other cells keep their ids and channels.",
             default=False,
             label="Trim",
             acts="skin/sheet/wrap.py",
@@ -714,6 +749,7 @@ BOARDS = Record(
     (
         PATCH_NAME,
         kind("hexagons"),
+        SURFACE_OF_SKIN,
         Key(
             "side",
             length(minimum=0.0001, maximum=1),
@@ -805,6 +841,7 @@ IMPORTED = Record(
     (
         PATCH_NAME,
         kind("imported"),
+        SURFACE_OF_SKIN,
         Key(
             "file",
             FILE,
@@ -868,7 +905,7 @@ SKIN_KINDS = (
 # By kind.
 SKINS_OF: dict[str, Record] = {"sheet": SHEET, "hexagons": BOARDS, "imported": IMPORTED}
 
-# The plan.
+# Modalities.
 
 MODALITY = Record(
     "modality",
@@ -895,93 +932,176 @@ MODALITY = Record(
     ),
 )
 
-PLAN = Record(
-    "plan",
-    "Plan",
-    Plan,
+# Of a surface.
+
+COVER_KEY = Key(
+    "cover",
+    one(COVER, "group"),
+    "What of the mesh is covered with skin.",
+    default=CoverSpec(),
+    label="Cover",
+    panel="Cut",
+    acts="geometry/mesh/cover.py",
+    always=True,
+)
+GRID_KEY = Key("grid", GRID, "Where planes and lines are.", label="Grid", panel="Grid", acts="geometry/grid/grids.py")
+DEGREE = Key(
+    "degree",
+    pair("count", "two whole numbers", {"type": "integer", "minimum": 2, "maximum": 5}),
+    "Degree of the surface along u and v.",
+    default=(3, 3),
+    label="Degree",
+    labels=("Degree U", "V"),
+    panel="Grid",
+    acts="geometry/fit/surface_fit.py",
+    always=True,
+)
+CHORDS = Key(
+    "chords",
+    SWITCH,
+    "Whether the mesh was tessellated from a smooth model: its vertices lie on the true surface and its facets "
+    "inside it, and the fitted surface bulges over them. Coarse or sharp meshes are fitted without.",
+    default=False,
+    label="Facets are Chords",
+    panel="Grid",
+    acts="geometry/fit/chords.py",
+)
+MAX_DEVIATION_KEY = Key(
+    "max_deviation",
+    length(exclusiveMinimum=0, maximum=1),
+    "Largest distance of the surface from the mesh; a fit above it is refused. A warning starts at a fifth of "
+    "it. With a tolerance, a warning starts at the tolerance, or at ten times a tolerance of the mean if that "
+    "is less than a fifth of this value.",
+    default=MAX_DEVIATION,
+    otherwise="10 mm",
+    label="Max. Deviation",
+    switch=Switch("auto_max_deviation", "Standard Limit", "10 mm, whatever the unit of the scene"),
+    panel="Grid",
+    acts="geometry/fit/diagnosis.py",
+)
+SURFACE = Record(
+    "surface",
+    "Surface",
+    Surface,
     (
-        Key("format", constant(FORMAT), "The format.", field=""),
-        Key("version", constant(PLAN_VERSION), "The version of the format.", field=""),
-        Key("link", NAME, "Name of the robot link, as in its URDF.", label="Link", panel="Link"),
         Key(
-            "mesh",
-            MESH,
-            "STL, PLY, OBJ or OFF file of the mesh, relative to the folder of the plan.",
-            blender="mesh_file",
-            label="Mesh File",
-            panel="Link",
-            acts="geometry/mesh/triangle_mesh.py",
+            "name",
+            NAME,
+            "Name of the surface, which skins refer to.",
+            blender="surface_name",
+            label="Surface",
+            first=FIRST_SURFACE,
         ),
-        Key(
-            "unit",
-            choice(Choice("m", "Metres", "Metres"), Choice("mm", "Millimetres", "Millimetres")),
-            "Unit of the numbers in the mesh file.",
-            acts="geometry/mesh/triangle_mesh.py",
-        ),
-        Key(
-            "cover",
-            one(COVER, "group"),
-            "What of the mesh is covered with skin.",
-            default=CoverSpec(),
-            label="Cover",
-            panel="Cut",
-            acts="geometry/mesh/cover.py",
-            always=True,
-        ),
-        Key("grid", GRID, "Where planes and lines are.", label="Grid", panel="Grid", acts="geometry/grid/grids.py"),
-        Key(
-            "degree",
-            pair("count", "two whole numbers", {"type": "integer", "minimum": 2, "maximum": 5}),
-            "Degree of the surface along u and v.",
-            default=(3, 3),
-            label="Degree",
-            labels=("Degree U", "V"),
-            panel="Grid",
-            acts="geometry/fit/surface_fit.py",
-            always=True,
-        ),
-        Key("skins", SKINS, "The skins on the link.", label="Skins", panel="Skin", acts="pipeline/place_skins.py"),
-        Key(
-            "chords",
-            SWITCH,
-            "Whether the mesh was tessellated from a smooth model: its vertices lie on the true surface and its facets "
-            "inside it, and the fitted surface bulges over them. Coarse or sharp meshes are fitted without.",
-            default=False,
-            label="Facets are Chords",
-            panel="Grid",
-            acts="geometry/fit/chords.py",
-        ),
-        Key(
-            "max_deviation",
-            length(exclusiveMinimum=0, maximum=1),
-            "Largest distance of the surface from the mesh; a fit above it is refused. A warning starts at a fifth of "
-            "it. With a tolerance, a warning starts at the tolerance, or at ten times a tolerance of the mean if that "
-            "is less than a fifth of this value.",
-            default=MAX_DEVIATION,
-            otherwise="10 mm",
-            label="Max. Deviation",
-            switch=Switch("auto_max_deviation", "Standard Limit", "10 mm, whatever the unit of the scene"),
-            panel="Grid",
-            acts="geometry/fit/diagnosis.py",
-        ),
-        Key(
-            "response",
-            RESPONSE,
-            "Force of a reading in newtons.",
-            default=Response(),
-            otherwise="readings are newtons",
-            label="Response",
-            acts="calibration/response.py",
-        ),
-        Key(
-            "modalities",
-            many(MODALITY, maxItems=256),
-            "Further quantities that taxels measure, such as proximity and temperature. Each has readings of its own.",
-            default=(),
-            acts="calibration/modality.py",
-        ),
+        COVER_KEY,
+        GRID_KEY,
+        DEGREE,
+        CHORDS,
+        MAX_DEVIATION_KEY,
     ),
 )
+
+# The plan.
+
+
+def of_surface(key: Key) -> Key:
+    """Return a key of a surface as a key of a plan of version 1, which has one surface."""
+    return replace(key, field=f"surface.{key.path}")
+
+
+def with_one_surface(surface: Surface, **others: Any) -> Plan:
+    """Return a plan with one surface.
+
+    Parameters
+    ----------
+    surface : Surface
+        The surface.
+    **others
+        The other fields of the plan.
+
+    Returns
+    -------
+    Plan
+    """
+    return Plan(surfaces=(surface,), **others)
+
+
+FORMAT_KEY = Key("format", constant(FORMAT), "The format.", field="")
+LINK = Key("link", NAME, "Name of the robot link, as in its URDF.", label="Link", panel="Link")
+MESH_KEY = Key(
+    "mesh",
+    MESH,
+    "STL, PLY, OBJ, OFF or DAE file, relative to the plan; or URDF: all visual meshes of the link.",
+    blender="mesh_file",
+    label="Mesh File",
+    panel="Link",
+    acts="geometry/mesh/triangle_mesh.py",
+)
+UNIT = Key(
+    "unit",
+    choice(Choice("m", "Metres", "Metres"), Choice("mm", "Millimetres", "Millimetres")),
+    "Unit of the numbers in the mesh file.",
+    acts="geometry/mesh/triangle_mesh.py",
+)
+SKINS_KEY = Key("skins", SKINS, "The skins on the link.", label="Skins", panel="Skin", acts="pipeline/place_skins.py")
+RESPONSE_KEY = Key(
+    "response",
+    RESPONSE,
+    "Force of a reading in newtons.",
+    default=Response(),
+    otherwise="readings are newtons",
+    label="Response",
+    acts="calibration/response.py",
+)
+MODALITIES = Key(
+    "modalities",
+    many(MODALITY, maxItems=256),
+    "Further quantities that taxels measure, such as proximity and temperature. Each has readings of its own.",
+    default=(),
+    acts="calibration/modality.py",
+)
+PLAN = Record(
+    "plan",
+    "Plan with one surface",
+    with_one_surface,
+    (
+        FORMAT_KEY,
+        Key("version", constant(1), "The version of the format.", field=""),
+        LINK,
+        MESH_KEY,
+        UNIT,
+        of_surface(COVER_KEY),
+        of_surface(GRID_KEY),
+        of_surface(DEGREE),
+        SKINS_KEY,
+        of_surface(CHORDS),
+        of_surface(MAX_DEVIATION_KEY),
+        RESPONSE_KEY,
+        MODALITIES,
+    ),
+    {"surface": Surface},
+)
+PLAN_OF_SURFACES = Record(
+    "plan_2",
+    "Plan with several surfaces",
+    Plan,
+    (
+        FORMAT_KEY,
+        Key("version", constant(2), "The version of the format.", field=""),
+        LINK,
+        MESH_KEY,
+        UNIT,
+        Key(
+            "surfaces",
+            many(SURFACE, minItems=1, maxItems=100),
+            "The surfaces that are fitted to parts of the mesh.",
+            acts="pipeline/calibrate.py",
+        ),
+        SKINS_KEY,
+        RESPONSE_KEY,
+        MODALITIES,
+    ),
+)
+PLANS: Mapping[int, Record] = {1: PLAN, 2: PLAN_OF_SURFACES}  # by version
 # Objects of the schema; records with the same constant "kind" have one together.
 RECORDS: tuple[Record, ...] = (
     PLANE,
@@ -1002,4 +1122,5 @@ RECORDS: tuple[Record, ...] = (
     IMPORTED,
     MOUNTING,
     MODALITY,
+    SURFACE,
 )

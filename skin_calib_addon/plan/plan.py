@@ -12,6 +12,20 @@ from ..geometry.grid.grids import Grid, PlanesGrid
 from ..geometry.mesh.cover import CoverSpec
 from .skins import ImportedSkin, Skin
 
+SURFACE = "cover"  # name of the surface of a plan of version 1
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface that is fitted to a part of the mesh; skins are placed on it."""
+
+    cover: CoverSpec
+    grid: Grid | PlanesGrid
+    degree: tuple[int, int] = (3, 3)
+    chords: bool = False  # whether the mesh's facets are chords of the true surface
+    max_deviation: float = MAX_DEVIATION  # of the surface from the mesh; above, the fit is refused [m]
+    name: str = SURFACE
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -20,15 +34,21 @@ class Plan:
     link: str
     mesh: Path
     unit: str
-    cover: CoverSpec
-    grid: Grid | PlanesGrid
-    degree: tuple[int, int]
+    surfaces: tuple[Surface, ...]
     skins: tuple[Skin, ...]
     response: AnyResponse = Response()
-    chords: bool = False  # whether the mesh's facets are chords of the true surface
     extra: dict[str, Any] = field(default_factory=dict)  # ``x_`` members, kept as they came
-    max_deviation: float = MAX_DEVIATION  # of the surface from the mesh; above, the fit is refused [m]
     modalities: tuple[Modality, ...] = ()  # further quantities that taxels measure
+
+    @property
+    def surface(self) -> Surface:
+        """Return the surface of a plan that has only one."""
+        (only,) = self.surfaces
+        return only
+
+    def surface_of(self, skin: Skin) -> str:
+        """Return the name of the surface that a skin of this plan is on."""
+        return self.surfaces[0].name if skin.surface is None else skin.surface
 
 
 def named_from(plan: Plan, folder: Path) -> Plan:

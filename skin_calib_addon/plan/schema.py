@@ -6,20 +6,21 @@ from typing import Any
 
 from .document import write_value
 from .key import Key, Record
-from .keys import PLAN, RECORDS, RESPONSES
+from .keys import PLANS, RECORDS, RESPONSES
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 @cache
 def plan_schema() -> dict[str, Any]:
-    """Return the schema of a plan file."""
+    """Return the schema of a plan file: one of the versions, ``version_1`` and so on in its definitions."""
     kinds: dict[str, list[Record]] = {}
     for record in RECORDS:
         kinds.setdefault(schema_name(record), []).append(record)
-    plan = {"$schema": DIALECT, "title": "Skin plan: what to cut, where the planes are, which skins"}
-    plan |= schema_of([PLAN]) | {"patternProperties": {"^x_": {}}}
-    return plan | {"$defs": RESPONSES | {name: schema_of(records) for name, records in kinds.items()}}
+    plan: dict[str, Any] = {"$schema": DIALECT, "title": "Skin plan: what to cut, where the planes are, which skins"}
+    versions = {f"version_{k}": schema_of([record]) | {"patternProperties": {"^x_": {}}} for k, record in PLANS.items()}
+    plan |= {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in versions]}
+    return plan | {"$defs": versions | RESPONSES | {name: schema_of(records) for name, records in kinds.items()}}
 
 
 def schema_name(record: Record) -> str:

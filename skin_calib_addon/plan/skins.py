@@ -8,13 +8,14 @@ import numpy as np
 
 from ..calibration.model import MAX_CHANNEL
 from ..common.errors import InvalidPlan
+from ..skin.boards.ground import Zone
 from ..skin.boards.layout import Choice
-from ..skin.boards.outline import Zone
 from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
 from ..skin.uncertainty import DIRECTION_UNCERTAINTY, ORIGIN_UNCERTAINTY
 
-# [m] Hexagonal boards of the TUM skin: length of their sides, and the gap that gives their pitch of 27.75 mm.
+# [m] Hexagonal boards of the TUM skin: length of their sides, and the gap that gives their pitch of 27.75 mm. Contract:
+# the documented default of the plan.
 SIDE = 0.0163
 GAP = 0.02775 - float(np.sqrt(3)) * SIDE
 
@@ -44,6 +45,7 @@ class SheetSkin:
     trim: bool = False  # whether cells that lie off the surface are left out
     overlap: bool = False  # whether it may overlap itself where it closes around the link
     registration: Mounting | None = None  # None: with the usual uncertainty, or that of two landmarks
+    surface: str | None = None  # name of the surface it is on; None: the first of the plan
 
     @property
     def count(self) -> int:
@@ -64,6 +66,7 @@ class BoardSkin:
     offset: float = 0.0  # height of their middle planes above the surface [m]
     excluded: tuple[Zone, ...] = ()
     registration: Mounting | None = None  # None: with the usual uncertainty
+    surface: str | None = None  # name of the surface; None: the first of the plan
 
     @property
     def count(self) -> int | None:
@@ -90,6 +93,7 @@ class ImportedSkin:
     only: str | None = None  # pattern of the labels that are used; None: all
     first_channel: int | None = None  # None: after the skin before; channels of the file count from there
     registration: Mounting | None = None  # None: with the usual uncertainty
+    surface: str | None = None  # name of the surface; None: the first of the plan
     count = None  # how many channels it has is known once the file is read
 
 
@@ -140,3 +144,19 @@ def with_channels(skins: tuple[Skin, ...]) -> tuple[Skin, ...]:
     """Return the skins with the first channel of each as far as it is known; raises as :func:`first_channels`."""
     firsts = first_channels(skins, [skin.count for skin in skins])
     return tuple(replace(skin, first_channel=first) for skin, first in zip(skins, firsts))
+
+
+def following_channel(skins: tuple[Skin, ...]) -> int | None:
+    """Return the channel after those of all skins; None if the number of channels of a skin is not known yet.
+
+    Parameters
+    ----------
+    skins : tuple of Skin
+        Of a plan.
+    """
+    ends = [
+        None if first is None or skin.count is None else first + skin.count
+        for first, skin in zip(first_channels(skins, [skin.count for skin in skins]), skins)
+    ]
+    known = [end for end in ends if end is not None]
+    return max(known, default=0) if len(known) == len(ends) else None

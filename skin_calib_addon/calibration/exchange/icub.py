@@ -17,7 +17,7 @@ TABLE = "taxel2Repr"
 # Format: entries of the table for rows without taxel
 UNUSED = -1
 BOARD_ROWS = 12  # format: rows of one board, a rigid triangle with ten taxels and two thermal pads
-THERMAL_PAD = -2
+THERMAL_PAD = -2  # Format: entries of the table for rows with a sensor of temperature
 Lines = list[tuple[int, str]]  # numbered
 _WORD = re.compile(r"""[^\s#()\[\]{}"'\\]+""")  # a word without quotes in YARP
 

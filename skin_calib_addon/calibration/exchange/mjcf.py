@@ -11,8 +11,9 @@ from .xml_text import HEAD, numbers, quoted
 
 MIN_VERTICES = 4  # Format: MuJoCo accepts no smaller mesh
 GEOM_THICKNESS = 0.002  # of the cells that make contact [m]. Larger: contacts of deeper bodies are found.
-# Half height of a site, as a fraction of the smaller side of its cell. Larger: contacts farther from the skin count.
-SITE_HALF_HEIGHT = 0.5
+# Angle between the normal of a cell and the direction to another one from which on both may be in one body [rad].
+# Larger: more bodies; smaller: presses that are not along the normal are also reported by cells in front of it.
+FACING_ANGLE = np.radians(45.0)
 # Area of the triangles of a mesh, as a fraction of its squared size. Larger: narrow patches have no tactile sensor.
 MIN_AREA_FRACTION = 1e-6
 
@@ -47,8 +48,7 @@ def write_mjcf(calibration: LinkCalibration) -> bytes:
             f'<geom name={quoted(patch)} type="mesh" mesh={quoted(patch)} contype="0" conaffinity="0"/>'
             for patch in meshes
         ),
-        *_cells(taxels),
-        *_sites(taxels, ids),
+        *_cells(taxels, ids),
         "</body></worldbody>",
         "<sensor>",
         *(f"<touch name={name} site={name}/>" for name in ids),
@@ -81,18 +81,42 @@ def _area(corners: Array) -> float:
     return float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()) / 2
 
 
-def _cells(taxels: LinkTaxels) -> Iterator[str]:
-    """Yield a thin box or disc for each taxel, with its upper side at the taxel."""
-    depth = np.minimum(GEOM_THICKNESS, taxels.sizes.min(axis=1))
-    centres = taxels.positions - depth[:, None] / 2 * taxels.normals
-    for row, shape in enumerate(_shapes(taxels, depth / 2)):
-        yield f'<geom {shape} pos="{numbers(centres[row])}" {_turn(taxels, row)}/>'
+def _cells(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
+    """Yield geom and site of each taxel, those of the second and further groups in a body for each.
+
+    The geom is a thin box or disc with its upper side at the taxel. The site is the volume in which contacts belong to
+    the taxel: its cell, extended outwards and inwards by half of its smaller side.
+    """
+    sides = taxels.sizes.min(axis=1)
+    depths = np.minimum(GEOM_THICKNESS, sides)
+    centres = taxels.positions - depths[:, None] / 2 * taxels.normals
+    geoms, sites = list(_shapes(taxels, depths / 2)), list(_shapes(taxels, sides / 2))
+    groups = _groups(taxels)
+    for group in np.unique(groups).tolist():
+        body = f"<body name={quoted(f'{taxels.link} {group + 1}')}>" if group else ""
+        yield body
+        for row in np.flatnonzero(groups == group).tolist():
+            turn = f'xyaxes="{numbers(taxels.axes[row, :, :2].T)}"'
+            yield f'<geom {geoms[row]} pos="{numbers(centres[row])}" {turn}/>'
+            yield f'<site name={ids[row]} {sites[row]} pos="{numbers(taxels.positions[row])}" {turn}/>'
+        yield "</body>" if body else ""
 
 
-def _sites(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
-    """Yield the volume in which contacts belong to a taxel: its cell, extended outwards and inwards."""
-    for row, shape in enumerate(_shapes(taxels, SITE_HALF_HEIGHT * taxels.sizes.min(axis=1))):
-        yield f'<site name={ids[row]} {shape} pos="{numbers(taxels.positions[row])}" {_turn(taxels, row)}/>'
+def _groups(taxels: LinkTaxels) -> IntArray:
+    """Return groups (n,) of cells, in none of which a cell is in front of another.
+
+    A touch sensor of MuJoCo also reports contacts of its body that are behind it, however far: those at the other side
+    of a slot, or inside a shell. Cells of a convex link are one group.
+    """
+    positions, normals = taxels.positions, taxels.normals
+    groups = np.zeros(len(positions), np.int64)
+    for row in range(1, len(positions)):
+        arms = positions[:row] - positions[row]
+        least = np.cos(FACING_ANGLE) * np.linalg.norm(arms, axis=1)
+        facing = (arms @ normals[row] > least) | ((arms * normals[:row]).sum(axis=1) < -least)
+        taken = set(groups[:row][facing].tolist())
+        groups[row] = next(group for group in range(row + 1) if group not in taken)
+    return groups
 
 
 def _shapes(taxels: LinkTaxels, half: Array) -> Iterator[str]:
@@ -103,10 +127,6 @@ def _shapes(taxels: LinkTaxels, half: Array) -> Iterator[str]:
             yield f'type="box" size="{numbers((*taxels.sizes[row] / 2, half[row]))}"'
         else:
             yield f'type="cylinder" size="{numbers((radii[row], half[row]))}"'
-
-
-def _turn(taxels: LinkTaxels, row: int) -> str:
-    return f'xyaxes="{numbers(taxels.axes[row, :, :2].T)}"'
 
 
 def triangles(taxels: LinkTaxels, rows: IntArray) -> IntArray:

@@ -11,7 +11,7 @@ from .taxel_set import line
 
 # Larger values of the next three: more memory for a malicious file.
 MAX_XML_DEPTH = 16  # nesting levels
-MAX_NODES = 1000  # in one child of the root, by default; a cell has about 25
+MAX_CHILD_NODES = 1000  # in one child of the root, by default; a cell has about 25
 MAX_TEXT_LENGTH = 64  # characters of text that a node keeps; it contains one number
 
 
@@ -55,7 +55,7 @@ class Node:
             raise XmlError(problem.code, self.line, f"{problem} ({self.tag} {name})") from problem
 
 
-def children_of_root(text: str, root: str, most_nodes: int = MAX_NODES) -> Iterator[Node]:
+def children_of_root(text: str, root: str, most_nodes: int = MAX_CHILD_NODES) -> Iterator[Node]:
     """Yield each child of the root element as soon as it is parsed.
 
     Parameters

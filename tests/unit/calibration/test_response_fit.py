@@ -99,6 +99,14 @@ def test_saturated_measurements_are_left_out(falls):
     )
 
 
+@pytest.mark.parametrize(("spread", "is_saturated"), [(2.4, False), (3.6, True)])
+def test_saturated_forces_differ_by_three_times_the_usual_spread(spread, is_saturated):
+    """Ten readings, each with forces from 0 to 1 N more than the reading; the largest with more."""
+    steps = np.repeat(np.arange(10.0), 6)
+    forces = steps + np.tile(np.linspace(0, 1, 6), 10) * np.where(steps == 9, spread, 1.0)
+    assert bool(about(fit_response(steps, forces), "saturated")) == is_saturated
+
+
 def test_dead_zone_gives_no_force():
     """A sensor without reaction below 2 N: no force at rest, correct forces above, and a warning."""
     forces = presses(20.0)
@@ -129,6 +137,20 @@ def test_hysteresis_is_reported_and_halved():
     assert "is 0.3" in text and "N larger while it rises" in text
     backwards = fit_response(*cycles(-0.3))
     assert "N smaller while it rises" in about(backwards, "hysteresis")[0]
+
+
+@pytest.mark.parametrize(
+    ("newtons", "noise", "is_reported"),
+    [(0.08, 0.0, False), (0.12, 0.0, True), (0.15, 0.5, False), (0.26, 0.5, True)],
+)
+def test_hysteresis_is_a_hundredth_of_the_forces_and_four_standard_errors(newtons, noise, is_reported):
+    """Of forces up to 10 N, 400 of them, half of them rising; the standard error is a tenth of the noise, 0.05 N."""
+    steps = np.arange(400)
+    forces = 10 * np.abs((steps / 50 + 1) % 2 - 1)
+    rises = np.where(np.diff(forces, append=forces[1]) > 0, 1, -1)
+    at_random = noise * np.where(np.random.default_rng(0).permutation(400) % 2, 1, -1)
+    readings = 100 * (forces - newtons / 2 * np.roll(rises, 1) + at_random)
+    assert bool(about(fit_response(readings, forces), "hysteresis")) == is_reported
 
 
 def test_hysteresis_is_reported_for_constant_forces():

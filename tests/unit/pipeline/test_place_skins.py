@@ -11,6 +11,7 @@ from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.report import report_document, summary
 from skin_calib_addon.plan import Plan
 from skin_calib_addon.plan.document import skins_from
+from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.runtime import load
 from tests.shapes import Z_AXIS, cylinder
 
@@ -31,7 +32,7 @@ BOARDS = {"name": "boards", "kind": "hexagons", "side": 0.01, "gap": 0.0, "cells
 def made(skins, tmp_path, **changes):
     """What a plan with these skins gives on a tube of 50 mm, 200 mm long."""
     plan = Plan(
-        "tube", tmp_path / "tube.stl", "m", CoverSpec(), TubeGrid(6, 24, Z_AXIS, 1e-3), (3, 3), skins_from(skins)
+        "tube", tmp_path / "tube.stl", "m", (Surface(CoverSpec(), TubeGrid(6, 24, Z_AXIS, 1e-3)),), skins_from(skins)
     )
     return calibrate(plan, cylinder(RADIUS, 0.2, 96, 30))
 

@@ -19,6 +19,7 @@ from skin_calib_addon.pipeline.place_skins import place_all
 from skin_calib_addon.pipeline.refine import refine
 from skin_calib_addon.plan import Plan, load_plan, save_plan
 from skin_calib_addon.plan.document import skins_from, write_skin
+from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.validation import Touches
 from tests.examples import slow
 from tests.shapes import Z_AXIS, cone
@@ -37,7 +38,7 @@ def fitted(tmp_path_factory):
     """Return a plan on a cone without skins, and its calibration."""
     path = tmp_path_factory.mktemp("cone") / "cone.ply"
     save_mesh(cone(), path)
-    plan = Plan("cone", path, "m", CoverSpec(), TubeGrid(8, 24, Z_AXIS, 2e-3), (3, 3), ())
+    plan = Plan("cone", path, "m", (Surface(CoverSpec(), TubeGrid(8, 24, Z_AXIS, 2e-3)),), ())
     return plan, calibrate(plan)
 
 
@@ -45,7 +46,7 @@ def with_skin(fitted, skin):
     """Return the plan with one skin, and its calibration."""
     plan, result = fitted
     plan = replace(plan, skins=skins_from([skin]))
-    placed = place_all(plan.skins, result.fit)
+    placed = place_all(plan, result.fits)
     calibration = replace(result.calibration, patches=tuple(done.patch for done in placed))
     return plan, replace(result, calibration=calibration, placed=placed)
 
@@ -67,7 +68,7 @@ def moved_away(plan, result):
         skin = replace(skin, origin=tuple(position + shift), direction=tuple(turn.apply(np.array(direction))))
     if skin.name == "boards":
         skin = replace(skin, choice=tuple(map(tuple, taxels.index.tolist())))
-    return place_all((skin,), result.fit)[0].patch.taxels
+    return place_all(replace(plan, skins=(skin,)), result.fits)[0].patch.taxels
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_skin_moves_to_its_touches(fitted, skin):
     before = result.placed[0].patch.taxels
     assert np.linalg.norm(before.positions_link - true.positions_link, axis=1).mean() > 1e-3
     assert_allclose(found.positions_link, true.positions_link, rtol=0, atol=2e-5)
-    again = place_all(refined.plan.skins, result.fit)[0].patch.taxels
+    again = place_all(refined.plan, result.fits)[0].patch.taxels
     assert_allclose(again.positions_link, found.positions_link, rtol=0, atol=1e-15)
 
 
@@ -101,7 +102,7 @@ def test_skins_without_touches_stay(fitted):
     plan, result = with_skin(fitted, SHEET | PLACED)
     second = skins_from([BOARDS | {"cells": [[0, 0], [1, 0]], "origin": [-0.0375, 0, 0.05], "first_channel": 48}])
     plan = replace(plan, skins=plan.skins + second)
-    placed = place_all(plan.skins, result.fit)
+    placed = place_all(plan, result.fits)
     calibration = replace(result.calibration, patches=tuple(done.patch for done in placed))
     result = replace(result, placed=placed, calibration=calibration)
     taxels = placed[0].patch.taxels
@@ -157,7 +158,7 @@ def test_refined_plan_states_the_registration_of_its_touches(fitted):
     noise = 0.01 / np.sqrt(12)  # anywhere in a cell
     variance = noise**2 * np.einsum("nik,kl,nil->n", of_all, np.linalg.inv(normal), of_all) / 2
     assert_allclose(patch.taxels.sigma[:, 0], np.sqrt(variance), rtol=0.15)
-    again = place_all(refined.plan.skins, result.fit)[0].patch
+    again = place_all(refined.plan, result.fits)[0].patch
     assert_allclose(again.taxels.sigma, patch.taxels.sigma, rtol=1e-6)
     assert again.registration == patch.registration
 

@@ -16,6 +16,7 @@ from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.taxel_sigma import unknown_sigma, with_sigma
 from skin_calib_addon.plan import Plan
 from skin_calib_addon.plan.document import skins_from
+from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.plan.skins import ImportedSkin
 from skin_calib_addon.skin.imported import imported_taxels
 from tests.shapes import LENGTH, RADIUS, Z_AXIS, cylinder, with_hole
@@ -36,7 +37,7 @@ SHEET = {
 def made(skin, tmp_path, mesh=None):
     """What a plan with one skin gives on a tube of 35 mm."""
     grid = TubeGrid(6, 16, Z_AXIS, 1e-3, "uniform")
-    plan = Plan("tube", tmp_path / "tube.stl", "m", CoverSpec(), grid, (3, 3), skins_from([skin]))
+    plan = Plan("tube", tmp_path / "tube.stl", "m", (Surface(CoverSpec(), grid),), skins_from([skin]))
     return calibrate(plan, mesh or cylinder())
 
 

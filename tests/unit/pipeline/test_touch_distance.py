@@ -11,6 +11,7 @@ from skin_calib_addon.pipeline.refine import refine
 from skin_calib_addon.pipeline.touch_distance import check_touches
 from skin_calib_addon.plan import Plan
 from skin_calib_addon.plan.document import skins_from
+from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.validation import Touches
 from tests.shapes import RADIUS, Z_AXIS, cylinder
 
@@ -35,7 +36,7 @@ def made(tmp_path_factory):
     path = tmp_path_factory.mktemp("cylinder") / "c.ply"
     save_mesh(cylinder(), path)
     skins = skins_from(SKINS)
-    plan = Plan("c", path, "m", CoverSpec(), TubeGrid(8, 24, Z_AXIS, 2e-3), (3, 3), skins)
+    plan = Plan("c", path, "m", (Surface(CoverSpec(), TubeGrid(8, 24, Z_AXIS, 2e-3)),), skins)
     return plan, calibrate(plan)
 
 

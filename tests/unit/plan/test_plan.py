@@ -209,9 +209,14 @@ def test_whole_plan_is_read():
     """Every member arrives where it belongs."""
     assert check_plan_wholly(WHOLE) == ()
     plan = plan_from(WHOLE)
-    assert (plan.link, plan.mesh, plan.unit, plan.degree) == ("forearm", Path("meshes/forearm.stl"), "mm", (3, 4))
-    assert (plan.cover.shell, plan.cover.cuts[0].normal) == ("all", (0.0, 0.6, 0.8))
-    assert (plan.grid.size, plan.grid.region) == (Size(10, 20), Tube(None, 0.002))
+    assert (plan.link, plan.mesh, plan.unit, plan.surface.degree) == (
+        "forearm",
+        Path("meshes/forearm.stl"),
+        "mm",
+        (3, 4),
+    )
+    assert (plan.surface.cover.shell, plan.surface.cover.cuts[0].normal) == ("all", (0.0, 0.6, 0.8))
+    assert (plan.surface.grid.size, plan.surface.grid.region) == (Size(10, 20), Tube(None, 0.002))
     assert plan.response == Response((0.0, 0.5)) and plan.extra == {"x_note": WHOLE["x_note"]}
     wrist, palm = plan.skins
     assert (wrist.origin, wrist.first_channel, wrist.lattice.rows, wrist.lattice.pitch) == (None, None, 6, (0.01, 0.01))
@@ -236,7 +241,7 @@ def test_defaults_are_the_documented_ones():
     document = {k: v for k, v in WHOLE.items() if k not in ("cover", "degree", "response", "x_note")}
     document["skins"] = [SHEET, SHEET | {"name": "palm"}]
     plan = plan_from(document)
-    assert (plan.cover.shell, plan.cover.cuts, plan.degree, plan.response.coefficients) == (
+    assert (plan.surface.cover.shell, plan.surface.cover.cuts, plan.surface.degree, plan.response.coefficients) == (
         "outer",
         (),
         (3, 3),
@@ -259,14 +264,14 @@ def test_defaults_are_the_documented_ones():
 )
 def test_lines_are_counted_as_documented(grid, kind, lines):
     """m full planes through a tube's axis make 2 m lines; of a patch each plane makes one."""
-    made = plan_from(changed("/grid", grid)).grid
+    made = plan_from(changed("/grid", grid)).surface.grid
     assert isinstance(made.region, kind) and made.size.lines == lines
 
 
 def test_planes_are_kept_in_their_order():
     """Points as they stand, normals scaled to one."""
     u = [{"point": [0, 0, z], "normal": [0, 0, 2 + z]} for z in range(4)]
-    grid = plan_from(changed("/grid", PLANES | {"u": u})).grid
+    grid = plan_from(changed("/grid", PLANES | {"u": u})).surface.grid
     assert isinstance(grid, PlanesGrid) and grid.closed
     assert grid.u.points.tolist() == [[0, 0, z] for z in range(4)] and (grid.u.normals == (0, 0, 1)).all()
 
@@ -275,7 +280,7 @@ def test_planes_are_kept_in_their_order():
     ("pointer", "value", "where", "message"),
     [
         ("/format", "skin-calibration", "/format", 'must be "skin-plan"'),
-        ("/version", 2, "/version", "newer than version 1 of this program"),
+        ("/version", 3, "/version", "newer than version 2 of this program"),
         ("/version", 1.5, "/version", "must be 1"),
         ("/link", "", "/link", "must match"),
         ("/link", "a\nb", "/link", "must match"),

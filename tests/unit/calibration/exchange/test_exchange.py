@@ -193,7 +193,7 @@ def test_tum_declared_encoding_is_ignored(read):
 def test_tum_reader_has_limits(read, monkeypatch):
     """Depth, elements of one cell and number of cells are limited, to protect the memory."""
     deep = "<SkinConfig>" + "<a>" * 40
-    many = "<SkinConfig><cell>" + "<a/>" * (xml_nodes.MAX_NODES + 5)
+    many = "<SkinConfig><cell>" + "<a/>" * (xml_nodes.MAX_CHILD_NODES + 5)
     for content, code in ((deep, "depth"), (many, "size")):
         with pytest.raises(CalibrationFormatError) as refused:
             read(content)

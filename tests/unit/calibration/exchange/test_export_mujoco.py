@@ -1,5 +1,7 @@
 """MuJoCo measures contacts at the right taxels: the exported model is loaded and touched on each taxel."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,6 +93,71 @@ def test_press_between_four_cells_is_felt_by_them():
     press(model, data, corner, taxels.normals[7])
     touched = {other for other in taxels.ids if data.sensor(other).data[0] > 0}
     assert touched and touched <= {"s1.1", "s1.2", "s2.1", "s2.2"}
+
+
+def moved(patch, name, turn, shift):
+    """Return a patch with other ids, turned (3, 3) and then moved (3,)."""
+    taxels, new = patch.taxels, {old: f"{name}{old}" for old in patch.taxels.ids}
+    turned = {
+        member: getattr(taxels, member) @ turn.T
+        for member in ("positions_link", "corners_link", "normals_link", "tangents_link")
+    }
+    turned |= {member: turned[member] + shift for member in ("positions_link", "corners_link")}
+    channels, neighbours = taxels.channels + 100, tuple(tuple(map(new.get, row)) for row in taxels.neighbours)
+    ids = tuple(new.values())
+    taxels = replace(taxels, **turned, ids=ids, channels=channels, neighbours=neighbours, ports=())
+    return replace(patch, name=name, taxels=taxels)
+
+
+@pytest.mark.parametrize("turn", [np.diag((1.0, -1, -1)), np.eye(3)])
+def test_a_press_in_a_slot_is_not_felt_by_the_cells_above_it(turn):
+    """Cells that face each other over 60 mm, and a shelf 60 mm below another one: in both, the ray of a contact along
+    its normal meets another cell, which MuJoCo's touch sensor would report in the same body."""
+    one = seven_boards()
+    middle = one.taxels.positions_link[0]
+    other = moved(one, "other", turn, middle + (0, 0, 0.06) - turn @ middle)
+    calibration = small_calibration(patches=(one, other))
+    model, data = pressed(calibration)
+    taxels = taxels_of(calibration)
+    assert model.nbody == 4  # the world, the link, its cells above the others, the sphere
+    for row, name in enumerate(taxels.ids):
+        press(model, data, taxels.positions[row], taxels.normals[row])
+        assert [other for other in taxels.ids if data.sensor(other).data[0] > 0] == [name]
+        patch, vertex = ("flower", row) if row < 7 else ("other", row - 7)
+        assert np.flatnonzero(data.sensor(patch).data.reshape(3, -1)[0]).tolist() == [vertex]
+
+
+def test_cells_of_a_convex_link_are_in_one_body():
+    """No normal meets another cell: world, link and sphere are all bodies."""
+    assert pressed(small_calibration(patches=(sheet(4, 20, 0.01),)))[0].nbody == 3
+
+
+def test_cells_are_2_millimetres_deep_and_sites_as_high_as_wide():
+    """Half sizes of the first cell, of 10 and of 1 mm: a smaller cell is no deeper than wide."""
+    for pitch, depth in ((0.01, 0.002), (0.001, 0.001)):
+        calibration = small_calibration(patches=(sheet(4, 6, pitch),))
+        model = mujoco.MjModel.from_xml_string(FORMATS["mjcf"].write(calibration).decode())
+        name, side = taxels_of(calibration).ids[0], taxels_of(calibration).sizes[0].min()
+        (box,) = (g for g in range(model.ngeom) if np.allclose(model.geom_pos[g], cell_centre(calibration, depth)))
+        assert model.geom_size[box][2] == pytest.approx(depth / 2, rel=1e-5)
+        assert model.site(name).size[2] == pytest.approx(side / 2, rel=1e-5)
+
+
+def cell_centre(calibration, depth):
+    """Centre of the geom of the first taxel."""
+    taxels = taxels_of(calibration)
+    return taxels.positions[0] - depth / 2 * taxels.normals[0]
+
+
+@pytest.mark.parametrize(("degrees", "bodies"), [(40, 2), (50, 1)])
+def test_cells_within_45_degrees_in_front_of_a_cell_are_in_another_body(degrees, bodies):
+    """Two patches that face the same direction; the second is above the first, in this direction from its normal."""
+    one = moved(sheet(2, 2, 0.002), "one", np.eye(3), (0, 0, 0))
+    normal, tangent = one.taxels.normals_link[0], one.taxels.tangents_link[0]
+    a = np.deg2rad(degrees)
+    other = moved(one, "two", np.eye(3), 0.1 * (np.cos(a) * normal + np.sin(a) * tangent))
+    text = FORMATS["mjcf"].write(small_calibration(patches=(one, other))).decode()
+    assert text.count("<body ") == bodies
 
 
 def test_patches_without_a_mesh_have_touch_sensors():

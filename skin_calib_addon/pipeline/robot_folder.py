@@ -1,0 +1,84 @@
+"""The folder of a robot: plans, calibrations, their sources, and ``robot.json``."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from ..calibration.file import save_calibration
+from ..calibration.robot_set import FILE, RobotSet, UrdfFile, load_robot_set, robot_link, save_robot_set
+from ..common.file_hash import file_hash
+from ..plan import Plan
+from ..robot.urdf import Robot
+from .calibrate import Calibrated
+from .sources import add_outputs, relative_path, save_source, source_of
+
+
+def save_link(result: Calibrated, plan: Plan, path: Path) -> Path:
+    """Write the calibration of a link next to its plan, and record its source, as the command line does.
+
+    Parameters
+    ----------
+    result : Calibrated
+        Of the plan.
+    plan : Plan
+        The path of its mesh is absolute, or from the current folder.
+    path : Path
+        File of the plan, which is written already.
+
+    Returns
+    -------
+    Path
+        Of the calibration.
+
+    Raises
+    ------
+    SkinCalibError
+        If a file cannot be read or written.
+    """
+    folder = path.parent
+    calibration = folder / f"{path.name.removesuffix('.json').removesuffix('.plan')}.calibration.json"
+    source = source_of(path, plan, folder)
+    mesh = replace(result.calibration.mesh, file=plan.mesh.name)
+    save_calibration(replace(result.calibration, mesh=mesh), calibration)
+    numbers = {"taxels": result.taxels, "mean": result.mean, "warnings": result.warnings}
+    save_source(folder, calibration.name, add_outputs(source, folder, [calibration], **numbers))
+    return calibration
+
+
+def save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
+    """Write ``robot.json``: all calibrations of a folder. Name, URDF and buses of an earlier one stay.
+
+    A folder of several calibrations of one link is no robot: without URDF and earlier file, none is written.
+
+    Parameters
+    ----------
+    folder : Path
+        Has the calibrations.
+    robot : Robot, optional
+        Content of the URDF, which gives the parents of the links.
+    urdf : Path, optional
+        File of the robot.
+
+    Raises
+    ------
+    CalibrationFormatError
+        If a calibration or the earlier file is invalid, or two calibrations have the same link.
+    """
+    before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
+    by_file = {link.calibration: link for link in before.links}
+    by_name = {link.link: link for link in before.links}
+    links = []
+    for path in sorted(folder.glob("*.calibration.json")):
+        same = by_file.get(path.name)
+        link = same if same and same.sha256 == file_hash(path) else robot_link(folder, path.name)
+        earlier = by_name.get(link.link, link)
+        parent = robot.parents.get(link.link) if robot else earlier.parent
+        links.append(replace(link, parent=parent, bus=earlier.bus))
+    if not (robot or before.links) and len({link.link for link in links}) < len(links):
+        return
+    now = replace(before, links=tuple(links))
+    if robot and urdf:
+        file = UrdfFile(relative_path(folder, urdf), file_hash(urdf) or "")
+        now = replace(now, robot=robot.name or urdf.stem, urdf=file)
+    if now != before:
+        save_robot_set(now, folder)

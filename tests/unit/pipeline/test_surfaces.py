@@ -1,0 +1,180 @@
+"""Plans with several surfaces on one link."""
+
+import json
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration.file import load_calibration
+from skin_calib_addon.cli import main
+from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.pipeline.touch_distance import check_touches
+from skin_calib_addon.plan import check_plan, check_plan_wholly, load_plan, plan_document, plan_from, save_plan
+from skin_calib_addon.runtime import load
+from skin_calib_addon.validation.touches import Touches
+from tests.shapes import cylinder
+
+RADIUS = 0.05
+AXIS = {"point": [0, 0, 0], "direction": [0, 0, 1]}
+SECTOR = {"kind": "patch", "n": 6, "lines": 10, "axis": AXIS, "margin": 0.002}
+FRONT = {"name": "front", "grid": SECTOR | {"from": -1.2, "to": 1.2}}
+BACK = {"name": "back", "grid": SECTOR | {"from": 2.0, "to": 4.3}, "degree": [3, 4]}
+SHEET = {"kind": "sheet", "rows": 3, "columns": 5, "pitch": [0.01, 0.01], "origin": "center", "direction": [0, 1, 0]}
+CHEST = SHEET | {"name": "chest"}
+SPINE = SHEET | {"name": "spine", "surface": "back"}
+PLAN = {"format": "skin-plan", "version": 2, "link": "torso", "mesh": "torso.ply", "unit": "m"}
+TWO = PLAN | {"surfaces": [FRONT, BACK], "skins": [CHEST, SPINE]}
+MESH = cylinder(RADIUS, 0.2, 96, 30)
+
+
+def test_each_skin_is_on_its_surface():
+    """Two surfaces give the taxels of two plans with one surface each; channels run on."""
+    both = calibrate(plan_from(TWO), MESH).calibration
+    assert [s.name for s in both.surfaces] == ["front", "back"] and both.surfaces[1].degree == (3, 4)
+    assert [p.surface for p in both.patches] == ["front", "back"]
+    assert np.concatenate([p.taxels.channels for p in both.patches]).tolist() == list(range(30))
+    for surface, skin, patch in zip((FRONT, BACK), (CHEST, SPINE), both.patches):
+        one = {key: value for key, value in (PLAN | surface).items() if key != "name"} | {"version": 1}
+        alone = {key: value for key, value in skin.items() if key != "surface"}
+        (expected,) = calibrate(plan_from(one | {"skins": [alone]}), MESH).calibration.patches
+        assert (patch.taxels.positions_link == expected.taxels.positions_link).all()
+        assert (patch.taxels.sigma == expected.taxels.sigma).all()
+    assert (both.patches[0].taxels.normals_link[:, 0] > 0.5).all()
+    assert (both.patches[1].taxels.normals_link[:, 0] < -0.5).all()
+
+
+def test_command_line_and_runtime_know_all_surfaces(tmp_path, capsys):
+    """Fit, check, show, report and picture name both surfaces; the runtime loads the file."""
+    save_mesh(MESH, tmp_path / "torso.ply")
+    plan, out = tmp_path / "torso.plan.json", tmp_path / "torso.json"
+    save_plan(plan_from(TWO), plan)
+    report, picture = tmp_path / "report.json", tmp_path / "torso.png"
+    assert main(["check", str(plan)]) == 0
+    assert main(["fit", str(plan), "-o", str(out), "--report", str(report), "--picture", str(picture)]) == 0
+    assert main(["check", str(out)]) == main(["show", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "on surface       front, cover" in shown and "surface   back: 6 x 10 control points, degree (3, 4)" in shown
+    assert [s["name"] for s in json.loads(report.read_text())["surfaces"]] == ["front", "back"]
+    assert len(load(out).channels) == 30 and picture.stat().st_size > 10_000
+    assert len(load_calibration(out).surfaces) == 2
+
+
+def test_warnings_and_errors_name_their_surface():
+    """A surface that cannot be fitted, and one with a warning, are named; with one surface nothing changes."""
+    narrow = BACK | {"grid": BACK["grid"] | {"margin": 0.2}}
+    with pytest.raises(SkinCalibError, match="surface 'back': "):
+        calibrate(plan_from(TWO | {"surfaces": [FRONT, narrow]}), MESH)
+    coarse = {"name": "back", "grid": SECTOR | {"n": 4, "lines": 4, "from": 0.8, "to": 5.5}, "max_deviation": 0.003}
+    found = calibrate(plan_from(TWO | {"surfaces": [FRONT, coarse], "skins": []}), MESH).calibration.warnings
+    assert found and all(warning.message.startswith("surface 'back': ") for warning in found)
+    (alone,) = (plan_from(PLAN | {"surfaces": [coarse], "skins": []}),)
+    assert not calibrate(alone, MESH).calibration.warnings[0].message.startswith("surface")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"surfaces": [FRONT, FRONT]}, "Two surfaces have the name 'front'"),
+        ({"skins": [SPINE | {"surface": "bakc"}]}, "'spine' is on surface 'bakc', which the plan does not have.*back"),
+        ({"surfaces": [FRONT | {"grid": FRONT["grid"] | {"axis": {**AXIS, "direction": [0, 0, 0]}}}, BACK]},
+         "surface 'front': The direction of the axis is zero"),
+    ],
+)  # fmt: skip
+def test_contradictions_are_refused(changes, message):
+    """Names of surfaces are unique, and skins name one that exists."""
+    with pytest.raises(InvalidPlan, match=message):
+        plan_from(TWO | changes)
+    (finding,) = check_plan_wholly(TWO | changes)
+    assert finding.severity == "error"
+
+
+@pytest.mark.parametrize(
+    ("document", "pointer"),
+    [
+        (TWO | {"surfaces": []}, "/surfaces"),
+        (TWO | {"grid": FRONT["grid"]}, "/grid"),
+        (TWO | {"surfaces": [FRONT | {"girth": 1}]}, "/surfaces/0/girth"),
+        (TWO | {"surfaces": [{"name": "a"}]}, "/surfaces/0"),
+        (TWO | {"version": 1}, "/surfaces"),
+    ],
+)
+def test_schema_of_several_surfaces_finds_the_place(document, pointer):
+    """Members of one version are unknown in the other."""
+    assert pointer in [finding.pointer for finding in check_plan(document)]
+
+
+def test_plan_with_one_surface_stays_of_version_1(tmp_path):
+    """Older programs read it; another name, or two surfaces, need version 2. All read back to themselves."""
+    one = {key: value for key, value in (PLAN | FRONT).items() if key != "name"} | {"version": 1, "skins": [CHEST]}
+    named = PLAN | {"surfaces": [FRONT], "skins": [CHEST]}
+    for document, version in ((one, 1), (named, 2), (TWO, 2)):
+        plan = plan_from(document)
+        written = plan_document(plan)
+        assert written["version"] == version and plan_document(plan_from(written)) == written
+        save_plan(plan, tmp_path / "p.json")
+        assert plan_document(load_plan(tmp_path / "p.json"))["skins"] == written["skins"]
+    with pytest.raises(ValueError, match="too many values"):
+        plan_from(TWO).surface  # noqa: B018
+
+
+def test_boundary_is_kept_and_holds_for_skins():
+    """Plan and file have its numbers; a sheet that leaves it is warned of as over a hole."""
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    arc, height = 0.03 * np.cos(turn), 0.1 + 0.03 * np.sin(turn)
+    loop = np.column_stack((RADIUS * np.cos(arc / RADIUS), RADIUS * np.sin(arc / RADIUS), height)).tolist()
+    front = FRONT | {"grid": {k: v for k, v in FRONT["grid"].items() if k != "margin"} | {"boundary": [loop]}}
+    document = TWO | {"surfaces": [front, BACK]}
+    plan = plan_from(document)
+    assert plan_document(plan)["surfaces"][0]["grid"]["boundary"] == [loop]
+    inside = calibrate(plan, MESH).calibration
+    assert inside.warnings == () and np.ptp(inside.surfaces[0].control_net[..., 2]) < 0.0601
+    wide = CHEST | {"rows": 5, "columns": 6}  # its corner cells are 32 mm from the centre
+    (warning,) = calibrate(plan_from(document | {"skins": [wide]}), MESH).calibration.warnings
+    assert warning.code == "over-hole" and sorted(warning.where.taxels) == [
+        f"chest.{r}.{c}" for r in (0, 4) for c in (0, 5)
+    ]
+
+
+def test_boards_stay_inside_the_boundary():
+    """All corners are inside a disc of 30 mm, but for what a board may protrude; without boundary they are not."""
+    turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    arc, height = 0.03 * np.cos(turn), 0.1 + 0.03 * np.sin(turn)
+    loop = np.column_stack((RADIUS * np.cos(arc / RADIUS), RADIUS * np.sin(arc / RADIUS), height)).tolist()
+    whole = SECTOR | {"from": -1.2, "to": 1.2}
+    boards = {"name": "boards", "kind": "hexagons", "side": 0.006, "gap": 0.0}
+    farthest = []
+    for grid in (whole, whole | {"boundary": [loop]}):
+        plan = plan_from(PLAN | {"surfaces": [{"name": "front", "grid": grid}], "skins": [boards]})
+        (patch,) = calibrate(plan, MESH).calibration.patches
+        corners = patch.taxels.corners_link.reshape(-1, 3)
+        arcs = RADIUS * np.arctan2(corners[:, 1], corners[:, 0])
+        farthest.append(np.hypot(arcs, corners[:, 2] - 0.1).max())
+        assert len(patch.taxels.ids) >= 15
+    assert farthest[0] > 0.05 and farthest[1] < 0.03 + 0.06 * 0.006
+
+
+@pytest.mark.parametrize(("shift", "code"), [(0.0, []), (0.004, ["skins-overlap"])])
+def test_skins_that_overlap_are_warned_of(shift, code):
+    """Two sheets side by side on one surface; moved by 4 mm, their cells overlap by 4 mm; in layers they may."""
+    heights = 0.06, 0.09 - shift
+    sheets = [CHEST | {"name": f"s{k}", "origin": [RADIUS, -0.02, z]} for k, z in enumerate(heights)]
+    plan = PLAN | {"surfaces": [FRONT], "skins": sheets}
+    warnings = calibrate(plan_from(plan), MESH).calibration.warnings
+    assert [w.code for w in warnings] == code
+    if code:
+        assert warnings[0].value == pytest.approx(shift, abs=2e-4) and len(warnings[0].where.taxels) == 10
+        layered = plan | {"skins": [sheets[0], sheets[1] | {"offset": 0.002}]}
+        assert calibrate(plan_from(layered), MESH).calibration.warnings == ()
+
+
+def test_touches_find_the_surface_of_their_skin():
+    """A touch 1 mm off the back is compared with the back, not with the front."""
+    calibration = calibrate(plan_from(TWO), MESH).calibration
+    taxels = calibration.patches[1].taxels
+    points = taxels.positions_link[:3] + 0.001 * taxels.normals_link[:3]
+    lines, no_direction = np.arange(3), np.zeros((3, 3))
+    check_touches(calibration, Touches(taxels.ids[:3], lines, points, no_direction))
+    with pytest.raises(SkinCalibError):
+        check_touches(calibration, Touches(taxels.ids[:3], lines, points * (-1, 1, 1), no_direction))
