@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from . import __version__
-from .commands import check, export, fit, import_file, replay, response, show, touches
-from .commands.common import DONE, WRONG_CALL, WRONG_DATA, complain
+from .commands import check, export, fit, import_file, propose, replay, response, show, touches
+from .commands.common import DONE, INTERRUPTED, WRONG_CALL, WRONG_DATA, complain
 from .common.errors import OutputError, SkinCalibError
 
 
@@ -47,6 +47,9 @@ def main(argv: Sequence[str] | None = None, scene_plans: fit.ScenePlans | None =
         _silence_stdout()
         complain(f"writing the output failed: {error}. Check where it is written.")
         return WRONG_CALL
+    except KeyboardInterrupt:
+        complain("interrupted. Files that were not finished are not written.")
+        return INTERRUPTED
     except MemoryError:
         complain("There is not enough memory. Close other programs, or reduce the size of the input.")
         return WRONG_DATA
@@ -73,6 +76,6 @@ def build_parser(scene_plans: fit.ScenePlans | None = None) -> argparse.Argument
     parser.add_argument("--version", action="version", version=f"skin-calib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     fit.add(commands, scene_plans)
-    for command in (check, show, export, import_file, response, replay, touches):
+    for command in (propose, check, show, export, import_file, response, replay, touches):
         command.add(commands)
     return parser

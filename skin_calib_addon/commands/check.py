@@ -9,12 +9,13 @@ from typing import Any
 
 from ..calibration import robot_set
 from ..calibration.file import check_bytes
-from ..common.errors import CalibrationFormatError, InvalidMesh, OutputError
+from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError
 from ..common.file_hash import file_hash
-from ..common.findings import Finding, did_you_mean, error, printable, warning
+from ..common.findings import Finding, did_you_mean, error, printable, show, warning
 from ..common.strict_json import parse, read
 from ..pipeline.sources import changed_inputs, find_mesh, is_same_mesh
-from ..plan import FORMAT, check_plan_wholly
+from ..plan import FORMAT, check_plan_wholly, load_plan
+from ..robot.link_mesh import is_urdf, plan_mesh_files
 from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, complain, say
 
@@ -71,7 +72,7 @@ def _check_one(path: Path, mesh: Path | None) -> int:
         document, findings = check_bytes(data)
         if not any(finding.severity == "error" for finding in findings):
             notes = [f"{_taxels(document)} taxels on {document['link']}"]
-            outdated, of_mesh = _compare(path, document["mesh"], mesh)
+            outdated, of_mesh = _compare(path, document["link"], document["mesh"], mesh)
             findings, notes = (*findings, *outdated), [*notes, of_mesh]
     for finding in findings:
         say(f"{finding}{_taxel(document, finding.pointer)}")
@@ -102,7 +103,7 @@ def _check_robot(path: Path) -> Iterator[Finding]:
         return
     for k, link in enumerate(robot.links):
         if link.link not in links:
-            message = f"is not in {robot.urdf.file}{did_you_mean(link.link, links)}"
+            message = f"({show(link.link)}) is not in {robot.urdf.file}{did_you_mean(link.link, links)}"
             yield error("unknown-link", f"/links/{k}/link", message, link.link)
 
 
@@ -114,13 +115,18 @@ def _missing_files(path: Path, document: dict[str, Any]) -> Iterator[Finding]:
     """Yield a warning for each missing file of a plan."""
     if not os.path.isfile(path.parent / document["mesh"]):
         yield warning("no-mesh", "/mesh", "does not exist; paths are relative to the folder of the plan")
+    elif is_urdf(Path(document["mesh"])):
+        try:
+            plan_mesh_files(load_plan(path))
+        except SkinCalibError as problem:
+            yield warning("no-mesh", "/mesh", f"has no mesh for the link: {problem}")
     for k, skin in enumerate(document["skins"]):
         if skin["kind"] == "imported" and not os.path.isfile(path.parent / skin["file"]):
             message = "does not exist; paths are relative to the folder of the plan"
             yield warning("no-taxels", f"/skins/{k}/file", message, skin["file"])
 
 
-def _compare(path: Path, mesh: dict[str, Any], named: Path | None) -> tuple[list[Finding], str]:
+def _compare(path: Path, link: str, mesh: dict[str, Any], named: Path | None) -> tuple[list[Finding], str]:
     """Return warnings for changed sources, and the result of the comparison of the mesh."""
     try:
         plans = [
@@ -135,10 +141,10 @@ def _compare(path: Path, mesh: dict[str, Any], named: Path | None) -> tuple[list
         return plans, f"mesh {mesh['file']} not found and not compared: specify it with --mesh"
     shown = os.path.normpath(found)
     try:
-        if is_same_mesh(found, mesh["sha256"]):
+        if is_same_mesh(found, mesh["sha256"], link):
             return plans, f"mesh {shown} is unchanged"
         message = f"differs from that of {shown}: the mesh has changed; fit the plan again"
-    except InvalidMesh as problem:
+    except SkinCalibError as problem:
         message = f"cannot be compared: {problem}"
     return [*plans, warning("outdated", "/mesh/sha256", message, mesh["sha256"])], "mesh has changed"
 

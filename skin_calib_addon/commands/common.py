@@ -11,10 +11,10 @@ from ..calibration.exchange import FORMATS
 from ..common.errors import OutputError
 from ..common.findings import printable
 
-# Contract: exit codes
-DONE = 0
-WRONG_DATA = 1
-WRONG_CALL = 2
+DONE = 0  # Contract: exit code
+WRONG_DATA = 1  # Contract: exit code if a file or its content cannot be used
+WRONG_CALL = 2  # Contract: exit code of argparse
+INTERRUPTED = 130  # Contract: exit code of shells after Ctrl+C
 PICTURES = (".png", ".pdf", ".svg", ".jpg")  # endings of pictures
 
 

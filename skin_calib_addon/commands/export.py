@@ -1,12 +1,19 @@
 """``export``: write the taxels of a calibration in the format of another program."""
 
 import argparse
+import os
 from pathlib import Path
 
 from ..calibration.exchange import FORMATS, WRITABLE, only_patches
 from ..calibration.file import load_calibration
+from ..calibration.robot_set import FILE, calibrations_of, is_robot, load_robot_set, robot_file
 from ..common.atomic_file import write_bytes_safely
-from .common import DONE, check_target, listed, say
+from ..common.errors import OutputError, SkinCalibError
+from ..robot.mjcf import robot_mjcf
+from ..robot.urdf import read_robot
+from .common import DONE, WRONG_DATA, check_target, complain, listed, say
+
+ROBOT_FORMAT = "mjcf"  # the format of a whole robot
 
 
 def add(commands) -> None:
@@ -16,7 +23,7 @@ def add(commands) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=listed(WRITABLE),
     )
-    export.add_argument("file", type=Path, metavar="FILE", help="calibration file")
+    export.add_argument("file", type=Path, metavar="FILE", help="calibration file; robot.json, or its folder, as mjcf")
     export.add_argument("--to", required=True, choices=WRITABLE, metavar="FORMAT", help="one of the formats below")
     export.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="file to write")
     export.add_argument(
@@ -27,6 +34,8 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     check_target(options.output, options.file)
+    if is_robot(options.file):
+        return _export_robot(options)
     calibration, format = load_calibration(options.file), FORMATS[options.to]
     if options.patch:
         calibration = only_patches(calibration, options.patch)
@@ -34,3 +43,38 @@ def run(options: argparse.Namespace) -> int:
     taxels, patches = sum(len(patch.taxels.ids) for patch in calibration.patches), len(calibration.patches)
     say(f"{options.output}: {format.what}, {taxels} taxels in {patches} patches; ids in the file: {format.labels}")
     return DONE
+
+
+def _export_robot(options: argparse.Namespace) -> int:
+    """Write the model of a robot with all skins, and its meshes to a folder next to it."""
+    if options.to != ROBOT_FORMAT or options.patch:
+        raise OutputError(f"A robot is exported as {ROBOT_FORMAT}, with all patches. For others, name a calibration.")
+    robot = load_robot_set(options.file)
+    folder = robot_file(options.file).parent
+    if robot.urdf is None:
+        raise SkinCalibError(f"{FILE} names no URDF. Fit the plans with it: skin-calib fit ROBOT.urdf")
+    calibrations, findings = calibrations_of(robot, folder)
+    problems = [f"{FILE}: {finding}" for finding in findings if finding.severity == "error"]
+    urdf = folder / robot.urdf.file
+    mesh_folder = options.output.with_name(f"{options.output.stem}_meshes")
+    check_target(options.output, urdf)
+    content = read_robot(urdf)
+    model = robot_mjcf(content, urdf, calibrations, mesh_folder.name)
+    for line in (*problems, *model.problems):
+        complain(line)
+    try:
+        os.makedirs(mesh_folder, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"the folder {mesh_folder} cannot be created: {error.strerror}") from error
+    for name, data in model.meshes.items():
+        write_bytes_safely(mesh_folder / name, data)
+    write_bytes_safely(options.output, model.text)
+    known = [calibration for link, calibration in calibrations.items() if link in content.links]
+    taxels = sum(len(patch.taxels.ids) for calibration in known for patch in calibration.patches)
+    say(
+        f"{options.output}: {robot.robot} with {taxels} taxels on {len(known)} links; "
+        f"{len(model.meshes)} meshes in {mesh_folder.name}; sensors are named LINK/ID"
+    )
+    if model.uncovered:
+        say(f"collision shapes that would hide skin are switched off: {', '.join(model.uncovered)}")
+    return WRONG_DATA if problems or model.problems else DONE

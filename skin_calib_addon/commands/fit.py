@@ -5,24 +5,23 @@ import os.path
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from ..calibration.robot_set import FILE, RobotSet, UrdfFile, load_robot_set, robot_link, save_robot_set
+from ..calibration.robot_set import FILE
 from ..common.errors import CalibrationFormatError, InvalidPlan, OutputError, SkinCalibError
-from ..common.file_hash import file_hash
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..pipeline.sources import Source, load_sources, relative_path, save_source
+from ..pipeline.robot_folder import save_robot
+from ..pipeline.sources import Source, load_sources, save_source
 from ..plan import Plan
+from ..robot.link_mesh import is_urdf
 from ..robot.urdf import Robot, read_robot
-from .common import DONE, WRONG_CALL, WRONG_DATA, check_picture, check_target, complain, count, say
+from .common import DONE, INTERRUPTED, WRONG_CALL, WRONG_DATA, check_picture, check_target, complain, say
 from .fit_jobs import Job, Outcome, outcomes
 from .progress import Progress
+from .propose import add_options, propose
 
 # Returns the plans of a scene, with the meshes of their links.
 ScenePlans = Callable[[], Sequence[tuple[Plan, TriangleMesh]]]
-
-INTERRUPTED = 130  # Contract: exit code of shells after Ctrl+C
 
 
 def add(commands, scene_plans: ScenePlans | None) -> None:
@@ -51,19 +50,33 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
     fit.add_argument("-o", "--output", required=True, type=Path, metavar="OUT", help="calibration file, or folder")
     fit.add_argument("--picture", type=Path, metavar="PNG", help="picture of surface, errors and taxels; or folder")
     fit.add_argument("--report", type=Path, metavar="JSON", help="report of errors and times; or folder")
-    fit.add_argument("--jobs", type=count, default=1, metavar="N", help="number of parallel processes (default: 1)")
     fit.add_argument("--again", action="store_true", help="also fit calibrations that are up to date")
+    fit.add_argument(
+        "--propose",
+        action="store_true",
+        help="PLAN is a URDF or a mesh: propose plans first, and write them to the folder OUT, see propose",
+    )
+    add_options(fit)
     fit.set_defaults(run=run, scene_plans=scene_plans)
 
 
 def run(options: argparse.Namespace) -> int:
+    proposed = DONE
+    if options.propose:
+        if len(options.plans) != 1:
+            raise InvalidPlan("--propose needs one URDF or one mesh. Specify it instead of plans.")
+        options.file = options.plans[0]
+        options.plans, proposed = propose(options, options.output, options.again)
+        if not options.plans:
+            return max(proposed, WRONG_DATA)
     check_target(options.output, *options.plans)
     check_target(options.picture, *options.plans, options.output)
     check_target(options.report, *options.plans, options.output, options.picture)
     robot: Robot | None = None
     urdf: Path | None = None
     if options.plans:
-        files, urdf = _plan_files(options.plans)
+        files, urdf = (options.plans, options.file) if options.propose else _plan_files(options.plans)
+        urdf = urdf if urdf and is_urdf(urdf) else None
         robot = read_robot(urdf) if urdf else None
         links = [(path.name.removesuffix(".json").removesuffix(".plan"), path, None) for path in files]
     else:
@@ -89,36 +102,11 @@ def run(options: argparse.Namespace) -> int:
     # Blender's program cannot be started again as a plain Python
     code = _carry_out(jobs, 1 if options.scene_plans else options.jobs)
     if folder and code != INTERRUPTED:
-        _save_robot(folder, robot, urdf)
-    return code
-
-
-def _save_robot(folder: Path, robot: Robot | None, urdf: Path | None) -> None:
-    """Write ``robot.json``: all calibrations of a folder. Name, URDF and buses of an earlier one stay.
-
-    A folder of several calibrations of one link is no robot: without URDF and earlier file, none is written.
-    """
-    try:
-        before = load_robot_set(folder) if os.path.lexists(folder / FILE) else RobotSet(folder.resolve().name, None, ())
-        by_file = {link.calibration: link for link in before.links}
-        by_name = {link.link: link for link in before.links}
-        links = []
-        for path in sorted(folder.glob("*.calibration.json")):
-            same = by_file.get(path.name)
-            link = same if same and same.sha256 == file_hash(path) else robot_link(folder, path.name)
-            earlier = by_name.get(link.link, link)
-            parent = robot.parents.get(link.link) if robot else earlier.parent
-            links.append(replace(link, parent=parent, bus=earlier.bus))
-        if not (robot or before.links) and len({link.link for link in links}) < len(links):
-            return
-        now = replace(before, links=tuple(links))
-        if robot and urdf:
-            file = UrdfFile(relative_path(folder, urdf), file_hash(urdf) or "")
-            now = replace(now, robot=robot.name or urdf.stem, urdf=file)
-        if now != before:
-            save_robot_set(now, folder)
-    except CalibrationFormatError as problem:
-        complain(f"warning: {FILE} is not up to date: {problem}")
+        try:
+            save_robot(folder, robot, urdf)
+        except CalibrationFormatError as problem:
+            complain(f"warning: {FILE} is not up to date: {problem}")
+    return max(code, proposed)
 
 
 def _plan_files(named: Iterable[Path]) -> tuple[list[Path], Path | None]:

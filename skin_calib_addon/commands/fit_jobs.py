@@ -106,8 +106,7 @@ def fit_one(job: Job) -> Outcome:
         save_calibration(result.calibration, job.calibration)
     except SkinCalibError as error:
         return Outcome(job, "failed", str(error), unwritable=isinstance(error, OutputError))
-    taxels = sum(len(patch.taxels.ids) for patch in result.calibration.patches)
-    mean = result.fit.errors.surface_to_mesh.mean
+    taxels, mean = result.taxels, result.mean
     if source and job.folder:
         source = add_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, warnings=result.warnings)
     text = summary(result, job.calibration)

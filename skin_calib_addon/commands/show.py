@@ -1,22 +1,29 @@
 """``show``: print table and warnings of a calibration or of a whole robot, and draw a picture."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 from ..calibration.file import load_with_warnings
-from ..calibration.robot_set import calibrations_of, is_robot, load_robot_set, robot_file
-from ..common.errors import OutputError
-from ..pipeline.report import robot_table, table
+from ..calibration.model import LinkCalibration
+from ..calibration.robot_set import FILE, RobotSet, calibrations_of, is_robot, load_robot_set, robot_file
+from ..common.findings import show
+from ..pipeline.report import area_table, covered_area, robot_table, seen_area, table
+from ..robot.kinematics import link_poses
+from ..robot.link_mesh import load_urdf_meshes
+from ..robot.urdf import read_robot
 from .common import DONE, WRONG_DATA, check_picture, check_target, complain, say
 
 
 def add(commands) -> None:
-    show = commands.add_parser(
+    parser = commands.add_parser(
         "show", help="print table and warnings of a calibration or of the links of a robot, and draw a picture"
     )
-    show.add_argument("file", type=Path, metavar="FILE", help="calibration file; robot.json, or its folder")
-    show.add_argument("--picture", type=Path, metavar="PNG", help="picture of surfaces and taxels")
-    show.set_defaults(run=run)
+    parser.add_argument("file", type=Path, metavar="FILE", help="calibration file; robot.json, or its folder")
+    parser.add_argument(
+        "--picture", type=Path, metavar="PNG", help="picture of surfaces and taxels; of a robot in its zero pose"
+    )
+    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -36,11 +43,48 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show_robot(options: argparse.Namespace) -> int:
-    if options.picture:
-        raise OutputError("--picture draws one link. Specify its calibration file.")
     robot = load_robot_set(options.file)
     calibrations, findings = calibrations_of(robot, robot_file(options.file).parent)
     say(robot_table(robot, calibrations))
     for finding in findings:
-        complain(str(finding))
-    return WRONG_DATA if any(finding.severity == "error" for finding in findings) else DONE
+        complain(f"{FILE}: {finding}")
+    complete = not any(finding.severity == "error" for finding in findings)
+    if options.picture:
+        complete &= _draw_robot(robot, robot_file(options.file).parent, calibrations, options.picture)
+    return DONE if complete else WRONG_DATA
+
+
+def _draw_robot(robot: RobotSet, folder: Path, calibrations: Mapping[str, LinkCalibration], picture: Path) -> bool:
+    """Draw a robot in its zero pose, and print what of each link is covered; return whether all links are drawn.
+
+    Parameters
+    ----------
+    robot : RobotSet
+        The set.
+    folder : Path
+        Its folder.
+    calibrations : mapping of str to LinkCalibration
+        By link.
+    picture : Path
+        File to write.
+    """
+    from ..pictures.robot import draw_robot
+
+    if robot.urdf is None:
+        complain(f"{FILE} names no URDF, which the picture needs. Fit the plans with it: skin-calib fit ROBOT.urdf")
+        return False
+    urdf = folder / robot.urdf.file
+    content = read_robot(urdf)
+    poses = link_poses(content)
+    meshes, broken = load_urdf_meshes(urdf, content)
+    problems = [f"{content.file} has no link {show(link)}" for link in calibrations if link not in poses]
+    problems += [f"{link} is not in the picture: {problem}" for link, problem in broken.items()]
+    for line in problems:
+        complain(line)
+    known = {link: calibration for link, calibration in calibrations.items() if link in poses}
+    covered = {link: covered_area(calibration) for link, calibration in known.items()}
+    say(area_table({link: (covered.get(link, 0.0), seen_area(mesh)) for link, mesh in meshes.items()}))
+    taxels, area = sum(len(p.taxels.ids) for c in known.values() for p in c.patches), sum(covered.values())
+    title = f"{robot.robot}: skin on {len(known)} of {len(content.links)} links, {taxels} taxels, {area * 1e4:.0f} cm²"
+    draw_robot(meshes, poses, known, title, picture)
+    return not problems

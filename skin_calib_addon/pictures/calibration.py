@@ -95,7 +95,7 @@ def draw_calibration(calibration: LinkCalibration, path: str | Path, mesh: Trian
     normals = all_normals[: len(quads)]
     camera = look_at(_visible_normals(calibration, normals), unit(grid[-1].mean(axis=0) - grid[0].mean(axis=0)))
     panels: list[_Panel] = [_TaxelPanel(calibration, all_quads, all_normals)]
-    panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, quads, normals, mesh)] if mesh else []
+    panels[:0] = [_MeshPanel(calibration, mesh), _ErrorPanel(calibration, all_quads, all_normals, mesh)] if mesh else []
     notes = _notes(calibration, WRAP_WIDTH * len(panels))
     height = 5 + NOTE_LINE_HEIGHT * len(notes)
     figure.set_size_inches(5 * len(panels), height)
@@ -212,15 +212,17 @@ class _ErrorPanel(_Panel):
     unit = "distance to the mesh [mm]"
 
     def __init__(self, calibration: LinkCalibration, quads: Array, normals: Array, mesh: TriangleMesh):
-        errors = calibration.surfaces[0].errors.surface_to_mesh
-        self.title = f"surface: mean {errors.mean * 1e3:.3f} mm, max {errors.max * 1e3:.3f} mm"
+        errors = [surface.errors.surface_to_mesh for surface in calibration.surfaces]
+        largest = max(e.max for e in errors)
+        self.title = f"surface: mean {max(e.mean for e in errors) * 1e3:.3f} mm, max {largest * 1e3:.3f} mm"
+        if len(errors) > 1:
+            self.title = f"worst of {len(errors)} surfaces{self.title.removeprefix('surface')}"
         u, v = ((np.arange(k) + 0.5) / k for k in QUAD_COUNTS)
-        middles = surface_of(calibration.surfaces[0]).grid_points(
-            u, v
-        )  # points of the surface; a quad is a chord of it
-        distance = MeshDistance(mesh)(middles.reshape(-1, 3))[0]
-        scale = self.scale("turbo", 1e3 * min(errors.max, 5 * errors.rms))
-        beyond = distance > 2 * errors.max  # the surface extends beyond the mesh
+        # Points of the surfaces; a quad is a chord of them.
+        middles = [surface_of(surface).grid_points(u, v).reshape(-1, 3) for surface in calibration.surfaces]
+        distance = MeshDistance(mesh)(np.concatenate(middles))[0]
+        scale = self.scale("turbo", 1e3 * min(largest, 5 * max(e.rms for e in errors)))
+        beyond = distance > 2 * largest  # the surface extends beyond the mesh
         colours = np.where(beyond[:, None], PLAIN, scale.to_rgba(1e3 * distance)[:, :3])
         self.layers = [(quads, normals, colours, None)]
 

@@ -1,7 +1,7 @@
-"""Load the mesh of a link of a URDF: find its files, scale them, and transform them to the link frame."""
+"""Load the mesh of a plan; of a link of a URDF: find its files, scale them, and transform them to the link frame."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -9,14 +9,129 @@ import numpy as np
 
 from ..calibration.exchange.xml_text import rotations
 from ..common.arrays import Array, IntArray
-from ..common.errors import CalibrationFormatError, InvalidMesh, UnknownLink
+from ..common.errors import CalibrationFormatError, InvalidMesh, SkinCalibError, UnknownLink
 from ..common.findings import did_you_mean, show
-from ..geometry.mesh.triangle_mesh import TriangleMesh, read_mesh, weld
-from .urdf import LinkMesh, Robot
+from ..common.schema_types import matcher
+from ..geometry.mesh.triangle_mesh import MAX_MESH_SIZE, MIN_MESH_SIZE, TriangleMesh, load_mesh, read_mesh, weld
+from ..plan import Plan
+from ..plan.keys import NAME as PLAN_NAME
+from .urdf import MAX_NUMBER, LinkMesh, Robot, read_robot
 
 USES = ("visual", "collision")
+NAME = matcher(PLAN_NAME.schema["pattern"])
+URDF = ".urdf"  # Contract: ending of a mesh of a plan that is a robot
 # Environment variables with search paths of ROS packages, and the folder of the packages below each path.
 PACKAGE_PATHS = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share"}
+
+
+def load_plan_mesh(plan: Plan) -> TriangleMesh:
+    """Load the mesh of a plan: its file, or all visual meshes of its link if the file is a URDF.
+
+    The vertices of a link of a URDF are rounded to single precision, because Blender keeps no more. The calibration is
+    therefore the same through every interface.
+
+    Parameters
+    ----------
+    plan : Plan
+        The path of its mesh is absolute, or from the current folder.
+
+    Returns
+    -------
+    TriangleMesh
+        In the link frame [m].
+
+    Raises
+    ------
+    UnknownLink, InvalidMesh, CalibrationFormatError
+        If it cannot be loaded, or if its size shows a wrong unit or scale.
+    """
+    if not is_urdf(plan.mesh):
+        return load_mesh(plan.mesh, plan.unit)
+    return load_urdf_mesh(plan.mesh, plan.link)
+
+
+def load_urdf_mesh(urdf: Path, link: str) -> TriangleMesh:
+    """Load all visual meshes of a link, rounded to single precision, and check their size.
+
+    Parameters
+    ----------
+    urdf : Path
+        File of the robot.
+    link : str
+        Name of the link.
+
+    Returns
+    -------
+    TriangleMesh
+        In the link frame [m].
+
+    Raises
+    ------
+    UnknownLink, InvalidMesh, CalibrationFormatError
+        As :func:`load_link` and :func:`~skin_calib_addon.robot.urdf.read_robot`, or if its size shows a wrong scale.
+    """
+    return _single_precision(urdf, read_robot(urdf), link)
+
+
+def load_urdf_meshes(urdf: Path, robot: Robot) -> tuple[dict[str, TriangleMesh], dict[str, str]]:
+    """Load the meshes of all links as :func:`load_urdf_mesh` does; a broken link does not stop the others.
+
+    Parameters
+    ----------
+    urdf : Path
+        File of the robot.
+    robot : Robot
+        Its content.
+
+    Returns
+    -------
+    meshes : dict of str to TriangleMesh
+        By the name of the link, in the link frame [m].
+    problems : dict of str to str
+        What is wrong with the other links that have a visual mesh, and what to do.
+    """
+    meshes: dict[str, TriangleMesh] = {}
+    problems: dict[str, str] = {}
+    for link in links_with_mesh(robot):
+        try:
+            meshes[link] = _single_precision(urdf, robot, link)
+        except SkinCalibError as problem:
+            problems[link] = str(problem)
+    return meshes, problems
+
+
+def _single_precision(urdf: Path, robot: Robot, link: str) -> TriangleMesh:
+    exact = load_link(urdf, robot, link)
+    mesh = weld(exact.vertices.astype(np.float32), exact.faces)
+    if not MIN_MESH_SIZE <= mesh.size <= MAX_MESH_SIZE:
+        raise InvalidMesh(
+            f"{link} has a diameter of {mesh.size:.4g} m in {urdf.name}. Correct the scale of its mesh in the URDF."
+        )
+    return mesh
+
+
+def links_with_mesh(robot: Robot) -> list[str]:
+    """Return the links that have a visual mesh, in the order of the URDF."""
+    return [link for link, meshes in robot.links.items() if any(mesh.use == "visual" for mesh in meshes)]
+
+
+def plan_mesh_files(plan: Plan) -> tuple[Path, ...]:
+    """Return the files that :func:`load_plan_mesh` reads.
+
+    Raises
+    ------
+    UnknownLink, InvalidMesh, CalibrationFormatError
+        As :func:`load_plan_mesh`, if the file is a URDF that cannot be read, or whose mesh files are missing.
+    """
+    if not is_urdf(plan.mesh):
+        return (plan.mesh,)
+    meshes = meshes_of(read_robot(plan.mesh), plan.link, "visual")
+    return plan.mesh, *dict.fromkeys(find_file(mesh.address, plan.mesh) for mesh in meshes)
+
+
+def is_urdf(path: Path) -> bool:
+    """Return whether the mesh of a plan is a robot."""
+    return path.suffix.lower() == URDF
 
 
 def meshes_of(robot: Robot, link: str, use: str) -> tuple[LinkMesh, ...]:
@@ -40,10 +155,12 @@ def meshes_of(robot: Robot, link: str, use: str) -> tuple[LinkMesh, ...]:
     UnknownLink
         If the robot has no such link.
     InvalidMesh
-        If the link has no mesh for this use.
+        If the link has no mesh for this use, or a name that plans cannot have.
     """
     if link not in robot.links:
         raise UnknownLink(f"{robot.file} has no link {show(link)}{did_you_mean(link, robot.links)}")
+    if not NAME(link):
+        raise InvalidMesh(f"{robot.file} has a link with the name {show(link)}. Give it one of printable characters.")
     meshes = tuple(mesh for mesh in robot.links[link] if mesh.use == use)
     if not meshes:
         others = [f"Use its {other} mesh." for other in USES if any(m.use == other for m in robot.links[link])]
@@ -76,7 +193,7 @@ def load_link(urdf: Path, robot: Robot, link: str, use: str = "visual") -> Trian
     UnknownLink, InvalidMesh
         As :func:`meshes_of`; or if a file is missing, unreadable, or not a surface.
     CalibrationFormatError
-        If a scale or an origin does not have three numbers.
+        If a scale or an origin does not have three numbers, or one that is too large.
     """
     placed = [_placed(mesh, read_mesh(find_file(mesh.address, urdf))) for mesh in meshes_of(robot, link, use)]
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in placed)])
@@ -86,19 +203,61 @@ def load_link(urdf: Path, robot: Robot, link: str, use: str = "visual") -> Trian
 
 def _placed(mesh: LinkMesh, raw: TriangleMesh) -> tuple[Array, IntArray]:
     """Return vertices in the link frame [m], and faces whose normals still point outwards."""
-    for name, values in (("scale", mesh.scale), ("xyz", mesh.position), ("rpy", mesh.angles)):
-        if len(values) != 3:
-            raise CalibrationFormatError(
-                f"{mesh.address} has {len(values)} numbers in its {name}. Write three numbers."
-            )
-    scale, turn = np.array(mesh.scale), rotations(np.array([mesh.angles]))[0]
-    if not scale.all():
-        raise InvalidMesh(f"{mesh.address} has a scale of 0. Correct the scale in the URDF.")
-    vertices = raw.vertices * scale
+    for name, values in (("xyz", mesh.position), ("rpy", mesh.angles)):
+        check_triple(values, mesh.address, name)
+    in_metres = scaled(raw, mesh.scale, mesh.address)
+    vertices = in_metres.vertices
     if any(mesh.angles):  # without rotation, the coordinates stay exact
-        vertices = vertices @ turn.T
-    mirrored = scale.prod() < 0
-    return vertices + mesh.position, raw.faces[:, ::-1] if mirrored else raw.faces
+        vertices = vertices @ rotations(np.array([mesh.angles]))[0].T
+    return vertices + mesh.position, in_metres.faces
+
+
+def scaled(mesh: TriangleMesh, scale: Sequence[float], address: str) -> TriangleMesh:
+    """Return a mesh with the scale of a URDF; its normals still point outwards if the scale mirrors it.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        As in its file.
+    scale : sequence of float
+        Factors along x, y and z.
+    address : str
+        Name of the mesh, for messages.
+
+    Returns
+    -------
+    TriangleMesh
+
+    Raises
+    ------
+    CalibrationFormatError
+        If the scale does not have three numbers, or one that is too large.
+    InvalidMesh
+        If a factor is zero.
+    """
+    check_triple(scale, address, "scale")
+    factors = np.array(scale)
+    if not factors.all():
+        raise InvalidMesh(f"{address} has a scale of 0. Correct the scale in the URDF.")
+    return TriangleMesh(mesh.vertices * factors, mesh.faces[:, ::-1] if factors.prod() < 0 else mesh.faces)
+
+
+def check_triple(values: Sequence[float], address: str, name: str) -> None:
+    """Refuse an origin or a scale that does not have three numbers, or one that is too large.
+
+    Parameters
+    ----------
+    values : sequence of float
+        The numbers.
+    address : str
+        Name of the mesh, for the message.
+    name : str
+        Of the numbers, for the message.
+    """
+    if len(values) != 3:
+        raise CalibrationFormatError(f"{address} has {len(values)} numbers in its {name}. Write three numbers.")
+    if max(map(abs, values)) > MAX_NUMBER:
+        raise CalibrationFormatError(f"{address} has {max(values, key=abs):g} in its {name}. Correct it in the URDF.")
 
 
 def find_file(address: str, urdf: Path) -> Path:

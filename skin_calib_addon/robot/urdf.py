@@ -1,10 +1,13 @@
-"""Read the links and meshes of a URDF, and compare plans with them."""
+"""Read the links, meshes and joints of a URDF, and compare plans with them."""
 
+import math
+from collections.abc import Container
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path, PurePosixPath
 
 from ..calibration.exchange.xml_nodes import Node, XmlError, children_of_root
-from ..common.errors import CalibrationFormatError, UnknownLink
+from ..common.errors import CalibrationFormatError, UnknownLink, listed
 from ..common.findings import did_you_mean, show
 from ..common.text import NumberError, read_text, real
 from ..common.warnings import Warning
@@ -12,6 +15,12 @@ from ..geometry.mesh.triangle_mesh import METRES_PER_UNIT
 from ..plan import Plan
 
 MAX_NODES_PER_LINK = 100_000  # XML elements. Larger: more memory for a malicious file.
+# [m, 1] largest number of an origin or a scale. Larger: lengths lose digits, and meet fewer of the limits of programs
+MAX_NUMBER = 1e6
+ONE_AXIS = ("revolute", "continuous", "prismatic")  # Format: types of joints that move by one number
+JOINT_TYPES = (*ONE_AXIS, "fixed", "floating", "planar")  # Format
+
+Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -28,13 +37,51 @@ class LinkMesh:
 
 
 @dataclass(frozen=True)
+class Joint:
+    """The joint between a link and the link that carries it."""
+
+    name: str
+    type: str  # one of JOINT_TYPES
+    parent: str  # link that carries the other
+    child: str
+    position: Triple = (0.0, 0.0, 0.0)  # of the frame of the joint in the frame of the parent [m]
+    angles: Triple = (0.0, 0.0, 0.0)  # roll, pitch, yaw about the axes of the parent [rad]
+    axis: Triple = (1.0, 0.0, 0.0)  # unit vector in the frame of the joint
+    limits: tuple[float, float] | None = None  # lower, upper [rad] or [m]; None: the URDF states no limits
+    mimic: str | None = None  # joint that this joint follows: its position times multiplier, plus offset
+    multiplier: float = 1.0
+    offset: float = 0.0  # [rad] or [m]
+
+
+@dataclass(frozen=True)
 class Robot:
-    """The meshes of all links, and what carries them."""
+    """The meshes of all links, and the joints between them."""
 
     file: str
     links: dict[str, tuple[LinkMesh, ...]]
     name: str = ""
-    parents: dict[str, str] = field(default_factory=dict)  # link that carries a link, by the name of the latter
+    joints: dict[str, Joint] = field(default_factory=dict)  # by name
+
+    @cached_property
+    def parents(self) -> dict[str, str]:
+        """Return the link that carries a link, by the name of the latter."""
+        return {joint.child: joint.parent for joint in self.joints.values()}
+
+    @property
+    def root(self) -> str:
+        """Return the link that no joint carries.
+
+        Raises
+        ------
+        CalibrationFormatError
+            If there are several.
+        """
+        roots = [link for link in self.links if link not in self.parents]
+        if len(roots) > 1:
+            raise CalibrationFormatError(
+                f"{self.file} has {len(roots)} links that no joint carries: {listed(roots)}. Connect them by joints."
+            )
+        return roots[0]
 
 
 def read_robot(path: Path) -> Robot:
@@ -43,21 +90,34 @@ def read_robot(path: Path) -> Robot:
     Raises
     ------
     CalibrationFormatError
-        If the file cannot be read, or is not a URDF.
+        If the file cannot be read, or is not a URDF: a name is used twice, a joint names an unknown link or has no
+        axis, a link has two parents, or links form a cycle.
     """
-    text, links, parents, name = read_text(path), {}, {}, ""
+    text, name = read_text(path), ""
+    xacro = f"It is a xacro file. Convert it first: xacro {path.name} > robot.urdf" if "<xacro:" in text else ""
+    links: dict[str, tuple[LinkMesh, ...]] = {}
+    joints: dict[str, Joint] = {}
+    lines: dict[str, int] = {}  # of the joints
     try:
         for node in children_of_root(text, "robot", MAX_NODES_PER_LINK):
             name = node.parent.attributes.get("name", "") if node.parent else ""
+            if node.tag in ("link", "joint"):
+                own = node.attribute("name")
+                if own in (links if node.tag == "link" else joints):
+                    raise XmlError(
+                        "duplicate", node.line, f"repeats the {node.tag} {show(own)}; each needs its own name"
+                    )
             if node.tag == "link":
-                links[node.attribute("name")] = tuple(_meshes(node))
+                links[own] = tuple(_meshes(node))
             elif node.tag == "joint":
-                parents[node.child("child").attribute("link")] = node.child("parent").attribute("link")
+                joints[own], lines[own] = _joint(node), node.line
+        _check_tree(links, joints, lines)
     except XmlError as problem:
-        raise CalibrationFormatError(f"'{path}' has {problem.finding}", (problem.finding,)) from problem
+        message = f"'{path}' has {problem.finding}" + (f". {xacro}" if xacro else "")
+        raise CalibrationFormatError(message, (problem.finding,)) from problem
     if not links:
-        raise CalibrationFormatError(f"'{path}' has no link. Check that it is the correct file.")
-    return Robot(path.name, links, name, parents)
+        raise CalibrationFormatError(f"'{path}' has no link. {xacro or 'Check that it is the correct file.'}")
+    return Robot(path.name, links, name, joints)
 
 
 def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
@@ -82,6 +142,8 @@ def compare(robot: Robot, plan: Plan) -> tuple[Warning, ...]:
     if plan.link not in robot.links:
         near = did_you_mean(plan.link, robot.links)
         raise UnknownLink(f"{robot.file} has no link {show(plan.link)}, which is the link of the plan{near}")
+    if plan.mesh.name == robot.file:
+        return ()  # the plan takes meshes, origins and scales from the robot
     meshes = robot.links[plan.link]
     same = [mesh for mesh in meshes if PurePosixPath(mesh.file).stem == plan.mesh.stem]
     if meshes and not same:
@@ -116,6 +178,87 @@ def _meshes(link: Node) -> list[LinkMesh]:
             scale, moved = _numbers(shape, "scale", "1 1 1"), any(position + angles)
             found.append(LinkMesh(address.rpartition("/")[2], scale, moved, part.tag, address, position, angles))
     return found
+
+
+def _joint(node: Node) -> Joint:
+    """Return a joint; its links may be unknown."""
+    kind = node.attribute("type")
+    if kind not in JOINT_TYPES:
+        raise XmlError("value", node.line, f"has the type {show(kind)}; use one of {', '.join(JOINT_TYPES)}")
+    parts = {part.tag: part for part in reversed(node.children)}  # the first of each tag
+    none = Node("", {}, node.line)
+    origin, axis, limit = (parts.get(tag, none) for tag in ("origin", "axis", "limit"))
+    mimic = parts.get("mimic")
+    x, y, z = _triple(axis, "xyz", "1 0 0")
+    length = math.hypot(x, y, z)
+    if kind in ONE_AXIS and length == 0:
+        raise XmlError("axis", axis.line, "has an axis of length 0; write the direction of the axis")
+    lower, upper = (_number(limit, name, 0.0) for name in ("lower", "upper"))
+    return Joint(
+        node.attribute("name"),
+        kind,
+        node.child("parent").attribute("link"),
+        node.child("child").attribute("link"),
+        _triple(origin, "xyz", "0 0 0"),
+        _triple(origin, "rpy", "0 0 0"),
+        (x / length, y / length, z / length) if length else (1.0, 0.0, 0.0),
+        (lower, upper) if kind in ("revolute", "prismatic") and "limit" in parts else None,
+        mimic.attribute("joint") if mimic else None,
+        _number(mimic, "multiplier", 1.0) if mimic else 1.0,
+        _number(mimic, "offset", 0.0) if mimic else 0.0,
+    )
+
+
+def _check_tree(links: Container[str], joints: dict[str, Joint], lines: dict[str, int]) -> None:
+    """Raise XmlError if the joints do not make trees of the links, or mimic joints follow each other in a circle."""
+    above: dict[str, Joint] = {}
+    for joint in joints.values():
+        line = lines[joint.name]
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise XmlError("unknown-link", line, f"names the link {show(link)}, which the file does not have")
+        if joint.child in above:
+            message = f"is a second joint above the link {show(joint.child)}; a link has one parent"
+            raise XmlError("two-parents", line, message)
+        if joint.mimic is not None and joint.mimic not in joints:
+            raise XmlError(
+                "unknown-joint", line, f"follows the joint {show(joint.mimic)}, which the file does not have"
+            )
+        above[joint.child] = joint
+    _refuse_cycle({joint.name: joint.mimic for joint in joints.values() if joint.mimic}, lines, "joints that follow")
+    before = {joint.name: above[joint.parent].name for joint in joints.values() if joint.parent in above}
+    _refuse_cycle(before, lines, "joints that carry")
+
+
+def _refuse_cycle(before: dict[str, str], lines: dict[str, int], what: str) -> None:
+    """Raise XmlError if a joint comes before itself."""
+    good: set[str] = set()
+    for start in before:
+        path: dict[str, None] = {}  # in order
+        at = start
+        while at in before and at not in good:
+            if at in path:
+                names = list(path)[list(path).index(at) :]
+                raise XmlError("cycle", lines[start], f"is in a cycle of {what} each other: {listed(names)}")
+            path[at] = None
+            at = before[at]
+        good.update(path)
+
+
+def _triple(node: Node, name: str, default: str) -> Triple:
+    values = _numbers(node, name, default)
+    if len(values) != 3:
+        raise XmlError("number", node.line, f"has {len(values)} numbers instead of 3 ({node.tag} {name})")
+    if node.tag == "origin" and max(map(abs, values)) > MAX_NUMBER:
+        raise XmlError("number", node.line, f"has {max(values, key=abs):g}, which is too large ({node.tag} {name})")
+    return values[0], values[1], values[2]
+
+
+def _number(node: Node, name: str, default: float) -> float:
+    values = _numbers(node, name, str(default))
+    if len(values) != 1:
+        raise XmlError("number", node.line, f"has {len(values)} numbers instead of 1 ({node.tag} {name})")
+    return values[0]
 
 
 def _numbers(node: Node, name: str, default: str) -> tuple[float, ...]:

@@ -97,7 +97,7 @@ def test_paper_wrist_takes_the_sheet():
     (patch,) = result.calibration.patches
     taxels = patch.taxels
     assert patch.shape == (6, 22) and len(taxels.ids) == 132
-    axis = plan.grid.region.axis
+    axis = plan.surface.grid.region.axis
     outward = taxels.positions_link - axis.point
     along = np.array(axis.direction) / np.linalg.norm(axis.direction)
     outward -= (outward @ along)[:, None] * along
@@ -116,8 +116,39 @@ def test_inner_boxes_of_the_paper_wrist_are_dropped():
     Chips of the boxes stay at the cut's own rim, within the margin.
     """
     plan = load_plan(WRIST_PLAN)
-    (cut,) = plan.cover.cuts
-    raw, cover = (cut_cover(load_mesh(DATA / f"hrp4c_r_wrist_y{name}.stl"), plan.cover) for name in ("", "_cover_only"))
+    (cut,) = plan.surface.cover.cuts
+    raw, cover = (
+        cut_cover(load_mesh(DATA / f"hrp4c_r_wrist_y{name}.stl"), plan.surface.cover) for name in ("", "_cover_only")
+    )
     height = (raw.vertices - cut.point) @ cut.normal
-    assert MeshDistance(cover)(raw.vertices[height > plan.grid.region.margin])[0].max() < 1e-6
+    assert MeshDistance(cover)(raw.vertices[height > plan.surface.grid.region.margin])[0].max() < 1e-6
     assert raw.face_areas.sum() < 1.05 * cover.face_areas.sum()
+
+
+SEEN_LINKS = [path for path in MESHES if "light" not in path.stem and "collision" not in path.stem]
+
+
+@pytest.mark.parametrize("path", SEEN_LINKS, ids=lambda path: path.stem)
+def test_what_is_seen_of_a_real_link_is_fitted_or_refused(path):
+    """It is part of the mesh, and contains what is outermost; the fit ends with a surface or with an error."""
+    mesh = load_mesh(path)
+    cover = cut_cover(mesh, CoverSpec("seen"))
+    corners = {triangle.tobytes() for triangle in mesh.triangles}
+    assert all(triangle.tobytes() in corners for triangle in cover.triangles)
+    np.testing.assert_allclose(cover.vertices.max(axis=0), mesh.vertices.max(axis=0), atol=0.01 * mesh.size)
+    np.testing.assert_allclose(cover.vertices.min(axis=0), mesh.vertices.min(axis=0), atol=0.01 * mesh.size)
+    grid = AcrossGrid(8, 8, FACES[path.stem]) if path.stem in FACES else TubeGrid(8, 20)
+    try:
+        fit = fit_surface(cover, grid)
+    except SkinCalibError as error:
+        assert len(str(error)) > 20
+        return
+    assert fit.errors.surface_to_mesh.max < 0.01
+
+
+def test_errors_of_a_link_leave_out_what_is_hidden():
+    """The mean from the mesh to the surface of the iCub's upper arm is at most a third of that with inner walls."""
+    mesh = load_mesh(DATA / "icub27_r_upper_arm.stl")
+    outer, seen = (fit_surface(cut_cover(mesh, CoverSpec(shell)), TubeGrid(8, 20)) for shell in ("outer", "seen"))
+    assert seen.errors.mesh_to_surface.mean < outer.errors.mesh_to_surface.mean / 3
+    assert seen.errors.surface_to_mesh.mean < outer.errors.surface_to_mesh.mean

@@ -14,14 +14,14 @@ from tests.shapes import cylinder
 from tests.unit.commands.test_cli import write_plan
 
 LINKS = ("arm", "hand")
-URDF = """<robot name="bot"><link name="base"/>{}
-<joint name="a" type="revolute"><parent link="base"/><child link="arm"/></joint>
-<joint name="b" type="revolute"><parent link="arm"/><child link="hand"/></joint></robot>"""
+URDF = """<robot name="bot"><link name="base"/>{2}
+<joint name="a" type="revolute"><parent link="base"/><child link="{0}"/></joint>
+<joint name="b" type="revolute"><parent link="{0}"/><child link="{1}"/></joint></robot>"""
 
 
 def write_urdf(folder, links=LINKS):
     mesh = '<link name="{0}"><visual><geometry><mesh filename="{0}.ply"/></geometry></visual></link>'
-    (folder / "bot.urdf").write_text(URDF.format("".join(mesh.format(name) for name in links)))
+    (folder / "bot.urdf").write_text(URDF.format(*links, "".join(mesh.format(name) for name in links)))
 
 
 @pytest.fixture
@@ -94,7 +94,10 @@ def test_check_finds_what_is_wrong_between_links(robot, capsys, problem):
     else:
         edit(robot, link=["arm", "foot"])
     code, lines = check(robot, capsys)
-    assert code == 1 and any(line.startswith("error: ") and line.endswith(f"[{problem}]") for line in lines)
+    found = [line for line in lines if line.startswith("error: ") and line.endswith(f"[{problem}]")]
+    assert code == 1 and found
+    named = {"duplicate": '"arm"', "unknown-link": '"hand"', "duplicate-channel": '"hand"'}
+    assert all(named.get(problem, '"hand.calibration.json"') in line for line in found)
 
 
 def test_buses_of_the_author_stay_and_separate_channels(robot, capsys):
@@ -150,11 +153,12 @@ def test_show_lists_all_links(robot, capsys):
     assert main(["show", str(robot / "out")]) == 0
     header, arm, hand, total = capsys.readouterr().out.splitlines()
     taxels = len(load(robot / "out" / "arm.calibration.json").ids)
-    assert header.split()[:3] == ["link", "parent", "patches"] and total == f"bot: 2 links, {2 * taxels} taxels"
+    assert header.split()[:3] == ["link", "parent", "patches"] and total == f"bot: 2 links, {2 * taxels} taxels, 16 cm²"
     assert arm.split()[:8] == ["arm", "base", "1", str(taxels), "0", "to", str(taxels - 1), "can0"]
+    assert arm.split()[8:10] == ["8.0", "cm²"]
     assert hand.split()[:2] == ["hand", "arm"]
     (robot / "out" / "hand.calibration.json").write_text("{")
     assert main(["show", str(robot / "out" / "robot.json")]) == 1
     captured = capsys.readouterr()
     assert captured.out.splitlines()[2].endswith("not readable") and "[changed]" in captured.err
-    assert main(["show", str(robot / "out"), "--picture", str(robot / "x.png")]) == 2
+    assert main(["show", str(robot / "out"), "--picture", str(robot / "x.txt")]) == 2

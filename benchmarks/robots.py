@@ -1,0 +1,359 @@
+"""Whole robots: what ``fit --propose`` covers, how long it takes, and how well each taxel lies.
+
+    python benchmarks/robots.py [--skin hexagons:8mm] [--jobs 2] [--keep FOLDER] [--made] [--stages] [--write]
+
+For each robot of the data folder it prints one column of a table: links, surfaces, fractions of the areas, boards,
+seconds, and over all taxels the largest distance and angles to the mesh, hidden taxels and overlapping boards. Then it
+loads the robot in the runtime and updates it, and, with MuJoCo, presses 200 taxels. With ``--made`` it judges what
+``--keep`` has of an earlier run. With ``--stages`` it proposes and fits once more in one process and prints the CPU
+seconds of each stage. With ``--write`` the table and a picture of each robot go into the documentation.
+"""
+
+import argparse
+import contextlib
+import io
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+from time import perf_counter, process_time
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+
+from skin_calib_addon.calibration.file import load_calibration  # noqa: E402
+from skin_calib_addon.cli import main as skin_calib  # noqa: E402
+from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles  # noqa: E402
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh  # noqa: E402
+from skin_calib_addon.geometry.mesh.visibility import are_seen, visibility  # noqa: E402
+from skin_calib_addon.pictures.robot import draw_robot  # noqa: E402
+from skin_calib_addon.pipeline import calibrate  # noqa: E402
+from skin_calib_addon.plan import load_plan, named_from, save_plan  # noqa: E402
+from skin_calib_addon.proposal.link_points import POINT_DISTANCE, LinkPoints  # noqa: E402
+from skin_calib_addon.proposal.links import Task, propose_task  # noqa: E402
+from skin_calib_addon.proposal.skins import parse_skin  # noqa: E402
+from skin_calib_addon.robot.keep_out import KeepOut  # noqa: E402
+from skin_calib_addon.robot.kinematics import link_poses  # noqa: E402
+from skin_calib_addon.robot.link_mesh import links_with_mesh, load_urdf_mesh, load_urdf_meshes  # noqa: E402
+from skin_calib_addon.robot.urdf import read_robot  # noqa: E402
+
+PAGE = ROOT / "docs" / "explanation" / "robots.md"
+MARKS = "<!-- begin of the table -->\n", "<!-- end of the table -->\n"  # in the page
+DATA = ROOT.parent / "shared" / "data" / "robots"
+ROBOTS = {
+    "G1": DATA / "g1_description" / "g1_29dof_rev_1_0.urdf",
+    "JVRC-1": DATA / "jvrc_description" / "urdf" / "jvrc1.urdf",
+}
+FINE = 5e-3  # [m] longest side of faces in the picture
+LIFT = 1e-3  # [m] above the surface, from where a taxel looks outward
+TOUCHING = 2e-5  # [m] depth of an overlap that does not count
+STEEP = 15.0  # [degrees] that a normal may be off
+MIN_FREE = 30.0  # [cm^2] of a link that needs a plan or a reason
+RINGS = (0.4, 0.7, 0.95)  # [1] of the radius of a cell, at which the mesh below it is examined
+LEFT_OUT = r"(\d+) cm\^2, left out"  # in the reasons of a plan
+PRESSES = 200
+CYCLES = 200
+CONTROLLER = """
+import re, sys; sys.path.insert(0, {0!r})
+import numpy as np
+from time import process_time
+from skin_calib_addon.runtime import Body
+start = process_time()
+body = Body.load({1!r})
+loaded = process_time() - start
+poses, rng, times = dict.fromkeys(body.skins, np.eye(4)), np.random.default_rng(0), []
+for cycle in range({2}):
+    readings = {{link: rng.random(skin.reading_length) for link, skin in body.skins.items()}}
+    start = process_time()
+    assert body.update(readings, 0.01 * cycle, poses).wrench is not None
+    times.append(process_time() - start)
+memory = int(re.search(r"VmHWM:\\s*(\\d+)", open("/proc/self/status").read())[1]) / 1024
+print(f"{{loaded:.2f}} {{memory:.0f}} {{1e3 * np.median(times):.2f}}")
+"""
+
+
+def main() -> None:
+    """Propose and fit all links of each robot, and print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--skin", default="hexagons:8mm")
+    parser.add_argument("--jobs", default="2")
+    parser.add_argument("--keep", type=Path, help="folder for plans and calibrations; default: a temporary one")
+    parser.add_argument("--made", action="store_true", help="judge what --keep has")
+    parser.add_argument("--stages", action="store_true", help="seconds of each stage in one process")
+    parser.add_argument("--robot", choices=ROBOTS, action="append")
+    parser.add_argument("--write", action="store_true", help="table and pictures into the documentation")
+    options = parser.parse_args()
+    columns = {}
+    for name in options.robot or ROBOTS:
+        if not ROBOTS[name].exists():
+            print(f"{name}: {ROBOTS[name]} is not there; skipped")
+            continue
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = options.keep / name if options.keep else Path(temporary)
+            folder.mkdir(parents=True, exist_ok=True)
+            columns[name] = column(ROBOTS[name], folder, options)
+            if options.write:
+                draw(ROBOTS[name], folder, PAGE.parents[1] / f"robot_{name.lower().replace('-', '')}.png")
+    if not columns:
+        return
+    table = table_of(columns, options.skin)
+    print(table, end="")
+    if options.write:
+        before, after = PAGE.read_text(encoding="utf-8").partition(MARKS[0])[::2]
+        PAGE.write_text(f"{before}{MARKS[0]}\n{table}\n{MARKS[1]}{after.partition(MARKS[1])[2]}", encoding="utf-8")
+
+
+def column(urdf, folder, options):
+    """Return the rows of one robot."""
+    log, per_stage = folder / "said.txt", folder / "stages.txt"
+    if not options.made:
+        log.write_text(made(urdf, folder, options.skin, options.jobs), encoding="utf-8")
+    if options.stages:
+        per_stage.write_text(stages(urdf, options.skin), encoding="utf-8")
+    rows = of_proposal(urdf, folder, log.read_text(encoding="utf-8"))
+    if per_stage.exists():
+        rows["CPU seconds by stage, one process"] = per_stage.read_text(encoding="utf-8")
+    return {**rows, **of_taxels(urdf, folder), **of_runtime(folder), **of_presses(folder)}
+
+
+def table_of(columns, skin):
+    """Return the rows of all robots as a table of Markdown."""
+    rows = list(dict.fromkeys(row for column in columns.values() for row in column))
+    lines = [f"| {skin} | {' | '.join(columns)} |", f"|---{'|---' * len(columns)}|"]
+    lines += [f"| {row} | {' | '.join(column.get(row, '') for column in columns.values())} |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def made(urdf, folder, skin, jobs):
+    """Propose and fit all links of a robot; return what the program printed, and seconds and warnings as lines."""
+    said, complained, lines = io.StringIO(), io.StringIO(), []
+    calls = {
+        "propose": ["propose", str(urdf), "-o", str(folder), "--skin", skin, "--again", "--jobs", jobs],
+        "fit": ["fit", str(folder), str(urdf), "-o", str(folder), "--again", "--jobs", jobs],
+        "export": ["export", str(folder), "--to", "mjcf", "-o", str(folder / "robot.xml")],
+    }
+    for name, call in calls.items():
+        start, before = perf_counter(), os.times()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complained):
+            skin_calib(call)
+        cpu = sum(os.times()[:4]) - sum(before[:4])  # with that of its processes
+        lines.append(f"{name} took {perf_counter() - start:.1f} s with {jobs} processes, {cpu:.1f} s of CPU")
+    failed = [line for line in complained.getvalue().splitlines() if "warning: " not in line]
+    return "\n".join((said.getvalue(), *lines, *failed))
+
+
+def of_proposal(urdf, folder, said):
+    """Return the rows that the program itself states."""
+    per_link = re.findall(
+        r"^(\S+) +(\d+) surfaces, (\d+) taxels; surfaces cover (\d+), cells \d+ of (\d+) cm\^2 free, (\d+) cm\^2 seen",
+        said,
+        re.M,
+    )
+    refused = re.findall(r"^(\S+) +no plan: (.*)$", said, re.M)
+    surfaces, taxels, covered = (sum(int(row[k]) for row in per_link) for k in (1, 2, 3))
+    robot = read_robot(urdf)
+    reasons = Counter(reason for _, reason in refused)
+    seconds = re.findall(r"^(\w+) took ([\d.]+) s with (\d+) processes, ([\d.]+) s of CPU", said, re.M)
+    left_out = sum(int(n) for path in folder.glob("*.plan.json") for n in re.findall(LEFT_OUT, path.read_text()))
+    total = re.findall(r"cover (\d+) cm\^2, (\d+)% of the free area and (\d+)% of the area that can", said)[-1]
+    worst = sorted(per_link, key=lambda row: int(row[3]) - int(row[4]))[:3]
+    return {
+        "links, with a mesh, with a plan": f"{len(robot.links)}, {len(links_with_mesh(robot))}, {len(per_link)}",
+        "links without a plan": "; ".join(f"{n}: {reason}" for reason, n in reasons.items()) or "none",
+        "links that failed": "; ".join(re.findall(r"^(\S+) +failed", said, re.M)) or "none",
+        "surfaces, boards": f"{surfaces}, {taxels}",
+        "area of the surfaces with skin": f"{covered} cm², {total[1]} % of the free, {total[2]} % of the visible area",
+        "area of surfaces that were left out, because no skin fits": f"{left_out} cm²",
+        "most free area left": "; ".join(f"{row[0]} {row[3]} of {row[4]} cm²" for row in worst),
+        f"seconds ({seconds[0][2]} processes)": ", ".join(f"{name} {s}" for name, s, _, _ in seconds),
+        "CPU seconds": ", ".join(f"{name} {s}" for name, _, _, s in seconds),
+    }
+
+
+def of_taxels(urdf, folder):
+    """Return the rows about all taxels, each compared with the mesh of its link."""
+    worst = {}  # by row: (value, link)
+    counts, codes, area = Counter(), Counter(), 0.0
+    for path in sorted(folder.glob("*.calibration.json")):
+        calibration = load_calibration(path)
+        mesh = load_urdf_mesh(urdf, calibration.link)
+        taxels = [patch.taxels for patch in calibration.patches]
+        positions, normals = (
+            np.concatenate([getattr(t, k) for t in taxels]) for k in ("positions_link", "normals_link")
+        )
+        warned = {taxel for warning in calibration.warnings for taxel in warning.where.taxels}
+        silent = np.array([taxel not in warned for t in taxels for taxel in t.ids])
+        outward = mesh.face_normals * visibility(mesh).sides[:, None]
+        distance = MeshDistance(mesh)(positions)[0]
+        centre = nearest_angles(mesh, outward, positions, normals, distance)
+        mean = angles_below(mesh, outward, [cell for t in taxels for cell in t.corners_link], positions, normals)
+        for name, values in (("distance", 1e3 * distance), ("centre", centre), ("mean", mean)):
+            value = float(values[silent | (name == "distance")].max(initial=0))
+            worst[name] = max(worst.get(name, (0.0, "")), (value, calibration.link))
+        counts["steep"] += int((mean[silent] > STEEP).sum())
+        counts["hidden"] += int((~are_seen(mesh, positions + LIFT * normals, normals)).sum())
+        counts["inward"] += int((centre > 90).sum())
+        counts["overlaps"] += overlaps(calibration)
+        counts["taxels"] += len(positions)
+        area += float(sum(t.areas.sum() for t in taxels))
+        codes.update(warning.code for warning in calibration.warnings)
+
+    def of(name, unit):
+        return f"{worst[name][0]:.2f} {unit} ({worst[name][1]})"
+
+    return {
+        "area of the cells": f"{1e4 * area:.0f} cm²",
+        "largest distance of a taxel from the mesh": of("distance", "mm"),
+        "largest angle of a normal to the face at the taxel": of("centre", "degrees"),
+        "the same, to the mean normal of the faces under the cell": of("mean", "degrees"),
+        f"taxels with a mean angle above {STEEP:.0f} degrees, without a warning": str(counts["steep"]),
+        "hidden taxels, normals inward, overlapping pairs": ", ".join(
+            str(counts[name]) for name in ("hidden", "inward", "overlaps")
+        ),
+        "warnings": ", ".join(f"{n} {code}" for code, n in codes.most_common()) or "none",
+    }
+
+
+def of_runtime(folder):
+    """Return the rows about a controller that has all skins, in a process of its own."""
+    run = [sys.executable, "-c", CONTROLLER.format(str(ROOT), str(folder), CYCLES)]
+    load, memory, cycle = subprocess.run(run, check=True, capture_output=True, text=True).stdout.split()
+    return {
+        "the runtime loads it [s, MB of the process]": f"{load}, {memory}",
+        "one update with all taxels pressed [ms]": cycle,
+    }
+
+
+def of_presses(folder):
+    """Return the row about presses in MuJoCo."""
+    try:
+        from presses import measure
+    except ImportError:
+        return {}
+    found = measure(folder, PRESSES)
+    return {
+        f"of {found.count} random taxels pressed in MuJoCo, felt by this one alone": str(found.alone),
+        "the same at random points of cells, felt by it and none but neighbours": str(found.at_random),
+    }
+
+
+def stages(urdf, skin):
+    """Return the CPU seconds of each stage of all links, in one process."""
+    seconds: Counter[str] = Counter()
+    at = ["", 0.0]
+
+    def begin(stage):
+        now = process_time()
+        if at[0]:
+            seconds[at[0]] += now - at[1]
+        at[:] = [stage and (re.sub(" of .*|( \\d+)", "", stage)), now]
+
+    with tempfile.TemporaryDirectory() as temporary:
+        for link in links_with_mesh(read_robot(urdf)):
+            proposal = propose_task(Task(urdf, "m", link, parse_skin(skin)), begin).proposal
+            begin("")
+            if proposal and proposal.plan:
+                path = Path(temporary) / "a.plan.json"
+                save_plan(named_from(proposal.plan, path.parent), path)
+                for stage, took in calibrate(load_plan(path)).seconds.items():
+                    seconds[f"fit: {stage}"] += took
+    return ", ".join(f"{stage} {took:.1f}" for stage, took in seconds.most_common())
+
+
+def draw(urdf, folder, path):
+    """Draw a robot in its zero pose: cells, free area without skin, and what is not free."""
+    robot = read_robot(urdf)
+    meshes = load_urdf_meshes(urdf, robot)[0]
+    keep_out, fine, kept_out = KeepOut(robot, meshes), {}, {}
+    for link, mesh in meshes.items():
+        on = LinkPoints.of(mesh)
+        blocked = keep_out(link, on.points, on.normals)
+        fine[link] = TriangleMesh(*trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, FINE, max_iter=20))
+        distance, nearest = on.nearest(fine[link].triangles.mean(axis=1))
+        kept_out[link] = blocked[nearest] | (distance > 2 * POINT_DISTANCE)
+    calibrations = {c.link: c for c in map(load_calibration, sorted(folder.glob("*.calibration.json")))}
+    title = f"{robot.name}: skin on {len(calibrations)} of {len(robot.links)} links"
+    draw_robot(fine, link_poses(robot), calibrations, title, path, kept_out)
+
+
+def nearest_angles(mesh, outward, positions, normals, distance):
+    """Return the smallest angle of each normal to the faces that are about as near as the nearest [degrees].
+
+    A taxel above an edge has several nearest faces.
+    """
+    centres = mesh.triangles.mean(axis=1)
+    radius = float(mesh.longest_sides.max())
+    tree, angles = cKDTree(centres), np.zeros(len(positions))
+    for k, (point, normal) in enumerate(zip(positions, normals)):
+        near = np.array(tree.query_ball_point(point, radius + distance[k] + 1e-4))
+        foot = closest_on_triangles(np.repeat(point[None], len(near), axis=0), mesh.triangles[near])
+        close = near[np.linalg.norm(foot - point, axis=1) <= distance[k] + 1e-5]
+        angles[k] = degrees((outward[close] @ normal).max())
+    return angles
+
+
+def angles_below(mesh, outward, cells, positions, normals):
+    """Return the angle of each normal to the mean normal of the mesh below its cell [degrees].
+
+    The mesh is examined at the points nearest to the centre and to rings of 12 points of the cell.
+    """
+    points, owners = [], []
+    for k, (cell, centre) in enumerate(zip(cells, positions)):
+        around = (cell + np.roll(cell, -1, axis=0)) / 2
+        ring = np.concatenate((cell, around)) - centre
+        points.append(np.concatenate((centre[None], *(centre + part * ring for part in RINGS))))
+        owners.append(np.full(len(points[-1]), k))
+    owner = np.concatenate(owners)
+    below = outward[MeshDistance(mesh)(np.concatenate(points))[1]]
+    sums = np.stack([np.bincount(owner, below[:, k]) for k in range(3)], axis=1)
+    return degrees((sums * normals).sum(axis=1) / np.linalg.norm(sums, axis=1))
+
+
+def degrees(cosines):
+    """Return the angles of cosines [degrees]."""
+    return np.rad2deg(np.arccos(np.clip(cosines, -1, 1)))
+
+
+def overlaps(calibration) -> int:
+    """Return how many pairs of hexagons of all patches of a link overlap: their shadows in a common plane."""
+    boards = [p for p in calibration.patches if p.kind == "hexagons"]
+    if not boards:
+        return 0
+    corners = np.concatenate([p.taxels.corners_link for p in boards])
+    centres = corners.mean(axis=1)
+    normals = np.concatenate([p.taxels.normals_link for p in boards])
+    radius = float(np.linalg.norm(corners - centres[:, None], axis=2).max())
+    count = 0
+    for a, b in cKDTree(centres).query_pairs(2 * radius):
+        up = normals[a] + normals[b]
+        if np.linalg.norm(up) < 0.5:
+            continue
+        up /= np.linalg.norm(up)
+        side = np.cross(up, centres[b] - centres[a])
+        frame = np.stack((np.cross(side, up), side)) / np.linalg.norm(side)
+        flat = [(c - centres[a]) @ frame.T for c in (corners[a], corners[b])]
+        height = abs((centres[b] - centres[a]) @ up)
+        count += height < radius and depth(*flat) > TOUCHING
+    return count
+
+
+def depth(a, b) -> float:
+    """Return how far two convex polygons overlap, by separating axes; negative if they are apart [m]."""
+    least = np.inf
+    for polygon in (a, b):
+        sides = np.roll(polygon, -1, axis=0) - polygon
+        for nx, ny in np.stack((sides[:, 1], -sides[:, 0]), axis=1) / np.linalg.norm(sides, axis=1)[:, None]:
+            pa, pb = a @ (nx, ny), b @ (nx, ny)
+            least = min(least, pa.max() - pb.min(), pb.max() - pa.min())
+    return float(least)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""``propose``: a plan for each link of a robot, or for one mesh."""
+
+import argparse
+import os
+from collections.abc import Iterator, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLink
+from ..common.findings import did_you_mean, show
+from ..plan import load_plan, named_from, save_plan
+from ..plan.skins import following_channel
+from ..proposal.links import Outcome, Task, groups, numbered, plan_path, propose_group, propose_task
+from ..proposal.proposal import Proposal
+from ..proposal.skins import DEFAULT_SKIN, FORMS, parse_skin
+from ..robot.link_mesh import is_urdf, links_with_mesh
+from ..robot.urdf import read_robot
+from .common import DONE, WRONG_DATA, complain, count, say
+from .progress import Progress
+from .worker_processes import run_tasks
+
+
+def add(commands) -> None:
+    """Define the command."""
+    propose = commands.add_parser(
+        "propose",
+        help="propose a plan for each link of a robot, or for one mesh",
+        description="A plan has the surfaces that cover what can be seen from outside and what no other link covers, "
+        "and skins on them. Each plan states the reasons for its choices, under x_proposal.",
+    )
+    propose.add_argument("file", type=Path, metavar="FILE", help="URDF of the robot, or a mesh")
+    propose.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder for the plans")
+    propose.add_argument("--again", action="store_true", help="also replace plans that exist")
+    add_options(propose)
+    propose.set_defaults(run=run)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Define the options that ``fit --propose`` has, too."""
+    parser.add_argument("--skin", default=DEFAULT_SKIN, metavar="SKIN", help=f"skin of all links. {FORMS}")
+    parser.add_argument("--only", action="append", metavar="LINK", help="only links with this name, or pattern")
+    parser.add_argument("--except", action="append", dest="left_out", metavar="LINK", help="no links with this name")
+    parser.add_argument("--unit", choices=("m", "mm"), default="m", help="unit of the numbers of a mesh (default: m)")
+    parser.add_argument("--jobs", type=count, default=1, metavar="N", help="number of parallel processes (default: 1)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the plans, and print a line for each link."""
+    return propose(options, options.output, options.again)[1]
+
+
+def propose(options: argparse.Namespace, folder: Path, again: bool) -> tuple[list[Path], int]:
+    """Write a plan for each link that can carry skin, and print a line for each link.
+
+    Parameters
+    ----------
+    options : Namespace
+        Of ``add_options``, and ``file``.
+    folder : Path
+        For the plans; it is created.
+    again : bool
+        Whether existing plans are replaced. Otherwise they stay.
+
+    Returns
+    -------
+    plans : list of Path
+        All plans of links of the robot in the folder.
+    code : int
+        Exit code.
+    """
+    choice = parse_skin(options.skin)
+    if os.path.lexists(folder) and not os.path.isdir(folder):
+        raise OutputError(f"{folder} is not a folder. Choose another name.")
+    tasks = [Task(options.file, options.unit, link, choice) for link in _links(options)]
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as problem:
+        raise OutputError(f"the folder {folder} cannot be created: {problem}. Choose another one.") from problem
+    kept = {task.link for task in tasks if not again and os.path.lexists(plan_path(folder, task.link))}
+    written = {plan_path(folder, task.link) for task in tasks if task.link not in kept}
+    ends = {path: _channel_after(path) for path in sorted(folder.glob("*.plan.json")) if path not in written}
+    done: dict[str, Outcome] = {}
+    try:
+        for outcome in _outcomes([task for task in tasks if task.link not in kept], options.jobs):
+            done[outcome.task.link] = outcome
+    finally:  # also after Ctrl+C: the next call continues
+        first = max(filter(None, ends.values()), default=0)
+        _save([done[task.link].proposal for task in tasks if task.link in done], folder, first)
+    plans, code = [], DONE
+    lines: list[tuple[str, str]] = []
+    for task in tasks:
+        path = plan_path(folder, task.link)
+        if task.link in kept:
+            plans.append(path)
+            words = "" if ends[path] is not None else ". Its channels are not known before the fit"
+            lines.append((task.link, f"kept: its plan exists; --again replaces it{words}"))
+            continue
+        outcome = done[task.link]
+        proposal = outcome.proposal
+        if proposal is None:
+            complain(f"{task.link}: {outcome.problem}")
+            code = WRONG_DATA
+            lines.append((task.link, "failed"))
+        elif proposal.plan is None:
+            lines.append((task.link, f"no plan: {proposal.reasons[-1]}"))
+        else:
+            plans.append(path)
+            lines.append((task.link, _numbers(proposal)))
+    width = max(len(link) for link, _ in lines)
+    found = [o.proposal for o in done.values() if o.proposal]
+    seen, free, covered, cells = (sum(getattr(p, name) for p in found) for name in ("seen", "free", "covered", "cells"))
+    total = f"{len(tasks)} links, {len(plans)} plans"
+    if free:
+        total += f"; surfaces with skin cover {covered * 1e4:.0f} cm^2, {covered / free:.0%} of the free area and "
+        total += f"{covered / seen:.0%} of the area that can be seen; cells cover {cells * 1e4:.0f} cm^2"
+    say("\n".join((*(f"{link:{width}}  {words}" for link, words in lines), total)))
+    return plans, code
+
+
+def _save(proposals: Sequence[Proposal | None], folder: Path, channel: int) -> None:
+    """Write the plans of proposals, whose channels start at a number and follow each other.
+
+    Parameters
+    ----------
+    proposals : sequence of Proposal or None
+        In the order of their channels; those without a plan are left out.
+    folder : Path
+        For the plans.
+    channel : int
+        Of the first taxel.
+    """
+    for proposal in proposals:
+        if proposal and proposal.plan:
+            save_plan(named_from(numbered(proposal.plan, channel), folder), plan_path(folder, proposal.link))
+            channel += proposal.channels
+
+
+def _channel_after(path: Path) -> int | None:
+    """Return the channel after those of a plan that stays; None if it is not known."""
+    try:
+        return following_channel(load_plan(path).skins)
+    except SkinCalibError:
+        return None  # ``fit`` says what is wrong with the plan
+
+
+def _numbers(proposal: Proposal) -> str:
+    assert proposal.plan is not None
+    return (
+        f"{len(proposal.plan.surfaces)} surfaces, {proposal.taxels} taxels; surfaces cover "
+        f"{proposal.covered * 1e4:.0f}, cells {proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2 free, "
+        f"{proposal.seen * 1e4:.0f} cm^2 seen"
+    )
+
+
+def _links(options: argparse.Namespace) -> list[str]:
+    """Return the links to propose plans for."""
+    if not is_urdf(options.file):
+        return [options.file.stem]
+    robot = read_robot(options.file)
+    links = links_with_mesh(robot)
+    if not links:
+        raise InvalidMesh(
+            f"{robot.file} has no link with a visual mesh. Shapes for collisions, boxes and cylinders carry no skin."
+        )
+    for pattern in (*(options.only or ()), *(options.left_out or ())):
+        if not any(fnmatchcase(link, pattern) for link in robot.links):
+            near = did_you_mean(pattern, robot.links)
+            raise UnknownLink(f"{robot.file} has no link {show(pattern)}{near}")
+    if options.only:
+        links = [link for link in links if any(fnmatchcase(link, pattern) for pattern in options.only)]
+    links = [link for link in links if not any(fnmatchcase(link, pattern) for pattern in options.left_out or ())]
+    if not links:
+        raise InvalidMesh(f"{robot.file} has no link with a visual mesh that is left. Change --only and --except.")
+    return links
+
+
+def _outcomes(tasks: Sequence[Task], processes: int) -> Iterator[Outcome]:
+    progress = Progress(max(len(tasks), 1))
+    if processes == 1 or len(tasks) <= 1:
+        results: Iterator[list[Outcome]] = ([propose_task(task)] for task in tasks)
+    else:
+        results = run_tasks(propose_group, groups(tasks), processes, _lost)
+    for outcomes in results:
+        for outcome in outcomes:
+            progress.step()
+            progress.show()
+            yield outcome
+    progress.clear()
+
+
+def _lost(tasks: Sequence[Task], problem: Exception) -> list[Outcome]:
+    return [Outcome(task, None, str(problem)) for task in tasks]

@@ -1,0 +1,120 @@
+"""The boards of a proposal: a list of those that fill a surface and are neither hidden nor over other boards."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..calibration.model import TaxelArray
+from ..common.arrays import BoolArray
+from ..geometry.fit.surface_fit import SurfaceFit
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..geometry.mesh.visibility import are_seen
+from ..pipeline.place_skins import place_skin
+from ..plan.skins import BoardSkin
+from ..skin.boards.overlap import largest_apart, overlapping
+from .candidates import DECIMALS
+from .link_points import LinkPoints
+
+LIFT = 1e-3  # [m] height above the surface from which a board must be seen. Larger: boards below edges of other parts
+
+
+def boards_on(template: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArray]:
+    """Return the boards that fill a surface, as a list with origin and direction, and their taxels.
+
+    A list takes no search when the plan is carried out, and its number of channels is known.
+
+    Parameters
+    ----------
+    template : BoardSkin
+        The skin.
+    fit : SurfaceFit
+        The surface.
+
+    Raises
+    ------
+    InvalidPlan
+        If no board fits.
+    """
+    filled = place_skin(replace(template, direction=None), fit, 0).patch.taxels
+    root = int(np.flatnonzero((filled.index == 0).all(axis=1))[0])
+    x, y, z = np.round(fit.error_field.surface.points(filled.uv[[root]])[0], DECIMALS).tolist()
+    a, b, c = np.round(filled.tangents_link[root], DECIMALS).tolist()
+    skin = replace(template, choice="all", origin=(x, y, z), direction=(a, b, c))
+    taxels = place_skin(skin, fit, 0).patch.taxels
+    return with_cells(skin, taxels, np.ones(len(taxels.ids), bool)), taxels
+
+
+def boards_of_list(skin: BoardSkin, fit: SurfaceFit, least: float) -> tuple[BoardSkin, TaxelArray] | None:
+    """Return the boards of a list that fit on another surface; None if they are too few.
+
+    Parameters
+    ----------
+    skin : BoardSkin
+        Has a list of boards, an origin and a direction.
+    fit : SurfaceFit
+        The other surface.
+    least : float
+        Fraction of the boards that must fit.
+
+    Raises
+    ------
+    InvalidPlan
+        If no board at all fits at the origin.
+    """
+    assert not isinstance(skin.choice, str)
+    taxels = place_skin(replace(skin, choice="all"), fit, 0).patch.taxels
+    found = {(int(q), int(r)) for q, r in taxels.index}
+    cells = tuple((q, r) for q, r in skin.choice if (q, r) in found)
+    if len(cells) < least * len(skin.choice):
+        return None
+    skin = replace(skin, choice=cells)
+    return skin, place_skin(skin, fit, 0).patch.taxels
+
+
+def with_cells(skin: BoardSkin, taxels: TaxelArray, kept: BoolArray) -> BoardSkin:
+    """Return a skin with a list of boards.
+
+    Parameters
+    ----------
+    skin : BoardSkin
+        Has origin and direction.
+    taxels : TaxelArray
+        Its n boards.
+    kept : array of bool, shape (n,)
+        Which of them are in the list.
+    """
+    return replace(skin, choice=tuple((int(q), int(r)) for q, r in taxels.index[kept]))
+
+
+def usable(
+    mesh: TriangleMesh, on: LinkPoints, skins: Sequence[BoardSkin], taxels: Sequence[TaxelArray]
+) -> list[BoolArray]:
+    """Return which boards of a link can be used, for each skin: seen, free, and without overlaps.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The link [m].
+    on : LinkPoints
+        Its points; those that are not free are below other links.
+    skins : sequence of BoardSkin, length k
+        Skins of the same kind.
+    taxels : sequence of TaxelArray, length k
+        Their boards.
+
+    Returns
+    -------
+    list of array of bool, length k
+    """
+    positions, normals, tangents = (
+        np.concatenate([getattr(t, name) for t in taxels])
+        for name in ("positions_link", "normals_link", "tangents_link")
+    )
+    kept = are_seen(mesh, positions + LIFT * normals, normals) & on.free[on.nearest(positions)[1]]
+    rows = np.flatnonzero(kept)
+    pairs, _, _ = overlapping(
+        positions[rows], normals[rows], tangents[rows], skins[0].lattice, max(abs(skin.offset) for skin in skins)
+    )
+    kept[rows] = largest_apart(len(rows), pairs)
+    return np.split(kept, np.cumsum([len(t.ids) for t in taxels])[:-1])

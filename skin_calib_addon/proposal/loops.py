@@ -1,0 +1,143 @@
+"""From a mask of sites to closed loops around it."""
+
+import numpy as np
+
+from ..common.arrays import Array, BoolArray
+
+# [m] largest distance of a loop from the edge of the sites. Larger: fewer corners, a less exact edge.
+CORNER_TOLERANCE = 2e-3
+Corner = tuple[int, int]
+Loops = tuple[tuple[tuple[float, float, float], ...], ...]
+
+
+def loops_around(mask: BoolArray, points: Array, closed: bool) -> Loops:
+    """Return closed loops halfway between the sites inside and those outside a mask.
+
+    Parameters
+    ----------
+    mask : array of bool, shape (k, l)
+        Sites inside.
+    points : array, shape (k, l, 3)
+        Of all sites [m].
+    closed : bool
+        Whether the last column is next to the first.
+
+    Returns
+    -------
+    tuple of tuple of points
+        [m]
+    """
+    found = []
+    for chain in chains(mask, closed):
+        corners = np.array([corner(points, at, closed) for at in chain])
+        kept = simplified(corners)
+        if len(kept) >= 3:
+            found.append(tuple((x, y, z) for x, y, z in np.round(kept, 6).tolist()))
+    return tuple(found)
+
+
+def chains(mask: BoolArray, closed: bool) -> list[list[Corner]]:
+    """Return the corners of the squares around the sites of a mask, in order around it.
+
+    Corner (i, j) is before row i and column j.
+
+    Parameters
+    ----------
+    mask : array of bool, shape (k, l)
+        Sites inside.
+    closed : bool
+        Whether the last column is next to the first.
+
+    Returns
+    -------
+    list of list of (int, int)
+    """
+    k, l = mask.shape
+    wide = np.zeros((k + 2, l + 2), bool)
+    wide[1:-1, 1:-1] = mask
+    if closed:
+        wide[1:-1, 0], wide[1:-1, -1] = mask[:, -1], mask[:, 0]
+    following: dict[Corner, list[Corner]] = {}
+    for i, j in np.argwhere(mask).tolist():
+        right = (j + 1) % l if closed else j + 1
+        sides = (
+            (wide[i, j + 1], (i, j), (i, right)),
+            (wide[i + 1, j + 2], (i, right), (i + 1, right)),
+            (wide[i + 2, j + 1], (i + 1, right), (i + 1, j)),
+            (wide[i + 1, j], (i + 1, j), (i, j)),
+        )
+        for is_inside, start, end in sides:
+            if not is_inside:
+                following.setdefault(start, []).append(end)
+    found = []
+    while following:
+        first = at = min(following)
+        chain = []
+        while True:
+            ends = following[at]
+            step = ends.pop()
+            if not ends:
+                del following[at]
+            chain.append(at)
+            at = step
+            if at == first:
+                break
+        found.append(chain)
+    return found
+
+
+def corner(points: Array, at: Corner, closed: bool) -> Array:
+    """Return the mean of the points of the four sites around a corner; at the edge of open surfaces, of two or one.
+
+    Parameters
+    ----------
+    points : array, shape (k, l, 3)
+        Of the sites [m].
+    at : (int, int)
+        The corner.
+    closed : bool
+        Whether the last column is next to the first.
+
+    Returns
+    -------
+    array, shape (3,)
+    """
+    k, l = points.shape[:2]
+    rows = np.clip((at[0] - 1, at[0]), 0, k - 1)
+    columns = np.array((at[1] - 1, at[1])) % l if closed else np.clip((at[1] - 1, at[1]), 0, l - 1)
+    return points[rows][:, columns].reshape(-1, 3).mean(axis=0)
+
+
+def simplified(loop: Array) -> Array:
+    """Return the corners of a loop that are needed to stay near it (Douglas and Peucker, 1973).
+
+    Parameters
+    ----------
+    loop : array, shape (k, 3)
+        [m]
+
+    Returns
+    -------
+    array, shape (n, 3)
+    """
+    middle = loop.mean(axis=0)
+    first = int(np.argmax(np.linalg.norm(loop - middle, axis=1)))
+    loop = np.roll(loop, -first, axis=0)
+    half = int(np.argmax(np.linalg.norm(loop - loop[0], axis=1)))
+    kept = {0, half}
+    ends = [(0, half), (half, len(loop))]
+    around = np.concatenate((loop, loop[:1]))
+    while ends:
+        start, stop = ends.pop()
+        if stop - start < 2:
+            continue
+        step = around[stop] - around[start]
+        arms = around[start + 1 : stop] - around[start]
+        length = step @ step
+        part = np.clip(arms @ step / length, 0, 1) if length > 0 else np.zeros(len(arms))
+        away = np.linalg.norm(arms - part[:, None] * step, axis=1)
+        if away.max() > CORNER_TOLERANCE:
+            middle_index = start + 1 + int(away.argmax())
+            kept.add(middle_index)
+            ends += [(start, middle_index), (middle_index, stop)]
+    return loop[sorted(kept)]

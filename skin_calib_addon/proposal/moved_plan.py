@@ -1,0 +1,98 @@
+"""The plan of a link for another one that is its mirror image, or equal to it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..common.arrays import Array
+from ..geometry.grid.axis import Axis
+from ..geometry.grid.grids import Across, Grid, Region, Sector, Tube, Vector, sector_frame
+from ..plan.plan import Plan, Surface
+from ..plan.skins import BoardSkin, SheetSkin, Skin
+from ..robot.mirrored import Twin
+from .candidates import DECIMALS
+
+
+def moved_plan(plan: Plan, link: str, twin: Twin) -> Plan:
+    """Return the plan of a link, moved or reflected to its twin: surfaces, boundaries and skins with all cells.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the link ``twin.link``. Its grids have sizes and no cuts, as in proposals.
+    link : str
+        Name of the twin.
+    twin : Twin
+        The motion or reflection.
+
+    Returns
+    -------
+    Plan
+        Its first channel is that of the former plan.
+    """
+    surfaces = tuple(_moved_surface(surface, twin) for surface in plan.surfaces)
+    return replace(plan, link=link, surfaces=surfaces, skins=tuple(_moved_skin(skin, twin) for skin in plan.skins))
+
+
+def _moved_surface(surface: Surface, twin: Twin) -> Surface:
+    assert not surface.cover.cuts and isinstance(surface.grid, Grid)
+    return replace(surface, grid=replace(surface.grid, region=moved_region(surface.grid.region, twin)))
+
+
+def moved_region(region: Region, twin: Twin) -> Region:
+    """Return a region on the twin of its link.
+
+    Parameters
+    ----------
+    region : Tube, Sector or Across
+        With an axis, except across a face.
+    twin : Twin
+        The motion or reflection.
+    """
+    axis = None
+    if region.axis is not None:
+        axis = Axis(_point(region.axis.point, twin), _direction(region.axis.direction, twin))
+    loops = tuple(tuple(_point(corner, twin) for corner in loop) for loop in region.boundary)
+    if isinstance(region, Across):
+        return replace(region, axis=axis, boundary=loops, normal=_direction(region.normal, twin))
+    if isinstance(region, Sector):
+        assert region.axis is not None and axis is not None
+        # Angles are counter-clockwise: of a mirror image, the last ray becomes the first one.
+        first = region.stop if twin.is_mirrored else region.start
+        ray = sector_frame(region.axis).rays(np.array([first]))[0]
+        x, y = sector_frame(axis).across(twin.transform[:3, :3] @ ray)
+        start = round(float(np.arctan2(y, x)), DECIMALS)
+        stop = round(start + region.stop - region.start, DECIMALS)
+        return replace(region, axis=axis, boundary=loops, start=start, stop=stop)
+    assert isinstance(region, Tube)
+    return replace(region, axis=axis, boundary=loops)
+
+
+def _moved_skin(skin: Skin, twin: Twin) -> Skin:
+    assert isinstance(skin, SheetSkin | BoardSkin)
+    origin = None if skin.origin is None else _point(skin.origin, twin)
+    if isinstance(skin, SheetSkin):
+        hand = skin.lattice.hand
+        if twin.is_mirrored:
+            hand = "left" if hand == "right" else "right"
+        marks = tuple(replace(mark, point=_point(mark.point, twin)) for mark in skin.landmarks)
+        lattice, direction = replace(skin.lattice, hand=hand), _direction(skin.direction, twin)
+        return replace(skin, origin=origin, direction=direction, lattice=lattice, landmarks=marks)
+    along = None if skin.direction is None else _direction(skin.direction, twin)
+    choice = skin.choice
+    if twin.is_mirrored and not isinstance(choice, str):
+        choice = tuple((q + r, -r) for q, r in choice)  # the lattice, reflected about its row
+    return replace(skin, origin=origin, direction=along, choice=choice)
+
+
+def _point(point: Vector, twin: Twin) -> Vector:
+    return _rounded(twin.transform[:3, :3] @ point + twin.transform[:3, 3])
+
+
+def _direction(direction: Vector, twin: Twin) -> Vector:
+    return _rounded(twin.transform[:3, :3] @ direction)
+
+
+def _rounded(vector: Array) -> Vector:
+    x, y, z = (np.round(vector, DECIMALS) + 0.0).tolist()
+    return x, y, z

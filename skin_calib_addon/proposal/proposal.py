@@ -1,0 +1,280 @@
+"""Propose the plan of one link."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration.exchange.xml_text import rotations
+from ..calibration.model import TaxelArray
+from ..common.arrays import Array, BoolArray
+from ..common.errors import SkinCalibError
+from ..geometry.grid.axis import Axis
+from ..geometry.mesh.cover import seen_faces
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..pipeline.place_skins import place_skin
+from ..plan.plan import Plan
+from ..plan.skins import BoardSkin, SheetSkin
+from ..robot.keep_out import KeepOut
+from ..robot.mirrored import Twin
+from ..robot.urdf import Robot
+from .boards import boards_of_list, usable, with_cells
+from .candidates import axis_of
+from .link_points import LinkPoints
+from .moved_plan import moved_plan
+from .skins import SkinChoice, skin_on
+from .surfaces import MIN_AREA, Proposed, fitted, propose_surfaces
+
+# [fraction] of the boards of a mirrored link, on each surface, and of its free area and cells, that a link must have to
+# get its layout. Larger: more left and right links have layouts of their own.
+MIN_TWIN_FRACTION = 0.9
+MIN_FREE_AREA = 30e-4  # [m^2] that a link needs for skin. Larger: more links stay without
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """The plan of a link with its reasons, or why it has none."""
+
+    link: str
+    plan: Plan | None
+    reasons: tuple[str, ...]  # one for each choice, or the refusal
+    seen: float = 0.0  # area that can be seen from outside [m^2]
+    free: float = 0.0  # of it, area that no other link covers [m^2]
+    covered: float = 0.0  # of it, area that the surfaces with skin cover [m^2]
+    cells: float = 0.0  # area of the cells of the skins [m^2]
+    taxels: int = 0
+
+    @property
+    def channels(self) -> int:
+        """Return the number of channels; a trimmed sheet has channels without taxels."""
+        return 0 if self.plan is None else sum(skin.count or 0 for skin in self.plan.skins)
+
+
+def propose_link(
+    link: str,
+    mesh: TriangleMesh,
+    file: Path,
+    unit: str,
+    choice: SkinChoice,
+    axes: tuple[tuple[Axis, str], ...] = (),
+    keep_out: KeepOut | None = None,
+    begin: Callable[[str], None] = lambda stage: None,
+) -> Proposal:
+    """Propose surfaces and skins for one link.
+
+    Parameters
+    ----------
+    link : str
+        Name of the link.
+    mesh : TriangleMesh
+        Its mesh, in the link frame [m].
+    file : Path
+        Of the mesh, or the URDF; for the plan.
+    unit : "m" or "mm"
+        Of the numbers in the file.
+    choice : SkinChoice
+        The wanted skin.
+    axes : tuple of (Axis, str)
+        Axes of its joints in the link frame, and what they are called.
+    keep_out : KeepOut, optional
+        What other links cover.
+    begin : function, optional
+        Called with the name of each stage. An exception aborts the proposal.
+
+    Returns
+    -------
+    Proposal
+    """
+    target = _Target.of(link, mesh, file, unit, keep_out, begin)
+    if target.free < MIN_FREE_AREA:
+        words = f"Less than {MIN_FREE_AREA * 1e4:.0f} cm^2 are free of other links: no skin."
+        return Proposal(link, None, (target.sentence, words), target.seen, target.free)
+    found = propose_surfaces(seen_faces(mesh), target.on, axes, begin)
+    return target.proposal(found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin)
+
+
+def propose_twin(
+    former: Proposal,
+    twin: Twin,
+    link: str,
+    mesh: TriangleMesh,
+    file: Path,
+    choice: SkinChoice,
+    keep_out: KeepOut,
+    begin: Callable[[str], None] = lambda stage: None,
+) -> Proposal | None:
+    """Return the proposal of a link for its mirror image, or for an equal link; None if it does not fit there.
+
+    The surfaces are fitted to the mesh of the twin. Boards that do not fit there, or that other links cover, are left
+    out; where they are many, the boards of the surface are proposed anew.
+
+    Parameters
+    ----------
+    former : Proposal
+        Of the link ``twin.link``.
+    twin : Twin
+        The motion or reflection.
+    link : str
+        Name of the twin.
+    mesh : TriangleMesh
+        Its mesh, in its link frame [m].
+    file : Path
+        The URDF; for the plan.
+    choice : SkinChoice
+        The wanted skin; for the reasons.
+    keep_out : KeepOut
+        What other links cover.
+    begin : function, optional
+        Called with the name of each stage. An exception aborts the proposal.
+    """
+    if former.plan is None:
+        return None
+    target = _Target.of(link, mesh, file, "m", keep_out, begin)
+    if abs(target.free - former.free) > (1 - MIN_TWIN_FRACTION) * former.free:
+        return None  # the joints have other ranges
+    moved, seen, how = moved_plan(former.plan, link, twin), seen_faces(mesh), f"as on {former.link}"
+    skins = {skin.name: skin for skin in moved.skins}
+
+    def skin_of(proposed: Proposed) -> tuple[SheetSkin | BoardSkin, TaxelArray]:
+        skin = skins[proposed.surface.name]
+        if isinstance(skin, SheetSkin):
+            return skin, place_skin(skin, proposed.fit, 0).patch.taxels
+        assert isinstance(skin, BoardSkin)
+        listed = boards_of_list(skin, proposed.fit, MIN_TWIN_FRACTION)
+        return listed or skin_on(choice, proposed.fit, skin.name)
+
+    try:
+        found = tuple(filter(None, (fitted(seen, target.on, surface, how) for surface in moved.surfaces)))
+        begin("skins")
+        proposal = target.proposal(found, skin_of, choice, begin)
+    except SkinCalibError:
+        return None
+    words = f"The link is {'the mirror image of' if twin.is_mirrored else 'equal to'} {former.link}, and has its plan."
+    if proposal.plan is None or proposal.cells < MIN_TWIN_FRACTION * former.cells:
+        return None
+    reasons = (words, *proposal.reasons)
+    return replace(proposal, plan=replace(proposal.plan, extra={"x_proposal": list(reasons)}), reasons=reasons)
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """A link that gets a proposal."""
+
+    link: str
+    mesh: TriangleMesh
+    file: Path
+    unit: str
+    on: LinkPoints
+
+    @classmethod
+    def of(
+        cls,
+        link: str,
+        mesh: TriangleMesh,
+        file: Path,
+        unit: str,
+        keep_out: KeepOut | None,
+        begin: Callable[[str], None],
+    ) -> "_Target":
+        """Find what of a link can be seen, and what of that is free."""
+        begin("outside")
+        on = LinkPoints.of(mesh)
+        if keep_out is not None:
+            begin("other links")
+            on = replace(on, free=~keep_out(link, on.points, on.normals))
+        return cls(link, mesh, file, unit, on)
+
+    @property
+    def seen(self) -> float:
+        """Return the area that can be seen [m^2]."""
+        return float(self.on.areas.sum())
+
+    @property
+    def free(self) -> float:
+        """Return the area of it that no other link covers [m^2]."""
+        return float(self.on.areas[self.on.free].sum())
+
+    @property
+    def sentence(self) -> str:
+        """Return both areas in words."""
+        seen, free = self.seen * 1e4, self.free * 1e4
+        return f"{seen:.0f} cm^2 can be seen from outside, {free:.0f} cm^2 of them are free of other links."
+
+    def proposal(
+        self,
+        found: Sequence[Proposed],
+        skin_of: Callable[[Proposed], tuple[SheetSkin | BoardSkin, TaxelArray]],
+        choice: SkinChoice,
+        begin: Callable[[str], None],
+    ) -> Proposal:
+        """Return the proposal with skins on surfaces, without boards that conflict."""
+        placed, reasons = [], [self.sentence]
+        for proposed in found:
+            begin(f"skin of {proposed.surface.name}")
+            try:
+                placed.append((proposed, *skin_of(proposed)))
+            except SkinCalibError as problem:
+                reasons.append(_left_out(proposed, str(problem)))
+        surfaces, skins, taxels, cells, covered = [], [], 0, 0.0, np.zeros(len(self.on.points), bool)
+        for proposed, skin, kept, areas in _without_conflicts(self.mesh, self.on, placed):
+            if not kept.any():
+                reasons.append(_left_out(proposed, "its boards are hidden, or over other boards"))
+                continue
+            surfaces.append(proposed.surface)
+            skins.append(skin)
+            taxels += int(kept.sum())
+            cells += float(areas[kept].sum())
+            covered |= proposed.covered
+            reasons.append(
+                f"{proposed.surface.name}: {proposed.reason}, adds {proposed.area * 1e4:.0f} cm^2; "
+                f"{kept.sum()} taxels of {choice.text}."
+            )
+        if not surfaces:
+            words = (
+                f"No surface of at least {MIN_AREA * 1e4:.0f} cm^2 is within 1 mm and 15 degrees of the mesh: no skin."
+            )
+            words = words if not found else "No skin fits on a surface."
+            return Proposal(self.link, None, (*reasons, words), self.seen, self.free)
+        area = float(self.on.areas[covered].sum())
+        words = f"Surfaces with skin cover {area * 1e4:.0f} cm^2 of the free area."
+        reasons.append(f"{words} Their cells have {cells * 1e4:.0f} cm^2.")
+        plan = Plan(self.link, self.file, self.unit, tuple(surfaces), tuple(skins), extra={"x_proposal": reasons})
+        return Proposal(self.link, plan, tuple(reasons), self.seen, self.free, area, cells, taxels)
+
+
+def _left_out(proposed: Proposed, why: str) -> str:
+    return f"{proposed.reason}: {proposed.area * 1e4:.0f} cm^2, left out: {why}"
+
+
+def _without_conflicts(
+    mesh: TriangleMesh, on: LinkPoints, placed: Sequence[tuple[Proposed, SheetSkin | BoardSkin, TaxelArray]]
+) -> Iterator[tuple[Proposed, SheetSkin | BoardSkin, BoolArray, Array]]:
+    """Yield the surfaces with their skins, without boards that conflict, which taxels remain, and the areas of all."""
+    boards = [(skin, taxels) for _, skin, taxels in placed if isinstance(skin, BoardSkin)]
+    of_boards = iter(usable(mesh, on, *zip(*boards)) if boards else ())
+    for proposed, skin, taxels in placed:
+        kept = np.ones(len(taxels.ids), bool)
+        if isinstance(skin, BoardSkin):
+            kept = next(of_boards)
+            skin = with_cells(skin, taxels, kept)
+        yield proposed, skin, kept, taxels.areas
+
+
+def joint_axes(robot: Robot, link: str) -> Iterator[tuple[Axis, str]]:
+    """Yield the axes of the joints at a link, in its frame, and what they are called.
+
+    Parameters
+    ----------
+    robot : Robot
+        Content of the URDF.
+    link : str
+        Name of the link.
+    """
+    for joint in robot.joints.values():
+        if link not in (joint.parent, joint.child) or joint.type == "fixed":
+            continue
+        point, direction = np.zeros(3), np.array(joint.axis)
+        if joint.parent == link:
+            point, direction = np.array(joint.position), rotations(np.array([joint.angles]))[0] @ direction
+        yield axis_of(point, direction), f"the axis of {joint.name}"

@@ -1,0 +1,171 @@
+"""The skin that an author wants on a robot, and its placement on a proposed surface."""
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration.model import TaxelArray
+from ..common.arrays import Array
+from ..common.errors import InvalidPlan, SkinCalibError
+from ..common.strict_json import parse, read
+from ..common.text import real
+from ..geometry.fit.surface_fit import SurfaceFit
+from ..pipeline.place_skins import place_skin
+from ..plan.document import skins_from
+from ..plan.skins import GAP, SIDE, BoardSkin, SheetSkin
+from ..skin.lattice import HexLattice, SheetLattice
+from ..skin.sheet.landmarks import Landmark
+from .boards import boards_on
+
+FORMS = 'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), or the name of a file.'
+DEFAULT_SKIN = "hexagons"
+# [1] ratio of the sizes of a sheet that are tried one after the other, until one lies without folds.
+SMALLER = 0.75
+MAX_TRIES = 5  # [1] sizes of a sheet that are tried. Larger: smaller sheets on curved places
+
+
+@dataclass(frozen=True)
+class SkinChoice:
+    """The skin for all surfaces of a robot."""
+
+    template: SheetSkin | BoardSkin
+    text: str  # as the author wrote it
+
+
+def parse_skin(text: str) -> SkinChoice:
+    """Return the skin that a text describes.
+
+    Parameters
+    ----------
+    text : str
+        ``hexagons``, ``hexagons:16.3mm``, ``sheet:6x22x10mm``, or the name of a JSON file with a skin as in a plan.
+
+    Returns
+    -------
+    SkinChoice
+
+    Raises
+    ------
+    InvalidPlan
+        If it is none of these.
+    """
+    kind, _, size = text.partition(":")
+    lengths = re.fullmatch(r"(?:(\d+)x(\d+)x)?(\d+(?:\.\d*)?)mm", size)
+    if text == "hexagons":
+        return SkinChoice(BoardSkin("skin", HexLattice(SIDE, GAP), "fill"), text)
+    if kind == "hexagons" and lengths and not lengths[1]:
+        side = round(real(lengths[3]) * 1e-3, 9)
+        return SkinChoice(BoardSkin("skin", HexLattice(side, GAP if side == SIDE else 0.0), "fill"), text)
+    if kind == "sheet" and lengths and lengths[1]:
+        pitch = round(real(lengths[3]) * 1e-3, 9)
+        lattice = SheetLattice(int(lengths[1]), int(lengths[2]), (pitch, pitch))
+        return SkinChoice(SheetSkin("skin", lattice, None, (1.0, 0.0, 0.0), trim=True), text)
+    if text.endswith(".json"):
+        return _from_file(Path(text))
+    raise InvalidPlan(f"{text!r} is no skin. {FORMS}")
+
+
+def _from_file(path: Path) -> SkinChoice:
+    document, findings = parse(read(path))
+    if findings or not isinstance(document, dict) or document.get("kind") not in ("sheet", "hexagons"):
+        raise InvalidPlan(f"{path} has no sheet or hexagons, as in the skins of a plan. {FORMS}")
+    defaults = {"name": "skin"} | ({"origin": "center", "direction": [1, 0, 0]} if document["kind"] == "sheet" else {})
+    try:
+        (skin,) = skins_from([defaults | document])
+    except (KeyError, TypeError, ValueError) as problem:
+        raise InvalidPlan(f"{path} is no skin as in a plan: {problem}. {FORMS}") from problem
+    if isinstance(skin, SheetSkin):
+        skin = replace(skin, origin=None, first_channel=None, registration=None, landmarks=(), trim=True)
+    else:
+        assert isinstance(skin, BoardSkin)
+        skin = replace(skin, origin=None, first_channel=None, registration=None, choice="fill")
+    return SkinChoice(skin, str(path))
+
+
+def skin_on(choice: SkinChoice, fit: SurfaceFit, surface: str) -> tuple[SheetSkin | BoardSkin, TaxelArray]:
+    """Return a skin for a surface, and its taxels.
+
+    Parameters
+    ----------
+    choice : SkinChoice
+        The wanted skin.
+    fit : SurfaceFit
+        The surface.
+    surface : str
+        Its name, which is that of the skin, too.
+
+    Returns
+    -------
+    skin : SheetSkin or BoardSkin
+        Boards are a list.
+    taxels : TaxelArray
+
+    Raises
+    ------
+    SkinCalibError
+        If none fits.
+    """
+    template = replace(choice.template, name=surface, surface=surface)
+    return boards_on(template, fit) if isinstance(template, BoardSkin) else _sheet_on(template, fit)
+
+
+def _sheet_on(template: SheetSkin, fit: SurfaceFit) -> tuple[SheetSkin, TaxelArray]:
+    """Return the largest sheet up to the wanted size, in the middle of a surface and along its longer side."""
+    uv, point, tangents = widest_place(fit)
+    lengths = np.array([iso_length(fit, uv, axis) for axis in (0, 1)])
+    pitch = template.lattice.pitch
+    # The rows run along u or v; the orientation with more cells is better.
+    sizes = []
+    for along in (0, 1):
+        rows = min(template.lattice.rows, int(lengths[1 - along] / pitch[0]))
+        columns = min(template.lattice.columns, int(lengths[along] / pitch[1]))
+        sizes.append((rows * columns, -along, rows, columns))
+    cells, along, rows, columns = max(sizes)
+    problem: SkinCalibError = InvalidPlan("The surface is smaller than a cell.")
+    for _ in range(MAX_TRIES):
+        if cells == 0:
+            break
+        lattice = replace(template.lattice, rows=rows, columns=columns)
+        mark = Landmark((rows // 2, columns // 2), point)
+        direction = tuple(np.round(tangents[-along], 6).tolist())
+        skin = replace(template, lattice=lattice, landmarks=(mark,), direction=direction)
+        try:
+            return skin, place_skin(skin, fit, 0).patch.taxels
+        except SkinCalibError as error:
+            problem = error
+        rows, columns = max(1, int(SMALLER * rows)), max(1, int(SMALLER * columns))
+    raise problem
+
+
+def widest_place(fit: SurfaceFit) -> tuple[Array, tuple[float, float, float], Array]:
+    """Return the place of a surface that is farthest from its boundary: parameters, point, unit tangents (2, 3)."""
+    from scipy import ndimage
+
+    n, m = (8 * k for k in fit.offsets.shape)
+    u, v = np.linspace(0, 1, n), np.linspace(0, 1, m, endpoint=not fit.lines.closed)
+    uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
+    trusted = fit.is_trusted(uv.reshape(-1, 2)).reshape(n, m)
+    points = fit.surface.grid_points(u, v)
+    steps = [np.median(np.linalg.norm(np.diff(points, axis=axis), axis=2)) for axis in (0, 1)]
+    wide = np.pad(trusted, ((1, 1), (m, m) if fit.lines.closed else (1, 1)), mode="constant")
+    if fit.lines.closed:
+        wide = np.pad(np.tile(trusted, (1, 3)), ((1, 1), (0, 0)))
+    depth = ndimage.distance_transform_edt(wide, sampling=steps)[1:-1]
+    depth = depth[:, m : 2 * m] if fit.lines.closed else depth[:, 1:-1]
+    i, j = np.unravel_index(int(depth.argmax()), depth.shape)
+    x, y, z = np.round(points[i, j], 6).tolist()
+    derivatives = fit.surface.derivatives(uv[i, j][None])
+    tangents = np.stack((derivatives[1, 0][0], derivatives[0, 1][0]))
+    return uv[i, j], (x, y, z), tangents / np.linalg.norm(tangents, axis=1)[:, None]
+
+
+def iso_length(fit: SurfaceFit, uv: Array, axis: int) -> float:
+    """Return the length of the curve of a surface through a place, along u (0) or v (1), inside the boundary [m]."""
+    fine = np.linspace(0, 1, 200)
+    curve = np.tile(uv, (len(fine), 1))
+    curve[:, axis] = fine
+    inside = fit.is_trusted(curve)
+    steps = np.linalg.norm(np.diff(fit.surface.points(curve), axis=0), axis=1)
+    return float(steps[inside[1:] & inside[:-1]].sum())

@@ -1,0 +1,228 @@
+"""Find the surfaces that cover most of a link."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..common.arrays import BoolArray, pairs_of, unit
+from ..common.errors import SkinCalibError
+from ..geometry.fit.auto import fit_grid
+from ..geometry.fit.surface_fit import SurfaceFit
+from ..geometry.grid.axis import Axis
+from ..geometry.grid.grids import Across, Grid, Region, Sector, Size, axis_along, sector_frame
+from ..geometry.grid.parametrizations import FaceParametrization
+from ..geometry.mesh.cover import CoverSpec
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..geometry.sampling.basis import SITES_PER_SPAN, TensorBasis
+from ..geometry.sampling.rays import TURN
+from ..geometry.sampling.samples import SampleRows
+from ..plan.plan import Surface
+from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
+from .candidates import DECIMALS, Candidate, candidates
+from .link_points import LinkPoints
+from .loops import Loops, loops_around
+from .trial import Start, Trial, judged, region_size, site_steps
+
+MIN_AREA = 6e-4  # [m^2] that a surface adds. Larger: fewer surfaces, less is covered
+MAX_SURFACES = 12  # [1] of a link. Larger: more small surfaces
+FINE_STEP = 2e-3  # [m] distance of the sites that give the boundary. Larger: less exact boundaries
+# [rad] turn without skin from which on a part of a tube is a sector. Larger: more parts are fitted all round.
+MIN_GAP = np.deg2rad(30.0)
+SECTOR_MARGIN = np.deg2rad(3.0)  # [rad] beyond the boundary. Larger: the surface is held less at the boundary
+# [fraction] of the area inside the boundary that the fitted surface must cover. Larger: fewer surfaces.
+MIN_KEPT_FRACTION = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Proposed:
+    """A surface for a plan, its fit, and why it was chosen."""
+
+    surface: Surface
+    fit: SurfaceFit
+    area: float  # that it covers, and no surface before it [m^2]
+    covered: BoolArray  # (k,) free points of the link that it covers
+    reason: str
+
+
+def propose_surfaces(
+    seen: TriangleMesh,
+    on: LinkPoints,
+    axes: Iterable[tuple[Axis, str]] = (),
+    begin: Callable[[str], None] = lambda stage: None,
+) -> tuple[Proposed, ...]:
+    """Return surfaces that cover most of what is free on a link; ``on.covered`` has what they cover.
+
+    Parameters
+    ----------
+    seen : TriangleMesh
+        The faces of the link that can be seen.
+    on : LinkPoints
+        Its points.
+    axes : iterable of (Axis, str)
+        Axes of its joints, and what they are called.
+    begin : function, optional
+        Called before each search for a surface. An exception aborts the proposal.
+
+    Returns
+    -------
+    tuple of Proposed
+    """
+    pool = [Tried(c, c.bound(on)) for c in candidates(on, axes)] if on.wanted.any() else []
+    found: list[Proposed] = []
+    while len(found) < MAX_SURFACES:
+        begin(f"surface {len(found) + 1}")
+        best = best_of(pool, seen, on)
+        if best is None:
+            return tuple(found)
+        candidate, trial = best
+        proposed = boundary_of(seen, on, candidate, trial, len(found) + 1)
+        if proposed is None:
+            pool = [tried for tried in pool if tried.candidate is not candidate]
+        else:
+            found.append(proposed)
+    return tuple(found)
+
+
+@dataclass(eq=False)
+class Tried:
+    """A candidate, and what is known of it."""
+
+    candidate: Candidate
+    bound: float  # of the area that it adds [m^2]; decreases
+    has_start: bool = False
+    start: Start | None = None
+
+
+def best_of(pool: list[Tried], seen: TriangleMesh, on: LinkPoints) -> tuple[Candidate, Trial] | None:
+    """Return the candidate that adds the most area, and its trial; None if none adds enough.
+
+    What a candidate added before bounds what it adds now, so that most are not tried again. The bounds of the pool are
+    updated.
+    """
+    best: tuple[Candidate, Trial] | None = None
+    least = MIN_AREA
+    for tried in sorted(pool, key=lambda tried: -tried.bound):
+        if tried.bound <= least:
+            break
+        if not tried.has_start:
+            tried.start, tried.has_start = Start.of(seen, on, tried.candidate.region), True
+        trial = tried.start.trial(on) if tried.start else None
+        tried.bound = trial.area if trial else 0.0
+        if trial and trial.area > least:
+            best, least = (tried.candidate, trial), trial.area
+    return best
+
+
+def boundary_of(seen: TriangleMesh, on: LinkPoints, candidate: Candidate, trial: Trial, number: int) -> Proposed | None:
+    """Return a surface with the boundary of a trial, fitted as a plan has it; None if it covers too little.
+
+    Parameters
+    ----------
+    seen : TriangleMesh
+        The faces of the link that can be seen.
+    on : LinkPoints
+        Its points; those that the surface covers are marked.
+    candidate : Candidate
+        The region.
+    trial : Trial
+        The region with what it covers.
+    number : int
+        Of the surface, for its name.
+    """
+    per_span = SITES_PER_SPAN * int(np.ceil(site_steps(trial.points).max() / FINE_STEP))
+    basis = TensorBasis.of(trial.lines, 3, 3, per_span)
+    rows = SampleRows.of(seen, trial.lines, basis)
+    fine = judged(rows, on, trial.parametrization, trial.lines, trial.offsets, basis)
+    if fine is None or fine.area < MIN_AREA:
+        return None
+    loops = loops_around(fine.good, fine.points, trial.parametrization.closed)
+    region = bounded_region(candidate.region, fine, loops)
+    try:
+        size = Size(*region_size(region.parametrization(seen), on))
+        surface = Surface(CoverSpec("seen"), Grid(region, size, "uniform"), name=f"surface_{number}")
+        return fitted(seen, on, surface, candidate.words, MIN_KEPT_FRACTION * fine.area)
+    except SkinCalibError:
+        return None
+
+
+def fitted(seen: TriangleMesh, on: LinkPoints, surface: Surface, reason: str, least: float = 0.0) -> Proposed | None:
+    """Return a surface of a plan with its fit; None if it covers too little.
+
+    Parameters
+    ----------
+    seen : TriangleMesh
+        The faces of the link that can be seen.
+    on : LinkPoints
+        Its points; those that the surface covers are marked.
+    surface : Surface
+        The surface.
+    reason : str
+        Why it was chosen.
+    least : float
+        Area that it must add [m^2].
+
+    Raises
+    ------
+    SkinCalibError
+        If it cannot be fitted.
+    """
+    fit = fit_grid(seen, surface.grid, surface.degree, surface.chords, surface.max_deviation)
+    covered = covered_points(fit, on)
+    area = float(on.areas[covered & ~on.covered].sum())
+    if area < least:
+        return None
+    on.cover(covered)
+    return Proposed(surface, fit, area, covered, reason)
+
+
+def bounded_region(region: Region, trial: Trial, loops: Loops) -> Region:
+    """Return the part of a region inside loops; of a full turn only the sector that they need.
+
+    Parameters
+    ----------
+    region : Tube or Across
+        The whole.
+    trial : Trial
+        Has the points inside.
+    loops : tuple of loops
+        The boundary.
+    """
+    if isinstance(region, Across):
+        assert isinstance(trial.parametrization, FaceParametrization)
+        # Rows along a rounded direction, so that small differences of the mesh do not turn them.
+        x, y, z = np.round(trial.parametrization.along, DECIMALS).tolist()
+        return replace(region, axis=axis_along((x, y, z)), boundary=loops)
+    assert region.axis is not None
+    frame = sector_frame(region.axis)
+    x, y = frame.across(trial.points[trial.good] - frame.point).T
+    angles = np.sort(np.arctan2(y, x))
+    gaps = np.diff(angles, append=angles[0] + TURN)
+    widest = int(gaps.argmax())
+    if gaps[widest] < MIN_GAP:
+        return replace(region, boundary=loops)
+    first = float(angles[(widest + 1) % len(angles)])
+    turn, free = TURN - float(gaps[widest]), SECTOR_MARGIN
+    return Sector(
+        region.axis, None, loops, start=round(first - free, DECIMALS), stop=round(first + turn + free, DECIMALS)
+    )
+
+
+def covered_points(fit: SurfaceFit, on: LinkPoints) -> BoolArray:
+    """Return which free points a fitted surface covers, shape (k,): near it, along it, and inside its boundary."""
+    surface = fit.surface
+    u, v = (np.linspace(0, 1, SITES_PER_SPAN * n) for n in fit.offsets.shape)
+    points = surface.grid_points(u, v)
+    normals = unit(np.cross(*surface.grid_tangents(u, v))).reshape(-1, 3)
+    trusted = fit.is_trusted(pairs_of(u, v))
+    covered = np.zeros(len(on.points), bool)
+    if trusted.any():
+        spacing, points, normals = site_steps(points).max(), points.reshape(-1, 3)[trusted], normals[trusted]
+        distance, nearest = map(np.asarray, cKDTree(points).query(on.points, distance_upper_bound=spacing))
+        near = np.flatnonzero(on.free & np.isfinite(distance))
+        normal = normals[nearest[near]]
+        height = ((on.points[near] - points[nearest[near]]) * normal).sum(axis=1)
+        upright = (on.normals[near] * normal).sum(axis=1) > np.cos(MAX_ANGLE)
+        covered[near[upright & (np.abs(height) < MAX_DISTANCE)]] = True
+    return covered

@@ -1,0 +1,244 @@
+"""Try a region on a link: fit a surface to what is wanted there, and judge each site."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from ..common.arrays import Array, BoolArray, unit
+from ..common.errors import SkinCalibError
+from ..geometry.grid.grids import Across, Region
+from ..geometry.grid.parametrizations import (
+    Parametrization,
+    TubeParametrization,
+    parametrized_lines,
+)
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from ..geometry.sampling.basis import TensorBasis
+from ..geometry.sampling.frames import TubeFrame, frame_of
+from ..geometry.sampling.lines import LineGrid
+from ..geometry.sampling.samples import RaySamples, SampleRows
+from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
+from .candidates import MIN_RAY_COSINE
+from .link_points import POINT_DISTANCE, LinkPoints
+
+KNOT_DISTANCE = 0.016  # [m] of planes and lines. Larger: smoother surfaces that follow less of the link
+# [m] distances from the surface beyond which the next fit leaves samples out. More: steps pull the surface less, and it
+# takes longer.
+LIMITS = (4e-3, 2e-3, 1e-3)
+OPENING = 0.005  # [m] radius of a disc that covered parts must contain everywhere. Larger: no narrow parts
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A surface over a region, and which of its sites cover the link."""
+
+    parametrization: Parametrization
+    lines: LineGrid
+    offsets: Array  # (n, m) of the control points [m]
+    points: Array  # (k, l, 3) of the surface at the sites [m]
+    good: BoolArray  # (k, l) sites of the best part
+    area: float  # of these sites [m^2]
+
+
+def region_size(parametrization: Parametrization, on: LinkPoints) -> tuple[int, int]:
+    """Return the numbers of planes and lines that are ``KNOT_DISTANCE`` apart, over a region.
+
+    Parameters
+    ----------
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    on : LinkPoints
+        The link.
+    """
+    breadth = float(np.ptp(parametrization.breadth))
+    if isinstance(parametrization, TubeParametrization):
+        assert isinstance(parametrization.frame, TubeFrame)
+        across = parametrization.frame.across(on.points - parametrization.frame.point)
+        breadth *= float(np.median(np.hypot(*across.T)))
+    n = int(np.ceil(float(np.ptp(parametrization.span)) / KNOT_DISTANCE)) + 3
+    m = int(np.ceil(breadth / KNOT_DISTANCE))
+    return n, max(8, m) if parametrization.closed else m + 3
+
+
+def whole(region: Region, mesh: TriangleMesh) -> Parametrization:
+    """Return the whole of a region on a mesh, without margin.
+
+    Parameters
+    ----------
+    region : Tube or Across
+        A tube has an axis.
+    mesh : TriangleMesh
+        The link.
+    """
+    if isinstance(region, Across):
+        return replace(region, margin=0.0).parametrization(mesh)
+    assert region.axis is not None
+    frame = frame_of(np.array(region.axis.point), np.array(region.axis.direction))
+    stations = frame.stations(mesh.vertices)
+    return TubeParametrization(frame, (float(stations.min()), float(stations.max())))
+
+
+def even_lines(parametrization: Parametrization, n: int, m: int) -> LineGrid:
+    """Return ``n`` planes with ``m`` lines at equal steps over a region."""
+    first, last = parametrization.breadth
+    t = first + (last - first) * np.arange(m) / (m if parametrization.closed else m - 1)
+    return parametrized_lines(parametrization, np.linspace(*parametrization.span, n), t)
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The sections of a link over a region, and the first rays; they are the same for all trials."""
+
+    parametrization: Parametrization
+    lines: LineGrid
+    basis: TensorBasis
+    rows: SampleRows
+    offsets: Array  # (n, m) [m]
+    samples: RaySamples
+
+    @classmethod
+    def of(cls, mesh: TriangleMesh, on: LinkPoints, region: Region) -> "Start | None":
+        """Return the start of the trials of a region; None if it is not on the mesh.
+
+        Parameters
+        ----------
+        mesh : TriangleMesh
+            The faces of the link that can be seen.
+        on : LinkPoints
+            Its points.
+        region : Tube or Across
+            A full turn about an axis, or a face.
+        """
+        try:
+            parametrization = whole(region, mesh)
+            lines = even_lines(parametrization, *region_size(parametrization, on))
+            basis = TensorBasis.of(lines, 3, 3)
+            rows = SampleRows.of(mesh, lines, basis)
+        except SkinCalibError:
+            return None
+        offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
+        samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
+        return cls(parametrization, lines, basis, rows, offsets, samples)
+
+    def trial(self, on: LinkPoints) -> Trial | None:
+        """Fit a surface to the wanted points of a link; None if it covers nothing.
+
+        Each fit leaves out the samples that are far from the surface before, so that steps do not pull it.
+        """
+        lines, basis, offsets, samples = self.lines, self.basis, self.offsets, self.samples
+        faces = self.rows.mesh.face_normals[samples.faces]
+        slopes = np.abs((samples.rays * faces).sum(axis=2))
+        wanted = is_wanted(on, samples) & (slopes > MIN_RAY_COSINE)
+        wanted = opened(wanted, samples.origins + samples.arms, self.parametrization.closed)
+        for limit in (np.inf, *LIMITS):
+            used = wanted & (np.abs(samples.residuals * slopes) < limit)
+            if not used.any():
+                return None
+            offsets = offsets + basis.solve(np.where(used, samples.residuals, np.nan), offsets)
+            samples = self.rows.cast(basis.blend(offsets[..., None] * lines.directions))
+        return judged(self.rows, on, self.parametrization, lines, offsets, basis)
+
+
+def is_wanted(on: LinkPoints, samples: RaySamples) -> BoolArray:
+    """Return which rays hit the link where skin is wanted, shape (k, l)."""
+    hit = ~np.isnan(samples.residuals)
+    wanted = np.zeros(hit.shape, bool)
+    if hit.any():
+        distance, nearest = on.nearest(samples.points[hit])
+        wanted[hit] = on.wanted[nearest] & (distance < 2 * POINT_DISTANCE)
+    return wanted
+
+
+def judged(
+    rows: SampleRows,
+    on: LinkPoints,
+    parametrization: Parametrization,
+    lines: LineGrid,
+    offsets: Array,
+    basis: TensorBasis,
+) -> Trial | None:
+    """Return the largest part of a surface that covers what is wanted; None if there is none.
+
+    Parameters
+    ----------
+    rows : SampleRows
+        Sections of the faces of the link that can be seen, at the sites to judge.
+    on : LinkPoints
+        Its points.
+    parametrization : TubeParametrization or FaceParametrization
+        The region.
+    lines : LineGrid
+        The lines of the control points.
+    offsets : array, shape (n, m)
+        Of the control points along their lines [m].
+    basis : TensorBasis
+        At the sites to judge.
+    """
+    arms = basis.blend(offsets[..., None] * lines.directions)
+    samples = rows.cast(arms)
+    faces = rows.mesh.face_normals[samples.faces]
+    points = samples.origins + arms
+    along, across = np.gradient(points, axis=0), np.gradient(points, axis=1)
+    if parametrization.closed:
+        across = (np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)) / 2
+    normals = np.cross(along, across)
+    areas = np.linalg.norm(normals, axis=2)
+    areas[[0, -1]] /= 2  # sites at the edges stand for half a cell
+    if not parametrization.closed:
+        areas[:, [0, -1]] /= 2
+    good = is_wanted(on, samples)
+    good &= np.abs(samples.residuals * (samples.rays * faces).sum(axis=2)) < MAX_DISTANCE
+    good &= np.abs((unit(normals) * faces).sum(axis=2)) > np.cos(MAX_ANGLE)
+    part = largest_part(opened(good, points, parametrization.closed), areas, parametrization.closed)
+    return None if part is None else Trial(parametrization, lines, offsets, points, part, float(areas[part].sum()))
+
+
+def opened(mask: BoolArray, points: Array, closed: bool) -> BoolArray:
+    """Return a mask of sites without its narrow parts (morphological opening with a disc).
+
+    Parameters
+    ----------
+    mask : array of bool, shape (k, l)
+        Sites.
+    points : array, shape (k, l, 3)
+        Of the sites [m].
+    closed : bool
+        Whether the last column is next to the first.
+    """
+    steps = np.maximum(site_steps(points), 1e-6)
+    a, b = (OPENING / steps).astype(int)
+    y, x = np.mgrid[-a : a + 1, -b : b + 1]
+    disc = (y * steps[0]) ** 2 + (x * steps[1]) ** 2 <= OPENING**2
+    extra = 2 * b if closed else 0
+    wide = np.pad(mask, ((0, 0), (extra, extra)), mode="wrap")
+    result: BoolArray = ndimage.binary_opening(wide, disc)[:, extra : extra + mask.shape[1]]
+    return result
+
+
+def site_steps(points: Array) -> Array:
+    """Return the usual distances of points (k, l, 3) from row to row and from column to column, shape (2,) [m]."""
+    return np.array([np.median(np.linalg.norm(np.diff(points, axis=axis), axis=2)) for axis in (0, 1)])
+
+
+def largest_part(mask: BoolArray, areas: Array, closed: bool) -> BoolArray | None:
+    """Return the connected part of a mask with the largest area; None if the mask is empty.
+
+    Parameters
+    ----------
+    mask : array of bool, shape (k, l)
+        Sites.
+    areas : array, shape (k, l)
+        Of the sites [m^2].
+    closed : bool
+        Whether the last column is next to the first.
+    """
+    label, count = ndimage.label(mask)
+    if count == 0:
+        return None
+    for first, last in zip(label[:, 0], label[:, -1]) if closed else ():
+        if first and last and first != last:
+            label[label == last] = first
+    sums = np.bincount(label.ravel(), areas.ravel())
+    sums[0] = 0.0
+    return np.asarray(label == sums.argmax())

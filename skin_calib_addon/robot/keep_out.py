@@ -1,0 +1,262 @@
+"""Find what of a link is covered or touched by other links, somewhere in the ranges of the joints between them.
+
+A ball in front of each point must stay free: it touches the point, and its diameter is the clearance. So faces that
+look away from another link stay free, however near it is. Each other link is a field of distances, through which the
+balls of a link move in steps as long as their distance.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..common.arrays import Array, BoolArray
+from ..common.errors import UnknownLink
+from ..common.findings import did_you_mean, show
+from ..geometry.mesh.distance_field import DistanceField
+from ..geometry.mesh.triangle_mesh import TriangleMesh
+from .kinematics import joint_pose
+from .urdf import ONE_AXIS, Joint, Robot
+
+# [m] height above a face that other links leave free: a skin 5 to 7 mm thick, with its cover, and 3 to 5 mm of play.
+# Larger: less is free.
+CLEARANCE = 10e-3
+# [1] moving joints between two links up to which they keep each other free. Larger: links that meet only in rare
+# postures count, and it takes longer.
+MAX_JOINTS = 2
+# [radius of a ball] side of the cells. Larger: faster; distances are less exact by about a fifth of the side.
+CELL_SIDE = 0.5
+
+# [m] travel of a prismatic joint to either side; some files write 1e16 for "no limit". Larger: less exact.
+MAX_TRAVEL = 1e3
+
+Leg = tuple[Joint, bool]  # a joint on the path from one link to another, and whether the path leads to its child
+
+
+class KeepOut:
+    """What of each link of a robot others cover; their fields of distances are computed once."""
+
+    def __init__(self, robot: Robot, meshes: Mapping[str, TriangleMesh], clearance: float = CLEARANCE):
+        self.robot, self.meshes, self.radius = robot, meshes, clearance / 2
+        self.fields: dict[str, DistanceField] = {}
+
+    def __call__(self, link: str, points: Array, normals: Array) -> BoolArray:
+        """Return which points are covered or touched by another link.
+
+        Parameters
+        ----------
+        link : str
+            Name of the link.
+        points : array, shape (k, 3)
+            Points on its faces [m], link frame.
+        normals : array, shape (k, 3)
+            Unit normals of the points, outward.
+
+        Returns
+        -------
+        array of bool, shape (k,)
+
+        Raises
+        ------
+        UnknownLink
+            If the robot has no such link.
+        """
+        if link not in self.robot.links:
+            raise UnknownLink(f"{self.robot.file} has no link {show(link)}{did_you_mean(link, self.robot.links)}")
+        balls = np.asarray(points, float) + self.radius * np.asarray(normals, float)
+        covered = np.zeros(len(balls), bool)
+        for other, path in paths_from(self.robot, link):
+            if other in self.meshes:
+                if other not in self.fields:
+                    self.fields[other] = DistanceField(self.meshes[other], CELL_SIDE * self.radius)
+                free = np.flatnonzero(~covered)
+                covered[free] = _Motion(path, self.fields[other], self.radius).is_met(balls[free])
+        return covered
+
+
+def keep_out(
+    robot: Robot,
+    meshes: Mapping[str, TriangleMesh],
+    link: str,
+    points: Array,
+    normals: Array,
+    clearance: float = CLEARANCE,
+) -> BoolArray:
+    """Return which points of a link are covered or touched by another one, somewhere in the joint ranges.
+
+    Other links are those with at most two moving joints between. Joints without limits turn fully; prismatic ones
+    without limits stay at zero. Links behind a floating or planar joint do not count. For several links,
+    :class:`KeepOut` is faster.
+
+    Parameters
+    ----------
+    robot : Robot
+        Content of the URDF.
+    meshes : mapping of str to TriangleMesh
+        Mesh of each link that has one, in its link frame [m].
+    link : str
+        Name of the link.
+    points : array, shape (k, 3)
+        Points on its faces [m], link frame.
+    normals : array, shape (k, 3)
+        Unit normals of the points, outward.
+    clearance : float
+        Height above the faces that other links leave free [m]: thickness of the skin and play.
+
+    Returns
+    -------
+    array of bool, shape (k,)
+
+    Raises
+    ------
+    UnknownLink
+        If the robot has no such link.
+    """
+    return KeepOut(robot, meshes, clearance)(link, points, normals)
+
+
+def paths_from(robot: Robot, link: str) -> Iterator[tuple[str, tuple[Leg, ...]]]:
+    """Return the links around a link and the joints between, at most two of which move.
+
+    Parameters
+    ----------
+    robot : Robot
+        Content of the URDF.
+    link : str
+        Name of the link.
+
+    Yields
+    ------
+    tuple of str and tuple
+        Name of another link, and its path.
+    """
+    open_: list[tuple[str, tuple[Leg, ...]]] = [(link, ())]
+    for current, path in open_:  # grows
+        if path:
+            yield current, path
+        for joint in robot.joints.values():
+            known = path and joint == path[-1][0]
+            moving = sum(leg[0].type != "fixed" for leg in path) + (joint.type != "fixed")
+            if known or moving > MAX_JOINTS or joint.type not in (*ONE_AXIS, "fixed"):
+                continue
+            if joint.parent == current:
+                open_.append((joint.child, (*path, (joint, True))))
+            elif joint.child == current:
+                open_.append((joint.parent, (*path, (joint, False))))
+
+
+@dataclass(frozen=True)
+class _Turn:
+    """A motion about or along an axis through the origin."""
+
+    axis: Array
+    slides: bool
+    low: float
+    high: float
+
+    def __call__(self, points: Array, position: Array | float) -> Array:
+        """Return points (k, 3) moved to one position, or to one for each."""
+        q = np.reshape(position, (-1, 1))
+        if self.slides:
+            return points + q * self.axis
+        across = points @ self.product  # formula of Rodrigues
+        return points + np.sin(q) * across + (1 - np.cos(q)) * (across @ self.product)
+
+    def arms(self, points: Array) -> Array:
+        """Return the lengths of the paths of points (k, 3) per unit of the position, shape (k,)."""
+        return np.ones(len(points)) if self.slides else np.linalg.norm(points @ self.product, axis=1)
+
+    @cached_property
+    def product(self) -> Array:
+        """Return the matrix that gives the cross products of the axis and points: axis x p = p @ matrix."""
+        return np.cross(self.axis, np.eye(3))
+
+
+class _Motion:
+    """The motion of points of a link in the frame of another one: constant poses, with turns between them."""
+
+    def __init__(self, path: tuple[Leg, ...], field: DistanceField, radius: float):
+        self.field, self.radius = field, radius
+        self.poses, self.turns = [np.eye(4)], []
+        for joint, to_child in path:
+            if to_child:
+                self.poses[-1] = np.linalg.inv(joint_pose(joint)) @ self.poses[-1]
+            turn = _turn(joint, -1 if to_child else 1)
+            if turn:
+                self.turns.append(turn)
+                self.poses.append(np.eye(4))
+            if not to_child:
+                self.poses[-1] = joint_pose(joint) @ self.poses[-1]
+        # A ball around all that the other link and the turns after each pose can occupy.
+        self.balls = [(field.centre, field.radius + radius)]
+        for turn, pose in zip(self.turns[::-1], self.poses[:0:-1]):
+            centre, extent = self.balls[0]
+            centre = np.linalg.inv(pose)[:3] @ (*centre, 1)
+            if turn.slides:
+                pivot, more = centre - (turn.low + turn.high) / 2 * turn.axis, (turn.high - turn.low) / 2
+            else:
+                pivot = centre @ turn.axis * turn.axis
+                more = float(np.linalg.norm(centre - pivot))
+            self.balls.insert(0, (pivot, extent + more))
+
+    def is_met(self, points: Array, turn: int = 0) -> BoolArray:
+        """Return which balls around points (k, 3), in the frame before a turn, meet the other link."""
+        points = points @ self.poses[turn][:3, :3].T + self.poses[turn][:3, 3]
+        centre, extent = self.balls[turn]
+        met = np.zeros(len(points), bool)
+        near = np.flatnonzero(np.linalg.norm(points - centre, axis=1) < extent)
+        if len(near) == 0:
+            return met
+        if turn == len(self.turns):
+            met[near] = self.field(points[near]) < self.radius
+        elif turn == len(self.turns) - 1:
+            met[near] = self._advanced(points[near])
+        else:
+            met[near] = self._swept(points[near], turn)
+        return met
+
+    def _swept(self, points: Array, turn: int) -> BoolArray:
+        """Return which balls meet the other link during a turn and those after it.
+
+        Each ball moves by its diameter, or as far as it is from all that can meet it.
+        """
+        move, (centre, extent) = self.turns[turn], self.balls[turn + 1]
+        centre = (centre - self.poses[turn + 1][:3, 3]) @ self.poses[turn + 1][:3, :3]  # in the frame of the turn
+        met, position = np.zeros(len(points), bool), np.full(len(points), move.low)
+        arms, open_ = np.maximum(move.arms(points), 1e-9), np.arange(len(points))
+        while len(open_):
+            moved = move(points[open_], position[open_])
+            met[open_] = self.is_met(moved, turn + 1)
+            gap = np.linalg.norm(moved - centre, axis=1) - extent
+            ahead = ~met[open_] & (position[open_] < move.high)
+            step = np.maximum(gap, 2 * self.radius)[ahead] / arms[open_[ahead]]
+            open_ = open_[ahead]
+            position[open_] = np.minimum(position[open_] + step, move.high)
+        return met
+
+    def _advanced(self, points: Array) -> BoolArray:
+        """Return which balls meet the other link during the last turn: each advances by its distance."""
+        turn, pose = self.turns[-1], self.poses[-1]
+        met, position = np.zeros(len(points), bool), np.full(len(points), turn.low)
+        arms, open_ = np.maximum(turn.arms(points), 1e-9), np.arange(len(points))
+        while len(open_):
+            gap = self.field(turn(points[open_], position[open_]) @ pose[:3, :3].T + pose[:3, 3]) - self.radius
+            met[open_] = gap < 0
+            ahead = (gap >= 0) & (position[open_] < turn.high)
+            step = np.maximum(gap, self.radius)[ahead] / arms[open_[ahead]]
+            open_ = open_[ahead]
+            position[open_] = np.minimum(position[open_] + step, turn.high)
+        return met
+
+
+def _turn(joint: Joint, sign: int) -> _Turn | None:
+    """Return the motion of a joint, or its reverse; None if it does not move."""
+    if joint.type == "fixed" or (joint.type == "prismatic" and joint.limits is None):
+        return None
+    low, high = sorted(sign * limit for limit in joint.limits or (-np.pi, np.pi))
+    if joint.type == "prismatic":
+        low, high = np.clip((low, high), -MAX_TRAVEL, MAX_TRAVEL).tolist()
+    else:
+        high = min(high, low + 2 * np.pi)  # more than a turn adds nothing
+    return _Turn(np.array(joint.axis), joint.type == "prismatic", low, high)

@@ -1,0 +1,235 @@
+"""Write a MuJoCo model of a robot with all its skins."""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..calibration.exchange.mjcf import write_mjcf
+from ..calibration.model import LinkCalibration
+from ..common.errors import InvalidMesh, SkinCalibError
+from ..common.findings import show
+from ..common.text import read_text, real
+from ..geometry.mesh.triangle_mesh import TriangleMesh, read_mesh
+from .link_mesh import check_triple, find_file, scaled
+from .urdf import Robot
+
+MAX_STL_FACES = 200_000  # Format: MuJoCo accepts no more in an STL file
+# Height of taxels above a collision shape of their link below which it is switched off [m]. Larger: shapes farther
+# below the skin are switched off, too. Smaller: the shape takes a part of the force of a press.
+MIN_PROTRUSION = 1e-3
+PARTS = ("link", "joint", "material")  # Format: what MuJoCo needs of a URDF; others are of simulators and controllers
+# How MuJoCo compiles the robot. Links stay bodies of their own, also if they are fixed. Inertias that no rigid body can
+# have, which are frequent in URDF files, are balanced, and masses of zero become positive.
+COMPILER = {
+    "fusestatic": "false",
+    "discardvisual": "false",
+    "strippath": "false",
+    "balanceinertia": "true",
+    "boundmass": "1e-6",  # [kg]
+    "boundinertia": "1e-9",  # [kg m^2]
+}
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A model of MuJoCo with its meshes."""
+
+    text: bytes  # of the MJCF file
+    meshes: dict[str, bytes]  # files by name: STL, or OBJ for large meshes
+    problems: tuple[str, ...]  # meshes and skins that the model does not have, a line each
+    uncovered: tuple[str, ...]  # bodies with a collision shape that is switched off, because it would hide a skin
+
+
+def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibration], mesh_folder: str) -> RobotModel:
+    """Return a model of the robot, with a body for each skin that is fixed to its link.
+
+    Names of a skin begin with the name of the link and a slash: ``data.sensor("arm/wrist.0.0")``. The root of the robot
+    is fixed to the world. Collision shapes of a link that hide a taxel are switched off: its cells collide instead.
+    Bodies that overlap in the zero pose do not collide with each other.
+
+    Parameters
+    ----------
+    robot : Robot
+        Content of the URDF.
+    urdf : Path
+        Its file; mesh files are found relative to it.
+    calibrations : mapping of str to LinkCalibration
+        Skins, by link.
+    mesh_folder : str
+        Name of the folder of the meshes, relative to the model.
+
+    Returns
+    -------
+    RobotModel
+
+    Raises
+    ------
+    SkinCalibError
+        If MuJoCo is not installed, or does not accept the robot.
+    CalibrationFormatError
+        If two sensors of a link would have the same name.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise SkinCalibError(
+            "a model of the robot needs MuJoCo, which is not installed here: pip install 'skin-calib[robots]'"
+        ) from error
+    description, meshes, problems = _with_own_meshes(urdf, mujoco)
+    skins = {
+        link: write_mjcf(calibration).decode() for link, calibration in calibrations.items() if link in robot.links
+    }
+    problems += [f"{urdf.name} has no link {show(link)}" for link in calibrations if link not in robot.links]
+    try:
+        spec: Any = mujoco.MjSpec.from_string(description, assets=meshes)
+        for mesh in spec.meshes:  # without volume, because meshes of robots are often open
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        for link, text in skins.items():
+            skin = mujoco.MjSpec.from_string(text).body(link)
+            spec.body(link).add_frame().attach_body(skin, f"{link}/", "")
+        uncovered = _uncover(spec, [f"{link}/{link}" for link in skins], mujoco)
+        spec.compile()
+        spec.meshdir = mesh_folder
+        text = spec.to_xml()
+    except (ValueError, mujoco.FatalError) as error:
+        raise SkinCalibError(f"MuJoCo does not accept {urdf.name}: {' '.join(str(error).split())}") from error
+    return RobotModel(text.encode(), meshes, tuple(problems), uncovered)
+
+
+def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[str, ...]:
+    """Switch off what would be touched instead of a skin, and contacts of the robot with itself at zero.
+
+    MuJoCo collides with the convex hull of a mesh. That of a concave link is above its skin. Those of adjacent links
+    overlap.
+
+    Parameters
+    ----------
+    spec : MjSpec
+        Robot with its skins; changed.
+    skins : list of str
+        Names of the bodies of the skins.
+    mujoco : module
+        The library.
+
+    Returns
+    -------
+    tuple of str
+        Names of the bodies with a shape that is switched off.
+    """
+    trial = spec.copy()
+    probe = trial.worldbody.add_body().add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[MIN_PROTRUSION, 0, 0])
+    probe.contype = probe.conaffinity = 0
+    model = trial.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_collision(model, data)
+    bodies = [model.body(name).id for name in skins]
+    weld, of_skin = model.body_weldid, np.isin(range(model.nbody), bodies) | np.isin(model.body_parentid, bodies)
+    collides = ((model.geom_contype | model.geom_conaffinity) != 0) & ~of_skin[model.geom_bodyid]
+    hiding: set[int] = set()
+    for site in np.flatnonzero(of_skin[model.site_bodyid]):
+        data.geom_xpos[probe.id] = data.site_xpos[site]
+        for geom in np.flatnonzero(collides & (weld[model.geom_bodyid] == weld[model.site_bodyid[site]])).tolist():
+            if geom not in hiding:
+                distance = mujoco.mj_geomDistance(model, data, probe.id, geom, MIN_PROTRUSION, None)
+                hiding |= {geom} if distance < 0 else set()
+    for geom in hiding:  # geoms have the same order in both, because the body of the probe is the last
+        spec.geoms[geom].contype = spec.geoms[geom].conaffinity = 0
+    touching = {tuple(sorted(model.geom_bodyid[contact.geom].tolist())) for contact in data.contact}
+    for one, other in sorted(touching):
+        spec.add_exclude(bodyname1=model.body(one).name, bodyname2=model.body(other).name)
+    return tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding)))
+
+
+def _with_own_meshes(urdf: Path, mujoco: Any) -> tuple[str, dict[str, bytes], list[str]]:
+    """Return the text of a robot that names files of one folder, these files, and what is left out of it.
+
+    Scales are applied to the meshes, so that MuJoCo need not distinguish two scales of one file.
+
+    Parameters
+    ----------
+    urdf : Path
+        File of the robot.
+    mujoco : module
+        The library.
+    """
+    root = ET.fromstring(read_text(urdf))
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]  # some files have a namespace
+    root[:] = [element for element in root if element.tag in PARTS]
+    made: dict[tuple[Path, str], tuple[str, bytes]] = {}  # name and content by file and scale
+    problems: list[str] = []
+    for link in root.findall("link"):
+        for shape in [shape for shape in link if shape.find("geometry/mesh") is not None]:
+            mesh = shape.find("geometry/mesh")
+            assert mesh is not None
+            address, scale = mesh.get("filename", "").replace("\\", "/"), mesh.attrib.pop("scale", "1 1 1")
+            origin = shape.find("origin")
+            try:
+                for name, numbers in (origin.attrib if origin is not None else {}).items():
+                    check_triple(tuple(map(real, numbers.split())), address, name)
+                path = find_file(address, urdf)
+                if (path, scale) in made:
+                    name, data = made[path, scale]
+                else:
+                    content = scaled(read_mesh(path), tuple(map(real, scale.split())), address)
+                    name, data = _new_name(path, content, dict(made.values())), _mesh_bytes(content)
+                _check_mesh(name, data, shape.tag == "collision", mujoco)
+                made[path, scale] = name, data
+                mesh.set("filename", name)
+            except SkinCalibError as problem:
+                problems.append(f"{link.get('name')} is without its {shape.tag} mesh: {problem}")
+                link.remove(shape)
+    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", COMPILER)
+    return ET.tostring(root, encoding="unicode"), dict(made.values()), problems
+
+
+def _check_mesh(name: str, data: bytes, collides: bool, mujoco: Any) -> None:
+    """Refuse a mesh that MuJoCo does not accept, so that it does not refuse the whole robot.
+
+    Parameters
+    ----------
+    name : str
+        Of its file.
+    data : bytes
+        Content of the file.
+    collides : bool
+        Whether it is a shape for collisions, of which MuJoCo makes a convex hull.
+    mujoco : module
+        The library.
+    """
+    alone = mujoco.MjSpec()
+    alone.assets = {name: data}
+    alone.add_mesh(name="mesh", file=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+    kind = mujoco.mjtGeom.mjGEOM_MESH
+    alone.worldbody.add_geom(type=kind, meshname="mesh", contype=int(collides), conaffinity=int(collides))
+    try:
+        alone.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise InvalidMesh(f"MuJoCo does not accept {name}: {str(error).splitlines()[0]}") from error
+
+
+def _new_name(path: Path, mesh: TriangleMesh, files: Mapping[str, bytes]) -> str:
+    """Return a name for the file of a mesh whose stem no other file has, because it is also the name of the mesh."""
+    stem = re.sub(r"[^\w.-]", "_", path.stem)
+    taken = {name.rpartition(".")[0].lower() for name in files}
+    number, free = 1, stem
+    while free.lower() in taken:
+        number += 1
+        free = f"{stem}_{number}"
+    return f"{free}.{'stl' if len(mesh.faces) <= MAX_STL_FACES else 'obj'}"
+
+
+def _mesh_bytes(mesh: TriangleMesh) -> bytes:
+    """Return a binary STL file, or an OBJ file for a mesh that is too large for MuJoCo's reader of STL."""
+    if len(mesh.faces) > MAX_STL_FACES:
+        points = (f"v {x!r} {y!r} {z!r}\n" for x, y, z in mesh.vertices.tolist())
+        return "".join((*points, *(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist()))).encode()
+    faces = np.zeros(len(mesh.faces), np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")]))
+    faces["normal"], faces["corners"] = mesh.face_normals, mesh.triangles
+    return b"\0" * 80 + np.array(len(faces), "<u4").tobytes() + faces.tobytes()

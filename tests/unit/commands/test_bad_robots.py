@@ -1,0 +1,343 @@
+"""Whole robots with bad input: one line for each problem, exit code 1, and the rest is done."""
+
+import json
+import shutil
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.cli import main
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
+from skin_calib_addon.pictures import robot as robot_picture
+from skin_calib_addon.proposal import links as proposal_links
+from tests.shapes import cylinder
+from tests.unit.commands.test_cli import write_plan
+
+LINKS = ("arm", "hand", "foot")
+LINK = '<link name="{0}"><visual><geometry><mesh filename="{0}.ply"/></geometry></visual></link>'
+JOINT = '<joint name="{0}" type="{3}"><parent link="{1}"/><child link="{2}"/>{4}</joint>'
+JOINTS = (("a", "base", "arm"), ("h", "arm", "hand"), ("f", "base", "foot"))
+
+
+def write_urdf(folder, more="", joint=""):
+    links = "".join(LINK.format(link) for link in LINKS)
+    joints = "".join(JOINT.format(*words, "revolute", joint if words[0] == "h" else "") for words in JOINTS)
+    (folder / "bot.urdf").write_text(f'<robot name="bot">\n<link name="base"/>{links}\n{joints}\n{more}\n</robot>')
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A robot of three links with plans that take their meshes from it, fitted into ``out``."""
+    folder = tmp_path_factory.mktemp("robot")
+    (folder / "out").mkdir()
+    write_urdf(folder)
+    for name in LINKS:
+        save_mesh(cylinder(around=24, along=8), folder / f"{name}.ply")
+        write_plan(folder, name, link=name, mesh="bot.urdf")
+    assert run(folder, "fit") == 0
+    return folder
+
+
+@pytest.fixture
+def robot(fitted, tmp_path):
+    """A copy of it."""
+    shutil.copytree(fitted, tmp_path / "robot")
+    return tmp_path / "robot"
+
+
+def run(robot, command):
+    """Run a command on the whole robot, and return its exit code."""
+    words = {
+        "fit": ("bot.urdf", "-o", "out"),
+        "show": ("out", "--picture", "robot.png"),
+        "export": ("out", "--to", "mjcf", "-o", "robot.xml"),
+        "check": ("out",),
+    }[command]
+    named = [word if word.startswith("--") or word in ("-o", "mjcf") else str(robot / word) for word in words]
+    return main([command, *named])
+
+
+BAD = {
+    "duplicate link": ({"more": '<link name="arm"/>'}, 'line 4 repeats the link "arm"'),
+    "duplicate joint": ({"more": JOINT.format("a", "arm", "foot", "fixed", "")}, 'line 4 repeats the joint "a"'),
+    "two parents": ({"more": JOINT.format("z", "arm", "foot", "fixed", "")}, "line 4 is a second joint above the link"),
+    "unknown link": ({"more": JOINT.format("z", "arm", "leg", "fixed", "")}, 'line 4 names the link "leg"'),
+    "cycle": (
+        {"more": JOINT.format("z", "hand", "base", "fixed", "")},
+        "is in a cycle of joints that carry each other",
+    ),
+    "axis": ({"joint": '<axis xyz="0 0 0"/>'}, "line 3 has an axis of length 0"),
+    "limit": ({"joint": '<limit lower="low" upper="1"/>'}, "line 3 has 'low' instead of a number (limit lower)"),
+    "origin": ({"joint": '<origin xyz="1 2"/>'}, "line 3 has 2 numbers instead of 3 (origin xyz)"),
+    "nan": ({"joint": '<origin xyz="nan 0 0"/>'}, "line 3 has 'nan' instead of a finite number (origin xyz)"),
+    "far": ({"joint": '<origin xyz="0 -1e200 0"/>'}, "line 3 has -1e+200, which is too large (origin xyz)"),
+}
+
+
+@pytest.mark.parametrize("command", ["fit", "show", "export"])
+@pytest.mark.parametrize("case", BAD)
+def test_robot_that_cannot_be_read_is_one_line(robot, capsys, case, command):
+    """With the line of the file; no output is written."""
+    if command == "export":
+        pytest.importorskip("mujoco")
+    changes, words = BAD[case]
+    write_urdf(robot, **changes)
+    capsys.readouterr()
+    assert run(robot, command) == 1
+    err = [line for line in capsys.readouterr().err.splitlines() if "duplicate-id" not in line]
+    assert len(err) == 1 and words in err[0]
+    assert not (robot / "robot.png").exists() and not (robot / "robot.xml").exists()
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_check_names_the_robot_that_cannot_be_read(robot, capsys, case):
+    """The calibrations are checked as always."""
+    changes, words = BAD[case]
+    write_urdf(robot, **changes)
+    capsys.readouterr()
+    assert run(robot, "check") == 1
+    out = capsys.readouterr().out
+    assert words in out and out.count("arm.calibration.json: 0 errors") == 1
+
+
+@pytest.mark.parametrize("damage", ["missing", "damaged", "without faces", "too large"])
+def test_one_broken_link_stops_no_other(robot, capsys, damage):
+    """``fit``, ``show`` and ``export`` do the other links."""
+    mesh = robot / "hand.ply"
+    if damage == "missing":
+        mesh.unlink()
+    elif damage == "damaged":
+        mesh.write_bytes(mesh.read_bytes()[:500])
+    elif damage == "without faces":
+        mesh.write_bytes(b"ply\nformat ascii 1.0\nelement vertex 0\nelement face 0\nend_header\n")
+    else:
+        urdf = robot / "bot.urdf"
+        urdf.write_text(urdf.read_text().replace('"hand.ply"', '"hand.ply" scale="1000 1000 1000"'))
+    for command in ("fit", "show", "export"):
+        if command == "export":
+            pytest.importorskip("mujoco")
+        capsys.readouterr()
+        code = run(robot, command)
+        out, err = capsys.readouterr()
+        lines = [line for line in err.splitlines() if "duplicate-id" not in line]
+        if damage == "too large" and command == "export":  # MuJoCo accepts it
+            assert code == 0 and not lines
+            continue
+        assert code == 1 and len(lines) == 1 and "hand" in lines[0]
+        if command == "fit":
+            assert "3 links: 2 up to date, 1 failed" in out or "3 links: 2 fitted, 1 failed" in out
+    assert (robot / "robot.png").exists() and (robot / "robot.xml").exists()
+
+
+PLATE = [(0, 0, 0), (0.07, 0, 0), (0.07, 0.07, 0), (0, 0.07, 0)]
+
+
+def plates(folder, names, visual='<visual><geometry><mesh filename="{0}.ply"/></geometry></visual>', **others):
+    """Write a URDF of plates that are fixed above each other; ``others`` has other visuals by the number of a link."""
+    links = [
+        f"<link name={quoteattr(name)}>{others.get(f'link{k}', visual.format(k))}</link>"
+        for k, name in enumerate(names)
+    ]
+    joints = [
+        f'<joint name="j{k}" type="fixed"><parent link={quoteattr(a)}/><child link={quoteattr(b)}/>'
+        '<origin xyz="0 0 0.3"/></joint>'
+        for k, (a, b) in enumerate(zip(names, names[1:]))
+    ]
+    for k in range(len(names)):
+        save_mesh(TriangleMesh(np.array(PLATE), np.array([(0, 1, 2), (0, 2, 3)])), folder / f"{k}.ply")
+    (folder / "bot.urdf").write_text(f'<robot name="bot">{"".join(links + joints)}</robot>', encoding="utf8")
+    return folder / "bot.urdf"
+
+
+def propose(urdf, *words):
+    return main(["propose", str(urdf), "-o", str(urdf.parent / "plans"), "--skin", "sheet:3x3x10mm", *words])
+
+
+def meshes(file, more=""):
+    return f'<visual><geometry><mesh filename="{file}" {more}/></geometry></visual>'
+
+
+FACET = "solid\nfacet normal 0 0 1\nouter loop\n"
+BROKEN_LINKS = {
+    "missing": (meshes("nofile.ply"), "the mesh file nofile.ply of bot.urdf was not found"),
+    "package": (meshes("package://nowhere/nofile.ply"), "the mesh file package://nowhere/nofile.ply of bot.urdf was"),
+    "internet": (meshes("http://a.b/nofile.ply"), "the mesh file http://a.b/nofile.ply of bot.urdf was not found"),
+    "zero scale": (meshes("1.ply", 'scale="0 1 1"'), "1.ply has a scale of 0"),
+    "two scales": (meshes("1.ply", 'scale="1 1"'), "1.ply has 2 numbers in its scale"),
+    "wrong unit": (meshes("1.ply", 'scale="1e4 1e4 1e4"'), "middle has a diameter of "),
+    "not a mesh": (meshes("bot.urdf"), "bot.urdf has an unknown format"),
+    "damaged": (meshes("damaged.dae"), "damaged.dae is not a valid DAE file"),
+    "no area": (meshes("line.stl"), "line.stl"),
+    "nan": (meshes("nan.stl"), "nan.stl: Vertex 1 of the mesh is not finite"),
+    "origin nowhere": (meshes("1.ply").replace("<geom", '<origin xyz="0 0 1e9"/><geom'), "1.ply has 1e+09 in its xyz"),
+    "origin of two": (meshes("1.ply").replace("<geom", '<origin xyz="0 0"/><geom'), "1.ply has 2 numbers in its xyz"),
+    "scale nowhere": (meshes("1.ply", 'scale="1 1 1e300"'), "1.ply has 1e+300 in its scale"),
+    "empty": (meshes("empty.off"), "empty.off is empty. Check that it was written completely."),
+    "no name": (meshes(""), "the mesh file  of bot.urdf was not found"),
+    "outside": (meshes("../../../../../../../../etc/passwd"), "passwd"),
+    "device": (meshes("/dev/zero"), "the mesh file /dev/zero of bot.urdf was not found"),
+    "folder": (meshes("."), "the mesh file . of bot.urdf was not found"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_LINKS)
+def test_plans_of_the_other_links_are_proposed(tmp_path, capsys, case):
+    """One line about the broken link, a plan for each other, and code 1."""
+    visual, words = BROKEN_LINKS[case]
+    (tmp_path / "damaged.dae").write_text("<COLLADA>")
+    (tmp_path / "line.stl").write_text(f"{FACET}{3 * 'vertex 0 0 0 '}endloop\n")
+    (tmp_path / "nan.stl").write_text(
+        f"{FACET}vertex 0 0 0\nvertex nan 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n"
+    )
+    (tmp_path / "empty.off").touch()
+    urdf = plates(tmp_path, ("base", "middle", "end"), link1=visual)
+    assert propose(urdf) == 1
+    out, err = capsys.readouterr()
+    assert len(err.splitlines()) == 1 and err.startswith("skin-calib: middle: ") and words in err
+    assert "middle  failed" in out and "3 links, 2 plans" in out
+    assert sorted(path.name for path in (tmp_path / "plans").iterdir()) == ["base.plan.json", "end.plan.json"]
+
+
+SCALED = meshes("0.ply", 'scale="${s}"')
+XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+
+
+@pytest.mark.parametrize("case", [*BAD, "empty", "xacro", "xacro of a scale", "no visuals", "collisions only"])
+def test_robot_without_links_to_propose_is_one_line(tmp_path, capsys, case):
+    """No folder is made."""
+    texts = {
+        "empty": ("", "is empty. Check that it was written completely."),
+        "xacro": (f'<robot name="x"><xacro:m {XACRO}/></robot>', "has no link. It is a xacro file. Convert it first:"),
+        "xacro of a scale": (
+            f'<robot name="x" {XACRO}><xacro:m/><link name="a">{SCALED}</link></robot>',
+            "It is a xacro file. Convert it first: xacro bot.urdf > robot.urdf",
+        ),
+        "no visuals": ('<robot name="x"><link name="a"/></robot>', "has no link with a visual mesh. Shapes for"),
+        "collisions only": (
+            f'<robot name="x"><link name="a">{meshes("0.ply").replace("visual", "collision")}</link></robot>',
+            "has no link with a visual mesh. Shapes for collisions, boxes and cylinders carry no skin.",
+        ),
+    }
+    if case in BAD:
+        changes, words = BAD[case]
+        write_urdf(tmp_path, **changes)
+    else:
+        text, words = texts[case]
+        (tmp_path / "bot.urdf").write_text(text)
+    for command in ("propose", "fit"):
+        more = ("--propose",) if command == "fit" else ()
+        assert main([command, str(tmp_path / "bot.urdf"), "-o", str(tmp_path / "out"), *more]) == 1
+        err = capsys.readouterr().err
+        assert len(err.splitlines()) == 1 and words in err and not (tmp_path / "out").exists()
+
+
+NAMES = ("a/b", "a_b", "a b", "../up", "腕", "base\u202e", "long" * 80)
+
+
+def test_links_of_any_name_have_plans_of_their_own(tmp_path, capsys):
+    """Also names that differ only in characters that files cannot have; nothing is written outside of the folder."""
+    (tmp_path / "in").mkdir()
+    assert propose(plates(tmp_path / "in", NAMES)) == 0
+    assert "7 links, 7 plans" in capsys.readouterr().out
+    found = {path.name: json.loads(path.read_text())["link"] for path in (tmp_path / "in" / "plans").iterdir()}
+    assert sorted(found.values()) == sorted(NAMES) and {"a_b.plan.json", "腕.plan.json"} <= found.keys()
+    assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+@pytest.mark.parametrize("command", ["propose", "show"])
+def test_ctrl_c_is_one_line(robot, capsys, monkeypatch, command):
+    """Nothing is half written, and the exit code is that of shells."""
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    capsys.readouterr()
+    monkeypatch.setattr(proposal_links, "propose_link", interrupt)
+    monkeypatch.setattr(robot_picture, "_image", interrupt)
+    before = set(robot.rglob("*"))
+    assert (propose(robot / "bot.urdf") if command == "propose" else run(robot, "show")) == 130
+    err = capsys.readouterr().err.splitlines()
+    assert err[-1] == "skin-calib: interrupted. Files that were not finished are not written."
+    assert {path for path in robot.rglob("*") if path.is_file()} <= before
+
+
+@pytest.mark.parametrize("name", ["", "two&#10;lines"])
+def test_a_link_without_a_usable_name_fails_alone(tmp_path, capsys, name):
+    """One line from each command that needs the link, and the others are done."""
+    urdf, out = plates(tmp_path, ("base", "middle", "end")), tmp_path / "out"
+    urdf.write_text(urdf.read_text().replace('"middle"', f'"{name}"'))
+    for call in (
+        ("fit", urdf, "--propose", "-o", out, "--skin", "sheet:3x3x10mm"),
+        ("show", out, "--picture", tmp_path / "robot.png"),
+    ):
+        assert main([*map(str, call)]) == 1
+        lines = [line for line in capsys.readouterr().err.splitlines() if "duplicate-id" not in line]
+        assert len(lines) == 1 and "Give it one of printable characters." in lines[0]
+    assert main(["check", str(out)]) == 0
+    links = [link["link"] for link in json.loads((out / "robot.json").read_text())["links"]]
+    assert links == ["base", "end"]
+
+
+def test_a_mesh_that_mujoco_refuses_is_left_out_of_the_model(tmp_path, capsys):
+    """A visual mesh of three vertices: one line, and the robot is exported with all skins."""
+    mujoco = pytest.importorskip("mujoco")
+    (tmp_path / "three.stl").write_text(
+        f"{FACET}vertex 0 0 0\nvertex 0.07 0 0\nvertex 0 0.07 0\nendloop\nendfacet\nendsolid\n"
+    )
+    urdf, out = plates(tmp_path, ("base", "middle", "end"), link1=meshes("three.stl")), tmp_path / "out"
+    assert main(["fit", str(urdf), "--propose", "-o", str(out), "--skin", "sheet:2x2x8mm"]) == 0
+    capsys.readouterr()
+    assert main(["export", str(out), "--to", "mjcf", "-o", str(tmp_path / "robot.xml")]) == 1
+    err = capsys.readouterr().err
+    assert len(err.splitlines()) == 1 and "middle is without its visual mesh: MuJoCo does not accept three.stl" in err
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
+    assert {model.body(k).name for k in range(model.nbody)} >= {"base", "middle", "end"} and model.nsensor >= 8
+    assert sorted(path.name for path in (tmp_path / "robot_meshes").iterdir()) == ["0.stl", "2.stl"]
+
+
+JOINTS_OF_ALL_TYPES = {
+    "continuous": "<axis xyz='1 0 0'/>",
+    "revolute": "<axis xyz='0 0 1'/><limit lower='-1e16' upper='1e16'/>",
+    "prismatic": "<axis xyz='0 1 0'/><limit lower='-1e16' upper='1e16'/>",
+    "floating": "",
+    "planar": "<axis xyz='0 0 1'/>",
+    "mimic": "<axis xyz='0 0 1'/><limit lower='-1' upper='1'/><mimic joint='j1' multiplier='1e300' offset='1e300'/>",
+}
+
+
+@pytest.mark.parametrize("kind", JOINTS_OF_ALL_TYPES)
+def test_joints_of_all_types_and_ranges_are_proposed(tmp_path, capsys, kind):
+    """Each link gets a line, whatever the joint is, and nothing goes on for ever."""
+    urdf = plates(tmp_path, ("base", "middle", "end", "last"))
+    kinds, more = kind.replace("mimic", "revolute"), JOINTS_OF_ALL_TYPES[kind]
+    first, second = 'name="j0" type="fixed"', 'name="j1" type="fixed"'
+    text = urdf.read_text().replace(first, f'name="j0" type="{kinds}"')
+    text = text.replace(second, 'name="j1" type="continuous"').replace("</joint>", f"{more}</joint>", 1)
+    urdf.write_text(text)
+    assert propose(urdf) == 0
+    out, err = capsys.readouterr()
+    assert "4 links, " in out and not err
+
+
+def test_proposals_continue_after_ctrl_c(tmp_path, capsys, monkeypatch):
+    """Plans of finished links are written; the same call does the others, with the same bytes as without Ctrl+C."""
+    (tmp_path / "whole").mkdir()
+    whole, stopped = plates(tmp_path / "whole", "abc"), plates(tmp_path, "abc")
+    assert propose(whole) == 0
+    original = proposal_links.propose_link
+
+    def interrupted(link, *rest, **more):
+        if link == "c":
+            raise KeyboardInterrupt
+        return original(link, *rest, **more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(proposal_links, "propose_link", interrupted)
+        assert propose(stopped) == 130
+    assert sorted(path.name for path in (tmp_path / "plans").iterdir()) == ["a.plan.json", "b.plan.json"]
+    capsys.readouterr()
+    assert propose(stopped) == 0 and capsys.readouterr().out.count("kept: ") == 2
+    for name in "abc":
+        plan = f"plans/{name}.plan.json"
+        assert (tmp_path / plan).read_bytes() == (tmp_path / "whole" / plan).read_bytes()

@@ -1,0 +1,71 @@
+"""Links that are mirror images of each other get plans that are."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from skin_calib_addon.calibration.file import load_calibration
+from skin_calib_addon.cli import main
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh, weld
+from skin_calib_addon.plan import load_plan
+from tests.shapes import box
+
+MIRROR = np.array((1.0, -1.0, 1.0))
+URDF = """<robot name="arms"><link name="body"/>
+  <link name="left"><visual><geometry><mesh filename="left.ply"/></geometry></visual></link>
+  <link name="right"><visual><geometry><mesh filename="right.ply"/></geometry></visual></link>
+  <joint name="left_joint" type="revolute"><parent link="body"/><child link="left"/><origin xyz="0 0.3 0"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="right_joint" type="revolute"><parent link="body"/><child link="right"/><origin xyz="0 -0.3 0"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>"""
+
+
+def arm():
+    """A skewed arm without a plane of symmetry, with rounded edges."""
+    ball = trimesh.creation.icosphere(3)
+    rounded = ball.vertices / (ball.vertices**4).sum(axis=1, keepdims=True) ** 0.25
+    x, y, z = (rounded * (0.05, 0.035, 0.09)).T
+    return weld(np.column_stack((x + 0.15 * z + 0.1 * y, y * (1 + 2 * z), z)), ball.faces)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The robot; its right mesh is reflected, with its faces in another order and start."""
+    folder = tmp_path_factory.mktemp("arms")
+    left = arm()
+    save_mesh(left, folder / "left.ply")
+    right = weld((left.vertices * MIRROR)[::-1], len(left.vertices) - 1 - left.faces[::-1, ::-1])
+    save_mesh(right, folder / "right.ply")
+    (folder / "arms.urdf").write_text(URDF)
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("skin", ["hexagons", "sheet:6x8x8mm"])
+def test_right_taxels_are_the_reflected_left_ones(folder, tmp_path, skin):
+    """Each taxel, to 0.01 mm and 0.001 rad; normals point outward on both. No channel is used twice."""
+    assert main(["fit", str(folder / "arms.urdf"), "--propose", "-o", str(tmp_path / "out"), "--skin", skin]) == 0
+    left, right = (load_calibration(tmp_path / "out" / f"{side}.calibration.json") for side in ("left", "right"))
+    assert "mirror image of left" in load_plan(tmp_path / "out" / "right.plan.json").extra["x_proposal"][0]
+    assert len(left.patches) == len(right.patches) > 0
+    for a, b in zip(left.patches, right.patches):
+        assert len(a.taxels.ids) == len(b.taxels.ids) > 0
+        np.testing.assert_allclose(a.taxels.positions_link * MIRROR, b.taxels.positions_link, atol=1e-5)
+        np.testing.assert_allclose(a.taxels.normals_link * MIRROR, b.taxels.normals_link, atol=1e-3)
+    assert sum(len(patch.taxels.ids) for patch in left.patches) > 20
+    channels = np.concatenate([p.taxels.channels for c in (left, right) for p in c.patches])
+    assert len(set(channels.tolist())) == len(channels)
+
+
+def test_link_with_another_joint_range_gets_its_own_plan(folder, tmp_path):
+    """The right arm can turn to where a wall covers it; the left one cannot."""
+    text = URDF.replace('name="left_joint" type="revolute"', 'name="left_joint" type="fixed"')
+    text = text.replace('lower="-1" upper="1"', 'lower="-1.5" upper="1.5"')
+    wall = '<link name="wall"><visual><geometry><mesh filename="wall.ply"/></geometry></visual></link>'
+    joint = '<joint name="j" type="fixed"><parent link="body"/><child link="wall"/><origin xyz="0.1 0 0"/></joint>'
+    (folder / "other.urdf").write_text(text.replace("</robot>", wall + joint + "</robot>"))
+    save_mesh(box((-0.01, -0.5, -0.01), (0.01, 0.5, 0.01)), folder / "wall.ply")
+    assert main(["propose", str(folder / "other.urdf"), "-o", str(tmp_path), "--only", "*t"]) == 0
+    right = load_plan(tmp_path / "right.plan.json")
+    assert "mirror image" not in right.extra["x_proposal"][0]

@@ -1,0 +1,256 @@
+"""Proposed plans: what is covered, where skin may be, and that the plans can be carried out."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import trimesh
+
+from skin_calib_addon.calibration.file import load_calibration
+from skin_calib_addon.cli import main
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.geometry.grid.grids import Across
+from skin_calib_addon.geometry.mesh.closest import MeshDistance
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
+from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.plan import load_plan, plan_document, plan_from
+from skin_calib_addon.proposal.candidates import candidates
+from skin_calib_addon.proposal.link_points import LinkPoints
+from skin_calib_addon.proposal.loops import chains, loops_around, simplified
+from skin_calib_addon.proposal.proposal import propose_link
+from skin_calib_addon.proposal.skins import parse_skin
+from skin_calib_addon.proposal.surfaces import propose_surfaces
+from tests.shapes import box, subdivided, welded
+
+RADIUS, LENGTH = 0.03, 0.12
+
+
+def block():
+    """A box of 100 x 80 x 60 mm with faces of a few millimetres."""
+    mesh = box((0, 0, 0), (0.1, 0.08, 0.06))
+    for _ in range(3):
+        mesh = subdivided(mesh)
+    return welded(mesh)
+
+
+@pytest.fixture(scope="module")
+def tube():
+    """A tube with closed ends."""
+    return subdivided(welded(trimesh.creation.cylinder(RADIUS, LENGTH, sections=64)))
+
+
+def proposed(mesh, tmp_path, skin="hexagons:8mm"):
+    """The proposal for a mesh in a file."""
+    save_mesh(mesh, tmp_path / "link.ply")
+    return propose_link("link", mesh, tmp_path / "link.ply", "m", parse_skin(skin))
+
+
+def test_all_sides_of_a_box_are_covered():
+    """Six flat faces: six surfaces, each of one face, which cover nearly all of it."""
+    mesh = block()
+    on = LinkPoints.of(mesh)
+    assert on.areas.sum() == pytest.approx(2 * (0.1 * 0.08 + 0.1 * 0.06 + 0.08 * 0.06), rel=1e-6)
+    found = propose_surfaces(mesh, on)
+    assert len(found) == 6
+    assert on.areas[on.covered].sum() > 0.75 * on.areas.sum()
+    assert sum(p.area for p in found) == pytest.approx(on.areas[on.covered].sum(), rel=1e-9)
+
+
+def test_a_tube_is_one_surface_and_its_ends(tube):
+    """The wall all round, and the two flat ends."""
+    on = LinkPoints.of(tube)
+    found = propose_surfaces(tube, on)
+    assert on.areas[on.covered].sum() > 0.85 * on.areas.sum()
+    assert found[0].reason.startswith("tube") and found[0].area > 0.9 * 2 * np.pi * RADIUS * LENGTH
+
+
+@pytest.mark.parametrize("turn", [0, 40])
+def test_a_flat_plate_is_covered(turn):
+    """No normal is across the direction that normals avoid: also where rounding leaves nothing of them."""
+    corners = np.array([(0, 0, 0), (0.08, 0, 0), (0.08, 0.07, 0), (0, 0.07, 0)], float)
+    angle = np.deg2rad(turn)
+    frame = np.array([(1, 0, 0), (0, np.cos(angle), -np.sin(angle)), (0, np.sin(angle), np.cos(angle))])
+    mesh = TriangleMesh(corners @ frame.T, np.array([(0, 1, 2), (0, 2, 3)]))
+    on = LinkPoints.of(mesh)
+    assert [p.reason.split()[0] for p in propose_surfaces(mesh, on)] == ["face"]
+    assert on.areas[on.covered].sum() > 0.75 * on.areas.sum()
+
+
+def test_what_is_not_free_stays_uncovered(tube):
+    """A band of the tube is taken by another link: no taxel is there."""
+    on = LinkPoints.of(tube)
+    taken = np.abs(on.points[:, 2]) < 0.02
+    on.free[taken] = False
+    for proposed in propose_surfaces(tube, on):
+        uv = np.random.default_rng(0).random((4000, 2))
+        inside = proposed.fit.surface.points(uv[proposed.fit.is_trusted(uv)])
+        if proposed.reason.startswith("tube"):
+            assert (np.abs(inside[:, 2]) > 0.02 - 0.004).all()
+    assert not on.covered[taken].any()
+
+
+@pytest.mark.parametrize("skin", [pytest.param("hexagons:8mm", marks=pytest.mark.slow), "sheet:6x22x10mm"])
+def test_proposal_is_a_plan_that_can_be_carried_out(tube, tmp_path, skin):
+    """It reads back to itself; the calibration has its taxels, all within 1 mm and 15 degrees of the mesh."""
+    proposal = proposed(tube, tmp_path, skin)
+    plan = proposal.plan
+    assert plan_document(plan_from(plan_document(plan))) == plan_document(plan)
+    result = calibrate(plan, tube)
+    assert sum(len(p.taxels.ids) for p in result.calibration.patches) == proposal.taxels > 30
+    areas = sum(p.taxels.areas.sum() for p in result.calibration.patches)
+    assert proposal.cells == pytest.approx(areas, rel=1e-6)
+    assert len(plan.extra["x_proposal"]) == 2 + len(plan.surfaces)
+    assert f"Their cells have {areas * 1e4:.0f} cm^2." in plan.extra["x_proposal"][-1]
+    for patch in result.calibration.patches:
+        distance, face, _ = MeshDistance(tube)(patch.taxels.positions_link)
+        assert distance.max() < 1.1e-3
+        cosine = (tube.face_normals[face] * patch.taxels.normals_link).sum(axis=1)
+        assert cosine.min() > np.cos(np.deg2rad(18))
+    assert not [w for w in result.calibration.warnings if w.severity == "error"]
+
+
+def test_points_next_to_a_surface_are_taken():
+    """Those within 3 mm of a covered point, by brute force; without a covered point none is."""
+    points = np.random.default_rng(0).random((500, 3)) * 0.03
+    on = LinkPoints(points, points, points[:, 0], *np.zeros((3, 500), bool))
+    on.cover(np.zeros(500, bool))
+    assert not on.taken.any()
+    chosen = np.arange(500) < 30
+    on.cover(chosen)
+    near = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1) < 3e-3
+    assert np.array_equal(on.taken, near) and np.array_equal(on.covered, chosen) and 30 < near.sum() < 400
+
+
+def test_link_without_free_area_gets_a_reason(tmp_path):
+    """A small link: no plan, and a sentence."""
+    proposal = proposed(welded(trimesh.creation.icosphere(3, 0.012)), tmp_path)
+    assert proposal.plan is None and proposal.reasons[-1].startswith("Less than 30 cm^2")
+
+
+@pytest.mark.parametrize(
+    "text", ["hexagon", "hexagons:8", "sheet:6x22", "sheet:0x5x10mm", "hexagons:0mm", "missing.json"]
+)
+def test_unknown_skins_are_refused(text):
+    """With the forms that are known."""
+    with pytest.raises(Exception, match="hexagons:16.3mm|no area|missing.json"):
+        parse_skin(text)
+
+
+def test_skin_of_a_file(tmp_path):
+    """A skin as in a plan."""
+    path = tmp_path / "skin.json"
+    path.write_text(json.dumps({"kind": "hexagons", "side": 0.01, "gap": 0.001, "offset": 0.002}))
+    template = parse_skin(str(path)).template
+    assert (template.lattice.side, template.lattice.gap, template.offset) == (0.01, 0.001, 0.002)
+    path.write_text(json.dumps({"kind": "imported"}))
+    with pytest.raises(InvalidPlan, match="no sheet or hexagons"):
+        parse_skin(str(path))
+
+
+def test_loops_enclose_exactly_the_sites():
+    """Random masks with holes, against another library; round a tube there is no edge at the seam."""
+    shapely = pytest.importorskip("shapely")
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        mask = rng.random((9, 11)) > 0.4
+        shape = shapely.Polygon()
+        for chain in chains(mask, False):
+            shape = shape.symmetric_difference(shapely.Polygon(chain).buffer(0))
+        assert shape.area == mask.sum()
+    ring = np.zeros((6, 8), bool)
+    ring[2:4] = True
+    assert sorted(len(chain) for chain in chains(ring, True)) == [8, 8]
+
+
+def test_corners_on_a_line_are_left_out():
+    """A square of many points has four corners; a loop of an empty mask has none."""
+    corners = np.array(((0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0), (0, 0.1, 0)))
+    sides = [a + (b - a) * np.linspace(0, 1, 51)[:-1, None] for a, b in zip(corners, np.roll(corners, -1, axis=0))]
+    assert len(simplified(np.concatenate(sides))) == 4
+    assert loops_around(np.zeros((3, 3), bool), np.zeros((3, 3, 3)), False) == ()
+
+
+URDF = """<robot name="arm">
+  <link name="upper"><visual><geometry><mesh filename="upper.ply"/></geometry></visual></link>
+  <link name="lower"><visual><geometry><mesh filename="upper.ply"/></geometry></visual></link>
+  <link name="lost"><visual><geometry><mesh filename="lost.ply"/></geometry></visual></link>
+  <link name="tool"/>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 0.124"/>
+    <axis xyz="0 1 0"/><limit lower="-0.1" upper="0.1" effort="1" velocity="1"/></joint>
+  <joint name="end" type="fixed"><parent link="lower"/><child link="tool"/></joint>
+  <joint name="other" type="fixed"><parent link="lower"/><child link="lost"/></joint>
+</robot>"""
+
+
+def test_robot_is_proposed_and_fitted_by_two_commands(tube, tmp_path, capsys):
+    """Plans with channels that follow each other; a missing mesh fails alone; existing plans stay."""
+    save_mesh(tube, tmp_path / "upper.ply")
+    urdf, plans, out = tmp_path / "arm.urdf", tmp_path / "plans", tmp_path / "robot"
+    urdf.write_text(URDF)
+    assert main(["propose", str(urdf), "-o", str(plans)]) == 1
+    said = capsys.readouterr()
+    assert "lost: " in said.err and "lost   failed" in said.out and "3 links, 2 plans" in said.out
+    upper, lower = (load_plan(plans / f"{name}.plan.json") for name in ("upper", "lower"))
+    assert upper.skins[0].first_channel == 0 and lower.skins[0].first_channel > 10
+    assert upper.mesh.resolve() == urdf.resolve()
+    out.mkdir()
+    assert main(["fit", str(plans), "-o", str(out)]) == 0
+    files = [load_calibration(out / f"{name}.calibration.json") for name in ("upper", "lower")]
+    channels = [patch.taxels.channels for file in files for patch in file.patches]
+    assert np.array_equal(np.sort(np.concatenate(channels)), np.arange(sum(map(len, channels))))
+    assert all(
+        p.taxels.positions_link[:, 2].max() < LENGTH / 2 - 0.001 for p in files[0].patches
+    )  # the lower link is 4 mm above its end
+    before = (plans / "upper.plan.json").read_bytes()
+    assert main(["propose", str(urdf), "-o", str(plans), "--only", "upper", "--skin", "hexagons:8mm"]) == 0
+    assert (plans / "upper.plan.json").read_bytes() == before and "kept" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_robot_is_proposed_and_fitted_by_one_command(tube, tmp_path, capsys):
+    """``fit --propose`` writes plans, calibrations and robot.json to one folder."""
+    save_mesh(tube, tmp_path / "upper.ply")
+    urdf, out = tmp_path / "arm.urdf", tmp_path / "robot"
+    urdf.write_text(URDF)
+    assert main(["fit", str(urdf), "--propose", "-o", str(out), "--except", "lost"]) == 0
+    assert {"robot.json", "upper.plan.json", "lower.calibration.json"} <= {p.name for p in out.iterdir()}
+    assert main(["check", str(out)]) == 0
+    assert json.loads((out / "robot.json").read_text())["robot"] == "arm"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--only", "uper"], "has no link .*upper"),
+        (["--except", "*"], "no link with a visual mesh that is left"),
+        (["--skin", "fur"], "'fur' is no skin"),
+    ],
+)
+def test_wrong_calls_are_refused(tmp_path, capsys, arguments, message):
+    """In one line, before any file is written."""
+    (tmp_path / "arm.urdf").write_text(URDF)
+    assert main(["propose", str(tmp_path / "arm.urdf"), "-o", str(tmp_path / "plans"), *arguments]) != 0
+    error = capsys.readouterr().err
+    assert len(error.splitlines()) == 1 and re.search(message, error)
+    assert not (tmp_path / "plans").exists()
+
+
+def test_blender_keeps_the_directions_of_a_proposal(tube):
+    """Axes and normals on a tilted tube survive single precision, as Blender has it; other numbers are rounded, too."""
+    turned = trimesh.Trimesh(tube.vertices, tube.faces, process=False)
+    turned.apply_transform(trimesh.transformations.rotation_matrix(0.7, (1, 2, 3), (0.1, 0.2, 0)))
+    numbers = []
+    for candidate in candidates(LinkPoints.of(welded(turned)), ()):
+        region = candidate.region
+        numbers += region.normal if isinstance(region, Across) else (*region.axis.point, *region.axis.direction)
+    assert len(numbers) > 20 and all(float(str(np.float32(x))) == x for x in numbers)
+
+
+def test_stated_area_is_that_of_surfaces_with_skin(tmp_path):
+    """Boards of 38 mm fit on the two largest faces of a box only: those alone count as covered."""
+    proposal = proposed(block(), tmp_path, "hexagons:38mm")
+    assert len(proposal.plan.surfaces) == 2 and "left out" in " ".join(proposal.reasons)
+    assert 0.75 * 2 * 0.1 * 0.08 < proposal.covered <= 2 * 0.1 * 0.08
+    assert proposal.cells == pytest.approx(2 * 1.5 * 3**0.5 * 0.038**2, rel=1e-6)
+    assert f"cover {proposal.covered * 1e4:.0f} cm^2" in proposal.reasons[-1]

@@ -1,0 +1,254 @@
+"""One MuJoCo model of a robot with all its skins: MuJoCo loads it, and feels each taxel that is pressed."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from skin_calib_addon.calibration.robot_set import load_links
+from skin_calib_addon.cli import main
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.robot import mjcf
+from skin_calib_addon.robot.kinematics import link_poses
+from skin_calib_addon.robot.urdf import read_robot
+from tests.shapes import box, cylinder
+from tests.unit.commands.test_cli import write_plan
+from tests.unit.robot.test_robot_mesh import shape
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco): its model is not tried")
+ROBOTS = Path(__file__).parents[4] / "shared" / "data" / "robots"
+RADIUS, DEPTH = 0.004, 0.0003  # of the sphere that presses [m]
+JOINT = (
+    '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin xyz="{3}" rpy="0.3 -0.4 0.5"/>'
+    '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+)
+MM = "0.001 -0.001 0.001"
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """A robot whose arm is a mirrored tube, and whose hand is a DAE file, with a skin on each; fitted into ``out``."""
+    pytest.importorskip("collada")
+    (tmp_path / "bot" / "meshes").mkdir(parents=True)
+    (tmp_path / "out").mkdir()
+    tube = cylinder(around=24, along=8)
+    flipped = trimesh.Trimesh(tube.vertices * (1000, -1000, 1000), tube.faces[:, ::-1], process=False)
+    flipped.export(tmp_path / "bot" / "meshes" / "tube.stl")
+    trimesh.Trimesh(tube.vertices, tube.faces, process=False).export(tmp_path / "bot" / "meshes" / "hand.dae")
+    save_mesh(box((0, 0, 0), (0.04, 0.03, 0.02)), tmp_path / "bot" / "meshes" / "base.ply")
+    tube = "package://bot/meshes/tube.stl"
+    arm = shape(tube, scale=MM) + shape(tube, "collision", scale=MM)
+    hand = shape("meshes/hand.dae") + shape("meshes/hand.dae", "collision")
+    base = shape("meshes/base.ply", origin='xyz="0.3 0 0"') + shape("meshes/base.ply", scale="2 2 2")
+    links = "".join(f'<link name="{k}">{v}</link>' for k, v in (("base", base), ("arm", arm), ("hand", hand)))
+    joints = JOINT.format("a", "base", "arm", "0.2 0 0.1") + JOINT.format("b", "arm", "hand", "0 0 0.3")
+    wrong = '<mujoco><compiler meshdir="nowhere"/></mujoco><gazebo><sensor type="x"/></gazebo><transmission/>'
+    (tmp_path / "bot" / "bot.urdf").write_text(f'<robot name="bot" xmlns="http://a.b">{wrong}{links}{joints}</robot>')
+    for k, link in enumerate(("arm", "hand")):
+        skins = [{"name": "s", "kind": "sheet", "rows": 2, "columns": 4, "pitch": [0.01, 0.01], "origin": "center"}]
+        skins[0] |= {"direction": [0, 1, 0], "first_channel": 8 * k}
+        write_plan(tmp_path / "bot", link, link=link, mesh="bot.urdf", skins=skins)
+    assert main(["fit", str(tmp_path / "bot" / "bot.urdf"), "-o", str(tmp_path / "out")]) == 0
+    return tmp_path
+
+
+def export(robot, capsys, *words):
+    """Return exit code, the line on stdout and the lines on stderr."""
+    capsys.readouterr()
+    code = main(["export", str(robot / "out"), "--to", "mjcf", "-o", str(robot / "skin.xml"), *words])
+    out, err = capsys.readouterr()
+    return code, out, err.splitlines()
+
+
+def touched(path, folder, urdf, count):
+    """Press random taxels; return those that alone feel their press, and all that were pressed."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.option.gravity = [0, 0, 0]  # a link that falls away from the sphere is not pressed
+    finger = spec.worldbody.add_body(name="finger")
+    finger.add_freejoint()
+    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    poses, names = link_poses(read_robot(urdf)), []
+    mujoco.mj_forward(model, data)
+    for link, calibration in load_links(folder).items():
+        for patch in calibration.patches:
+            names += [f"{link}/{name}" for name in patch.taxels.ids]
+            expected = patch.taxels.positions_link @ poses[link][:3, :3].T + poses[link][:3, 3]
+            found = [data.site(name).xpos for name in names[-len(expected) :]]
+            np.testing.assert_allclose(found, expected, rtol=0, atol=2e-6)  # MuJoCo writes six digits
+    places = [(data.site(name).xpos.copy(), data.site(name).xmat.reshape(3, 3)[:, 2].copy()) for name in names]
+    rows = [model.sensor(name).adr[0] for name in names]
+    chosen = np.random.default_rng(3).permutation(len(names))[:count]
+    start = model.jnt_qposadr[model.body("finger").jntadr[0]]
+    right = []
+    for k in chosen.tolist():
+        mujoco.mj_resetData(model, data)
+        assert not (data.sensordata[rows] > 0).any()
+        place, normal = places[k]
+        data.qpos[start : start + 7] = [*(place + (RADIUS - DEPTH) * normal), 1, 0, 0, 0]
+        mujoco.mj_forward(model, data)
+        if np.flatnonzero(data.sensordata[rows] > 0).tolist() == [k]:
+            right.append(names[k])
+    return right, [names[k] for k in chosen.tolist()]
+
+
+def steps(path):
+    """Simulate for 0.2 s, and return whether all positions are finite."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    return np.isfinite(data.qpos).all()
+
+
+def test_each_taxel_feels_its_press(robot, capsys, monkeypatch):
+    """Also where the collision shape of the link is flush with the skin; the model loads from any folder."""
+    code, out, err = export(robot, capsys)
+    assert (code, err) == (0, []) and "bot with 16 taxels on 2 links; 4 meshes in skin_meshes" in out
+    assert out.endswith("collision shapes that would hide skin are switched off: arm, hand\n")
+    monkeypatch.chdir(os.sep)
+    right, pressed = touched(robot / "skin.xml", robot / "out", robot / "bot" / "bot.urdf", 16)
+    assert right == pressed and len(pressed) == 16
+    assert steps(robot / "skin.xml")
+
+
+def test_model_moves_with_its_folder(robot, capsys):
+    """Mesh names are relative to the model."""
+    export(robot, capsys)
+    (robot / "elsewhere").mkdir()
+    for name in ("skin.xml", "skin_meshes"):
+        (robot / name).rename(robot / "elsewhere" / name)
+    assert mujoco.MjModel.from_xml_path(str(robot / "elsewhere" / "skin.xml")).nmesh == 4 + 2
+
+
+def test_meshes_are_those_of_the_links(robot, capsys):
+    """Scaled and mirrored; two scales of one file are two meshes."""
+    export(robot, capsys)
+    found = {path.name: trimesh.load(path) for path in (robot / "skin_meshes").iterdir()}
+    assert set(found) == {"tube.stl", "hand.stl", "base.stl", "base_2.stl"}
+    tube = cylinder(around=24, along=8)
+    for name in ("tube.stl", "hand.stl"):
+        np.testing.assert_allclose(
+            found[name].bounds, [tube.vertices.min(axis=0), tube.vertices.max(axis=0)], atol=1e-6
+        )
+        np.testing.assert_allclose(found[name].area, tube.face_areas.sum(), rtol=1e-5)
+    np.testing.assert_allclose(found["base_2.stl"].volume, 8 * found["base.stl"].volume, rtol=1e-5)
+
+
+def test_large_mesh_is_an_obj_file(robot, capsys, monkeypatch):
+    """MuJoCo refuses an STL file of more than 200000 faces."""
+    monkeypatch.setattr(mjcf, "MAX_STL_FACES", 100)
+    assert export(robot, capsys)[0] == 0
+    assert sorted(path.name for path in (robot / "skin_meshes").iterdir()) == [
+        *("base.stl", "base_2.stl", "hand.obj", "tube.obj")
+    ]
+    right, pressed = touched(robot / "skin.xml", robot / "out", robot / "bot" / "bot.urdf", 16)
+    assert right == pressed
+
+
+def test_broken_link_is_one_line(robot, capsys):
+    """A missing mesh and a changed calibration: the rest of the robot is exported; code 1."""
+    (robot / "bot" / "meshes" / "base.ply").unlink()
+    (robot / "out" / "hand.calibration.json").write_text("{")
+    code, out, err = export(robot, capsys)
+    assert code == 1 and "bot with 8 taxels on 1 links; 2 meshes" in out
+    assert (
+        sum("base is without its visual mesh: the mesh file meshes/base.ply of bot.urdf" in line for line in err) == 2
+    )
+    assert sum("/links/1/calibration" in line for line in err) == 2 and len(err) == 4
+    right, pressed = touched_arm(robot)
+    assert right == pressed
+
+
+def touched_arm(robot):
+    document = json.loads((robot / "out" / "robot.json").read_text())
+    document["links"] = document["links"][:1]
+    (robot / "out" / "robot.json").write_text(json.dumps(document))
+    return touched(robot / "skin.xml", robot / "out", robot / "bot" / "bot.urdf", 8)
+
+
+@pytest.mark.parametrize(("millimetres", "hides"), [(-3.0, True), (0.9, True), (1.1, False)])
+def test_shapes_up_to_a_millimetre_below_the_taxels_are_switched_off(millimetres, hides):
+    """A box of the link, and one taxel above it, or inside it."""
+    spec = mujoco.MjSpec.from_string(
+        f"""<mujoco><worldbody><body name="arm"><geom name="shape" type="box" size=".02 .02 .01" mass="1"/>
+        <body name="skin"><geom type="box" size=".002 .002 .001" pos="0 0 {0.009 + 1e-3 * millimetres}" mass="0"/>
+        <site pos="0 0 {0.01 + 1e-3 * millimetres}"/></body></body></worldbody></mujoco>"""
+    )
+    assert mjcf._uncover(spec, ["skin"], mujoco) == (("arm",) if hides else ())
+    assert (spec.geom("shape").contype == 0) == hides
+
+
+def test_robot_that_mujoco_refuses_is_one_line(robot, capsys):
+    """Nothing is written."""
+    urdf = robot / "bot" / "bot.urdf"
+    urdf.write_text(
+        urdf.read_text().replace(
+            "</link>", "<collision><geometry><sphere radius='-1'/></geometry></collision></link>", 1
+        )
+    )
+    code, out, err = export(robot, capsys)
+    assert code == 1 and out == "" and len(err) == 1 and not (robot / "skin.xml").exists()
+    assert "MuJoCo does not accept bot.urdf: " in err[0]
+
+
+@pytest.mark.parametrize("words", [("--to", "csv"), ("--patch", "s")])
+def test_other_formats_are_of_one_link(robot, capsys, words):
+    code, out, err = export(robot, capsys, *words)
+    assert (
+        code == 2
+        and out == ""
+        and err == ["skin-calib: A robot is exported as mjcf, with all patches. For others, name a calibration."]
+    )
+
+
+def test_without_mujoco_the_message_states_how_to_install_it(robot, capsys, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    code, _, err = export(robot, capsys)
+    assert code == 1 and "pip install 'skin-calib[robots]'" in err[0]
+
+
+def test_without_urdf_there_is_no_model(robot, capsys):
+    path = robot / "out" / "robot.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"urdf": None}))
+    code, _, err = export(robot, capsys)
+    assert code == 1 and err == [
+        "skin-calib: robot.json names no URDF. Fit the plans with it: skin-calib fit ROBOT.urdf"
+    ]
+
+
+G1 = "g1_description/g1_29dof_rev_1_0.urdf"
+
+
+def face(normal, rows, columns, direction, low, high, axis):
+    """Return members of a plan for a sheet on one side of a link, between two heights of an axis."""
+    step = np.eye(3)[axis]
+    cuts = [{"point": (step * low).tolist(), "normal": step.tolist()}]
+    cuts += [{"point": (step * high).tolist(), "normal": (-step).tolist()}]
+    cuts += [{"point": (0.01 * np.array(normal)).tolist(), "normal": normal}]
+    skin = {"name": "s", "kind": "sheet", "rows": rows, "columns": columns, "pitch": [0.01, 0.01], "origin": "center"}
+    grid = {"kind": "patch", "n": 7, "m": 6, "normal": normal, "margin": 0.002}
+    return {"cover": {"cuts": cuts}, "grid": grid, "skins": [skin | {"direction": direction}], "max_deviation": 0.05}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (ROBOTS / G1).exists(), reason="the robots are not here")
+def test_whole_body_of_a_real_robot(tmp_path, capsys):
+    """200 taxels of seven links of G1, whose concave links have collision shapes above the skin."""
+    (tmp_path / "out").mkdir()
+    plans = {"torso_link": face([1, 0, 0], 8, 10, [0, 1, 0], 0.12, 0.26, 2)}
+    for side, sign in (("left", 1), ("right", -1)):
+        plans[f"{side}_knee_link"] = face([1, 0, 0], 5, 12, [0, 0, 1], -0.24, -0.07, 2)
+        plans[f"{side}_hip_yaw_link"] = face([1, 0, 0], 5, 7, [0, 0, 1], -0.19, -0.07, 2)
+        plans[f"{side}_elbow_link"] = face([0, sign, 0], 3, 7, [1, 0, 0], 0.01, 0.095, 0)
+    for link, members in plans.items():
+        write_plan(tmp_path, link, link=link, mesh=str(ROBOTS / G1), **members)
+    assert main(["fit", str(ROBOTS / G1), str(tmp_path), "-o", str(tmp_path / "out")]) == 0
+    assert export(tmp_path, capsys)[0] == 0
+    right, pressed = touched(tmp_path / "skin.xml", tmp_path / "out", ROBOTS / G1, 200)
+    assert right == pressed and len(pressed) == 200
+    assert steps(tmp_path / "skin.xml")

@@ -1,0 +1,109 @@
+"""The benchmark of whole robots, on a robot of two plates whose errors are known."""
+
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.calibration.file import load_calibration, save_calibration
+from tests.unit.commands.test_bad_robots import plates
+
+pytestmark = pytest.mark.slow
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+SIDE = 0.07  # [m] of a plate
+
+
+@pytest.fixture(scope="module")
+def robots():
+    """The benchmark as a module."""
+    sys.path.insert(0, str(BENCHMARKS))
+    try:
+        yield pytest.importorskip("robots")
+    finally:
+        sys.path.remove(str(BENCHMARKS))
+
+
+@pytest.fixture(scope="module")
+def kept(robots, tmp_path_factory):
+    """The robot with its plans and calibrations, and what the program said."""
+    folder = tmp_path_factory.mktemp("robot")
+    urdf, out = plates(folder, ("base", "end")), folder / "out"
+    out.mkdir()
+    return urdf, out, robots.made(urdf, out, "hexagons:8mm", "1")
+
+
+def rows_of(robots, kept):
+    """The judged rows."""
+    urdf, out, said = kept
+    return {**robots.of_proposal(urdf, out, said), **robots.of_taxels(urdf, out)}
+
+
+def test_figures_of_plates_are_those_of_their_geometry(robots, kept):
+    """All of each plate is free; boards are exactly on it, and their area follows from their number."""
+    rows = rows_of(robots, kept)
+    assert rows["links, with a mesh, with a plan"] == "2, 2, 2" and rows["links without a plan"] == "none"
+    surfaces, boards = map(int, rows["surfaces, boards"].split(", "))
+    covered, of_free, of_seen = map(int, re.findall(r"\d+", rows["area of the surfaces with skin"]))
+    area = 2 * SIDE**2 * 1e4  # cm^2
+    assert surfaces == 2 and of_free == of_seen == pytest.approx(100 * covered / area, abs=2)
+    assert 60 < of_free <= 100
+    assert float(rows["area of the cells"].split()[0]) == pytest.approx(boards * 1.5 * 3**0.5 * 0.8**2, abs=0.6)
+    for row in ("distance of a taxel from the mesh", "angle of a normal to the face at the taxel"):
+        assert float(rows[f"largest {row}"].split()[0]) < 0.01
+    assert rows["hidden taxels, normals inward, overlapping pairs"] == "0, 0, 0"
+    assert re.fullmatch(r"propose [\d.]+, fit [\d.]+, export [\d.]+", rows["CPU seconds"])
+
+
+def test_damage_is_found(robots, kept, tmp_path):
+    """A taxel 2 mm off, a normal 20 degrees off, one that points inward, one board moved onto another."""
+    urdf, out, said = kept
+    calibration = load_calibration(out / "end.calibration.json")
+    (patch,) = calibration.patches
+    taxels = patch.taxels
+    positions, normals, corners = (
+        getattr(taxels, name).copy() for name in ("positions_link", "normals_link", "corners_link")
+    )
+    distance = np.linalg.norm(positions - positions[0], axis=1)
+    neighbour = int(distance.argsort()[1])
+    step = (positions[0] - positions[neighbour]) * 0.5
+    positions[neighbour] += step
+    corners[neighbour] += step
+    for moved in (positions, corners):
+        moved[2] += 2e-3 * normals[2]
+    angle, across = np.deg2rad(20), np.cross(normals[3], taxels.tangents_link[3])
+    normals[3] = np.cos(angle) * normals[3] + np.sin(angle) * across
+    normals[4], corners[4] = -normals[4], corners[4, ::-1].copy()
+    changed = replace(taxels, positions_link=positions, normals_link=normals, corners_link=corners)
+    damaged = replace(calibration, patches=(replace(patch, taxels=changed),), warnings=())
+    folder = tmp_path / "out"
+    folder.mkdir()
+    save_calibration(damaged, folder / "end.calibration.json")
+    rows = robots.of_taxels(urdf, folder)
+    assert rows["largest distance of a taxel from the mesh"] == "2.00 mm (end)"
+    assert rows["largest angle of a normal to the face at the taxel"] == "180.00 degrees (end)"
+    assert rows["taxels with a mean angle above 15 degrees, without a warning"] == "2"
+    hidden, inward, overlapping = map(int, rows["hidden taxels, normals inward, overlapping pairs"].split(", "))
+    assert inward == 1 and overlapping >= 1
+
+
+def test_page_gets_table_and_pictures(robots, kept, tmp_path, capsys, monkeypatch):
+    """Between its marks; robots without data are left out with a message."""
+    urdf, out, said = kept
+    (out / "said.txt").write_text(said)
+    page = tmp_path / "docs" / "explanation" / "robots.md"
+    page.parent.mkdir(parents=True)
+    page.write_text(f"before\n{robots.MARKS[0]}old\n{robots.MARKS[1]}after\n")
+    out.rename(out.parent / "Two Plates")
+    monkeypatch.setattr(robots, "PAGE", page)
+    monkeypatch.setattr(robots, "ROBOTS", {"Two Plates": urdf, "none": tmp_path / "none.urdf"})
+    monkeypatch.setattr(sys, "argv", ["robots.py", "--keep", str(urdf.parent), "--made", "--stages", "--write"])
+    robots.main()
+    said = capsys.readouterr().out
+    assert "none.urdf is not there; skipped" in said and "| surfaces, boards | 2, " in said
+    text = page.read_text()
+    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert "| surfaces, boards | 2, " in text and "| CPU seconds by stage, one process | " in text
+    assert (tmp_path / "docs" / "robot_two plates.png").stat().st_size > 1000
