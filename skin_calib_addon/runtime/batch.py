@@ -10,7 +10,7 @@ from ..common.arrays import Array, BoolArray, IntArray
 from .clock import JUMP_TIME, Clock
 from .components import component_counts
 from .frame import MIN_LOAD
-from .geometry import CellMoments, GroundGeometry, SkinGeometry
+from .geometry import GroundGeometry, SkinGeometry, Terms
 from .modalities import ModalityValues
 from .noise import HIDDEN_LOAD, Noise, hidden_weight
 from .touched import has_neighbour
@@ -50,7 +50,7 @@ class Processor:
     skin: SkinGeometry
     ground: GroundGeometry | None
     thresholds: tuple[float, float] | None  # switch_on and switch_off [N]; None if the noise decides
-    in_cell: bool
+    terms: Terms  # of the sums at partial contact
 
     def batch(self, rows: Array, times: Array | None) -> Batch:
         """Return the results of readings of the taxels.
@@ -77,7 +77,8 @@ class Processor:
 
         for block in _blocks(count, n):
             forces, known = self.readings.forces(corrected(block))
-            forces[~known] = 0.0
+            if not known.all():
+                forces[~known] = 0.0
             result.forces[block], result.known[block] = forces, known
         valid = result.known.any(axis=1) | (n == 0)
         fresh = None if times is None else _fresh(times, valid)
@@ -116,12 +117,16 @@ class Processor:
         if noise is None or times is None:
             return None if drift.offset is None else drift.offset[None], number
 
-        def signed(which: IntArray | slice) -> Array:
-            return readings.valid(noise.signed(rows[which].astype(float)))
+        is_clean = readings.are_valid(rows)
 
-        valid = np.zeros(len(rows), bool)
-        for block in _blocks(*rows.shape):
-            valid[block] = np.isfinite(signed(block)).any(axis=1)
+        def signed(which: IntArray | slice) -> Array:
+            found = noise.signed(rows[which].astype(float))
+            return found if is_clean else readings.valid(found)
+
+        valid = np.full(len(rows), is_clean)
+        if not is_clean:
+            for block in _blocks(*rows.shape):
+                valid[block] = np.isfinite(signed(block)).any(axis=1)
         fresh = _fresh(times, valid)
         usable = (valid & np.isfinite(times)).nonzero()[0]
         drifts, starts = drift.along(noise, signed, usable, times[usable], fresh[usable])
@@ -168,20 +173,12 @@ class Processor:
         active : array of bool, shape (T, n)
             Which taxels are in a contact.
         """
-        ground = self.ground
-        if ground is None:
-            return np.hstack((pushes @ self.skin.terms[5:].T, np.zeros((len(pushes), 6))))
-        plain = ground.in_cell if self.in_cell else CellMoments(ground.terms, self.skin.terms)
-        sums = pushes @ _both(plain)
-        full = (active | ~ground.can_stand).all(axis=1) & (ground.standing_count > 0)
-        if full.any():
-            sums[full] = pushes[full] @ _both(ground.full_contact)
+        ground, sums = self.ground, pushes @ self.terms.sums.T
+        if ground is not None:
+            full = (active | ~ground.can_stand).all(axis=1) & (ground.standing_count > 0)
+            if full.any():
+                sums[full] = pushes[full] @ ground.full_contact.sums.T
         return sums
-
-
-def _both(moments: CellMoments) -> Array:
-    """Return the terms (n, 12) of the wrench and of the ground."""
-    return np.hstack((moments.link[5:].T, moments.ground))
 
 
 def _blocks(count: int, n: int) -> Iterator[slice]:

@@ -8,9 +8,9 @@ from ..common.arrays import Array
 
 # [s] Time between two looks at the readings: electronics send new ones in it. Larger: the flag is later.
 LOOK_PERIOD = 0.02
-# [1] Ratio of two changes of a reading from which on the smaller one is smooth and the other one wild. Larger: fewer
-# changes count; smaller: large changes of a true signal count for the wrong order.
-WILD_RATIO = 16.0
+# [1] Ratio of two changes of a reading from which on the smaller one is smooth and the other one wild. Derived: in the
+# middle, on a logarithmic scale, between equal changes and a change by 1 that is one by 256 in the other order.
+WILD_RATIO = 256**0.5
 # [1] What is left of the count of changes at the next look. Larger: the flag is later, and goes later.
 KEPT_FRACTION = 0.85
 # Number of changes of a wrong order before it is a fault. Larger: a skin with few changing taxels is not flagged.

@@ -1,12 +1,10 @@
 """Group active taxels into connected components."""
 
+import heapq
+
 import numpy as np
 
 from ..common.arrays import BoolArray, IntArray
-
-# Jumps of the first round: enough for compact contacts. Longer contacts take more jumps from the second round on.
-# Larger: more work for compact contacts; smaller: more rounds for long ones.
-FIRST_ROUND_JUMPS = 3
 
 
 def components(rows: IntArray, neighbours: IntArray, scratch: IntArray) -> IntArray:
@@ -32,16 +30,14 @@ def components(rows: IntArray, neighbours: IntArray, scratch: IntArray) -> IntAr
     scratch[rows] = -1
     label = own.copy()  # its last element, to which -1 refers, stays the highest
     np.minimum(own[:none], _lowest(own, adjacent), out=label[:none])
-    jumps = FIRST_ROUND_JUMPS
     while True:
-        for _ in range(jumps):  # each halves the distance to the lowest label of a tree
+        for _ in range(none.bit_length()):  # each halves the distance to the lowest label of a tree
             label = label.take(label)
         current, lowest = label[:none], _lowest(label, adjacent)
         changed = (lowest < current).nonzero()[0]
         if len(changed) == 0:
             break
         np.minimum.at(label, current.take(changed), lowest.take(changed))
-        jumps = none.bit_length()
     first = (current == own[:none]).nonzero()[0]
     return first.searchsorted(current)
 
@@ -49,7 +45,9 @@ def components(rows: IntArray, neighbours: IntArray, scratch: IntArray) -> IntAr
 def component_counts(active: BoolArray, neighbours: IntArray) -> IntArray:
     """Return the numbers (T,) of connected components of many sets of active taxels.
 
-    All sets are flooded at once, one component of each at a time: one whole number has a bit for each set.
+    Taxels are removed one by one. The neighbours of a removed one become neighbours of each other, so that no component
+    falls apart. A taxel without neighbours is the last one of its component. All sets are processed at once: one whole
+    number has a bit for each set. Removing the taxel with the fewest neighbours first keeps their number low.
 
     Parameters
     ----------
@@ -60,26 +58,33 @@ def component_counts(active: BoolArray, neighbours: IntArray) -> IntArray:
     """
     count, n = active.shape
     packed = np.packbits(active.T, axis=1)
-    left = [int.from_bytes(row.tobytes(), "big") for row in packed]  # bit t: active in set t, and not yet counted
-    near = [[j for j in column if j < n] for column in neighbours.T.tolist()]
-    counts = np.zeros(count, np.int64)
-    while any(left):
-        component, seen = [0] * n, 0
-        for i, bits in enumerate(left):  # the first taxel that is left in each set
-            component[i] = bits & ~seen
-            seen |= bits
-        before = None
-        while before != component:
-            before = component.copy()
-            for i in (*range(n), *range(n - 1, -1, -1)):
-                if left[i]:
-                    grown = component[i]
-                    for j in near[i]:
-                        grown |= component[j]
-                    component[i] = grown & left[i]
-        left = [bits & ~found for bits, found in zip(left, component)]
-        counts += np.unpackbits(np.frombuffer(seen.to_bytes(packed.shape[1], "big"), np.uint8), count=count)
-    return counts
+    width = packed.shape[1]
+    bits = [int.from_bytes(row.tobytes(), "big") for row in packed]
+    links: list[dict[int, int]] = [  # in which sets two taxels are neighbours
+        {j: bits[i] & bits[j] for j in column if j < n and bits[i] & bits[j]}
+        for i, column in enumerate(neighbours.T.tolist())
+    ]
+    queue = [(len(others), i) for i, others in enumerate(links)]
+    heapq.heapify(queue)
+    last = []
+    while queue:
+        degree, i = heapq.heappop(queue)
+        others, left = links[i], bits[i]  # sets in which it has had no neighbour so far
+        if len(others) > degree:
+            heapq.heappush(queue, (len(others), i))
+            continue
+        while others:
+            j, near = others.popitem()
+            del links[j][i]
+            first, left = near & left, left & ~near
+            if first:  # in these sets all other neighbours of i become neighbours of j
+                for k, near in others.items():
+                    if first & near:
+                        links[j][k] = links[k][j] = links[j].get(k, 0) | (first & near)
+        if left:
+            last.append(left.to_bytes(width, "big"))
+    table = np.frombuffer(b"".join(last), np.uint8).reshape(len(last), width)
+    return np.unpackbits(table, axis=1, count=count).sum(axis=0, dtype=np.int64)
 
 
 def _lowest(label: IntArray, adjacent: IntArray) -> IntArray:

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..common.arrays import Array, IntArray, lock, locked
+from ..common.arrays import Array, IntArray, locked
 from .footprint import Footprint
-from .geometry import SkinGeometry
+from .geometry import SkinGeometry, Terms
 
 # Length of a mean normal [1] below which the normals cancel and the contact has no normal. Derived: from rounding.
 MIN_MEAN_NORMAL = 1e-9
@@ -141,7 +141,7 @@ def _span(index: IntArray, period: int) -> tuple[int, int]:
     return int(present[(widest + 1) % len(present)]), int(present[widest])
 
 
-def contacts_of(footprint: Footprint, forces: Array, numbers: list[int], terms: Array) -> tuple[Contact, ...]:
+def contacts_of(footprint: Footprint, forces: Array, numbers: list[int], terms: Terms) -> tuple[Contact, ...]:
     """Return the contacts of a frame, in the order of their first taxels.
 
     Parameters
@@ -152,17 +152,14 @@ def contacts_of(footprint: Footprint, forces: Array, numbers: list[int], terms: 
         Force of every taxel of the skin [N], positive for the active ones.
     numbers : list of int
         Number of each contact.
-    terms : array, shape (11, n)
-        :attr:`.SkinGeometry.terms`, or those with the moments within the cells.
+    terms : Terms
+        Of the sums.
     """
-    rows, starts = footprint.ordered
-    if len(rows) == 0:
+    if not numbers:
         return ()
-    skin, f = footprint.skin, forces.take(rows)
-    sums = np.add.reduceat(f * terms.take(rows, axis=1), starts, axis=1)
-    lock(footprint.rows, footprint.groups, rows, starts, f, sums)
-    bounds = [*starts.tolist(), len(rows)]
+    rows, bounds = footprint.ordered
+    skin, f, weights = footprint.skin, locked(forces[rows]), terms.rows[rows]
     return tuple(
-        Contact(number, rows[i:j], f[i:j], total, skin)
-        for number, i, j, total in zip(numbers, bounds, bounds[1:], sums.T)
+        Contact(number, rows[i:j], f[i:j], locked(f[i:j].dot(weights[i:j])), skin)
+        for number, i, j in zip(numbers, bounds, bounds[1:])
     )

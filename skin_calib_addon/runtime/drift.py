@@ -60,14 +60,14 @@ class Drift:
         noise : Noise
             Of the skin.
         signed : array, shape (n,)
-            Signed readings, not corrected; NaN where a taxel has none. They belong to this object from now on.
+            Signed readings, not corrected; NaN where a taxel has none.
         time : float
             Of the frame [s].
         """
         if not math.isfinite(time):
             return
         if self._count == 0:
-            self._start, self._sum, self._peak = time, signed.copy(), signed
+            self._start, self._sum, self._peak = time, signed.copy(), signed.copy()
         else:
             self._sum += signed
             np.maximum(self._peak, signed, out=self._peak)

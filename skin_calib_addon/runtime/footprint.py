@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..common.arrays import IntArray
+from ..common.arrays import BoolArray, IntArray, lock
 from .balance.polygon import EMPTY_POLYGON, Polygon
 from .components import components
 from .geometry import GroundGeometry, SkinGeometry
@@ -34,20 +34,24 @@ class Footprint:
 
     def __init__(self, skin: SkinGeometry, ground: GroundGeometry | None, rows: IntArray):
         self.skin, self.ground, self.rows = skin, ground, rows
+        lock(rows)
 
     @cached_property
     def groups(self) -> IntArray:
         """Number (a,) of the contact of each active taxel."""
-        return components(self.rows, self.skin.neighbours, self.skin.scratch)
+        groups = components(self.rows, self.skin.neighbours, self.skin.scratch)
+        lock(groups)
+        return groups
 
     @cached_property
-    def ordered(self) -> tuple[IntArray, IntArray]:
-        """The rows sorted by contact, and the index at which each contact starts."""
-        if not np.count_nonzero(self.groups):
-            return self.rows, np.zeros(min(len(self.rows), 1), np.int64)
-        order = self.groups.argsort(kind="stable")
-        groups = self.groups.take(order)
-        return self.rows.take(order), groups.searchsorted(np.arange(groups[-1] + 1))
+    def ordered(self) -> tuple[IntArray, list[int]]:
+        """The rows sorted by contact, and the index at which each contact starts; then their number."""
+        rows, groups = self.rows, self.groups
+        if not np.count_nonzero(groups):
+            return rows, [0, len(rows)] if len(rows) else [0]
+        rows = rows[groups.argsort(kind="stable")]
+        lock(rows)
+        return rows, [0, *np.add.accumulate(np.bincount(groups)).tolist()]
 
     @cached_property
     def area(self) -> float:
@@ -64,7 +68,7 @@ class Footprint:
 
 
 def supporting_polygon(
-    ground: GroundGeometry, possible: IntArray, active: IntArray, sure: IntArray, probabilities: tuple
+    ground: GroundGeometry, possible: BoolArray, active: BoolArray, sure: BoolArray, probabilities: tuple
 ) -> SupportingPolygon:
     """Return the supporting polygons on the ground (thesis eq. 4.24).
 
@@ -72,13 +76,13 @@ def supporting_polygon(
     ----------
     ground : GroundGeometry
         Of the skin.
-    possible, active, sure : array, shape (k,)
-        Rows of the taxels that can stand and are possibly touched, active, and surely touched. Sure ones are active.
+    possible, active, sure : array of bool, shape (n,)
+        Which taxels can stand and are possibly touched, active, and surely touched. Sure ones are active.
     probabilities : tuple
         Of the outer and of the guaranteed polygon.
     """
-    nominal = ground.centre_hull.hull(active)
-    core = nominal if len(sure) == len(active) else ground.sure_hull.hull(sure)
+    core = ground.sure_hull.hull(sure)
+    nominal = core if sure is active else ground.centre_hull.hull(active, ground.sure_hull)
     last_core, guaranteed = ground.last_eroded
     if core is not last_core:
         guaranteed = core.eroded(ground.cell)

@@ -10,7 +10,7 @@ import numpy as np
 from ..common.arrays import Array, BoolArray, lock, locked
 from .contacts import Contact
 from .footprint import NO_POLYGON, Footprint, SupportingPolygon, supporting_polygon
-from .geometry import CellMoments, GroundGeometry
+from .geometry import GroundGeometry, Terms
 from .modalities import ModalityValues
 from .noise import GUARANTEED_PROBABILITY, OUTER_PROBABILITY, Noise
 from .touched import Touched
@@ -51,12 +51,14 @@ class Frame:
     footprint: Footprint | None  # the active taxels; None if they are unknown
     sets: Touched | None = None  # which taxels are touched, surely and possibly, and their weights in the sums
     noise: Noise | None = None  # None if it is unknown
-    moments: CellMoments | None = None  # terms of the sums with the moments within the cells, where they count
+    terms: Terms | None = None  # of the sums
+    pushes: Array | None = None  # (n,) weighted force of each taxel [N]
+    sums: Array | None = None  # (12,) of :attr:`.Terms.sums`
     deviations: Callable[[], Array] | None = None  # computes force_sigmas
     modalities: Mapping[str, ModalityValues] = field(default_factory=dict)  # all that the calibration names
 
     def __post_init__(self) -> None:
-        lock(self.forces, self.known, self.saturated, self.stuck, self.wrench)
+        lock(self.forces, self.known, self.saturated, self.stuck, self.wrench, self.pushes, self.sums)
 
     @property
     def touched(self) -> bool | None:
@@ -88,14 +90,17 @@ class Frame:
         if ground is None or sets is None:
             return NO_POLYGON
         standing, sure = ground.can_stand, sets.sure if UNTRUSTED.isdisjoint(self.flags) else None
-        nominal = sets.active if sure is None else sets.active | sure
-        of_outer, of_nominal = ((which & standing).nonzero()[0] for which in (sets.possible, nominal))
-        of_guaranteed = of_nominal  # with thresholds of the caller
-        if sure is not sets.active:
-            of_guaranteed = of_nominal[:0] if sure is None else (sure & standing).nonzero()[0]
         has_probability = sure is not None and sets.stands is not None
         probabilities = (OUTER_PROBABILITY, GUARANTEED_PROBABILITY) if has_probability else (None, None)
-        return supporting_polygon(ground, of_outer, of_nominal, of_guaranteed, probabilities)
+        nominal = sets.active & standing
+        if sure is sets.active:  # with thresholds of the caller
+            sure = nominal
+        elif sure is None:
+            sure = np.zeros(len(nominal), bool)
+        else:
+            sure = sure & standing
+            nominal |= sure
+        return supporting_polygon(ground, sets.possible & standing, nominal, sure, probabilities)
 
     @cached_property
     def _is_complete(self) -> bool:
@@ -103,27 +108,20 @@ class Frame:
         return np.count_nonzero(self.known) == len(self.known)
 
     @cached_property
+    def _on_ground(self) -> list[float]:
+        """Sums of :attr:`.GroundGeometry.terms`, weighted by the forces."""
+        return [0.0] * 6 if self.sums is None else self.sums[6:].tolist()
+
+    @property
+    def moments(self) -> Terms | None:
+        """Terms of the sums with the moments within the cells; None if the sums do not have them."""
+        return None if self.terms is None or not self.terms.has_moments else self.terms
+
+    @cached_property
     def _gradient(self) -> list[float]:
         """Moments of the pressure gradient in the cells that :attr:`_on_ground` leaves out, lift x and lift y [N m]."""
         assert self.ground is not None
-        return [0.0, 0.0] if self.moments is not None else (self._pushes @ self.ground.gradient).tolist()
-
-    @cached_property
-    def _pushes(self) -> Array:
-        """Weighted force (n,) of each taxel [N]."""
-        assert self.sets is not None
-        return self.sets.weights * self.forces
-
-    @cached_property
-    def _terms(self) -> Array:
-        """The terms (n, 6) of the ground that the sums use."""
-        assert self.ground is not None
-        return self.ground.terms if self.moments is None else self.moments.ground
-
-    @cached_property
-    def _on_ground(self) -> list[float]:
-        """Sums of :attr:`.GroundGeometry.terms`, weighted by the forces."""
-        return [0.0] * 6 if self.ground is None or self.sets is None else (self._pushes @ self._terms).tolist()
+        return [0.0, 0.0] if self.moments is not None else self.ground.gradient.dot(self.pushes).tolist()
 
     @property
     def load(self) -> float:
@@ -194,63 +192,74 @@ class Frame:
         """Variance (n,) of each weighted force by noise [N^2]; that of a moment by the place in the cells [(N m)^2].
 
         The force of a cell whose neighbours carry less acts anywhere in it. An unknown taxel may carry the mean of its
-        neighbours.
+        neighbours. The variances have to be multiplied by :attr:`.Noise.common` squared.
         """
-        sigmas = self.force_sigmas
-        if sigmas is None or self.sets is None or self.noise is None or self.footprint is None:
+        sigmas, pushes = self.force_sigmas, self.pushes
+        if sigmas is None or pushes is None or self.sets is None or self.footprint is None:
             return None
-        skin, pushes = self.footprint.skin, self._pushes
+        skin = self.footprint.skin
         if not self._is_complete:
             sigmas = np.where(self.known, sigmas, 0.0)
-        of_noise, left_out = self.sets.weights * sigmas, self.forces - pushes
-        variances = of_noise * of_noise + left_out * left_out
+        variances, left_out = self.sets.weights * sigmas, self.forces - pushes
+        variances *= variances
+        left_out *= left_out
+        variances += left_out
         if not self._is_complete:
             unknown = (~self.known).nonzero()[0]
             variances[unknown] = skin.mean_around(pushes, unknown) ** 2
         rows = pushes.nonzero()[0]
-        uneven = np.maximum(pushes.take(rows) - skin.mean_around(pushes, rows), 0.0)
-        placed = float(uneven * uneven @ skin.areas.take(rows)) / 12  # a square has a second moment of 1/12 per area
-        return variances * self.noise.common**2, placed
+        uneven = np.maximum(pushes[rows] - skin.mean_around(pushes, rows), 0.0)
+        uneven *= uneven
+        return variances, float(uneven.dot(skin.areas[rows])) / 12  # a square has a second moment of 1/12 per area
 
     @cached_property
-    def _covariance(self) -> list[list[float]] | None:
-        """Covariance (6, 6) of the sums of :attr:`.GroundGeometry.terms` by noise; None if it is not known."""
-        if self._variances is None or self.ground is None:
+    def _covariances(self) -> list[float] | None:
+        """Covariances (10,) by noise of the sums of :attr:`.Terms.products`; None if they are not known."""
+        if self._variances is None or self.ground is None or self.terms is None or self.noise is None:
             return None
-        return ((self._terms.T * self._variances[0]) @ self._terms).tolist()
+        factor = self.noise.common**2
+        return [factor * c for c in self.terms.products.dot(self._variances[0]).tolist()]
 
     @cached_property
     def wrench_sigma(self) -> Array | None:
         """Standard deviations (6,) of the wrench by noise and place in the cells [N, N m]; None if not known."""
-        if self._variances is None or self.footprint is None:
+        if self._variances is None or self.footprint is None or self.noise is None:
             return None
         terms = self.footprint.skin.terms[5:]
         variances, placed = self._variances
-        squares = terms**2 @ variances + np.repeat((0.0, placed), 3)
+        squares = terms**2 @ variances * self.noise.common**2 + np.repeat((0.0, placed), 3)
         if self.moments is None and self.ground is not None:  # the moments of the pressure gradient are left out
-            squares += ((self.ground.in_cell.link[5:] - terms) @ self._pushes) ** 2
+            squares += ((self.ground.in_cell.link[5:] - terms) @ self.pushes) ** 2
         return locked(np.sqrt(squares))
 
     @property
     def load_sigma(self) -> float | None:
         """Standard deviation of :attr:`load` by noise [N]; None if it is not known."""
-        return None if self._covariance is None else math.sqrt(self._covariance[0][0])
+        return None if self._covariances is None else math.sqrt(self._covariances[0])
 
     @cached_property
     def cop_sigma(self) -> Array | None:
         """Standard deviations (2,) of the CoP by noise and by place in the cells [m]; None if they are not known."""
-        return self._point_sigma(self.cop, 0, (1, 2), (1, 1))
+        if self.cop is None or self._covariances is None:
+            return None
+        cll, cxx, cyy, cxl, cyl, *_ = self._covariances
+        return self._point_sigma(self.cop, self._on_ground[0], cll, (cxx, cyy), (cxl, cyl))
 
     @cached_property
     def zmp_sigma(self) -> Array | None:
         """Standard deviations (2,) of the ZMP by noise and by place in the cells [m]; None if they are not known."""
-        return self._point_sigma(self.zmp, 3, (5, 4), (-1, 1))
+        if self.zmp is None or self._covariances is None:
+            return None
+        *_, cff, cxx, cyy, cxf, cyf = self._covariances
+        return self._point_sigma(self.zmp, self._on_ground[3], cff, (cyy, cxx), (-cyf, cxf))
 
-    def _point_sigma(self, point: Array | None, force: int, moments: tuple, signs: tuple) -> Array | None:
-        r"""Return standard deviations (2,) of a point, which is a ratio of sums :math:`x = \pm m / f`.
+    def _point_sigma(
+        self, point: Array, load: float, of_load: float, of_moments: tuple[float, float], mixed: tuple[float, float]
+    ) -> Array:
+        r"""Return standard deviations (2,) of a point, which is a ratio of sums :math:`x = m / f`.
 
         .. math::
-            \sigma_x^2 = \frac{1}{f^2} \left( C_{mm} \mp 2 x\, C_{mf} + x^2 C_{ff} + p + g^2 \right)
+            \sigma_x^2 = \frac{1}{f^2} \left( C_{mm} - 2 x\, C_{mf} + x^2 C_{ff} + p + g^2 \right)
 
         with the covariance :math:`C` of the sums, the variance :math:`p` by the place in the cells, and the moment
         :math:`g` of the pressure gradient in the cells, where it is left out.
@@ -258,20 +267,17 @@ class Frame:
         Parameters
         ----------
         point : array, shape (2,)
-            The point [m], or None.
-        force, moments : int, tuple of two int
-            Which sums are the force and the moments.
-        signs : tuple of two int
-            Of the moments.
+            The point [m].
+        load : float
+            f [N].
+        of_load, of_moments, mixed : float, tuple of two float, tuple of two float
+            :math:`C_{ff}` [N^2], :math:`C_{mm}` [(N m)^2] and :math:`C_{mf}` [N^2 m].
         """
-        covariance = self._covariance
-        if point is None or covariance is None or self._variances is None:
-            return None
-        load, placed = self._on_ground[force], self._variances[1]
-        sigmas = []
-        for x, m, sign, g in zip(point.tolist(), moments, signs, self._gradient):
-            noise = covariance[m][m] - 2 * sign * x * covariance[m][force] + x * x * covariance[force][force]
-            sigmas.append(math.sqrt(max(noise, 0.0) + placed + g * g) / load)
+        assert self._variances is not None
+        placed, sigmas = self._variances[1], []
+        for x, cmm, cmf, g in zip(point.tolist(), of_moments, mixed, self._gradient):
+            noise = max(cmm - 2 * x * cmf + x * x * of_load, 0.0)
+            sigmas.append(math.sqrt(noise + placed + g * g) / load)
         return locked(np.array(sigmas))
 
 

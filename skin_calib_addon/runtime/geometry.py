@@ -1,10 +1,13 @@
 """Prepare what is the same in every cycle: arrays of the taxels of a link, for sums over the active ones."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..common.arrays import Array, BoolArray, IntArray, lock
+from ..common.arrays import Array, BoolArray, IntArray, lock, locked
+from .balance.hull import HullTable
 from .balance.polygon import EMPTY_POLYGON, PolygonTable, convex_hull
 from .plane import MIN_DOWNWARD, Plane
 
@@ -89,7 +92,7 @@ class SkinGeometry:
         """
         padded = np.zeros(len(values) + 1)
         padded[:-1] = values
-        return padded.take(self.neighbours.take(rows, axis=1)).sum(axis=0) / self.neighbour_counts.take(rows)
+        return np.add.reduce(padded[self.neighbours.take(rows, axis=1)], axis=0) / self.neighbour_counts.take(rows)
 
     def _period(self, patch: int) -> tuple[int, int]:
         """Return the rows and columns after which a patch closes on itself; 0 if its ends are not neighbours."""
@@ -168,9 +171,10 @@ class GroundGeometry:
         the origin of the ground.
     full_contact_correction : tuple or None
         Correction of a CoP at full contact, see :func:`_full_contact_correction`.
-    full_contact, in_cell : CellMoments
-        The terms with the moments within the cells: at full contact, and at any, see :func:`_arms_in_cells`.
-    gradient : array, shape (n, 2)
+    plain, full_contact, in_cell : Terms
+        The terms without the moments within the cells, and with them: at full contact, and at any, see
+        :func:`_arms_in_cells`.
+    gradient : array, shape (2, n)
         What ``in_cell`` adds to lift x and lift y.
     last_eroded : tuple
         A hull of centres, and the guaranteed polygon that follows from it, of the last frame.
@@ -187,8 +191,9 @@ class GroundGeometry:
         pushes, arms = -skin.normals @ plane.axes.T, (skin.positions - plane.origin) @ plane.axes.T
         moments = np.cross(arms, pushes)
         self.terms = np.hstack((lift, lift * self.centres, pushes[:, 2:], moments[:, :2]))
-        self.centre_hull, self.sure_hull = PolygonTable(self.centres), PolygonTable(self.centres)
-        self.corner_hull = PolygonTable(self.corners)
+        of_centres = HullTable(self.centres)
+        self.centre_hull, self.sure_hull = PolygonTable(of_centres), PolygonTable(of_centres)
+        self.corner_hull = PolygonTable(HullTable(self.corners))
         offsets = (self.corners - self.centres[:, None])[self.can_stand].reshape(-1, 2)
         self.cell = convex_hull(offsets).corners
         self.last_eroded = EMPTY_POLYGON, EMPTY_POLYGON
@@ -200,14 +205,15 @@ class GroundGeometry:
         if self.full_contact_correction is not None:
             centre, correction = self.full_contact_correction
             shift[standing] = (self.centres[standing] - centre) @ (correction - np.eye(2)).T
+        self.plain = Terms(self.terms, skin.terms)
         self.full_contact = self._moved(skin, pushes, lift, shift)
         seconds = _second_moments(self.corners - self.centres[:, None])
         shift = _arms_in_cells(self.centres, seconds, skin.areas, skin.neighbours, standing)
         self.in_cell = self._moved(skin, pushes, lift, shift)
-        self.gradient = self.in_cell.ground[:, 1:3] - self.terms[:, 1:3]
-        lock(*vars(self).values(), *self.full_contact, *self.in_cell, *(self.full_contact_correction or ()))
+        self.gradient = (self.in_cell.ground[:, 1:3] - self.terms[:, 1:3]).T.copy()
+        lock(*vars(self).values(), *(self.full_contact_correction or ()))
 
-    def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "CellMoments":
+    def _moved(self, skin: SkinGeometry, pushes: Array, lift: Array, shift: Array) -> "Terms":
         """Return the terms if each force acts away from the centre of its cell.
 
         Parameters
@@ -224,14 +230,36 @@ class GroundGeometry:
         ground[:, 1:3] += lift * shift
         ground[:, 4:6] += moments[:, :2]
         link[8:] += (moments @ self.plane.axes).T
-        return CellMoments(ground, link)
+        return Terms(ground, link, True)
 
 
-class CellMoments(NamedTuple):
-    """:attr:`.GroundGeometry.terms` (n, 6) and :attr:`.SkinGeometry.terms` (11, n) with moments within the cells."""
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What sums over the taxels weigh with the forces. Other orders of the numbers make products of matrices fast."""
 
-    ground: Array
-    link: Array
+    ground: Array  # (n, 6), as :attr:`.GroundGeometry.terms`; zeros without a ground
+    link: Array  # (11, n), as :attr:`.SkinGeometry.terms`
+    has_moments: bool = False  # whether they have the moments within the cells
+
+    def __post_init__(self) -> None:
+        lock(self.ground, self.link)
+
+    @cached_property
+    def sums(self) -> Array:
+        """The terms (12, n) of the wrench about the origin of the link, and those of the ground."""
+        return locked(np.vstack((self.link[5:], self.ground.T)))
+
+    @cached_property
+    def rows(self) -> Array:
+        """Link terms (n, 11) of each taxel."""
+        return locked(self.link.T.copy())
+
+    @cached_property
+    def products(self) -> Array:
+        """Products (10, n) of ground terms: lift, f_z with themselves, their moments with themselves and with them."""
+        lift, lift_x, lift_y, fz, tx, ty = self.ground.T
+        first, second = (lift, lift_x, lift_y, lift_x, lift_y), (lift, lift_x, lift_y, lift, lift)
+        return locked(np.stack((*np.multiply(first, second), *np.multiply((fz, tx, ty, tx, ty), (fz, tx, ty, fz, fz)))))
 
 
 def _full_contact_correction(centres: Array, corners: Array, areas: Array) -> tuple[Array, Array] | None:

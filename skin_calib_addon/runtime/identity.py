@@ -28,7 +28,7 @@ class Identities:
         if footprint is self._last:
             return self._numbers
         rows, groups = footprint.rows, footprint.groups
-        numbers: list[int | None] = [None] * len(footprint.ordered[1])
+        numbers: list[int | None] = [None] * (len(footprint.ordered[1]) - 1)
         self._inherit(numbers, self._owner.take(rows), groups)
         if None in numbers and self._numbers:
             for owners in self._owner.take(footprint.skin.neighbours.take(rows, axis=1)):

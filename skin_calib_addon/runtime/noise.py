@@ -71,7 +71,7 @@ LEVELS = 32
 # Iterations of the fit of all taxels together. Larger: slower, for the last percent of the estimates.
 POOLED_ITERATIONS = 200
 # Iterations of the fits of each taxel. Larger: slower, for the last percent of the estimates.
-ITERATIONS = 60
+TAXEL_ITERATIONS = 60
 # [1] Smallest step of real numbers, relative to the range of the readings. Derived: from rounding.
 MIN_STEP_FRACTION = 1e-9
 # [steps] Smallest standard deviation: readings that never changed in a second prove no less. Larger: coarse converters
@@ -144,12 +144,12 @@ class Noise:
         lock(*vars(self).values())
 
     def signed(self, intensities: Array) -> Array:
-        """Return signed readings (n,)."""
-        return intensities * self.sign
+        """Return signed readings (n,), which rise with the force; the same array if all readings do."""
+        return intensities if self._rises else intensities * self.sign
 
     def excess(self, signed: Array) -> float:
         """Return the sum of the forces near rest of signed readings (n,), without its mean [N]; not cut off at zero."""
-        return float(signed @ self.slopes) - self.free_sum
+        return float(signed.dot(self.slopes)) - self.free_sum
 
     def weights(self, signed: Array, excess: float) -> Array:
         """Return the weight (n,) of each taxel in sums: 0 near rest, 1 for clear contacts, with a smooth step.
@@ -165,7 +165,7 @@ class Noise:
             Result of :meth:`excess` [N].
         """
         weights = self.steps(signed)
-        clear = float(weights * (signed - self.free) @ self.slopes)
+        clear = float((weights * (signed - self.free)).dot(self.slopes))
         if excess > (1 + HIDDEN_LOAD[0]) * clear:
             weights += (min(hidden_weight(excess / clear), 1.0) if clear > 0 else 1.0) * (1 - weights)
         return weights
@@ -179,6 +179,16 @@ class Noise:
     def sides(self) -> Array:
         """Readings (2, n) a standard deviation below and above zero."""
         return locked(np.stack((-self.sigma, self.sigma)))
+
+    @cached_property
+    def _rises(self) -> bool:
+        """Whether the readings of all taxels rise with the force."""
+        return bool((self.sign > 0).all())
+
+    @cached_property
+    def min_repeats(self) -> float:
+        """Smallest of ``repeats``."""
+        return float(self.repeats.min(initial=math.inf))
 
     @cached_property
     def has_dead(self) -> bool:
@@ -198,7 +208,11 @@ class Noise:
         step += offset
         np.maximum(step, 0.0, out=step)
         np.minimum(step, 1.0, out=step)
-        return step * step * (3 - 2 * step)
+        square = step * step
+        step *= -2
+        step += 3
+        square *= step
+        return square
 
 
 class Rest:
@@ -269,7 +283,7 @@ def learned(rows: Array, responses: "TaxelResponses", pairs: IntArray, is_whole:
     unit = (rows - rows.mean(axis=0)) / np.maximum(rows.std(axis=0), MIN_SIGMA * step)
     alike_later = max(float((unit[1:] * unit[:-1])[:, ~dead].mean()), 0.0)
     independent = frames * (1 - alike_later**2) / (1 + alike_later**2)  # frames that give as good a deviation
-    freedom = np.maximum(independent * (1 - clipped), 1.0) + POOLED_FRAMES / 2
+    freedom = np.maximum(independent * (1 - clipped), 1.0) + np.where(clipped > 0, POOLED_FRAMES / 2, 0.0)
 
     def level(quantile: float) -> Array:
         return mean + step / 2 + spread * student(quantile, freedom)
@@ -449,7 +463,7 @@ def _normal(rows: Array, step: float) -> tuple[Array, Array, Array, BoolArray]:
             similar = width[chosen] == step
             mixed = mixed + np.where(similar, POOLED_FRAMES * pooled, 0.0)
             start = tuple(np.where(similar, one, each) for one, each in zip(of_all, start))  # type: ignore[assignment]
-        middle, deviation = _censored(mixed, *start, ITERATIONS)
+        middle, deviation = _censored(mixed, *start, TAXEL_ITERATIONS)
         mean[chosen] = low[chosen] + width[chosen] * middle
         spread[chosen] = width[chosen] * deviation
     return mean, np.maximum(spread, MIN_SIGMA * step), np.where(chosen, clipped, 0.0), constant

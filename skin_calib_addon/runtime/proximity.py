@@ -24,7 +24,7 @@ def preemptive_polygon(ground: GroundGeometry, distances: Any, height: float) ->
         Upper limit of the distances [m].
     """
     near = distances_in(distances) < height  # NaN is not near
-    return ground.corner_hull.hull((near & ground.can_stand).nonzero()[0])
+    return ground.corner_hull.hull(near & ground.can_stand)
 
 
 def height_contours(ground: GroundGeometry, distances: Any, heights: Array) -> tuple[Polygon, ...]:

@@ -168,11 +168,23 @@ class Readings:
         self.byte_order = ByteOrder(float(np.abs(full - rest).max(initial=0.0)))
         measured = np.where(np.isfinite(full), self._responses.forces(np.where(np.isfinite(full), full, rest)), 0.0)
         self._most = np.maximum(np.maximum(MAX_PRESSURE * geometry.areas, MIN_IMPOSSIBLE), measured)
+        self._limits = self._most  # force up to which each taxel is valid [N]; negative if it is masked or dead
         self._none = np.zeros(len(geometry.ids), bool)
         lock(self._none)
         self._below_rest = -math.inf  # time of the last frame with a reading below rest
         self._last = np.full(len(geometry.ids), np.nan)
         self._since = np.full(len(geometry.ids), np.inf)
+        self._oldest = math.inf  # all of them are at least this
+        self._time = math.inf  # of the last frame
+
+    def mask(self, masked: BoolArray) -> None:
+        """Leave out some taxels (n,) from now on."""
+        self.alive = ~masked
+        self._limit()
+
+    def _limit(self) -> None:
+        valid = self.alive if self.noise is None else self.alive & ~self.noise.dead
+        self._limits = np.where(valid, self._most, -1.0)
 
     def intensities(self, readings: Any) -> Array:
         """Return the reading of each taxel, shape (n,), in double precision: sums of 8-bit numbers overflow.
@@ -247,8 +259,7 @@ class Readings:
 
     def _known(self, forces: Array) -> BoolArray:
         """Return which forces (..., n) are valid."""
-        known = (forces <= self._most) & self.alive
-        return known if self.noise is None or not self.noise.has_dead else known & ~self.noise.dead
+        return forces <= self._limits
 
     def next(self, raw: Array, changed: IntArray | None) -> tuple[Array, Array, BoolArray]:
         """Return corrected readings, forces [N], and which of them are valid, (n,) each, of the next frame.
@@ -286,7 +297,9 @@ class Readings:
         assert self.noise is not None
         shifted = intensities if self._shift is None else intensities + self._shift
         low, high = self._responses.forces(shifted + self.noise.sides)
-        return np.abs(high - low) / np.where(low * high > 0, 2.0, 1.0)
+        deviations = np.abs(high - low)
+        deviations /= 1.0 + (low * high > 0)
+        return deviations
 
     def tare(self, readings: Any) -> None:
         """Set the baseline and learn the noise, see :meth:`.Skin.tare`."""
@@ -320,6 +333,7 @@ class Readings:
         shift = 0.0 if self._shift is None else self._shift
         self._shift = np.where(counts > 0, self._responses.rest - mean, shift)
         self.noise = noise
+        self._limit()
 
     def follow(self, raw: Array, is_complete: bool, time: float) -> None:
         """Follow the creep of the taxels, and the drift of the free ones.
@@ -336,7 +350,7 @@ class Readings:
         if self.noise is not None:
             signed = self.noise.signed(raw)
             if self._creep is not None:
-                signed -= self._creep.part
+                signed = signed - self._creep.part
             if not is_complete:
                 signed = self.valid(signed)
             if self._creep is not None:
@@ -375,13 +389,20 @@ class Readings:
         assert self.noise is not None
         return np.where((np.abs(signed) < MAX_READING) & self.alive & ~self.noise.dead, signed, np.nan)
 
+    def are_valid(self, rows: Array) -> bool:
+        """Return whether :meth:`valid` changes nothing in readings (T, n) of any real data type."""
+        assert self.noise is not None
+        if self.noise.has_dead or not self.alive.all() or not rows.size:
+            return False
+        return bool(rows.min() > -MAX_READING and rows.max() < MAX_READING)
+
     def rests(self, rows: Array) -> bool:
         """Return whether readings (frames, n) are those of a skin without contact, as far as they can show it.
 
         The mean of each taxel is near the reading at which the response gives no force, and the same in both halves.
         No reading is far from the others, as in a tap. Successive readings differ as noise does, not as in a slow push.
         """
-        if not np.isfinite(rows).all():
+        if not (np.abs(rows) < MAX_READING).all():
             return False
         half, steps = len(rows) // 2, np.diff(rows, axis=0)
         # of the middle two thirds, which a short contact does not change
@@ -412,6 +433,8 @@ class Readings:
     def flags(self, intensities: Array, known: BoolArray) -> frozenset[str]:
         """Return ``not_finite`` and ``too_large`` if taxels that are not masked have such readings.
 
+        For frames in which some taxels have no valid force.
+
         Parameters
         ----------
         intensities : array, shape (n,)
@@ -419,8 +442,6 @@ class Readings:
         known : array of bool, shape (n,)
             Which taxels have a valid force.
         """
-        if np.count_nonzero(known) == len(known):
-            return frozenset()
         invalid = ~known & self.alive
         if self.noise is not None:
             invalid &= ~self.noise.dead
@@ -445,45 +466,52 @@ class Readings:
         period : float
             Between two frames [s].
         """
-        if not math.isfinite(time) or not np.count_nonzero(unchanged):
+        if not math.isfinite(time):
             return self._none
+        period = max(period, MAX_READING_PERIOD)
+        shortest = STUCK_TIME if self.noise is None else min(self.noise.min_repeats * period, STUCK_TIME)
+        if self._oldest >= time - shortest:
+            return self._none
+        self._oldest = float(self._since.min(initial=math.inf))
         limit: Array | float = STUCK_TIME
         if self.noise is not None:
-            limit = np.minimum(self.noise.repeats * max(period, MAX_READING_PERIOD), STUCK_TIME)
+            limit = np.minimum(self.noise.repeats * period, STUCK_TIME)
         return unchanged & (self._since < time - limit)
 
-    def is_frozen(self, unchanged: BoolArray, time: float, period: float) -> bool:
-        """Return whether the whole frame has not changed for longer than the noise allows.
+    def is_frozen(self, time: float, period: float) -> bool:
+        """Return whether the whole frame, which is that of the last one, stays the same for longer than noise allows.
 
         Parameters
         ----------
-        unchanged, time, period
+        time, period
             As for :meth:`stuck`.
         """
-        if self.noise is None or np.count_nonzero(unchanged) < len(unchanged) or not len(unchanged):
+        if self.noise is None or not len(self._since):
             return False
         limit = max(FROZEN_TIME, self.noise.frame_repeats * max(period, MAX_READING_PERIOD))
         return bool(self._since.max() < time - limit)
 
-    def below_rest(self, intensities: Array, known: BoolArray, time: float) -> bool:
+    def below_rest(self, intensities: Array, signed: Array | None, known: BoolArray, time: float) -> bool:
         """Return whether a known taxel reads less than its noise without contact can give, now or a second before.
 
         Parameters
         ----------
-        intensities, known : array, shape (n,)
-            Reading of each taxel; which taxels have a valid force.
+        intensities, signed : array, shape (n,)
+            Reading of each taxel; the signed one, None if the noise is unknown.
+        known : array of bool, shape (n,)
+            Which taxels have a valid force.
         time : float
             Of the frame [s].
         """
-        if self.noise is not None:
-            is_below = self.noise.signed(intensities) < self.noise.lowest
+        if self.noise is not None and signed is not None:
+            is_below = signed < self.noise.lowest
         else:
             shifted = intensities if self._shift is None else intensities + self._shift
             rest, sign = self._responses.rest, self._responses.sign
             is_below = shifted * sign < rest * sign
             if np.count_nonzero(is_below):
                 is_below &= self._responses.forces(2 * rest - shifted) > MAX_NEGATIVE
-        is_now = bool(np.count_nonzero(is_below & known))
+        is_now = bool(np.count_nonzero(is_below)) and bool(np.count_nonzero(is_below & known))
         if is_now and math.isfinite(time):
             self._below_rest = time
         return is_now or 0 <= time - self._below_rest < FAULT_TIME
@@ -502,6 +530,8 @@ class Readings:
         """
         if not math.isfinite(time):
             return
-        np.minimum(self._since, time, out=self._since)
+        if time < self._time:
+            np.minimum(self._since, time, out=self._since)
         np.copyto(self._since, time, where=~unchanged)
-        self._last = intensities
+        self._oldest = min(self._oldest, time)
+        self._last, self._time = intensities, time

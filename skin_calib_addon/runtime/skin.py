@@ -16,13 +16,13 @@ from .clock import Clock
 from .contacts import contacts_of
 from .footprint import Footprint
 from .frame import Frame
-from .geometry import GroundGeometry, SkinGeometry, observable, wrench_rank
+from .geometry import GroundGeometry, SkinGeometry, Terms, observable, wrench_rank
 from .identity import Identities
 from .modalities import Modalities, ModalityValues, force_of, without_force
 from .noise import Noise, Rest
 from .plane import Plane, ground_of
 from .readings import Readings
-from .touched import Streak, Touched, by_noise, by_thresholds
+from .touched import Streak, by_noise, by_thresholds
 
 if TYPE_CHECKING:
     from ..calibration.model import LinkCalibration
@@ -115,7 +115,9 @@ class Skin:
         plane = ground or ground_of(self.positions, self.normals, self.areas)
         self.ground = None if plane is None else GroundGeometry(self.geometry, plane)
         self.switch_on, self.switch_off = switch_on, switch_off
-        self._in_cell = in_cell
+        self._terms = Terms(np.zeros((len(self.ids), 6)), self.geometry.terms)  # of the sums at partial contact
+        if self.ground is not None:
+            self._terms = self.ground.in_cell if in_cell else self.ground.plain
         self._readings = Readings(calibration, self.geometry, follow_drift, creep)
         self._modalities = Modalities(calibration.modalities, self.link, self.ids, self.channels)
         self._rest: Rest | None = None if self._has_thresholds else Rest()
@@ -255,7 +257,7 @@ class Skin:
             if name not in row:
                 raise KeyError(f"no taxel {name!r} on the skin of {self.link}")
             masked[row[name]] = True
-        self._readings.alive = ~masked
+        self._readings.mask(masked)
 
     def update(self, readings: Any, time: float) -> Frame:
         """Compute the frame of one reading. A wrong reading raises no error.
@@ -337,27 +339,43 @@ class Skin:
             All modalities.
         """
         intensities, forces, known = self._readings.next(raw, changed)
-        flags |= self._readings.flags(intensities, known)
         known_count = np.count_nonzero(known)
-        if known_count == 0 < len(known):
-            return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading", modalities)
-        if known_count < len(known):
+        is_complete = bool(known_count == len(known))
+        if not is_complete:
+            flags |= self._readings.flags(intensities, known)
+            if known_count == 0:
+                return self._unknown(time, flags | {"blind"}, "no taxel has a valid reading", modalities)
             forces = np.where(known, forces, 0.0)
         fresh = not flags.isdisjoint({"time_back", "time_jump"})  # the last frame says nothing about this one
         unchanged = self._readings.unchanged(raw)
         is_new = bool(np.count_nonzero(unchanged) < len(unchanged))
-        touched, state = self._touched(intensities, forces, known, fresh, is_new)
+        noise, before = self.noise, self._active
+        if fresh:
+            self._streak, before = Streak(len(known)), np.zeros(len(known), bool)
+        signed = None if noise is None else noise.signed(intensities)
+        if noise is None or signed is None or self._has_thresholds:
+            touched, state = by_thresholds(
+                forces, known, is_complete, before, self.switch_on, self.switch_off, self._has_thresholds
+            )
+        else:
+            neighbours = self.geometry.neighbours
+            touched, state = by_noise(
+                noise, signed, forces, known, is_complete, before, neighbours, self._streak, is_new
+            )
         rows = touched.active.nonzero()[0]
         footprint = self._footprint
         if len(rows) != len(footprint.rows) or np.count_nonzero(rows != footprint.rows):
             footprint = Footprint(self.geometry, self.ground, rows)
-        stuck = self._readings.stuck(unchanged, time, self._clock.period) & touched.active
-        saturated = self._readings.saturated(intensities) & known
+        stuck, saturated = (
+            self._readings.stuck(unchanged, time, self._clock.period),
+            self._readings.saturated(intensities),
+        )
         if np.count_nonzero(stuck):
-            flags |= {"stuck"}
+            stuck = stuck & touched.active
+            flags |= {"stuck"} if np.count_nonzero(stuck) else frozenset()
         if np.count_nonzero(saturated):
-            flags |= {"saturated"}
-        noise = self.noise
+            saturated = saturated & known
+            flags |= {"saturated"} if np.count_nonzero(saturated) else frozenset()
         if noise is None and not self._has_thresholds:
             flags |= {"noise_unknown"}
         if noise is not None:
@@ -365,31 +383,29 @@ class Skin:
                 flags |= {"dead"}
             if self._readings.drift.is_reported:
                 flags |= {"drift"}
-            if self._readings.is_frozen(unchanged, time, self._clock.period):
+            if not is_new and self._readings.is_frozen(time, self._clock.period):
                 flags |= {"frozen"}
-        if self._readings.below_rest(intensities, known, time):
+        if self._readings.below_rest(intensities, signed, known, time):
             flags |= {"below_rest"}
         if self._readings.byte_order.is_wrong(raw, time):
             flags |= {"byte_order"}
         if fresh:
             self._identities.forget()
             self._readings.drift.drop_block()
-        moments = None
-        if self.ground is not None and (self._in_cell or footprint.is_full):
-            moments = self.ground.full_contact if footprint.is_full else self.ground.in_cell
-        terms = self.geometry.terms if moments is None else moments.link
+        terms = self._terms if self.ground is None or not footprint.is_full else self.ground.full_contact
         contacts = contacts_of(footprint, forces, self._identities.follow(footprint), terms)
-        wrench = terms[5:] @ (touched.weights * forces)
+        pushes = touched.weights * forces
+        sums = terms.sums.dot(pushes)
         self._clock.accept(time)
         self._readings.accept(raw, unchanged, time)
-        self._readings.follow(raw, known_count == len(known), time)
+        self._readings.follow(raw, is_complete, time)
         self._active, self._footprint = state, footprint
-        if self._rest is not None and known_count == len(known):
+        if self._rest is not None and is_complete:
             self._learn(raw, time, fresh or "byte_order" in flags)
         deviations = None if noise is None else partial(self._readings.deviations, intensities)
         return Frame(
-            time, forces, known, saturated, stuck, contacts, wrench, flags, None, footprint, touched, noise, moments,
-            deviations, modalities,
+            time, forces, known, saturated, stuck, contacts, sums[:6], flags, None, footprint, touched, noise, terms,
+            pushes, sums, deviations, modalities,
         )  # fmt: skip
 
     def batch(self, readings: Any, times: Any = None) -> Batch:
@@ -425,21 +441,8 @@ class Skin:
             raise ValueError(f"times of shape {times.shape} for {len(rows)} readings; pass one time for each")
         decides_noise = self.noise is not None and not self._has_thresholds
         thresholds = None if decides_noise else (self.switch_on, self.switch_off)
-        batch = Processor(self._readings, self.geometry, self.ground, thresholds, self._in_cell).batch(rows, times)
+        batch = Processor(self._readings, self.geometry, self.ground, thresholds, self._terms).batch(rows, times)
         return replace(batch, modalities=modalities)
-
-    def _touched(
-        self, intensities: Array, forces: Array, known: BoolArray, fresh: bool, is_new: bool
-    ) -> tuple[Touched, BoolArray]:
-        """Return what is touched in a frame, and the state of the next one."""
-        before = np.zeros(len(known), bool) if fresh else self._active
-        noise = self.noise
-        if noise is None or self._has_thresholds:
-            return by_thresholds(forces, known, before, self.switch_on, self.switch_off, self._has_thresholds)
-        if fresh:
-            self._streak = Streak(len(known))
-        neighbours = self.geometry.neighbours
-        return by_noise(noise, intensities, forces, known, before, neighbours, self._streak, is_new)
 
     def _learn(self, intensities: Array, time: float, fresh: bool) -> None:
         """Learn baseline and noise from the first quiet frames."""

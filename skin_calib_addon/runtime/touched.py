@@ -45,7 +45,7 @@ class Streak:
 
 
 def by_thresholds(
-    forces: Array, known: BoolArray, before: BoolArray, on: float, off: float, is_sure: bool
+    forces: Array, known: BoolArray, is_complete: bool, before: BoolArray, on: float, off: float, is_sure: bool
 ) -> tuple[Touched, BoolArray]:
     """Return what is touched by two thresholds, and the state of the next frame.
 
@@ -55,6 +55,8 @@ def by_thresholds(
         Of the taxels [N]; 0 where unknown.
     known : array of bool, shape (n,)
         Which taxels have a valid force. The others keep their state.
+    is_complete : bool
+        Whether all have one.
     before : array of bool, shape (n,)
         State of the last frame.
     on, off : float
@@ -63,7 +65,7 @@ def by_thresholds(
         Whether the caller guarantees that a force above the thresholds is a contact.
     """
     state = (forces >= on) | (before & (forces >= off))
-    if np.count_nonzero(known) == len(known):
+    if is_complete:
         active = possible = state
     else:
         active = state & known
@@ -74,9 +76,10 @@ def by_thresholds(
 
 def by_noise(
     noise: Noise,
-    intensities: Array,
+    signed: Array,
     forces: Array,
     known: BoolArray,
+    is_complete: bool,
     before: BoolArray,
     neighbours: IntArray,
     streak: Streak,
@@ -88,10 +91,12 @@ def by_noise(
     ----------
     noise : Noise
         Of the skin.
-    intensities, forces : array, shape (n,)
-        Readings, and the forces that follow from them [N].
+    signed, forces : array, shape (n,)
+        Signed readings, and the forces that follow from them [N].
     known : array of bool, shape (n,)
         Which taxels have a valid force. The others are possibly touched, and keep their state.
+    is_complete : bool
+        Whether all have one.
     before : array of bool, shape (n,)
         State of the last frame.
     neighbours : array, shape (k, n)
@@ -101,29 +106,27 @@ def by_noise(
     is_new : bool
         Whether a reading changed since the last frame.
     """
-    signed = noise.signed(intensities)
-    complete = np.count_nonzero(known) == len(known)
-    if not complete:
+    if not is_complete:
         signed = np.where(known, signed, noise.free)  # as without contact, for the sums
     above = signed > noise.levels
     above[:4] &= forces > 0
-    if not complete:
+    if not is_complete:
         above[4] |= ~known
     sure, pair, release, lasting, possible = above
     lasts = streak.add(lasting, is_new)
-    rows = pair.nonzero()[0]
+    rows = (pair > sure).nonzero()[0]
     if len(rows):
         padded = np.zeros(len(pair) + 1, bool)
         padded[:-1] = pair
-        rows = rows[padded.take(neighbours.take(rows, axis=1)).any(axis=0)]
+        rows = rows[np.logical_or.reduce(padded[neighbours.take(rows, axis=1)], axis=0)]
     excess = noise.excess(signed)
-    if not np.count_nonzero(sure) and not len(rows) and excess <= noise.load_level:
+    if excess <= noise.load_level and not len(rows) and not np.count_nonzero(sure):
         nothing = np.zeros(len(known), bool)
-        state = nothing if complete else before & ~known
+        state = nothing if is_complete else before & ~known
         return Touched(nothing, nothing, nothing, nothing.astype(float), False), state
     state = active = sure | (before & release)
     active[rows] = True
-    if not complete:
+    if not is_complete:
         active = active & known
         state = np.where(known, active, before)
     return Touched(active, sure | lasts, possible | lasts, noise.weights(signed, excess), True), state

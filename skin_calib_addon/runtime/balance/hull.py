@@ -14,9 +14,6 @@ from ...common.arrays import Array, BoolArray, IntArray
 # than a nanometre.
 GRID_BITS = 29
 MIN_EXPONENT = -1074  # Derived: exponent of the smallest double-precision number; every number is on that grid
-# New points up to which the last hull is extended instead of computed again.
-# No effect on the result; larger or smaller: slower.
-MAX_NEW_POINTS = 12
 GridPoint = tuple[int, int]
 
 
@@ -27,9 +24,7 @@ def grid_step(size: float) -> float:
 
 
 class HullTable:
-    """A set of points that computes the convex hull of some of them, other ones in each call.
-
-    It keeps the last hull. A contact that moves gains and loses a few cells in a cycle, and mostly no corner.
+    """A set of points that computes the convex hull of some of them.
 
     Parameters
     ----------
@@ -54,9 +49,6 @@ class HullTable:
         self._points: list[GridPoint] = list(map(tuple, distinct.tolist()))  # sorted; equal points are one
         self._rank = rank.reshape(points.shape[:2])
         self._heights = np.stack((-distinct[:, 1], distinct[:, 1]))  # for the lower and the upper half of a hull
-        # Which rows and points the last call chose, and their hull.
-        self._last_rows: IntArray = np.empty(0, np.int64)
-        self._last: tuple[BoolArray, list[GridPoint]] = np.zeros(len(distinct), bool), []
 
     @property
     def size(self) -> int:
@@ -68,28 +60,35 @@ class HullTable:
 
         No three neighbouring corners are on a line. Equal points give one corner, points on a line two, no rows none.
         """
-        before, corners = self._last
-        if len(rows) == len(self._last_rows) and not np.count_nonzero(rows != self._last_rows):
-            return corners.copy()
-        chosen = np.zeros(len(self._points), bool)
-        chosen[self._rank.take(rows, axis=0)] = True
-        added = (chosen > before).nonzero()[0].tolist()
-        removed = (before > chosen).nonzero()[0].tolist()
-        if len(added) > MAX_NEW_POINTS or any(self._points[k] in corners for k in removed):
-            corners = self._hull(chosen.nonzero()[0])
-        elif added:  # a removed point that was not a corner does not change the hull
-            ordered = sorted([*corners, *(self._points[k] for k in added)])
-            corners = _hull_of_halves(ordered, ordered[::-1])
-        self._last_rows, self._last = rows, (chosen, corners)
-        return corners.copy()
-
-    def _hull(self, chosen: IntArray) -> list[GridPoint]:
-        """Return the corners of the hull of some points, whose indices are in ascending order."""
-        if len(chosen) < 2:
+        is_chosen = np.zeros(len(self._points), bool)
+        is_chosen[self._rank.take(rows, axis=0)] = True
+        chosen = is_chosen.nonzero()[0]
+        if len(chosen) < 3:
             return [self._points[k] for k in chosen.tolist()]
         low, high = (chosen[mask].tolist() for mask in _upper_candidates(self._heights.take(chosen, axis=1)))
         below, above = ([self._points[k] for k in half] for half in (low, high[::-1]))
         return _hull_of_halves(below, above)
+
+    def changed(self, corners: list[GridPoint], removed: IntArray, added: IntArray) -> list[GridPoint] | None:
+        """Return the corners of a hull after a few rows have changed; None if a corner may be missing.
+
+        Parameters
+        ----------
+        corners : list of tuple of int
+            Of the hull before.
+        removed, added : array, shape (k,)
+            Rows that are no longer among its points, and those that are new.
+        """
+        if not self._points_of(removed).isdisjoint(corners):
+            return None
+        new = self._points_of(added)
+        if not new:
+            return corners
+        ordered = sorted(new.union(corners))
+        return _hull_of_halves(ordered, ordered[::-1])
+
+    def _points_of(self, rows: IntArray) -> set[GridPoint]:
+        return {self._points[k] for k in self._rank.take(rows, axis=0).ravel().tolist()}
 
 
 def _hull_of_halves(below: list[GridPoint], above: list[GridPoint]) -> list[GridPoint]:
@@ -113,12 +112,13 @@ def _upper_candidates(heights: IntArray) -> BoolArray:
 def _left_turns(ordered: list[GridPoint]) -> list[GridPoint]:
     """Return the chain that turns left from the first to the last of sorted points (Andrew's monotone chain)."""
     chain: list[GridPoint] = []
-    for x, y in ordered:
+    for point in ordered:
+        x, y = point
         while len(chain) > 1:
             bx, by = chain[-1]
             ax, ay = chain[-2]
             if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
                 break
             del chain[-1]
-        chain.append((x, y))
+        chain.append(point)
     return chain

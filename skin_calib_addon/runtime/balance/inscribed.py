@@ -15,11 +15,6 @@ from .polygon import Polygon
 EQUAL_AREA_TOLERANCE = 1e-12
 # Relative error of the area of the largest box. Larger: less accurate; smaller: more iterations.
 RELATIVE_GAP = 1e-11
-# Number of directions of the search for the largest parallelogram, in addition to those of the edges.
-# Larger: slower; smaller: it can miss the best one.
-DIRECTION_COUNT = 128
-# Number of the best local maxima among the directions that are refined. Effect as above.
-MAX_PEAKS = 8
 # Distance by which the sides of the largest parallelogram move inward, relative to their distance. Larger: a smaller
 # parallelogram; smaller: rounding can put a chord outside.
 OFFSET_MARGIN = 1e-13
@@ -141,19 +136,17 @@ def _centred(sides: Array, rows: Array, offsets: Array, weight: float) -> Array:
 def largest_parallelogram(polygon: Polygon) -> Polygon | None:
     """Return the largest parallelogram in a polygon.
 
-    For one direction of the sides the best one is exact (:func:`_best_along`). The search samples all directions, and
-    those of the edges, after a linear map that makes the second moments of the polygon equal. A golden-section search
+    For one direction of the sides the best one is exact (:func:`_best_along`). The search samples the directions of the
+    edges, after a linear map that makes the second moments of the polygon equal. A golden-section search between them
     refines each local maximum.
     """
     if polygon.kind != "area":
         return None
     corners, back = _rounded(polygon)
     edges = np.roll(corners, -1, axis=0) - corners
-    sampled = np.arange(DIRECTION_COUNT) * np.pi / DIRECTION_COUNT
-    angles = np.unique(np.concatenate((sampled, np.arctan2(edges[:, 1], edges[:, 0]) % np.pi)))
+    angles = np.unique(np.arctan2(edges[:, 1], edges[:, 0]) % np.pi)
     areas = _best_along(corners, angles)[0]
     peaks = np.flatnonzero((areas >= np.roll(areas, 1)) & (areas >= np.roll(areas, -1)))
-    peaks = peaks[np.argsort(-areas[peaks], kind="stable")[:MAX_PEAKS]]
     before, after = angles[peaks - 1], angles[(peaks + 1) % len(angles)]
     low, high = before - np.pi * (before > angles[peaks]), after + np.pi * (after < angles[peaks])
     tried = np.concatenate((angles, _golden(corners, low, high)))

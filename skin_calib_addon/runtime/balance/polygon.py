@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray
+from ...common.arrays import Array, BoolArray
 from .hull import GridPoint, HullTable
 
 Point = tuple[float, float]
@@ -23,10 +23,12 @@ KINDS = ("empty", "point", "segment", "area")
 ROUNDING_BOUND = 3.3306690738754716e-16
 # Size of the terms below which they can underflow, so that the bound is not valid. Derived: from double precision.
 UNDERFLOW_LIMIT = 1e-290
-QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])  # turns rows to the left
 # Rounding error of an area, relative to the area, from which on the area is computed with fractions: in very thin
 # polygons. Larger: less accurate areas; smaller: slower for thin polygons.
 MAX_ROUNDING_FRACTION = 1e-10
+# Changed rows up to which a hull is changed instead of being computed from all its points.
+# No effect on the result; larger or smaller: slower.
+MAX_CHANGED_ROWS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,9 +214,10 @@ class Polygon:
         """
         if len(self._loop) < 3:
             return EMPTY_POLYGON
-        edges = np.concatenate((self.corners[1:], self.corners[:1])) - self.corners
-        extents = np.maximum.reduce(edges @ QUARTER_TURN @ np.asarray(cell).T, axis=1, initial=0.0).tolist()
-        moved = _moved_corners(self._loop, edges.tolist(), extents)
+        corners = np.asarray(cell).tolist()
+        edges = [(u - x, v - y) for (x, y), (u, v) in self._edges]
+        extents = [max(0.0, *[ex * q - ey * p for p, q in corners]) for ex, ey in edges]
+        moved = _moved_corners(self._loop, edges, extents)
         if moved is None:
             return self.moved_in(extent / side[4] for extent, side in zip(extents, self._sides))
         return Polygon(np.array(_convex(moved)))
@@ -245,18 +248,35 @@ class PolygonTable:
 
     Parameters
     ----------
-    points : array, shape (n, 2) or (n, k, 2)
-        As for :class:`.HullTable` [m].
+    table : HullTable
+        The points.
     """
 
-    def __init__(self, points: Array):
-        self._table = HullTable(points)
-        self._corners: list[GridPoint] = []
+    def __init__(self, table: HullTable):
+        self._table = table
+        self._which = np.zeros(table.size, bool)  # rows of the last hull
+        self._corners: list[GridPoint] = []  # of the last hull
         self._polygon = EMPTY_POLYGON
 
-    def hull(self, rows: IntArray) -> Polygon:
-        """Return the convex hull of the points of some rows."""
-        corners = self._table.hull(rows)
+    def hull(self, which: BoolArray, similar: "PolygonTable | None" = None) -> Polygon:
+        """Return the convex hull of the points of some rows.
+
+        Parameters
+        ----------
+        which : array of bool, shape (n,)
+            Those rows.
+        similar : PolygonTable, optional
+            Of the same points, with a last hull of similar rows. Default: this one, as few rows change between frames.
+        """
+        similar = similar or self
+        changed = (which != similar._which).nonzero()[0]
+        corners = None
+        if len(changed) <= MAX_CHANGED_ROWS:
+            is_new = which[changed]
+            corners = self._table.changed(similar._corners, changed[~is_new], changed[is_new])
+        if corners is None:
+            corners = self._table.hull(which.nonzero()[0])
+        self._which = which
         if corners != self._corners:
             self._corners, self._polygon = corners, from_grid(corners, self._table.step)
         return self._polygon
@@ -290,7 +310,7 @@ def from_grid(corners: list[GridPoint], step: float) -> Polygon:
     step : float
         Of the grid [m].
     """
-    return Polygon(np.array(corners, float).reshape(-1, 2) * step)
+    return Polygon(np.array(corners, float) * step) if corners else EMPTY_POLYGON
 
 
 def turn(a: Point, b: Point, c: Point) -> float:
@@ -332,7 +352,9 @@ def _fan(corners: list) -> tuple:
 
 
 def _moved_corners(loop: list[Point], edges: list[Point], extents: list[float]) -> list[Point] | None:
-    """Return the corners after each edge moved inward; None if an edge vanishes, where :func:`_cut` is needed.
+    """Return the corners after each edge moved inward; None if little or nothing is left, where :func:`_cut` is needed.
+
+    An edge that would run backwards is behind the intersection of its neighbours, and is left out.
 
     Parameters
     ----------
@@ -343,18 +365,29 @@ def _moved_corners(loop: list[Point], edges: list[Point], extents: list[float]) 
     extents : list of float
         Distance by which each edge moves, times its length.
     """
-    moved = []
-    (ax, ay), a = edges[-1], extents[-1]
-    for (x, y), (bx, by), b in zip(loop, edges, extents):
-        turns = ax * by - ay * bx
-        if not UNDERFLOW_LIMIT < turns < math.inf:
-            return None
-        moved.append((x + (a * bx - b * ax) / turns, y + (a * by - b * ay) / turns))
-        ax, ay, a = bx, by, b
-    for (x, y), (u, v), (ex, ey) in zip(moved, moved[1:] + moved[:1], edges):
-        if not (u - x) * ex + (v - y) * ey > 0:
-            return None
-    return moved
+    left = list(range(len(loop)))
+    while True:
+        moved = []
+        i = left[-1]
+        for j in left:
+            (ax, ay), (bx, by) = edges[i], edges[j]
+            (x, y), (u, v) = loop[j], loop[i]
+            turns = ax * by - ay * bx
+            if not UNDERFLOW_LIMIT < turns < math.inf:
+                return None
+            a, b = extents[i] - (ax * (y - v) - ay * (x - u)), extents[j]
+            moved.append((x + (a * bx - b * ax) / turns, y + (a * by - b * ay) / turns))
+            i = j
+        kept = []
+        was_kept = True
+        for k, (x, y), (u, v) in zip(left, moved, moved[1:] + moved[:1]):
+            ex, ey = edges[k]
+            was_kept = not was_kept or (u - x) * ex + (v - y) * ey > 0  # the neighbours of one left out stay
+            if was_kept:
+                kept.append(k)
+        if len(kept) == len(left):
+            return moved
+        left = kept if was_kept or kept[0] == left[0] else [left[0], *kept]
 
 
 def _cut(loop: list[Point], sides: list[Side], distances: list[float]) -> list[Point]:

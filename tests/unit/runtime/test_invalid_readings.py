@@ -392,3 +392,14 @@ def test_fault_that_shows_in_some_frames_stays_reported():
         assert "below_rest" in frame.flags
     flags = [skin.update(rng.integers(10, 15, N).astype(np.uint8), 11 + 0.01 * k).flags for k in range(120)]
     assert "below_rest" in flags[50] and "below_rest" not in flags[-1]
+
+
+@pytest.mark.filterwarnings("error")
+def test_readings_too_large_to_square_are_no_rest():
+    """A response with a range accepts every finite reading; the variance of such a one overflows."""
+    response = Response((0.0, 0.01), (0.0, 4095.0))
+    skin = Skin(small_calibration(patches=(sole_patch(),), surfaces=(plane(),), response=response))
+    reading = np.full(N, 2.0)
+    reading[3] = 1e200
+    frames = [skin.update(reading + k % 2, 0.01 * k) for k in range(100)]
+    assert frames[-1].flags >= {"noise_unknown"}

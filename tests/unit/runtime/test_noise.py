@@ -1,12 +1,14 @@
 """Statements under noise: guaranteed and outer polygons, feet in the air, standard deviations, unknown noise."""
 
+from statistics import NormalDist
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from skin_calib_addon.calibration import Response, ResponseTable
 from skin_calib_addon.runtime import Skin, convex_hull
-from skin_calib_addon.runtime.noise import joint_quantile, student
+from skin_calib_addon.runtime.noise import Rest, hidden_weight, joint_quantile, student
 from tests.samples import plane, sheet, small_calibration
 from tests.soles import sole_patch
 
@@ -47,6 +49,37 @@ def test_noise_is_that_before_clipping(noise, offset):
     assert (np.abs(skin.noise.sigma / total - 1) < 0.4).all()
     assert np.percentile(skin.noise.detection_limits, 90) < 7 * total * NEWTONS
     assert np.median(skin.noise.detection_limits) < 6 * total * NEWTONS
+
+
+def test_levels_are_quantiles_of_the_noise():
+    """Of so much noise that its deviation is known: the probabilities of the documentation, exact for normal noise."""
+    rng, skin = np.random.default_rng(3), sole()
+    noise, sigma, normal = 4.0, np.hypot(4.0, np.sqrt(1 / 12)), NormalDist()
+    skin.tare(read(rng, FREE, noise, 20_000, 50.0))
+    learned = skin.noise
+    pairs = len(skin.pairs)
+    assert_allclose(learned.load_level, -normal.inv_cdf(2e-4) * sigma * NEWTONS * N**0.5, rtol=0.025)
+    assert_allclose(learned.pair.mean() - 50, -normal.inv_cdf((1e-4 / pairs) ** 0.5) * noise + 0.5, rtol=0.015)
+    assert_allclose(learned.release.mean() - 50, 1.5 * sigma, rtol=0.02)
+    most = 1 - 2 * normal.cdf(-0.5 / noise)  # probability of the most frequent number
+    assert_allclose(learned.repeats.mean(), np.log(1e-8) / np.log(most), rtol=0.02)
+    assert_allclose(learned.load_rate_limit, learned.load_level / 10)  # the baseline follows in 10 s
+    for sigmas, weight in ((0.95, 0), (2.0, 0.5), (3.05, 1)):
+        assert_allclose(learned.steps(learned.mean + sigmas * learned.sigma), weight, atol=1e-9)
+
+
+def test_load_below_the_noise_of_the_taxels_counts_from_a_tenth_to_three_tenths():
+    """Relative to the load of the taxels that are clear of the noise."""
+    assert_allclose(hidden_weight(np.array((1.1, 1.2, 1.3))), (0, 0.5, 1), atol=1e-12)
+
+
+def test_rest_ends_after_250_frames_at_least_3_5_milliseconds_apart():
+    """At 1 kHz every fourth frame is stored, so that the rest takes a second."""
+    rest, k = Rest(), 0
+    while not rest.is_complete:
+        rest.add(FREE, 0.001 * k)
+        k += 1
+    assert k == 4 * 249 + 1
 
 
 @pytest.mark.slow

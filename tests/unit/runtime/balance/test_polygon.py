@@ -419,3 +419,14 @@ def test_erosion_keeps_the_points_at_which_the_cell_is_inside(kind):
         assert abs(eroded.area - cut.area) < 1e-11 * hull.area
         areas.append(eroded.area)
     assert 0 in areas and max(areas) > 0
+
+
+@pytest.mark.parametrize("start", range(8))
+def test_erosion_of_short_edges_leaves_the_diamond(start):
+    """The edges along the axes vanish, whichever is first: |x| + |y| <= 10.5 less 2 is what a square leaves."""
+    corners = np.array([(10, -0.5), (10, 0.5), (0.5, 10), (-0.5, 10), (-10, 0.5), (-10, -0.5), (-0.5, -10), (0.5, -10)])
+    square = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+    eroded = Polygon(np.roll(corners, start, axis=0)).eroded(square).corners
+    diamond = np.array([(-8.5, 0.0), (0.0, -8.5), (8.5, 0.0), (0.0, 8.5)])
+    first = np.lexsort((eroded[:, 1], eroded[:, 0]))[0]
+    assert_allclose(np.roll(eroded, -first, axis=0), diamond, atol=1e-12)

@@ -1,0 +1,186 @@
+r"""Turn wrenches of the skin into joint torques, combine tasks by priority, and move servos by torques.
+
+Symbols: joint velocities :math:`\dot{q}` (n,) [rad/s], joint torques :math:`\tau` (n,) [N m], inertia matrix :math:`M`
+(n, n) [kg m^2]. A Jacobian (6, n) has the velocity of the origin of a link, then its angular velocity, both along the
+axes of the world, such as ``LOCAL_WORLD_ALIGNED`` of pinocchio, or ``mj_jac`` of MuJoCo at the origin of the link.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..common.arrays import Array
+
+# [1] Fraction of the largest mobility of a task, below which the joints cannot move a direction of it. Larger: near a
+# singular pose lower tasks disturb that direction; smaller: rounding errors of a Jacobian block lower tasks.
+MIN_MOBILITY = 1e-4
+
+
+def contact_torques(
+    wrenches: Mapping[str, Any], poses: Mapping[str, Array], jacobian: Callable[[str], Array], joints: int
+) -> Array:
+    r"""Return the joint torques (k, n) of k wrenches on links of a robot (thesis eq. 3.20 to 3.24, corrected).
+
+    .. math::
+        \boldsymbol{\tau}_i = J_i^T \begin{bmatrix} R_i & 0 \\ 0 & R_i \end{bmatrix} \mathbf{w}_i
+
+    The thesis leaves out the rotation in eq. 3.22. Only links with a wrench need a Jacobian, so the cost increases with
+    the links in contact. A wrench that is zero or not known (NaN) has no row. The sum of the rows is the torque that
+    yields to all contacts. The rows are also the Jacobian of this task, see :func:`prioritized`.
+
+    Parameters
+    ----------
+    wrenches : mapping of str to array, shape (6,) or (c, 6)
+        Of a link, or of each contact on it, about the origin of the link and along its axes [N, N m], such as
+        ``frame.wrench``, ``contact.wrench`` or those of :mod:`.wrench`.
+    poses : mapping of str to array, shape (4, 4)
+        ``T_world_link``, such as ``BodyFrame.poses``.
+    jacobian : callable
+        Returns the Jacobian (6, n) of a link.
+    joints : int
+        n.
+
+    Returns
+    -------
+    array, shape (k, n)
+        In the order of the links and of their wrenches [N m].
+
+    Raises
+    ------
+    ValueError
+        If a Jacobian has another shape.
+    KeyError
+        If a link with a wrench has no pose.
+    """
+    rows = [np.empty((0, joints))]
+    for link, given in wrenches.items():
+        each = np.atleast_2d(np.asarray(given, float)).reshape(-1, 6)
+        each = each[np.isfinite(each).all(axis=1) & each.any(axis=1)]
+        if len(each):
+            matrix, rotation = np.asarray(jacobian(link), float), poses[link][:3, :3]
+            if matrix.shape != (6, joints):
+                raise ValueError(f"the Jacobian of {link!r} has shape {matrix.shape}, expected (6, {joints})")
+            rows.append((each.reshape(-1, 2, 3) @ rotation.T).reshape(-1, 6) @ matrix)
+    return np.concatenate(rows)
+
+
+def prioritized(tasks: Iterable[tuple[Any, Any]], inertia: Any) -> Array:
+    r"""Return the sum (n,) of joint torques of which none accelerates a task of higher priority (thesis eq. 3.7-3.11).
+
+    .. math::
+        \boldsymbol{\tau} = \sum_i N_i \boldsymbol{\tau}_i , \qquad
+        N_{i+1} = N_i - \hat{J}_i^T (\hat{J}_i M^{-1} \hat{J}_i^T)^{+} \hat{J}_i M^{-1} N_i , \qquad
+        \hat{J}_i = J_i N_i^T , \qquad N_1 = 1 .
+
+    The torques of task i then change no velocity :math:`J_j \dot{q}` of a task j < i. The function computes this with
+    orthonormal directions of :math:`M^{-1/2} J^T`, which stays exact for tasks that depend on each other. A task whose
+    Jacobian has no rows, such as that of no contact, blocks nothing.
+
+    Parameters
+    ----------
+    tasks : iterable of (torque, Jacobian)
+        Highest priority first. A torque (n,) [N m], and a Jacobian (m, n) with m >= 0, whose units do not matter. For
+        a task that yields to wrenches, the rows of :func:`contact_torques` are the Jacobian, and their sum the torque.
+    inertia : array, shape (n, n)
+        :math:`M`, symmetric and positive definite. Where damping decides the motion, as in a :class:`TorqueResolver`
+        that moves slowly, pass the damping matrix :math:`D`: lower tasks then change no velocity of a higher one.
+
+    Raises
+    ------
+    ValueError
+        If a number of joints does not match.
+    numpy.linalg.LinAlgError
+        If the inertia matrix is not positive definite.
+    """
+    factor = np.linalg.cholesky(np.asarray(inertia, float))
+    n = len(factor)
+    inverse = np.linalg.inv(factor)
+    taken, total = np.empty((0, n)), np.zeros(n)  # directions of higher tasks, scaled by the inertia; scaled torque
+    for torque, given in tasks:
+        torque, rows = np.asarray(torque, float), np.asarray(given, float).reshape(-1, np.shape(given)[-1])
+        if torque.shape != (n,) or rows.shape[1] != n:
+            raise ValueError(f"a task with torque {torque.shape} and Jacobian {rows.shape} does not fit {n} joints")
+        scaled = inverse @ torque
+        total += scaled - taken.T @ (taken @ scaled)
+        rows = rows @ inverse.T
+        sizes = np.sqrt((rows * rows).sum(axis=1))
+        rows = rows[sizes > 0] / sizes[sizes > 0, None]
+        free = rows - rows @ taken.T @ taken
+        if len(free):
+            _, strengths, directions = np.linalg.svd(free, full_matrices=False)
+            taken = np.concatenate((taken, directions[strengths > MIN_MOBILITY]))
+    return factor @ total
+
+
+def attraction(
+    position: Any, velocity: Any, goal: Any, stiffness: float, damping: float, max_speed: float = math.inf
+) -> Array:
+    r"""Return the force (d,) that moves a point to a goal with a limited speed (thesis eq. 3.42 to 3.44).
+
+    .. math::
+        \mathbf{f} = -k_v (\dot{\mathbf{x}} - \nu \dot{\mathbf{x}}_d) , \qquad
+        \dot{\mathbf{x}}_d = \frac{k_p}{k_v} (\mathbf{x}_d - \mathbf{x}) , \qquad
+        \nu = \min\left( 1,\; \frac{V_{\max}}{\lVert \dot{\mathbf{x}}_d \rVert} \right)
+
+    Against an obstacle that does not move, the force is at most :math:`k_v V_{\max}`.
+
+    Parameters
+    ----------
+    position, velocity, goal : array, shape (d,)
+        Of the point [m], [m/s], and where it must go [m], along the same axes; or angles.
+    stiffness, damping : float
+        :math:`k_p` [N/m] and :math:`k_v` [N s/m].
+    max_speed : float
+        :math:`V_{\max}` [m/s].
+    """
+    wanted = stiffness / damping * (np.asarray(goal, float) - position)
+    speed = math.sqrt(float(wanted @ wanted))
+    limited = wanted * (max_speed / speed) if speed > max_speed else wanted
+    return -damping * (np.asarray(velocity, float) - limited)
+
+
+class TorqueResolver:
+    r"""Move servos as if torques drove the joints: :math:`M \ddot{q} + D \dot{q} = \tau` (thesis figure 10).
+
+    So a robot with position or velocity servos yields. The step is implicit in the damping. Without a torque
+    the kinetic energy never increases, for any time step.
+
+    Parameters
+    ----------
+    angles : array, shape (n,)
+        At the start [rad].
+    damping : float or array, shape (n,)
+        :math:`D` [N m s/rad]. Larger: slower motions.
+    limits : array, shape (n, 2), optional
+        Smallest and largest angles [rad]; a joint stops there.
+    """
+
+    def __init__(self, angles: Any, damping: Any, limits: Any = None):
+        self.angles = np.array(angles, float)
+        self.velocities = np.zeros_like(self.angles)
+        self._damping = np.broadcast_to(np.asarray(damping, float), self.angles.shape)
+        self._limits = None if limits is None else np.asarray(limits, float)
+
+    def step(self, torque: Any, inertia: Any, period: float) -> Array:
+        """Return the angles (n,) of the servos after a period [rad].
+
+        Parameters
+        ----------
+        torque : array, shape (n,)
+            Of the tasks, without gravity [N m].
+        inertia : array, shape (n, n)
+            At these angles [kg m^2].
+        period : float
+            [s].
+        """
+        mass = np.asarray(inertia, float)
+        momentum = mass @ self.velocities + period * np.asarray(torque, float)
+        self.velocities = np.linalg.solve(mass + period * np.diag(self._damping), momentum)
+        self.angles = self.angles + period * self.velocities
+        if self._limits is not None:
+            inside = np.clip(self.angles, *self._limits.T)
+            self.velocities = np.where(inside == self.angles, self.velocities, 0.0)
+            self.angles = inside
+        return self.angles
