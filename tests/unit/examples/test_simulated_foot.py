@@ -13,18 +13,18 @@ EXAMPLE = Path(__file__).parents[3] / "examples" / "simulated_foot.py"
 
 @pytest.fixture(scope="module")
 def simulated():
-    """Return six frames on every ground, for both skins."""
+    """Return twelve frames on every ground, for both skins."""
     specification = importlib.util.spec_from_file_location("simulated_foot", EXAMPLE)
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
-    return module.runs(6)
+    return module.runs(12)
 
 
 def test_foot_of_our_own_skin_agrees_with_the_simulator(simulated):
     """Loads agree to 3 %, CoPs to a tenth of a cell on plain ground; every guaranteed polygon is in the true region."""
     for run in simulated:
         inside, areas = run.guaranteed
-        assert inside == areas and run.outer_contains_cop == len(run.frames) == 6
+        assert inside == areas and run.outer_contains_cop == len(run.frames) == 12
         assert run.load_errors.mean() < 0.03
         cell = 0.01 if run.skin == "sheet 10 mm" else 0.028
         assert run.cop_errors.mean() < (0.25 if run.ground == "pebbles" else 0.1) * cell

@@ -1,0 +1,159 @@
+"""Keep the balance under pushes with the ZMP of the skin, and with that of force/torque sensors (thesis 4.3.1).
+
+    python examples/control/balance.py [--seeds 20]
+
+The robot stands on its full soles, or on a beam under the middle half of them. It is pushed for 0.1 s at the chest,
+from one of eight directions. The controller is that of eq. 4.27 to 4.29 with the gains of table 2, and the ankles turn
+the soles. It gets the ZMP either from the soles or from simulated force/torque sensors in the ankles. Both are recorded
+in each run. The largest push that the robot survives is sought by bisection.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from biped import FLAT, PERIOD, Biped, Faults
+from experiment import Camera, arguments, run_all, side_by_side, spread
+from walker import Gains, Walker
+
+BEAM = """
+<geom class="terrain" type="box" size=".05 .3 .03" pos=".02 0 -.03"/>
+<geom class="terrain" type="plane" pos="0 0 -.06" size="10 10 .1" material="tiles" rgba="1 1 1 1"/>"""
+GROUND = {"full sole": FLAT, "half sole": BEAM}
+SOURCES = ("skin", "ankle")
+TABLE_2 = Gains(dcm=1.5, zmp=0.5, com=1.0)
+DIRECTIONS = 8
+START, PUSH, END = 0.5, 0.1, 2.0  # begin of a push, its duration, and end of a run [s]
+LARGEST = {"full sole": 16.0, "half sole": 12.0}  # push of the search [N s]
+TRIALS = 3  # of the bisection, which ends with an interval of LARGEST / 2**TRIALS
+SENSITIVITY = 0.1  # standard deviation of the sensitivity of the cells
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Case:
+    """One search for the largest push."""
+
+    ground: str
+    source: str
+    seed: int
+
+    @property
+    def angle(self) -> float:
+        """Direction of the push from straight ahead [rad]."""
+        return 2 * np.pi * (self.seed % DIRECTIONS) / DIRECTIONS
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came out of a search."""
+
+    survived: float  # largest push [N s]
+    apart: Array  # distances of both ZMPs in the runs without a fall [m]
+    moved: float  # largest distance of the ZMP from where it was before the push [m]
+
+
+def push(case: Case, impulse: float, each: Callable[[Biped], None] | None = None) -> tuple[bool, Array]:
+    """Return whether the robot stands after a push [N s], and the ZMPs (n, 2, 2) by skin and by ankles."""
+    robot = Biped(GROUND[case.ground], case.seed, Faults(sensitivity=SENSITIVITY), proximity=False)
+    walker = Walker(robot, [], gains=TABLE_2, source=case.source, feels=case.source == "skin")
+    direction = np.array((np.cos(case.angle), np.sin(case.angle), 0.0))
+    while robot.data.time < END and not robot.fallen:
+        targets, torques = walker.cycle(robot.senses())
+        pushes = START <= robot.data.time < START + PUSH - PERIOD / 2
+        robot.step(targets, torques, direction * impulse / PUSH if pushes else None)
+        if each:
+            each(robot)
+    rows = [(row["zmp_skin"], row["zmp_ankle"]) for row in walker.log.rows if row["time"] > START / 2]
+    return not robot.fallen, np.array(rows)
+
+
+def run(case: Case) -> Result:
+    """Search for the largest push."""
+    low, high, apart, moved = 0.0, LARGEST[case.ground], [], 0.0
+    for _ in range(TRIALS):
+        impulse = (low + high) / 2
+        stands, zmps = push(case, impulse)
+        if stands:
+            low = impulse
+            apart.append(np.linalg.norm(zmps[:, 0] - zmps[:, 1], axis=1))
+            moved = max(moved, float(np.nanmax(np.linalg.norm(zmps[:, 0] - zmps[0, 0], axis=1))))
+        else:
+            high = impulse
+    return Result(low, np.concatenate([np.zeros(0), *apart]), moved)
+
+
+def draw(results: dict, cases: dict, path) -> None:
+    """Draw the largest pushes by direction, and how far both ZMPs are apart, as figure 42 of the thesis."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(figsize=(9, 3.4), layout="constrained")
+    for k, ground in enumerate(GROUND):
+        ax = figure.add_subplot(1, 3, k + 1, projection="polar")
+        for source, colour in zip(SOURCES, ("#4c72b0", "#c44e52")):
+            angles = np.array([case.angle for case in cases[ground, source]])
+            survived = np.array([result.survived for result in results[ground, source]])
+            around = np.unique(angles)
+            means = np.array([survived[angles == angle].mean() for angle in around])
+            closed = np.append(np.arange(len(around)), 0)
+            ax.plot(around[closed], means[closed], color=colour, label=f"ZMP by {source}")
+            ax.plot(angles, survived, ".", color=colour, ms=4)
+        ax.set_theta_zero_location("N")
+        ax.set_rmax(LARGEST["full sole"])
+        ax.set_title(f"largest push survived [N s], {ground}", fontsize=9)
+        ax.tick_params(labelsize=7)
+        if k == 0:
+            ax.legend(fontsize=7, loc="lower left", bbox_to_anchor=(-0.2, -0.15))
+    ax = figure.add_subplot(1, 3, 3)
+    for ground, style in zip(GROUND, ("-", "--")):
+        for source, colour in zip(SOURCES, ("#4c72b0", "#c44e52")):
+            apart = np.sort(np.concatenate([result.apart for result in results[ground, source]]))
+            ax.plot(
+                1e3 * apart, np.linspace(0, 1, len(apart)), style, color=colour, label=f"{ground}, {source} in loop"
+            )
+    ax.set_xlabel("ZMP by skin to ZMP by ankles [mm]", fontsize=9)
+    ax.set_ylabel("fraction of the cycles", fontsize=9)
+    ax.set_xlim(0, 12)
+    ax.legend(fontsize=7)
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Run all cases; print a table; draw."""
+    given = arguments(__doc__).parse_args()
+    kinds = [(ground, source) for ground in GROUND for source in SOURCES]
+    cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
+    found = run_all(run, [case for kind in kinds for case in cases[kind]], given.jobs)
+    results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
+    print(
+        f"{'contact':10} {'ZMP by':8} {'largest push [N s]':22} {'ZMPs apart: mean, 95 %, max [mm]':34} ZMP moved [mm]"
+    )
+    for (ground, source), searches in results.items():
+        apart = 1e3 * np.concatenate([search.apart for search in searches])
+        distances = f"{np.nanmean(apart):.1f}, {np.nanpercentile(apart, 95):.1f}, {np.nanmax(apart):.1f}"
+        moved = spread([1e3 * search.moved for search in searches])
+        pushes = spread([search.survived for search in searches], 1)
+        print(f"{ground:10} {source:8} {pushes:22} {distances:34} {moved}")
+    given.out.mkdir(parents=True, exist_ok=True)
+    draw(results, cases, given.out / "balance.png")
+    if not given.no_animation:
+        cameras = []
+        for ground in GROUND:
+            camera = None
+
+            def film(robot: Biped) -> None:
+                nonlocal camera
+                camera = camera or Camera(robot, azimuth=90)
+                camera(robot)
+
+            case = Case(ground, "skin", 0)
+            push(case, max(results[ground, "skin"][0].survived, 1.0), film)
+            cameras.append(camera)
+        side_by_side(*cameras, given.out / "balance.gif")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Walk sideways over a beam that is narrower than the sole (thesis 4.4.5.3): the skin against full contact.
+
+    python examples/control/beam.py [--seeds 20] [--steps 50] [--width 0.08]
+
+The robot starts on a platform and makes side steps of 8 cm. The middle of the beam is not below the middle of the
+soles. The controller does not know this. With the skin it finds the part of the sole that carries it in each step anew.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from biped import Biped
+from experiment import Camera, arguments, run_all, side_by_side, spread
+from shapes import FORWARD
+from walker import OTHER, Gait, Step, Walker, walk
+
+STEP, WIDTH = 0.08, 0.18  # [m]
+OFFSET = -0.02  # of the middle of the beam from that of the soles, ahead [m]
+PLATFORM = 0.25  # half width of the platform where the robot starts [m]
+HEIGHT = 0.1  # of the beam [m]
+GAIT = Gait(single=0.9, double=0.3)
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Case:
+    """One walk."""
+
+    feels: bool
+    width: float  # of the beam [m]
+    steps: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Result:
+    """How it ended."""
+
+    stands: bool
+    steps: int  # that were made
+
+
+def side_steps(count: int) -> list[Step]:
+    """Return steps to the left: the left foot goes ahead, the right one follows."""
+    steps, foot, y = [], "left", {"left": WIDTH / 2, "right": -WIDTH / 2}
+    for _ in range(count):
+        y[foot] += STEP
+        steps.append(Step(foot, np.array((FORWARD, y[foot]))))
+        foot = OTHER[foot]
+    return steps
+
+
+def terrain(width: float) -> str:
+    """Return a platform, and a beam along y."""
+    return f"""
+      <geom class="terrain" type="plane" pos="0 0 {-HEIGHT}" size="20 20 .1" material="tiles" rgba="1 1 1 1"/>
+      <geom class="terrain" type="box" pos="0 0 {-HEIGHT / 2}" size=".4 {PLATFORM} {HEIGHT / 2}"/>
+      <geom class="terrain" type="box" pos="{FORWARD + OFFSET} 2 {-HEIGHT / 2}" size="{width / 2} 2 {HEIGHT / 2}"/>"""
+
+
+def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
+    """Walk."""
+    robot = Biped(terrain(case.width), case.seed, proximity=False)
+    walker = Walker(robot, side_steps(case.steps), GAIT, feels=case.feels)
+    stands = walk(robot, walker, 3 + 1.3 * case.steps, each=lambda robot: each(robot, walker) if each else None)
+    return Result(stands, len(walker.log.landings))
+
+
+def main() -> None:
+    """Run all cases; print a table; draw."""
+    parser = arguments(__doc__)
+    parser.add_argument("--steps", type=int, default=50)
+    parser.add_argument("--width", type=float, default=0.08, help="of the beam [m]")
+    given = parser.parse_args()
+    cases = [Case(feels, given.width, given.steps, seed) for feels in (False, True) for seed in range(given.seeds)]
+    found = run_all(run, cases, given.jobs)
+    print(f"beam of {1e3 * given.width:.0f} mm under soles of 200 mm, {1e3 * OFFSET:.0f} mm from their middle")
+    for k, assumed in enumerate(("full sole", "what is felt")):
+        runs = found[k * given.seeds : (k + 1) * given.seeds]
+        stands = f"{sum(r.stands for r in runs)}/{len(runs)}"
+        print(f"{assumed:14} stands {stands:8} steps {spread([r.steps for r in runs], 1)} of {given.steps}")
+    if not given.no_animation:
+        cameras = []
+        for feels in (False, True):
+            camera = None
+
+            def film(robot: Biped, walker: Walker) -> None:
+                nonlocal camera
+                camera = camera or Camera(robot, azimuth=60, distance=2.2)
+                camera(robot)
+
+            run(Case(feels, given.width, min(given.steps, 8), 0), film)
+            cameras.append(camera)
+        side_by_side(*cameras, given.out / "beam.gif")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""Run experiments with many seeds in parallel; tables, and animations without a display."""
+
+import argparse
+import os
+from collections.abc import Callable, Iterable, Sequence
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from biped import Biped
+from PIL import Image
+from tqdm import tqdm
+
+OUT = Path(__file__).resolve().parents[2] / "out" / "control"
+FRAME_TIME = 0.1  # between the frames of an animation [s]
+SIZE = (360, 480)  # of an animation [pixel]
+Array = np.ndarray
+
+
+def arguments(description: str, seeds: int = 20) -> argparse.ArgumentParser:
+    """Return the options of every experiment."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=seeds, help="number of runs with different noise")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--out", type=Path, default=OUT, help="folder of figures and animations")
+    parser.add_argument("--no-animation", action="store_true", help="only the numbers and the figure")
+    return parser
+
+
+def run_all(work: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> list[Any]:
+    """Return the results of the cases in their order, with a progress bar."""
+    if jobs == 1:
+        return [work(case) for case in tqdm(cases)]
+    with get_context("spawn").Pool(jobs) as pool:
+        return list(tqdm(pool.imap(work, cases), total=len(cases)))
+
+
+def spread(values: Iterable[float], digits: int = 0) -> str:
+    """Return mean, and smallest to largest, as text."""
+    known = np.array([value for value in values if np.isfinite(value)])
+    if not len(known):
+        return "none"
+    return f"{known.mean():.{digits}f} ({known.min():.{digits}f} to {known.max():.{digits}f})"
+
+
+class Camera:
+    """Records an animation of a robot.
+
+    Parameters
+    ----------
+    robot : Biped
+    azimuth, distance : float
+        Of the view [degree, m].
+    """
+
+    def __init__(self, robot: Biped, azimuth: float = 130.0, distance: float = 2.2):
+        self.renderer = mujoco.Renderer(robot.model, *SIZE)
+        self.view, self.frames, self.next = mujoco.MjvCamera(), [], 0.0
+        self.view.azimuth, self.view.elevation, self.view.distance = azimuth, -14, distance
+        self.options = mujoco.MjvOption()
+        self.options.sitegroup[:] = 0
+        self.options.geomgroup[3] = 1
+
+    def __call__(self, robot: Biped) -> None:
+        """Take a frame if it is time for one."""
+        if robot.data.time >= self.next:
+            self.next += FRAME_TIME
+            self.view.lookat[:] = (*robot.data.body("pelvis").xpos[:2], 0.5)
+            self.renderer.update_scene(robot.data, self.view, self.options)
+            self.frames.append(Image.fromarray(self.renderer.render()))
+
+    def save(self, path: Path) -> None:
+        """Write a GIF."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        palette = self.frames[0].quantize(64)
+        frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in self.frames]
+        frames[0].save(path, save_all=True, append_images=frames[1:], duration=int(1e3 * FRAME_TIME), loop=0)
+
+
+def side_by_side(left: Camera, right: Camera, path: Path, every: int = 1) -> None:
+    """Write two animations as one, the shorter of which stands still at its end."""
+    count = max(len(left.frames), len(right.frames))
+    joined = Camera.__new__(Camera)
+    joined.frames = []
+    for k in range(0, count, every):
+        pair = [camera.frames[min(k, len(camera.frames) - 1)] for camera in (left, right)]
+        picture = Image.new("RGB", (2 * SIZE[1], SIZE[0]))
+        picture.paste(pair[0], (0, 0))
+        picture.paste(pair[1], (SIZE[1], 0))
+        joined.frames.append(picture)
+    joined.save(path)

@@ -1,0 +1,102 @@
+"""Walk while sensors of the soles fail: the flags of the runtime against readings that are believed.
+
+    python examples/control/faults.py [--seeds 20] [--steps 2]
+
+At a random time of the walk a board of nine taxels dies, the bus of one sole freezes, or the readings of one sole stop.
+Noise and latency are larger from the start. With the flags, silent cells of a sole with a dead board are no evidence:
+the full sole is assumed. If the contact of a foot is not known, its step ends by time, and the robot stops stepping.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from biped import NOISE, PERIOD, Biped, Faults
+from experiment import arguments, run_all, spread
+from shapes import SOLE_CELLS
+from walker import Walker, forward_steps, walk
+
+STEP, WIDTH = 0.15, 0.18  # [m]
+EARLIEST, LATEST = 1.2, 3.0  # time of a fault [s]
+LATENCY = 0.010  # instead of one cycle [s]
+Array = np.ndarray
+
+
+def board(rng: np.random.Generator) -> tuple[int, ...]:
+    """Return the taxels of a square board of nine."""
+    rows, columns = SOLE_CELLS
+    row, column = rng.integers(0, rows // 3) * 3, rng.integers(0, columns // 3) * 3
+    return tuple(int((row + i) * columns + column + j) for i in range(3) for j in range(3))
+
+
+# The faults by name, from a time and a generator of random numbers.
+FAULTS: dict[str, Callable[[float, np.random.Generator], Faults]] = {
+    "none": lambda since, rng: Faults(),
+    "dead board": lambda since, rng: Faults(since=since, dead=board(rng)),
+    "frozen bus": lambda since, rng: Faults(since=since, is_frozen=True),
+    "lost sole": lambda since, rng: Faults(since=since, lost="left_foot"),
+    "noise doubled": lambda since, rng: Faults(noise=2 * NOISE),
+    "10 ms of latency": lambda since, rng: Faults(latency=1 + round(LATENCY / PERIOD)),
+}
+CASES = [(name, True) for name in FAULTS] + [(name, False) for name in ("dead board", "frozen bus", "lost sole")]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One walk."""
+
+    fault: str
+    heeds: bool  # the flags
+    steps: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Result:
+    """How it ended."""
+
+    stands: bool
+    steps: int  # that were made
+    stopped: float  # time from the fault to the decision to stop stepping [s]; NaN if there was none
+    apart: float  # mean distance of the felt ZMP from the true one [m]
+
+
+def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
+    """Walk."""
+    rng = np.random.default_rng(case.seed)
+    since = float(rng.uniform(EARLIEST, LATEST))
+    robot = Biped(seed=case.seed, faults=FAULTS[case.fault](since, rng), proximity=False)
+    walker = Walker(robot, forward_steps(case.steps, STEP, WIDTH), heeds=case.heeds)
+    apart: list[float] = []
+
+    def look(robot: Biped) -> None:
+        apart.append(float(np.linalg.norm(walker.log.rows[-1]["zmp"] - robot.true_zmp())))
+        if each:
+            each(robot)
+
+    stands = walk(robot, walker, 3 + 1.3 * case.steps, each=look)
+    stopped = np.nan if walker.log.stopped is None else walker.log.stopped - since
+    return Result(stands, len(walker.log.landings), stopped, float(np.nanmean(apart)))
+
+
+def main() -> None:
+    """Run all cases and print a table."""
+    parser = arguments(__doc__)
+    parser.add_argument("--steps", type=int, default=2)
+    given = parser.parse_args()
+    cases = [Case(*kind, given.steps, seed) for kind in CASES for seed in range(given.seeds)]
+    found = run_all(run, cases, given.jobs)
+    print(f"{'fault':18} {'flags':8} {'stands':8} {'steps':16} {'stops after [s]':22} ZMP felt to true [mm]")
+    for k, (name, heeds) in enumerate(CASES):
+        runs = found[k * given.seeds : (k + 1) * given.seeds]
+        texts = (
+            f"{sum(r.stands for r in runs)}/{len(runs)}",
+            spread([r.steps for r in runs], 1),
+            spread([r.stopped for r in runs], 2),
+            spread([1e3 * r.apart for r in runs], 1),
+        )
+        print(f"{name:18} {'used' if heeds else 'ignored':8} {texts[0]:8} {texts[1]:16} {texts[2]:22} {texts[3]}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""Find the part of a sole that can bear load, from what its cells do not feel."""
+
+import numpy as np
+from estimator import SOLE_CENTRE
+from shapes import HALF_SIZE, PITCH
+
+from skin_calib_addon.runtime import Frame, Skin, convex_hull
+from skin_calib_addon.runtime.balance.polygon import Polygon
+
+Array = np.ndarray
+MIN_FORCE = 0.9  # expected on a cell, from which on its silence is evidence [N]: three times the smallest that is felt
+FRAMES = 12  # that a cell must be silent in a row
+MIN_LOAD = 60.0  # on the sole, for a plane of its forces [N]
+MIN_SPREAD = 0.008  # standard deviation of the places of the pressed cells, along and across [m]
+# Silent cells that are pressed for the first time in one frame. More: the sole rolls onto new ground, and nothing is
+# evidence.
+MAX_CONTRADICTIONS = 3
+
+
+class Foothold:
+    """The area of one sole that is not proven void.
+
+    The pressed area is not the supporting area: right after a landing only an edge is pressed, and the rest still can
+    be. A cell is void if a plane through the forces of the pressed cells expects a clear force on it, it was never
+    pressed, and it is silent in several frames, while the sole does not roll. It is void no longer once it is pressed.
+    The area is the largest rectangle along the sole without void cells.
+
+    Parameters
+    ----------
+    skin : Skin
+        Of the sole.
+    """
+
+    def __init__(self, skin: Skin):
+        self.places = skin.positions[:, :2] - SOLE_CENTRE[:2]  # of the taxels, from the centre of the sole [m]
+        self.xs, self.ys = (np.unique(np.round(self.places[:, k] / PITCH * 2)) * PITCH / 2 for k in (0, 1))
+        self.column = np.abs(self.places[:, :1] - self.xs).argmin(axis=1)
+        self.row = np.abs(self.places[:, 1:] - self.ys).argmin(axis=1)
+        self.clear()
+
+    def clear(self) -> None:
+        """Assume the full sole, as in the air."""
+        self.silent = np.zeros(len(self.places), int)  # frames in a row
+        self.void = np.zeros(len(self.places), bool)
+        self.solid = np.zeros(len(self.places), bool)  # pressed since the landing
+        self.area = full_sole()
+
+    def update(self, frame: Frame) -> bool:
+        """Learn from one frame; return whether the area has changed."""
+        if not frame.known.all() or frame.sets is None:
+            return False
+        pressed = frame.sets.active
+        places = self.places[pressed]
+        if (pressed & ~self.solid & (self.silent > 0)).sum() > MAX_CONTRADICTIONS:
+            self.silent[:] = 0
+        self.solid |= pressed
+        expected = np.zeros(len(pressed), bool)
+        if frame.load > MIN_LOAD and (places.std(axis=0) > MIN_SPREAD).all():
+            terms = np.column_stack((np.ones(len(pressed)), self.places))
+            plane, *_ = np.linalg.lstsq(terms[pressed], frame.forces[pressed], rcond=None)
+            expected = (terms @ plane > MIN_FORCE) & ~frame.sets.possible & ~self.solid
+        self.silent = np.where(expected, self.silent + 1, 0)
+        void = (self.void | (self.silent >= FRAMES)) & ~pressed
+        if (void == self.void).all():
+            return False
+        self.void = void
+        self.area = self._rectangle()
+        return True
+
+    def _rectangle(self) -> Polygon:
+        """Return the rectangle with the most cells and without a void one; its outer sides are those of the sole."""
+        grid = np.zeros((len(self.xs), len(self.ys)), int)
+        grid[self.column[self.void], self.row[self.void]] = 1
+        sums = np.zeros((len(self.xs) + 1, len(self.ys) + 1), int)
+        sums[1:, 1:] = grid.cumsum(axis=0).cumsum(axis=1)
+        (a, b), (c, d) = (np.triu_indices(n, 1) for n in sums.shape)  # first and last cell, along and across
+        a, b = a[:, None], b[:, None]
+        void = sums[b, d] - sums[a, d] - sums[b, c] + sums[a, c]
+        size = np.where(void == 0, (b - a) * (d - c), 0)
+        i, j = np.unravel_index(size.argmax(), size.shape)
+        if size[i, j] == 0:
+            return Polygon(np.zeros((0, 2)))
+        x = _edges(self.xs, HALF_SIZE[0])[[a[i, 0], b[i, 0]]]
+        y = _edges(self.ys, HALF_SIZE[1])[[c[j], d[j]]]
+        return convex_hull(np.array([(p, q) for p in x for q in y]))
+
+
+def _edges(centres: Array, half: float) -> Array:
+    """Return the edges of cells: between their centres, and the edges of the sole at the ends."""
+    return np.concatenate(([-half], (centres[1:] + centres[:-1]) / 2, [half]))
+
+
+def full_sole() -> Polygon:
+    """Return the outline of a sole about its centre."""
+    x, y = HALF_SIZE
+    return convex_hull(np.array(((x, y), (-x, y), (-x, -y), (x, -y))))

@@ -1,0 +1,127 @@
+"""Walk over partial footholds: what the sole feels against the assumption of full contact (thesis 4.4.5).
+
+    python examples/control/footholds.py [--seeds 20]
+
+The third of five steps has a foothold of half the sole or of 30 %. All around it is a pit. The controller does not
+know this. With the skin, cells that stay silent although they should carry load are void; the
+ZMP is then planned and limited in the rest of the sole.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from biped import Biped
+from experiment import Camera, arguments, run_all, side_by_side, spread
+from shapes import HALF_SIZE
+from walker import Gait, Walker, forward_steps, walk
+
+STEP, WIDTH, STEPS = 0.15, 0.18, 5  # [m, m, 1]
+PARTIAL = 2  # index of the step onto the partial foothold, of the right foot
+MARGIN = 0.03  # by which ground is larger than the soles that are to stand on it [m]
+DEPTH = 0.06  # of the pit [m]
+GAIT = Gait()
+Array = np.ndarray
+# Part of the sole with ground below, along and across from its centre, in half sizes of the sole.
+SCENES = {
+    "rear half": ((-1.0, 0.0), (-1.0, 1.0)),
+    "front half": ((0.0, 1.0), (-1.0, 1.0)),
+    "inner half": ((-1.0, 1.0), (0.0, 1.0)),
+    "outer half": ((-1.0, 1.0), (-1.0, 0.0)),
+    "30 %": ((-1.0, -0.14), (-0.7, 0.7)),  # behind, in the middle
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One walk."""
+
+    scene: str
+    feels: bool
+    seed: int
+
+
+@dataclass(frozen=True)
+class Result:
+    """How it ended."""
+
+    stands: bool
+    steps: int  # that were made
+    area: float  # of the partial foothold as felt, relative to the sole
+
+
+def box(x: tuple[float, float], y: tuple[float, float]) -> str:
+    """Return a box between these coordinates [m] with its upper side at z = 0."""
+    centre, half = np.mean((x, y), axis=1), np.ptp((x, y), axis=1) / 2
+    return (
+        f'<geom class="terrain" type="box" pos="{centre[0]} {centre[1]} {-DEPTH / 2}" '
+        f'size="{half[0]} {half[1]} {DEPTH / 2}"/>'
+    )
+
+
+def terrain(scene: str) -> str:
+    """Return the ground of a scene: all that is not in the lane of the right foot, and the partial foothold."""
+    centre = forward_steps(STEPS, STEP, WIDTH)[PARTIAL].centre
+    (rear, front), (right, left) = (np.array(part) * half for part, half in zip(SCENES[scene], HALF_SIZE))
+    # Where the ground is to bear up to the edge of the sole, it is a little larger.
+    rear, right = (low - MARGIN * (low == -half) for low, half in zip((rear, right), HALF_SIZE))
+    front, left = (high + MARGIN * (high == half) for high, half in zip((front, left), HALF_SIZE))
+    before, after = centre[0] + np.array((-1, 1)) * (HALF_SIZE[0] + MARGIN)
+    grounds = [
+        box((-1.0, before), (-0.5, 0.0)),
+        box((after, 2.0), (-0.5, 0.0)),
+        box((-1.0, 2.0), (0.0, 0.5)),
+        box((centre[0] + rear, centre[0] + front), (centre[1] + right, centre[1] + left)),
+    ]
+    plane = f'<geom class="terrain" type="plane" pos="0 0 {-DEPTH}" size="10 10 .1" material="tiles" rgba="1 1 1 1"/>'
+    return plane + "".join(grounds)
+
+
+def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
+    """Walk."""
+    robot = Biped(terrain(case.scene), case.seed, proximity=False)
+    walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=case.feels)
+    area = 1.0
+
+    def look(robot: Biped) -> None:
+        nonlocal area
+        if walker.index == PARTIAL + 1:
+            area = walker.footholds["right"].area.area / (4 * HALF_SIZE.prod())
+        if each:
+            each(robot, walker)
+
+    stands = walk(robot, walker, 3 + 1.3 * STEPS, each=look)
+    return Result(stands, len(walker.log.landings), area)
+
+
+def main() -> None:
+    """Run all cases; print a table; draw."""
+    given = arguments(__doc__).parse_args()
+    kinds = [(scene, feels) for scene in SCENES for feels in (False, True)]
+    cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
+    found = run_all(run, cases, given.jobs)
+    print(
+        f"{'foothold':12} {'assumed':12} {'stands':8} {'steps of ' + str(STEPS):16} area of the foothold that is used"
+    )
+    for k, (scene, feels) in enumerate(kinds):
+        runs = found[k * given.seeds : (k + 1) * given.seeds]
+        stands = f"{sum(r.stands for r in runs)}/{len(runs)}"
+        steps, area = spread([r.steps for r in runs], 1), spread([r.area for r in runs], 2)
+        print(f"{scene:12} {'what is felt' if feels else 'full sole':12} {stands:8} {steps:16} {area}")
+    if not given.no_animation:
+        cameras = []
+        for feels in (False, True):
+            camera = None
+
+            def film(robot: Biped, walker: Walker) -> None:
+                nonlocal camera
+                camera = camera or Camera(robot, azimuth=100, distance=1.9)
+                camera(robot)
+
+            run(Case("front half", feels, 0), film)
+            cameras.append(camera)
+        side_by_side(*cameras, given.out / "footholds.gif")
+
+
+if __name__ == "__main__":
+    main()

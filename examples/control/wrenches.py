@@ -1,0 +1,113 @@
+"""Distribute the wrench over both feet, with the cone of the felt polygon or of the full sole (thesis 4.4.4).
+
+    python examples/control/wrenches.py [--seeds 20]
+
+The robot stands with its left foot on the ground and with the rear half of its right foot on a block. The desired ZMP
+moves ahead slowly. The rest of the right sole is in the air, and a quadratic program distributes the wrench.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from biped import Biped
+from estimator import State
+from experiment import Camera, arguments, run_all, side_by_side, spread
+from shapes import FORWARD
+from walker import Walker
+from zmp_plan import ZmpPlan
+
+from skin_calib_addon.runtime import zero_moment_point
+
+AHEAD = 0.045  # by which the desired ZMP moves ahead of the middle of the soles [m]
+START, MOVE, END = 1.0, 1.5, 3.5  # [s]
+DEPTH = 0.06  # of the ground ahead of the block [m]
+TIPPED = np.radians(3.0)  # tilt of a sole from which on it has tipped [rad]
+GROUND = f"""
+<geom class="terrain" type="plane" pos="0 0 {-DEPTH}" size="10 10 .1" material="tiles" rgba="1 1 1 1"/>
+<geom class="terrain" type="box" pos="0 .2 {-DEPTH / 2}" size=".4 .2 {DEPTH / 2}"/>
+<geom class="terrain" type="box" pos="{FORWARD - 0.2} -.2 {-DEPTH / 2}" size=".2 .2 {DEPTH / 2}"/>"""
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run."""
+
+    cone: str  # "felt" or "full"
+    seed: int
+
+
+@dataclass(frozen=True)
+class Result:
+    """How it ended."""
+
+    stands: bool
+    tilt: float  # largest of the right sole [rad], true value
+    demanded: float  # largest CoP that the program demands of the right sole, ahead of its middle [m]
+    off: float  # mean distance of the ZMP from the desired one at the end [m]
+
+
+class Shift(Walker):
+    """Stands, and moves the desired ZMP."""
+
+    def _plan(self, state: State) -> None:
+        if not hasattr(self, "plan"):
+            middle = np.mean([anchor[:2] for anchor in self.estimator.anchors.values()], axis=0)
+            points = (state.com[:2], middle, middle + (AHEAD, 0.0))
+            self.plan, self.planned = ZmpPlan((0.0, START, START + MOVE), points, self.omega), state.time
+
+
+def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
+    """Shift the weight."""
+    robot = Biped(GROUND, case.seed, proximity=False)
+    walker = Shift(robot, [], cone=case.cone)
+    tilt, demanded, off = 0.0, -np.inf, []
+    while robot.data.time < END and not robot.fallen:
+        robot.step(*walker.cycle(robot.senses()))
+        if each:
+            each(robot, walker)
+        if robot.data.time < START:
+            continue
+        tilt = max(tilt, float(np.arccos(min(robot.data.body("right_foot").xmat[8], 1.0))))
+        if "right" in walker.wrenches:
+            demanded = max(demanded, float(zero_moment_point(walker.wrenches["right"])[0]))
+        if robot.data.time > START + MOVE:
+            row = walker.log.rows[-1]
+            off.append(float(np.linalg.norm(row["zmp"] - walker.plan.points[-1])))
+    return Result(not robot.fallen, tilt, demanded, float(np.mean(off)) if off else np.nan)
+
+
+def main() -> None:
+    """Run all cases; print a table; draw."""
+    given = arguments(__doc__).parse_args()
+    cones = ("full", "felt")
+    found = run_all(run, [Case(cone, seed) for cone in cones for seed in range(given.seeds)], given.jobs)
+    print(f"{'cone of':14} {'stands':8} {'tipped':8} {'tilt [degree]':18} {'CoP demanded [mm]':20} ZMP off by [mm]")
+    for k, cone in enumerate(cones):
+        runs = found[k * given.seeds : (k + 1) * given.seeds]
+        texts = (
+            f"{sum(r.stands for r in runs)}/{len(runs)}",
+            f"{sum(r.tilt > TIPPED for r in runs)}/{len(runs)}",
+            spread([np.degrees(r.tilt) for r in runs], 1),
+            spread([1e3 * r.demanded for r in runs]),
+            spread([1e3 * r.off for r in runs], 1),
+        )
+        print(f"{cone + ' sole':14} {texts[0]:8} {texts[1]:8} {texts[2]:18} {texts[3]:20} {texts[4]}")
+    if not given.no_animation:
+        cameras = []
+        for cone in cones:
+            camera = None
+
+            def film(robot: Biped, walker: Walker) -> None:
+                nonlocal camera
+                camera = camera or Camera(robot, azimuth=-60, distance=1.6)
+                camera(robot)
+
+            run(Case(cone, 0), film)
+            cameras.append(camera)
+        side_by_side(*cameras, given.out / "wrenches.gif")
+
+
+if __name__ == "__main__":
+    main()

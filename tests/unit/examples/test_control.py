@@ -1,0 +1,157 @@
+"""The simulated biped: its kinematics, its plan, what it feels, and short versions of its experiments."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+for package in ("mujoco", "tqdm", "PIL", "matplotlib", "qpsolvers"):
+    pytest.importorskip(package, reason=f"the package {package} is not installed: pip install '.[control]'")
+
+FOLDER = Path(__file__).parents[3] / "examples" / "control"
+MODULES = {path.stem for path in FOLDER.glob("*.py")}
+
+
+@pytest.fixture(autouse=True)
+def scripts(monkeypatch):
+    """The scripts import each other, as they do when Python runs one of them."""
+    kept = {name: sys.modules.pop(name) for name in MODULES & sys.modules.keys()}
+    monkeypatch.syspath_prepend(str(FOLDER))
+    yield
+    for name in MODULES & sys.modules.keys():
+        del sys.modules[name]
+    sys.modules.update(kept)
+
+
+def test_angles_of_the_legs_agree_with_the_simulator():
+    import mujoco
+    from biped import FEET, nominal
+    from legs import joint_angles, rotation
+
+    model, rng = nominal(), np.random.default_rng(0)
+    data = mujoco.MjData(model)
+    for _ in range(20):
+        pelvis, turn = rng.normal(0, 0.02, 3), rotation(2, rng.normal(0, 0.2)) @ rotation(0, rng.normal(0, 0.1))
+        feet = {}
+        for foot, y in zip(FEET, (0.1, -0.1)):
+            pitch = rotation(1, rng.normal(0, 0.1)) @ rotation(0, rng.normal(0, 0.1))
+            feet[foot] = (np.array((0, y, -0.6)) + rng.normal(0, 0.03, 3), pitch)
+        data.qpos[:3] = pelvis
+        mujoco.mju_mat2Quat(data.qpos[3:7], turn.ravel())
+        data.qpos[7:19] = joint_angles(pelvis, turn, feet)
+        mujoco.mj_kinematics(model, data)
+        for foot, (position, orientation) in feet.items():
+            body = data.body(f"{foot}_foot")
+            assert np.abs(body.xpos - position).max() < 1e-9
+            assert np.abs(body.xmat.reshape(3, 3) - orientation).max() < 1e-9
+
+
+def test_reference_of_the_dcm_obeys_the_pendulum():
+    """Its derivative is omega (dcm - zmp) (thesis eq. 4.12), it is continuous, and it ends at the last point."""
+    from zmp_plan import ZmpPlan
+
+    rng, omega, step = np.random.default_rng(1), 3.8, 1e-5
+    plan = ZmpPlan([0, 1, 1.9, 2.2, 3.1], rng.normal(0, 0.1, (5, 2)), omega)
+    for time in rng.uniform(0, 3.09, 50):
+        now, after = plan.at(time), plan.at(time + step)
+        middle = plan.at(time + step / 2)
+        np.testing.assert_allclose((after.dcm - now.dcm) / step, omega * (middle.dcm - middle.zmp), atol=1e-6)
+    np.testing.assert_allclose(plan.at(9.0).dcm, plan.points[-1])
+
+
+def test_largest_foothold_agrees_with_brute_force():
+    from biped import skins
+    from foothold import Foothold
+
+    from skin_calib_addon.runtime import Skin
+
+    foothold, rng = Foothold(Skin(skins()["sole"])), np.random.default_rng(2)
+    for _ in range(5):
+        foothold.void = rng.random(len(foothold.places)) < 0.03
+        area, cells = foothold._rectangle(), (len(foothold.xs), len(foothold.ys))
+        assert not any(area.contains(place) for place in foothold.places[foothold.void])
+        largest, grid = 0, np.zeros(cells, bool)
+        grid[foothold.column[foothold.void], foothold.row[foothold.void]] = True
+        for a in range(cells[0]):
+            for b in range(a + 1, cells[0] + 1):
+                for c in range(cells[1]):
+                    for d in range(c + 1, cells[1] + 1):
+                        largest = max(largest, (b - a) * (d - c) * (not grid[a:b, c:d].any()))
+        assert sum(area.contains(place) for place in foothold.places) == largest
+
+
+@pytest.mark.slow
+def test_standing_robot_feels_its_zmp_and_its_weight():
+    from biped import Biped
+    from walker import Walker
+
+    robot = Biped()
+    walker = Walker(robot, [])
+    off = []
+    for _ in range(150):
+        robot.step(*walker.cycle(robot.senses()))
+        off.append(walker.log.rows[-1]["zmp"] - robot.true_zmp())
+    felt = walker.log.rows[-1]
+    assert np.abs(np.mean(off[-100:], axis=0)).max() < 0.001
+    weight = robot.model.body_subtreemass[0] * 9.81
+    assert abs(sum(felt["loads"]) / weight - 1) < 0.01
+
+
+@pytest.mark.slow
+def test_proximity_softens_the_landing():
+    """Two steps: less than a quarter of the impact, no later contact."""
+    from landing import Case, run
+
+    (stands, hard), (stands_too, soft) = (run(Case("flat", near, 2, 0.4, 0)) for near in (False, True))
+    assert stands and stands_too and len(hard) == len(soft) == 2
+    assert max(i.force for i in soft) < min(i.force for i in hard) / 4
+    assert np.mean([i.time for i in soft]) < np.mean([i.time for i in hard]) + 0.02
+
+
+@pytest.mark.slow
+def test_force_torque_sensors_and_skin_feel_the_same_zmp_under_a_push():
+    """The robot survives a push of a fifth of its momentum at 1 m/s; both ZMPs agree to a few millimetres."""
+    from balance import Case, push
+
+    stands, zmps = push(Case("full sole", "skin", 0), 6.0)
+    apart = np.linalg.norm(zmps[:, 0] - zmps[:, 1], axis=1)
+    assert stands and np.ptp(zmps[:, 0, 0]) > 0.03
+    assert apart.mean() < 0.003 and apart.max() < 0.010
+
+
+@pytest.mark.slow
+def test_frozen_bus_ends_the_walk_but_the_robot_stands():
+    from faults import Case, run
+
+    result = run(Case("frozen bus", True, 2, 3))  # it freezes in the first step, after 1.35 s
+    assert result.stands and result.steps == 1 and 0.1 <= result.stopped < 1.2
+
+
+def test_distribution_meets_the_wrench_with_both_feet_in_their_areas():
+    """Compared with the corners of the areas: their forces make the same wrench (linear program)."""
+    from distribution import distribute
+    from scipy.optimize import linprog
+
+    from skin_calib_addon.runtime import convex_hull, zero_moment_point
+    from skin_calib_addon.runtime.balance.cone import wrench_rays
+
+    full = convex_hull(np.array(((0.1, 0.05), (-0.1, 0.05), (-0.1, -0.05), (0.1, -0.05))))
+    rear = convex_hull(np.array(((0.0, 0.05), (-0.1, 0.05), (-0.1, -0.05), (0.0, -0.05))))
+    soles = {"left": np.array((0.0, 0.09, 0.0)), "right": np.array((0.0, -0.09, 0.0))}
+    areas, weight, wanted = {"left": full, "right": rear}, 340.0, np.array((0.03, 0.0))
+    found = distribute(wanted, weight, soles, areas, 0.5)
+    total = sum(np.concatenate((w[:3], w[3:] + np.cross(soles[foot], w[:3]))) for foot, w in found.items())
+    assert np.abs(zero_moment_point(total) - wanted).max() < 1e-3 and abs(total[2] / weight - 1) < 1e-3
+    for foot, wrench in found.items():
+        rays = wrench_rays(areas[foot], 0.5)
+        assert linprog(np.zeros(len(rays)), A_eq=rays.T, b_eq=wrench, bounds=(-1e-6, None)).success
+    assert zero_moment_point(found["right"])[0] < 1e-6 < 0.03 < zero_moment_point(found["left"])[0]
+
+
+@pytest.mark.slow
+def test_cone_of_the_felt_polygon_keeps_a_foot_from_tipping():
+    from wrenches import TIPPED, Case, run
+
+    felt, full = (run(Case(cone, 0)) for cone in ("felt", "full"))
+    assert felt.tilt < TIPPED < full.tilt and felt.demanded <= 0 < full.demanded
