@@ -3,9 +3,51 @@
 
 import bpy
 
-from . import axis, boards, cut, exchange, files, fit, imported, inspect, link, lists, place, planes, touches
+from . import (
+    advice,
+    axis,
+    boards,
+    cut,
+    drop,
+    exchange,
+    files,
+    fit,
+    imported,
+    inspect,
+    link,
+    lists,
+    place,
+    planes,
+    presets,
+    robot,
+    samples,
+    surfaces,
+    touches,
+    zones,
+)
 
-MODULES = (files, link, cut, fit, lists, imported, place, boards, axis, planes, inspect, touches, exchange)
+MODULES = (
+    files,
+    link,
+    robot,
+    cut,
+    fit,
+    advice,
+    lists,
+    imported,
+    place,
+    boards,
+    axis,
+    planes,
+    surfaces,
+    inspect,
+    touches,
+    exchange,
+    drop,
+    samples,
+    presets,
+    zones,
+)
 CLASSES = tuple(cls for module in MODULES for cls in module.CLASSES)
 
 

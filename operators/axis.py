@@ -22,7 +22,7 @@ class SKIN_OT_axis_from_sections(Picking, OnLink, Edit, bpy.types.Operator):
 
     def edit(self, context, plan):
         link, metre = context.object, scene.metres_per_unit(context.scene)
-        cover = cut_cover(scene.read_mesh(link, context), scene.read_plan(link, context.scene).cover)
+        cover = cut_cover(scene.read_mesh(link, context), scene.shown_surface(link, context.scene).cover)
         axis = axis_through(cover, vector(self.first, metre), vector(self.second, metre))
         plan.grid.auto_axis = False
         plan.grid.point, plan.grid.direction = in_units(axis.point, metre), axis.direction

@@ -27,6 +27,9 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
     repeats = True
 
     def check(self, context):
+        if self.at_mouse:  # a tool has no skin; it works on the first one with boards
+            kinds = [skin.kind for skin in context.object.skin_calib.skins]
+            self.skin = kinds.index("hexagons") if "hexagons" in kinds else 0
         self.boards(context)
 
     def begin(self, context):
@@ -35,6 +38,12 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
     def end(self, context):
         super().end(context)
         updates.leave(self.link)
+
+    def use_mouse(self, context, event):
+        self.begin(context)
+        done = super().use_mouse(context, event)
+        updates.leave(self.link)
+        return done
 
     def take(self, points):
         (self.point,) = points

@@ -8,20 +8,20 @@ from pathlib import Path
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
-from ..skin_calib_addon.blender.scene import results, scene, skins
+from ..skin_calib_addon.blender.scene import results, robots, scene, showing, skins
 from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
 from ..skin_calib_addon.common.atomic_file import write_bytes_safely
-from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
+from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.geometry.mesh.triangle_mesh import (
     METRES_PER_UNIT,
     TriangleMesh,
     check_size,
-    load_mesh,
     read_mesh,
     save_mesh,
 )
-from ..skin_calib_addon.plan import load_plan, save_plan
+from ..skin_calib_addon.plan import load_plan, named_from, save_plan
+from ..skin_calib_addon.robot.link_mesh import is_urdf, load_plan_mesh
 from .files import Import
 from .on_link import OnLink
 from .working import WhileIdle
@@ -31,7 +31,9 @@ def add_plan(operator, context, plan, mesh):
     """Add a plan and its mesh as the active object."""
     link = scene.add_link(context, mesh, plan.unit, plan.link)
     scene.write_plan(link, context.scene, plan)
-    scene.activate(context, link)
+    hidden = showing.present(context, [link])
+    if hidden:
+        operator.report({"INFO"}, hidden)
     if not scene.is_kept(plan, scene.read_plan(link, context.scene)):
         operator.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
 
@@ -52,6 +54,8 @@ class SKIN_OT_import_plan(Import, bpy.types.Operator):
         scene.check_numbers(plan, scene.metres_per_unit(bpy.context.scene))
 
         def read():
+            if is_urdf(plan.mesh):
+                return plan, load_plan_mesh(plan)
             mesh = read_mesh(plan.mesh)
             in_metres = TriangleMesh(mesh.vertices * METRES_PER_UNIT[plan.unit], mesh.faces)
             check_size(in_metres, plan.unit, plan.mesh.name)
@@ -96,6 +100,38 @@ def fit_to_write(context):
     return result.calibration, warnings
 
 
+def write_plan(context, link, path):
+    """Write the plan of a link, and return it. If no file has its mesh, the mesh is written next to the plan."""
+    mesh = scene.read_mesh(link, context)
+    plan = scene.read_plan(link, context.scene)
+    urdf = robots.urdf_of(link)
+    files = [path.parent / plan.mesh, *([urdf] if urdf else [])]
+    target = next((file for file in files if _has_mesh(file, plan, mesh)), None)
+    if target is None:
+        target = _free(path, plan, mesh)
+        save_mesh(mesh, target)
+    plan = replace(plan, mesh=target)
+    save_plan(replace(named_from(plan, path.parent), skins=skins.seen_from(path.parent, plan.skins)), path)
+    if link.skin_calib.mesh_file != target.name:
+        link.skin_calib.mesh_file = target.name
+    return plan
+
+
+def _free(path, plan, mesh):
+    """Return a path for the mesh next to the plan where it overwrites no other mesh."""
+    stem = path.name.removesuffix(".json").removesuffix(".plan")
+    names = (f"{stem}.ply" if k == 1 else f"{stem}_{k}.ply" for k in count(1))
+    paths = (path.with_name(name) for name in names)
+    return next(path for path in paths if not path.exists() or _has_mesh(path, plan, mesh))
+
+
+def _has_mesh(path, plan, mesh):
+    try:
+        return load_plan_mesh(replace(plan, mesh=path)).sha256 == mesh.sha256
+    except SkinCalibError:
+        return False
+
+
 class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
     """Write the plan of the active link, and its mesh next to it unless the file there is the same"""
 
@@ -106,32 +142,8 @@ class SKIN_OT_export_plan(OnLink, Export, bpy.types.Operator):
     ending = ".plan.json"
 
     def write(self, context, path):
-        link = context.object
-        mesh = scene.read_mesh(link, context)
-        plan = scene.read_plan(link, context.scene)
-        target = path.parent / plan.mesh
-        if not self._has(target, mesh):
-            target = self._free(path, mesh)
-            plan = replace(plan, mesh=Path(target.name))
-            save_mesh(mesh, target)
-        save_plan(replace(plan, skins=skins.seen_from(path.parent, plan.skins)), path)
-        if link.skin_calib.mesh_file != target.name:
-            link.skin_calib.mesh_file = target.name
+        write_plan(context, context.object, path)
         return ()
-
-    def _free(self, path, mesh):
-        """Return a path for the mesh next to the plan where it overwrites no other mesh."""
-        stem = path.name.removesuffix(".json").removesuffix(".plan")
-        names = (f"{stem}.ply" if k == 1 else f"{stem}_{k}.ply" for k in count(1))
-        paths = (path.with_name(name) for name in names)
-        return next(path for path in paths if not path.exists() or self._has(path, mesh))
-
-    @staticmethod
-    def _has(path, mesh):
-        try:
-            return load_mesh(path, "m").sha256 == mesh.sha256
-        except InvalidMesh:
-            return False
 
 
 class SKIN_OT_export_calibration(WhileIdle, OnLink, Export, bpy.types.Operator):
@@ -195,6 +207,7 @@ def draw_import(menu, _context):
     menu.layout.operator(SKIN_OT_import_plan.bl_idname, text="Skin Plan (.json)")
     menu.layout.operator("skin_calib.import_mesh", text="Skin Link Mesh (.stl, .ply, .obj)")
     menu.layout.operator("skin_calib.import_urdf", text="Skin Link of a Robot (.urdf)")
+    menu.layout.operator("skin_calib.import_robot", text="Robot (.urdf)")
 
 
 def draw_export(menu, _context):
@@ -202,6 +215,7 @@ def draw_export(menu, _context):
     menu.layout.operator(SKIN_OT_export_plan.bl_idname, text="Skin Plan (.json)")
     menu.layout.operator(SKIN_OT_export_calibration.bl_idname, text="Skin Calibration (.json)")
     menu.layout.operator(SKIN_OT_export_taxels.bl_idname, text="Skin Taxels (MuJoCo, URDF, iCub, ...)")
+    menu.layout.operator("skin_calib.export_robot", text="Skins of a Robot (folder)")
 
 
 CLASSES = (SKIN_OT_import_plan, SKIN_OT_export_plan, SKIN_OT_export_calibration, SKIN_OT_export_taxels)

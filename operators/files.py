@@ -45,6 +45,8 @@ class Import(FromFile):
 
     def invoke(self, context, event):
         self.by_hand = True
+        if self.properties.is_property_set("filepath"):  # of a file that was dropped into the view
+            return self.execute(context)
         return super().invoke(context, event)
 
     def execute(self, context):

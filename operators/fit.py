@@ -8,10 +8,36 @@ from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import maximum_of
 from ..skin_calib_addon.blender.properties.inspect import maximum_token
-from ..skin_calib_addon.blender.scene import results, scene
+from ..skin_calib_addon.blender.scene import results, scene, skins
+from ..skin_calib_addon.blender.scene.warnings import refusal_of
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .on_link import OnLink, OnResult
 from .working import Working
+
+
+def fit_of(context, link):
+    """Return plan and facets of a link, and the computation of its fit, which needs no Blender."""
+    plan, facets = scene.read_plan(link, context.scene), updates.facets_of(link)
+    return (plan, facets), lambda begin: results.fit(plan, facets.mesh(), begin)
+
+
+def store_fit(context, link, given, result):
+    """Store and draw the fit of a link; it is outdated if plan or facets are no longer those that were given."""
+    key, calibrated = result
+    drawing.prepare(key, calibrated)
+    updates.reports.pop(link.name, None)
+    scene.write_result(link, context.scene, calibrated, key)
+    link.skin_calib.result.outdated = not _is_unchanged(context, link, *given)
+    drawing.redraw()
+
+
+def _is_unchanged(context, link, plan, facets):
+    """Return whether plan and mesh are still those of the fit."""
+    try:
+        is_same = scene.read_plan(link, context.scene) == plan
+        return is_same and scene.read_facets(link, context).is_same(facets)
+    except SkinCalibError:
+        return False
 
 
 class SKIN_OT_fit(Working, OnLink, bpy.types.Operator):
@@ -24,30 +50,28 @@ class SKIN_OT_fit(Working, OnLink, bpy.types.Operator):
     doing = "Fitting"
 
     def task(self, context):
-        plan, facets = scene.read_plan(context.object, context.scene), updates.facets_of(context.object)
-        self.given = plan, facets
-        return lambda begin: results.fit(plan, facets.mesh(), begin)
+        self.subject = context.object.name
+        self.given, task = fit_of(context, context.object)
+        return task
 
     def store(self, context, link, result):
-        """Store and draw the result, and report its errors; it is outdated where plan or mesh have changed."""
-        key, calibrated = result
-        drawing.prepare(key, calibrated)
-        scene.write_result(link, context.scene, calibrated, key)
-        link.skin_calib.result.outdated = not self.is_unchanged(context, link)
-        drawing.redraw()
-        mean = calibrated.fit.errors.surface_to_mesh.mean
+        """Store the result, and report its errors."""
+        _, calibrated = result
+        store_fit(context, link, self.given, result)
+        mean = max(fit.errors.surface_to_mesh.mean for fit in calibrated.fits.values())
         self.report({"INFO"}, f"{link.skin_calib.link}: mean error {mean * 1e3:.4f} mm")
         for warning in calibrated.warnings:  # last, because the window shows what was reported last
             self.report({"WARNING"}, str(warning))
 
-    def is_unchanged(self, context, link):
-        """Return whether plan and mesh are still those of the fit."""
-        plan, facets = self.given
-        try:
-            is_same = scene.read_plan(link, context.scene) == plan
-            return is_same and scene.read_facets(link, context).is_same(facets)
-        except SkinCalibError:
-            return False
+    def refuse(self, error):
+        """Report why there is no fit. The reason stays in the panel, which a pop-up would hide."""
+        link = bpy.data.objects.get(self.subject)
+        if link is not None:
+            updates.refuse(link, refusal_of(error))
+        if not self.options.is_invoke:
+            return super().refuse(error)
+        self.report({"WARNING"}, skins.in_window(error))
+        return {"CANCELLED"}
 
 
 class SKIN_OT_show_worst(OnResult, bpy.types.Operator):
@@ -64,7 +88,7 @@ class SKIN_OT_show_worst(OnResult, bpy.types.Operator):
         if inspect.marked == key:
             inspect.marked = ""
             return {"FINISHED"}
-        inspect.marked, fit = key, results.find(key).fit
+        inspect.marked, fit = key, results.find(key).worst_fit
         drawing.cache(maximum_token(key), (maximum_of(fit),))
         _, point, distance = fit.worst
         place = scene.link_frame(context.object) @ (Vector(point) / scene.metres_per_unit(context.scene))

@@ -52,7 +52,8 @@ class SKIN_OT_frame_find(OnSkin, Edit, bpy.types.Operator):
         read = scene.read_plan(context.object, context.scene)
         skin = read.skins[self.skin]
         taxels = read_taxels(skin.file, skin.format, skin.only)
-        cover = cut_cover(scene.read_mesh(context.object, context), read.cover)
+        surface = next(surface for surface in read.surfaces if surface.name == read.surface_of(skin))
+        cover = cut_cover(scene.read_mesh(context.object, context), surface.cover)
         rotation, translation = frame_on(taxels, cover, skin.name, skin.frame)
         frame = Frame(tuple(map(tuple, rotation.tolist())), tuple(translation.tolist()))
         skins.write_frame(plan.skins[self.skin], frame, scene.metres_per_unit(context.scene))

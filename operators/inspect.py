@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.handles.view import ray_under
-from ..skin_calib_addon.blender.inspection import comparing, replay, taxels
+from ..skin_calib_addon.blender.inspection import comparing, replay, taxel_mesh, taxels
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .files import LooksAtFile
 from .on_link import OnLink, OnResult
@@ -67,6 +67,20 @@ def taxel_under(context, x, y):
     return taxels.taxel_on_ray(context.object, context, *ray) if ray else None
 
 
+class SKIN_OT_taxel_mesh(OnResult, bpy.types.Operator):
+    """Make an object with a face for each taxel, with attributes for Geometry Nodes, materials and the spreadsheet"""
+
+    bl_idname = "skin_calib.taxel_mesh"
+    bl_label = "Taxels as Mesh"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        made = taxel_mesh.add_taxel_mesh(context.object, context)
+        names = ", ".join(a.name for a in made.data.attributes if a.domain == "FACE" and not a.is_internal)
+        self.report({"INFO"}, f"{made.name}: {len(made.data.polygons)} faces with {names}")
+        return {"FINISHED"}
+
+
 class SKIN_OT_compare(OnResult, LooksAtFile, bpy.types.Operator):
     """Compare the taxels of the active link with those of a calibration or of another program's file"""
 
@@ -102,6 +116,7 @@ class SKIN_OT_replay_open(OnResult, LooksAtFile, bpy.types.Operator):
 
     def look(self, context, path):
         shown = replay.open_recording(context.object, path)
+        taxel_mesh.follow_timeline(context.scene)
         return f"{len(shown)} frames, {shown.duration:.2f} s, at most {shown.strongest:.2f} N on a taxel"
 
 
@@ -150,6 +165,7 @@ class SKIN_OT_replay_play(OnRecording, bpy.types.Operator):
 
 CLASSES = (
     SKIN_OT_taxel,
+    SKIN_OT_taxel_mesh,
     SKIN_OT_compare,
     SKIN_OT_compare_end,
     SKIN_OT_replay_open,

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.live import diagnoses
-from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.blender.scene import scene, showing
 from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink
 from ..skin_calib_addon.common.findings import show
 from ..skin_calib_addon.geometry.mesh.defects import count, edges_at
@@ -24,11 +24,12 @@ def add_link(operator, context, mesh, unit, name, file):
     """Add a link as the active object; report its size, as a warning where links do not have this size."""
     link = scene.add_link(context, mesh, unit, name)
     link.skin_calib.link, link.skin_calib.mesh_file = name, file
-    scene.activate(context, link)
+    hidden = showing.present(context, [link])
     side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
     wrong = likely_mistake(side)
     size = f"{name}: {count(len(mesh.faces), 'face')} in {UNIT_NAMES[unit]}, {side * 1e3:.4g} mm long"
-    operator.report({"WARNING"} if wrong else {"INFO"}, size + ". Check the unit" * bool(wrong))
+    ending = ". Check the unit" if wrong else f". {hidden}" if hidden else ""
+    operator.report({"WARNING"} if wrong else {"INFO"}, size + ending)
 
 
 class ImportLink(Import):
@@ -43,7 +44,7 @@ class SKIN_OT_import_mesh(ImportLink, bpy.types.Operator):
     bl_idname = "skin_calib.import_mesh"
     bl_label = "Import Link Mesh"
 
-    filter_glob: bpy.props.StringProperty(default="*.stl;*.ply;*.obj;*.off", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(default="*.stl;*.ply;*.obj;*.off;*.dae", options={"HIDDEN"})
     unit: bpy.props.EnumProperty(
         name="Unit",
         description="Unit of the numbers in the file",
@@ -71,7 +72,8 @@ class FromRobot(ImportLink):
         """Return the function that reads a link."""
         files = meshes_of(robot, link, use)
         alone = len(files) == 1 and not files[0].moved
-        return lambda: (load_link(path, robot, link, use), "m", link, files[0].file if alone else "")
+        file = files[0].file if alone else path.name if use == "visual" else ""
+        return lambda: (load_link(path, robot, link, use), "m", link, file)
 
 
 class SKIN_OT_import_urdf(FromRobot, bpy.types.Operator):
@@ -161,7 +163,7 @@ class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
 
 
 class SKIN_OT_diagnose(Working, OnMesh, bpy.types.Operator):
-    """Check the mesh, with its modifiers, for parts, holes and faces that affect the fit; Esc stops a long check"""
+    """Check the mesh, with its modifiers, for what affects the fit, and try the fit at these settings; Esc stops it"""
 
     bl_idname = "skin_calib.diagnose"
     bl_label = "Check Mesh"
@@ -170,11 +172,14 @@ class SKIN_OT_diagnose(Working, OnMesh, bpy.types.Operator):
     doing = "Checking"
 
     def task(self, context):
-        return diagnoses.examination(context.object, context)
+        examine = diagnoses.examination(context.object, context)
+        attempt = diagnoses.trial(context.object, context)
+        return lambda begin: (examine(begin), attempt(begin))
 
-    def store(self, context, link, found):
-        diagnoses.store(link, found)
-        serious = [finding.message for finding in found.findings() if finding.severity != "note"]
+    def store(self, context, link, result):
+        found, foreseen = result
+        diagnoses.store(link, found, foreseen)
+        serious = [w.message for w in (*found.findings(), foreseen) if w.severity != "note"]
         self.report({"INFO"}, f"{link.name}: {'; '.join(serious) or 'found nothing that affects the fit'}")
 
 

@@ -30,6 +30,11 @@ class Picking:
     """An operator that asks for a click on the active link for each prompt, and then executes."""
 
     prompts = ()  # text of the status bar before each click
+    at_mouse: bpy.props.BoolProperty(
+        name="At Mouse",
+        description="Use the point under the mouse, as a tool does, instead of asking for a click",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
     repeats = False  # whether it executes after each click, in an undo step each, until Esc or Return
 
     def check(self, context):
@@ -50,11 +55,22 @@ class Picking:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self.link, self.picked = context.object.name, []
+        if self.at_mouse:
+            return self.use_mouse(context, event)
         self.begin(context)
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(self.prompts[0])
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
+
+    def use_mouse(self, context, event):
+        """Use the point under the mouse, without further clicks."""
+        point = point_under(context, event.mouse_x, event.mouse_y)
+        if point is None:
+            self.report({"WARNING"}, f"{self.link} is not under the mouse: click on it")
+            return {"CANCELLED"}
+        self.take([point])
+        return self.execute(context)
 
     def modal(self, context, event):
         if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":

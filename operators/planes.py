@@ -27,12 +27,24 @@ class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
 
     def edit(self, context, plan):
         link = context.object
-        read = scene.read_plan(link, context.scene)
+        read = scene.shown_surface(link, context.scene)
         cover = cut_cover(scene.read_mesh(link, context), read.cover)
+        if not isinstance(read.grid, PlanesGrid) and read.grid.region.boundary:
+            raise SkinCalibError("Planes placed by hand cannot have a boundary. Remove the boundary first.")
         lines = grid_lines(cover, read.grid, read.degree, read.max_deviation)
         grid = PlanesGrid(*planes_of(lines), lines.closed)
         scene.write_grid(plan.grid, grid, scene.metres_per_unit(context.scene))
         plan.held = "U"
+
+
+class SKIN_OT_boundary_remove(Edit, bpy.types.Operator):
+    """Remove the boundary of the grid, so that the surface covers the whole region"""
+
+    bl_idname = "skin_calib.boundary_remove"
+    bl_label = "Remove Boundary"
+
+    def edit(self, context, plan):
+        plan.grid.boundary = ""
 
 
 class OnPlanes(Edit):
@@ -120,4 +132,5 @@ CLASSES = (
     SKIN_OT_plane_remove,
     SKIN_OT_planes_spread,
     SKIN_OT_planes_mirror,
+    SKIN_OT_boundary_remove,
 )

@@ -3,10 +3,28 @@
 
 import textwrap
 
-from ..skin_calib_addon.blender.live import updates
+import blf
+import bpy
 
-# Characters in a line of the sidebar at its initial width.
+from ..skin_calib_addon.blender.live import updates
+from ..skin_calib_addon.blender.properties.millimetres import shown
+
+# Characters in a line without a region, as in a background process.
 LINE_WIDTH = 34
+# [pixel of a screen with standard density] Left and right of a text in the sidebar: edges of panels, tabs, an icon.
+# Larger: texts are broken earlier; smaller: their ends are cut off.
+TEXT_MARGIN = 80
+# [pixel of a screen with standard density] Width of the sidebar below which labels are inside their fields, and buttons
+# one below the other. Larger: wide sidebars look so, too; smaller: labels and buttons are cut off.
+NARROW_WIDTH = 260
+# [pixel of a screen with standard density] For the value of a field next to its label, in addition to the margin of a
+# text. Larger: labels are above their fields in wider sidebars.
+VALUE_WIDTH = 35
+ICON_WIDTH = (
+    25  # [pixel of a screen with standard density] of an icon. Larger: buttons lose fewer words in narrow sidebars
+)
+LINKING = ("and", "as", "with")  # words that no short text of a button ends with
+POPOVER_UNITS = 16  # width of the status as a popover, in units of a button's height
 
 
 class SkinPanel:
@@ -27,10 +45,136 @@ class SkinPanel:
         self.draw_plan(layout, context.object and context.object.skin_calib)
 
 
+class Step:
+    """A part of the work that opens and closes; closed, it is one line with a tick and its key figure.
+
+    The first successful fit closes the steps before the skin, and opens that one. The program opens and closes nothing
+    else, so that it never acts against the author.
+    """
+
+    label = ""
+    name = ""  # of the property that keeps whether it is open
+
+    def draw(self, layout, plan):
+        """Draw its line, and below it what it contains if it is open."""
+        header, body = layout.panel_prop(self.states(plan), self.name)
+        header.label(text=self.label)
+        figure = "" if body else self.figure(plan)
+        if figure:
+            row = header.row()
+            row.alignment = "RIGHT"
+            row.label(text="" if is_narrow() else figure, icon="CHECKMARK" if self.is_done(plan) else "NONE")
+        if body:
+            self.draw_plan(body, plan)
+
+    def states(self, plan):
+        """Return the properties that keep which steps are open."""
+        return plan.steps
+
+    def is_done(self, plan):
+        """Return whether the closed step has a tick: once the link is fitted as it is."""
+        return bool(plan.result.key) and not plan.result.outdated
+
+    def figure(self, plan):
+        """Return the key figure of the closed step; empty where there is none yet."""
+        return ""
+
+    def draw_plan(self, layout, plan):
+        """Draw what it contains."""
+        raise NotImplementedError
+
+
+def more(layout, plan, name):
+    """Return the layout for options that are rarely needed; None while they are closed."""
+    header, body = layout.panel_prop(plan.steps, name)
+    header.label(text="More")
+    return body
+
+
+def is_narrow():
+    """Return whether the sidebar has no space for labels next to fields, and for buttons next to each other."""
+    region = bpy.context.region
+    is_sidebar = region is not None and region.type == "UI" and not bpy.app.background
+    return is_sidebar and region.width < NARROW_WIDTH * bpy.context.preferences.system.ui_scale
+
+
+def buttons(layout):
+    """Return the layout of a row of buttons, which is a column in a narrow sidebar."""
+    return layout.column(align=True) if is_narrow() else layout.row(align=True)
+
+
+def field(layout, group, name, **words):
+    """Draw a property; in a narrow sidebar its label is above it, or in several lines."""
+    item = group.bl_rna.properties[name]
+    text, is_several = words.get("text", item.name), getattr(item, "is_array", False) and "index" not in words
+    if is_several and item.unit == "CAMERA":  # Blender writes no letters before the components of such a unit
+        if is_narrow():
+            layout.label(text=text)
+        for i, letter in enumerate("XYZ"):
+            layout.prop(group, name, index=i, text=letter if i or is_narrow() else f"{text} {letter}")
+        return
+    space = {"BOOLEAN": 0, "INT": VALUE_WIDTH, "FLOAT": VALUE_WIDTH}.get(item.type)
+    if not is_narrow() or is_several or not text or space is not None and fits(text, space):
+        layout.prop(group, name, **words)
+        return
+    if item.type == "BOOLEAN":
+        row = layout.row(align=True)
+        row.prop(group, name, text="")
+        show_text(row, text, "NONE")
+        return
+    column = layout.column(align=True)
+    column.label(text=text)
+    column.prop(group, name, **words | {"text": ""})
+
+
+def button(layout, name, icon="NONE", text=None, **options):
+    """Draw the button of an operator of ours, and return it; a narrow sidebar has no icon, or only the first words."""
+    text = getattr(bpy.ops.skin_calib, name).get_rna_type().name if text is None else text
+    words = text.split()
+    if is_narrow():
+        if not fits(text, 0):
+            icon = "NONE"
+        while len(words) > 1 and (words[-1] in LINKING or not fits(" ".join(words), -ICON_WIDTH)):
+            words.pop()
+    return layout.operator(f"skin_calib.{name}", text=" ".join(words), icon=icon, **options)
+
+
+def fits(text, space):
+    """Return whether the sidebar has space for a text in one line.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    space : float
+        For something next to it, in addition to the margins of a text [pixel of a screen with standard density].
+    """
+    region, system = bpy.context.region, bpy.context.preferences.system
+    if region is None or bpy.app.background:
+        return len(text) <= LINE_WIDTH
+    blf.size(0, bpy.context.preferences.ui_styles[0].widget.points * system.ui_scale)
+    width = region.width if region.type == "UI" else 20 * POPOVER_UNITS * system.ui_scale
+    return blf.dimensions(0, text)[0] <= width - (TEXT_MARGIN + space) * system.ui_scale
+
+
+def lines_of(text):
+    """Return a text in lines that are as wide as the sidebar, or as the popover of the status."""
+    if bpy.context.region is None or bpy.app.background:
+        return textwrap.wrap(text, LINE_WIDTH)
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and not fits(longer, 0):
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return [line for line in lines if line]
+
+
 def show_text(layout, text, icon):
     """Draw a message in lines as wide as the sidebar."""
     column = layout.column(align=True)
-    for k, line in enumerate(textwrap.wrap(text, LINE_WIDTH)):
+    for k, line in enumerate(lines_of(text)):
         column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
 
 
@@ -55,5 +199,5 @@ def draw_plane(layout, plane, wrong):
     if wrong:
         column.alert = True
         column.label(text=f"It {wrong}", icon="ERROR")
-    column.prop(plane, "point")
+    field(column, plane, shown(plane, "point"))
     column.prop(plane, "normal")

@@ -4,7 +4,9 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene import cut_away
-from .base import SkinPanel, draw_plane, what_is_wrong
+from ..skin_calib_addon.blender.scene.scene import shown_index, surface_names
+from ..skin_calib_addon.geometry.mesh.defects import count
+from .base import Step, button, draw_plane, what_is_wrong
 
 MAX_ROWS = 5  # of the list
 # A unit normal whose largest component is above this is along an axis.
@@ -33,10 +35,17 @@ def kept_side(normal):
     return f"{about}{'-' if normal[largest] < 0 else '+'}{'XYZ'[largest]}"
 
 
-class SKIN_PT_cut(SkinPanel, bpy.types.Panel):
-    bl_label = "Cut"
+class CutStep(Step):
+    label = "Cut"
+    name = "cut"
+
+    def figure(self, plan):
+        cuts = len(plan.cover.cuts)
+        shell = plan.cover.bl_rna.properties["shell"].enum_items[plan.cover.shell].name
+        return f"{shell}, {count(cuts, 'cut')}" if cuts else shell
 
     def draw_plan(self, layout, plan):
+        self.draw_surfaces(layout, plan)
         cover, cuts = plan.cover, plan.cover.cuts
         layout.row().prop(cover, "shell", expand=True)
         if cuts:
@@ -48,9 +57,23 @@ class SKIN_PT_cut(SkinPanel, bpy.types.Panel):
         row.operator("skin_calib.cut_add", icon="ADD")
         row.operator("skin_calib.cut_place", text="", icon="EYEDROPPER")
         column = layout.column(align=True)
-        column.operator("skin_calib.cut_away", icon="FACESEL")
+        button(column, "cut_away", icon="FACESEL")
         if cut_away.modifier_of(plan.id_data):
-            column.operator("skin_calib.bring_back", icon="LOOP_BACK")
+            button(column, "bring_back", icon="LOOP_BACK")
+
+    def draw_surfaces(self, layout, plan):
+        """Draw the names of the surfaces, the one that the panels show pressed; of a single one only the button Add."""
+        names, shown = surface_names(plan), shown_index(plan)
+        if len(names) == 1:
+            button(layout, "surface_add", icon="ADD")
+            return
+        column = layout.column(align=True)
+        for k, name in enumerate(names):
+            column.operator("skin_calib.surface_show", text=name, depress=k == shown).index = k
+        row = layout.row(align=True)
+        row.prop(plan, "surface_name")
+        row.operator("skin_calib.surface_add", text="", icon="ADD")
+        row.operator("skin_calib.surface_remove", text="", icon="X")
 
 
-CLASSES = (SKIN_UL_cuts, SKIN_PT_cut)
+CLASSES = (SKIN_UL_cuts,)

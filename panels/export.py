@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Export of files."""
 
-import bpy
-
-from .base import SkinPanel
+from .base import Step, button, buttons
 
 
-class SKIN_PT_export(SkinPanel, bpy.types.Panel):
-    bl_label = "Export"
+class ExportStep(Step):
+    label = "Export"
+    name = "export"
 
     def draw_plan(self, layout, plan):
-        column = layout.column()
-        column.operator("skin_calib.export_calibration", text="Calibration", icon="EXPORT")
-        column.operator("skin_calib.export_plan", text="Plan", icon="EXPORT")
-        column.operator("skin_calib.export_taxels", text="Taxels for...", icon="EXPORT")
-
-
-CLASSES = (SKIN_PT_export,)
+        column = layout.column(align=True)
+        button(column, "export_calibration", text="Calibration", icon="EXPORT")
+        row = buttons(column)
+        button(row, "export_plan", text="Plan", icon="EXPORT")
+        button(row, "export_taxels", text="Taxels...", icon="EXPORT")

@@ -1,36 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The fit and its result."""
+"""The figures of the fit."""
 
 import bpy
 
-from ..skin_calib_addon.blender.live import updates
-from .base import SkinPanel, show_text, show_warning
+from ..skin_calib_addon.blender.properties.millimetres import shown
+from ..skin_calib_addon.blender.scene.scene import metres_per_unit
+from .base import Step, button, field
 
 
-class SKIN_PT_fit(SkinPanel, bpy.types.Panel):
-    bl_label = "Fit"
+class FitStep(Step):
+    label = "Fit"
+    name = "fit"
+
+    def figure(self, plan):
+        mean = plan.result.mean * metres_per_unit(bpy.context.scene)
+        return f"{mean * 1e3:.4f} mm" if plan.result.key else ""
 
     def draw_plan(self, layout, plan):
-        row = layout.row(align=True)
-        row.operator("skin_calib.fit", icon="SURFACE_DATA")
-        row.prop(plan, "live", toggle=True, icon="PLAY")
-        result, note = plan.result, updates.reports.get(plan.id_data.name)
-        if note and note.problem:
-            show_text(layout, note.problem, "ERROR")
+        result = plan.result
         if not result.key:
+            layout.label(text="Press Fit above", icon="INFO")
             return
-        if note and not note.problem:
-            layout.label(text=f"Mean {note.mean * 1e3:.4f} mm on the rays, {note.seconds * 1e3:.0f} ms", icon="PLAY")
-        elif result.outdated:
-            layout.label(text="The plan has changed: fit again", icon="INFO")
         column = layout.column(align=True)
         column.enabled = False
         for name in ("mean", "max", "hausdorff", "control_points", "taxels", "seconds"):
-            column.prop(result, name)
+            field(column, result, shown(result, name))
         is_marked = plan.inspect.marked == result.key
-        layout.operator("skin_calib.show_worst", icon="ZOOM_SELECTED", depress=is_marked)
-        for warning in result.warnings:
-            show_warning(layout, warning)
-
-
-CLASSES = (SKIN_PT_fit,)
+        button(layout, "show_worst", icon="ZOOM_SELECTED", depress=is_marked)

@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene.scene import record_of
-from .base import SkinPanel, draw_plane, what_is_wrong
+from .base import Step, button, draw_plane, field, more, what_is_wrong
 from .rows import draw_keys, draw_value, keys_in
 
 
@@ -18,19 +18,25 @@ class SKIN_UL_planes(bpy.types.UIList):
         layout.label(text=f"{family.lower()}-plane {index}", icon="ERROR" if wrong else "MESH_PLANE")
 
 
-class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
-    bl_label = "Grid"
+class GridStep(Step):
+    label = "Grid"
+    name = "grid"
+
+    def figure(self, plan):
+        return plan.grid.bl_rna.properties["kind"].enum_items[plan.grid.kind].name
 
     def draw_plan(self, layout, plan):
         grid = plan.grid
-        layout.prop(grid, "kind")
+        field(layout, grid, "kind")
         if grid.kind == "auto":
-            layout.prop(grid, "region")
-        own = {"axis": self.draw_axis, "u": self.draw_planes, "v": self.draw_planes}
+            field(layout, grid, "region")
+        own = {"axis": self.draw_axis, "boundary": self.draw_boundary, "u": self.draw_planes, "v": self.draw_planes}
         draw_keys(layout, grid, record_of(grid).keys, own)
         if grid.kind != "planes":
-            layout.operator("skin_calib.planes_place", icon="MESH_PLANE")
-        draw_keys(layout, plan, keys_in("Grid"))
+            button(layout, "planes_place", icon="MESH_PLANE")
+        body = more(layout, plan, "more_grid")
+        if body:
+            draw_keys(body, plan, keys_in("Grid"))
 
     def draw_axis(self, layout, grid, key):
         is_face = "across" in (grid.kind, grid.kind == "auto" and grid.region)
@@ -40,7 +46,13 @@ class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
             row.operator("skin_calib.axis_from_sections", text="", icon="EYEDROPPER")
             draw_value(layout, grid, key)
         elif not grid.auto_axis:
-            layout.prop(grid, "direction")
+            field(layout, grid, "direction")
+
+    def draw_boundary(self, layout, grid, key):
+        if grid.boundary:
+            row = layout.row()
+            row.label(text="Inside its boundary", icon="MOD_OUTLINE")
+            row.operator("skin_calib.boundary_remove", text="", icon="X")
 
     def draw_planes(self, layout, grid, key):
         family = key.property_name
@@ -58,4 +70,4 @@ class SKIN_PT_grid(SkinPanel, bpy.types.Panel):
             draw_plane(layout, listed[index], what_is_wrong(grid, family.upper(), index))
 
 
-CLASSES = (SKIN_UL_planes, SKIN_PT_grid)
+CLASSES = (SKIN_UL_planes,)

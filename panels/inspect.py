@@ -4,11 +4,19 @@
 import bpy
 
 from ..skin_calib_addon.blender.inspection import comparing, replay
+from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene import results
-from .base import SkinPanel, show_text, show_warning
+from ..skin_calib_addon.blender.scene.scene import metres_per_unit
+from .base import SkinPanel, button, field, show_text, show_warning
 
 
-class SKIN_PT_inspect(SkinPanel, bpy.types.Panel):
+class InspectPanel(SkinPanel):
+    """In a tab of its own: the tab Skin has the work, this one its inspection."""
+
+    bl_category = "Inspect"
+
+
+class SKIN_PT_inspect(InspectPanel, bpy.types.Panel):
     bl_label = "Inspect"
 
     def draw_plan(self, layout, plan):
@@ -16,27 +24,28 @@ class SKIN_PT_inspect(SkinPanel, bpy.types.Panel):
             layout.label(text="Fit the link to see its skin", icon="INFO")
         elif results.find(plan.result.key) is None:
             layout.label(text="Fit again to see the skin", icon="INFO")  # a .blend has no surface
-        layout.prop(plan, "show_overlay")
+        field(layout, plan, "show_overlay")
         column = layout.column(align=True)
         column.active = plan.show_overlay
         flow = column.grid_flow(columns=3, even_columns=True, align=True)
         flow.use_property_split = False
         for item in plan.bl_rna.properties["layers"].enum_items:
             flow.prop_enum(plan, "layers", item.identifier)
-        column.prop(plan.inspect, "heat")
-        column.prop(plan.inspect, "labels")
+        field(column, plan.inspect, "heat")
+        field(column, plan.inspect, "labels")
+        button(layout, "taxel_mesh", icon="OUTLINER_OB_MESH")
         if plan.inspect.heat == "FORCE" and not plan.inspect.replay.file:
             layout.label(text="Open a recording below", icon="INFO")
 
 
-class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
+class SKIN_PT_inspect_taxel(InspectPanel, bpy.types.Panel):
     bl_label = "Taxel"
     bl_parent_id = "SKIN_PT_inspect"
 
     def draw_plan(self, layout, plan):
         taxel = plan.inspect.taxel
-        layout.operator("skin_calib.taxel", icon="EYEDROPPER")
-        layout.prop(taxel, "wanted", icon="VIEWZOOM")
+        button(layout, "taxel", icon="EYEDROPPER")
+        field(layout, taxel, "wanted", icon="VIEWZOOM")
         show_text(layout, taxel.problem, "ERROR")
         if not taxel.id:
             return
@@ -44,17 +53,19 @@ class SKIN_PT_inspect_taxel(SkinPanel, bpy.types.Panel):
             layout.label(text="Of another fit: read it again", icon="INFO")
         column = layout.column(align=True)
         column.enabled = False
-        for name in ("id", "channel", "index", "position", "normal", "area"):
-            column.prop(taxel, name)
+        for name in ("id", "channel", "index", "position", "normal"):
+            field(column, taxel, shown(taxel, name))
+        area = taxel.area * (1e3 * metres_per_unit(bpy.context.scene)) ** 2
+        column.label(text=f"Area: {area:.1f} mm²")
         if taxel.has_strain:
             for name in ("strain_along", "strain_across", "shear"):
-                column.prop(taxel, name)
+                field(column, taxel, name)
         if taxel.has_tilt:
-            column.prop(taxel, "tilt")
+            field(column, taxel, "tilt")
         show_text(layout, f"Neighbours: {taxel.neighbours}" if taxel.neighbours else "No neighbours", "NONE")
 
 
-class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
+class SKIN_PT_inspect_compare(InspectPanel, bpy.types.Panel):
     bl_label = "Compare"
     bl_parent_id = "SKIN_PT_inspect"
 
@@ -67,13 +78,13 @@ class SKIN_PT_inspect_compare(SkinPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.enabled = False
         for name in ("pairs", "by", "mean", "max", "worst"):
-            column.prop(found, name)
+            field(column, found, shown(found, name))
         if found.has_angles:
-            column.prop(found, "mean_angle")
-            column.prop(found, "max_angle")
+            field(column, found, "mean_angle")
+            field(column, found, "max_angle")
 
 
-class SKIN_PT_inspect_touches(SkinPanel, bpy.types.Panel):
+class SKIN_PT_inspect_touches(InspectPanel, bpy.types.Panel):
     bl_label = "Touches"
     bl_parent_id = "SKIN_PT_inspect"
 
@@ -85,13 +96,13 @@ class SKIN_PT_inspect_touches(SkinPanel, bpy.types.Panel):
             show_warning(layout, warning)
         for line in found.remarks.splitlines():
             show_text(layout, line, "DOT")
-        layout.operator("skin_calib.touches_move", icon="SNAP_ON")
+        button(layout, "touches_move", icon="SNAP_ON")
 
 
 def draw_file(layout, found, plan, operator):
     """The buttons that compare with a file and end that, and which file it was; whether there is one."""
     row = layout.row(align=True)
-    row.operator(f"skin_calib.{operator}", icon="FILEBROWSER")
+    button(row, operator, icon="FILEBROWSER")
     if not found.file:
         return False
     row.operator(f"skin_calib.{operator}_end", text="", icon="X")
@@ -101,14 +112,14 @@ def draw_file(layout, found, plan, operator):
     return True
 
 
-class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
+class SKIN_PT_inspect_replay(InspectPanel, bpy.types.Panel):
     bl_label = "Replay"
     bl_parent_id = "SKIN_PT_inspect"
 
     def draw_plan(self, layout, plan):
         record, link = plan.inspect.replay, plan.id_data
         row = layout.row(align=True)
-        row.operator("skin_calib.replay_open", icon="FILEBROWSER")
+        button(row, "replay_open", icon="FILEBROWSER")
         if not record.file:
             return
         row.operator("skin_calib.replay_close", text="", icon="X")
@@ -121,25 +132,25 @@ class SKIN_PT_inspect_replay(SkinPanel, bpy.types.Panel):
         row.operator("skin_calib.replay_play", text="Pause" if playing else "Play", icon="PAUSE" if playing else "PLAY")
         row.prop(record, "loop", text="", icon="FILE_REFRESH", toggle=True)
         column = layout.column(align=True)
-        column.prop(record, "progress", slider=True)
-        column.prop(record, "frame")
-        column.prop(record, "speed")
+        field(column, record, "progress", slider=True)
+        field(column, record, "frame")
+        field(column, record, "speed")
         for line in replay.messages.get(record.token, ()):
             show_text(layout, line, "NONE")
 
 
-class SKIN_PT_inspect_sizes(SkinPanel, bpy.types.Panel):
+class SKIN_PT_inspect_sizes(InspectPanel, bpy.types.Panel):
     bl_label = "Sizes"
     bl_parent_id = "SKIN_PT_inspect"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_plan(self, layout, plan):
         looks = plan.inspect
-        layout.prop(looks, "auto_length")
+        field(layout, looks, "auto_length")
         if not looks.auto_length:
-            layout.prop(looks, "length")
-        layout.prop(looks, "text_size")
-        layout.prop(looks, "line_width")
+            field(layout, looks, shown(looks, "length"))
+        field(layout, looks, "text_size")
+        field(layout, looks, "line_width")
 
 
 CLASSES = (

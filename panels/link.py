@@ -4,81 +4,88 @@
 import bpy
 
 from ..skin_calib_addon.blender.live import diagnoses
+from ..skin_calib_addon.blender.scene.preferences import preferences
 from ..skin_calib_addon.blender.scene.scene import longest_side, namesakes
+from ..skin_calib_addon.geometry.mesh.defects import count
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
-from .base import SkinPanel, show_text, show_warning
+from .base import Step, button, buttons, field, show_text, show_warning
+from .robot import listed
 from .rows import draw_keys, keys_in
 
 
-class SKIN_PT_link(SkinPanel, bpy.types.Panel):
-    bl_label = "Link"
+class LinkStep(Step):
+    label = "Link"
+    name = "link"
 
-    @classmethod
-    def poll(cls, context):
-        return True
-
-    def draw(self, context):
-        if SkinPanel.poll(context):
-            SkinPanel.draw(self, context)
-            self.draw_namesakes(context)
-            self.draw_unit(context)
-        else:
-            self.layout.label(text="Select the mesh of a link,", icon="INFO")
-            self.layout.label(text="or open one:")
-        row = self.layout.row(align=True)
-        row.operator("skin_calib.import_mesh", text="Mesh", icon="IMPORT")
-        row.operator("skin_calib.import_urdf", text="URDF", icon="IMPORT")
-        row.operator("skin_calib.import_plan", text="Plan", icon="IMPORT")
+    def figure(self, plan):
+        return plan.link
 
     def draw_plan(self, layout, plan):
         draw_keys(layout, plan, keys_in("Link"))
-        if not plan.link:
-            layout.label(text="Enter the name of the link", icon="INFO")
-        layout.prop(plan, "mesh_file")
+        field(layout, plan, "mesh_file")
+        if len(listed()) == 1:  # for several links, the step Robot has it
+            field(layout, bpy.context.scene.skin_calib, "skin", placeholder=preferences().skin)
+        self.draw_namesakes(layout)
+        self.draw_unit(layout)
+        draw_imports(layout)
 
-    def draw_namesakes(self, context):
+    def draw_namesakes(self, layout):
         """Draw a warning about another object with the same link name, as a copy has."""
+        context = bpy.context
         others = namesakes(context.object, context.scene)
         if others:
             text = f"{others[0]} has the same link name, so their files have the same names. Rename one."
-            show_text(self.layout.box(), text, "ERROR")
+            show_text(layout.box(), text, "ERROR")
 
-    def draw_unit(self, context):
+    def draw_unit(self, layout):
         """Draw a warning about a size that links do not have, and the button that corrects it."""
+        context = bpy.context
         side = longest_side(context.object, context.scene)
         wrong = likely_mistake(side) if context.object.skin_calib.link and side else None
         if wrong is None:
             return
         unit, _ = wrong
-        box = self.layout.box()
+        box = layout.box()
         question = f"{UNIT_NAMES[unit]}?" if unit else "check its scale"
         column = box.column(align=True)
         column.label(text=f"This mesh is {side:.3g} m long:", icon="ERROR")
         column.label(text=question, icon="BLANK1")
         if unit:
-            box.operator("skin_calib.scale_to_unit", text=f"Scale to {UNIT_NAMES[unit].capitalize()}").unit = unit
+            button(box, "scale_to_unit", text=f"Scale to {UNIT_NAMES[unit].capitalize()}").unit = unit
 
 
-class SKIN_PT_mesh(SkinPanel, bpy.types.Panel):
-    bl_label = "Mesh"
-    bl_parent_id = "SKIN_PT_link"
+def draw_imports(layout):
+    """Draw the buttons that open a link."""
+    row = buttons(layout)
+    for name, text in (("mesh", "Mesh"), ("urdf", "URDF"), ("robot", "Robot"), ("plan", "Plan")):
+        row.operator(f"skin_calib.import_{name}", text=text)
+    row.operator_menu_enum("skin_calib.open_sample", "name", text="", icon="MESH_CYLINDER")
+
+
+class MeshStep(Step):
+    label = "Mesh"
+    name = "mesh"
+
+    def figure(self, plan):
+        serious = sum(finding.severity != "note" for finding in plan.diagnosis.findings)
+        return count(serious, "warning") if serious else "checked" if plan.diagnosis.key else ""
 
     def draw_plan(self, layout, plan):
         found = plan.diagnosis
-        layout.operator("skin_calib.diagnose", icon="VIEWZOOM")
+        button(layout, "diagnose", icon="VIEWZOOM")
         if not found.key:
             return
         if plan.id_data.name in diagnoses.unverified:
             layout.label(text="The mesh has changed: check again", icon="INFO")
+        elif found.outdated:
+            layout.label(text="The plan has changed: check again", icon="INFO")
         for finding in found.findings:
             show_warning(layout, finding)
         if found.inner:
             row = layout.row(align=True)
             row.use_property_split = False
-            row.prop_enum(plan.cover, "shell", "outer", text="Keep Outer Shell")
-            row.prop_enum(plan.cover, "shell", "all", text="Keep All")
+            row.label(text="Keep")
+            for shell in ("outer", "seen", "all"):
+                row.prop_enum(plan.cover, "shell", shell)
         if found.edges:
-            layout.operator("skin_calib.show_defects", text="Show Holes and Bad Edges", icon="RESTRICT_SELECT_OFF")
-
-
-CLASSES = (SKIN_PT_link, SKIN_PT_mesh)
+            button(layout, "show_defects", text="Show Holes and Bad Edges", icon="RESTRICT_SELECT_OFF")

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rows of a panel from the table of plan keys."""
 
+from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.scene import is_simple
 from ..skin_calib_addon.plan.keys import PLAN
+from .base import field
 
 
 def keys_in(panel):
@@ -35,7 +37,7 @@ def draw_keys(layout, group, keys, own=None):
 def draw_key(layout, group, key):
     """Draw the row of one key: its switch first, and its value where it does not have the default."""
     if has_switch(key):
-        layout.prop(group, key.switch.name)
+        field(layout, group, key.switch.name)
     draw_value(layout, group, key)
 
 
@@ -47,9 +49,9 @@ def draw_value(layout, group, key):
         draw_keys(layout, group, key.type.record.keys)
     elif key.labels:
         for i, label in enumerate(key.labels):
-            layout.prop(group, key.property_name, index=i, text=label)
+            field(layout, group, shown(group, key.property_name), index=i, text=label)
     else:
-        layout.prop(group, key.property_name)
+        field(layout, group, shown(group, key.property_name))
 
 
 def has_switch(key):

@@ -3,15 +3,22 @@
 
 from functools import partial
 
-import bpy
-
+from ..skin_calib_addon.blender.properties.millimetres import shown
+from ..skin_calib_addon.blender.scene.scene import surface_names
 from ..skin_calib_addon.plan.keys import SKINS_OF
-from .base import SkinPanel
+from .base import Step, button, buttons, field, more
 from .rows import draw_keys, draw_value
 
+# Keys of a skin that most skins leave as they are.
+RARE = ("landmarks", "hand", "trim", "overlap", "offset", "registration", "first_channel", "anchor")
 
-class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
-    bl_label = "Skin"
+
+class SkinStep(Step):
+    label = "Skin"
+    name = "skin"
+
+    def figure(self, plan):
+        return f"{plan.result.taxels} taxels" if plan.result.taxels else ""
 
     def draw_plan(self, layout, plan):
         if not plan.skins:
@@ -20,14 +27,20 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
             box = layout.box()
             row = box.row()
             row.prop(skin, "name", text="")
+            if skin.kind != "imported":
+                row.operator("skin_calib.preset_save", text="", icon="PRESET_NEW").skin = i
             row.operator("skin_calib.skin_remove", text="", icon="X").index = i
-            box.prop(skin, "kind")
+            field(box, skin, "kind")
             keys = [key for key in SKINS_OF[skin.kind].keys if key.name != "name"]
-            draw_keys(box, skin, keys, self.own(i))
-        row = layout.row(align=True)
+            draw_keys(box, skin, [key for key in keys if key.name not in RARE], self.own(i))
+            body = more(box, plan, "more_skin")
+            if body:
+                draw_keys(body, skin, [key for key in keys if key.name in RARE], self.own(i))
+        row = buttons(layout)
         row.operator("skin_calib.skin_add", text="Sheet", icon="ADD").kind = "sheet"
-        row.operator("skin_calib.skin_add", text="Hexagons", icon="ADD").kind = "hexagons"
+        row.operator("skin_calib.skin_add", text="Boards", icon="ADD").kind = "hexagons"
         row.operator("skin_calib.skin_import", text="Taxels", icon="FILEBROWSER")
+        row.menu("SKIN_MT_presets", text="", icon="PRESET")
 
     def own(self, i):
         """Return what draws the rows of skin ``i`` that have more than a property."""
@@ -36,6 +49,7 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
             "excluded": partial(self.draw_list, what="zone", i=i),
             "origin": partial(self.draw_origin, i=i),
             "cells": partial(self.draw_cells, i=i),
+            "surface": partial(self.draw_surface, i=i),
             "file": self.draw_file,
             "frame": partial(self.draw_frame, i=i),
         }
@@ -44,7 +58,10 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
         for k, item in enumerate(getattr(skin, key.property_name)):
             self.draw_entry(layout, f"{key.labels[0]} {k}", what, i, k)
             draw_keys(layout, item, key.type.record.keys)
-        layout.operator(f"skin_calib.{what}_add", icon="ADD").skin = i
+        row = layout.row(align=True)
+        button(row, f"{what}_add", icon="ADD").skin = i
+        if what == "zone":
+            row.operator("skin_calib.zones_from_faces", text="", icon="FACESEL").skin = i
 
     def draw_origin(self, layout, skin, key, i):
         if skin.kind == "sheet" and skin.landmarks:
@@ -56,22 +73,33 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
         draw_value(layout, skin, key)
 
     def draw_cells(self, layout, skin, key, i):
-        layout.prop(skin, key.property_name)
-        layout.operator("skin_calib.boards_paint", icon="BRUSH_DATA").skin = i
+        field(layout, skin, key.property_name)
+        button(layout, "boards_paint", icon="BRUSH_DATA").skin = i
         if skin.choice == "listed":
             column = layout.column()
             column.alert = skin.cells_wrong
-            column.prop(skin, "cells")
+            field(column, skin, "cells")
             if skin.cells_wrong:
                 column.label(text="List them as 0,0 1,0 0,1", icon="INFO")
+
+    def draw_surface(self, layout, skin, key, i):
+        names = surface_names(skin.id_data.skin_calib)
+        if len(names) == 1:
+            return
+        column = layout.column(align=True)
+        column.label(text=key.label)
+        for k, name in enumerate(names):
+            is_on = name == skin.surface or not skin.surface and k == 0
+            put = column.operator("skin_calib.skin_surface", text=name, depress=is_on)
+            put.skin, put.name = i, name
 
     def draw_file(self, layout, skin, key):
         column = layout.column()
         column.alert = not skin.file
-        column.prop(skin, key.property_name)
+        field(column, skin, key.property_name)
 
     def draw_frame(self, layout, skin, key, i):
-        layout.prop(skin, key.switch.name)
+        field(layout, skin, key.switch.name)
         if skin.framed:
             column = layout.column(align=True)
             column.use_property_split = False
@@ -80,8 +108,8 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
                 row = column.row(align=True)
                 for j in range(k, k + 3):
                     row.prop(skin, "rotation", index=j, text="")
-            layout.prop(skin, "translation")
-        layout.operator("skin_calib.frame_find", icon="VIEWZOOM").skin = i
+            field(layout, skin, shown(skin, "translation"))
+        button(layout, "frame_find", icon="VIEWZOOM").skin = i
 
     def draw_entry(self, box, title, what, i, k):
         """Draw the head of a landmark or zone."""
@@ -97,6 +125,3 @@ class SKIN_PT_skin(SkinPanel, bpy.types.Panel):
         for name, icon in (("place", "EYEDROPPER"), ("place_at_cursor", "PIVOT_CURSOR")):
             place = row.operator(f"skin_calib.{name}", text="", icon=icon)
             place.what, place.skin, place.index = what, i, k
-
-
-CLASSES = (SKIN_PT_skin,)

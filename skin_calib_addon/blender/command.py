@@ -15,9 +15,10 @@ _commands: list[Any] = []
 
 
 def scene_plans() -> list[tuple[Plan, TriangleMesh]]:
-    """Return plan and mesh of every link in the open scene."""
+    """Return plan and mesh of every link in the open scene; of a robot, only of the links that have a skin."""
     context = bpy.context
-    return [(read_plan(link, context.scene), read_mesh(link, context)) for link in links(context)]
+    found = [link for link in links(context) if link.skin_calib.skins or not link.skin_calib.urdf]
+    return [(read_plan(link, context.scene), read_mesh(link, context)) for link in found]
 
 
 def main(argv: Sequence[str]) -> int:

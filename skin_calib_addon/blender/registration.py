@@ -6,7 +6,7 @@ from types import ModuleType
 
 from . import command
 from .handles import plane_handles, skin_handles
-from .inspection import replay
+from .inspection import replay, taxel_mesh
 from .live import diagnoses, updates
 from .overlay import drawing
 from .properties import link as properties
@@ -24,7 +24,18 @@ def register(package: str) -> None:
         Name of the extension's package, which contains ``operators`` and ``panels``.
     """
     outside = [import_module(f"{package}.{name}") for name in ("operators", "panels")]
-    for module in (properties, *outside, drawing, updates, diagnoses, plane_handles, skin_handles, replay, command):
+    for module in (
+        properties,
+        *outside,
+        drawing,
+        updates,
+        diagnoses,
+        plane_handles,
+        skin_handles,
+        replay,
+        taxel_mesh,
+        command,
+    ):
         module.register()
         _modules.append(module)
 

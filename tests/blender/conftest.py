@@ -56,7 +56,9 @@ def bpy(extension):
 def addon(extension, bpy):
     """Return the extension's modules, which differ from those that plain Python imports."""
 
-    found = modules(extension, "command", "live.diagnoses", "overlay.drawing", "scene.results", "scene.scene")
+    found = modules(
+        extension, "command", "live.diagnoses", "overlay.drawing", "scene.results", "scene.robots", "scene.scene"
+    )
     found.plan_document = importlib.import_module(f"{extension}.skin_calib_addon.plan").plan_document
     found.skins = importlib.import_module(f"{extension}.skin_calib_addon.plan.skins")
     return found

@@ -3,6 +3,7 @@
 python -S install_and_fit.py EXTENSION.zip SCENE.blend OUT.json REPORT.json
 """
 
+import importlib
 import importlib.util
 import json
 import sys
@@ -19,6 +20,7 @@ def main(archive, scene, out, report):
     bpy.ops.skin_calib.fit()
     bpy.ops.skin_calib.export_calibration(filepath=out)
     places = {name: str(Path(sys.modules[name].__file__).parent) for name in ("numpy", "scipy", "trimesh")}
+    places["collada"] = str(Path(importlib.import_module("collada").__file__).parent)  # with what it imports
     ours = [name for name in sys.modules if name.endswith("skin_calib_addon.pipeline")]
     version = sys.modules["scipy"].__version__
     Path(report).write_text(json.dumps({"before": before, "places": places, "ours": ours, "version": version}))

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skin_calib_addon import cli
 from tests.blender.conftest import BOARDS, CLEAR, LEFT, PINNED, ROOT
@@ -92,6 +93,22 @@ def test_command_fits_every_link_of_the_scene(bpy, addon, plan_file, fit_plainly
     for path in plans:
         name = path.name.removesuffix(".plan.json")
         assert (out / f"{name}.calibration.json").read_bytes() == fit_plainly(path)
+
+
+def test_plan_with_a_urdf_gives_the_same_bytes(bpy, addon, plan_file, fit_plainly, tmp_path):
+    """The mesh is mirrored, rotated and moved in the URDF; an exported plan names the URDF again."""
+    mesh = '<mesh filename="arm.stl" scale="1.1 -1 0.9"/>'
+    visual = f'<visual><origin xyz="0.1 0.2 -0.3" rpy="0.3 -0.4 0.5"/><geometry>{mesh}</geometry></visual>'
+    (tmp_path / "bot.urdf").write_text(f'<robot name="bot"><link name="arm">{visual}</link></robot>')
+    turn = Rotation.from_euler("xyz", (0.3, -0.4, 0.5)).as_matrix()
+    axis = {"point": (0.1, 0.2, -0.3), "direction": turn[:, 2].round(5).tolist()}
+    path = plan_file(mesh="bot.urdf", grid={"kind": "tube", "n": 6, "lines": 12, "axis": axis}, skins=[])
+    bpy.ops.skin_calib.import_plan(filepath=str(path))
+    out, again = tmp_path / "out.json", tmp_path / "again.plan.json"
+    assert bpy.ops.skin_calib.export_calibration(filepath=str(out)) == {"FINISHED"}
+    assert out.read_bytes() == fit_plainly(path)
+    assert bpy.ops.skin_calib.export_plan(filepath=str(again)) == {"FINISHED"}
+    assert '"mesh": "bot.urdf"' in again.read_text() and not list(tmp_path.glob("*.ply"))
 
 
 def test_command_takes_plan_files_too(addon, plan_file, fit_plainly, tmp_path, capsys):

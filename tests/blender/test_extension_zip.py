@@ -73,6 +73,7 @@ def test_zip_installs_and_fits_in_a_new_blender(bare_python, tmp_path):
     assert report["ours"] == ["bl_ext.user_default.skin_calib.skin_calib_addon.pipeline"]
     wheels = str(tmp_path / "resources" / "extensions" / ".local")
     assert report["places"]["scipy"].startswith(wheels) and report["places"]["trimesh"].startswith(wheels)
+    assert report["places"]["collada"].startswith(wheels)
     assert not report["places"]["numpy"].startswith(wheels)
     assert f"scipy-{report['version']}-" in (ROOT / "blender_manifest.toml").read_text()
 

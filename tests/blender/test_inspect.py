@@ -144,10 +144,10 @@ def test_colours_run_over_the_scale(ours, signed, ends):
 
 NUMBERS = [
     ("LENGTH", "METRIC", "MILLIMETERS", 1.0, (0.0, 1.25e-5), (["0", "0.0125"], "mm")),
-    ("LENGTH", "METRIC", "ADAPTIVE", 1.0, (0.0, 1.25e-5), (["0", "12.5"], "µm")),
+    ("LENGTH", "METRIC", "METERS", 1.0, (0.0, 1.25e-5), (["0", "0.0125"], "mm")),
     ("LENGTH", "METRIC", "ADAPTIVE", 0.001, (0.0, 0.125), (["0", "125"], "mm")),
-    ("LENGTH", "IMPERIAL", "INCHES", 1.0, (0.0254,), (["1"], "in")),
-    ("LENGTH", "NONE", "METERS", 0.001, (0.0125,), (["12.5"], "")),
+    ("LENGTH", "IMPERIAL", "INCHES", 1.0, (0.0254,), (["25.4"], "mm")),
+    ("LENGTH", "NONE", "METERS", 0.001, (0.0125,), (["12.5"], "mm")),
     ("FRACTION", "METRIC", "METERS", 1.0, (-0.016, -0.0, 0.016), (["-1.6", "0", "1.6"], "%")),
     ("FORCE", "METRIC", "METERS", 1.0, (2.5,), (["2.5"], "N")),
     ("ANGLE", "METRIC", "METERS", 1.0, (np.pi / 2,), (["90"], "°")),
@@ -155,8 +155,8 @@ NUMBERS = [
 
 
 @pytest.mark.parametrize("kind, system, unit, scale, values, expected", NUMBERS)
-def test_numbers_are_written_as_the_scene_does(bpy, ours, kind, system, unit, scale, values, expected):
-    """They are in the unit of the scene; if it is adaptive, in one that suits the largest number."""
+def test_lengths_are_written_in_millimetres_in_every_scene(bpy, ours, kind, system, unit, scale, values, expected):
+    """The unit of the scene has no effect; other numbers have their usual units."""
     settings = bpy.context.scene.unit_settings
     settings.system, settings.scale_length = system, scale
     if system != "NONE":

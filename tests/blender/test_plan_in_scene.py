@@ -333,10 +333,10 @@ def test_default_length_is_in_metres(bpy, addon, link):
     """In a scene in decimetres, 10 mm and not 1 mm."""
     link.skin_calib.property_unset("max_deviation")
     bpy.context.scene.unit_settings.scale_length = 0.1
-    assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == 0.01
+    assert addon.scene.read_plan(link, bpy.context.scene).surface.max_deviation == 0.01
     link.skin_calib.auto_max_deviation = False
     link.skin_calib.max_deviation = 0.05
-    assert addon.scene.read_plan(link, bpy.context.scene).max_deviation == pytest.approx(0.005)
+    assert addon.scene.read_plan(link, bpy.context.scene).surface.max_deviation == pytest.approx(0.005)
 
 
 def test_added_skins_follow_the_others(bpy, addon, link):

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tests.blender.conftest import look
+from tests.shapes import box, together
 
 
 @pytest.fixture
@@ -121,3 +122,26 @@ def test_axis_goes_through_two_sections(bpy, link):
 def points_of(link):
     """Return the vertices of the link's mesh, in metres in its frame."""
     return np.array([tuple(vertex.co) for vertex in link.data.vertices])
+
+
+def test_sketch_draws_what_is_removed_by_each_choice_of_the_shell(bpy):
+    """A box in a box, cut in half: only "all" keeps the inner one, and "seen" removes it before the cut."""
+    from skin_calib_addon.blender.live.sketch import sketch_of
+    from skin_calib_addon.blender.scene.plane_lists import HandPlanes
+
+    inner = box((-0.01,) * 3, (0.01,) * 3)
+    mesh = together(box((-0.04,) * 3, (0.04,) * 3), inner)
+    rows = {"CUT": np.zeros((1, 3)), "U": np.zeros((0, 3)), "V": np.zeros((0, 3))}
+    normals = rows | {"CUT": np.array([(0, 0, 1.0)])}
+    removed = {}
+    for shell in ("outer", "seen", "all"):
+        layers = sketch_of(mesh, HandPlanes(rows, normals, shell, True)).layers
+        (faces,) = [layer.points for layer in layers if layer.colours is not None]
+        sides = np.float64(faces).reshape(-1, 3, 3)
+        removed[shell] = (
+            np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1).sum() / 2
+        )
+    half = mesh.face_areas.sum() / 2
+    np.testing.assert_allclose(removed["all"], half, rtol=1e-6)
+    np.testing.assert_allclose(removed["outer"], half + inner.face_areas.sum() / 2, rtol=1e-6)
+    np.testing.assert_allclose(removed["seen"], removed["outer"], rtol=1e-6)

@@ -202,7 +202,7 @@ BAD_LINKS = {
     no_cells: "Skin 'band', Cells: must not be empty; write q,r",
     no_cell: "Skin 'band', Cells: '1;0' is not a cell; write q,r",
     same_cells: "Skin 'band' lists a cell twice",
-    far_cell: r"board \[0, 40\] lies beyond the edge of the surface",
+    far_cell: r"board \[0, 40\] lies 983.1 mm beyond the edge u = 1 of the surface",
     wide_boards: "no board with sides of 300 mm fits completely in the region",
     no_side: "arm: Skin 'band', Side: must be at least 0.1 mm, not 0 mm",
     no_radius: "arm: Skin 'band', Excluded Zone 0, Radius: must be more than 0 mm, not 0 mm",

@@ -12,14 +12,18 @@ OPERATORS = (
     *("touches", "touches_move", "touches_end"),
     *("cut_place", "cut_flip", "cut_away", "bring_back", "skin_import", "frame_find"),
     *("replay_open", "replay_close", "replay_play"),
+    *("propose", "propose_all", "fit_all"),
+    *("show_warning", "margin_widen"),
+    *("open_sample", "zones_from_faces", "taxel_mesh", "preset", "preset_save"),
+    *("surface_show", "surface_add", "surface_remove", "skin_surface", "boundary_remove"),
 )
 EXCHANGE = (
-    *("import_plan", "import_mesh", "import_wait", "import_urdf", "choose_link"),
-    *("export_plan", "export_calibration", "export_taxels"),
+    *("import_plan", "import_mesh", "import_wait", "import_urdf", "choose_link", "import_robot"),
+    *("export_plan", "export_calibration", "export_taxels", "export_robot"),
 )
 KINDS = {"sheet": "a flexible sheet of taxels", "hexagons": "rigid hexagonal boards"}
 PANELS = (
-    *("link", "mesh", "cut", "grid", "fit", "skin"),
+    *("work", "status", "robot", "reasons", "link", "mesh", "cut", "grid", "fit", "skin"),
     *("inspect", "inspect_taxel", "inspect_compare", "inspect_touches", "inspect_replay", "inspect_sizes", "export"),
 )
 
@@ -69,7 +73,9 @@ def test_operator_has_tooltip_and_undo(bpy):
         assert len(operator.get_rna_type().description) > 15, name
         assert operator.get_rna_type().name != name
         undo = "UNDO" in getattr(bpy.types, f"SKIN_CALIB_OT_{name}").bl_options
-        assert undo == (name not in ("export_calibration", "export_taxels", "replay_play")), name
+        assert undo == (
+            name not in ("export_calibration", "export_taxels", "export_robot", "replay_play", "preset_save")
+        ), name
 
 
 def properties(group, path=""):
@@ -99,20 +105,30 @@ def test_property_has_tooltip_and_no_animation(bpy):
 class Layout:
     """A substitute for a panel's layout: it accepts the same calls, and records what is shown."""
 
-    def __init__(self, bpy, shown):
-        self.bpy, self.shown = bpy, shown
+    def __init__(self, bpy, shown, is_open=True, called=None):
+        self.bpy, self.shown, self.is_open = bpy, shown, is_open
+        self.called = [] if called is None else called  # operators
 
     def _part(self, **_):
-        return Layout(self.bpy, self.shown)
+        return Layout(self.bpy, self.shown, self.is_open, self.called)
 
     box = row = column = grid_flow = _part
 
+    def panel_prop(self, data, name):
+        """Return the header, which shows nothing here, and the body, which is open."""
+        assert name in data.bl_rna.properties, f"{data} has no {name}"
+        return Layout(self.bpy, []), self if self.is_open else None
+
     def label(self, text, icon="NONE"):
+        self.check_icon(icon)
         self.shown.append(text)
 
-    def prop(self, data, name, **_):
+    def prop(self, data, name, index=0, **_):
+        """Record the property, once for all its components; lengths are shown in millimetres."""
         assert name in data.bl_rna.properties, f"{data} has no {name}"
-        self.shown.append(name)
+        assert getattr(data.bl_rna.properties[name], "unit", "") not in ("LENGTH", "AREA"), f"{name} is not in mm"
+        if index == 0:
+            self.shown.append(name.removesuffix("_mm"))
 
     def prop_enum(self, data, name, value, **_):
         assert value in data.bl_rna.properties[name].enum_items, f"{name} of {data} is never {value}"
@@ -126,28 +142,52 @@ class Layout:
     def separator(self, **_):
         pass
 
-    def operator(self, name, **_):
+    def path_menu(self, folders, operator, **_):
+        self.operator(operator)
+
+    def menu(self, name, icon="NONE", **_):
+        self.check_icon(icon)
+        Drawn(getattr(self.bpy.types, name), self).draw(self.bpy.context)
+
+    def operator_menu_enum(self, name, value, icon="NONE", **_):
+        self.check_icon(icon)
+        assert value in getattr(self.bpy.ops.skin_calib, name.split(".")[1]).get_rna_type().properties
+        self.operator(name)
+
+    def check_icon(self, icon):
+        known = self.bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        assert icon in known, f"Blender has no icon {icon}"
+
+    def operator(self, name, icon="NONE", **_):
+        self.check_icon(icon)
+        self.called.append(name)
         module, name = name.split(".")
         self.shown.append(getattr(getattr(self.bpy.ops, module), name).get_rna_type().name)
         return self
 
 
 class Drawn:
-    """A substitute for a panel, which only Blender can create."""
+    """A substitute for a panel or a menu, which only Blender can create."""
 
     def __init__(self, panel, layout):
-        self.panel, self.layout = panel, layout
+        self.panel, self.layout, self.path_menu = panel, layout, layout.path_menu
 
     def __getattr__(self, name):
-        return MethodType(getattr(self.panel, name), self)
+        found = getattr(self.panel, name)
+        return MethodType(found, self) if callable(found) else found
 
 
-def draw(bpy, name):
-    """Return what a panel shows; None if it is not shown."""
+def draw(bpy, name, is_open=True):
+    """Return what a panel shows, with its steps open or closed; None if it is not shown."""
+    layout = Layout(bpy, [], is_open)
+    work = bpy.types.SKIN_PT_work
+    step = next((step for step in (work.robot, *work.steps) if step.name == name), None)
+    if step:
+        step.draw(layout, bpy.context.object.skin_calib)
+        return layout.shown
     panel = getattr(bpy.types, f"SKIN_PT_{name}")
-    if not panel.poll(bpy.context):
+    if hasattr(panel, "poll") and not panel.poll(bpy.context):
         return None
-    layout = Layout(bpy, [])
     Drawn(panel, layout).draw(bpy.context)
     return layout.shown
 
@@ -163,10 +203,10 @@ def test_panel_shows_existing_properties(bpy, link, kind):
         for family in "uv":
             bpy.ops.skin_calib.plane_add(family=family)
     shown = {name: draw(bpy, name) for name in PANELS}
-    assert shown["skin"][:4] == ["name", "Remove Skin", "kind", "rows"]
+    assert shown["skin"][:5] == ["name", "Save Skin as Preset", "Remove Skin", "kind", "rows"]
     assert (shown["grid"].count("normal") == 2) == (kind == "planes")
     assert ("tolerance" in shown["grid"]) == (kind == "auto")
-    assert shown["fit"] == ["Fit", "live"]
+    assert shown["fit"] == ["Press Fit above"] and shown["status"] == ["Not fitted yet", "Propose", "Fit", "live"]
     assert "Fit the link to see its skin" in shown["inspect"]
 
 
@@ -183,6 +223,7 @@ def test_panel_shows_what_applies_to_the_kind(bpy, link, kind, own):
     """Each option of a skin has a field, and those of other kinds have none."""
     skin = link.skin_calib.skins[0]
     names = {p.identifier for p in skin.bl_rna.properties} - {"rna_type", "landmarks", "excluded", "cells_wrong"}
+    names -= {"surface"} | {name for name in names if name.endswith("_mm")}  # buttons with names; shown lengths
     assert names == EVERY_SKIN | SHEETS | BOARDS | IMPORTED
     skin.kind, skin.choice, skin.framed = kind, "listed", True
     skin.centred = skin.auto_gap = skin.auto_direction = skin.auto_channel = False
@@ -217,7 +258,7 @@ def test_panel_shows_warnings_line_by_line(bpy, link):
     warning.severity, warning.message = "warning", "The surface is 7.1 mm off the mesh at the first plane."
     warning.advice = "Move it."
     expected = ["The surface is 7.1 mm off the mesh", "at the first plane.", "Move it."]
-    assert draw(bpy, "fit")[-3:] == expected
+    assert draw(bpy, "status")[-3:] == expected
 
 
 def test_add_button_says_which_kind_it_adds(bpy):
@@ -230,18 +271,18 @@ def test_add_button_says_which_kind_it_adds(bpy):
 
 def test_panel_says_what_to_do_next(bpy):
     """The tab reports a missing mesh, a missing name, and a changed plan."""
-    assert draw(bpy, "link")[0] == "Select the mesh of a link,"
-    assert draw(bpy, "fit") is None
+    assert draw(bpy, "work")[0] == "Select or open a link" and "Fit" not in draw(bpy, "work")
     mesh = bpy.data.meshes.new("bare")
     bare = bpy.data.objects.new("bare", mesh)
     bpy.context.scene.collection.objects.link(bare)
     bpy.context.view_layer.objects.active = bare
-    assert "Enter the name of the link" in draw(bpy, "link")
+    assert draw(bpy, "status")[0] == "Enter the name of the link"
     assert draw(bpy, "skin")[0] == "Add a sheet, boards, or taxels of a file"
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     bare.skin_calib.skins[0].choice = "listed"
     assert "List them as 0,0 1,0 0,1" in draw(bpy, "skin")
     bare.skin_calib.skins[0].cells = "0,0"
     assert "List them as 0,0 1,0 0,1" not in draw(bpy, "skin")
+    bare.skin_calib.link = "bare"
     bare.skin_calib.result.key, bare.skin_calib.result.outdated = "key", True
-    assert "The plan has changed: fit again" in draw(bpy, "fit")
+    assert draw(bpy, "status")[0] == "The plan has changed: fit again"

@@ -6,7 +6,9 @@ moves in one queue are handled together. After each of them a key in the queue r
 
 import bpy
 
-ROW, COLUMNS = 13, 3  # a button is 20 pixels high, and a row has up to three of them, at a scale of one
+ROW = 13  # a button is 20 pixels high at a scale of one
+# Fractions of the width at which rows of up to four buttons, and those next to lists, are met; the middle first.
+COLUMNS = (0.5, 0.17, 0.83, 0.28, 0.7)
 FINE = 4  # pixels between the places at which the ends of a button are looked for
 HIGH = 40  # pixels above and below a place on a button, among which its ends are
 
@@ -54,7 +56,7 @@ def find(gui, name):
                 break
         scale = bpy.context.preferences.system.ui_scale
         rows = range(here.y + here.height - round(ROW * scale), here.y, -round(ROW * scale))
-        columns = [here.x + here.width * (k + 0.5) / COLUMNS for k in (1, 0, 2)]  # the middle first
+        columns = [here.x + here.width * fraction for fraction in COLUMNS]
         for x in columns:
             places = [(x, y) for y in rows]
             seen = yield from _look(gui, places)

@@ -6,7 +6,7 @@ The zone is placed by a click.
 import bpy
 from buttons import find, press
 from mathutils import Vector
-from sample import hover_view, link, plan, red, undo
+from sample import hover_view, link, open_steps, plan, red, undo
 
 # The button that places a point is too narrow to be found: so many pixels left of the one that removes it.
 PLACE = 49
@@ -15,6 +15,7 @@ TOE = Vector((0.08, 0.015, 0.05))  # seen from below
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from fills_with_boards(gui)
     yield from keeps_boards_off_a_screw(gui)
     yield from shows_the_regions_of_an_automatic_grid(gui)

@@ -3,7 +3,7 @@
 import bpy
 from buttons import find, press
 from mathutils import Vector
-from sample import hover_view, link, plan, run, undo
+from sample import hover_view, link, open_steps, plan, run, undo
 
 # The button that flips a cut is too narrow to be found: so many pixels left of the one that removes it.
 FLIP = 20
@@ -11,6 +11,7 @@ FLIP = 20
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from hover_view(gui)
     bpy.context.preferences.view.smooth_view = 0  # the view is there at once
     with gui.context():

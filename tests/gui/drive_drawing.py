@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from buttons import press
 from mathutils import Vector
-from sample import follow, hover_view, link, ours, plan
+from sample import follow, hover_view, link, open_steps, ours, plan
 
 # Cosine between a cell's normal and the direction to the eye above which its outline is looked at.
 MIN_FACING = 0.15
@@ -15,6 +15,7 @@ MIN_DRAWN = 0.99
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from press(gui, "skin_calib.fit")
     yield from gui.wait(lambda: plan().result.key, 60, "the fit")
     yield from draws_the_legend_in_the_view(gui)

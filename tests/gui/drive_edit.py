@@ -2,11 +2,12 @@
 
 import bpy
 from buttons import find, press
-from sample import hover_view, link, plan, red, run, undo
+from sample import hover_view, link, open_steps, plan, red, run, undo
 
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from hover_view(gui)
     yield from gui.redraw()
     bare = red(gui)

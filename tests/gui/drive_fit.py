@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 from buttons import press
 from mathutils import Vector
-from sample import hover_view, link, plan, red, undo
+from sample import hover_view, link, open_steps, plan, red, undo
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,6 +31,7 @@ def opens_ready_to_fit(gui):
     height = max(y for _, y in pixels) - min(y for _, y in pixels)
     assert height > 0.5 * min(sidebar.x - view.x, view.height), "the link is small in the view"
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from gui.shot("opened.png")
 
 

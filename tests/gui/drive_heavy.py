@@ -10,12 +10,13 @@ from time import perf_counter
 import bpy
 import numpy as np
 from buttons import press
-from sample import link, ours, plan
+from sample import link, open_steps, ours, plan
 
 
 def drive(gui):
     path = gui.out / "large.ply"
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     link().modifiers.new("finer", "SUBSURF").levels = 3
     yield from gui.redraw(2)
     yield from fits(gui)

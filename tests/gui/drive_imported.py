@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from buttons import press
 from mathutils import Vector
-from sample import follow, hover_view, ours, plan, red, run, undo
+from sample import follow, hover_view, open_steps, ours, plan, red, run, undo
 
 TURN, SHIFT = np.array([[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]]), np.array([0.25, -0.125, 0.5])
 
@@ -12,6 +12,7 @@ TURN, SHIFT = np.array([[0, -1, 0], [0.6, 0, -0.8], [0.8, 0, 0.6]]), np.array([0
 def drive(gui):
     path = gui.out / "worn.csv"
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     with gui.context():
         bpy.ops.view3d.view_axis(type="LEFT")
     yield from run(gui, "fit")

@@ -4,15 +4,17 @@ from pathlib import Path
 
 import bpy
 from buttons import find, press
-from sample import hover_view, link, ours, plan, run, undo
+from sample import hover_view, link, open_steps, ours, plan, run, undo
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
+    yield from gui.tab("Inspect")
     yield from chooses_from_the_menu(gui)
     yield from shows_layers(gui)
     yield from shows_heat_maps(gui)

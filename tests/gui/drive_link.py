@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import trimesh
 from buttons import find, press
-from sample import hover_view, undo
+from sample import hover_view, open_steps, undo
 
 ROBOT = """<robot name="bot">{}</robot>"""
 LINK = """<link name="{0}"><visual><origin xyz="0 0 0.1" rpy="0 0 0"/><geometry>
@@ -18,6 +18,7 @@ def drive(gui):
     path.parent.mkdir(exist_ok=True)
     ugly().export(path)
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from hover_view(gui)
     yield from imports_the_mesh(gui, path)
     yield from checks_it(gui)
@@ -51,6 +52,7 @@ def imports_the_mesh(gui, path):
     yield from gui.choose_file(path)
     yield from gui.wait(lambda: active().name == "ugly", 20, "the link")
     assert active().skin_calib.link == "ugly" and 0.09 < max(active().dimensions) < 0.11
+    yield from open_steps(gui)
     with gui.context():
         bpy.ops.view3d.view_selected()
     yield from gui.redraw()
@@ -74,10 +76,10 @@ def checks_it(gui):
 
 def keeps_all_parts(gui):
     """One click keeps the inner part too; another click, or undo, keeps the outer shell only."""
-    _, y = yield from find(gui, "skin_calib.cover.shell")
     side = gui.region("UI")
     shells = []
-    for fraction in (0.7, 0.3, 0.7):
+    for fraction in (0.8, 0.41, 0.8):  # within All, Outer, All of the rows of both steps, Mesh and Cut
+        _, y = yield from find(gui, "skin_calib.cover.shell")  # the note about the changed plan moves it
         yield from gui.click(side.x + fraction * side.width, y)
         yield from gui.redraw()
         shells.append(active().skin_calib.cover.shell)

@@ -2,7 +2,7 @@
 
 import bpy
 from buttons import find, press
-from sample import ours, plan, run, undo
+from sample import open_steps, ours, plan, run, undo
 
 
 def overlay():
@@ -17,6 +17,7 @@ def points_drawn():
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from run(gui, "fit")
     yield from gui.wait(lambda: plan().result.key, 30, "the fit")
     yield from press(gui, "skin_calib.live")

@@ -5,11 +5,12 @@ from threading import Event
 
 import bpy
 from buttons import find, press
-from sample import hover_view, link, ours, plan, run
+from sample import hover_view, link, open_steps, ours, plan, run
 
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from fits_once_at_a_time(gui)
     yield from corrects_a_new_cut(gui)
     yield from warns_of_a_copy(gui)

@@ -3,11 +3,12 @@
 import bpy
 from buttons import press
 from mathutils import Vector
-from sample import follow, hover_view, link, ours, plan, run, undo
+from sample import follow, hover_view, link, open_steps, ours, plan, run, undo
 
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from run(gui, "skin_remove", index=0)
     yield from run(gui, "skin_add", kind="hexagons")
     yield from run(gui, "fit")

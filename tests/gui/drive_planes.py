@@ -5,7 +5,7 @@ from math import pi, radians, sin
 import bpy
 from buttons import press
 from mathutils import Vector
-from sample import follow, link, ours, plan, undo
+from sample import follow, link, open_steps, ours, plan, undo
 
 RING = 79  # [pixels] radius of a dial
 
@@ -19,6 +19,7 @@ def handle(family, i):
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     yield from press(gui, "skin_calib.planes_place")
     yield from gui.wait(lambda: link().name in ours("live.updates").sketches, 20, "the sketch")
     yield from gui.redraw(3)

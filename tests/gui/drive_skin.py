@@ -2,7 +2,7 @@
 
 import bpy
 from mathutils import Vector
-from sample import follow, link, ours, plan, run, undo
+from sample import follow, link, open_steps, ours, plan, run, undo
 
 
 def basis(what, skin=0, index=0):
@@ -12,6 +12,7 @@ def basis(what, skin=0, index=0):
 
 def drive(gui):
     yield from gui.tab("Skin")
+    yield from open_steps(gui)
     with gui.context():
         bpy.ops.view3d.view_axis(type="LEFT")
     yield from gui.redraw(3)

@@ -3,6 +3,7 @@
 import sys
 
 import bpy
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 
 def ours(name):
@@ -52,3 +53,24 @@ def undo(gui, *mods):
     yield from hover_view(gui)
     yield from gui.key("Z", "ctrl", *mods)
     yield from gui.redraw(3)
+
+
+def open_steps(gui):
+    """Open every step of the work in the sidebar; the first fit then closes none."""
+    for link in bpy.data.objects:
+        for item in link.skin_calib.steps.bl_rna.properties:
+            if item.type == "BOOLEAN":
+                setattr(link.skin_calib.steps, item.identifier, True)
+    bpy.ops.ed.undo_push(message="Steps")
+    yield from gui.redraw(2)
+
+
+def is_in_full(gui, name):
+    """Return whether all vertices of an object are in the view, to the left of the sidebar."""
+    link, region = bpy.data.objects[name], gui.region()
+    view = gui.area().spaces.active.region_3d
+    at = [location_3d_to_region_2d(region, view, link.matrix_world @ v.co) for v in link.data.vertices]
+    right = region.width - gui.region("UI").width
+    spans = [max(p[k] for p in at) - min(p[k] for p in at) for k in range(2)]
+    assert max(spans) > 0.3 * min(right, region.height), "the link is small in the view"
+    return all(0 < p.x < right and 0 < p.y < region.height for p in at)

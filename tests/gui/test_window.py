@@ -52,16 +52,37 @@ DRIVERS = [
     ("drive_imported.py", "wrist", "1200x1300"),
     ("drive_drawing.py", "wrist", "1200x1300"),
     ("drive_once.py", "wrist", "1200x1300"),
+    ("drive_status.py", "wrist", "1600x900"),
+    ("drive_import.py", "", "1600x900"),  # Blender's start
 ]
 
 
 @pytest.mark.parametrize("driver, sample, size", DRIVERS)
 def test_window(blender, driver, sample, size, tmp_path):
     """Every step of the driver has its effect in the window."""
-    scene = SAMPLES / f"{sample}.blend"
-    words = ["--install", ROOT, "--blend", scene, "--size", size, "--out", tmp_path, "--timeout", 900]
+    scene = ["--blend", SAMPLES / f"{sample}.blend"] if sample else []
+    words = ["--install", ROOT, *scene, "--size", size, "--out", tmp_path, "--timeout", 900]
     command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver)]
     done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
+
+
+def test_window_of_a_robot(blender, tmp_path):
+    """All links of the Unitree G1 are imported and listed; one is proposed and fitted; Esc stops the others."""
+    urdf = ROOT.parent / "shared" / "data" / "robots" / "g1_description" / "g1_29dof_rev_1_0.urdf"
+    if not urdf.exists():
+        pytest.skip(f"{urdf.name} is not on this machine")
+    words = ["--install", ROOT, "--blend", SAMPLES / "wrist.blend", "--size", "1600x900", "--out", tmp_path]
+    command = [TOOLS / "drive-gui", *words, "--timeout", 1800, Path(__file__).with_name("drive_robot.py"), urdf]
+    environment = os.environ | {"GUI_BLENDER_BIND": str(urdf.parent)}
+    done = subprocess.run(
+        [*map(str, command)],
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
 
 

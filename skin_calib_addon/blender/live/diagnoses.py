@@ -14,10 +14,11 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...common.errors import InvalidMesh, SkinCalibError
+from ...common.warnings import Warning
 from ...geometry.mesh.defects import Diagnosis, diagnose
 from ..overlay import drawing
-from ..scene import scene
-from ..scene.warnings import write_warnings
+from ..scene import results, scene
+from ..scene.warnings import refusal_of, write_warnings
 from . import events
 from .background import Work
 
@@ -64,7 +65,40 @@ def examination(link: bpy.types.Object, context: bpy.types.Context) -> Callable[
     return examine
 
 
-def store(link: bpy.types.Object, found: Diagnosis) -> None:
+def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., Warning]:
+    """Read plan and mesh of a link, and return what fits it without Blender: whether Fit succeeds at these settings.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    context : Context
+        Of Blender.
+
+    Returns
+    -------
+    function
+        Its argument is called with the name of each stage. It returns a note, or the error of the refusal. The cache
+        keeps the fit.
+    """
+    try:
+        plan, facets = scene.read_plan(link, context.scene), scene.read_facets(link, context)
+    except SkinCalibError as error:
+        refusal = refusal_of(error)
+        return lambda begin: refusal
+
+    def attempt(begin: Callable[[str], None]) -> Warning:
+        try:
+            fits = results.fit(plan, facets.mesh(), begin)[1].fits.values()
+        except SkinCalibError as error:
+            return refusal_of(error)
+        mean = max(fit.errors.surface_to_mesh.mean for fit in fits)
+        return Warning("fit", "note", f"These settings fit: mean error {mean * 1e3:.2g} mm")
+
+    return attempt
+
+
+def store(link: bpy.types.Object, found: Diagnosis, foreseen: Warning) -> None:
     """Write a diagnosis to the properties of the object.
 
     Parameters
@@ -73,10 +107,13 @@ def store(link: bpy.types.Object, found: Diagnosis) -> None:
         The link.
     found : Diagnosis
         Of its mesh.
+    foreseen : Warning
+        Of `trial`.
     """
     record = link.skin_calib.diagnosis
     record.key, record.inner, record.edges = found.mesh.sha256, found.inner, len(found.edges())
-    write_warnings(record.findings, found.findings())
+    write_warnings(record.findings, (*found.findings(), foreseen))
+    record.outdated = False
     unverified.discard(link.name)
     _changed.pop(link.name, None)
     _hashes.pop(link.name, None)

@@ -11,13 +11,17 @@ import numpy as np
 
 from ...common.errors import SkinCalibError
 from ...common.file_hash import file_hash
-from ...geometry import cut_cover, fit_grid
+from ...common.warnings import Warning
+from ...geometry import SurfaceFit, cut_cover, fit_grid
+from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline.place_skins import PlacedSkin, place_all
 from ...pipeline.sources import taxel_files
 from ...plan import Plan
+from ...plan.checks import naming_surface
+from ...plan.plan import Surface
 from ..overlay.layers import Layers, layers_of
 from ..scene.facets import Facets
-from ..scene.skins import in_window
+from ..scene.warnings import refusal_of
 from .sketch import HandPlanes, Sketch, sketch_of
 
 
@@ -27,7 +31,12 @@ class PreviewReport:
 
     mean: float = 0.0  # distance along the rays of the fit [m]
     seconds: float = 0.0  # from the change to the preview [s]
-    problem: str = ""  # why there is no preview; the other values are then invalid
+    refusal: Warning | None = None  # why there is no preview or fit; the other values are then invalid
+
+    @property
+    def problem(self) -> str:
+        """Return the text of the refusal; empty without one."""
+        return self.refusal.message if self.refusal else ""
 
 
 @dataclass(eq=False)
@@ -77,7 +86,7 @@ class PreviewInput:
     facets: Facets
     planes: HandPlanes
     plan: Plan | None  # None if Live is off, or if the plan is wrong
-    problem: str  # what is wrong with the plan
+    refusal: Warning | None  # what is wrong with the plan
     shown: set[str]  # names of the layers that are switched on
 
 
@@ -95,22 +104,37 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     sketch = cache.step("sketch", (mesh, given.planes), _same_planes, lambda: sketch_of(mesh, given.planes))
     plan = given.plan
     if plan is None:
-        return Preview(sketch, report=PreviewReport(problem=given.problem) if given.problem else None)
+        return Preview(sketch, report=PreviewReport(refusal=given.refusal) if given.refusal else None)
     skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
-    grid = plan.grid, plan.degree, plan.chords, plan.max_deviation
     try:
-        cover = cache.step("cover", (mesh, plan.cover), _equal, lambda: cut_cover(mesh, plan.cover))
-        fit = cache.step("fit", (cover, *grid), _equal, lambda: fit_grid(cover, *grid))
+        fits = {surface.name: _fit(cache, mesh, plan, surface) for surface in plan.surfaces}
         near = cache.placed(skins)
-        placed = cache.step("placed", (fit, skins), _equal, lambda: place_all(plan.skins, fit, near))
+        placed = cache.step("placed", (fits, skins), _same_fits, lambda: place_all(plan, fits, near))
     except SkinCalibError as error:
-        return Preview(sketch, report=PreviewReport(problem=in_window(error)))
+        return Preview(sketch, report=PreviewReport(refusal=refusal_of(error)))
     patches = tuple(done.patch for done in placed)
-    layers = layers_of(SimpleNamespace(fit=fit, calibration=SimpleNamespace(patches=patches)))
+    layers = layers_of(SimpleNamespace(fits=fits, calibration=SimpleNamespace(patches=patches)))
     for _ in layers.shown(given.shown):  # computed here, in the thread
         pass
-    mean = float(np.nanmean(np.abs(fit.residuals)))
+    mean = max(float(np.nanmean(np.abs(fit.residuals))) for fit in fits.values())
     return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start))
+
+
+def _fit(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface) -> SurfaceFit:
+    """Return the fit of one surface of a plan, from the cache where nothing has changed."""
+    with naming_surface(plan, surface.name):
+        cover = cache.step(
+            f"cover {surface.name}", (mesh, surface.cover), _equal, lambda: cut_cover(mesh, surface.cover)
+        )
+        grid = surface.grid, surface.degree, surface.chords, surface.max_deviation
+        fit: SurfaceFit = cache.step(f"fit {surface.name}", (cover, *grid), _equal, lambda: fit_grid(cover, *grid))
+    return fit
+
+
+def _same_fits(given: tuple[Any, Any], before: tuple[Any, Any]) -> bool:
+    """Return whether fits (by identity) and skins are the same."""
+    fits, kept = given[0], before[0]
+    return fits.keys() == kept.keys() and all(fits[k] is kept[k] for k in fits) and given[1] == before[1]
 
 
 def _equal(given: tuple[Any, ...], before: tuple[Any, ...]) -> bool:

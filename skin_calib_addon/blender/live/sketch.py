@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...common.arrays import Array, unit
+from ...common.arrays import Array, BoolArray, unit
 from ...common.errors import InvalidMesh, InvalidPlan
 from ...geometry.grid.grids import check_order
-from ...geometry.mesh.cover import is_seen, one_side
+from ...geometry.mesh.cover import is_outer, one_side
 from ...geometry.mesh.triangle_mesh import TriangleMesh, weld
+from ...geometry.mesh.visibility import visibility
 from ...geometry.sampling.planes import Planes, perpendicular
 from ...geometry.sampling.sections import cut_sections
 from ..overlay.layers import Layer
@@ -70,8 +71,15 @@ def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPl
 
 
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh:
-    """Return the mesh without the cut parts and inner shells; draw the removed parts."""
+    """Return the mesh without the cut parts and those that are not outside; draw the removed parts."""
     removed, valid = [], [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
+
+    def only(kept: BoolArray) -> TriangleMesh:
+        removed.append(mesh.triangles[~kept])
+        return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
+
+    if planes.shell == "seen" and visibility(mesh).seen.any():
+        mesh = only(visibility(mesh).seen)
     _draw(sketch, "CUT", mesh, planes, "removes nothing")
     for i in valid:
         point, normal = planes.points["CUT"][i], unit(planes.normals["CUT"][i])
@@ -84,10 +92,7 @@ def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh
         removed.append(vertices[faces])
         mesh = kept
     if planes.shell == "outer":
-        seen = is_seen(mesh)
-        if not seen.all():
-            removed.append(mesh.triangles[~seen])
-            mesh = weld(mesh.vertices, mesh.faces[seen])
+        mesh = only(is_outer(mesh))
     if sum(map(len, removed)):
         corners = np.concatenate(removed).reshape(-1, 3).astype(np.float32)
         sketch.layers.append(Layer("PLANES", corners, np.tile(np.float32(REMOVED), (len(corners), 1))))

@@ -15,11 +15,12 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...common.errors import SkinCalibError
+from ...common.warnings import Warning
 from ..overlay import drawing
 from ..scene import results, scene
 from ..scene.facets import Facets
 from ..scene.plane_lists import read_hand_planes
-from ..scene.skins import in_window
+from ..scene.warnings import refusal_of
 from . import events
 from .background import Work
 from .preview import Preview, PreviewInput, PreviewReport, StepCache, compute_preview
@@ -124,6 +125,7 @@ def changed(result: Any, _context: Any) -> None:
         Of Blender.
     """
     if result.outdated:
+        result.id_data.skin_calib.diagnosis.outdated = True
         request(result.id_data)
 
 
@@ -214,7 +216,7 @@ def _start(link: bpy.types.Object, make: Callable[..., Any], use: Callable[..., 
     try:
         task = make(link)
     except SkinCalibError as error:
-        _report_problem(link, in_window(error))
+        refuse(link, refusal_of(error))
         return
     if task is not None:
         _job = Job(link.name, _changed[link.name], Work(task), use, is_final)
@@ -229,12 +231,20 @@ def _use_result(job: Job) -> None:
     try:
         job.use(link, job.work.result())
     except SkinCalibError as error:
-        _report_problem(link, in_window(error))
+        refuse(link, refusal_of(error))
 
 
-def _report_problem(link: bpy.types.Object, problem: str) -> None:
-    """Report why a plan cannot be computed. The last result stays until the next change."""
-    reports[link.name] = PreviewReport(problem=problem)
+def refuse(link: bpy.types.Object, refusal: Warning) -> None:
+    """Report why a plan cannot be computed. The reason and the last result stay until the next change.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    refusal : Warning
+        The error.
+    """
+    reports[link.name] = PreviewReport(refusal=refusal)
     _changed.pop(link.name, None)
     _previewed.discard(link.name)
     _leave_now(link.name)
@@ -244,16 +254,16 @@ def _report_problem(link: bpy.types.Object, problem: str) -> None:
 def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
     """Return the task of a preview: planes only, or surface and skin without exact errors if Live is on."""
     planes = read_hand_planes(link, bpy.context.scene)
-    plan, problem, start = None, "", perf_counter()
+    plan, refusal, start = None, None, perf_counter()
     if follows(link):
         try:
             plan = scene.read_plan(link, bpy.context.scene)
         except SkinCalibError as error:
-            problem = in_window(error)
+            refusal = refusal_of(error)
     elif not planes.are_there:
         _remove_sketch(link.name)
         return None
-    given = PreviewInput(start, facets_of(link), planes, plan, problem, drawing.switched_on(link))
+    given = PreviewInput(start, facets_of(link), planes, plan, refusal, drawing.switched_on(link))
     cache = _caches.setdefault(link.name, StepCache())
     return lambda begin: compute_preview(cache, given)
 
@@ -265,8 +275,8 @@ def _show(link: bpy.types.Object, preview: Preview) -> None:
     reports.pop(link.name, None)
     if preview.report is None:
         return
-    if preview.report.problem:
-        _report_problem(link, preview.report.problem)
+    if preview.report.refusal:
+        refuse(link, preview.report.refusal)
     else:
         reports[link.name], drawing.previews[link.name] = preview.report, preview.layers
 

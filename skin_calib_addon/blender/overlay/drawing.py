@@ -12,6 +12,7 @@ from mathutils import Matrix
 from ...calibration.model import Patch
 from ...pipeline import Calibrated
 from ..scene import results
+from ..scene.preferences import COLOURS, preferences
 from ..scene.scene import link_frame, metres_per_unit
 from . import labels, legend
 from .layers import Labels, Layer, Layers, layers_of
@@ -19,14 +20,6 @@ from .layers import Labels, Layer, Layers, layers_of
 # Distance by which lines are drawn nearer to the eye, relative to their distance from it.
 # Larger: lines behind thin parts are visible; smaller: the facets hide their own lines.
 LINE_OFFSET = 0.004
-COLOURS = {
-    "SECTIONS": (1.0, 0.6, 0.1, 0.9),
-    "LINES": (0.3, 0.85, 0.4, 0.8),
-    "NET": (0.85, 0.45, 0.95, 0.8),
-    "SURFACE": (0.35, 0.65, 1.0, 0.6),
-    "CELLS": (1.0, 1.0, 1.0, 0.9),
-    "NORMALS": (0.95, 0.2, 0.2, 1.0),
-}
 WIDTHS = {"SECTIONS": 2.0, "LINES": 1.5, "NET": 1.0, "SURFACE": 1.0, "CELLS": 1.5, "NORMALS": 2.0}
 # Ends of segments from which on a layer has lines of one pixel. Larger: without a graphics card the window gets slow.
 MAX_WIDE_POINTS = 10000
@@ -34,7 +27,9 @@ MAX_WIDE_POINTS = 10000
 MAX_PLAIN_WIDTH = 2.0
 HEAT_MAPS = {"ERROR", "STRAIN", "TILT", "UNCERTAINTY", "FORCE"}
 FORCE_LAYERS = {"CONTACTS", "COP", "POLYGONS"}  # drawn with the forces
-SWITCHABLE = HEAT_MAPS | FORCE_LAYERS | COLOURS.keys() | {"PLANES"}  # drawn only if they are switched on
+SWITCHABLE = (
+    HEAT_MAPS | FORCE_LAYERS | {name.upper() for name in COLOURS} | {"PLANES"}
+)  # drawn only if they are switched on
 MAX_CACHED_LAYERS = 64  # marks and comparisons; smaller: undo over many steps does not show them again
 
 Drawn = Layers | tuple[Layer, ...]
@@ -194,7 +189,7 @@ def _offset(view: Any) -> Matrix:
 
 def _draw_layers(layers: list[Layer], settings: Any) -> None:
     size = (bpy.context.region.width, bpy.context.region.height)
-    thickness = settings.line_width * bpy.context.preferences.system.pixel_size
+    thickness = settings.line_width * preferences().line_width * bpy.context.preferences.system.pixel_size
     metre = metres_per_unit(bpy.context.scene)
     for layer in layers:
         if isinstance(layer, Labels) or not len(layer.points):
@@ -216,11 +211,16 @@ def _line_shader(layer: Layer, size: tuple[int, int], width: float) -> Any:
     """Return the shader for the lines of a layer, with its colour and width."""
     is_plain = len(layer.points) > MAX_WIDE_POINTS and width <= MAX_PLAIN_WIDTH
     shader = gpu.shader.from_builtin("UNIFORM_COLOR" if is_plain else "POLYLINE_UNIFORM_COLOR")
-    shader.uniform_float("color", COLOURS.get(layer.what) or layer.colour or (1.0, 1.0, 1.0, 1.0))
+    shader.uniform_float("color", _colour(layer))
     if not is_plain:
         shader.uniform_float("viewportSize", size)
         shader.uniform_float("lineWidth", width)
     return shader
+
+
+def _colour(layer: Layer) -> Any:
+    name = layer.what.lower()
+    return tuple(getattr(preferences(), name)) if name in COLOURS else layer.colour or (1.0, 1.0, 1.0, 1.0)
 
 
 def _batch(layer: Layer, shader: Any, length: float) -> Any:

@@ -8,6 +8,7 @@ import blf
 import bpy
 import numpy as np
 
+from ..scene.preferences import preferences
 from .layers import Labels
 
 # Cosine of the angle between a normal and the direction to the eye from which on a taxel has a label.
@@ -40,7 +41,7 @@ def write(name: str, layer: Labels, settings: Any, frame: Any) -> None:
     context = bpy.context
     region, view = context.region, context.region_data
     texts = layer.ids if settings.labels == "ID" else layer.channels
-    text_size = settings.text_size * context.preferences.system.ui_scale
+    text_size = settings.text_size * preferences().text_size * context.preferences.system.ui_scale
     blf.size(0, text_size)
     state = (
         layer,

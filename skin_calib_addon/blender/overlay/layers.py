@@ -98,33 +98,58 @@ class Layers:
 
 
 def layers_of(result: Any) -> Layers:
-    """Return all layers of a result, or of an object with a ``fit`` and a ``calibration`` with patches."""
-    fit, taxels = result.fit, AllTaxels.of(result.calibration.patches)
+    """Return all layers of a result, or of an object with ``fits`` and a ``calibration`` with patches."""
+    fits, taxels = tuple(result.fits.values()), AllTaxels.of(result.calibration.patches)
     return Layers(
         result.calibration.patches,
         taxels,
         {
-            "ERROR": lambda: _error(fit),
+            "ERROR": lambda: _error(fits),
             "STRAIN": lambda: _strain(taxels),
             "TILT": lambda: _tilt(taxels),
             "UNCERTAINTY": lambda: _uncertainty(taxels),
-            "SECTIONS": lambda: Layer("SECTIONS", _single(cut_sections(fit.mesh, fit.lines.planes_u).ends)),
-            "LINES": lambda: Layer("LINES", _single(line_sections(fit))),
-            "NET": lambda: Layer("NET", np.concatenate(_crossing(fit.surface.control_net))),
-            "SURFACE": lambda: _surface_lines(fit),
+            "SECTIONS": lambda: Layer("SECTIONS", _single(_each(fits, _sections))),
+            "LINES": lambda: Layer("LINES", _single(_each(fits, line_sections))),
+            "NET": lambda: Layer("NET", _each(fits, _net)),
+            "SURFACE": lambda: Layer("SURFACE", _each(fits, _surface_lines)),
             "CELLS": lambda: Layer("CELLS", _segments(_closed(raised_corners(taxels)))),
-            "NORMALS": lambda: _normals(fit, taxels),
+            "NORMALS": lambda: _normals(fits, taxels),
             "LABELS": lambda: labels_of(taxels),
         },
     )
 
 
-def _error(fit: Any) -> Layer:
-    """Return the surface, coloured by the distances from surface to mesh that the errors of the fit state."""
-    u, v = sample_lines(fit.surface, SAMPLES_PER_SPAN)
-    errors = fit.deviations.reshape(len(u), len(v))
+def _each(fits: Sequence[Any], lines: Callable[[Any], np.ndarray]) -> np.ndarray:
+    """Return the lines of all surfaces."""
+    return np.concatenate([lines(fit) for fit in fits])
+
+
+def _sections(fit: Any) -> np.ndarray:
+    """Return the sections of the u-planes and the cover."""
+    return cut_sections(fit.mesh, fit.lines.planes_u).ends
+
+
+def _net(fit: Any) -> np.ndarray:
+    """Return the lines between the control points."""
+    return np.concatenate(_crossing(fit.surface.control_net))
+
+
+def _error(fits: Sequence[Any]) -> Layer:
+    """Return the surfaces, coloured by the distances from surface to mesh that the errors of the fits state."""
+    errors = np.concatenate([fit.deviations for fit in fits])
     note = "grey: no mesh there" if np.isnan(errors).any() else ""
     legend = Legend("Distance to the mesh", "LENGTH", largest_size(errors), note=note)
+    parts = [_coloured(fit, legend) for fit in fits]
+    points, colours, triangles = zip(*parts)
+    starts = np.cumsum([0, *map(len, points)])
+    indices = np.concatenate([part + start for part, start in zip(triangles, starts)]).astype(np.int32)
+    return Layer("ERROR", np.concatenate(points), np.concatenate(colours), indices, legend=legend)
+
+
+def _coloured(fit: Any, legend: Legend) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points of one surface, their colours by its errors, and triangles between them."""
+    u, v = sample_lines(fit.surface, SAMPLES_PER_SPAN)
+    errors = fit.deviations.reshape(len(u), len(v))
     # Samples are in the middle of their cells: the colour of the outermost ones extends to the edges.
     u, v = np.array((0, *u, 1)), np.array((*v, v[0]) if fit.lines.closed else (0, *v, 1))
     errors = np.concatenate((errors[:1], errors, errors[-1:]))
@@ -134,7 +159,7 @@ def _error(fit: Any) -> Layer:
     a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
     triangles = np.stack((a, b, c, a, c, d), axis=2).reshape(-1, 3)
     points = _single(fit.surface.grid_points(u, v))
-    return Layer("ERROR", points, legend.colours(errors).reshape(-1, 4), triangles, legend=legend)
+    return points.reshape(-1, 3), legend.colours(errors).reshape(-1, 4), triangles
 
 
 def _strain(taxels: AllTaxels) -> Layer:
@@ -244,17 +269,17 @@ def line_sections(fit: Any) -> np.ndarray:
     return np.concatenate(found)
 
 
-def _surface_lines(fit: Any) -> Layer:
+def _surface_lines(fit: Any) -> np.ndarray:
     """Return curves of constant u and of constant v."""
     fine = np.linspace(0, 1, CURVE_POINTS + 1)
     n, m = fit.lines.origins.shape[:2]
     around = fit.surface.grid_points(np.linspace(0, 1, n), fine)
     along = fit.surface.grid_points(fine, np.linspace(0, 1, m + 1)).transpose(1, 0, 2)
-    return Layer("SURFACE", np.concatenate((_segments(around), _segments(along))))
+    return np.concatenate((_segments(around), _segments(along)))
 
 
-def _normals(fit: Any, taxels: AllTaxels) -> Layer:
-    size = float(np.linalg.norm(np.ptp(fit.surface.control_net.reshape(-1, 3), axis=0)))
+def _normals(fits: Sequence[Any], taxels: AllTaxels) -> Layer:
+    size = max(float(np.linalg.norm(np.ptp(fit.surface.control_net.reshape(-1, 3), axis=0))) for fit in fits)
     length = max(NORMAL_LENGTH * taxels.width, MIN_NORMAL_LENGTH * size)
     directions = np.stack((np.zeros_like(taxels.normals), taxels.normals), axis=1)
     return Layer(
@@ -302,6 +327,21 @@ def maximum_of(fit: Any) -> Layer:
     uv, point, _ = fit.worst
     lines = _cross(point, fit.surface.normals(uv[None])[0], MARK_SIZE * fit.mesh.size)
     return Layer("MAXIMUM", _single(lines), colour=PINK, width=4.0, on_top=True)
+
+
+def place_of(point: Any, size: float) -> Layer:
+    """Return the mark of a warning's place: three lines through the point, over everything.
+
+    Parameters
+    ----------
+    point : array, shape (3,)
+        [m], link frame.
+    size : float
+        Of the mesh [m].
+    """
+    arms = MARK_SIZE * size / 2 * np.eye(3)
+    lines = np.asarray(point, float) + np.stack((-arms, arms), axis=1)
+    return Layer("PLACE", _single(lines), colour=PINK, width=4.0, on_top=True)
 
 
 def comparison_of(taxels: AllTaxels, found: Comparison) -> tuple[Layer, ...]:

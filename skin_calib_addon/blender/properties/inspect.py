@@ -16,6 +16,7 @@ from bpy.props import (
 
 from ...common.errors import SkinCalibError
 from ..inspection import replay, taxels
+from .millimetres import with_millimetres
 from .options import FIXED, LENGTH
 from .warning import SKIN_PG_warning
 
@@ -33,6 +34,7 @@ def _find(record, context):
             record.problem = str(error)
 
 
+@with_millimetres
 class SKIN_PG_taxel(bpy.types.PropertyGroup):
     """The values of the selected taxel."""
 
@@ -66,6 +68,7 @@ class SKIN_PG_taxel(bpy.types.PropertyGroup):
     neighbours: StringProperty(name="Neighbours", description="Ids of the adjacent taxels", **FIXED)
 
 
+@with_millimetres
 class SKIN_PG_comparison(bpy.types.PropertyGroup):
     """Distances of the taxels from those of a file."""
 
@@ -146,6 +149,7 @@ def maximum_token(key):
     return f"maximum of {key}"
 
 
+@with_millimetres
 class SKIN_PG_inspect(bpy.types.PropertyGroup):
     """How the fitted skin of a link is inspected."""
 
@@ -154,7 +158,7 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         description="What the colours show",
         items=[
             ("NONE", "None", "No colours"),
-            ("ERROR", "Error", "Distance from surface to mesh, as in the panel Fit"),
+            ("ERROR", "Error", "Distance from surface to mesh, as in the step Fit"),
             ("STRAIN", "Strain", "The larger of the strains of a cell along and across its row"),
             ("TILT", "Tilt", "The largest angle between a taxel and a neighbour"),
             ("UNCERTAINTY", "Uncertainty", "Standard uncertainty of the position of a taxel along the surface"),
@@ -188,6 +192,8 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
 
     marked: StringProperty(description="Key of the fit whose maximum deviation is marked", **FIXED)
 
+    marked_place: StringProperty(description="Name under which the mark of a warning is cached", **FIXED)
+
     taxel: PointerProperty(type=SKIN_PG_taxel, name="Taxel", description="The taxel whose values are shown")
 
     comparison: PointerProperty(
@@ -203,6 +209,8 @@ class SKIN_PG_inspect(bpy.types.PropertyGroup):
         key = self.id_data.skin_calib.result.key
         if self.marked and self.marked == key:
             yield maximum_token(key)
+        if self.marked_place:
+            yield self.marked_place
         if self.taxel.id and self.taxel.key == key:
             yield taxels.token_of(self.taxel.key, self.taxel.id)
         if self.comparison.token and self.comparison.key == key:

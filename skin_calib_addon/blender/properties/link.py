@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plan as properties of an object, saved in the .blend; each group has one member of the plan file."""
 
+from typing import Any
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -14,13 +16,16 @@ from bpy.props import (
 
 from ...plan import keys
 from ..live import updates
+from ..scene import preferences
 from . import diagnosis as link_properties
 from . import grid as grid_properties
 from . import inspect as inspect_properties
+from . import robot as robot_properties
 from . import skin as skin_properties
 from . import warning
+from .millimetres import with_millimetres
 from .of_keys import of_keys
-from .options import FIXED, LENGTH, PLAN
+from .options import FILE, FIXED, LENGTH, PLAN
 
 
 class SKIN_PG_number(bpy.types.PropertyGroup):
@@ -29,6 +34,7 @@ class SKIN_PG_number(bpy.types.PropertyGroup):
     value: FloatProperty(name="Value", description="A coefficient of the response", **PLAN)
 
 
+@with_millimetres
 class SKIN_PG_result(bpy.types.PropertyGroup):
     """The result of the last fit."""
 
@@ -44,14 +50,57 @@ class SKIN_PG_result(bpy.types.PropertyGroup):
     warnings: CollectionProperty(
         type=warning.SKIN_PG_warning, name="Warnings", description="Warnings of the last fit", **FIXED
     )
+    warning_index: IntProperty(
+        name="Warning", description="Which warning is shown in full; the worst one comes first", min=0, **FIXED
+    )
     seconds: FloatProperty(name="Time", description="Duration of the fit", unit="TIME_ABSOLUTE", precision=3, **FIXED)
 
 
-@of_keys(keys.PLAN)
+def _open(label: str, default: bool = True) -> Any:
+    """Return the property that keeps whether a step is open."""
+    return BoolProperty(name=label, description=f"Whether {label} is open", default=default, **FIXED)
+
+
+class SKIN_PG_steps(bpy.types.PropertyGroup):
+    """Which steps of the work are open in the sidebar."""
+
+    link: _open("Link")
+    mesh: _open("Mesh")
+    reasons: _open("Reasons of the Proposal", False)
+    cut: _open("Cut", False)
+    grid: _open("Grid")
+    fit: _open("Fit", False)
+    skin: _open("Skin", False)
+    export: _open("Export")
+    more_grid: _open("More", False)
+    more_skin: _open("More", False)
+    closed: BoolProperty(
+        name="Closed", description="Whether the first fit has closed the steps before the skin", **FIXED
+    )
+
+    def advance(self) -> None:
+        """Close the steps before the skin, and open that one, after the first fit; later the author does."""
+        if not self.closed:
+            self.closed = self.skin = True
+            self.link = self.mesh = self.cut = self.grid = self.fit = False
+
+
+@of_keys(keys.PLAN, keys.SURFACE)
 class SKIN_PG_link(bpy.types.PropertyGroup):
     """The plan of one link; an object without a link name is not a link."""
 
     mesh_file: StringProperty(name="Mesh File", description="Name of the mesh file in exported plans", **PLAN)
+    urdf: StringProperty(
+        name="URDF",
+        description="The robot of this link. With it, the mesh is in the link frame, wherever the object is",
+        **FILE,
+    )
+    proposed: IntProperty(
+        name="Proposed Taxels", description="Taxels of the proposal in these properties; 0: none is there", **FIXED
+    )
+    refusal: StringProperty(
+        name="Refusal", description="Why the last import, proposal or fit was refused; empty: it was not", **FIXED
+    )
     diagnosis: PointerProperty(
         type=link_properties.SKIN_PG_diagnosis, name="Diagnosis", description="The result of the last check of the mesh"
     )
@@ -68,11 +117,17 @@ class SKIN_PG_link(bpy.types.PropertyGroup):
         description="Polynomial from readings to newtons, lowest power first",
         **FIXED,
     )
+    other_surfaces: StringProperty(
+        name="Other Surfaces",
+        description="The surfaces of the plan as JSON, with null for the one that the properties have; empty: only one",
+        **FIXED,
+    )
     extra: StringProperty(
         name="Extra",
         description="Members of the plan that begin with x_, modalities, and a response that is no polynomial, as JSON",
         **FIXED,
     )
+    steps: PointerProperty(type=SKIN_PG_steps, name="Steps", description="Which steps of the work are open")
     result: PointerProperty(type=SKIN_PG_result, name="Result", description="The result of the last fit")
     held: EnumProperty(
         name="Handles",
@@ -113,21 +168,28 @@ CLASSES = (
     *inspect_properties.CLASSES,
     SKIN_PG_number,
     SKIN_PG_result,
+    SKIN_PG_steps,
     SKIN_PG_link,
+    *robot_properties.CLASSES,
+    *preferences.CLASSES,
 )
 
 
 def register():
-    """Give every object a plan."""
+    """Give every object a plan, and every scene what its links have in common."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Object.skin_calib = PointerProperty(
         type=SKIN_PG_link, name="Skin", description="Plan and result of a robot link"
     )
+    bpy.types.Scene.skin_calib = PointerProperty(
+        type=robot_properties.SKIN_PG_robot, name="Skin", description="What all links have in common"
+    )
 
 
 def unregister():
     """Remove the plans from objects; files keep them."""
+    del bpy.types.Scene.skin_calib
     del bpy.types.Object.skin_calib
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -18,6 +18,7 @@ from bpy.props import (
 )
 
 from ...plan.key import Choice, Key, Record
+from .millimetres import millimetres_of
 from .options import FILE, FIXED, PLAN
 
 # By the names of their records: the groups of properties that lists have as entries.
@@ -46,7 +47,7 @@ def properties_of(keys: Iterable[Key]) -> dict[str, Any]:
     for key in keys:
         if key.label:
             found = switch_of(key) | property_of(key) | found
-    return found
+    return found | millimetres_of(found)
 
 
 def switch_of(key: Key) -> dict[str, Any]:
@@ -104,6 +105,10 @@ def _text(key: Key) -> Any:
     return StringProperty(default=key.shown_first or "", **words_of(key), **PLAN)
 
 
+def _boundary(key: Key) -> Any:
+    return StringProperty(name=key.label, description=f"{tooltip(key.description)}, as JSON", **PLAN)
+
+
 def _file(key: Key) -> Any:
     return StringProperty(**words_of(key), **FILE)
 
@@ -145,6 +150,7 @@ PROPERTIES: dict[str, Callable[[Key], Any]] = {
     "cells": _choice,
     "text": _text,
     "file": _file,
+    "boundary": _boundary,
     "count": _count,
     "length": _numbers,
     "angle": _numbers,

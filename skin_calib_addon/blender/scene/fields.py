@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Between properties, in scene units, and the frozen records of a plan, in metres, by the table of keys."""
 
+import json
 import os
 import re
 from operator import attrgetter
@@ -154,6 +155,8 @@ def _value(key: Key, group: Any, metre: float, where: tuple[str, ...]) -> Any:
     value = getattr(group, key.property_name)
     if kind == "cells":
         return _cells(key, group.cells, where) if value == "listed" else value
+    if kind == "boundary":
+        return as_tuples(json.loads(value or "[]"))
     if kind == "file":
         if not value:
             raise refusal(key, "is empty; choose the file that has the taxels", where)
@@ -209,6 +212,8 @@ def write_key(key: Key, group: Any, value: Any, metre: float) -> None:
         group.choice = value if isinstance(value, str) else "listed"
         if group.choice == "listed":
             group.cells = written_cells(value)
+    elif kind == "boundary":
+        setattr(group, key.property_name, json.dumps(value) if value else "")
     elif kind == "file":
         setattr(group, key.property_name, kept_path(os.path.abspath(value)))
     else:

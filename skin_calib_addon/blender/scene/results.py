@@ -15,7 +15,7 @@ from ...pipeline import Calibrated, calibrate
 from ...pipeline.sources import taxel_files
 from ...plan import Plan, plan_document
 
-KEPT = 16
+KEPT = 64  # results. Larger: more memory; smaller: links of a robot lose their fits, which are then fitted again
 _results: dict[str, Calibrated] = {}
 _lock = Lock()  # fits run in other threads
 

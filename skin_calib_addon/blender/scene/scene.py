@@ -2,11 +2,12 @@
 """From objects to plans and arrays, and back; plans and arrays are in metres in the link frame.
 
 The link frame is the pose of the object's parent, or the world where it has none. The object's own location, rotation
-and scale place the mesh in that frame; they are independent of the pose of the parent.
+and scale place the mesh in that frame; they are independent of the pose of the parent. A link of a URDF is different:
+the URDF places its mesh in the link frame, so that the object is the frame and can be moved.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,11 @@ from ...pipeline import Calibrated
 from ...plan import Plan
 from ...plan.checks import check_together
 from ...plan.document import grid_kind, without_axis_point
+from ...plan.document import read as read_document
+from ...plan.document import write as write_document
 from ...plan.key import Key, Record
-from ...plan.keys import COVER, GRIDS, PLAN
+from ...plan.keys import COVER, GRIDS, LINK, SURFACE
+from ...plan.plan import Surface
 from .decimals import exact, vector
 from .facets import Facets
 from .fields import OWN, read, read_key, write, write_key
@@ -82,17 +86,15 @@ def read_plan(link: bpy.types.Object, scene: bpy.types.Scene) -> Plan:
     settings, metre = link.skin_calib, metres_per_unit(scene)
     extra = json.loads(settings.extra or "{}")
     try:
-        simple = {k.path: read_key(k, settings, metre) for k in PLAN.keys if is_simple(k)}
         plan = Plan(
+            link=read_key(LINK, settings, metre),
             mesh=Path(settings.mesh_file or f"{link.name}.ply"),
             unit="m",
-            cover=read(COVER, settings.cover, metre),
-            grid=read_grid(settings.grid, metre),
+            surfaces=read_surfaces(settings, metre),
             skins=tuple(read_skin(skin, metre) for skin in settings.skins),
             response=_read_response(settings, extra.pop("response", None)),
             modalities=tuple(modality_from(modality) for modality in extra.pop("modalities", ())),
             extra=extra,
-            **simple,
         )
         check_together(plan)
     except InvalidPlan as error:
@@ -115,12 +117,9 @@ def write_plan(link: bpy.types.Object, scene: bpy.types.Scene, plan: Plan) -> No
         In metres in the link frame. Files of skins have absolute paths, or paths from the current folder.
     """
     settings, metre = link.skin_calib, metres_per_unit(scene)
-    for key in PLAN.keys:
-        if is_simple(key):
-            write_key(key, settings, getattr(plan, key.path), metre)
+    write_key(LINK, settings, plan.link, metre)
     settings.mesh_file = plan.mesh.name
-    write(COVER, plan.cover, settings.cover, metre)
-    write_grid(settings.grid, plan.grid, metre)
+    write_surfaces(settings, plan.surfaces, 0, metre)
     settings.skins.clear()
     for skin in plan.skins:
         write_skin(skin, settings.skins.add(), metre)
@@ -152,13 +151,100 @@ def is_kept(plan: Plan, kept: Plan) -> bool:
         Whether cover, grid, skins and response are equal.
     """
     skins = seen_from(Path(), plan.skins), seen_from(Path(), kept.skins)
-    pairs = ((plan.cover, kept.cover), (plan.grid, kept.grid), skins, (plan.response, kept.response))
-    return all(one == other for one, other in pairs)
+    surfaces = ([(s.cover, s.grid) for s in each.surfaces] for each in (plan, kept))
+    return skins[0] == skins[1] and plan.response == kept.response and next(surfaces) == next(surfaces)
 
 
 def is_simple(key: Key) -> bool:
     """Return whether a key of the plan is one property of the link."""
     return bool(key.path and key.label) and key.type.kind not in OWN
+
+
+def read_surfaces(settings: Any, metre: float) -> tuple[Surface, ...]:
+    """Return the surfaces of a link: the one in its properties, and the others, which are kept as JSON.
+
+    Parameters
+    ----------
+    settings : SKIN_PG_link
+        In scene units in the link frame.
+    metre : float
+        Length of a scene unit [m].
+
+    Returns
+    -------
+    tuple of Surface
+        In metres in the link frame, in the order of the plan.
+
+    Raises
+    ------
+    InvalidPlan
+        If a value is beyond its limits; the message names it as the window does.
+    """
+    kept = json.loads(settings.other_surfaces or "[null]")
+    return tuple(_shown(settings, metre) if other is None else read_document(SURFACE, other) for other in kept)
+
+
+def shown_surface(link: bpy.types.Object, scene: bpy.types.Scene) -> Surface:
+    """Return the surface that the properties of an object have.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Its unit settings give the length of a scene unit.
+
+    Returns
+    -------
+    Surface
+        In metres in the link frame.
+
+    Raises
+    ------
+    InvalidPlan
+        As :func:`read_plan`.
+    """
+    return read_plan(link, scene).surfaces[shown_index(link.skin_calib)]
+
+
+def shown_index(settings: Any) -> int:
+    """Return which of the surfaces of a link its properties have, from 0."""
+    return json.loads(settings.other_surfaces or "[null]").index(None)
+
+
+def surface_names(settings: Any) -> list[str]:
+    """Return the names of the surfaces of a link, in the order of the plan."""
+    kept = json.loads(settings.other_surfaces or "[null]")
+    return [settings.surface_name if other is None else other["name"] for other in kept]
+
+
+def _shown(settings: Any, metre: float) -> Surface:
+    simple = {key.path: read_key(key, settings, metre) for key in SURFACE.keys if is_simple(key)}
+    return Surface(cover=read(COVER, settings.cover, metre), grid=read_grid(settings.grid, metre), **simple)
+
+
+def write_surfaces(settings: Any, surfaces: Sequence[Surface], shown: int, metre: float) -> None:
+    """Set the properties of a link to one surface, and keep the others as JSON.
+
+    Parameters
+    ----------
+    settings : SKIN_PG_link
+        Set in scene units.
+    surfaces : sequence of Surface
+        In metres in the link frame, in the order of the plan.
+    shown : int
+        Which of them the properties have.
+    metre : float
+        Length of a scene unit [m].
+    """
+    surface = surfaces[shown]
+    for key in SURFACE.keys:
+        if is_simple(key):
+            write_key(key, settings, getattr(surface, key.path), metre)
+    write(COVER, surface.cover, settings.cover, metre)
+    write_grid(settings.grid, surface.grid, metre)
+    kept = [None if k == shown else write_document(SURFACE, other) for k, other in enumerate(surfaces)]
+    settings.other_surfaces = json.dumps(kept) if len(kept) > 1 else ""
 
 
 def read_grid(group: Any, metre: float) -> Grid | PlanesGrid:
@@ -346,6 +432,8 @@ def read_edges(link: bpy.types.Object, context: bpy.types.Context) -> tuple[Arra
 
 def _local(link: bpy.types.Object) -> Matrix:
     """Return the matrix from the object to its parent, in scene units, without rounding by the parent's pose."""
+    if link.skin_calib.urdf:
+        return Matrix.Diagonal((*link.scale, 1))
     if link.constraints or (link.parent and link.parent_type != "OBJECT"):
         return link.matrix_local
     return link.matrix_parent_inverse @ link.matrix_basis if link.parent else link.matrix_basis
@@ -371,7 +459,7 @@ def _parent(link: bpy.types.Object) -> Matrix:
 
 def link_frame(link: bpy.types.Object) -> Matrix:
     """Return the link frame in the world: a rotation, and a translation in scene units."""
-    if link.parent is None:
+    if link.parent is None and not link.skin_calib.urdf:
         return Matrix.Identity(4)
     location, rotation, _ = _parent(link).decompose()
     return Matrix.LocRotScale(location, rotation, None)
@@ -555,15 +643,18 @@ def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibra
     key : str
         Of the result in the cache.
     """
-    record, errors = link.skin_calib.result, result.fit.errors
+    record, fits = link.skin_calib.result, tuple(result.fits.values())
+    to_mesh = [fit.errors.surface_to_mesh for fit in fits]
     record.key, record.outdated = key, False
     metre = metres_per_unit(scene)
-    record.mean, record.max = errors.surface_to_mesh.mean / metre, errors.surface_to_mesh.max / metre
-    record.hausdorff = errors.hausdorff / metre
-    record.control_points = int(np.prod(result.fit.lines.origins.shape[:2]))
+    record.mean, record.max = max(d.mean for d in to_mesh) / metre, max(d.max for d in to_mesh) / metre
+    record.hausdorff = max(fit.errors.hausdorff for fit in fits) / metre
+    record.control_points = sum(fit.offsets.size for fit in fits)
     record.taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
     record.seconds = sum(result.seconds.values())
     write_warnings(record.warnings, result.warnings)
+    link.skin_calib.steps.advance()
+    record.warning_index, link.skin_calib.inspect.marked_place = 0, ""
 
 
 def why_no_link(context: bpy.types.Context, named: bool = True) -> str:

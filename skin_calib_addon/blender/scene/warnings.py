@@ -2,13 +2,27 @@
 """Warnings to the properties that keep them."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
-from ...common.warnings import Warning
+from ...common.errors import SkinCalibError
+from ...common.warnings import NOWHERE, Place, Warning
+from .skins import in_window
+
+SEVERITIES = ("error", "warning", "note")  # from the worst
+
+
+def refusal_of(error: SkinCalibError) -> Warning:
+    """Return the error of a refused fit as a warning record; its code is the class where the error has none."""
+    code = error.numbers.get("code", type(error).__name__)
+    place = error.numbers.get("place", NOWHERE)
+    place = replace(place, skin=place.skin or error.numbers.get("skin", ""))
+    value = error.numbers.get("achievable", error.numbers.get("overlap"))
+    return Warning(code, "error", in_window(error), place, value)
 
 
 def write_warnings(records: Any, warnings: Iterable[Warning]) -> None:
-    """Replace the warnings of a collection property.
+    """Replace the warnings of a collection property; the worst ones come first.
 
     Parameters
     ----------
@@ -18,7 +32,7 @@ def write_warnings(records: Any, warnings: Iterable[Warning]) -> None:
         Points in metres in the link frame.
     """
     records.clear()
-    for warning in warnings:
+    for warning in sorted(warnings, key=lambda warning: SEVERITIES.index(warning.severity)):
         record, where = records.add(), warning.where
         record.code, record.severity = warning.code, warning.severity
         record.message, record.advice = warning.message, warning.advice
@@ -26,3 +40,16 @@ def write_warnings(records: Any, warnings: Iterable[Warning]) -> None:
         record.has_point = where.point is not None
         record.point = where.point or (0.0, 0.0, 0.0)
         record.names, record.skin = where.names, where.skin
+
+
+def read_warning(record: Any) -> Warning:
+    """Return the warning that a record keeps.
+
+    Parameters
+    ----------
+    record : SKIN_PG_warning
+        As `write_warnings` writes it.
+    """
+    point = tuple(record.point) if record.has_point else None
+    place = Place(point, record.names, record.skin)
+    return Warning(record.code, record.severity, record.message, place, record.value, record.advice)

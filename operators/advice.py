@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Show the place of a warning, and do what one advises that no other operator does."""
+
+import bpy
+from mathutils import Vector
+
+from ..skin_calib_addon.blender.live.advice import REFUSAL, warning_at
+from ..skin_calib_addon.blender.overlay import drawing
+from ..skin_calib_addon.blender.overlay.layers import place_of
+from ..skin_calib_addon.blender.scene import scene
+from .lists import INDEX
+from .on_link import OnLink
+
+# [fraction of the longest side] that Widen Margin adds at both ends. Larger: less of the link is covered.
+MARGIN_STEP = 0.02
+
+
+class SKIN_OT_show_warning(OnLink, bpy.types.Operator):
+    """Mark the place of this warning, and move cursor and view there; again: remove the mark"""
+
+    bl_idname = "skin_calib.show_warning"
+    bl_label = "Show"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: bpy.props.IntProperty(
+        name="Index", description="Which warning, from 0; -1: the refusal", **INDEX | {"min": REFUSAL}
+    )
+
+    def execute(self, context):
+        link = context.object
+        warning, inspect = warning_at(link, self.index), link.skin_calib.inspect
+        if warning is None or warning.where.point is None:
+            self.report({"WARNING"}, "This warning has no single place")
+            return {"CANCELLED"}
+        token = f"place {warning.where.point}"
+        drawing.redraw()
+        if inspect.marked_place == token:
+            inspect.marked_place = ""
+            return {"FINISHED"}
+        inspect.marked_place = token
+        drawing.cache(token, (place_of(warning.where.point, scene.longest_side(link, context.scene)),))
+        place = scene.link_frame(link) @ (Vector(warning.where.point) / scene.metres_per_unit(context.scene))
+        context.scene.cursor.location = place
+        if context.region_data is not None:
+            context.region_data.view_location = place
+        return {"FINISHED"}
+
+
+class SKIN_OT_margin_widen(OnLink, bpy.types.Operator):
+    """Leave more of both ends of the link free"""
+
+    bl_idname = "skin_calib.margin_widen"
+    bl_label = "Widen the Margin"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        grid = context.object.skin_calib.grid
+        before = 0.0 if grid.auto_margin else grid.margin
+        grid.auto_margin = False
+        step = MARGIN_STEP * scene.longest_side(context.object, context.scene)
+        grid.margin = before + step / scene.metres_per_unit(context.scene)
+        return {"FINISHED"}
+
+
+CLASSES = (SKIN_OT_show_warning, SKIN_OT_margin_widen)

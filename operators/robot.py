@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A whole robot: import its links, propose plans for them, fit them, and export all."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+
+from ..skin_calib_addon.blender.live import updates
+from ..skin_calib_addon.blender.scene import robots, scene, showing
+from ..skin_calib_addon.blender.scene.preferences import preferences
+from ..skin_calib_addon.blender.scene.warnings import refusal_of
+from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputError, SkinCalibError, listed
+from ..skin_calib_addon.common.findings import printable
+from ..skin_calib_addon.geometry.mesh.defects import count
+from ..skin_calib_addon.pipeline.robot_folder import save_link, save_robot
+from ..skin_calib_addon.proposal.links import Task, numbered, plan_path, propose_task, robot_of
+from ..skin_calib_addon.proposal.skins import parse_skin
+from ..skin_calib_addon.robot.kinematics import link_poses
+from ..skin_calib_addon.robot.link_mesh import load_urdf_meshes
+from ..skin_calib_addon.robot.urdf import read_robot
+from .exchange import write_plan
+from .files import Import
+from .fit import fit_of, store_fit
+from .on_link import OnLink
+from .over_links import OverLinks
+from .working import WhileIdle
+
+
+def add_robot(operator, context, path, robot, poses, meshes, problems):
+    """Add all links, show them, and report those whose meshes cannot be read."""
+    links = robots.add_robot(context, path, robot, poses, meshes, problems)
+    hidden = showing.present(context, [*links, *(link.parent for link in links)])
+    size = f"{robot.name or path.stem}: {count(len(links), 'link')} with a mesh"
+    operator.report({"INFO"}, f"{size}. {hidden}" if hidden else size)
+    for link, problem in problems.items():
+        operator.report({"WARNING"}, f"{printable(link)}: {problem}")
+
+
+class SKIN_OT_import_robot(Import, bpy.types.Operator):
+    """Open all links of a robot, each below an empty that is its frame, in the zero pose"""
+
+    bl_idname = "skin_calib.import_robot"
+    bl_label = "Import Robot"
+
+    filter_glob: bpy.props.StringProperty(default="*.urdf;*.xml", options={"HIDDEN"})
+
+    use = staticmethod(add_robot)
+
+    def reader(self, path):
+        def read():
+            robot = read_robot(path)
+            poses = link_poses(robot)
+            meshes, problems = load_urdf_meshes(path, robot)
+            if not meshes:
+                why = "; ".join(f"{link}: {problem}" for link, problem in problems.items())
+                raise InvalidMesh(why or f"No link of {path.name} has a mesh. Boxes and cylinders cannot carry skin.")
+            return path, robot, poses, meshes, problems
+
+        return read
+
+
+class OnLinks:
+    """Available if the scene has a link."""
+
+    @classmethod
+    def poll(cls, context):
+        return cls.says("" if scene.links(context) else "Import a robot, or a link, first")
+
+    @classmethod
+    def says(cls, reason):
+        """Return whether there is no reason to refuse; Blender shows the reason at the button."""
+        if reason:
+            cls.poll_message_set(reason)
+        return not reason
+
+
+class Propose(OverLinks):
+    """Proposes surfaces and skins, as ``skin-calib propose`` does, and stores them as the plan of the link."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    doing, did = "Proposing a plan for", "Proposed plans for"
+
+    def choose(self, context):
+        self.choice = parse_skin(bpy.path.abspath(context.scene.skin_calib.skin or preferences().skin))
+        robot_of.cache_clear()  # its files can have changed
+        super().choose(context)
+
+    def task(self, context, link):
+        facets, choice = scene.read_facets(link, context), self.choice
+        file = robots.urdf_of(link) or Path(f"{link.name}.ply")  # read only if it is a robot
+        name = link.skin_calib.link
+        return lambda begin: propose_task(Task(file, "m", name, choice, facets.mesh()), begin)
+
+    def store(self, context, link, result):
+        proposal, settings = result.proposal, link.skin_calib
+        if proposal is None:
+            raise SkinCalibError(result.problem)
+        if proposal.plan is None:
+            raise InvalidPlan(proposal.reasons[-1])
+        plan = numbered(proposal.plan, robots.next_channel(link, context.scene))
+        plan = replace(plan, mesh=Path(settings.mesh_file or f"{link.name}.ply"))
+        scene.check_numbers(plan, scene.metres_per_unit(context.scene))
+        scene.write_plan(link, context.scene, plan)
+        settings.proposed, settings.refusal = proposal.taxels, ""
+        settings.result.key = ""  # a fit of an earlier plan is not drawn
+        updates.forget(link.name)
+
+    def keep_reason(self, link, error):
+        link.skin_calib.refusal = str(error)
+
+
+class SKIN_OT_propose(Propose, OnLink, bpy.types.Operator):
+    """Propose surfaces and skins for the active link; they replace its plan. Esc stops a long search"""
+
+    bl_idname = "skin_calib.propose"
+    bl_label = "Propose"
+
+    def chosen(self, context):
+        return [context.object]
+
+
+class SKIN_OT_propose_all(Propose, OnLinks, bpy.types.Operator):
+    """Propose surfaces and skins for all links that have no plan; Esc keeps what is finished"""
+
+    bl_idname = "skin_calib.propose_all"
+    bl_label = "Propose All"
+
+    def chosen(self, context):
+        links = [link for link in robots.links(context) if not link.skin_calib.skins]
+        if not links:
+            raise InvalidPlan("All links have a plan. Use Propose to replace that of the active link.")
+        return links
+
+
+class SKIN_OT_fit_all(OverLinks, OnLinks, bpy.types.Operator):
+    """Fit all links that have a plan and no current fit; Esc keeps what is finished"""
+
+    bl_idname = "skin_calib.fit_all"
+    bl_label = "Fit All"
+    bl_options = {"REGISTER", "UNDO"}
+
+    doing, did = "Fitting", "Fitted"
+
+    def chosen(self, context):
+        planned = [link for link in robots.links(context) if link.skin_calib.skins]
+        if not planned:
+            raise InvalidPlan("No link has a skin. Use Propose All, or add skins to links.")
+        links = [link for link in planned if robots.fit_of(link) is None]
+        if not links:
+            raise InvalidPlan("All links with a plan are fitted.")
+        return links
+
+    def task(self, context, link):
+        self.given, task = fit_of(context, link)
+        return task
+
+    def store(self, context, link, result):
+        store_fit(context, link, self.given, result)
+
+    def keep_reason(self, link, error):
+        updates.refuse(link, refusal_of(error))
+
+
+def links_to_write(context):
+    """Return the links with a current fit, which are all that have a plan and are not refused."""
+    planned = [link for link in robots.links(context) if link.skin_calib.skins]
+    waiting = [link.name for link in planned if robots.fit_of(link) is None and link.name not in updates.reports]
+    if waiting:
+        raise OutputError(f"{listed(waiting)}: not fitted since the last change. Press Fit All first.")
+    fitted = [link for link in planned if robots.fit_of(link) is not None]
+    if not fitted:
+        raise OutputError("No link is fitted. Press Propose All and Fit All first.")
+    for link in fitted:
+        if scene.namesakes(link, context.scene):
+            raise OutputError(f"Two objects have the link name {link.skin_calib.link}. Rename one of them.")
+    if len({link.skin_calib.urdf for link in fitted} - {""}) > 1:
+        raise OutputError("The scene has links of two robots. Delete one of them.")
+    return fitted
+
+
+def write_folder(context, folder, links):
+    """Write plan and calibration of each link, their sources, and robot.json."""
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as problem:
+        raise OutputError(f"the folder {folder} cannot be created: {problem}. Choose another one.") from problem
+    for link in links:
+        path = plan_path(folder, link.skin_calib.link)
+        save_link(robots.fit_of(link), write_plan(context, link, path), path)
+    urdf = next(filter(None, map(robots.urdf_of, links)), None)
+    save_robot(folder, read_robot(urdf) if urdf else None, urdf)
+
+
+class SKIN_OT_export_robot(WhileIdle, OnLinks, bpy.types.Operator):
+    """Write plans and calibrations of all fitted links to a folder, with robot.json, as the command line does"""
+
+    bl_idname = "skin_calib.export_robot"
+    bl_label = "Export Robot"
+    bl_options = {"REGISTER"}
+
+    directory: bpy.props.StringProperty(name="Folder", description="For all files of the robot", subtype="DIR_PATH")
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        folder = Path(bpy.path.abspath(self.directory))
+        try:
+            links = links_to_write(context)
+            write_folder(context, folder, links)
+        except SkinCalibError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Wrote {count(len(links), 'calibration')} and robot.json to {folder}")
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SKIN_OT_import_robot,
+    SKIN_OT_propose,
+    SKIN_OT_propose_all,
+    SKIN_OT_fit_all,
+    SKIN_OT_export_robot,
+)

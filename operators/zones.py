@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Excluded zones from faces: those that are selected in Edit Mode, or those of the active vertex group."""
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.common.errors import InvalidMesh
+from ..skin_calib_addon.geometry.mesh.defects import count
+from ..skin_calib_addon.skin.zones import discs_over
+from .lists import OnSkin
+from .on_link import Edit
+
+MIN_WEIGHT = 0.5  # [1] of each vertex of a face that belongs to the group. Larger: fewer faces
+
+
+class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
+    """Keep boards away from the faces selected in Edit Mode, or from the faces of the active vertex group"""
+
+    bl_idname = "skin_calib.zones_from_faces"
+    bl_label = "Exclude Faces"
+
+    radius: bpy.props.FloatProperty(
+        name="Largest Radius [mm]",
+        description="Of one zone. Larger: fewer zones, which protrude more over the faces",
+        default=10.0,
+        min=1.0,
+        max=1000.0,
+    )
+
+    def edit(self, context, plan):
+        link, skin = context.object, self.of_kind(plan, "hexagons", "excluded zones")
+        if link.mode == "EDIT":
+            link.update_from_editmode()
+        chosen = selected(link) if link.mode == "EDIT" else grouped(link)
+        metre = scene.metres_per_unit(context.scene)
+        discs = discs_over(triangles_of(link, context, chosen), self.radius * 1e-3)
+        for point, radius in discs:
+            zone = skin.excluded.add()
+            zone.point, zone.radius = point / metre, radius / metre
+        self.report({"INFO"}, f"{skin.name}: {count(len(discs), 'zone')} for {count(int(chosen.sum()), 'face')}")
+
+
+def selected(link):
+    """Return which faces are selected, shape (f,); an error if none is."""
+    chosen = np.zeros(len(link.data.polygons), bool)
+    link.data.polygons.foreach_get("select", chosen)
+    if not chosen.any():
+        raise InvalidMesh(f"No face of {link.name} is selected. Select the faces that boards must not cover.")
+    return chosen
+
+
+def grouped(link):
+    """Return which faces have all vertices in the active vertex group, shape (f,); an error if none has."""
+    group = link.vertex_groups.active
+    if group is None:
+        raise InvalidMesh(f"{link.name} has no vertex group. Select faces in Edit Mode, or add a vertex group.")
+    inside = np.zeros(len(link.data.vertices), bool)
+    for vertex in link.data.vertices:
+        inside[vertex.index] = any(g.group == group.index and g.weight >= MIN_WEIGHT for g in vertex.groups)
+    chosen = np.array([inside[list(face.vertices)].all() for face in link.data.polygons], bool)
+    if not chosen.any():
+        raise InvalidMesh(f"The vertex group {group.name} of {link.name} has no complete face. Add vertices to it.")
+    return chosen
+
+
+def triangles_of(link, context, chosen):
+    """Return the triangles of some faces of the mesh without modifiers, shape (t, 3, 3) [m], link frame."""
+    data = link.data
+    data.calc_loop_triangles()
+    corners, owners = np.empty(3 * len(data.loop_triangles), np.int32), np.empty(len(data.loop_triangles), np.int32)
+    data.loop_triangles.foreach_get("vertices", corners)
+    data.loop_triangles.foreach_get("polygon_index", owners)
+    vertices = np.empty(3 * len(data.vertices), np.float32)
+    data.vertices.foreach_get("co", vertices)
+    placed = replace(scene.read_facets(link, context), vertices=vertices.reshape(-1, 3))
+    return placed.triangles()[0][corners.reshape(-1, 3)[chosen[owners]]]
+
+
+CLASSES = (SKIN_OT_zones_from_faces,)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All links of the scene, the state of each, and what is done for all of them."""
+
+import json
+
+import bpy
+
+from ..skin_calib_addon.blender.live import updates
+from ..skin_calib_addon.blender.scene import robots
+from ..skin_calib_addon.blender.scene.preferences import preferences
+from ..skin_calib_addon.geometry.mesh.defects import count
+from .base import Step, button, buttons, field, show_text
+
+MAX_ROWS = 8  # of the list. Larger: the panels below it move down.
+
+
+def state_of(link):
+    """Return the state of a link: in a few words, its icon, and the reason of a refusal."""
+    settings, note = link.skin_calib, updates.reports.get(link.name)
+    result, warnings = settings.result, len(settings.result.warnings)
+    if updates.held() == link.name:
+        return "in progress", "SORTTIME", ""
+    if note and note.problem:
+        return "refused", "CANCEL", note.problem
+    if result.key and result.outdated:
+        return "changed after its fit", "FILE_REFRESH", ""
+    if result.key and warnings:
+        return f"fitted, {count(warnings, 'warning')}", "ERROR", ""
+    if result.key:
+        return "fitted", "CHECKMARK", ""
+    if settings.skins:
+        return "proposed" if settings.proposed else "has a plan", "OUTLINER_DATA_LATTICE", ""
+    if settings.refusal:
+        return "refused", "CANCEL", settings.refusal
+    return "no plan", "REMOVE", ""
+
+
+class SKIN_UL_links(bpy.types.UIList):
+    """Links, one in a row: its name, the icon of its state, and the number of its warnings"""
+
+    def draw_item(self, _context, layout, _data, link, _icon, _active, _property, _index):
+        words, icon, _ = state_of(link)
+        layout.label(text=link.skin_calib.link)
+        state = layout.row()
+        state.alignment = "RIGHT"
+        state.label(text="".join(c for c in words if c.isdigit()), icon=icon)
+
+    def filter_items(self, _context, data, name):
+        objects = getattr(data, name)
+        shown = [self.bitflag_filter_item * robots.is_listed(thing) for thing in objects]
+        wanted = self.filter_name.lower()
+        if wanted:
+            shown = [flag * (wanted in o.skin_calib.link.lower()) for flag, o in zip(shown, objects)]
+        return shown, []
+
+
+class RobotStep(Step):
+    label = "Robot"
+    name = "robot"
+
+    def states(self, _plan):
+        return bpy.context.scene.skin_calib
+
+    def draw(self, layout, plan):
+        if len(listed()) > 1:
+            super().draw(layout, plan)
+
+    def is_done(self, _plan):
+        return all(super(RobotStep, self).is_done(link.skin_calib) for link in listed())
+
+    def figure(self, _plan):
+        links = listed()
+        return f"{sum(bool(link.skin_calib.result.key) for link in links)} of {len(links)} fitted"
+
+    def draw_plan(self, layout, plan):
+        scene, link = bpy.context.scene, bpy.context.object
+        rows = min(len(listed()), MAX_ROWS)
+        names = "SKIN_UL_links", "", scene, "objects", scene.skin_calib, "row"
+        layout.template_list(*names, rows=rows, maxrows=rows)
+        if link is not None and robots.is_listed(link):
+            words, icon, reason = state_of(link)
+            show_text(layout, f"{link.skin_calib.link}: {words}{'. ' * bool(reason)}{reason}", icon)
+        field(layout, scene.skin_calib, "skin", placeholder=preferences().skin)
+        row = buttons(layout)
+        row.operator("skin_calib.propose_all")
+        row.operator("skin_calib.fit_all")
+        button(layout, "export_robot", icon="EXPORT")
+
+
+class ReasonsStep(Step):
+    label = "Reasons of the Proposal"
+    name = "reasons"
+
+    def draw(self, layout, plan):
+        if plan.proposed:
+            super().draw(layout, plan)
+
+    def draw_plan(self, layout, plan):
+        for reason in json.loads(plan.extra or "{}").get("x_proposal", ()):
+            show_text(layout, str(reason), "DOT")
+
+
+def listed():
+    """Return the links of the list."""
+    return [thing for thing in bpy.context.scene.objects if robots.is_listed(thing)]
+
+
+CLASSES = (SKIN_UL_links,)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The state of the active link: first in the tab, and in the header of the view, which does not scroll."""
+
+import bpy
+
+from ..skin_calib_addon.blender.live import updates
+from ..skin_calib_addon.blender.live.advice import REFUSAL, offered
+from ..skin_calib_addon.blender.scene.scene import metres_per_unit
+from ..skin_calib_addon.blender.scene.warnings import read_warning
+from .base import POPOVER_UNITS, buttons, show_text, show_warning
+
+MAX_ROWS = 4  # of the list of warnings. Larger: the panels below move down
+ICONS = {"error": "CANCEL", "warning": "ERROR", "note": "INFO"}
+
+
+def state_of(link):
+    """Return the state of a link in a few words, with an icon."""
+    if link is None or link.type != "MESH":
+        return "Select or open a link", "INFO"
+    plan, report = link.skin_calib, updates.reports.get(link.name)
+    result = plan.result
+    if not plan.link:
+        return "Enter the name of the link", "INFO"
+    if report and report.refusal:
+        return "The fit is refused", "CANCEL"
+    if report:
+        return f"Mean {report.mean * 1e3:.4f} mm on the rays, {report.seconds * 1e3:.0f} ms", "PLAY"
+    if not result.key and plan.proposed and plan.skins:
+        return f"{plan.proposed} taxels proposed: press Fit", "INFO"
+    if not result.key:
+        return "Not fitted yet", "INFO"
+    if result.outdated:
+        return "The plan has changed: fit again", "INFO"
+    mean = result.mean * metres_per_unit(bpy.context.scene) * 1e3
+    taxels = f"{result.taxels} taxels" if result.taxels else "add a skin"
+    worst = result.warnings[0].severity if result.warnings else ""
+    return f"Mean {mean:.4f} mm, {taxels}", ICONS[worst] if worst in ("error", "warning") else "CHECKMARK"
+
+
+class SKIN_UL_warnings(bpy.types.UIList):
+    """Warnings of the fit, the worst one first; the selected one is shown in full"""
+
+    def draw_item(self, _context, layout, _data, warning, _icon, _active, _property, _index):
+        layout.label(text=warning.message, icon=ICONS[warning.severity])
+
+
+def draw_status(layout, link):
+    """Draw the state of a link, what is next, and the warnings with what mends them."""
+    text, icon = state_of(link)
+    show_text(layout, text, icon)
+    if link is None or link.type != "MESH":
+        return
+    plan = link.skin_calib
+    row = buttons(layout)
+    row.operator("skin_calib.propose", icon="OUTLINER_DATA_LATTICE")
+    row.operator("skin_calib.fit", icon="SURFACE_DATA")
+    row.prop(plan, "live", toggle=True, icon="PLAY")
+    report, result = updates.reports.get(link.name), plan.result
+    if report and report.refusal:
+        draw_warning(layout, plan, report.refusal, REFUSAL)
+    elif plan.refusal and not plan.skins:
+        show_text(layout, plan.refusal, "CANCEL")
+    elif result.key and result.warnings:
+        if len(result.warnings) > 1:
+            rows = min(len(result.warnings), MAX_ROWS)
+            names = "SKIN_UL_warnings", "", result, "warnings", result, "warning_index"
+            layout.template_list(*names, rows=rows, maxrows=rows, sort_lock=True)
+        index = min(result.warning_index, len(result.warnings) - 1)
+        draw_warning(layout, plan, read_warning(result.warnings[index]), index)
+
+
+def draw_warning(layout, plan, warning, index):
+    """Draw a warning in full, the button that shows its place, and the one that does what it advises."""
+    show_warning(layout, warning)
+    row = buttons(layout)
+    if warning.where.point is not None:
+        is_marked = plan.inspect.marked_place == f"place {warning.where.point}"
+        show = row.operator("skin_calib.show_warning", icon="ZOOM_SELECTED", depress=is_marked)
+        show.index = index
+    metre = metres_per_unit(bpy.context.scene)
+    for action, properties in list(offered(warning, plan, metre))[:1]:
+        button = row.operator(action.operator, text=action.text)
+        for name, value in properties.items():
+            setattr(button, name, value)
+
+
+class SKIN_PT_status(bpy.types.Panel):
+    """What is missing, the result, its worst warning, and what mends it"""
+
+    bl_label = "Skin"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "HEADER"  # only a popover
+    bl_ui_units_x = POPOVER_UNITS
+
+    def draw(self, context):
+        draw_status(self.layout, context.object)
+
+
+def draw_header(header, context):
+    """Draw the state of the active link at the right end of the tool header, over the sidebar; it opens the status."""
+    link = context.object
+    if link is None or link.type != "MESH" or not link.skin_calib.link:
+        return
+    text, icon = state_of(link)
+    header.layout.popover("SKIN_PT_status", text=f"{link.skin_calib.link}: {text}", icon=icon)
+
+
+CLASSES = (SKIN_UL_warnings, SKIN_PT_status)

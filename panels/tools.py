@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tools of the toolbar, which work with a click on the link."""
+
+import bpy
+
+CLICK = {"type": "LEFTMOUSE", "value": "PRESS"}
+AT_MOUSE = {"properties": [("at_mouse", True)]}
+
+
+class SkinTool:
+    """Where the tools are shown."""
+
+    bl_space_type = "VIEW_3D"
+    bl_context_mode = "OBJECT"
+    bl_widget = None
+
+
+class SKIN_TOOL_cut(SkinTool, bpy.types.WorkSpaceTool):
+    bl_idname = "skin_calib.cut_tool"
+    bl_label = "Cut Link"
+    bl_description = "Click on the link to add a plane that cuts it there; handles move and tilt the plane"
+    bl_icon = "ops.mesh.bisect"
+    bl_keymap = (("skin_calib.cut_place", CLICK, AT_MOUSE),)
+
+
+class SKIN_TOOL_boards(SkinTool, bpy.types.WorkSpaceTool):
+    bl_idname = "skin_calib.boards_tool"
+    bl_label = "Paint Boards"
+    bl_description = "Click on a board to remove it, or next to the boards to add one"
+    bl_icon = "ops.generic.select_paint"
+    bl_keymap = (("skin_calib.boards_paint", CLICK, AT_MOUSE),)
+
+
+TOOLS = (SKIN_TOOL_cut, SKIN_TOOL_boards)
+
+
+def register():
+    """Add the tools below those of Blender."""
+    bpy.utils.register_tool(SKIN_TOOL_cut, separator=True)
+    bpy.utils.register_tool(SKIN_TOOL_boards, after={SKIN_TOOL_cut.bl_idname})
+
+
+def unregister():
+    """Remove them."""
+    for tool in reversed(TOOLS):
+        bpy.utils.unregister_tool(tool)

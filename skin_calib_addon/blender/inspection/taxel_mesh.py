@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The taxels of a fit as an object of Blender: a face for each, with named attributes.
+
+Geometry Nodes, the spreadsheet, materials and renders use the attributes. The force follows the timeline while the link
+shows a recording.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+from mathutils import Matrix
+
+from ...common.arrays import Array
+from ...geometry.mesh.closest import MeshDistance
+from ...pipeline import Calibrated
+from ..live import events
+from ..scene.scene import link_frame, metres_per_unit
+from . import replay
+from .taxels import result_of, taxels_of
+
+OWNER = "skin_calib_link"  # custom property of the object: its link
+FORCE = "force"
+
+
+def add_taxel_mesh(link: bpy.types.Object, context: bpy.types.Context) -> bpy.types.Object:
+    """Return an object with a face for each taxel of the last result; one that the link has gets the new faces.
+
+    Parameters
+    ----------
+    link : Object
+        A fitted link.
+    context : Context
+        Has the scene.
+
+    Raises
+    ------
+    SkinCalibError
+        If there is no result.
+    """
+    result, taxels = result_of(link), taxels_of(link)
+    thing = next(of_link(link), None)
+    if thing is None:
+        name = f"{link.name}_taxels"
+        thing = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+        thing[OWNER] = link
+        for group in link.users_collection:
+            group.objects.link(thing)
+    thing.parent, thing.matrix_parent_inverse = link, link.matrix_world.inverted_safe()
+    thing.matrix_basis = link_frame(link) @ Matrix.Scale(1 / metres_per_unit(context.scene), 4)
+    _write_faces(thing.data, taxels.corners)
+    values = {
+        "channel": taxels.channels,
+        "error": 1e3 * errors_of(result),
+        "strain": 1e2 * taxels.stretch,
+        "sigma": 1e3 * taxels.sigma[:, 0],
+        "tilt": np.rad2deg(taxels.tilt),
+        FORCE: np.zeros(len(taxels.ids)),
+    }
+    for attribute, of_each in values.items():
+        kind, number = ("INT", np.int32) if attribute == "channel" else ("FLOAT", np.float32)
+        made = thing.data.attributes.new(attribute, kind, "FACE")
+        made.data.foreach_set("value", of_each.astype(number))
+    thing.data.update()
+    follow_timeline(context.scene)
+    return thing
+
+
+def of_link(link: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """Yield the objects with the taxels of a link."""
+    return (thing for thing in bpy.data.objects if thing.type == "MESH" and thing.get(OWNER) == link)
+
+
+def errors_of(result: Calibrated) -> Array:
+    """Return the distance of the surface from the mesh below each taxel, shape (n,) [m].
+
+    Parameters
+    ----------
+    result : Calibrated
+        Has surfaces, covers and patches.
+    """
+    parts = [np.empty(0)]
+    distances = {name: MeshDistance(cover) for name, cover in result.covers.items()}
+    for patch in result.calibration.patches:
+        feet = result.fits[patch.surface].surface.points(patch.taxels.uv)
+        parts.append(distances[patch.surface](feet)[0])
+    return np.concatenate(parts)
+
+
+def _write_faces(data: bpy.types.Mesh, corners: Array) -> None:
+    """Replace a mesh by one face for each taxel.
+
+    Parameters
+    ----------
+    data : Mesh
+        Its materials stay.
+    corners : array, shape (n, k, 3)
+        The last one is repeated where a taxel has fewer [m].
+    """
+    repeated = (np.diff(corners, axis=1) == 0).all(axis=2)
+    counts = corners.shape[1] - repeated.sum(axis=1)
+    points = [taxel[:count] for taxel, count in zip(corners, counts)]
+    ends = np.cumsum(counts)
+    data.clear_geometry()
+    data.from_pydata(
+        np.concatenate([np.empty((0, 3)), *points]), [], [np.arange(*ab) for ab in zip(ends - counts, ends)]
+    )
+
+
+@persistent
+def follow_timeline(scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
+    """Show the frame of each recording that belongs to the frame of the scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its first frame is the start of the recordings, at its frame rate.
+    _depsgraph : Depsgraph
+        Not used; Blender calls with it.
+    """
+    rate = scene.render.fps / scene.render.fps_base
+    seconds = (scene.frame_current_final - scene.frame_start) / rate
+    for thing in scene.objects:
+        link = thing.get(OWNER) if thing.type == "MESH" else None
+        recording = replay.find(link) if link else None
+        if recording is None:
+            continue
+        at = recording.at(seconds)
+        if not replay.is_playing(link):
+            replay.choose(link.skin_calib.inspect.replay, at)
+        force = thing.data.attributes.get(FORCE)
+        forces = recording.frame(at).forces
+        if force is not None and len(force.data) == len(forces):
+            force.data.foreach_set("value", forces.astype(np.float32))
+            thing.data.update()
+
+
+HANDLERS = {"frame_change_pre": follow_timeline}
+
+
+def register() -> None:
+    """Listen to the timeline."""
+    events.listen(HANDLERS)
+
+
+def unregister() -> None:
+    """Stop listening."""
+    events.ignore(HANDLERS, ())

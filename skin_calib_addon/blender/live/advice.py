@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the window offers for each warning: the operator that does what its advice says, in one table."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+
+import bpy
+
+from ...common.warnings import Warning
+from ..scene.warnings import read_warning
+from . import updates
+
+Properties = dict[str, Any] | None  # of an operator; None: it does not apply
+REFUSAL = -1  # index of the refusal of the last fit, among the warnings of the result
+
+
+@dataclass(frozen=True)
+class Action:
+    """An operator that does what a warning advises."""
+
+    operator: str
+    text: str
+    properties: Callable[[Warning, Any, float], Properties]  # of warning, plan, metre
+
+
+def _cut(warning: Warning, _plan: Any, metre: float) -> Properties:
+    """Return the point of a cut at the place of a warning."""
+    return {"point": [x / metre for x in warning.where.point]} if warning.where.point else None
+
+
+def _sector(_warning: Warning, plan: Any, _metre: float) -> Properties:
+    """Return what sets the grid to a sector, unless it is one."""
+    if plan.grid.kind not in ("tube", "auto"):
+        return None
+    return {"data_path": "object.skin_calib.grid.kind", "value": "sector"}
+
+
+def _seen(_warning: Warning, plan: Any, _metre: float) -> Properties:
+    """Return what keeps only faces that are seen from outside."""
+    return None if plan.cover.shell == "seen" else {"data_path": "object.skin_calib.cover.shell", "value": "seen"}
+
+
+def _outer(_warning: Warning, plan: Any, _metre: float) -> Properties:
+    """Return what keeps only the outer shell."""
+    return {"data_path": "object.skin_calib.cover.shell", "value": "outer"} if plan.cover.shell == "all" else None
+
+
+def _facets(_warning: Warning, plan: Any, _metre: float) -> Properties:
+    """Return what removes the option of chords."""
+    return {"data_path": "object.skin_calib.chords", "value": False}
+
+
+def _tolerance(warning: Warning, plan: Any, metre: float) -> Properties:
+    """Return what sets the tolerance to the best achievable error."""
+    if not warning.value or plan.grid.kind != "auto":
+        return None
+    return {"data_path": "object.skin_calib.grid.tolerance", "value": warning.value / metre}
+
+
+def _margin(_warning: Warning, plan: Any, _metre: float) -> Properties:
+    """Return the wider margin of a tube, sector or face."""
+    return None if plan.grid.kind == "planes" else {}
+
+
+def _skin_of(warning: Warning, plan: Any) -> tuple[int, Any] | None:
+    """Return the index of the skin of a warning, and the skin; None without one."""
+    return next(((i, skin) for i, skin in enumerate(plan.skins) if skin.name == warning.where.skin), None)
+
+
+def _fewer(warning: Warning, plan: Any, metre: float) -> Properties:
+    """Return what removes the columns, or rows, that overlap."""
+    found = _skin_of(warning, plan)
+    if found is None or found[1].kind != "sheet" or not warning.value:
+        return None
+    i, skin = found
+    name, pitch = ("columns", skin.pitch[1]) if warning.where.names.startswith("row") else ("rows", skin.pitch[0])
+    count = getattr(skin, name) - ceil(warning.value / (pitch * metre))
+    return {"data_path": f"object.skin_calib.skins[{i}].{name}", "value": count} if count >= 1 else None
+
+
+def _trim(warning: Warning, plan: Any, _metre: float) -> Properties:
+    """Return what leaves out the cells of a sheet that are off the surface."""
+    found = _skin_of(warning, plan)
+    if found is None or found[1].kind != "sheet" or found[1].trim:
+        return None
+    return {"data_path": f"object.skin_calib.skins[{found[0]}].trim", "value": True}
+
+
+def _paint(warning: Warning, plan: Any, _metre: float) -> Properties:
+    """Return the boards to be painted."""
+    found = _skin_of(warning, plan)
+    return {"skin": found[0]} if found and found[1].kind == "hexagons" else None
+
+
+CUT = Action("skin_calib.cut_add", "Cut Here", _cut)
+SECTOR = Action("wm.context_set_enum", "Use a Sector", _sector)
+MARGIN = Action("skin_calib.margin_widen", "Widen the Margin", _margin)
+SEEN = Action("wm.context_set_enum", "Keep What Is Seen", _seen)
+AXIS = Action("skin_calib.axis_from_sections", "Pick the Axis", _margin)
+HOLES = Action("skin_calib.show_defects", "Select Holes", lambda *_: {})
+TRIM = Action("wm.context_set_boolean", "Trim the Sheet", _trim)
+PAINT = Action("skin_calib.boards_paint", "Paint Boards", _paint)
+
+# By the code of a warning, or the class of an error: the actions, the first that applies is offered; or why there is
+# none. docs/troubleshooting.md explains the codes.
+ACTIONS: dict[str, tuple[Action, ...] | str] = {
+    "off-mesh": (CUT, SECTOR),
+    "folded": (SECTOR, CUT),
+    "nearly-folded": (MARGIN,),
+    "missing-samples": (HOLES,),
+    "dropped-curves": (SEEN,),
+    "not-converged": (AXIS,),
+    "undercut": (CUT,),
+    "chords-refused": (Action("wm.context_set_boolean", "Follow the Facets", _facets),),
+    "outlier-vertices": "the fit leaves these vertices out already",
+    "planes-nearly-parallel": "only the author knows which plane is right; both have handles",
+    "overlap": (Action("wm.context_set_int", "Fewer Cells", _fewer),),
+    "over-hole": (TRIM,),
+    "board-gap": (PAINT,),
+    "board-overhang": (PAINT,),
+    "strain": "where the sheet goes instead is a decision of the author; it has a handle",
+    "skins-overlap": "which of the two skins moves is a decision of the author; both have handles",
+    "no-uncertainty": "it follows from strain or a fold, which have their own warnings",
+    "EmptySection": (SECTOR, MARGIN),
+    "OutsideSurface": (TRIM,),
+    "UnreachableTolerance": (Action("wm.context_set_float", "Allow This Error", _tolerance),),
+    "UnderdeterminedFit": "the message has the number that is needed",
+    "InvalidPlan": "the message names the field that is wrong",
+    "InvalidMesh": "the mesh is edited in Edit Mode, or read again",
+    "parts": (Action("wm.context_set_enum", "Keep Outer Shell", _outer),),
+    "holes": (HOLES,),
+    "branching-edges": (Action("skin_calib.show_defects", "Select Edges", lambda *_: {}),),
+    "flipped-faces": "Shift-N in Edit Mode mends the normals, and only the author knows whether all are wrong",
+    "inward-part": "Shift-N in Edit Mode mends the normals, and only the author knows whether all are wrong",
+    "one-sided-part": "where it is cut open is a decision of the author",
+    "back-to-back": "which side goes is a decision of the author",
+    "mesh-size": "it is information",
+    "dropped-faces": "it is information",
+    "flat-faces": "it is information",
+    "fit": "it is information",
+    "channel-order": "the plan has the order of the channels, the robot the wires",
+    "wrong-taxel": "the plan has the order of the channels, the robot the wires",
+    "grazing-touch": "the touch is left out already",
+    "touch-height": "the frame of the touches, or the offset of the skin, is wrong, and only the author knows which",
+}
+
+
+def offered(warning: Warning, plan: Any, metre: float) -> Iterator[tuple[Action, dict[str, Any]]]:
+    """Yield the actions that apply to a warning now, each with the properties of its operator.
+
+    Parameters
+    ----------
+    warning : Warning
+        Of the fit or of its refusal.
+    plan : SKIN_PG_link
+        The plan.
+    metre : float
+        Length of a scene unit [m].
+    """
+    actions = ACTIONS.get(warning.code, ())
+    for action in actions if isinstance(actions, tuple) else ():
+        properties = action.properties(warning, plan, metre)
+        if properties is not None:
+            yield action, properties
+
+
+def warning_at(link: bpy.types.Object, index: int) -> Warning | None:
+    """Return the refusal of a link's last fit, or a warning of its result.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    index : int
+        Of the warning; ``REFUSAL`` for the refusal.
+    """
+    if index == REFUSAL:
+        report = updates.reports.get(link.name)
+        return report.refusal if report else None
+    records = link.skin_calib.result.warnings
+    return read_warning(records[index]) if index < len(records) else None

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Preferences of the extension: colours and sizes of what is drawn, and the skin that is proposed."""
+
+from typing import Any
+
+import bpy
+from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
+
+from ...proposal.skins import DEFAULT_SKIN, FORMS
+
+PACKAGE = __package__.partition(".skin_calib_addon")[0]
+# Lines that have a colour, and their first colour.
+COLOURS = {
+    "sections": ("Sections", (1.0, 0.6, 0.1, 0.9)),
+    "lines": ("V-Lines", (0.3, 0.85, 0.4, 0.8)),
+    "net": ("Net", (0.85, 0.45, 0.95, 0.8)),
+    "surface": ("Surface", (0.35, 0.65, 1.0, 0.6)),
+    "cells": ("Cells", (1.0, 1.0, 1.0, 0.9)),
+    "normals": ("Normals", (0.95, 0.2, 0.2, 1.0)),
+}
+
+
+def redraw(_preferences: Any, context: bpy.types.Context) -> None:
+    """Draw the views again.
+
+    Parameters
+    ----------
+    _preferences : SKIN_AP_preferences
+        Not used; Blender calls with it.
+    context : Context
+        Has the windows.
+    """
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            area.tag_redraw()
+
+
+def _colour(label: str, first: tuple[float, ...]) -> Any:
+    words = {"name": label, "description": f"Colour of {label}", "subtype": "COLOR"}
+    return FloatVectorProperty(size=4, default=first, min=0, max=1, update=redraw, **words)
+
+
+class SKIN_AP_preferences(bpy.types.AddonPreferences):
+    """Shown below the extension in Edit > Preferences > Add-ons."""
+
+    bl_idname = PACKAGE
+
+    def draw(self, _context):
+        """Draw colours, sizes and the skin."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "skin")
+        layout.prop(self, "line_width")
+        layout.prop(self, "text_size")
+        column = layout.column(heading="Colours")
+        for name in COLOURS:
+            column.prop(self, name)
+
+
+SKIN_AP_preferences.__annotations__ = {
+    **{name: _colour(label, first) for name, (label, first) in COLOURS.items()},
+    "skin": StringProperty(
+        name="Skin",
+        description=f"Skin that is proposed in scenes that state none. {FORMS.removesuffix('.')}",
+        default=DEFAULT_SKIN,
+    ),
+    "line_width": FloatProperty(
+        name="Line Width",
+        description="Width of all lines, as a factor",
+        default=1.0,
+        min=0.25,
+        max=10,
+        update=redraw,
+    ),
+    "text_size": FloatProperty(
+        name="Text Size", description="Size of all labels, as a factor", default=1.0, min=0.5, max=5, update=redraw
+    ),
+}
+
+
+def preferences() -> SKIN_AP_preferences:
+    """Return the preferences of the extension."""
+    found: SKIN_AP_preferences = bpy.context.preferences.addons[PACKAGE].preferences
+    return found
+
+
+CLASSES = (SKIN_AP_preferences,)

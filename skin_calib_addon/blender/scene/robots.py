@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All links of a robot in a scene: their objects, their frames, and their states."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...common.arrays import Array
+from ...geometry.mesh.triangle_mesh import TriangleMesh
+from ...pipeline import Calibrated
+from ...plan.skins import following_channel
+from ...robot.urdf import Robot
+from . import results, showing
+from . import scene as scenes
+from .fields import kept_path
+from .skins import read_skin
+
+FRAME_SIZE = 0.03  # [m] length of the drawn axes of a link frame. Larger: they hide more of small links.
+
+
+def add_robot(
+    context: bpy.types.Context,
+    urdf: Path,
+    robot: Robot,
+    poses: Mapping[str, Array],
+    meshes: Mapping[str, TriangleMesh],
+    problems: Mapping[str, str],
+) -> list[bpy.types.Object]:
+    """Add a robot: for each link an empty that is its frame, and the mesh below it. Return the links with a mesh.
+
+    Parameters
+    ----------
+    context : Context
+        Has the scene.
+    urdf : Path
+        File of the robot.
+    robot : Robot
+        Its content.
+    poses : mapping of str to array, shape (4, 4)
+        ``T_root_link`` by the name of the link [m].
+    meshes : mapping of str to TriangleMesh
+        By the name of the link, in the link frame [m].
+    problems : mapping of str to str
+        Why other links have no mesh.
+    """
+    group = bpy.data.collections.new(robot.name or urdf.stem)
+    context.scene.collection.children.link(group)
+    metre, file = scenes.metres_per_unit(context.scene), kept_path(str(urdf.absolute()))
+    frames = {link: _frame(f"{link}_frame", metre) for link in robot.links}
+    links = []
+    for link, frame in frames.items():
+        group.objects.link(frame)
+        parent = robot.parents.get(link)
+        pose = poses[link] if parent is None else np.linalg.solve(poses[parent], poses[link])
+        frame.parent = frames[parent] if parent is not None else None
+        frame.matrix_basis = _in_units(pose, metre)
+        if link in problems:
+            frame.skin_calib.link, frame.skin_calib.refusal = link, problems[link]
+        if link in meshes:
+            links.append(_add_link(context, group, frame, link, meshes[link], urdf.name))
+            links[-1].skin_calib.urdf = file
+    return links
+
+
+def _frame(name: str, metre: float) -> bpy.types.Object:
+    frame = bpy.data.objects.new(name, None)
+    frame.empty_display_type, frame.empty_display_size = "ARROWS", FRAME_SIZE / metre
+    return frame
+
+
+def _in_units(pose: Array, metre: float) -> Matrix:
+    """Return a pose [m] in scene units."""
+    matrix = Matrix(pose.tolist())
+    matrix.translation /= metre
+    return matrix
+
+
+def _add_link(
+    context: bpy.types.Context,
+    group: bpy.types.Collection,
+    frame: bpy.types.Object,
+    name: str,
+    mesh: TriangleMesh,
+    file: str,
+) -> bpy.types.Object:
+    link = scenes.add_link(context, mesh, "m", name)
+    context.scene.collection.objects.unlink(link)
+    group.objects.link(link)
+    link.parent = frame
+    link.skin_calib.link, link.skin_calib.mesh_file = name, file
+    return link
+
+
+def is_listed(thing: bpy.types.Object) -> bool:
+    """Return whether an object is in the list of links: a link, or the frame of one whose mesh cannot be read."""
+    return bool(thing.skin_calib.link) and thing.type in ("MESH", "EMPTY")
+
+
+def links(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the links of the scene that can be edited, in the order of the list."""
+    return [thing for thing in context.scene.objects if not scenes.why_not(thing)]
+
+
+def urdf_of(link: bpy.types.Object) -> Path | None:
+    """Return the file of the robot of a link; None if it was imported alone."""
+    urdf = link.skin_calib.urdf
+    return Path(bpy.path.abspath(urdf, library=link.library)) if urdf else None
+
+
+def fit_of(link: bpy.types.Object) -> Calibrated | None:
+    """Return the current fit of a link; None if there is none, or if plan or mesh have changed."""
+    result = link.skin_calib.result
+    return None if result.outdated else results.find(result.key)
+
+
+def next_channel(link: bpy.types.Object, scene: bpy.types.Scene) -> int:
+    """Return the first channel after those of the other links of the same robot.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    scene : Scene
+        Has the other links.
+    """
+    ends = [0]
+    for other in scene.objects:
+        settings = other.skin_calib
+        if other == link or settings.urdf != link.skin_calib.urdf or not settings.skins:
+            continue
+        skins = tuple(read_skin(skin, scenes.metres_per_unit(scene)) for skin in settings.skins)
+        end = following_channel(skins)
+        if end is None:  # boards that fill a surface
+            taxels = settings.result.taxels if settings.result.key else settings.proposed
+            end = (skins[0].first_channel or 0) + taxels
+        ends.append(end)
+    return max(ends)
+
+
+def active_row(scene: bpy.types.Scene) -> int:
+    """Return which of the objects of the scene is active; -1 without one."""
+    active = bpy.context.view_layer.objects.active
+    return scene.objects.find(active.name) if active else -1
+
+
+def select_row(scene: bpy.types.Scene, index: int) -> None:
+    """Make a link active and show it.
+
+    Parameters
+    ----------
+    scene : Scene
+        Has the link.
+    index : int
+        Which of its objects.
+    """
+    context = bpy.context
+    link = scene.objects[index]
+    if link.name not in context.view_layer.objects:
+        return
+    scenes.activate(context, link)
+    showing.frame(context)

@@ -1,0 +1,112 @@
+"""What an import shows: the link alone, framed; files that are dropped; proposals for any mesh."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.blender.conftest import ROOT
+from tests.blender.test_registration import draw
+
+WRIST = ROOT / "sample_scenes" / "wrist.ply"
+
+
+@pytest.fixture
+def cube(bpy):
+    """Add the cube of Blender's start, in a scene in metres."""
+    bpy.ops.mesh.primitive_cube_add(size=2)
+    return bpy.context.object
+
+
+def views(bpy):
+    """Return the 3D views of the window, each with its main region."""
+    areas = [area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
+    return [(area, next(r for r in area.regions if r.type == "WINDOW")) for area in areas]
+
+
+def is_seen(thing, space):
+    return thing.visible_get(viewport=space)
+
+
+def test_link_within_another_object_is_shown_alone(bpy, cube, capfd):
+    """The cube of Blender's start contains the link: local view hides it, and the report names it."""
+    assert bpy.ops.skin_calib.import_mesh(filepath=str(WRIST)) == {"FINISHED"}
+    link = bpy.context.object
+    assert link.name == "wrist" and bpy.context.selected_objects == [link]
+    for area, _ in views(bpy):
+        assert is_seen(link, area.spaces.active) and not is_seen(cube, area.spaces.active)
+    assert "Local view hides Cube" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("place", [(3, 0, 0), (0, 0, -1.5)])
+def test_object_away_from_the_link_stays_visible(bpy, cube, capfd, place):
+    """Nothing is hidden without need."""
+    cube.location = place
+    bpy.ops.skin_calib.import_mesh(filepath=str(WRIST))
+    for area, _ in views(bpy):
+        assert area.spaces.active.local_view is None and is_seen(cube, area.spaces.active)
+    assert "Local view" not in capfd.readouterr().out
+
+
+def test_next_link_replaces_the_one_that_is_shown_alone(bpy, cube):
+    """Links of different files lie in their own frames, one in the other: only the new one is visible."""
+    bpy.ops.skin_calib.import_mesh(filepath=str(WRIST))
+    first = bpy.context.object
+    bpy.ops.skin_calib.import_plan(filepath=str(WRIST.with_name("edge.plan.json")))
+    second = bpy.context.object
+    assert second != first
+    for area, _ in views(bpy):
+        assert [is_seen(o, area.spaces.active) for o in (cube, first, second)] == [False, False, True]
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_imported_link_is_in_the_free_part_of_the_view(bpy, cube, kind):
+    """The view is centred on the link, and turned by nothing; its distance is that of a robot link, not of the cube."""
+    for area, _ in views(bpy):
+        area.spaces.active.region_3d.view_perspective = kind
+    turned = [area.spaces.active.region_3d.view_rotation.copy() for area, _ in views(bpy)]
+    bpy.ops.skin_calib.import_mesh(filepath=str(WRIST))
+    link = bpy.context.object
+    corners = np.array([link.matrix_world @ type(link.location)(corner) for corner in link.bound_box])
+    for (area, _), rotation in zip(views(bpy), turned):
+        view = area.spaces.active.region_3d
+        assert np.linalg.norm(np.array(view.view_location) - corners.mean(axis=0)) < 0.2
+        assert 0.05 < view.view_distance < 1.0 and view.view_rotation == rotation
+
+
+HANDLERS = {
+    "mesh": (".stl .ply .obj .off .dae", "import_mesh"),
+    "robot": (".urdf", "import_robot"),
+    "link": (".urdf", "import_urdf"),
+    "plan": (".json", "import_plan"),
+}
+
+
+@pytest.mark.parametrize("name", HANDLERS)
+def test_files_are_dropped_into_the_view_only(bpy, name):
+    """Each kind of file has a handler with its operator."""
+    handler = getattr(bpy.types, f"SKIN_FH_{name}")
+    endings, operator = HANDLERS[name]
+    assert handler.bl_file_extensions.split(";") == endings.split()
+    assert handler.bl_import_operator == f"skin_calib.{operator}"
+    kinds = {kind: handler.poll_drop(SimpleNamespace(area=SimpleNamespace(type=kind))) for kind in ("VIEW_3D", "INFO")}
+    assert kinds == {"VIEW_3D": True, "INFO": False} and not handler.poll_drop(SimpleNamespace(area=None))
+
+
+def test_dropped_file_is_read_without_a_question(bpy):
+    """Blender invokes the operator with the path; the file browser stays closed."""
+    assert bpy.ops.skin_calib.import_mesh("INVOKE_DEFAULT", filepath=str(WRIST)) == {"FINISHED"}
+    assert bpy.context.object.name == "wrist"
+
+
+def test_any_link_gets_a_proposal_that_fits(bpy):
+    """The mesh of the object is used, whatever its file is named; the state has the next step, and the fit succeeds."""
+    bpy.ops.skin_calib.import_mesh(filepath=str(WRIST))
+    link = bpy.context.object
+    link.skin_calib.mesh_file = "robot.urdf"  # as after the import of a link of several meshes
+    assert bpy.ops.skin_calib.propose() == {"FINISHED"}
+    plan = link.skin_calib
+    assert plan.mesh_file == "robot.urdf" and plan.skins and plan.proposed > 0
+    assert draw(bpy, "status")[0] == f"{plan.proposed} taxels proposed: press Fit"
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
+    assert plan.result.mean < 5e-4 and plan.result.taxels == plan.proposed

@@ -1,0 +1,357 @@
+"""A whole robot in the window: import, list, proposals, fits and export of all links."""
+
+import importlib
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+
+from sample_scenes.shapes import tube_mesh
+from skin_calib_addon import cli
+from skin_calib_addon.proposal.skins import parse_skin
+from skin_calib_addon.robot.kinematics import link_poses
+from skin_calib_addon.robot.link_mesh import load_urdf_mesh
+from skin_calib_addon.robot.urdf import read_robot
+from tests.blender.conftest import ROOT, oval
+from tests.blender.test_refusals import scene_state
+from tests.blender.test_registration import draw
+from tests.shapes import box, subdivided, weld, welded
+from tests.unit.robot.test_robot_mesh import MM, shape
+
+ROBOTS = ROOT.parent / "shared" / "data" / "robots"
+TUBE = weld(*(lambda m: (m.vertices, m.faces))(tube_mesh(oval, 24, 9)))
+INNER = box((-0.01, 0, 0.04), (0.01, 0.02, 0.08))
+JOINT = (
+    '<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+    '<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+)
+
+
+def written(mesh, path, scale=1.0):
+    """Write a mesh to a file of any format."""
+    trimesh.Trimesh(mesh.vertices * scale, mesh.faces, process=False).export(path)
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    """Write a robot in a package: a link of two visual meshes, a mirrored one, one of boxes between, a broken one."""
+    (tmp_path / "bot" / "urdf").mkdir(parents=True)
+    (tmp_path / "bot" / "meshes").mkdir()
+    written(TUBE, tmp_path / "bot" / "meshes" / "tube.STL", 1000)
+    written(INNER, tmp_path / "bot" / "meshes" / "box.obj")
+    written(TUBE, tmp_path / "bot" / "meshes" / "tube.ply")
+    upper = shape("package://bot/meshes/tube.STL", origin='xyz="0.1 0 0.2" rpy="0.3 -0.2 1"', scale=MM)
+    upper += shape("../meshes/box.obj")
+    lower = shape("package://bot/meshes/tube.STL", scale="0.001 -0.001 0.001")
+    links = {
+        "upper": upper,
+        "elbow": "<visual><geometry><box size='1 1 1'/></geometry></visual>",
+        "lower": lower,
+        "hand": shape("package://bot/meshes/tube.ply"),
+        "finger": shape("package://bot/meshes/none.stl"),
+    }
+    joints = [
+        JOINT.format(parent="upper", child="elbow", xyz="0 0 0.3", rpy="0.1 0.2 0.3"),
+        JOINT.format(parent="elbow", child="lower", xyz="0.02 0 0.1", rpy="0 -0.7 0"),
+        JOINT.format(parent="lower", child="hand", xyz="0 0 0.25", rpy="1.5 0 0"),
+        JOINT.format(parent="hand", child="finger", xyz="0 0 0.1", rpy="0 0 0"),
+    ]
+    path = tmp_path / "bot" / "urdf" / "bot.urdf"
+    path.write_text(
+        '<robot name="bot">'
+        + "".join(f'<link name="{name}">{inner}</link>' for name, inner in links.items())
+        + "".join(joints)
+        + "</robot>"
+    )
+    return path
+
+
+@pytest.fixture
+def robot(bpy, urdf):
+    """Import this robot, and return its file."""
+    assert bpy.ops.skin_calib.import_robot(filepath=str(urdf)) == {"FINISHED"}
+    return urdf
+
+
+@pytest.mark.parametrize("metre", [1.0, 0.001])
+def test_links_lie_in_their_frames_in_the_zero_pose(bpy, addon, urdf, metre):
+    """Each link has the geometry that the command line reads, to the bit, and the pose of forward kinematics."""
+    bpy.context.scene.unit_settings.scale_length = metre
+    bpy.ops.skin_calib.import_robot(filepath=str(urdf))
+    links = {o.skin_calib.link: o for o in bpy.data.objects if o.type == "MESH"}
+    assert [*links] == ["hand", "lower", "upper"]
+    poses = link_poses(read_robot(urdf))
+    for name, link in links.items():
+        assert addon.scene.read_mesh(link, bpy.context).sha256 == load_urdf_mesh(urdf, name).sha256
+        pose = np.array(addon.scene.link_frame(link))
+        pose[:3, 3] *= metre
+        assert_allclose(pose, poses[name], atol=1e-6)
+        assert_allclose(np.array(link.parent.matrix_world)[:3, :3], poses[name][:3, :3], atol=1e-6)
+        assert link.skin_calib.mesh_file == "bot.urdf" and link.name == name
+    assert links["lower"].parent.parent.name == "elbow_frame"
+    assert {o.name for o in bpy.data.collections["bot"].objects} == {
+        *("upper", "lower", "hand"),
+        *(f"{name}_frame" for name in poses),
+    }
+    assert bpy.context.object.name == "upper" and [o.name for o in bpy.context.selected_objects] == ["upper"]
+
+
+def test_broken_link_is_listed_with_its_reason(bpy, urdf, capfd):
+    """The others are imported; the list has the broken link, too, and the panel the reason of the selected one."""
+    bpy.ops.skin_calib.import_robot(filepath=str(urdf))
+    frame = bpy.data.objects["finger_frame"]
+    reason = "the mesh file package://bot/meshes/none.stl of bot.urdf was not found"
+    assert reason in frame.skin_calib.refusal and bpy.data.objects.get("finger") is None
+    assert f"Warning: finger: {reason}" in capfd.readouterr().out
+    bpy.context.scene.skin_calib.row = bpy.context.scene.objects.find("finger_frame")
+    assert bpy.context.object == frame
+    assert f"finger: refused. {reason}" in " ".join(draw(bpy, "robot"))
+
+
+BROKEN = {
+    "no name": ('"finger"', '""', ': bot.urdf has a link with the name ""'),
+    "no name for a plan": ('"finger"', '"two&#10;lines"', 'bot.urdf has a link with the name "two\\nlines"'),
+    "empty file": ("package://bot/meshes/none.stl", "../meshes/empty.dae", "finger: empty.dae is empty."),
+    "outside": (
+        "package://bot/meshes/none.stl",
+        "/dev/zero",
+        "finger: the mesh file /dev/zero of bot.urdf was not found",
+    ),
+    "far away": (
+        'none.stl"',
+        'tube.ply" scale="1 1e300 1"',
+        "finger: package://bot/meshes/tube.ply has 1e+300 in its scale",
+    ),
+    "not a mesh": ("package://bot/meshes/none.stl", "bot.urdf", "finger: bot.urdf has an unknown format"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_one_broken_link_does_not_stop_the_import(bpy, urdf, capfd, case):
+    """One warning for it; the other links are imported and can be saved."""
+    old, new, words = BROKEN[case]
+    (urdf.parent.parent / "meshes" / "empty.dae").touch()
+    urdf.write_text(urdf.read_text().replace(old, new))
+    assert bpy.ops.skin_calib.import_robot(filepath=str(urdf)) == {"FINISHED"}
+    assert sorted(o.skin_calib.link for o in bpy.data.objects if o.type == "MESH") == ["hand", "lower", "upper"]
+    warned = [line for line in capfd.readouterr().out.splitlines() if line.startswith("Warning: ")]
+    assert len(warned) == 1 and words in warned[0]
+
+
+def test_import_of_a_robot_is_one_step_of_undo(bpy, urdf):
+    """Undo removes objects, frames and the collection; redo brings them back."""
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.import_robot("EXEC_DEFAULT", True, filepath=str(urdf)) == {"FINISHED"}
+    assert len(bpy.data.objects) == 8
+    bpy.ops.ed.undo()
+    assert not bpy.data.objects and not bpy.data.collections
+    bpy.ops.ed.redo()
+    assert len(bpy.data.objects) == 8 and bpy.data.objects["upper"].skin_calib.urdf
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("no robot", "bot.urdf"),
+        ('<robot name="b"><link name="a"/><link name="a"/></robot>', 'repeats the link "a"'),
+        ('<robot name="b"><link name="a"/></robot>', "No link of bot.urdf has a mesh"),
+        (f'<robot name="b"><link name="a">{shape("none.stl")}</link></robot>', "a: the mesh file none.stl"),
+        (f'<robot name="b"><link name="a">{shape("../meshes/box.obj")}</link><link name="b"/></robot>', "2 links that"),
+    ],
+)
+def test_bad_robot_changes_nothing(bpy, addon, urdf, text, words):
+    """It is refused with one line."""
+    urdf.write_text(text)
+    before = scene_state(bpy, addon)
+    with pytest.raises(RuntimeError, match=f"Error: .*{words}"):
+        bpy.ops.skin_calib.import_robot(filepath=str(urdf))
+    assert scene_state(bpy, addon) == before and not bpy.data.collections
+
+
+def test_moved_link_keeps_its_calibration(bpy, addon, robot, fit_scene):
+    """Poses of the object and of each frame above are those of the robot: mesh and bytes stay, the drawing follows."""
+    link = bpy.data.objects["lower"]
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.view_layer.objects.active = link
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    skin = link.skin_calib.skins[0]
+    skin.rows, skin.columns, skin.direction = 2, 3, (0, 1, 0)
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"}
+    before, mesh = fit_scene(), addon.scene.read_mesh(link, bpy.context).sha256
+    moved = [link, link.parent, bpy.data.objects["elbow_frame"], bpy.data.objects["upper_frame"]]
+    for k, thing in enumerate(moved):
+        thing.location, thing.rotation_euler = (0.1 * k, -0.3, 0.02 + k), (1, -2 + k, 0.5)
+    bpy.context.view_layer.update()
+    assert addon.scene.read_mesh(link, bpy.context).sha256 == mesh and fit_scene() == before
+    assert not link.skin_calib.result.outdated
+    assert_allclose(addon.scene.link_frame(link), link.matrix_world, atol=1e-6)
+    link.parent = None
+    bpy.context.view_layer.update()
+    assert addon.scene.read_mesh(link, bpy.context).sha256 == mesh
+    assert_allclose(addon.scene.link_frame(link), link.matrix_world, atol=1e-6)
+
+
+def test_selected_row_is_the_active_link(bpy, robot):
+    """The list and the active object agree in both directions."""
+    scene = bpy.context.scene
+    for name in ("hand", "upper"):
+        scene.skin_calib.row = scene.objects.find(name)
+        assert bpy.context.object.name == name and [o.name for o in bpy.context.selected_objects] == [name]
+    bpy.context.view_layer.objects.active = bpy.data.objects["lower"]
+    assert scene.skin_calib.row == scene.objects.find("lower")
+
+
+def test_saved_robot_is_the_same_after_opening(bpy, addon, robot, tmp_path):
+    """Meshes, frames and the file of the robot, which is kept relative to the scene."""
+    before = {o.name: addon.scene.read_mesh(o, bpy.context).sha256 for o in bpy.data.objects if o.type == "MESH"}
+    bpy.context.preferences.filepaths.use_relative_paths = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    links = [o for o in bpy.data.objects if o.type == "MESH"]
+    assert {o.name: addon.scene.read_mesh(o, bpy.context).sha256 for o in links} == before
+    assert all(addon.robots.urdf_of(link).samefile(robot) for link in links)
+
+
+@pytest.mark.parametrize("name", ["g1_description/g1_29dof_rev_1_0.urdf", "jvrc_description/urdf/jvrc1.urdf"])
+@pytest.mark.slow
+def test_real_robot_has_the_geometry_of_the_command_line(bpy, addon, name):
+    """All links of a real robot, STL or DAE with package://, have the same bytes through both interfaces."""
+    path = ROBOTS / name
+    if not path.exists():
+        pytest.skip(f"{path.name} is not on this machine")
+    bpy.ops.skin_calib.import_robot(filepath=str(path))
+    links = [o for o in bpy.data.objects if o.type == "MESH"]
+    assert len(links) > 25
+    for link in links:
+        expected = load_urdf_mesh(path, link.skin_calib.link)
+        assert addon.scene.read_mesh(link, bpy.context).sha256 == expected.sha256, link.name
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """A robot whose proposals are quick: a tube, a block on it that covers one end, and a link too small for skin."""
+    folder = tmp_path_factory.mktemp("arm")
+    written(subdivided(welded(trimesh.creation.cylinder(0.03, 0.12, sections=48))), folder / "tube.ply")
+    written(box((-0.04, -0.04, 0), (0.04, 0.04, 0.06)), folder / "block.stl")
+    written(box((-0.01, -0.01, 0), (0.01, 0.01, 0.01)), folder / "knob.stl")
+    links = "".join(
+        f'<link name="{name}">{shape(file)}</link>'
+        for name, file in (("fore arm", "tube.ply"), ("block", "block.stl"), ("knob", "knob.stl"))
+    )
+    joints = JOINT.format(parent="fore arm", child="block", xyz="0 0 0.07", rpy="0 0 0")
+    joints += JOINT.format(parent="block", child="knob", xyz="0 0 0.2", rpy="0 0 0")
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
+    return folder / "arm.urdf"
+
+
+SKIN = "hexagons:8mm"
+
+
+@pytest.fixture(scope="module")
+def by_command(arm, tmp_path_factory):
+    """The folder that the command line makes of this robot."""
+    folder = tmp_path_factory.mktemp("command") / "robot"
+    assert cli.main(["fit", "--propose", str(arm), "-o", str(folder), "--skin", SKIN]) == 0
+    return folder
+
+
+def files_of(folder):
+    """Return the bytes of all files, without the name of the folder of the robot, which differs."""
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@pytest.mark.slow
+def test_proposals_fits_and_export_have_the_bytes_of_the_command_line(bpy, arm, by_command, capfd):
+    """Plans, calibrations, sources and robot.json are the same files; states and reasons follow."""
+    bpy.ops.skin_calib.import_robot(filepath=str(arm))
+    bpy.context.scene.skin_calib.skin = SKIN
+    assert bpy.ops.skin_calib.propose_all() == {"FINISHED"}
+    tube, block, knob = (bpy.data.objects[name].skin_calib for name in ("fore arm", "block", "knob"))
+    assert tube.proposed and block.skins[0].first_channel == tube.proposed and not knob.skins
+    assert knob.refusal == "Less than 30 cm^2 are free of other links: no skin."
+    assert "Info: Proposed plans for 2 links; refused: 1" in capfd.readouterr().out
+    assert bpy.ops.skin_calib.fit_all() == {"FINISHED"}
+    assert tube.result.taxels == tube.proposed and not tube.result.outdated
+    folder = by_command.with_name("window")
+    assert bpy.ops.skin_calib.export_robot(directory=str(folder)) == {"FINISHED"}
+    assert files_of(folder) == files_of(by_command)
+    assert {"robot.json", "sources.json", "block.plan.json", "block.calibration.json"} <= files_of(folder).keys()
+    assert cli.main(["fit", str(folder), "-o", str(folder)]) == 0
+    assert "2 up to date" in capfd.readouterr().out
+
+
+@pytest.mark.slow
+def test_proposal_of_a_single_mesh_has_the_plan_of_the_command_line(bpy, document, tmp_path):
+    """A mesh in millimetres: same surfaces, skins and reasons; undo and redo are one step; a second one replaces it."""
+    written(subdivided(welded(trimesh.creation.cylinder(0.03, 0.12, sections=48))), tmp_path / "tube.stl", 1000)
+    words = ["--unit", "mm", "--skin", "sheet:4x6x8mm"]
+    assert cli.main(["propose", str(tmp_path / "tube.stl"), "-o", str(tmp_path), *words]) == 0
+    expected = json.loads((tmp_path / "tube.plan.json").read_text())
+    bpy.ops.skin_calib.import_mesh(filepath=str(tmp_path / "tube.stl"), unit="mm")
+    bpy.context.scene.skin_calib.skin = words[-1]
+    bpy.ops.ed.undo_push(message="start")
+    assert bpy.ops.skin_calib.propose("EXEC_DEFAULT", True) == {"FINISHED"}
+    shown = document(bpy.context.object)
+    assert shown | {"unit": "mm"} == expected and shown["skins"]
+    bpy.ops.ed.undo()
+    assert not bpy.context.object.skin_calib.skins and not bpy.context.object.skin_calib.proposed
+    bpy.ops.ed.redo()
+    assert document(bpy.context.object) == shown
+    words = " ".join(draw(bpy, "reasons"))
+    assert all(" ".join(reason.split()) in words for reason in expected["x_proposal"])
+    bpy.ops.skin_calib.propose()
+    assert document(bpy.context.object) == shown
+
+
+def test_refused_proposals_and_exports_state_the_reason(bpy, robot, tmp_path):
+    """An unknown skin, a link without skin, nothing to fit, and an export before the fit."""
+    scene, link = bpy.context.scene, bpy.context.object
+    with pytest.raises(RuntimeError, match="Error: No link has a skin. Use Propose All"):
+        bpy.ops.skin_calib.fit_all()
+    with pytest.raises(RuntimeError, match="Error: No link is fitted. Press Propose All and Fit All first"):
+        bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "out"))
+    scene.skin_calib.skin = "leather"
+    for name in ("propose", "propose_all"):
+        with pytest.raises(RuntimeError, match="Error: 'leather' is no skin. Write"):
+            getattr(bpy.ops.skin_calib, name)()
+    assert not link.skin_calib.refusal
+    link.skin_calib.skins.add().kind = "sheet"
+    with pytest.raises(RuntimeError, match="Error: upper: not fitted since the last change. Press Fit All first"):
+        bpy.ops.skin_calib.export_robot(directory=str(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+    link.skin_calib.grid.n = 2
+    with pytest.raises(RuntimeError, match="Error: Degree 3 needs at least 4 u-planes"):
+        bpy.ops.skin_calib.fit_all()
+    assert "upper: refused. Degree 3 needs at least 4 u-planes" in " ".join(draw(bpy, "robot"))
+
+
+def test_presets_of_the_skin_can_be_read(addon, extension):
+    """Each preset in the field is a skin; what is typed selects among them."""
+    properties = importlib.import_module(f"{extension}.skin_calib_addon.blender.properties.robot")
+    assert [parse_skin(name).text for name, _ in properties.PRESETS] == [name for name, _ in properties.PRESETS]
+    assert len(properties._presets(None, None, "hexagons")) == 3  # the field shows all while it has one of them
+    assert properties._presets(None, None, "shee") == [properties.PRESETS[2]]
+
+
+@pytest.mark.parametrize(
+    "file, link",
+    [("g1_description/g1_29dof_rev_1_0.urdf", "head_link"), ("jvrc_description/urdf/jvrc1.urdf", "NECK_P_S")],
+)
+@pytest.mark.slow
+def test_proposal_of_a_real_link_has_the_plan_of_the_command_line(bpy, tmp_path, file, link):
+    """The exported plan has the bytes of ``skin-calib propose``; the fit has those of ``skin-calib fit``."""
+    path = ROBOTS / file
+    if not path.exists():
+        pytest.skip(f"{path.name} is not on this machine")
+    command, window = tmp_path / "command", tmp_path / "window"
+    words = ["--only", link, "--skin", SKIN]
+    assert cli.main(["fit", "--propose", str(path), "-o", str(command), *words]) == 0
+    bpy.ops.skin_calib.import_robot(filepath=str(path))
+    bpy.context.scene.skin_calib.skin = SKIN
+    bpy.context.view_layer.objects.active = bpy.data.objects[link]
+    assert bpy.ops.skin_calib.propose() == {"FINISHED"}
+    assert bpy.ops.skin_calib.fit_all() == {"FINISHED"}
+    assert bpy.ops.skin_calib.export_robot(directory=str(window)) == {"FINISHED"}
+    assert files_of(window) == files_of(command) and len(files_of(window)) == 4

@@ -1,0 +1,153 @@
+"""The status of a link: what is missing, why a fit is refused, the worst warning, and the button that mends it."""
+
+import re
+
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.common import errors
+from tests.blender.conftest import modules
+from tests.blender.test_registration import draw
+from tests.unit.test_docs import TROUBLES
+
+
+@pytest.fixture
+def advice(extension):
+    """Return the module with the actions."""
+    return modules(extension, "live.advice").advice
+
+
+def refused(bpy):
+    """Press Fit, which is refused."""
+    with pytest.raises(RuntimeError):
+        bpy.ops.skin_calib.fit()
+
+
+def press(bpy, advice, link, index=0):
+    """Press the first button that is offered for a warning."""
+    warning = advice.warning_at(link, index)
+    action, properties = next(advice.offered(warning, link.skin_calib, 1.0))
+    module, name = action.operator.split(".")
+    assert getattr(getattr(bpy.ops, module), name)(**properties) == {"FINISHED"}
+    return action.text
+
+
+def test_every_code_has_an_action_or_a_reason(advice):
+    """Each code that a fit, a skin, a mesh or a touch can have, and each error of a fit, is in the table once."""
+    text = TROUBLES.read_text("utf-8")
+    sections = re.findall(r"^### (Fit|Skins|Mesh|Touches)\n(.*?)(?=^##)", text, re.MULTILINE | re.DOTALL)
+    assert len(sections) == 4
+    codes = {code for _, rows in sections for code in re.findall(r"^\| `([a-z-]+)`", rows, re.MULTILINE)}
+    codes |= {"EmptySection", "OutsideSurface", "UnreachableTolerance", "UnderdeterminedFit", "InvalidPlan"}
+    codes |= {"InvalidMesh"}
+    assert codes == advice.ACTIONS.keys()
+    assert all(len(reason) > 15 for reason in advice.ACTIONS.values() if isinstance(reason, str))
+    assert all(hasattr(errors, code) for code in codes if code[0].isupper())
+
+
+def test_every_action_is_an_operator(bpy, advice):
+    """Blender has the operators of the table."""
+    for actions in advice.ACTIONS.values():
+        for action in actions if isinstance(actions, tuple) else ():
+            module, name = action.operator.split(".")
+            assert getattr(getattr(bpy.ops, module), name).get_rna_type().description
+
+
+def test_refused_fit_leaves_its_reason_until_a_change(bpy, link, updates):
+    """The reason is in the status after Fit; an edit of the plan removes it."""
+    link.skin_calib.grid.margin = 0.05
+    refused(bpy)
+    shown = draw(bpy, "status")
+    assert shown[0] == "The fit is refused" and "50 mm" in " ".join(shown)
+    assert "Widen the Margin" not in shown  # the margin is what is wrong
+    link.skin_calib.grid.margin = 0.004
+    while updates.tick() == updates.POLL_INTERVAL:
+        pass
+    assert draw(bpy, "status")[0] == "Not fitted yet"
+    bpy.ops.skin_calib.fit()
+    assert re.match(r"Mean 0\.\d{4} mm, 6 taxels", draw(bpy, "status")[0])
+
+
+def test_overlapping_sheet_loses_the_columns_that_overlap(bpy, link, advice):
+    """A sheet longer than the circumference is refused; the button removes as many columns as makes it close."""
+    skin = link.skin_calib.skins[0]
+    skin.columns = 26
+    refused(bpy)
+    assert advice.warning_at(link, advice.REFUSAL).code == "overlap"
+    assert press(bpy, advice, link, advice.REFUSAL) == "Fewer Cells"
+    assert 18 <= skin.columns < 26 and bpy.ops.skin_calib.fit() == {"FINISHED"}
+    assert "overlap" not in {w.code for w in link.skin_calib.result.warnings}
+
+
+def test_sheet_beyond_the_edge_is_trimmed(bpy, link, advice):
+    """The refusal has the place of the first cell outside; the button trims the sheet."""
+    link.skin_calib.skins[0].rows = 14
+    refused(bpy)
+    warning = advice.warning_at(link, advice.REFUSAL)
+    assert warning.code == "OutsideSurface" and warning.where.skin == "band"
+    assert warning.where.point[2] < 0.03 or warning.where.point[2] > 0.09  # at an end of the link, in metres
+    assert press(bpy, advice, link, advice.REFUSAL) == "Trim the Sheet"
+    assert bpy.ops.skin_calib.fit() == {"FINISHED"} and link.skin_calib.result.taxels > 6
+
+
+def test_open_section_offers_a_sector(bpy, link, advice):
+    """Half a tube has no closed section: the refusal has the place of the gap, and the button makes it a sector."""
+    cut = link.skin_calib.cover.cuts.add()
+    cut.point, cut.normal = (0, 0.01, 0.06), (0, 1, 0)
+    refused(bpy)
+    assert advice.warning_at(link, advice.REFUSAL).where.point is not None
+    assert press(bpy, advice, link, advice.REFUSAL) == "Use a Sector"
+    assert link.skin_calib.grid.kind == "sector"
+
+
+def test_show_marks_the_place_of_a_warning_over_everything(bpy, link, advice, extension):
+    """Show puts a cross there, in millimetres of the scene, too; again it removes it; the next fit removes it."""
+    drawing = modules(extension, "overlay.drawing").drawing
+    bpy.context.scene.unit_settings.scale_length = 1.0
+    bpy.ops.skin_calib.fit()
+    record = link.skin_calib.result.warnings.add()
+    record.code, record.severity, record.has_point, record.point = "off-mesh", "warning", True, (0.04, 0.01, 0.06)
+    bpy.ops.skin_calib.show_warning(index=0)
+    (mark,) = [layer for layer in drawing.shown_layers(link) if layer.what == "PLACE"]
+    assert mark.on_top
+    assert_allclose(mark.points.mean(axis=0), (0.04, 0.01, 0.06), atol=1e-6)
+    assert_allclose(bpy.context.scene.cursor.location, (0.04, 0.01, 0.06), atol=1e-6)
+    bpy.ops.skin_calib.show_warning(index=0)
+    assert not any(layer.what == "PLACE" for layer in drawing.shown_layers(link))
+    bpy.ops.skin_calib.show_warning(index=0)
+    bpy.ops.skin_calib.cut_add(**advice.CUT.properties(advice.warning_at(link, 0), link.skin_calib, 1.0))
+    assert_allclose(link.skin_calib.cover.cuts[0].point, (0.04, 0.01, 0.06), atol=1e-6)
+    bpy.ops.skin_calib.fit()
+    assert not any(layer.what == "PLACE" for layer in drawing.shown_layers(link))
+
+
+def test_first_fit_closes_the_steps_before_the_skin_once(bpy, link):
+    """Link, mesh, grid and fit close and the skin opens; what the author opens afterwards stays open."""
+    steps = link.skin_calib.steps
+    assert steps.link and steps.grid and not steps.skin
+    bpy.ops.skin_calib.fit()
+    assert not (steps.link or steps.mesh or steps.cut or steps.grid or steps.fit) and steps.skin and steps.export
+    steps.grid, steps.skin = True, False
+    link.skin_calib.grid.n = 6
+    bpy.ops.skin_calib.fit()
+    assert steps.grid and not steps.skin
+
+
+def test_worst_warning_comes_first(bpy, link, extension):
+    """Records are sorted by severity, in their order otherwise."""
+    written = modules(extension, "scene.warnings").warnings
+    records = link.skin_calib.result.warnings
+    written.write_warnings(
+        records, [written.Warning(f"c{k}", s, "") for k, s in enumerate(("note", "warning", "error"))]
+    )
+    assert [record.severity for record in records] == ["error", "warning", "note"]
+
+
+def test_tab_of_several_links_is_drawn_whole(bpy, link, plan_file):
+    """With two links the list is above the steps of the active one, open and closed, also if none is active."""
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file("hand")))
+    shown = draw(bpy, "work")
+    assert shown.index("Propose All") < shown.index("Check Mesh") < shown.index("Export Skin Calibration")
+    assert draw(bpy, "work", is_open=False) == ["Not fitted yet", "Propose", "Fit", "live"]
+    bpy.context.view_layer.objects.active = None
+    assert "Propose All" in draw(bpy, "work") and "Import Robot" in draw(bpy, "work")

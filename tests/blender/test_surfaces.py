@@ -1,0 +1,122 @@
+"""Several surfaces of one link: one is in the panels, all are in the plan."""
+
+import json
+
+import pytest
+
+from tests.blender.conftest import PLAN
+from tests.blender.test_registration import draw
+
+TUBE = {key: PLAN[key] for key in ("cover", "grid") if key in PLAN}
+SECTOR = {key: value for key, value in PLAN["grid"].items() if key in ("axis", "margin")} | {
+    "kind": "patch",
+    "n": 5,
+    "lines": 7,
+    "from": -1.0,
+    "to": 1.25,
+}
+
+
+@pytest.fixture
+def two(bpy, plan_file):
+    """Return the file of a plan with two surfaces and a skin on each, which is imported."""
+    path = plan_file()
+    document = json.loads(path.read_text())
+    for key in ("cover", "grid", "degree", "chords", "max_deviation"):
+        document.pop(key, None)
+    surfaces = [{"name": "all"} | TUBE, {"name": "front", "grid": SECTOR, "degree": [3, 2], "max_deviation": 0.004}]
+    patch = PLAN["skins"][0] | {"name": "patch", "surface": "front", "rows": 1, "columns": 2, "origin": "center"}
+    patch.pop("first_channel", None)
+    path.write_text(json.dumps(document | {"version": 2, "surfaces": surfaces, "skins": [PLAN["skins"][0], patch]}))
+    bpy.ops.skin_calib.import_plan(filepath=str(path))
+    return path
+
+
+def test_same_bytes_leave_all_doors(bpy, two, fit_plainly, fit_scene, document):
+    """The scene gives what the file gives, whichever surface the panels show, also after save and reload."""
+    expected, written = fit_plainly(two), document(bpy.context.object)
+    for index in (0, 1, 0):
+        assert bpy.ops.skin_calib.surface_show(index=index) == {"FINISHED"}
+        shown = bpy.context.object.skin_calib
+        assert (shown.surface_name, shown.grid.kind) == (("all", "tube"), ("front", "sector"))[index]
+        assert document(bpy.context.object) == written and fit_scene() == expected
+    assert [s["name"] for s in written["surfaces"]] == ["all", "front"] and written["surfaces"][1]["degree"] == [3, 2]
+    assert written["surfaces"][1]["max_deviation"] == 0.004
+
+
+def test_surface_survives_save_and_reload(bpy, two, fit_scene, tmp_path, document):
+    """The .blend has all surfaces."""
+    bpy.ops.skin_calib.surface_show(index=1)
+    before = document(bpy.context.object), fit_scene()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert (document(bpy.context.object), fit_scene()) == before
+
+
+def test_surfaces_are_added_changed_and_removed(bpy, link, document):
+    """A new surface is a copy of the shown one; a surface with a skin on it stays; each step is undone."""
+    assert document(link)["version"] == 1
+    with pytest.raises(RuntimeError, match="Move it to another surface first"):
+        bpy.ops.skin_calib.surface_remove()
+    link.skin_calib.skins.clear()
+    with pytest.raises(RuntimeError, match="only one"):
+        bpy.ops.skin_calib.surface_remove()
+    bpy.ops.skin_calib.skin_add(kind="sheet")
+    bpy.ops.skin_calib.surface_add()
+    link.skin_calib.surface_name = "upper"
+    link.skin_calib.grid.n = 7
+    bpy.ops.skin_calib.skin_surface(skin=0, name="upper")
+    found = document(link)
+    assert (found["version"], [s["name"] for s in found["surfaces"]]) == (2, ["cover", "upper"])
+    assert [s["grid"]["n"] for s in found["surfaces"]] == [PLAN["grid"]["n"], 7]
+    assert found["skins"][0]["surface"] == "upper"
+    with pytest.raises(RuntimeError, match="Move it to another surface first"):
+        bpy.ops.skin_calib.surface_remove()
+    bpy.ops.skin_calib.skin_surface(skin=0, name="cover")
+    bpy.ops.skin_calib.surface_remove()
+    assert "surfaces" not in document(link) and document(link)["skins"][0]["surface"] == "cover"
+    assert link.skin_calib.grid.n == PLAN["grid"]["n"]
+
+
+def test_both_surfaces_are_fitted_and_drawn(bpy, addon, two):
+    """Fit shows the figures of both; the overlay has lines of both, and one heat map."""
+    bpy.ops.skin_calib.fit()
+    link = bpy.context.object
+    result = addon.results.find(link.skin_calib.result.key)
+    assert (
+        list(result.fits) == ["all", "front"]
+        and link.skin_calib.result.taxels == len(result.calibration.patches) * 2 + 4
+    )
+    points = [fit.offsets.size for fit in result.fits.values()]
+    assert link.skin_calib.result.control_points == sum(points)
+    layers = {
+        layer.what: layer for layer in addon.drawing._prepared[link.skin_calib.result.key].shown({"ERROR", "NET"})
+    }
+    assert layers["ERROR"].indices.max() == len(layers["ERROR"].points) - 1
+    assert len(layers["ERROR"].points) == len(layers["ERROR"].colours)
+
+
+def test_panels_show_the_surfaces(bpy, two):
+    """A button for each surface, in the panel Cut and at each skin; a link with one surface has none."""
+    shown = draw(bpy, "cut")
+    assert shown[:5] == ["Show Surface", "Show Surface", "surface_name", "Add Surface", "Remove Surface"]
+    assert draw(bpy, "skin").count("Surface") == 2 * 3  # a label and two buttons for each skin
+    bpy.ops.skin_calib.skin_surface(skin=1, name="all")
+    bpy.ops.skin_calib.surface_show(index=1)
+    bpy.ops.skin_calib.surface_remove()
+    assert draw(bpy, "cut")[0] == "Add Surface" and "Surface" not in draw(bpy, "skin")
+
+
+def test_boundary_is_kept_in_the_scene(bpy, plan_file, fit_plainly, fit_scene, document):
+    """Its numbers are exact; planes by hand would lose it, and are refused until it is removed."""
+    loop = [[0.04, -0.011111111111, 0.04], [0.04, 0.02, 0.04], [0.04, 0.02, 0.08], [0.04, -0.01, 0.08]]
+    grid = SECTOR | {"boundary": [loop]}
+    grid.pop("margin")
+    path = plan_file(grid=grid, skins=[])
+    bpy.ops.skin_calib.import_plan(filepath=str(path))
+    assert document(bpy.context.object)["grid"]["boundary"] == [loop] and fit_scene() == fit_plainly(path)
+    assert "Remove Boundary" in draw(bpy, "grid")
+    with pytest.raises(RuntimeError, match="cannot have a boundary"):
+        bpy.ops.skin_calib.planes_place()
+    bpy.ops.skin_calib.boundary_remove()
+    assert "boundary" not in document(bpy.context.object)["grid"] and "Remove Boundary" not in draw(bpy, "grid")

@@ -1,0 +1,103 @@
+"""The taxels as an object of Blender: faces, attributes, and forces that follow the timeline."""
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+
+from tests.blender.conftest import BOARDS, PLAN
+from tests.blender.test_replay import ours, record  # noqa: F401 (fixtures)
+
+ATTRIBUTES = {"channel", "error", "strain", "sigma", "tilt", "force"}
+
+
+def values(thing, name):
+    """Return the values of an attribute of faces."""
+    attribute = thing.data.attributes[name]
+    assert attribute.domain == "FACE"
+    found = np.empty(len(attribute.data), np.int32 if attribute.data_type == "INT" else np.float32)
+    attribute.data.foreach_get("value", found)
+    return found
+
+
+def made(bpy):
+    """Return the object with the taxels of the active link."""
+    assert bpy.ops.skin_calib.taxel_mesh() == {"FINISHED"}
+    return next(o for o in bpy.data.objects if o.name.endswith("_taxels"))
+
+
+@pytest.mark.parametrize("metre", [1.0, 0.001])
+def test_each_taxel_is_a_face_with_its_numbers(bpy, addon, plan_file, metre):
+    """Corners and numbers are those of the calibration; the error is measured with another library."""
+    bpy.context.scene.unit_settings.scale_length = metre
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[*PLAN["skins"], BOARDS])))
+    link = bpy.context.object
+    bpy.ops.skin_calib.fit()
+    thing, result = made(bpy), addon.results.find(link.skin_calib.result.key)
+    bpy.context.view_layer.update()
+    sheet, boards = (patch.taxels for patch in result.calibration.patches)
+    assert {a.name for a in thing.data.attributes if a.domain == "FACE"} >= ATTRIBUTES
+    assert len(thing.data.polygons) == len(sheet.ids) + len(boards.ids)
+    assert {len(face.vertices) for face in thing.data.polygons} == {4, 6}
+    corners = [[thing.matrix_world @ thing.data.vertices[v].co for v in f.vertices] for f in thing.data.polygons]
+    assert_allclose(metre * np.array(corners[: len(sheet.ids)]), sheet.corners_link, atol=1e-7)
+    assert_allclose(metre * np.array(corners[len(sheet.ids) :]), boards.corners_link, atol=1e-7)
+    outward = np.array([face.normal for face in thing.data.polygons])
+    assert (np.einsum("ij,ij->i", outward, np.concatenate((sheet.normals_link, boards.normals_link))) > 0.9).all()
+    assert values(thing, "channel").tolist() == [*sheet.channels, *boards.channels]
+    assert_allclose(
+        values(thing, "sigma"), 1e3 * np.concatenate((sheet.known_sigma, boards.known_sigma))[:, 0], rtol=1e-5
+    )
+    strain = values(thing, "strain")
+    assert np.isfinite(strain[: len(sheet.ids)]).all() and np.isnan(strain[len(sheet.ids) :]).all()
+    assert (values(thing, "force") == 0).all()
+    cover = result.cover
+    feet = np.concatenate([result.fit.surface.points(part.uv) for part in (sheet, boards)])
+    _, distances, _ = trimesh.proximity.closest_point_naive(trimesh.Trimesh(cover.vertices, cover.faces), feet)
+    assert_allclose(values(thing, "error"), 1e3 * distances, atol=1e-5)
+
+
+def test_second_call_replaces_the_faces(bpy, link):
+    """The object stays, with its materials and modifiers; the link stays active."""
+    bpy.ops.skin_calib.fit()
+    thing = made(bpy)
+    thing.data.materials.append(bpy.data.materials.new("skin"))
+    link.skin_calib.skins[0].rows = 3
+    bpy.ops.skin_calib.fit()
+    again = made(bpy)
+    assert again == thing and len(thing.data.polygons) == 9 and thing.data.materials[0].name == "skin"
+    assert bpy.context.object == link and not thing.skin_calib.link
+
+
+def test_taxels_follow_the_link(bpy, link):
+    """They are below the link in the scene, and move with it."""
+    bpy.ops.skin_calib.fit()
+    thing = made(bpy)
+    bpy.context.view_layer.update()
+    before = np.array(thing.matrix_world)
+    link.location.x += 0.5
+    bpy.context.view_layer.update()
+    assert_allclose(np.array(thing.matrix_world)[:3, 3] - before[:3, 3], (0.5, 0, 0), atol=1e-7)
+
+
+def test_forces_follow_the_timeline(bpy, ours, link, record):  # noqa: F811
+    """Scrubbing shows the frame of the recording at that time; so does the evaluated mesh, which is rendered."""
+    scene = bpy.context.scene
+    scene.render.fps, scene.frame_start = 50, 10
+    bpy.ops.skin_calib.fit()
+    thing = made(bpy)
+    bpy.ops.skin_calib.replay_open(filepath=record())  # a press of k + 1 N on taxel k, for 0.1 s each
+    for frame, pressed in ((10, 0), (14, 0), (15, 1), (27, 3), (38, 5), (500, 5), (1, 0)):
+        scene.frame_set(frame)
+        assert_allclose(values(thing, "force"), [k + 1.0 if k == pressed else 0 for k in range(6)])
+        evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        assert values(evaluated, "force").argmax() == pressed
+        assert link.skin_calib.inspect.replay.frame == pressed
+    bpy.ops.skin_calib.replay_close()
+    scene.frame_set(27)  # without a recording nothing changes
+    assert values(thing, "force").argmax() == 0
+
+
+def test_taxels_without_a_fit_are_refused(bpy, link):
+    """The button says what to do first."""
+    assert not bpy.ops.skin_calib.taxel_mesh.poll()

@@ -1,0 +1,155 @@
+"""Drives a whole robot: import, list of links, proposals and fits of one link and of all, Esc in between, export.
+
+The argument is the URDF of the robot. With the argument ``all`` after it, all links are proposed and fitted.
+"""
+
+import json
+import os
+
+import bpy
+from buttons import find, press
+from sample import hover_view, is_in_full, undo
+
+LINK = "left_knee_link"
+ROW = 20  # pixels from one row of the list to the next, at a scale of one
+
+
+def drive(gui):
+    for thing in list(bpy.data.objects):
+        bpy.data.objects.remove(thing)
+    yield from gui.tab("Skin")
+    yield from hover_view(gui)
+    yield from imports_the_robot(gui, gui.args[0])
+    if gui.args[1:] == ["all"]:
+        yield from shows_all_skins(gui)
+        return
+    yield from selects_a_row(gui)
+    yield from proposes_one(gui)
+    yield from fits_one(gui)
+    yield from stops_all(gui)
+    yield from exports(gui)
+
+
+def active():
+    """Return the active object, without a stored reference."""
+    return bpy.context.view_layer.objects.active
+
+
+def links():
+    """Return the links, by name."""
+    return {o.skin_calib.link: o for o in bpy.context.scene.objects if o.type == "MESH" and o.skin_calib.link}
+
+
+def proposed():
+    """Return the names of the links with a proposal."""
+    return [name for name, link in links().items() if link.skin_calib.proposed]
+
+
+def fitted():
+    """Return the names of the links with a fit; a proposal can be refused by it."""
+    return [name for name, link in links().items() if link.skin_calib.result.key]
+
+
+def running():
+    """Return whether an operator waits for a computation."""
+    return any(op.bl_idname.startswith("SKIN_CALIB_OT_") for op in bpy.context.window.modal_operators)
+
+
+def imports_the_robot(gui, urdf):
+    """File > Import > Robot; the view shows all of it, and the list has its links."""
+    yield from gui.search("Import Robot")
+    yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
+    yield from gui.choose_file(urdf)
+    yield from gui.wait(lambda: "pelvis" in bpy.data.objects, 120, "the robot")
+    yield from gui.redraw(3)
+    yield from gui.shot("robot_imported.png", area=None)
+    assert len(links()) > 30 and active().name == "pelvis"
+
+
+def selects_a_row(gui):
+    """A click on a row makes the link active, and the view shows it."""
+    row = bpy.context.scene.objects.find(LINK)
+    x, y = yield from find(gui, "skin_calib.row")
+    scale = bpy.context.preferences.system.ui_scale
+    for step in range(8):  # from one of the first rows on
+        yield from gui.click(x - 30, y - round(step * ROW * scale))
+        yield from gui.redraw(2)
+        if active().name == LINK:
+            break
+    assert active().name == LINK and bpy.context.scene.skin_calib.row == row, active().name
+    yield 1.0  # the view moves smoothly
+    yield from gui.redraw(3)
+    yield from gui.shot("robot_row.png", area=None)
+    assert is_in_full(gui, active().name) and gui.area().spaces.active.region_3d.view_distance < 1.5
+
+
+def proposes_one(gui):
+    """The button Propose fills the plan; the view can be turned while it works."""
+    yield from press(gui, "skin_calib.propose")
+    yield from gui.wait(running, 10, "the proposal in a thread")
+    yield 1.0
+    yield from gui.shot("robot_proposing.png", area=None)
+    yield from gui.wait(lambda: not running(), 200, "the proposal")
+    assert proposed() == [LINK], proposed()
+    yield from undo(gui)
+    assert not proposed()
+    yield from undo(gui, "shift")
+    assert proposed() == [LINK] and active().name == LINK
+    yield from gui.shot("robot_proposed.png", area=None)
+
+
+def fits_one(gui):
+    """The button Fit places the skins of the proposal."""
+    yield from press(gui, "skin_calib.fit")
+    yield from gui.wait(lambda: active().skin_calib.result.key and not running(), 200, "the fit")
+    yield from hover_view(gui)
+    yield from gui.redraw(3)
+    yield from gui.shot("robot_fitted.png", area=None)
+    assert active().skin_calib.result.taxels == active().skin_calib.proposed
+
+
+def stops_all(gui):
+    """Propose All goes on with the other links; Esc keeps those that are finished, as one step of undo."""
+    yield from press(gui, "skin_calib.propose_all")
+    yield from gui.wait(lambda: len(proposed()) == 2, 400, "the next link")
+    yield from gui.shot("robot_all.png", area=None)
+    yield from hover_view(gui)
+    yield from gui.key("ESC")
+    yield from gui.wait(lambda: not running(), 10, "the end after Esc")
+    kept = proposed()
+    assert 2 <= len(kept) <= 3
+    yield from gui.redraw(3)
+    yield from gui.shot("robot_stopped.png", area=None)
+    yield from undo(gui)
+    assert proposed() == [LINK]
+    yield from undo(gui, "shift")
+    assert proposed() == kept
+
+
+def exports(gui):
+    """Fit All fits what is left, and Export Robot writes a folder."""
+    yield from press(gui, "skin_calib.fit_all")
+    yield from gui.wait(lambda: not running(), 400, "the fits")
+    writes_a_folder(gui)
+
+
+def writes_a_folder(gui):
+    """Export Robot writes plan and calibration of each link, and the two files of the robot."""
+    with gui.context():
+        bpy.ops.skin_calib.export_robot(directory=str(gui.out / "robot"))
+    document = json.loads((gui.out / "robot" / "robot.json").read_text())
+    assert [link["link"] for link in document["links"]] == sorted(fitted())
+    assert len(os.listdir(gui.out / "robot")) == 2 * len(fitted()) + 2
+
+
+def shows_all_skins(gui):
+    """All links are proposed, fitted and exported."""
+    for name in ("propose_all", "fit_all"):
+        yield from press(gui, f"skin_calib.{name}")
+        yield from gui.wait(running, 10, name)
+        yield from gui.wait(lambda: not running(), 1800, name)
+        yield from hover_view(gui)
+        yield from gui.redraw(3)
+        yield from gui.shot(f"robot_{name}.png", area=None)
+    assert len(fitted()) > 20
+    writes_a_folder(gui)
