@@ -6,10 +6,12 @@ PYTHON ?= $(shell for p in python3.13 python3.11 python3; do \
 VENV ?= .venv
 BIN = $(VENV)/bin
 READY = $(VENV)/ready
+# The experiments of "make control", in examples/control/
+CONTROL = landing balance faults wrenches footholds beam planar_arm arm
 # One process for each processor, or PYTEST_XDIST_AUTO_NUM_WORKERS of them, each with one thread for linear algebra.
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
-.PHONY: demo test check check-second docs format bench wheel extension samples clean
+.PHONY: demo test check check-second docs format bench control wheel extension samples clean
 
 demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summary in out/
 	$(BIN)/python examples/demo.py
@@ -40,6 +42,9 @@ format: $(READY)
 bench: $(VENV)/bench-ready  ## compare with the paper's method and with peers: tables, CSV files, figures
 	$(BIN)/python benchmarks/run.py
 
+control: $(VENV)/control-ready  ## walk, land and balance with the skin in simulation: numbers, figures, animations
+	set -e; for name in $(CONTROL); do $(BIN)/python examples/control/$$name.py; done
+
 wheel: $(READY)  ## the Python package in dist/; without what an earlier build left
 	rm -rf build
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
@@ -62,6 +67,10 @@ $(VENV)/bench-ready: $(READY)
 
 $(VENV)/docs-ready: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	touch $@
+
+$(VENV)/control-ready: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[control]'
 	touch $@
 
 clean:

@@ -1,6 +1,6 @@
 """Vary every numeric constant of the package by 0.5 and 2, and print what changes in a fixed set of cases.
 
-    python benchmarks/constants.py [--only geometry] [--full] [--list] [--old FOLDER]
+    python benchmarks/constants.py [--only geometry] [--full] [--list] [--tests] [--old FOLDER]
 
 A constant is a name in capitals that a module of ``skin_calib_addon`` (without ``blender``) sets to a number or to a
 tuple of numbers. One whose comment has "Derived:", "Format:" or "Contract:" is not varied: its value follows from
@@ -13,6 +13,11 @@ its result cannot change. After an effect of 10 % or 0.1 mm the other cases are 
 The table is sorted by effect. "inert": the lines run, and no result changes by more than rounding. "not run": no case
 executes a line with the constant. Time counts as a change from a factor of 1.5 on, and only for constants with no other
 effect. A limit is inert where no case comes near it: see what it protects before you delete it.
+
+With ``--tests`` the unit tests of the module are run instead of the cases, with each constant multiplied. The table
+has for each constant whether a test fails, with the second factor where none does with the first. These are the tests
+``test_*MODULE*.py`` in the folder that mirrors that of the module, all of this folder if there is none, and the
+``test_limits.py`` of this folder and of those above. Tests marked as slow are left out.
 
 Results are kept in ``out/constants.json`` as they arrive, so that a run which was interrupted continues. They are
 discarded when a file of the package or of the cases has changed.
@@ -53,6 +58,7 @@ FACTORS = (0.5, 2.0)
 NOT_VARIED = re.compile(r"\b(derived|format|contract):", re.IGNORECASE)
 CAPITALS = re.compile(r"_?[A-Z][A-Z0-9_]*")
 CONVERSIONS = {"deg2rad", "radians", "cos", "sin", "float"}
+TEST_TIME_LIMIT = 240.0  # [s] for the tests of one variation
 TIME_LIMIT = 60.0  # [s] for all cases of one variation; a process that takes longer is ended
 ROUNDING = 1e-9  # change of a position [m], or relative change of another result, up to which it counts as none
 MOST_NAMED = 3  # changes that the table names of one case
@@ -248,7 +254,9 @@ def run_cases(connection, folder: str, names: list[str], constant: Constant | No
     connection.close()
 
 
-def in_new_process(target, *arguments, enough: Callable[[str, dict], bool] | None = None) -> tuple[dict, dict]:
+def in_new_process(
+    target, *arguments, enough: Callable[[str, dict], bool] | None = None, limit: float = TIME_LIMIT
+) -> tuple[dict, dict]:
     """Return results and seconds by case, up to the first that is ``enough``, or that does not end within the limit."""
     context = multiprocessing.get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
@@ -257,7 +265,7 @@ def in_new_process(target, *arguments, enough: Callable[[str, dict], bool] | Non
     sender.close()
     results, seconds = {}, {}
     try:
-        while receiver.poll(TIME_LIMIT):
+        while receiver.poll(limit):
             name, results[name], seconds[name] = receiver.recv()
             if enough is not None and enough(name, results[name]):
                 break
@@ -300,6 +308,45 @@ def prepare(connection, folder: str) -> None:
     constant_cases.prepare(Path(folder))
     connection.send(("inputs", {}, 0.0))
     connection.close()
+
+
+def run_tests(connection, constant: Constant | None, factor: float, tests: list[str]) -> None:
+    """Run unit tests in this process and send whether one failed, or that there are none."""
+    import pytest
+
+    silence()
+    if constant is not None:
+        sys.meta_path.insert(0, MultiplyingFinder(constant, factor))
+    os.chdir(ROOT)
+    code = pytest.main(["-x", "-q", "-p", "no:xdist", "-m", "not slow and not window", *tests])
+    words = {pytest.ExitCode.OK: "passes", pytest.ExitCode.NO_TESTS_COLLECTED: "no test"}
+    connection.send(("tests", words.get(code, "fails"), 0.0))
+    connection.close()
+
+
+def tests_of(constant: Constant) -> list[str]:
+    """Return the files with the unit tests of the module of a constant, or their folder."""
+    module = Path(constant.file)
+    folder = ROOT / "tests" / "unit" / module.parent
+    while not folder.is_dir():
+        folder = folder.parent
+    own = list(folder.glob(f"test_*{module.stem}*.py")) or [folder]
+    limits = [path for f in (folder, *folder.parents) if (path := f / "test_limits.py").exists()]
+    return sorted({*map(str, own), *map(str, limits)})
+
+
+def print_tests(constants: list[Constant]) -> None:
+    """Print for each constant whether the tests of its module fail with it multiplied."""
+    free = []
+    print("| constant | value | times 0.5, then times 2 |\n|---|---|---|")
+    for constant in constants:
+        found: list[str] = []
+        for factor in FACTORS:
+            if found != ["fails"]:
+                results, _ = in_new_process(run_tests, constant, factor, tests_of(constant), limit=TEST_TIME_LIMIT)
+                found.append(results.get("tests", "does not end"))
+        print(f"| `{constant.key}` | {constant.value} | {', '.join(found)} |", flush=True)
+    print(f"\n{len(free)} of {len(constants)} without a test that fails: {', '.join(free)}")
 
 
 # Which cases execute a line with a constant
@@ -494,20 +541,28 @@ def printed(effects: list[Effect]) -> str:
 def main() -> None:
     """Count, vary, print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", action="append", metavar="FOLDER", help="package, as in 'geometry' or 'skin/boards'")
+    parser.add_argument(
+        "--only", action="append", metavar="PATH", help="as 'geometry', 'skin/boards', 'geometry/mesh/visibility.py'"
+    )
     parser.add_argument("--list", action="store_true", help="print the counts and the constants, vary nothing")
     parser.add_argument(
         "--old", type=Path, metavar="FOLDER", help="print the counts of another copy of the package too"
     )
     parser.add_argument("--full", action="store_true", help="run all cases after a decisive effect, too")
+    parser.add_argument("--tests", action="store_true", help="run unit tests instead of the cases")
     parser.add_argument("--timings", action="store_true", help="print the time of each case, vary nothing")
     options = parser.parse_args()
     for package in filter(None, (options.old, PACKAGE)):
         print(f"{package.name}: {summary(package)}\n")
     every = find_constants(PACKAGE)
-    chosen = [c for c in every if not options.only or any(c.file.startswith(f"{o}/") for o in options.only)]
+    beginnings = tuple(f"{path}{mark}" for path in options.only or () for mark in "/:")
+    chosen = [c for c in every if not options.only or c.key.startswith(beginnings)]
     if options.list:
         print("\n".join(f"{'varied' if c.varied else 'fixed':7} {c.key} = {c.value}  # {c.comment}" for c in chosen))
+        return
+
+    if options.tests:
+        print_tests([c for c in chosen if c.varied])
         return
 
     folder = ROOT / "out" / "constants"

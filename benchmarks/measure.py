@@ -15,7 +15,7 @@ from skin_calib_addon.geometry.mesh.closest import MeshDistance
 # Cells in which every surface is measured; prime numbers do not align with its knots or with the facets.
 ROWS, COLUMNS = 37, 151
 FAR = 10.0  # a surface that is further from the mesh than this many times its size has failed
-LONG = 0.5  # [s] a run that takes longer is not repeated
+LONG = 1.0  # [s] a first run that takes longer is not repeated
 BUDGET = 0.15  # [s] after which the median of the runs so far is taken
 
 

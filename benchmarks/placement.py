@@ -51,7 +51,7 @@ def measure(repeats: int) -> Iterator[Row]:
 
 def rows(name: str, surface: BSplineSurface, truth: Callable[[WrappedSheet], Array], repeats: int) -> Iterator[Row]:
     """Yield every method on one surface, compared with the truth for the same middle and direction."""
-    sheet = wrap_sheet(surface, SHEET, None, (0, 1, 0))
+    sheet = wrap_sheet(surface, SHEET, None, across(surface))
     exact, middle = truth(sheet), sheet.uv[ROWS, COLUMNS]
     for method, place in METHODS.items():
         found, milliseconds = timed(lambda place=place: place(surface, middle), repeats)
@@ -59,9 +59,15 @@ def rows(name: str, surface: BSplineSurface, truth: Callable[[WrappedSheet], Arr
         yield Row(name, method, float(off.mean()), float(off.max()), milliseconds)
 
 
+def across(surface: BSplineSurface) -> Array:
+    """Return the direction of the rows: the one along y on tubes about z, and across the bent wrist."""
+    tangent = surface.derivatives(np.array((0.5, 0.5)))[0, 1, 0]
+    return tangent * np.sign(tangent[1])
+
+
 def ours(surface: BSplineSurface, middle: Array) -> Array:
     """Place cells with the least strain; the middle is found automatically."""
-    return surface.points(wrap_sheet(surface, SHEET, None, (0, 1, 0)).uv[1::2, 1::2].reshape(-1, 2))
+    return surface.points(wrap_sheet(surface, SHEET, None, across(surface)).uv[1::2, 1::2].reshape(-1, 2))
 
 
 def paper_rule(surface: BSplineSurface, middle: Array) -> Array:
@@ -155,7 +161,7 @@ def unrolled(sheet: WrappedSheet, ends: tuple[float, float]) -> Array:
 def finer(sheet: WrappedSheet) -> Array:
     """Return the centres of the same cells in a lattice four times as fine."""
     fine = SheetLattice(4 * ROWS, 4 * COLUMNS, (PITCH / 4, PITCH / 4))
-    uv = wrap_sheet(sheet.surface, fine, None, (0, 1, 0)).uv[4::8, 4::8]
+    uv = wrap_sheet(sheet.surface, fine, None, across(sheet.surface)).uv[4::8, 4::8]
     return sheet.surface.points(uv.reshape(-1, 2))
 
 

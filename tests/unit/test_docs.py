@@ -122,3 +122,14 @@ def test_python_examples_run(page, monkeypatch):
     assert blocks
     for block in blocks:
         exec(block, {})
+
+
+def test_each_picture_has_a_command():
+    """The table of ``CONTRIBUTING.md`` has each picture of the documentation, and each program of it exists."""
+    rows = [line for line in (ROOT / "CONTRIBUTING.md").read_text("utf-8").splitlines() if line.startswith("| `")]
+    rows = [line.split("|")[1:3] for line in rows if ".png`" in line]
+    named = {name for pictures, _ in rows for name in re.findall(r"`([^`]+)`", pictures)}
+    there = {path.relative_to(DOCS) for path in DOCS.rglob("*.png")}
+    assert named == {"steps/" if path.parent.name == "steps" else path.as_posix() for path in there}
+    programs = {word for _, command in rows for word in re.findall(r"python (\S+\.py)", command)}
+    assert len(programs) == 8 and all((ROOT / program).is_file() for program in programs)

@@ -26,14 +26,17 @@ MAY_IMPORT = {
     "runtime": FILE,
     "validation": FILE,
     "plan": CORE,
-    "pipeline": (*CORE, "", "validation", "plan"),
     "robot": (*CORE, "plan"),
+    "pipeline": (*CORE, "", "validation", "plan", "robot"),
+    "proposal": (*CORE, "plan", "robot", "pipeline"),
     "inspection": (*CORE, "runtime"),
     "pictures": (*CORE, "validation", "runtime", "plan", "pipeline"),
-    "commands": (*CORE, "validation", "runtime", "plan", "pipeline", "robot", "inspection", "pictures"),
+    "commands": (*CORE, "validation", "runtime", "plan", "pipeline", "robot", "proposal", "inspection", "pictures"),
     "cli": ("", "commands"),
     "__main__": ("cli",),
-    "blender": (*CORE, "validation", "runtime", "plan", "pipeline", "robot", "inspection", "pictures", "cli"),
+    "blender": (
+        *(*CORE, "validation", "runtime", "plan", "pipeline", "robot", "proposal", "inspection", "pictures", "cli"),
+    ),
 }
 # Inside these packages a subpackage imports itself and what stands before it.
 ORDER = {
@@ -43,9 +46,11 @@ ORDER = {
     "blender": ("scene", "overlay", "live", "inspection", "handles", "properties"),
 }
 LIBRARIES = {
-    "geometry": {"numpy", "scipy", "trimesh"},
+    "geometry": {"numpy", "scipy", "trimesh", "collada"},
     "skin": {"numpy", "scipy"},
     "pipeline": {"numpy", "scipy", "trimesh"},
+    "robot": {"numpy", "mujoco"},
+    "proposal": {"numpy", "scipy"},
     "inspection": {"numpy", "scipy"},
     "pictures": {"numpy", "matplotlib"},
     "blender": {"numpy", *BLENDER},
