@@ -29,8 +29,8 @@ CELLS = 6000
 MAX_CELL_DEVIATION = 0.05
 # [1] most cells along a span, so that a surface with one sharp bend does not fill the memory.
 MAX_CELLS_PER_SPAN = 200
-# [1] distance in cells up to which a cell belongs to the minimum of a footpoint. Larger: fewer descents; a second
-# minimum so close can be missed, which costs at most twice the ``delta`` of its cell.
+# [1] distance in cells up to which a cell, if it bends little, belongs to the minimum of a footpoint. Larger: fewer
+# descents; a second minimum so close can be missed, which costs at most twice the ``delta`` of its cell.
 SAME_MINIMUM = 1.5
 # [1] most iterations of a descent. Larger: no effect, because descents end before.
 MAX_ITERATIONS = 30
@@ -74,7 +74,8 @@ def footpoints(surface: BSplineSurface, points: Array) -> tuple[Array, Array]:
     uv : array, shape (k, 2)
         Parameters of the footpoints.
     distance : array, shape (k,)
-        [m]. No point of the surface is nearer than this less twice the deviation of a cell from its triangles.
+        [m]. No point of the surface is nearer than this less twice the deviation of its cell from its triangles, and
+        less a tenth of the diameter of the cell.
     """
     points = np.asarray(points, float).reshape(-1, 3)
     search = _search_of(surface, CELLS)
@@ -116,6 +117,7 @@ class _Search:
         centres = (a + b + c + d) / 4
         radius = np.max([np.linalg.norm(corner - centres, axis=2) for corner in (a, b, c, d)], axis=0)
         self.delta, self.centres, self.radius = delta.ravel(), centres.reshape(-1, 3), (radius + delta).ravel()
+        self.is_bent = self.delta > 2 * MAX_CELL_DEVIATION * self.radius  # of a diameter
         self.triangles = np.stack((np.stack((a, b, c), 2), np.stack((a, c, d), 2)), 2).reshape(-1, 2, 3, 3)
         self.start = np.stack(np.broadcast_arrays(ends[0][:-1, None], ends[1][:-1]), 2).reshape(-1, 2)
         self.step = np.stack(np.broadcast_arrays(*steps), 2).reshape(-1, 2)
@@ -152,12 +154,12 @@ class _Search:
         return cells[np.lexsort((cells.bound, cells.row))]
 
     def _is_apart(self, cell: IntArray, uv: Array) -> BoolArray:
-        """Return whether cells are more than `SAME_MINIMUM` away from parameters (k, 2)."""
+        """Return whether cells are more than `SAME_MINIMUM` away from parameters (k, 2), or bend too much to tell."""
         gap = np.abs(self.start[cell] + self.step[cell] / 2 - uv)
         for axis in (0, 1):
             if self.surface.closed[axis]:
                 gap[:, axis] = np.minimum(gap[:, axis], np.abs(1 - gap[:, axis]))
-        return (gap > SAME_MINIMUM * self.step[cell]).any(axis=1)
+        return self.is_bent[cell] | (gap > SAME_MINIMUM * self.step[cell]).any(axis=1)
 
     def _at_triangles(self, row: IntArray, cell: IntArray, points: Array) -> _Cells:
         """Return where descents start, at the nearest points of the triangles of cells, and the bound of each cell."""

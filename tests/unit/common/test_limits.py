@@ -68,10 +68,10 @@ def test_forces_span_a_hundred_orders():
         assert MIN_MAGNITUDE**2 * 1e-90 > 0 and np.isfinite(MAX_MAGNITUDE**14)
 
 
-def test_surface_of_boards_has_up_to_5000_cells():
-    """The circle around a surface with boards with a pitch of 20 mm may have the area of 5000 cells."""
+def test_surface_of_boards_has_up_to_50000_cells():
+    """The circle around a surface with boards with a pitch of 20 mm may have the area of 50 000 cells."""
     lattice = HexLattice(0.02 / np.sqrt(3), 0.0)
-    diagonal = 2 * np.sqrt(5000 * np.sqrt(0.75) * 0.02**2 / np.pi)
+    diagonal = 2 * np.sqrt(50_000 * np.sqrt(0.75) * 0.02**2 / np.pi)
     for factor, fits in ((0.999, True), (1.001, False)):
         surface = plane_surface(np.sqrt((factor * diagonal) ** 2 - 0.04**2), 0.04)
         if fits:
