@@ -36,7 +36,7 @@ from skin_calib_addon.geometry.mesh.visibility import are_seen, visibility  # no
 from skin_calib_addon.pictures.robot import draw_robot  # noqa: E402
 from skin_calib_addon.pipeline import calibrate  # noqa: E402
 from skin_calib_addon.plan import load_plan, named_from, save_plan  # noqa: E402
-from skin_calib_addon.proposal.link_points import POINT_DISTANCE, LinkPoints  # noqa: E402
+from skin_calib_addon.proposal.link_points import LinkPoints  # noqa: E402
 from skin_calib_addon.proposal.links import Task, propose_task  # noqa: E402
 from skin_calib_addon.proposal.skins import parse_skin  # noqa: E402
 from skin_calib_addon.robot.keep_out import KeepOut  # noqa: E402
@@ -171,7 +171,9 @@ def of_proposal(urdf, folder, said):
         "surfaces, boards": f"{surfaces}, {taxels}",
         "area of the surfaces with skin": f"{covered} cm², {total[1]} % of the free, {total[2]} % of the visible area",
         "area of surfaces that were left out, because no skin fits": f"{left_out} cm²",
-        "most free area left": "; ".join(f"{row[0]} {row[3]} of {row[4]} cm²" for row in worst),
+        "most free area without a surface": "; ".join(
+            f"{row[0]} {int(row[4]) - int(row[3])} of {row[4]} cm²" for row in worst
+        ),
         f"seconds ({seconds[0][2]} processes)": ", ".join(f"{name} {s}" for name, s, _, _ in seconds),
         "CPU seconds": ", ".join(f"{name} {s}" for name, _, _, s in seconds),
     }
@@ -275,9 +277,13 @@ def draw(urdf, folder, path):
     for link, mesh in meshes.items():
         on = LinkPoints.of(mesh)
         blocked = keep_out(link, on.points, on.normals)
-        fine[link] = TriangleMesh(*trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, FINE, max_iter=20))
-        distance, nearest = on.nearest(fine[link].triangles.mean(axis=1))
-        kept_out[link] = blocked[nearest] | (distance > 2 * POINT_DISTANCE)
+        vertices, faces, of = trimesh.remesh.subdivide_to_size(
+            mesh.vertices, mesh.faces, FINE, max_iter=20, return_index=True
+        )
+        fine[link] = TriangleMesh(vertices, faces)
+        outward = mesh.face_normals[of] * visibility(mesh).sides[of][:, None]
+        is_near, nearest = on.nearest(fine[link].triangles.mean(axis=1), outward)
+        kept_out[link] = blocked[nearest] | ~is_near
     calibrations = {c.link: c for c in map(load_calibration, sorted(folder.glob("*.calibration.json")))}
     title = f"{robot.name}: skin on {len(calibrations)} of {len(robot.links)} links"
     draw_robot(fine, link_poses(robot), calibrations, title, path, kept_out)

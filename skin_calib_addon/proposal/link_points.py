@@ -1,4 +1,4 @@
-"""The outside of a link as points: where they are, which of them can carry skin, and which already do."""
+"""The open outside of a link as points: where they are, which of them can carry skin, and which already do."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -8,33 +8,39 @@ from scipy.spatial import cKDTree
 
 from ..common.arrays import Array, BoolArray, IntArray
 from ..geometry.mesh.triangle_mesh import TriangleMesh
-from ..geometry.mesh.visibility import are_seen, sample_faces, visibility
+from ..geometry.mesh.visibility import MIN_OPENNESS, openness_at, sample_faces, visibility
 
 # [m] distance of the points. Larger: faster; edges of free areas are less exact.
 POINT_DISTANCE = 2.5e-3
+# [1] openness (cosine-weighted fraction of the directions that see a point) above which a place is in the open. Larger:
+# less of slots and hollows gets skin.
+MIN_OPEN = 0.2
 # [m] gap between surfaces: boards protrude a little over a boundary. Larger: less is covered.
 SURFACE_GAP = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
 class LinkPoints:
-    """Points of the faces of a link that can be seen from outside."""
+    """Points of the faces of a link that are in the open."""
 
     points: Array  # (k, 3) [m], link frame
     normals: Array  # (k, 3) unit, outward
     areas: Array  # (k,) that each stands for [m^2]
+    seen: float  # area that can be seen from outside, in the open or not [m^2]
     free: BoolArray  # (k,) no other link covers it
     covered: BoolArray = field(repr=False)  # (k,) a proposed surface covers it; changes
     taken: BoolArray = field(repr=False)  # (k,) a proposed surface covers it, or is next to it; changes
 
     @classmethod
     def of(cls, mesh: TriangleMesh) -> "LinkPoints":
-        """Return the points of a mesh that can be seen; all of them are free."""
+        """Return the points of a mesh that are in the open; all of them are free."""
         points, face, areas = sample_faces(mesh, POINT_DISTANCE)
         normals = mesh.face_normals[face] * visibility(mesh).sides[face][:, None]
-        seen = are_seen(mesh, points, normals)
-        count = int(seen.sum())
-        return cls(points[seen], normals[seen], areas[seen], np.ones(count, bool), *np.zeros((2, count), bool))
+        openness = openness_at(mesh, points, normals)
+        seen = float(areas[openness > MIN_OPENNESS].sum())
+        kept = openness > MIN_OPEN
+        count = int(kept.sum())
+        return cls(points[kept], normals[kept], areas[kept], seen, np.ones(count, bool), *np.zeros((2, count), bool))
 
     @property
     def wanted(self) -> BoolArray:
@@ -45,15 +51,21 @@ class LinkPoints:
         """Mark points (k,) as covered by a surface."""
         self.covered[points] = True
         if points.any():
-            gaps = cKDTree(self.points[points]).query(self.points, distance_upper_bound=SURFACE_GAP)[0]
+            places = with_normals(self.points, self.normals)
+            gaps = cKDTree(places[points]).query(places, distance_upper_bound=SURFACE_GAP)[0]
             self.taken[np.isfinite(gaps)] = True
 
     @cached_property
     def tree(self) -> cKDTree:
-        """Return a tree of the points."""
-        return cKDTree(self.points)
+        """Return a tree of the points with their normals."""
+        return cKDTree(with_normals(self.points, self.normals))
 
-    def nearest(self, points: Array) -> tuple[Array, IntArray]:
-        """Return the distance to the nearest point and its index, for points (n, 3)."""
-        distance, index = self.tree.query(points)
-        return np.asarray(distance), np.asarray(index)
+    def nearest(self, points: Array, normals: Array) -> tuple[BoolArray, IntArray]:
+        """Return which points (n, 3) with normals (n, 3) are on the same side of the link as a point, and its index."""
+        distance, index = self.tree.query(with_normals(points, normals))
+        return np.asarray(distance) < 2 * POINT_DISTANCE, np.asarray(index)
+
+
+def with_normals(points: Array, normals: Array) -> Array:
+    """Return points with normals as points (k, 6) [m], so that both sides of a thin wall are far from each other."""
+    return np.hstack((points, POINT_DISTANCE * normals))

@@ -40,7 +40,7 @@ class Proposal:
     plan: Plan | None
     reasons: tuple[str, ...]  # one for each choice, or the refusal
     seen: float = 0.0  # area that can be seen from outside [m^2]
-    free: float = 0.0  # of it, area that no other link covers [m^2]
+    free: float = 0.0  # of it, area that is open, and that no other link covers [m^2]
     covered: float = 0.0  # of it, area that the surfaces with skin cover [m^2]
     cells: float = 0.0  # area of the cells of the skins [m^2]
     taxels: int = 0
@@ -88,8 +88,8 @@ def propose_link(
     """
     target = _Target.of(link, mesh, file, unit, keep_out, begin)
     if target.free < MIN_FREE_AREA:
-        words = f"Less than {MIN_FREE_AREA * 1e4:.0f} cm^2 are free of other links: no skin."
-        return Proposal(link, None, (target.sentence, words), target.seen, target.free)
+        words = f"Less than {MIN_FREE_AREA * 1e4:.0f} cm^2 are open and free of other links: no skin."
+        return Proposal(link, None, (target.sentence, words), target.on.seen, target.free)
     found = propose_surfaces(seen_faces(mesh), target.on, axes, begin)
     return target.proposal(found, lambda proposed: skin_on(choice, proposed.fit, proposed.surface.name), choice, begin)
 
@@ -186,20 +186,15 @@ class _Target:
         return cls(link, mesh, file, unit, on)
 
     @property
-    def seen(self) -> float:
-        """Return the area that can be seen [m^2]."""
-        return float(self.on.areas.sum())
-
-    @property
     def free(self) -> float:
-        """Return the area of it that no other link covers [m^2]."""
+        """Return the area of it that is open, and that no other link covers [m^2]."""
         return float(self.on.areas[self.on.free].sum())
 
     @property
     def sentence(self) -> str:
         """Return both areas in words."""
-        seen, free = self.seen * 1e4, self.free * 1e4
-        return f"{seen:.0f} cm^2 can be seen from outside, {free:.0f} cm^2 of them are free of other links."
+        seen, free = self.on.seen * 1e4, self.free * 1e4
+        return f"{seen:.0f} cm^2 can be seen from outside, {free:.0f} cm^2 of them are open and free of other links."
 
     def proposal(
         self,
@@ -235,12 +230,12 @@ class _Target:
                 f"No surface of at least {MIN_AREA * 1e4:.0f} cm^2 is within 1 mm and 15 degrees of the mesh: no skin."
             )
             words = words if not found else "No skin fits on a surface."
-            return Proposal(self.link, None, (*reasons, words), self.seen, self.free)
+            return Proposal(self.link, None, (*reasons, words), self.on.seen, self.free)
         area = float(self.on.areas[covered].sum())
         words = f"Surfaces with skin cover {area * 1e4:.0f} cm^2 of the free area."
         reasons.append(f"{words} Their cells have {cells * 1e4:.0f} cm^2.")
         plan = Plan(self.link, self.file, self.unit, tuple(surfaces), tuple(skins), extra={"x_proposal": reasons})
-        return Proposal(self.link, plan, tuple(reasons), self.seen, self.free, area, cells, taxels)
+        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, area, cells, taxels)
 
 
 def _left_out(proposed: Proposed, why: str) -> str:

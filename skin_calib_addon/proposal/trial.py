@@ -20,7 +20,7 @@ from ..geometry.sampling.lines import LineGrid
 from ..geometry.sampling.samples import RaySamples, SampleRows
 from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
 from .candidates import MIN_RAY_COSINE
-from .link_points import POINT_DISTANCE, LinkPoints
+from .link_points import LinkPoints
 
 KNOT_DISTANCE = 0.016  # [m] of planes and lines. Larger: smoother surfaces that follow less of the link
 # [m] distances from the surface beyond which the next fit leaves samples out. More: steps pull the surface less, and it
@@ -129,7 +129,7 @@ class Start:
         lines, basis, offsets, samples = self.lines, self.basis, self.offsets, self.samples
         faces = self.rows.mesh.face_normals[samples.faces]
         slopes = np.abs((samples.rays * faces).sum(axis=2))
-        wanted = is_wanted(on, samples) & (slopes > MIN_RAY_COSINE)
+        wanted = is_wanted(on, samples, faces) & (slopes > MIN_RAY_COSINE)
         wanted = opened(wanted, samples.origins + samples.arms, self.parametrization.closed)
         for limit in (np.inf, *LIMITS):
             used = wanted & (np.abs(samples.residuals * slopes) < limit)
@@ -140,13 +140,24 @@ class Start:
         return judged(self.rows, on, self.parametrization, lines, offsets, basis)
 
 
-def is_wanted(on: LinkPoints, samples: RaySamples) -> BoolArray:
-    """Return which rays hit the link where skin is wanted, shape (k, l)."""
+def is_wanted(on: LinkPoints, samples: RaySamples, faces: Array) -> BoolArray:
+    """Return which rays leave the link where skin is wanted, shape (k, l).
+
+    Parameters
+    ----------
+    on : LinkPoints
+        The link.
+    samples : RaySamples
+        Rays (k, l).
+    faces : array, shape (k, l, 3)
+        Normals of the faces that they hit.
+    """
     hit = ~np.isnan(samples.residuals)
     wanted = np.zeros(hit.shape, bool)
     if hit.any():
-        distance, nearest = on.nearest(samples.points[hit])
-        wanted[hit] = on.wanted[nearest] & (distance < 2 * POINT_DISTANCE)
+        normals = faces[hit] * np.sign((samples.rays * faces).sum(axis=2))[hit][:, None]
+        is_near, nearest = on.nearest(samples.points[hit], normals)
+        wanted[hit] = on.wanted[nearest] & is_near
     return wanted
 
 
@@ -187,7 +198,7 @@ def judged(
     areas[[0, -1]] /= 2  # sites at the edges stand for half a cell
     if not parametrization.closed:
         areas[:, [0, -1]] /= 2
-    good = is_wanted(on, samples)
+    good = is_wanted(on, samples, faces)
     good &= np.abs(samples.residuals * (samples.rays * faces).sum(axis=2)) < MAX_DISTANCE
     good &= np.abs((unit(normals) * faces).sum(axis=2)) > np.cos(MAX_ANGLE)
     part = largest_part(opened(good, points, parametrization.closed), areas, parametrization.closed)

@@ -99,9 +99,29 @@ def are_seen(mesh: TriangleMesh, points: Array, normals: Array) -> BoolArray:
     -------
     array of bool, shape (k,)
     """
+    return openness_at(mesh, points, normals) > MIN_OPENNESS
+
+
+def openness_at(mesh: TriangleMesh, points: Array, normals: Array) -> Array:
+    """Return how open the space above points on or above a mesh is; 0 is hidden, 1 is free.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        [m]; all shells, closed or not.
+    points : array, shape (k, 3)
+        [m]
+    normals : array, shape (k, 3)
+        Unit normals of the points, outward.
+
+    Returns
+    -------
+    array, shape (k,)
+        No unit.
+    """
     distance = point_distance(mesh)
     hiding = sample_faces(mesh, distance)[0]
-    return openness(hiding, np.asarray(points, float), np.asarray(normals, float), distance)[0] > MIN_OPENNESS
+    return openness(hiding, np.asarray(points, float), np.asarray(normals, float), distance)[0]
 
 
 def openness(hiding: Array, points: Array, normals: Array, distance: float) -> Array:

@@ -111,15 +111,41 @@ def test_proposal_is_a_plan_that_can_be_carried_out(tube, tmp_path, skin):
 
 
 def test_points_next_to_a_surface_are_taken():
-    """Those within 3 mm of a covered point, by brute force; without a covered point none is."""
-    points = np.random.default_rng(0).random((500, 3)) * 0.03
-    on = LinkPoints(points, points, points[:, 0], *np.zeros((3, 500), bool))
+    """Those within 3 mm of a covered point and on its side, by brute force; without a covered point none is."""
+    rng = np.random.default_rng(0)
+    points, up = rng.random((500, 3)) * 0.03, rng.choice((-1.0, 1.0), 500)
+    on = LinkPoints(points, np.outer(up, (0, 0, 1)), points[:, 0], 1.0, *np.zeros((3, 500), bool))
     on.cover(np.zeros(500, bool))
     assert not on.taken.any()
     chosen = np.arange(500) < 30
     on.cover(chosen)
-    near = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1) < 3e-3
+    gaps = np.where(np.equal.outer(up, up[chosen]), np.linalg.norm(points[:, None] - points[chosen], axis=2), 1.0)
+    near = gaps.min(axis=1) < 3e-3
     assert np.array_equal(on.taken, near) and np.array_equal(on.covered, chosen) and 30 < near.sum() < 400
+
+
+def test_both_sides_of_a_thin_plate_are_covered():
+    """Skin on one side takes nothing of the other, 1 mm behind it."""
+    mesh = box((0, 0, 0), (0.1, 0.08, 0.001))
+    for _ in range(4):
+        mesh = subdivided(mesh)
+    mesh = welded(mesh)
+    on = LinkPoints.of(mesh)
+    found = propose_surfaces(mesh, on)
+    assert [round(p.area / (0.1 * 0.08), 1) for p in found] == [0.9, 0.9]
+
+
+def test_hollows_are_not_in_the_open():
+    """The floor of a pot 60 mm deep and 36 mm wide can be seen, but is not in the open; the outside is."""
+    pot = trimesh.creation.annulus(0.018, 0.02, 0.06, sections=64)
+    pot.apply_translation((0, 0, 0.03))
+    pot = subdivided(welded(trimesh.util.concatenate(pot, trimesh.creation.cylinder(0.02, 0.001, sections=64))))
+    on = LinkPoints.of(pot)
+    outside = 2 * np.pi * 0.02 * 0.06 + np.pi * 0.02**2
+    assert on.seen > outside + np.pi * 0.018**2 + 2 * np.pi * 0.018 * 0.02
+    radius = np.hypot(*on.points.T[:2])
+    assert not ((radius < 0.017) & (on.normals[:, 2] > 0.9)).any()
+    assert on.areas[radius > 0.0195].sum() == pytest.approx(2 * np.pi * 0.02 * 0.061, rel=0.05)
 
 
 def test_link_without_free_area_gets_a_reason(tmp_path):
