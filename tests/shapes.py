@@ -6,7 +6,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sample_scenes import shapes
-from skin_calib_addon.geometry import Axis, BSplineSurface, TriangleMesh, TubeGrid, fit_surface, weld
+from skin_calib_addon.geometry import (
+    Axis,
+    BSplineSurface,
+    Planes,
+    PlanesGrid,
+    TriangleMesh,
+    TubeGrid,
+    fit_surface,
+    weld,
+)
 from skin_calib_addon.geometry.surface.bspline import clamped_knots, greville, periodic_knots
 
 RADIUS, LENGTH = 0.035, 0.1
@@ -173,3 +182,11 @@ def plane_surface(width=0.1, depth=0.08):
 def wrist_surface():
     """Return a fit of the wrist sample: doubly curved."""
     return fit_surface(wrist(), TubeGrid(10, 20, margin=0.002, spacing="uniform")).surface
+
+
+def hinged_planes(x, tilts):
+    """u-planes that all pass through the line (x, y, 50 mm), and 16 half-planes about z."""
+    normals = np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))[:: 1 if x > 0 else -1]
+    angle = np.arange(8) * np.pi / 8
+    v = np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle))
+    return PlanesGrid(Planes(np.tile((x, 0, 0.05), (len(tilts), 1)), normals), Planes(np.zeros((8, 3)), v), True)

@@ -18,6 +18,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.sampling.basis import SITES_PER_SPAN, TensorBasis
 from ..geometry.sampling.rays import TURN
 from ..geometry.sampling.samples import SampleRows
+from ..pipeline.calibrate import refuse_errors
 from ..plan.plan import Surface
 from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
 from .candidates import DECIMALS, Candidate, candidates
@@ -166,13 +167,14 @@ def fitted(seen: TriangleMesh, on: LinkPoints, surface: Surface, reason: str, le
     Raises
     ------
     SkinCalibError
-        If it cannot be fitted.
+        If it cannot be fitted, or a warning about it is an error.
     """
     fit = fit_grid(seen, surface.grid, surface.degree, surface.chords, surface.max_deviation)
     covered = covered_points(fit, on)
     area = float(on.areas[covered & ~on.covered].sum())
     if area < least:
         return None
+    refuse_errors(fit.warnings)
     on.cover(covered)
     return Proposed(surface, fit, area, covered, reason)
 

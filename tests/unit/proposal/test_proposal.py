@@ -9,19 +9,21 @@ import trimesh
 
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.cli import main
-from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.common.errors import InvalidPlan, PoorFit
+from skin_calib_addon.geometry import CoverSpec
 from skin_calib_addon.geometry.grid.grids import Across
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
+from skin_calib_addon.plan.plan import Surface
 from skin_calib_addon.proposal.candidates import candidates
 from skin_calib_addon.proposal.link_points import LinkPoints
 from skin_calib_addon.proposal.loops import chains, loops_around, simplified
 from skin_calib_addon.proposal.proposal import propose_link
 from skin_calib_addon.proposal.skins import parse_skin
-from skin_calib_addon.proposal.surfaces import propose_surfaces
-from tests.shapes import box, subdivided, welded
+from skin_calib_addon.proposal.surfaces import fitted, propose_surfaces
+from tests.shapes import box, cylinder, hinged_planes, subdivided, welded
 
 RADIUS, LENGTH = 0.03, 0.12
 
@@ -146,6 +148,13 @@ def test_hollows_are_not_in_the_open():
     radius = np.hypot(*on.points.T[:2])
     assert not ((radius < 0.017) & (on.normals[:, 2] > 0.9)).any()
     assert on.areas[radius > 0.0195].sum() == pytest.approx(2 * np.pi * 0.02 * 0.061, rel=0.05)
+
+
+def test_folded_surface_is_not_proposed():
+    """Planes that cross inside the tube: the same refusal as that of the fit."""
+    surface = Surface(CoverSpec("seen"), hinged_planes(-0.02, np.deg2rad(np.linspace(-40, 40, 8))), name="surface_1")
+    with pytest.raises(PoorFit, match="folds over itself"):
+        fitted(cylinder(), LinkPoints.of(cylinder()), surface, "planes")
 
 
 def test_link_without_free_area_gets_a_reason(tmp_path):

@@ -32,6 +32,7 @@ from tests.shapes import (
     cone,
     cylinder,
     dome,
+    hinged_planes,
     keep,
     sheet,
     together,
@@ -79,14 +80,6 @@ def tilted_planes(degrees):
     normals = np.array(((1.0, 0, 0), (0, 1.0, 0), (0, np.sin(low), np.cos(low))))
     u = Planes(STATIONS[:, None] * (0, 0, 1.0), np.tile((0, 0, 1.0), (len(STATIONS), 1)))
     return PlanesGrid(u, Planes(np.zeros((3, 3)) + (0, 0, 0.05), normals), True)
-
-
-def hinged_planes(x, tilts):
-    """u-planes that all pass through the line (x, y, 50 mm), and 16 half-planes about z."""
-    normals = np.column_stack((np.sin(tilts), 0 * tilts, np.cos(tilts)))[:: 1 if x > 0 else -1]
-    angle = np.arange(8) * np.pi / 8
-    v = np.column_stack((-np.sin(angle), np.cos(angle), 0 * angle))
-    return PlanesGrid(Planes(np.tile((x, 0, 0.05), (len(tilts), 1)), normals), Planes(np.zeros((8, 3)), v), True)
 
 
 def named(message, lines):
