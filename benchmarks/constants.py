@@ -44,7 +44,8 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # the same rounding in each run, and one core per process
 
 import constant_cases  # noqa: E402
-import constant_cases_files  # noqa: E402, F401  adds its cases, as the next one
+import constant_cases_files  # noqa: E402, F401  adds its cases, as the next ones
+import constant_cases_proposal  # noqa: E402, F401
 import constant_cases_runtime  # noqa: E402, F401
 import numpy as np  # noqa: E402
 import scipy.spatial  # noqa: E402, F401  loaded once here, for every process, as the next two
@@ -345,6 +346,8 @@ def print_tests(constants: list[Constant]) -> None:
             if found != ["fails"]:
                 results, _ = in_new_process(run_tests, constant, factor, tests_of(constant), limit=TEST_TIME_LIMIT)
                 found.append(results.get("tests", "does not end"))
+        if found[-1] != "fails":
+            free.append(constant.key)
         print(f"| `{constant.key}` | {constant.value} | {', '.join(found)} |", flush=True)
     print(f"\n{len(free)} of {len(constants)} without a test that fails: {', '.join(free)}")
 
@@ -570,7 +573,11 @@ def main() -> None:
     prepared, _ = in_new_process(prepare, str(folder))
     if not prepared:
         sys.exit("the inputs of the cases could not be made: run benchmarks/constant_cases.py to see why")
-    names = [name for name in constant_cases.CASES if constant_cases.is_present(name)]
+    names = [
+        name
+        for name in constant_cases.CASES
+        if constant_cases.is_present(name) and any(constant_cases.is_meant_for(name, c.file) for c in chosen)
+    ]
     baseline, times = in_new_process(run_cases, str(folder), names, None, 1.0)
     again, _ = in_new_process(run_cases, str(folder), names, None, 1.0)
     for name in names:

@@ -1,0 +1,87 @@
+"""Limits of boards: an input just within passes, one just beyond does not.
+
+The numbers are written out, so that a limit does not change unnoticed.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.common.errors import InvalidPlan
+from skin_calib_addon.geometry import AcrossGrid, fit_surface
+from skin_calib_addon.skin import HexLattice
+from skin_calib_addon.skin.boards.ground import Ground
+from skin_calib_addon.skin.boards.layout import Layout
+from skin_calib_addon.skin.boards.overlap import overlapping
+from skin_calib_addon.skin.boards.search import Search
+from tests.shapes import plane_surface, sheet
+
+SIDE = 0.01
+FLOOR = plane_surface(0.1, 0.08)
+UP = np.array((0.0, 0.0, 1.0))
+MIDDLE = np.array(((0.5, 0.5),))
+
+
+@pytest.fixture(scope="module")
+def plate():
+    """The fit of a flat plate that faces up."""
+    return fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(6, 6, UP, (1, 0, 0)))
+
+
+def above(plate, height, degrees=0.0):
+    """The ground of a surface that is higher than the middle of the plate, and turned about it."""
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    middle = np.array((0.05, 0.04, 0.0))
+    net = (FLOOR.control_net - middle) @ np.array(((c, 0, s), (0, 1, 0), (-s, 0, c))) + middle + height * UP
+    return Ground(replace(FLOOR, control_net=net), plate, (), SIDE)
+
+
+@pytest.mark.parametrize(
+    ("height", "carries"), [(0.99e-3, True), (1.01e-3, False), (-0.99e-3, True), (-1.01e-3, False)]
+)
+def test_centres_of_boards_are_within_1_mm_of_the_mesh(plate, height, carries):
+    """On both sides of the mesh."""
+    assert above(plate, height).carries(MIDDLE).tolist() == [carries]
+
+
+@pytest.mark.parametrize(("degrees", "carries"), [(14.9, True), (15.1, False), (-14.9, True), (-15.1, False)])
+def test_boards_are_within_15_degrees_of_the_faces(plate, degrees, carries):
+    """In the middle of the plate, where the turned surface touches it."""
+    assert above(plate, 0.0, degrees).carries(MIDDLE).tolist() == [carries]
+
+
+@pytest.mark.parametrize(("height", "is_over"), [(0.29, True), (0.31, False), (-0.29, True), (-0.31, False)])
+def test_corners_of_boards_are_within_3_tenths_of_a_side_of_the_mesh(plate, height, is_over):
+    """On both sides of the mesh."""
+    point = np.array(((0.05, 0.04, height * SIDE),))
+    assert above(plate, 0.0).is_over_mesh(point, UP[None]).tolist() == [is_over]
+
+
+@pytest.mark.parametrize(("aside", "is_over"), [(0.1, True), (0.102, False)])
+def test_point_beyond_an_edge_by_half_of_its_height_is_over_the_mesh(plate, aside, is_over):
+    """At a height of a fifth of a side: a tenth, and a thousandth for what touches."""
+    point = np.array(((0.1 + aside * SIDE, 0.04, 0.2 * SIDE),))
+    assert above(plate, 0.0).is_over_mesh(point, UP[None]).tolist() == [is_over]
+
+
+@pytest.mark.parametrize(("gap", "count"), [(0.9e-3, 0), (1.1e-3, 1)])
+def test_boards_that_overlap_by_a_thousandth_of_a_side_touch(gap, count):
+    """Side to side in a plane."""
+    lattice = HexLattice(SIDE, 0.0)
+    positions = np.array(((0, 0, 0), (lattice.pitch - gap * SIDE, 0, 0)))
+    normals, tangents = np.tile(UP, (2, 1)), np.tile((1.0, 0, 0), (2, 1))
+    assert len(overlapping(positions, normals, tangents, lattice, 0.0)[0]) == count
+
+
+def test_rows_close_around_a_tube_with_up_to_6_percent_between_the_boards():
+    """Around a long turn some of the many closed rows need nearly this stretch, and none needs more."""
+    search = Search(None, HexLattice(SIDE, 0.0), np.array((0.0, 1.0)))
+    assert 0.059 < search.closed_rows()[1].max() - 1 <= 0.06
+
+
+def test_surface_around_which_50000_boards_fit_is_refused():
+    """The circle about this plate has room for 48 400 and 51 600 boards."""
+    Layout.of(FLOOR, HexLattice(3.2e-4, 0.0), None, None, 0.0, None, ())
+    with pytest.raises(InvalidPlan, match="extends too far"):
+        Layout.of(FLOOR, HexLattice(3.1e-4, 0.0), None, None, 0.0, None, ())
