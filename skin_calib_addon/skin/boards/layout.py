@@ -14,7 +14,7 @@ from ...geometry.surface.bspline import BSplineSurface
 from ..lattice import HexLattice
 from ..sheet.offset import offset_surface
 from ..sheet.wrap import check_size, on_surface, root_of
-from .flat_map import POSITION_TOLERANCE, FlatMap, flat_map, lengths_of
+from .flat_map import FlatMap, flat_map, lengths_of
 from .ground import MAX_ANGLE, MAX_DISTANCE, Ground, Zone
 from .overlap import TOUCH, largest_apart, overlapping
 from .region import region_of
@@ -263,7 +263,7 @@ class Layout:
         """Return the boards at a pose with their centres on the map, around a tube once and a pitch beyond."""
         near = self.search.region.may_be_centres(self.search.centres(pose, self.search.cells)[0], more_than_once=True)
         boards, missed = self.placed(pose, self.search.cells[near])
-        return boards[(missed <= POSITION_TOLERANCE) & self._around_once(boards.uv)]
+        return boards[(missed <= TOUCH * self.lattice.side) & self._around_once(boards.uv)]
 
     def _around_once(self, uv: Array) -> BoolArray:
         """Return which parameters (n, 2) are between the cuts of a tube, or at most a pitch beyond."""
@@ -322,7 +322,7 @@ class Layout:
     def listed(self, cells: IntArray, pose: Poses, complete: WrappedBoards) -> tuple[WrappedBoards, Array]:
         """Return the boards of an author, and their overhangs [m]; where all boards moved apart, these did, too."""
         boards, missed = self.placed(pose, cells)
-        outside = np.flatnonzero(~on_surface(self.surface, boards.uv) | (missed > POSITION_TOLERANCE))
+        outside = np.flatnonzero(~on_surface(self.surface, boards.uv) | (missed > TOUCH * self.lattice.side))
         if len(outside):
             first = outside[0]
             axis = int(np.argmax(np.where(self.surface.closed, 0.0, np.abs(boards.uv[first] - 0.5))))

@@ -10,13 +10,12 @@ from ...common.arrays import Array, BoolArray, pairs_of, unit
 from ..lattice import ROUNDING
 from .flat_map import FlatMap
 from .ground import Ground
+from .overlap import TOUCH
 
 # [1] Nodes of the grid that finds the border, per pitch. More: finds smaller holes, slower.
 BORDER_NODES_PER_PITCH = 6
 # [1] Most of these nodes along each parameter. More: finds smaller holes below small boards, slower.
 MAX_BORDER_NODES = 250
-# [1] Halvings of the step between two nodes that find the border between them. More: more exact, slower.
-BISECTIONS = 7
 # [1] Samples of each piece of the border. More: more exact, slower.
 BORDER_SAMPLES = 8
 # [1] Nearest samples of the border that are compared. More: more exact at corners, slower.
@@ -110,7 +109,7 @@ def region_of(to_flat: FlatMap, ground: Ground, pitch: float) -> Region:
         covers &= cKDTree(nodes[carries]).query(nodes)[0] < ground.side + 2 * spacing
     if to_flat.surface.closed[1]:
         carries &= np.abs(uv[:, 1] - to_flat.start[1]) <= 0.5
-    return Region(nodes, covers, carries, spacing, *_border(to_flat, ground, uv, covers.reshape(shape)))
+    return Region(nodes, covers, carries, spacing, *_border(to_flat, ground, uv, covers.reshape(shape), spacing))
 
 
 def _even_line(to_flat: FlatMap, axis: int, spacing: float) -> Array:
@@ -125,8 +124,11 @@ def _even_line(to_flat: FlatMap, axis: int, spacing: float) -> Array:
     return np.interp(np.linspace(0, lengths[-1], count), lengths, fine)
 
 
-def _border(to_flat: FlatMap, ground: Ground, uv: Array, covers: BoolArray) -> tuple[Array, Array]:
-    """Return the pieces of the border of the covered nodes, shape (s, 2, 2) [m], and their inward normals (s, 2)."""
+def _border(to_flat: FlatMap, ground: Ground, uv: Array, covers: BoolArray, spacing: float) -> tuple[Array, Array]:
+    """Return the pieces of the border of the covered nodes, shape (s, 2, 2) [m], and their inward normals (s, 2).
+
+    Between two nodes the step is halved until the border is found as exactly as boards touch.
+    """
     number = np.arange(covers.size).reshape(covers.shape)
     covered, nodes = covers.ravel(), to_flat(uv)
     inner, outer, tables, total = [], [], [], 0
@@ -140,7 +142,7 @@ def _border(to_flat: FlatMap, ground: Ground, uv: Array, covers: BoolArray) -> t
         outer.append(np.where(covered[a], b, a)[crosses])
     inside, outside = np.concatenate(inner), np.concatenate(outer)
     inwards, inside, outside = nodes[inside] - nodes[outside], uv[inside], uv[outside]
-    for _ in range(BISECTIONS if total else 0):
+    for _ in range(int(np.log2(spacing / (TOUCH * ground.side))) if total else 0):
         middle = (inside + outside) / 2
         free = ground.covers(middle)[:, None]
         inside, outside = np.where(free, middle, inside), np.where(free, outside, middle)

@@ -18,8 +18,6 @@ STEPS_PER_PITCH = 12
 GROUPS = 3
 # [1] Poses of a group that are refined together. More: misses fewer poses, slower.
 BEAM = 16
-# [1] Halvings of the steps; the last ones are below TOUCH. More: slower.
-HALVINGS = 7
 # [1] Largest change of the pitch: around a tube, so that the rows close, and of a board that would overlap another.
 # Larger: more boards, wider gaps between them.
 MAX_PITCH_CHANGE = 0.06
@@ -181,7 +179,7 @@ class Search:
         """Return the best pose near given ones: half a step to both sides, in all directions, again and again."""
         half, step = (-0.5, 0.5), self._step
         signs = np.array([(x, y, z) for x in half for y in half for z in (half if turn else (0.0,))])
-        for _ in range(HALVINGS):
+        for _ in range(int(np.log2(step / (TOUCH * self.lattice.side)))):  # until boards touch
             step, turn = step / 2, turn / 2
             x, y, z = np.tile(signs, (len(poses.angles), 1)).T
             near = poses[np.repeat(np.arange(len(poses.angles)), len(signs))]
