@@ -12,11 +12,10 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import are_seen
 from ..pipeline.place_skins import place_skin
 from ..plan.skins import BoardSkin
+from ..skin.boards.ground import MAX_DISTANCE
 from ..skin.boards.overlap import largest_apart, overlapping
 from .candidates import DECIMALS
 from .link_points import LinkPoints
-
-LIFT = 1e-3  # [m] height above the surface from which a board must be seen. Larger: boards below edges of other parts
 
 
 def boards_on(template: BoardSkin, fit: SurfaceFit) -> tuple[BoardSkin, TaxelArray]:
@@ -107,11 +106,12 @@ def usable(
     -------
     list of array of bool, length k
     """
+    # A board may be below the mesh by the largest distance.
     positions, normals, tangents = (
         np.concatenate([getattr(t, name) for t in taxels])
         for name in ("positions_link", "normals_link", "tangents_link")
     )
-    kept = are_seen(mesh, positions + LIFT * normals, normals) & on.free[on.nearest(positions, normals)[1]]
+    kept = are_seen(mesh, positions + MAX_DISTANCE * normals, normals) & on.free[on.nearest(positions, normals)[1]]
     rows = np.flatnonzero(kept)
     pairs, _, _ = overlapping(
         positions[rows], normals[rows], tangents[rows], skins[0].lattice, max(abs(skin.offset) for skin in skins)

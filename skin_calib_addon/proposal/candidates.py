@@ -19,9 +19,7 @@ FACES = 24
 NEAR_COSINE = np.cos(np.deg2rad(25.0))
 # [cosine] between two directions of faces above which only the first is tried. Larger: more are alike, more time.
 SAME_COSINE = np.cos(np.deg2rad(8.0))
-# [1] least weight of a point that places an axis, so that a flat link has one. Larger: faces across the axis move it.
-MIN_WEIGHT = 1e-9
-# [1] decimals of points [m] and directions, which single precision keeps. Larger: Blender has another plan.
+# [1] decimals of points [m] and directions. Larger: Blender has another plan. Format: what single precision keeps.
 DECIMALS = 6
 
 
@@ -86,7 +84,7 @@ def axis_between(on: LinkPoints, direction: Array) -> Axis:
     """
     towards = on.normals @ direction
     across = unit(on.normals - towards[:, None] * direction)
-    weights = on.areas * on.free * np.maximum(1 - towards**2, MIN_WEIGHT)
+    weights = on.areas * on.free * np.maximum(1 - towards**2, np.finfo(float).eps)
     middle = weights @ on.points / weights.sum()
     # The point p with the least sum of squared distances from the lines: sum w (I - n n^T - d d^T) (x - p) = 0.
     projections = np.eye(3) - across[:, :, None] * across[:, None] - np.multiply.outer(direction, direction)

@@ -3,14 +3,13 @@
 import numpy as np
 
 from ..common.arrays import Array, BoolArray
+from .candidates import DECIMALS
 
-# [m] largest distance of a loop from the edge of the sites. Larger: fewer corners, a less exact edge.
-CORNER_TOLERANCE = 2e-3
 Corner = tuple[int, int]
 Loops = tuple[tuple[tuple[float, float, float], ...], ...]
 
 
-def loops_around(mask: BoolArray, points: Array, closed: bool) -> Loops:
+def loops_around(mask: BoolArray, points: Array, closed: bool, tolerance: float) -> Loops:
     """Return closed loops halfway between the sites inside and those outside a mask.
 
     Parameters
@@ -21,6 +20,8 @@ def loops_around(mask: BoolArray, points: Array, closed: bool) -> Loops:
         Of all sites [m].
     closed : bool
         Whether the last column is next to the first.
+    tolerance : float
+        Largest distance of a loop from the edge of the sites [m].
 
     Returns
     -------
@@ -30,9 +31,9 @@ def loops_around(mask: BoolArray, points: Array, closed: bool) -> Loops:
     found = []
     for chain in chains(mask, closed):
         corners = np.array([corner(points, at, closed) for at in chain])
-        kept = simplified(corners)
+        kept = simplified(corners, tolerance)
         if len(kept) >= 3:
-            found.append(tuple((x, y, z) for x, y, z in np.round(kept, 6).tolist()))
+            found.append(tuple((x, y, z) for x, y, z in np.round(kept, DECIMALS).tolist()))
     return tuple(found)
 
 
@@ -108,13 +109,15 @@ def corner(points: Array, at: Corner, closed: bool) -> Array:
     return points[rows][:, columns].reshape(-1, 3).mean(axis=0)
 
 
-def simplified(loop: Array) -> Array:
+def simplified(loop: Array, tolerance: float) -> Array:
     """Return the corners of a loop that are needed to stay near it (Douglas and Peucker, 1973).
 
     Parameters
     ----------
     loop : array, shape (k, 3)
         [m]
+    tolerance : float
+        Largest distance of the loop from a corner that is left out [m].
 
     Returns
     -------
@@ -136,7 +139,7 @@ def simplified(loop: Array) -> Array:
         length = step @ step
         part = np.clip(arms @ step / length, 0, 1) if length > 0 else np.zeros(len(arms))
         away = np.linalg.norm(arms - part[:, None] * step, axis=1)
-        if away.max() > CORNER_TOLERANCE:
+        if away.max() > tolerance:
             middle_index = start + 1 + int(away.argmax())
             kept.add(middle_index)
             ends += [(start, middle_index), (middle_index, stop)]

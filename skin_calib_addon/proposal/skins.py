@@ -18,12 +18,12 @@ from ..plan.skins import GAP, SIDE, BoardSkin, SheetSkin
 from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
 from .boards import boards_on
+from .candidates import DECIMALS
 
 FORMS = 'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), or the name of a file.'
 DEFAULT_SKIN = "hexagons"
 # [1] ratio of the sizes of a sheet that are tried one after the other, until one lies without folds.
 SMALLER = 0.75
-MAX_TRIES = 5  # [1] sizes of a sheet that are tried. Larger: smaller sheets on curved places
 
 
 @dataclass(frozen=True)
@@ -124,18 +124,17 @@ def _sheet_on(template: SheetSkin, fit: SurfaceFit) -> tuple[SheetSkin, TaxelArr
         sizes.append((rows * columns, -along, rows, columns))
     cells, along, rows, columns = max(sizes)
     problem: SkinCalibError = InvalidPlan("The surface is smaller than a cell.")
-    for _ in range(MAX_TRIES):
-        if cells == 0:
-            break
+    while cells > 0:
         lattice = replace(template.lattice, rows=rows, columns=columns)
         mark = Landmark((rows // 2, columns // 2), point)
-        direction = tuple(np.round(tangents[-along], 6).tolist())
+        direction = tuple(np.round(tangents[-along], DECIMALS).tolist())
         skin = replace(template, lattice=lattice, landmarks=(mark,), direction=direction)
         try:
             return skin, place_skin(skin, fit, 0).patch.taxels
         except SkinCalibError as error:
             problem = error
         rows, columns = max(1, int(SMALLER * rows)), max(1, int(SMALLER * columns))
+        cells = rows * columns if cells > 1 else 0
     raise problem
 
 
@@ -155,7 +154,7 @@ def widest_place(fit: SurfaceFit) -> tuple[Array, tuple[float, float, float], Ar
     depth = ndimage.distance_transform_edt(wide, sampling=steps)[1:-1]
     depth = depth[:, m : 2 * m] if fit.lines.closed else depth[:, 1:-1]
     i, j = np.unravel_index(int(depth.argmax()), depth.shape)
-    x, y, z = np.round(points[i, j], 6).tolist()
+    x, y, z = np.round(points[i, j], DECIMALS).tolist()
     derivatives = fit.surface.derivatives(uv[i, j][None])
     tangents = np.stack((derivatives[1, 0][0], derivatives[0, 1][0]))
     return uv[i, j], (x, y, z), tangents / np.linalg.norm(tangents, axis=1)[:, None]

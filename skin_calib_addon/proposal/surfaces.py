@@ -138,7 +138,7 @@ def boundary_of(seen: TriangleMesh, on: LinkPoints, candidate: Candidate, trial:
     fine = judged(rows, on, trial.parametrization, trial.lines, trial.offsets, basis)
     if fine is None or fine.area < MIN_AREA:
         return None
-    loops = loops_around(fine.good, fine.points, trial.parametrization.closed)
+    loops = loops_around(fine.good, fine.points, trial.parametrization.closed, FINE_STEP)
     region = bounded_region(candidate.region, fine, loops)
     try:
         size = Size(*region_size(region.parametrization(seen), on))

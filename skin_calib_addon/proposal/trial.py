@@ -23,9 +23,6 @@ from .candidates import MIN_RAY_COSINE
 from .link_points import LinkPoints
 
 KNOT_DISTANCE = 0.016  # [m] of planes and lines. Larger: smoother surfaces that follow less of the link
-# [m] distances from the surface beyond which the next fit leaves samples out. More: steps pull the surface less, and it
-# takes longer.
-LIMITS = (4e-3, 2e-3, 1e-3)
 OPENING = 0.005  # [m] radius of a disc that covered parts must contain everywhere. Larger: no narrow parts
 
 
@@ -131,7 +128,7 @@ class Start:
         slopes = np.abs((samples.rays * faces).sum(axis=2))
         wanted = is_wanted(on, samples, faces) & (slopes > MIN_RAY_COSINE)
         wanted = opened(wanted, samples.origins + samples.arms, self.parametrization.closed)
-        for limit in (np.inf, *LIMITS):
+        for limit in (np.inf, 4 * MAX_DISTANCE, 2 * MAX_DISTANCE, MAX_DISTANCE):
             used = wanted & (np.abs(samples.residuals * slopes) < limit)
             if not used.any():
                 return None

@@ -154,7 +154,7 @@ class _Search:
         return cells[np.lexsort((cells.bound, cells.row))]
 
     def _is_apart(self, cell: IntArray, uv: Array) -> BoolArray:
-        """Return whether cells are more than `SAME_MINIMUM` away from parameters (k, 2), or bend too much to tell."""
+        """Return whether cells are more than `SAME_MINIMUM` away from parameters (k, 2), or bend too much to decide."""
         gap = np.abs(self.start[cell] + self.step[cell] / 2 - uv)
         for axis in (0, 1):
             if self.surface.closed[axis]:

@@ -202,8 +202,8 @@ def test_corners_on_a_line_are_left_out():
     """A square of many points has four corners; a loop of an empty mask has none."""
     corners = np.array(((0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0), (0, 0.1, 0)))
     sides = [a + (b - a) * np.linspace(0, 1, 51)[:-1, None] for a, b in zip(corners, np.roll(corners, -1, axis=0))]
-    assert len(simplified(np.concatenate(sides))) == 4
-    assert loops_around(np.zeros((3, 3), bool), np.zeros((3, 3, 3)), False) == ()
+    assert len(simplified(np.concatenate(sides), 1e-3)) == 4
+    assert loops_around(np.zeros((3, 3), bool), np.zeros((3, 3, 3)), False, 1e-3) == ()
 
 
 URDF = """<robot name="arm">

@@ -81,7 +81,7 @@ def test_rows_close_around_a_tube_with_up_to_6_percent_between_the_boards():
 
 
 def test_surface_around_which_50000_boards_fit_is_refused():
-    """The circle about this plate has room for 48 400 and 51 600 boards."""
+    """On the circle about this plate, 48 400 boards are possible, and 51 600 are not."""
     Layout.of(FLOOR, HexLattice(3.2e-4, 0.0), None, None, 0.0, None, ())
     with pytest.raises(InvalidPlan, match="extends too far"):
         Layout.of(FLOOR, HexLattice(3.1e-4, 0.0), None, None, 0.0, None, ())
