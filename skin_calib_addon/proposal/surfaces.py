@@ -33,7 +33,7 @@ FINE_STEP = 2e-3  # [m] distance of the sites that give the boundary. Larger: le
 MIN_GAP = np.deg2rad(30.0)
 SECTOR_MARGIN = np.deg2rad(3.0)  # [rad] beyond the boundary. Larger: the surface is held less at the boundary
 # [fraction] of the area inside the boundary that the fitted surface must cover. Larger: fewer surfaces.
-MIN_KEPT_FRACTION = 0.6
+MIN_KEPT_FRACTION = 0.75
 
 
 @dataclass(frozen=True, eq=False)
