@@ -27,7 +27,6 @@ from .loops import Loops, loops_around
 from .trial import Start, Trial, judged, region_size, site_steps
 
 MIN_AREA = 6e-4  # [m^2] that a surface adds. Larger: fewer surfaces, less is covered
-MAX_SURFACES = 12  # [1] of a link. Larger: more small surfaces
 FINE_STEP = 2e-3  # [m] distance of the sites that give the boundary. Larger: less exact boundaries
 # [rad] turn without skin from which on a part of a tube is a sector. Larger: more parts are fitted all round.
 MIN_GAP = np.deg2rad(30.0)
@@ -72,7 +71,7 @@ def propose_surfaces(
     """
     pool = [Tried(c, c.bound(on)) for c in candidates(on, axes)] if on.wanted.any() else []
     found: list[Proposed] = []
-    while len(found) < MAX_SURFACES:
+    while True:  # each surface adds an area
         begin(f"surface {len(found) + 1}")
         best = best_of(pool, seen, on)
         if best is None:
@@ -83,7 +82,6 @@ def propose_surfaces(
             pool = [tried for tried in pool if tried.candidate is not candidate]
         else:
             found.append(proposed)
-    return tuple(found)
 
 
 @dataclass(eq=False)
