@@ -64,9 +64,7 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
         cells = list(boards.choice) if skin.choice == "listed" else [tuple(c) for c in taxels.index.tolist()]
         if cells == [cell]:
             raise SkinCalibError("This is the last board. Remove the skin instead.")
-        if skin.choice != "listed":
-            skins.fix_pose(skin, taxels, metre)
-            skin.choice = "listed"
+        skins.list_boards(skin, taxels, metre)
         if cell in cells:
             cells.remove(cell)
         else:

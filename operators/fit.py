@@ -4,6 +4,7 @@
 import bpy
 from mathutils import Vector
 
+from ..skin_calib_addon.blender.inspection.taxels import read_again
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import maximum_of
@@ -27,6 +28,7 @@ def store_fit(context, link, given, result):
     drawing.prepare(key, calibrated)
     updates.reports.pop(link.name, None)
     scene.write_result(link, context.scene, calibrated, key)
+    read_again(link, context.scene)
     link.skin_calib.result.outdated = not _is_unchanged(context, link, *given)
     drawing.redraw()
 

@@ -35,6 +35,7 @@ class Picking:
         description="Use the point under the mouse, as a tool does, instead of asking for a click",
         options={"HIDDEN", "SKIP_SAVE"},
     )
+    what = ""  # is picked; empty: a point of the link
     repeats = False  # whether it executes after each click, in an undo step each, until Esc or Return
 
     def check(self, context):
@@ -44,7 +45,7 @@ class Picking:
         """Prepare for clicks, which are possible now."""
 
     def take(self, points):
-        """Set the operator's properties from the points, in the link frame in scene units."""
+        """Set the operator's properties from what was picked."""
         raise NotImplementedError
 
     def invoke(self, context, event):
@@ -65,12 +66,16 @@ class Picking:
 
     def use_mouse(self, context, event):
         """Use the point under the mouse, without further clicks."""
-        point = point_under(context, event.mouse_x, event.mouse_y)
+        point = self.under_mouse(context, event)
         if point is None:
-            self.report({"WARNING"}, f"{self.link} is not under the mouse: click on it")
+            self.report({"WARNING"}, f"{self.what or self.link} is not under the mouse: click on it")
             return {"CANCELLED"}
         self.take([point])
         return self.execute(context)
+
+    def under_mouse(self, context, event):
+        """Return what is picked under the mouse: a point in the link frame in scene units; None without one."""
+        return point_under(context, event.mouse_x, event.mouse_y)
 
     def modal(self, context, event):
         if event.type in NAVIGATION or event.type.startswith(("NUMPAD_", "NDOF_")) and event.type != "NUMPAD_ENTER":
@@ -87,9 +92,9 @@ class Picking:
 
     def click(self, context, event):
         """Use the point under the mouse; after the last one, execute."""
-        point = point_under(context, event.mouse_x, event.mouse_y)
+        point = self.under_mouse(context, event)
         if point is None:
-            self.report({"WARNING"}, f"{self.link} is not under the mouse: click on it, or press Esc")
+            self.report({"WARNING"}, f"{self.what or self.link} is not under the mouse: click on it, or press Esc")
             return {"RUNNING_MODAL"}
         self.picked.append(point)
         if len(self.picked) < len(self.prompts):

@@ -7,7 +7,7 @@ from ..skin_calib_addon.blender.inspection import comparing, replay
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene import results
 from ..skin_calib_addon.blender.scene.scene import metres_per_unit
-from .base import SkinPanel, button, field, show_text, show_warning
+from .base import SkinPanel, button, buttons, field, show_text, show_warning
 
 
 class InspectPanel(SkinPanel):
@@ -44,13 +44,20 @@ class SKIN_PT_inspect_taxel(InspectPanel, bpy.types.Panel):
 
     def draw_plan(self, layout, plan):
         taxel = plan.inspect.taxel
-        button(layout, "taxel", icon="EYEDROPPER")
+        row = buttons(layout)
+        button(row, "taxel", icon="EYEDROPPER")
+        button(row, "taxel_toggle", icon="HIDE_ON")
         field(layout, taxel, "wanted", icon="VIEWZOOM")
         show_text(layout, taxel.problem, "ERROR")
         if not taxel.id:
             return
         if taxel.key != plan.result.key:
             layout.label(text="Of another fit: read it again", icon="INFO")
+        if taxel.disabled:
+            layout.label(text="Disabled", icon="HIDE_ON")
+        row = buttons(layout)
+        row.operator("skin_calib.taxel_toggle", text="Enable" if taxel.disabled else "Disable").taxel = taxel.id
+        button(row, "taxel_channel").taxel = taxel.id
         column = layout.column(align=True)
         column.enabled = False
         for name in ("id", "channel", "index", "position", "normal"):

@@ -55,6 +55,8 @@ MENUS = {
             ("show_warning", "ERROR"),
             ("show_worst", "ZOOM_SELECTED"),
             ("taxel", "EYEDROPPER"),
+            ("taxel_toggle", "HIDE_ON"),
+            ("taxel_channel", "LINENUMBERS_ON"),
             ("taxel_mesh", "OUTLINER_OB_MESH"),
             (LINE, ""),
             ("compare", "FILEBROWSER"),
@@ -168,6 +170,8 @@ class SKIN_MT_skins(bpy.types.Menu):
             add(layout, context, f"{what}_add", "ADD", skin=i)
             if len(getattr(skin, listed)):
                 add(layout, context, f"{what}_remove", "REMOVE", skin=i, index=len(getattr(skin, listed)) - 1)
+        if len(skin.taxels):
+            add(layout, context, "single_taxel_remove", "REMOVE", skin=i, index=len(skin.taxels) - 1)
         if skin.kind != "imported":
             add(layout, context, "preset_save", "PRESET_NEW", skin=i)
         names = surface_names(context.object.skin_calib)

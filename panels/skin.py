@@ -10,7 +10,7 @@ from .base import Step, button, buttons, field, more
 from .rows import draw_keys, draw_value
 
 # Keys of a skin that most skins leave as they are.
-RARE = ("landmarks", "hand", "trim", "overlap", "offset", "registration", "first_channel", "anchor")
+RARE = ("landmarks", "hand", "trim", "overlap", "offset", "registration", "first_channel", "anchor", "taxels")
 
 
 class SkinStep(Step):
@@ -49,6 +49,7 @@ class SkinStep(Step):
             "excluded": partial(self.draw_list, what="zone", i=i),
             "origin": partial(self.draw_origin, i=i),
             "cells": partial(self.draw_cells, i=i),
+            "taxels": partial(self.draw_single_taxels, i=i),
             "surface": partial(self.draw_surface, i=i),
             "file": self.draw_file,
             "frame": partial(self.draw_frame, i=i),
@@ -62,6 +63,21 @@ class SkinStep(Step):
         button(row, f"{what}_add", icon="ADD").skin = i
         if what == "zone":
             row.operator("skin_calib.zones_from_faces", text="", icon="FACESEL").skin = i
+
+    def draw_single_taxels(self, layout, skin, key, i):
+        if not skin.taxels:
+            return
+        layout.label(text=key.label)
+        for k, single in enumerate(skin.taxels):
+            row = layout.row(align=True)
+            row.use_property_split = False
+            row.prop(single, "enabled", text=single.taxel)
+            row.prop(single, "auto_channel", text="", icon="LINENUMBERS_OFF", invert_checkbox=True)
+            channel = row.row(align=True)
+            channel.enabled = not single.auto_channel
+            channel.prop(single, "channel", text="")
+            remove = row.operator("skin_calib.single_taxel_remove", text="", icon="X")
+            remove.skin, remove.index = i, k
 
     def draw_origin(self, layout, skin, key, i):
         if skin.kind == "sheet" and skin.landmarks:

@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from .. import __version__
+from ..calibration.modality import Modality
 from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from ..common.errors import PoorFit, listed
 from ..common.warnings import Place, Warning, point_of
@@ -122,9 +123,17 @@ def calibrate(
         f"skin-calib {__version__}",
         plan.extra,
         warnings=warnings_of(fits, placed),
-        modalities=plan.modalities,
+        modalities=tuple(_without_disabled(modality, placed) for modality in plan.modalities),
     )
     return Calibrated(calibration, fits, covers, placed, seconds)
+
+
+def _without_disabled(modality: Modality, placed: tuple[PlacedSkin, ...]) -> Modality:
+    """Return a modality without the channels of disabled taxels."""
+    disabled = {id for done in placed if done.disabled for id in done.disabled.taxels.ids}
+    if modality.channels is None or not disabled:
+        return modality
+    return replace(modality, channels={id: k for id, k in modality.channels.items() if id not in disabled})
 
 
 def cut_for(plan: Plan, surface: Surface, mesh: TriangleMesh) -> TriangleMesh:

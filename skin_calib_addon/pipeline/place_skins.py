@@ -25,6 +25,7 @@ from ..skin.neighbours import with_neighbours_across
 from ..skin.sheet.closure import Closure, closure
 from ..skin.sheet.taxels import sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
+from ..skin.single_taxels import with_single_taxels
 from ..skin.warnings import check_overlap, placement_warnings
 from .taxel_sigma import with_sigma
 
@@ -36,6 +37,7 @@ class PlacedSkin:
     patch: Patch
     sheet: WrappedSheet | None = None
     imported: ImportedTaxels | None = None
+    disabled: Patch | None = None  # its taxels that the patch does not have
 
     @cached_property
     def closure(self) -> Closure | None:
@@ -73,7 +75,7 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], near: tuple[PlacedSkin
     Raises
     ------
     SkinCalibError
-        If a skin does not fit, two skins have a channel in common, or imported taxels are in another frame.
+        If a skin does not fit, two taxels have a channel in common, or imported taxels are in another frame.
         If a sheet overlaps itself around the link by more than a tenth of a cell, and its plan does not allow it.
     """
     skins = plan.skins
@@ -92,10 +94,11 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], near: tuple[PlacedSkin
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
     patches = with_neighbours_across(tuple(done.patch for done in placed))
-    return tuple(
-        replace(done, patch=with_sigma(patch, skin, fits[patch.surface], done.sheet))
-        for done, patch, skin in zip(placed, patches, skins)
+    patches = tuple(
+        with_sigma(patch, skin, fits[patch.surface], done.sheet) for done, patch, skin in zip(placed, patches, skins)
     )
+    enabled, disabled = with_single_taxels(patches, [skin.taxels for skin in skins])
+    return tuple(replace(done, patch=on, disabled=off) for done, on, off in zip(placed, enabled, disabled))
 
 
 @singledispatch

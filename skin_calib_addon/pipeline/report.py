@@ -10,7 +10,7 @@ from ..calibration.model import LinkCalibration, Patch, TaxelArray
 from ..calibration.response import AnyResponse, ResponseTable
 from ..calibration.robot_set import RobotSet
 from ..common.arrays import Array
-from ..common.errors import millimetres
+from ..common.errors import listed, millimetres
 from ..common.findings import printable
 from ..common.surface_errors import DistanceStatistics
 from ..common.warnings import to_document
@@ -78,6 +78,8 @@ def _patch_summary(placed: PlacedSkin) -> Iterator[str]:
     if "strain" in quality:
         strain = np.abs(quality["strain"]).max(axis=0)
         yield f"{name}strain at most {strain[:2].max():.2%}, shear {np.rad2deg(strain[2]):.2f} degrees"
+    if placed.disabled is not None:
+        yield f"{name}disabled taxels: {listed(placed.disabled.taxels.ids)}"
     if np.isfinite(placed.patch.taxels.sigma).any():
         yield name + _uncertainty(placed.patch.taxels)
     if placed.closure is not None:
@@ -114,6 +116,8 @@ def _patch_document(placed: PlacedSkin) -> dict[str, Any]:
         "taxels": len(taxels.ids),
         "area": {"min": taxels.areas.min(), "mean": taxels.areas.mean(), "max": taxels.areas.max()},
     }
+    if placed.disabled is not None:
+        document["disabled"] = list(placed.disabled.taxels.ids)
     for key, values in sorted(taxels.quality.items()):
         document[key] = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
     if placed.imported is not None:

@@ -1,5 +1,6 @@
 """What the members of a plan must be together, where each of them is right alone."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -13,7 +14,7 @@ from ..common.findings import Finding, child, did_you_mean, error
 from ..geometry.grid.grids import Across, Grid, PlanesGrid
 from ..skin.imported import ROTATION_MATRIX_TOLERANCE
 from .plan import Plan
-from .skins import BoardSkin, SheetSkin, Skin, first_channels
+from .skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
 
 
 def check_together(plan: Plan) -> None:
@@ -86,7 +87,35 @@ def check_skins(skins: tuple[Skin, ...]) -> None:
             check_landmarks(skin)
         if isinstance(skin, BoardSkin) and isinstance(skin.choice, tuple) and len(set(skin.choice)) < len(skin.choice):
             raise InvalidPlan(f"Skin {name!r} lists a cell twice. List each board once.")
+        check_single_taxels(skin)
     first_channels(skins, [skin.count for skin in skins])
+
+
+def check_single_taxels(skin: Skin) -> None:
+    """Refuse single taxels that are named twice, that the skin does not have, or that another fit would number anew."""
+    names = [single.taxel for single in skin.taxels]
+    twice = [name for name, k in Counter(names).items() if k > 1]
+    if twice:
+        raise InvalidPlan(f"Skin {skin.name!r} has the single taxel {twice[0]!r} twice. Remove one.")
+    if not names or isinstance(skin, ImportedSkin):  # the file has the ids of imported taxels
+        return
+    known = dict.fromkeys(f"{i}.{j}" for i, j in _cells(skin))
+    for name in names:
+        if name not in known:
+            near = did_you_mean(name, known) or "."
+            raise InvalidPlan(f"Skin {skin.name!r} has no taxel {name!r}{near} Ids are row.column, or q.r of a board.")
+
+
+def _cells(skin: SheetSkin | BoardSkin) -> Iterable[tuple[int, int]]:
+    """Return the cells that a skin has wherever it is; an error about boards that are not listed."""
+    if isinstance(skin, SheetSkin):
+        return map(tuple, skin.lattice.index.tolist())
+    if isinstance(skin.choice, str):
+        raise InvalidPlan(
+            f"Skin {skin.name!r} has single taxels, but boards that are not listed have other numbers on another "
+            "surface. List its boards one by one."
+        )
+    return skin.choice
 
 
 def check_landmarks(skin: SheetSkin) -> None:

@@ -15,6 +15,7 @@ from ..geometry.mesh.cover import CoverSpec, Cut
 from ..skin.boards.ground import Zone
 from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
+from ..skin.single_taxels import SingleTaxel
 from ..skin.uncertainty import (
     DIRECTION_UNCERTAINTY,
     MAX_DIRECTION_UNCERTAINTY,
@@ -626,6 +627,40 @@ REGISTRATION = Key(
     acts="pipeline/taxel_sigma.py",
 )
 
+SINGLE_TAXEL = Record(
+    "single_taxel",
+    "Single taxel",
+    SingleTaxel,
+    (
+        Key("taxel", TEXT, "Id of the taxel without the name of the skin, such as `2.7`.", label="Taxel"),
+        Key(
+            "enabled",
+            SWITCH,
+            "Whether the calibration has the taxel. The others keep their ids and channels.",
+            default=True,
+            label="Enabled",
+        ),
+        Key(
+            "channel",
+            count(minimum=0, maximum=MAX_CHANNEL),
+            "Its channel.",
+            default=None,
+            otherwise="by its position in the skin",
+            label="Channel",
+            switch=Switch("auto_channel", "Usual Channel"),
+        ),
+    ),
+)
+SINGLE_TAXELS = Key(
+    "taxels",
+    many(SINGLE_TAXEL, maxItems=10000),
+    "Taxels that differ from the others: disabled ones, and those with their own channel. Boards must be listed.",
+    default=(),
+    label="Single Taxels",
+    labels=("Taxel",),
+    acts="skin/single_taxels.py",
+)
+
 LANDMARK = Record(
     "landmark",
     "Landmark",
@@ -723,6 +758,7 @@ SHEET = Record(
         OFFSET,
         REGISTRATION,
         FIRST_CHANNEL,
+        SINGLE_TAXELS,
     ),
     {"lattice": SheetLattice},
 )
@@ -810,6 +846,7 @@ BOARDS = Record(
         OFFSET,
         REGISTRATION,
         FIRST_CHANNEL,
+        SINGLE_TAXELS,
     ),
     {"lattice": HexLattice},
 )
@@ -895,6 +932,7 @@ IMPORTED = Record(
         ),
         REGISTRATION,
         FIRST_CHANNEL,
+        SINGLE_TAXELS,
     ),
 )
 SKIN_KINDS = (
@@ -1114,6 +1152,7 @@ RECORDS: tuple[Record, ...] = (
     AUTO_SECTOR,
     AUTO_ACROSS,
     PLANES,
+    SINGLE_TAXEL,
     LANDMARK,
     SHEET,
     ZONE,

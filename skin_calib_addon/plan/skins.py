@@ -12,6 +12,7 @@ from ..skin.boards.ground import Zone
 from ..skin.boards.layout import Choice
 from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
+from ..skin.single_taxels import SingleTaxel
 from ..skin.uncertainty import DIRECTION_UNCERTAINTY, ORIGIN_UNCERTAINTY
 
 # [m] Hexagonal boards of the TUM skin: length of their sides, and the gap that gives their pitch of 27.75 mm. Contract:
@@ -46,6 +47,7 @@ class SheetSkin:
     overlap: bool = False  # whether it may overlap itself where it closes around the link
     registration: Mounting | None = None  # None: with the usual uncertainty, or that of two landmarks
     surface: str | None = None  # name of the surface it is on; None: the first of the plan
+    taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
 
     @property
     def count(self) -> int:
@@ -67,6 +69,7 @@ class BoardSkin:
     excluded: tuple[Zone, ...] = ()
     registration: Mounting | None = None  # None: with the usual uncertainty
     surface: str | None = None  # name of the surface; None: the first of the plan
+    taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
 
     @property
     def count(self) -> int | None:
@@ -94,6 +97,7 @@ class ImportedSkin:
     first_channel: int | None = None  # None: after the skin before; channels of the file count from there
     registration: Mounting | None = None  # None: with the usual uncertainty
     surface: str | None = None  # name of the surface; None: the first of the plan
+    taxels: tuple[SingleTaxel, ...] = ()  # those that differ from the others
     count = None  # how many channels it has is known once the file is read
 
 
@@ -159,4 +163,5 @@ def following_channel(skins: tuple[Skin, ...]) -> int | None:
         for first, skin in zip(first_channels(skins, [skin.count for skin in skins]), skins)
     ]
     known = [end for end in ends if end is not None]
-    return max(known, default=0) if len(known) == len(ends) else None
+    own = [single.channel + 1 for skin in skins for single in skin.taxels if single.channel is not None]
+    return max([*known, *own], default=0) if len(known) == len(ends) else None

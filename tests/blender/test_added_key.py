@@ -77,7 +77,7 @@ def test_added_key_has_a_row(added, bpy, link, extension):
 
     def shown():
         layout = Layout(bpy, [])
-        by_hand = "name", "surface", "landmarks"
+        by_hand = "name", "surface", "landmarks", "taxels"
         rows.draw_keys(layout, link.with_thickness, [k for k in added.keys if k.name not in by_hand])
         return layout.shown
 

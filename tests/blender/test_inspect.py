@@ -252,7 +252,7 @@ def test_taxel_is_read_by_id_and_by_channel(bpy, ours, fitted, result):
 
 
 def test_typed_taxel_is_read_at_once(bpy, ours, fitted):
-    """An unknown taxel is reported and the last one stays; after another fit there is no mark."""
+    """An unknown taxel is reported and the last one stays; after another fit it is read again."""
     taxel = fitted.skin_calib.inspect.taxel
     taxel.wanted = "band.0.2"
     assert (taxel.id, taxel.channel, taxel.problem) == ("band.0.2", 2, "")
@@ -262,8 +262,14 @@ def test_typed_taxel_is_read_at_once(bpy, ours, fitted):
         bpy.ops.skin_calib.taxel(taxel="99")
     taxel.wanted = ""
     assert not taxel.problem
+    before, key = list(taxel.position), taxel.key
     fitted.skin_calib.grid.n += 1
     bpy.ops.skin_calib.fit()
+    assert taxel.key == fitted.skin_calib.result.key != key and list(taxel.position) != before
+    assert "MARKED" in {a.what for a in ours.drawing.shown_layers(fitted)}
+    fitted.skin_calib.skins[0].columns = 2  # which has no taxel 0.2
+    bpy.ops.skin_calib.fit()
+    assert taxel.id == "band.0.2" and taxel.key != fitted.skin_calib.result.key
     assert "MARKED" not in {a.what for a in ours.drawing.shown_layers(fitted)}
 
 

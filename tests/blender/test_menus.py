@@ -27,6 +27,7 @@ def test_menu_has_every_operator(bpy, plan_file, extension):
     plan.skins[2].kind = "imported"
     bpy.ops.skin_calib.landmark_add(skin=0)
     bpy.ops.skin_calib.zone_add(skin=1)
+    plan.skins[0].taxels.add().taxel = "0.0"
     bpy.ops.skin_calib.surface_add()
     assert {*OPERATORS, *EXCHANGE} - set(listed(bpy)) == INTERNAL
     menus = importlib.import_module(f"{extension}.panels.menus")

@@ -120,3 +120,21 @@ def test_boundary_is_kept_in_the_scene(bpy, plan_file, fit_plainly, fit_scene, d
         bpy.ops.skin_calib.planes_place()
     bpy.ops.skin_calib.boundary_remove()
     assert "boundary" not in document(bpy.context.object)["grid"] and "Remove Boundary" not in draw(bpy, "grid")
+
+
+def test_drawn_lines_end_at_the_boundary(bpy, addon, plan_file):
+    """Sections, lines, curves and heat map of a surface stay inside its loops, and come close to them."""
+    loop = [[0.045, 0.01, 0.05], [0.02, 0.04, 0.05], [0.02, 0.04, 0.1], [0.045, 0.01, 0.1]]
+    bpy.ops.skin_calib.import_plan(filepath=str(plan_file(grid=SECTOR | {"boundary": [loop]}, skins=[])))
+    bpy.ops.skin_calib.fit()
+    link = bpy.context.object
+    result = addon.results.find(link.skin_calib.result.key)
+    fit, layers = result.fit, {layer.what: layer for layer in addon.drawing.layers_of(result)}
+    for name in ("SECTIONS", "LINES", "SURFACE"):
+        points = layers[name].points.astype(float)
+        middles, ends = points.reshape(-1, 2, 3).mean(axis=1), points[:, 2]
+        assert len(points) > 20 and fit.lines.region(middles).all(), name
+        assert ends.min() > 0.05 - 1e-3 and ends.max() < 0.1 + 1e-3, name
+    assert layers["SURFACE"].points[:, 2].min() < 0.05 + 1e-3
+    heat = layers["ERROR"]
+    assert fit.lines.region(heat.points[heat.indices].astype(float)).any(axis=1).all() and len(heat.indices) > 20

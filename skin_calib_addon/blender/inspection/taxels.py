@@ -2,12 +2,13 @@
 """Store the values of one taxel on its object, and mark the taxel in the view."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ...common.errors import SkinCalibError
+from ...common.errors import SkinCalibError, UnknownTaxel
 from ...inspection.all_taxels import AllTaxels
 from ...pipeline import Calibrated
 from ..overlay import drawing
@@ -33,6 +34,11 @@ def result_of(link: bpy.types.Object) -> Calibrated:
 def taxels_of(link: bpy.types.Object) -> AllTaxels:
     """Return the taxels of the last result of a link; raises as :func:`result_of` does."""
     return drawing.prepare(link.skin_calib.result.key, result_of(link)).taxels
+
+
+def all_taxels_of(link: bpy.types.Object) -> AllTaxels:
+    """Return the taxels of the last result of a link, the disabled ones last; raises as :func:`result_of` does."""
+    return drawing.prepare(link.skin_calib.result.key, result_of(link)).with_disabled
 
 
 def token_of(key: str, taxel: str) -> str:
@@ -65,13 +71,29 @@ def read_taxel(link: bpy.types.Object, word: str, scene: bpy.types.Scene) -> str
     SkinCalibError
         If the taxel does not exist.
     """
-    taxels, key = taxels_of(link), link.skin_calib.result.key
+    taxels, key = all_taxels_of(link), link.skin_calib.result.key
     row = taxels.row_of(word)
+    link.skin_calib.inspect.taxel.disabled = row >= len(taxels_of(link).ids)
     _write(link.skin_calib.inspect.taxel, taxels, row, metres_per_unit(scene))
     link.skin_calib.inspect.taxel.key = key
     drawing.cache(token_of(key, taxels.ids[row]), mark_of(taxels, row))
     drawing.redraw()
     return taxels.ids[row]
+
+
+def read_again(link: bpy.types.Object, scene: bpy.types.Scene) -> None:
+    """Store the values that the taxel of a link has after another fit; nothing if it has no such taxel.
+
+    Parameters
+    ----------
+    link : Object
+        The link.
+    scene : Scene
+        With the unit of length.
+    """
+    if link.skin_calib.inspect.taxel.id:
+        with suppress(UnknownTaxel):  # the panel says that the values are of another fit
+            read_taxel(link, link.skin_calib.inspect.taxel.id, scene)
 
 
 def _write(record: Any, taxels: AllTaxels, row: int, metre: float) -> None:
@@ -100,7 +122,7 @@ def taxel_on_ray(link: bpy.types.Object, context: bpy.types.Context, start: Any,
     start, direction : Vector
         Of the ray, in the world.
     """
-    taxels, to_link = taxels_of(link), link_frame(link).inverted()
+    taxels, to_link = all_taxels_of(link), link_frame(link).inverted()
     eye, ahead = to_link @ start, to_link.to_3x3() @ direction
     metre, farthest = metres_per_unit(context.scene), np.inf
     if link.mode == "OBJECT" and link.visible_get():

@@ -112,8 +112,7 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
         placed = cache.step("placed", (fits, skins), _same_fits, lambda: place_all(plan, fits, near))
     except SkinCalibError as error:
         return Preview(sketch, report=PreviewReport(refusal=refusal_of(error)))
-    patches = tuple(done.patch for done in placed)
-    layers = layers_of(SimpleNamespace(fits=fits, calibration=SimpleNamespace(patches=patches)))
+    layers = layers_of(SimpleNamespace(fits=fits, placed=placed))
     for _ in layers.shown(given.shown):  # computed here, in the thread
         pass
     mean = max(float(np.nanmean(np.abs(fit.residuals))) for fit in fits.values())

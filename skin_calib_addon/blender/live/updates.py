@@ -16,6 +16,7 @@ from bpy.app.handlers import persistent
 
 from ...common.errors import SkinCalibError
 from ...common.warnings import Warning
+from ..inspection.taxels import read_again
 from ..overlay import drawing
 from ..scene import results, scene
 from ..scene.facets import Facets
@@ -292,6 +293,7 @@ def _store(link: bpy.types.Object, fitted: Any) -> None:
     key, result = fitted
     drawing.prepare(key, result)
     scene.write_result(link, bpy.context.scene, result, key)
+    read_again(link, bpy.context.scene)
     forget(link.name)
     _leave_now(link.name)
 

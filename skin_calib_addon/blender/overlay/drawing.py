@@ -118,10 +118,16 @@ def shown_layers(link: Any) -> Iterator[Layer]:
     yield from (layer for layer in cached if layer.what not in HEAT_MAPS)
 
 
+def layers_now(link: Any) -> Layers | None:
+    """Return the layers of the skins that are drawn of an object now; None before the first fit."""
+    drawn = previews.get(link.name) or _prepared.get(link.skin_calib.result.key)
+    return drawn if isinstance(drawn, Layers) else None
+
+
 def patches_of(link: Any) -> Sequence[Patch]:
     """Return the patches that are drawn of an object now, one for each of its skins; none before the first fit."""
-    drawn = previews.get(link.name) or _prepared.get(link.skin_calib.result.key)
-    return drawn.patches if isinstance(drawn, Layers) else ()
+    drawn = layers_now(link)
+    return drawn.patches if drawn else ()
 
 
 def switched_on(link: Any) -> set[str]:
@@ -129,7 +135,8 @@ def switched_on(link: Any) -> set[str]:
     plan = link.skin_calib
     labels = {"LABELS"} if plan.inspect.labels != "NONE" else set()
     force_layers = FORCE_LAYERS if plan.inspect.heat == "FORCE" else set()
-    return plan.layers | {plan.inspect.heat} | labels | force_layers
+    disabled = {"DISABLED"} if "CELLS" in plan.layers else set()
+    return plan.layers | {plan.inspect.heat} | labels | force_layers | disabled
 
 
 def _chosen(layers: Layers | Iterable[Layer], shown: set[str]) -> Iterator[Layer]:

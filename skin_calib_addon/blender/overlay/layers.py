@@ -22,6 +22,7 @@ CURVE_POINTS = 96
 # Length of a drawn normal relative to the width of a cell, and its minimum relative to the size of the surface.
 NORMAL_LENGTH = 0.6
 MIN_NORMAL_LENGTH = 0.01
+BISECTIONS = 10  # of a segment at the boundary. Larger: it ends nearer to the boundary, and slower
 # Height of cells over the surface, relative to their width. Smaller: facets that are outside of the surface hide parts
 # of their outlines where the view is oblique.
 CELL_LIFT = 0.03
@@ -32,6 +33,7 @@ MAX_PLANE_DEVIATION = 1e-4
 MARK_SIZE = 0.08
 WHITE = (1.0, 1.0, 1.0, 1.0)
 PINK = (1.0, 0.2, 0.8, 1.0)
+RED = (1.0, 0.15, 0.1, 1.0)
 # Of contacts by their number, and of supporting polygons.
 CONTACT_COLOURS = (
     (1.0, 0.3, 0.2, 1.0),
@@ -81,9 +83,16 @@ class Labels(Layer):
 class Layers:
     """Layers by name; each is computed when it is first shown, and then kept."""
 
-    def __init__(self, patches: Sequence[Patch], taxels: AllTaxels, makers: dict[str, Callable[[], Layer]]):
-        self.patches, self.taxels = patches, taxels
+    def __init__(self, placed: Sequence[Any], taxels: AllTaxels, makers: dict[str, Callable[[], Layer]]):
+        self.patches, self.taxels = tuple(done.patch for done in placed), taxels
+        self.disabled_patches: tuple[Patch | None, ...] = tuple(done.disabled for done in placed)
         self._makers, self._made = makers, dict[str, Layer]()
+
+    @property
+    def with_disabled(self) -> AllTaxels:
+        """Return all taxels, the disabled ones last."""
+        disabled = [patch for patch in self.disabled_patches if patch is not None]
+        return AllTaxels.of((*self.patches, *disabled)) if disabled else self.taxels
 
     def shown(self, names: Collection[str]) -> Iterator[Layer]:
         """Yield the layers with these names, from the lowest to the highest."""
@@ -98,10 +107,11 @@ class Layers:
 
 
 def layers_of(result: Any) -> Layers:
-    """Return all layers of a result, or of an object with ``fits`` and a ``calibration`` with patches."""
-    fits, taxels = tuple(result.fits.values()), AllTaxels.of(result.calibration.patches)
+    """Return all layers of a result, or of an object with ``fits`` and ``placed`` skins."""
+    fits, taxels = tuple(result.fits.values()), AllTaxels.of([done.patch for done in result.placed])
+    disabled = AllTaxels.of([done.disabled for done in result.placed if done.disabled is not None])
     return Layers(
-        result.calibration.patches,
+        result.placed,
         taxels,
         {
             "ERROR": lambda: _error(fits),
@@ -113,6 +123,11 @@ def layers_of(result: Any) -> Layers:
             "NET": lambda: Layer("NET", _each(fits, _net)),
             "SURFACE": lambda: Layer("SURFACE", _each(fits, _surface_lines)),
             "CELLS": lambda: Layer("CELLS", _segments(_closed(raised_corners(taxels)))),
+            **(
+                {"DISABLED": lambda: Layer("DISABLED", crossed_out(disabled), colour=RED, width=3.0)}
+                if disabled.ids
+                else {}
+            ),
             "NORMALS": lambda: _normals(fits, taxels),
             "LABELS": lambda: labels_of(taxels),
         },
@@ -126,7 +141,42 @@ def _each(fits: Sequence[Any], lines: Callable[[Any], np.ndarray]) -> np.ndarray
 
 def _sections(fit: Any) -> np.ndarray:
     """Return the sections of the u-planes and the cover."""
-    return cut_sections(fit.mesh, fit.lines.planes_u).ends
+    return inside(fit, cut_sections(fit.mesh, fit.lines.planes_u).ends)
+
+
+def inside(fit: Any, ends: np.ndarray) -> np.ndarray:
+    """Return the parts of segments inside the boundary of the region; without a boundary, all.
+
+    Parameters
+    ----------
+    fit : SurfaceFit
+        With the region.
+    ends : array, shape (s, 2, 3)
+        Ends of the segments [m].
+
+    Returns
+    -------
+    array, shape (k, 2, 3)
+        Long segments are divided, so that they end at each loop [m].
+    """
+    region = fit.lines.region
+    if region is None or not len(ends):
+        return ends
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    count = np.ceil(lengths * CURVE_POINTS / fit.mesh.size).astype(int).clip(1)
+    part = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)) / np.repeat(count, count)
+    start, step = np.repeat(ends[:, 0], count, axis=0), np.repeat((ends[:, 1] - ends[:, 0]), count, axis=0)
+    pieces = np.stack((start + part[:, None] * step, start + (part + np.repeat(1 / count, count))[:, None] * step), 1)
+    is_in = region(pieces)
+    kept, is_in = pieces[is_in.any(axis=1)], is_in[is_in.any(axis=1)]
+    rows, outer = np.nonzero(~is_in)
+    near, far = kept[rows, 1 - outer], kept[rows, outer]
+    for _ in range(BISECTIONS):
+        middle = (near + far) / 2
+        is_near = region(middle)[:, None]
+        near, far = np.where(is_near, middle, near), np.where(is_near, far, middle)
+    kept[rows, outer] = near
+    return kept
 
 
 def _net(fit: Any) -> np.ndarray:
@@ -158,8 +208,10 @@ def _coloured(fit: Any, legend: Legend) -> tuple[np.ndarray, np.ndarray, np.ndar
     corners = np.arange(errors.size, dtype=np.int32).reshape(errors.shape)
     a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
     triangles = np.stack((a, b, c, a, c, d), axis=2).reshape(-1, 3)
-    points = _single(fit.surface.grid_points(u, v))
-    return points.reshape(-1, 3), legend.colours(errors).reshape(-1, 4), triangles
+    points = fit.surface.grid_points(u, v).reshape(-1, 3)
+    if fit.lines.region is not None:
+        triangles = triangles[fit.lines.region(points)[triangles].any(axis=1)]
+    return _single(points), legend.colours(errors).reshape(-1, 4), triangles
 
 
 def _strain(taxels: AllTaxels) -> Layer:
@@ -251,7 +303,15 @@ def heat_colours(taxels: AllTaxels, values: np.ndarray, legend: Legend) -> np.nd
 
 
 def line_sections(fit: Any) -> np.ndarray:
-    """Return the sections of the planes of the v-lines and the cover, (s, 2, 3) [m]; of half-planes only their side."""
+    """Return the sections of the planes of the v-lines and the cover inside the boundary, shape (s, 2, 3) [m].
+
+    Half-planes have only the sections of their side.
+
+    Parameters
+    ----------
+    fit : SurfaceFit
+        With the lines.
+    """
     origins, directions = fit.lines.origins, fit.lines.directions
     fans_out = bool((origins == origins[:, :1]).all())
     found = [np.empty((0, 2, 3))]
@@ -266,16 +326,17 @@ def line_sections(fit: Any) -> np.ndarray:
             nearest = np.abs((middle[:, None] - start) @ fit.lines.planes_u.normals.mean(axis=0)).argmin(axis=1)
             ends = ends[((middle - start[nearest]) * outward[nearest]).sum(axis=1) > 0]
         found.append(ends)
-    return np.concatenate(found)
+    return inside(fit, np.concatenate(found))
 
 
 def _surface_lines(fit: Any) -> np.ndarray:
-    """Return curves of constant u and of constant v."""
+    """Return curves of constant u and of constant v, inside the boundary."""
     fine = np.linspace(0, 1, CURVE_POINTS + 1)
     n, m = fit.lines.origins.shape[:2]
     around = fit.surface.grid_points(np.linspace(0, 1, n), fine)
     along = fit.surface.grid_points(fine, np.linspace(0, 1, m + 1)).transpose(1, 0, 2)
-    return np.concatenate((_segments(around), _segments(along)))
+    segments = np.concatenate((_segments(around), _segments(along)))
+    return _single(inside(fit, segments.reshape(-1, 2, 3)))
 
 
 def _normals(fits: Sequence[Any], taxels: AllTaxels) -> Layer:
@@ -320,6 +381,13 @@ def mark_of(taxels: AllTaxels, row: int) -> tuple[Layer, ...]:
         Layer("MARKED", _segments(corners[row : row + 1]), colour=(0.1, 1.0, 1.0, 1.0), width=4.5),
         Layer("MARKED", _single(stick), colour=(0.1, 1.0, 1.0, 1.0), width=3.0),
     )
+
+
+def crossed_out(taxels: AllTaxels) -> np.ndarray:
+    """Return the outlines of cells, and lines from their middles to their corners."""
+    corners = raised_corners(taxels)
+    arms = np.stack((np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape), corners), axis=2)
+    return np.concatenate((_segments(_closed(corners)), _single(arms)))
 
 
 def maximum_of(fit: Any) -> Layer:

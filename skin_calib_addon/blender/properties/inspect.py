@@ -44,6 +44,7 @@ class SKIN_PG_taxel(bpy.types.PropertyGroup):
     problem: StringProperty(description="Why the taxel is not found", **FIXED)
     key: StringProperty(description="Key of the fit that it belongs to", **FIXED)
     id: StringProperty(name="Id", description="Name of the taxel", **FIXED)
+    disabled: BoolProperty(description="Whether the taxel is not in the calibration", **FIXED)
     channel: IntProperty(name="Channel", description="Position of the taxel in a reading", **FIXED)
     index: IntVectorProperty(
         name="Row, Column", description="Row and column on a sheet, axial coordinates of a board", size=2, **FIXED

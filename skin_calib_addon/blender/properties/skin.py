@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The skins of a plan as properties: sheets, boards, imported taxels; their landmarks and excluded zones."""
+"""The skins of a plan as properties: sheets, boards, imported taxels; their lists."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...common.errors import InvalidPlan
-from ...plan.keys import LANDMARK, SKIN_KINDS, SKINS_OF, ZONE
+from ...plan.keys import LANDMARK, SINGLE_TAXEL, SKIN_KINDS, SKINS_OF, ZONE
 from ..scene.fields import read_cells
 from .of_keys import items_of, of_keys
 from .options import FIXED, PLAN, outdate
@@ -31,6 +31,11 @@ class SKIN_PG_zone(bpy.types.PropertyGroup):
     """A disc that boards must not cover."""
 
 
+@of_keys(SINGLE_TAXEL)
+class SKIN_PG_single_taxel(bpy.types.PropertyGroup):
+    """A taxel that differs from the others of its skin."""
+
+
 @of_keys(*SKINS_OF.values())
 class SKIN_PG_skin(bpy.types.PropertyGroup):
     """A sheet of taxels, hexagonal boards, or taxels of a file."""
@@ -45,4 +50,4 @@ class SKIN_PG_skin(bpy.types.PropertyGroup):
     cells_wrong: BoolProperty(description="The list of cells is empty or cannot be read", default=True, **FIXED)
 
 
-CLASSES = (SKIN_PG_landmark, SKIN_PG_zone, SKIN_PG_skin)
+CLASSES = (SKIN_PG_landmark, SKIN_PG_zone, SKIN_PG_single_taxel, SKIN_PG_skin)

@@ -243,6 +243,52 @@ def fix_pose(skin: Any, taxels: TaxelArray, metre: float) -> None:
         skin.choice = "all"
 
 
+def list_boards(skin: Any, taxels: TaxelArray, metre: float) -> None:
+    """Give boards that fill a surface the pose and the cells that they have now; listed boards stay.
+
+    Parameters
+    ----------
+    skin : SKIN_PG_skin
+        Boards; set in scene units.
+    taxels : TaxelArray
+        Of the skin, in metres in the link frame.
+    metre : float
+        Length of a scene unit [m].
+    """
+    if skin.choice != "listed":
+        fix_pose(skin, taxels, metre)
+        skin.choice, skin.cells = "listed", fields.written_cells(taxels.index.tolist())
+
+
+def single_taxel(skin: Any, name: str) -> Any:
+    """Return what a skin has about one of its taxels; a new entry if it has none.
+
+    Parameters
+    ----------
+    skin : SKIN_PG_skin
+        The skin.
+    name : str
+        Id of the taxel without the name of the skin.
+
+    Returns
+    -------
+    SKIN_PG_single_taxel
+    """
+    found = next((single for single in skin.taxels if single.taxel == name), None)
+    if found is None:
+        found = skin.taxels.add()
+        found.taxel = name
+    return found
+
+
+def drop_usual(plan: Any) -> None:
+    """Remove the single taxels of a plan that do not differ from the others."""
+    for skin in plan.skins:
+        for k in reversed(range(len(skin.taxels))):
+            if skin.taxels[k].enabled and skin.taxels[k].auto_channel:
+                skin.taxels.remove(k)
+
+
 def root_row(taxels: TaxelArray) -> int:
     """Return the row of the cell at the origin, or of the nearest cell where that one was left out."""
     return int(np.argmin(np.abs(taxels.index).sum(axis=1)))
