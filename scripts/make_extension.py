@@ -1,7 +1,9 @@
 """Build the extension: one zip file for each platform, with SciPy and trimesh for Python 3.11 and 3.13.
 
     python scripts/make_extension.py [--platform linux-x64 ...]
+    python scripts/make_extension.py --platform linux-x64 --without-wheels
 
+The second zip is for the Blender of a Linux distribution, whose Python has SciPy and trimesh from the distribution.
 Run it with the Python of the virtual environment: the builder is part of Blender's module.
 """
 
@@ -57,7 +59,7 @@ def builder():
     return next(folder.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
 
 
-def build(platform):
+def build(platform, with_wheels=True):
     """Build the zip file of one platform and return its path.
 
     The builder packs every wheel that it finds. Its source is therefore a copy of the tracked files with the wheels of
@@ -66,7 +68,9 @@ def build(platform):
     import shutil
     import tempfile
 
-    download(platform)
+    wheels = wheels_for(platform) if with_wheels else []
+    if wheels:
+        download(platform)
     with tempfile.TemporaryDirectory() as folder:
         tracked = subprocess.run(
             ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
@@ -79,7 +83,6 @@ def build(platform):
             target = Path(folder) / name
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, target)
-        wheels = wheels_for(platform)
         (Path(folder) / "wheels").mkdir()
         for wheel in wheels:
             shutil.copy2(ROOT / "wheels" / wheel, Path(folder) / "wheels")
@@ -89,7 +92,8 @@ def build(platform):
         manifest.write_text(re.sub(r"^platforms = .*$", f'platforms = ["{platform}"]', text, flags=re.M))
         version = tomllib.loads(text)["version"]
         (ROOT / "dist").mkdir(exist_ok=True)
-        target = ROOT / "dist" / f"skin_calib-{version}-{platform.replace('-', '_')}.zip"
+        end = "" if with_wheels else "_without_wheels"
+        target = ROOT / "dist" / f"skin_calib-{version}-{platform.replace('-', '_')}{end}.zip"
         subprocess.run(
             [sys.executable, builder(), "build", "--source-dir", folder, "--output-filepath", target], check=True
         )
@@ -100,8 +104,10 @@ def main():
     """Build the given platforms."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--platform", action="append", choices=PIP_PLATFORMS, help="default: all")
-    for platform in parser.parse_args().platform or PIP_PLATFORMS:
-        print(build(platform).relative_to(ROOT))
+    parser.add_argument("--without-wheels", action="store_true", help="the Python of Blender has SciPy and trimesh")
+    given = parser.parse_args()
+    for platform in given.platform or PIP_PLATFORMS:
+        print(build(platform, not given.without_wheels).relative_to(ROOT))
 
 
 if __name__ == "__main__":

@@ -100,15 +100,16 @@ def refuses_a_channel_in_use(gui):
 def disables_by_clicks(gui):
     """Two clicks disable two taxels; Ctrl-Z enables the second again; Esc ends."""
     count = plan().result.taxels
+    pixels = [gui.at(position_of(name)) for name in ("wrist.3.7", "wrist.4.6")]
     yield from press(gui, "skin_calib.taxel_toggle")
-    for k, name in enumerate(("wrist.3.7", "wrist.4.6")):
-        yield from gui.click(*gui.at(position_of(name)))
+    for k, place in enumerate(pixels):
+        yield from gui.click(*place)
         yield from placed(gui, count - k - 1)
     yield from screenshot(gui)
     yield from gui.shot("clicked.png")
     yield from undo(gui)
     yield from placed(gui, count - 1)
-    yield from gui.click(*gui.at(position_of("wrist.3.7")))
+    yield from gui.click(*pixels[0])
     yield from placed(gui, count)
     yield from gui.key("ESC")
     yield from gui.redraw(2)

@@ -3,17 +3,16 @@
 import importlib.util
 import json
 import os
-import re
+import shutil
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.blender.test_extension_zip import PLATFORMS, zip_of_these_sources
+from tests.blender.test_extension_zip import PLATFORMS
 
 pytestmark = pytest.mark.window
 
@@ -113,14 +112,9 @@ def installed(blender, tmp_path_factory):
     if importlib.util.find_spec("bpy") is None:
         pytest.skip("no module bpy here, whose builder makes the zip; pip install '.[blender]' brings it")
     folder = tmp_path_factory.mktemp("installed")
-    archive = folder / "skin_calib.zip"
-    with zipfile.ZipFile(zip_of_these_sources(PLATFORMS["linux"])) as full, zipfile.ZipFile(archive, "w") as bare:
-        for name in full.namelist():
-            text = full.read(name)
-            if name == "blender_manifest.toml":
-                text = re.sub(rb"^wheels = \[.*?^\]", b"", text, flags=re.M | re.S)
-            if not name.startswith("wheels/"):
-                bare.writestr(name, text)
+    words = [sys.executable, "scripts/make_extension.py", "--platform", PLATFORMS["linux"], "--without-wheels"]
+    made = subprocess.run(words, cwd=ROOT, check=True, capture_output=True, text=True)
+    archive = shutil.copy(ROOT / made.stdout.splitlines()[-1], folder)
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "resources")}
     environment["GUI_BLENDER_BIND"] = str(folder)
 

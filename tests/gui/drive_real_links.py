@@ -1,0 +1,160 @@
+"""Drives the tutorial of real links, from Blender's start: a limb with a cut, a sole with boards, or a robot.
+
+The arguments are the part (``limb``, ``sole`` or ``robot``) and its file. The pictures are those of
+docs/tutorial/real_links.md.
+"""
+
+import json
+
+import bpy
+from buttons import find, press
+from drive_robot import active, links, proposed, running, selects_a_row
+from mathutils import Vector
+from sample import hover_view, ours
+
+
+def drive(gui):
+    part, path = gui.args
+    yield from gui.tab("Skin")
+    yield from hover_view(gui)
+    yield from {"limb": limb, "sole": sole, "robot": robot}[part](gui, path)
+
+
+def plan():
+    """Return the plan of the active link."""
+    return active().skin_calib
+
+
+def opens(gui, path):
+    """The button Mesh opens the file; the link is active and has the name of the file."""
+    yield from press(gui, "skin_calib.import_mesh")
+    yield from gui.choose_file(path)
+    yield from gui.wait(lambda: active() and active().skin_calib.mesh_file, 60, "the link")
+    yield 1.0
+    yield from gui.redraw(3)
+
+
+def fits(gui, step):
+    """The button Fit; its errors are as small as the page states."""
+    yield from press(gui, "skin_calib.fit")
+    yield from gui.wait(lambda: plan().result.key and not plan().result.outdated and not running(), 120, "the fit")
+    yield from hover_view(gui)
+    yield from gui.redraw(3)
+
+
+def types(gui, name, value):
+    """Type a value into a field of the sidebar."""
+    yield from find(gui, name)
+    yield from gui.key("RET")
+    yield from gui.key("A", "ctrl")
+    yield from gui.type(value)
+    yield from gui.key("RET")
+    yield from gui.redraw(2)
+
+
+def fitted(gui, taxels):
+    """Wait for the complete result of Live, or of the last click, with this number of taxels."""
+    done = lambda: plan().result.taxels == taxels and not plan().result.outdated  # noqa: E731
+    yield from gui.wait(done, 120, f"{taxels} taxels")
+    yield from hover_view(gui)
+    yield from gui.redraw(3)
+
+
+def opened(gui, step):
+    """Open a step of the tab by a click on its line, which is a property."""
+    if not getattr(plan().steps, step):
+        setattr(plan().steps, step, True)
+        bpy.ops.ed.undo_push(message="Step")
+    yield from gui.redraw(2)
+
+
+def limb(gui, path):
+    """Check Mesh, a cut by a click near the end, Fit, a sheet of 5 by 20 taxels."""
+    yield from opens(gui, path)
+    yield from press(gui, "skin_calib.diagnose")
+    yield from gui.redraw(3)
+    found = " ".join(finding.message for finding in plan().diagnosis.findings)
+    assert "part" in found and "These settings fit" in found, found
+    yield from gui.shot("1_limb.png", area="VIEW_3D")
+    yield from opened(gui, "cut")
+    yield from press(gui, "skin_calib.cut_place")
+    box = [Vector(corner) for corner in active().bound_box]
+    low, high = min(c.z for c in box), max(c.z for c in box)
+    near_end = active().matrix_world @ (sum(box, Vector()) / 8 + Vector((0, 0, -0.38 * (high - low))))
+    yield from gui.click(*gui.at(near_end))  # which is behind a point of the wall farther up
+    yield from gui.redraw(3)
+    (cut,) = plan().cover.cuts
+    assert cut.normal[2] > 0.9  # the longer part stays
+    yield from hover_view(gui)
+    yield from gui.shot("2_cut.png", area="VIEW_3D")
+    yield from fits(gui, "fit")
+    assert plan().result.mean < 1.2e-4, plan().result.mean
+    yield from press(gui, "skin_calib.live")
+    yield from press(gui, "skin_calib.skin_add(kind='sheet'")
+    yield from types(gui, "skin_calib.skins[0].columns", "20")
+    yield from types(gui, "skin_calib.skins[0].rows", "5")
+    yield from fitted(gui, 100)
+    assert not plan().result.warnings, [warning.message for warning in plan().result.warnings]
+    yield from gui.shot("3_sheet.png", area="VIEW_3D")
+    yield from exports(gui, 100)
+
+
+def exports(gui, taxels):
+    """The button Calibration writes the file."""
+    path = gui.out / "link.calibration.json"
+    path.unlink(missing_ok=True)
+    yield from press(gui, "skin_calib.export_calibration")
+    yield from gui.choose_file(path)
+    yield from gui.wait(path.exists, 60, "the exported file")
+    assert len(json.loads(path.read_text())["patches"][0]["taxels"]["id"]) == taxels
+
+
+def sole(gui, path):
+    """Kind Across, Fit, boards of 8 mm; one is removed by a click, another one disabled."""
+    yield from opens(gui, path)
+    yield from opened(gui, "grid")
+    yield from press(gui, "skin_calib.grid.kind")
+    yield 0.5
+    yield from gui.key("C")  # Across
+    yield from gui.redraw(2)
+    assert plan().grid.kind == "across", plan().grid.kind
+    yield from fits(gui, "fit")
+    assert plan().result.mean < 3e-4, plan().result.mean
+    yield from press(gui, "skin_calib.skin_add(kind='hexagons'")
+    yield from types(gui, "skin_calib.skins[0].side_mm", "8")
+    yield from fits(gui, "skin")
+    count = plan().result.taxels
+    assert count > 25, count
+    yield from hover_view(gui)
+    yield from gui.key("NUMPAD_7", "ctrl")  # from below
+    yield 1.0
+    yield from gui.redraw(3)
+    yield from gui.shot("4_boards.png", area="VIEW_3D")
+    yield from press(gui, "skin_calib.boards_paint")
+    taxels = ours("overlay.drawing").patches_of(active())[0].taxels
+    metre = ours("scene.scene").metres_per_unit(bpy.context.scene)
+    outer = int(taxels.positions_link[:, 0].argmax())
+    yield from gui.click(*gui.at(active().matrix_world @ (Vector(taxels.positions_link[outer]) / metre)))
+    yield from fitted(gui, count - 1)
+    yield from gui.key("ESC")
+    yield from gui.redraw(3)
+    yield from gui.shot("5_painted.png", area="VIEW_3D")
+    yield from exports(gui, count - 1)
+
+
+def robot(gui, path):
+    """The button Robot, a row of the list, Propose, Fit, Export Robot."""
+    yield from press(gui, "skin_calib.import_robot")
+    yield from gui.choose_file(path)
+    yield from gui.wait(lambda: len(links()) > 30, 120, "the robot")
+    yield from gui.redraw(3)
+    yield from selects_a_row(gui)
+    yield from press(gui, "skin_calib.propose")
+    yield from gui.wait(lambda: proposed() == [active().name] and not running(), 400, "the proposal")
+    yield from fits(gui, "fit")
+    assert plan().result.taxels == plan().proposed > 10
+    yield from gui.shot("6_robot.png", area="VIEW_3D")
+    folder = gui.out / "robot"
+    with gui.context():
+        bpy.ops.skin_calib.export_robot(directory=str(folder))
+    assert json.loads((folder / "robot.json").read_text())["links"][0]["link"] == active().name
