@@ -2,9 +2,9 @@
 
     python benchmarks/live.py
 
-Needs the module bpy. Times [ms] go from the change to the arrays that are drawn, without the redraw of the window: median
-and minimum of several, and the median CPU time of the process from the change to the end of its preview. The cases are
-the sample wrist (10 200 faces, 120 taxels), with a sheet of 10 000 taxels, and with 163 200 faces.
+Needs the module bpy. Times [ms] go from the change to the arrays that are drawn, without the redraw of the window:
+median and minimum of several, and the median CPU time of the process from the change to the end of its preview. The
+cases are the sample wrist (10 200 faces, 120 taxels), with a sheet of 10 000 taxels, and with 163 200 faces.
 """
 
 import importlib

@@ -5,7 +5,8 @@
     tests/gui/drive_cut.py
 python scripts/step_pictures.py out
 
-The other drivers are called as ``drive_cut.py``. A driver without screenshots in the folder is left out.
+The parts of ``drive_real_links.py`` have folders in ``out/real``. The other drivers are called as ``drive_cut.py``.
+A driver without screenshots in the folder is left out.
 """
 
 import sys
@@ -39,6 +40,7 @@ def main() -> None:
     """Convert the screenshots of each driver in the folder."""
     folder = Path(sys.argv[1])
     made = {f"steps/{path.name}": (path, None, WIDTH) for path in folder.glob("steps/[0-9]_*.png")}
+    made |= {f"real/{path.name}": (path, None, WIDTH) for path in folder.glob("real/*/[0-9]_*.png")}
     made |= {name: (folder / shot, part, PART_WIDTH) for name, (shot, part) in PARTS.items()}
     for name, (path, part, width) in sorted(made.items()):
         if path.exists():

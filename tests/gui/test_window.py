@@ -86,6 +86,34 @@ def test_window_of_a_robot(blender, tmp_path):
     assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
 
 
+DATA = ROOT.parent / "shared" / "data"
+REAL = {
+    "limb": DATA / "meshes" / "hrp4c_r_wrist_y.stl",
+    "sole": DATA / "robots" / "g1_description" / "meshes" / "left_ankle_roll_link.STL",
+    "robot": DATA / "robots" / "g1_description" / "g1_29dof_rev_1_0.urdf",
+}
+
+
+@pytest.mark.parametrize("part", REAL)
+def test_tutorial_of_real_links(blender, part, tmp_path):
+    """Every step of docs/tutorial/real_links.md has the effect that the page states."""
+    path = REAL[part]
+    if not path.exists():
+        pytest.skip(f"{path.name} is not on this machine")
+    words = ["--install", ROOT, "--size", "1000x1150", "--out", tmp_path, "--timeout", 1800]
+    command = [TOOLS / "drive-gui", *words, Path(__file__).with_name("drive_real_links.py"), part, path]
+    environment = os.environ | {"GUI_BLENDER_BIND": str(path.parent)}
+    done = subprocess.run(
+        [*map(str, command)],
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
+
+
 def test_first_steps_look_as_in_the_manual(blender, tmp_path):
     """From an empty scene to an exported calibration; each picture is close to that of docs/tutorial/blender.md."""
     image = pytest.importorskip(
