@@ -198,6 +198,6 @@ def draw_plane(layout, plane, wrong):
     column = layout.column()
     if wrong:
         column.alert = True
-        column.label(text=f"It {wrong}", icon="ERROR")
+        show_text(column, f"It {wrong}", "ERROR")
     field(column, plane, shown(plane, "point"))
     column.prop(plane, "normal")

@@ -6,7 +6,7 @@ import bpy
 from ..skin_calib_addon.blender.scene import cut_away
 from ..skin_calib_addon.blender.scene.scene import shown_index, surface_names
 from ..skin_calib_addon.geometry.mesh.defects import count
-from .base import Step, button, draw_plane, what_is_wrong
+from .base import Step, button, draw_plane, is_narrow, what_is_wrong
 
 MAX_ROWS = 5  # of the list
 # A unit normal whose largest component is above this is along an axis.
@@ -20,7 +20,8 @@ class SKIN_UL_cuts(bpy.types.UIList):
         row = layout.row(align=True)
         wrong = what_is_wrong(cover, "CUT", index)
         row.alert = bool(wrong)
-        row.label(text=f"Cut {index} keeps {kept_side(cut.normal)}", icon="ERROR" if wrong else "NONE")
+        words = ("Cut", str(index), "keeps", kept_side(cut.normal))
+        row.label(text=" ".join(words[1::2] if is_narrow() else words), icon="ERROR" if wrong else "NONE")
         for name, icon in (("cut_flip", "ARROW_LEFTRIGHT"), ("cut_remove", "X")):
             row.operator(f"skin_calib.{name}", text="", icon=icon, emboss=False).index = index
 

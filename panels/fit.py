@@ -5,7 +5,7 @@ import bpy
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.scene import metres_per_unit
-from .base import Step, button, field
+from .base import Step, button, field, show_text
 
 
 class FitStep(Step):
@@ -19,7 +19,7 @@ class FitStep(Step):
     def draw_plan(self, layout, plan):
         result = plan.result
         if not result.key:
-            layout.label(text="Press Fit above", icon="INFO")
+            show_text(layout, "Press Fit above", "INFO")
             return
         column = layout.column(align=True)
         column.enabled = False

@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene.scene import record_of
-from .base import Step, button, draw_plane, field, more, what_is_wrong
+from .base import Step, button, draw_plane, field, more, show_text, what_is_wrong
 from .rows import draw_keys, draw_value, keys_in
 
 
@@ -51,7 +51,7 @@ class GridStep(Step):
     def draw_boundary(self, layout, grid, key):
         if grid.boundary:
             row = layout.row()
-            row.label(text="Inside its boundary", icon="MOD_OUTLINE")
+            show_text(row, "Inside its boundary", "MOD_OUTLINE")
             row.operator("skin_calib.boundary_remove", text="", icon="X")
 
     def draw_planes(self, layout, grid, key):

@@ -21,9 +21,9 @@ class SKIN_PT_inspect(InspectPanel, bpy.types.Panel):
 
     def draw_plan(self, layout, plan):
         if not plan.result.key:
-            layout.label(text="Fit the link to see its skin", icon="INFO")
+            show_text(layout, "Fit the link to see its skin", "INFO")
         elif results.find(plan.result.key) is None:
-            layout.label(text="Fit again to see the skin", icon="INFO")  # a .blend has no surface
+            show_text(layout, "Fit again to see the skin", "INFO")  # a .blend has no surface
         field(layout, plan, "show_overlay")
         column = layout.column(align=True)
         column.active = plan.show_overlay
@@ -35,7 +35,7 @@ class SKIN_PT_inspect(InspectPanel, bpy.types.Panel):
         field(column, plan.inspect, "labels")
         button(layout, "taxel_mesh", icon="OUTLINER_OB_MESH")
         if plan.inspect.heat == "FORCE" and not plan.inspect.replay.file:
-            layout.label(text="Open a recording below", icon="INFO")
+            show_text(layout, "Open a recording below", "INFO")
 
 
 class SKIN_PT_inspect_taxel(InspectPanel, bpy.types.Panel):
@@ -52,18 +52,18 @@ class SKIN_PT_inspect_taxel(InspectPanel, bpy.types.Panel):
         if not taxel.id:
             return
         if taxel.key != plan.result.key:
-            layout.label(text="Of another fit: read it again", icon="INFO")
+            show_text(layout, "Of another fit: read it again", "INFO")
         if taxel.disabled:
             layout.label(text="Disabled", icon="HIDE_ON")
         row = buttons(layout)
-        row.operator("skin_calib.taxel_toggle", text="Enable" if taxel.disabled else "Disable").taxel = taxel.id
+        button(row, "taxel_toggle", text="Enable" if taxel.disabled else "Disable").taxel = taxel.id
         button(row, "taxel_channel").taxel = taxel.id
         column = layout.column(align=True)
         column.enabled = False
         for name in ("id", "channel", "index", "position", "normal"):
             field(column, taxel, shown(taxel, name))
         area = taxel.area * (1e3 * metres_per_unit(bpy.context.scene)) ** 2
-        column.label(text=f"Area: {area:.1f} mm²")
+        show_text(column, f"Area: {area:.1f} mm²", "NONE")
         if taxel.has_strain:
             for name in ("strain_along", "strain_across", "shear"):
                 field(column, taxel, name)
@@ -114,7 +114,7 @@ def draw_file(layout, found, plan, operator):
         return False
     row.operator(f"skin_calib.{operator}_end", text="", icon="X")
     if found.key != plan.result.key:
-        layout.label(text="Of another fit: compare again", icon="INFO")
+        show_text(layout, "Of another fit: compare again", "INFO")
     layout.label(text=comparing.name_of(found.file), icon="FILE")
     return True
 
@@ -132,7 +132,7 @@ class SKIN_PT_inspect_replay(InspectPanel, bpy.types.Panel):
         row.operator("skin_calib.replay_close", text="", icon="X")
         layout.label(text=comparing.name_of(record.file), icon="FILE")
         if replay.find(link) is None:
-            layout.label(text="Of another fit: open it again", icon="INFO")
+            show_text(layout, "Of another fit: open it again", "INFO")
             return
         playing = replay.is_playing(link)
         row = layout.row(align=True)

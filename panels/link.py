@@ -48,8 +48,8 @@ class LinkStep(Step):
         box = layout.box()
         question = f"{UNIT_NAMES[unit]}?" if unit else "check its scale"
         column = box.column(align=True)
-        column.label(text=f"This mesh is {side:.3g} m long:", icon="ERROR")
-        column.label(text=question, icon="BLANK1")
+        show_text(column, f"This mesh is {side:.3g} m long:", "ERROR")
+        show_text(column, question, "BLANK1")
         if unit:
             button(box, "scale_to_unit", text=f"Scale to {UNIT_NAMES[unit].capitalize()}").unit = unit
 
@@ -76,9 +76,9 @@ class MeshStep(Step):
         if not found.key:
             return
         if plan.id_data.name in diagnoses.unverified:
-            layout.label(text="The mesh has changed: check again", icon="INFO")
+            show_text(layout, "The mesh has changed: check again", "INFO")
         elif found.outdated:
-            layout.label(text="The plan has changed: check again", icon="INFO")
+            show_text(layout, "The plan has changed: check again", "INFO")
         for finding in found.findings:
             show_warning(layout, finding)
         if found.inner:

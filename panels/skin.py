@@ -6,7 +6,7 @@ from functools import partial
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.scene import surface_names
 from ..skin_calib_addon.plan.keys import SKINS_OF
-from .base import Step, button, buttons, field, more
+from .base import Step, button, buttons, field, more, show_text
 from .rows import draw_keys, draw_value
 
 # Keys of a skin that most skins leave as they are.
@@ -22,7 +22,7 @@ class SkinStep(Step):
 
     def draw_plan(self, layout, plan):
         if not plan.skins:
-            layout.label(text="Add a sheet, boards, or taxels of a file", icon="INFO")
+            show_text(layout, "Add a sheet, boards, or taxels of a file", "INFO")
         for i, skin in enumerate(plan.skins):
             box = layout.box()
             row = box.row()
@@ -81,7 +81,7 @@ class SkinStep(Step):
 
     def draw_origin(self, layout, skin, key, i):
         if skin.kind == "sheet" and skin.landmarks:
-            layout.label(text="Landmarks replace the origin", icon="PINNED")
+            show_text(layout, "Landmarks replace the origin", "PINNED")
             return
         row = layout.row()
         row.prop(skin, key.switch.name)
@@ -96,7 +96,7 @@ class SkinStep(Step):
             column.alert = skin.cells_wrong
             field(column, skin, "cells")
             if skin.cells_wrong:
-                column.label(text="List them as 0,0 1,0 0,1", icon="INFO")
+                show_text(column, "List them as 0,0 1,0 0,1", "INFO")
 
     def draw_surface(self, layout, skin, key, i):
         names = surface_names(skin.id_data.skin_calib)

@@ -279,7 +279,7 @@ def test_panel_says_what_to_do_next(bpy):
     bpy.context.scene.collection.objects.link(bare)
     bpy.context.view_layer.objects.active = bare
     assert draw(bpy, "status")[0] == "Enter the name of the link"
-    assert draw(bpy, "skin")[0] == "Add a sheet, boards, or taxels of a file"
+    assert draw(bpy, "skin")[0] == "Add a sheet, boards, or taxels of"
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     bare.skin_calib.skins[0].choice = "listed"
     assert "List them as 0,0 1,0 0,1" in draw(bpy, "skin")
