@@ -6,7 +6,7 @@ from types import ModuleType
 
 from . import command
 from .handles import plane_handles, skin_handles
-from .inspection import replay, taxel_mesh
+from .inspection import replay, taxel_mesh, taxels
 from .live import diagnoses, updates
 from .overlay import drawing
 from .properties import link as properties
@@ -34,6 +34,7 @@ def register(package: str) -> None:
         skin_handles,
         replay,
         taxel_mesh,
+        taxels,
         command,
     ):
         module.register()

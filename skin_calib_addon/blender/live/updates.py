@@ -16,7 +16,6 @@ from bpy.app.handlers import persistent
 
 from ...common.errors import SkinCalibError
 from ...common.warnings import Warning
-from ..inspection.taxels import read_again
 from ..overlay import drawing
 from ..scene import results, scene
 from ..scene.facets import Facets
@@ -49,6 +48,7 @@ class Job:
 
 reports: dict[str, PreviewReport] = {}  # by the object's name
 sketches: dict[str, Sketch] = {}
+after_fit: list[Callable[[bpy.types.Object, bpy.types.Scene], None]] = []  # called once a complete fit is stored
 _changed: dict[str, float] = {}  # time of the last change of objects without a new fit
 _previewed: set[str] = set()  # objects whose preview shows the last change
 _possibly_changed: set[str] = set()  # objects whose mesh or position may have changed
@@ -293,7 +293,8 @@ def _store(link: bpy.types.Object, fitted: Any) -> None:
     key, result = fitted
     drawing.prepare(key, result)
     scene.write_result(link, bpy.context.scene, result, key)
-    read_again(link, bpy.context.scene)
+    for act in after_fit:
+        act(link, bpy.context.scene)
     forget(link.name)
     _leave_now(link.name)
 
