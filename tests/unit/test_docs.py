@@ -130,6 +130,6 @@ def test_each_picture_has_a_command():
     rows = [line.split("|")[1:3] for line in rows if ".png`" in line]
     named = {name for pictures, _ in rows for name in re.findall(r"`([^`]+)`", pictures)}
     there = {path.relative_to(DOCS) for path in DOCS.rglob("*.png")}
-    assert named == {"steps/" if path.parent.name == "steps" else path.as_posix() for path in there}
+    assert named == {f"{path.parent}/" if path.parent.name in ("steps", "real") else path.as_posix() for path in there}
     programs = {word for _, command in rows for word in re.findall(r"python (\S+\.py)", command)}
     assert len(programs) == 8 and all((ROOT / program).is_file() for program in programs)
