@@ -207,17 +207,17 @@ class Layout:
             period = high - low
         search = Search(region_of(to_flat, ground, pitch), lattice, period, abs(offset))
         layout = cls(surface, offset, lattice, to_flat, ground, search)
-        return replace(layout, search=replace(search, stretch=layout._stretch_for_thickness()))
+        return replace(layout, search=replace(search, stretch=layout._stretch_for_overlaps()))
 
-    def _stretch_for_thickness(self) -> float:
-        """Return the stretch of the lattice after which a quarter of the pairs of neighbours may still overlap."""
-        if self.search.half == 0:
-            return 1.0
+    def _stretch_for_overlaps(self) -> float:
+        """Return the stretch of the lattice after which a twentieth of the pairs of neighbours may still overlap."""
         boards = self._on_map(Poses.at(0.0, 1.0))
-        depths = np.sort(boards.overlaps()[1])[::-1]
-        depths = depths[depths <= MAX_PITCH_CHANGE * self.lattice.pitch]
-        quarter = 3 * len(boards.cells) // 4  # of three pairs per board
-        return 1 + float(depths[quarter]) / self.lattice.pitch if len(depths) > quarter else 1.0
+        pairs, depths, _ = boards.overlaps()
+        q, r = (boards.cells[pairs[:, 1]] - boards.cells[pairs[:, 0]]).T
+        are_neighbours = np.max(np.abs((q, r, q + r)), axis=0) == 1  # not those on both sides of a cut
+        depths = np.sort(depths[are_neighbours & (depths <= MAX_PITCH_CHANGE * self.lattice.pitch)])[::-1]
+        few = 3 * len(boards.cells) // 20  # of three pairs per board
+        return 1 + float(depths[few]) / self.lattice.pitch if len(depths) > few else 1.0
 
     def given(self) -> list[Poses]:
         """Return the poses with the root at the start and its row along x: not stretched, and closed around a tube."""

@@ -83,7 +83,7 @@ class Search:
     lattice: HexLattice
     period: Array | None  # (2,) flat vector around a tube [m]; None for an open surface
     half: float = 0.0  # half of the thickness of the boards [m]
-    stretch: float = 1.0  # of the lattice, so that thick boards do not overlap where the surface bends
+    stretch: float = 1.0  # of the lattice, so that few boards overlap where the surface bends
 
     def centres(self, poses: Poses, cells: IntArray) -> Array:
         """Return the centres of cells at poses.
