@@ -45,6 +45,16 @@ def test_all_keeps_the_origin_and_the_direction():
     assert_allclose(np.sort(corners(boards, SMALL).ravel()), np.sort(places[fits].ravel()), rtol=0, atol=1e-9)
 
 
+def test_boards_without_a_gap_fit_on_a_dome():
+    """No development of a dome is exact, so that neighbours overlap a little: the lattice makes way, few boards go."""
+    mesh, lattice = sheet(lambda x, y: 0.02 - 4 * ((x - 0.05) ** 2 + (y - 0.04) ** 2)), HexLattice(0.003, 0.0)
+    surface = fit_surface(mesh, AcrossGrid(8, 8, (0, 0, 1), (1, 0, 0))).surface
+    flat, _ = lay_boards(FLOOR, lattice, "all", None, (1, 0, 0))
+    boards, _ = lay_boards(surface, lattice, "all", None, (1, 0, 0))
+    assert len(boards.cells) > 0.9 * len(flat.cells)
+    assert not len(boards.overlaps()[0])
+
+
 def test_fill_gives_at_least_as_many_boards_as_any_given_pose():
     """Free offset and rotation never give fewer boards than any tested origin and direction; the root is near the
     origin.
