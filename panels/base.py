@@ -40,7 +40,7 @@ class SkinPanel:
 
     def draw(self, context):
         layout = self.layout
-        layout.use_property_split = True
+        layout.use_property_split = not is_narrow()
         layout.use_property_decorate = False  # no property is animatable
         self.draw_plan(layout, context.object and context.object.skin_calib)
 
@@ -113,28 +113,31 @@ def field(layout, group, name, **words):
         for i, letter in enumerate("XYZ"):
             layout.prop(group, name, index=i, text=letter if i or is_narrow() else f"{text} {letter}")
         return
-    space = {"BOOLEAN": 0, "INT": VALUE_WIDTH, "FLOAT": VALUE_WIDTH}.get(item.type)
+    space = {"BOOLEAN": ICON_WIDTH, "INT": VALUE_WIDTH, "FLOAT": VALUE_WIDTH}.get(item.type)
     if not is_narrow() or is_several or not text or space is not None and fits(text, space):
         layout.prop(group, name, **words)
         return
     if item.type == "BOOLEAN":
         row = layout.row(align=True)
         row.prop(group, name, text="")
-        show_text(row, text, "NONE")
+        show_text(row, text, "NONE", ICON_WIDTH)
         return
     column = layout.column(align=True)
     column.label(text=text)
     column.prop(group, name, **words | {"text": ""})
 
 
-def button(layout, name, icon="NONE", text=None, **options):
-    """Draw the button of an operator of ours, and return it; a narrow sidebar has no icon, or only the first words."""
+def button(layout, name, icon="NONE", text=None, space=0, **options):
+    """Draw the button of an operator of ours, and return it; a narrow sidebar has no icon, or only the first words.
+
+    ``space`` is the width of what is in the same row [pixel of a screen with standard density].
+    """
     text = getattr(bpy.ops.skin_calib, name).get_rna_type().name if text is None else text
     words = text.split()
     if is_narrow():
-        if not fits(text, 0):
+        if not fits(text, space):
             icon = "NONE"
-        while len(words) > 1 and (words[-1] in LINKING or not fits(" ".join(words), -ICON_WIDTH)):
+        while len(words) > 1 and (words[-1] in LINKING or not fits(" ".join(words), space - ICON_WIDTH)):
             words.pop()
     return layout.operator(f"skin_calib.{name}", text=" ".join(words), icon=icon, **options)
 
@@ -157,24 +160,35 @@ def fits(text, space):
     return blf.dimensions(0, text)[0] <= width - (TEXT_MARGIN + space) * system.ui_scale
 
 
-def lines_of(text):
-    """Return a text in lines that are as wide as the sidebar, or as the popover of the status."""
+def lines_of(text, space=0):
+    """Return a text in lines that are as wide as the sidebar, or as the popover of the status.
+
+    ``space`` is the width of what is in the same row [pixel of a screen with standard density].
+    """
     if bpy.context.region is None or bpy.app.background:
         return textwrap.wrap(text, LINE_WIDTH)
     lines = [""]
-    for word in text.split():
+    for word in [part for whole in text.split() for part in parts_of(whole, space)]:
         longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and not fits(longer, 0):
+        if lines[-1] and not fits(longer, space):
             lines.append(word)
         else:
             lines[-1] = longer
     return [line for line in lines if line]
 
 
-def show_text(layout, text, icon):
-    """Draw a message in lines as wide as the sidebar."""
+def parts_of(word, space):
+    """Return a word in parts that fit into a line, such as the name of a file."""
+    while word:
+        size = next((k for k in range(len(word), 1, -1) if fits(word[:k], space)), 1)
+        yield word[:size]
+        word = word[size:]
+
+
+def show_text(layout, text, icon, space=0):
+    """Draw a message in lines as wide as the sidebar, less a space next to it."""
     column = layout.column(align=True)
-    for k, line in enumerate(lines_of(text)):
+    for k, line in enumerate(lines_of(text, space)):
         column.label(text=line, icon="BLANK1" if k and icon != "NONE" else icon)
 
 

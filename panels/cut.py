@@ -72,7 +72,7 @@ class CutStep(Step):
         for k, name in enumerate(names):
             column.operator("skin_calib.surface_show", text=name, depress=k == shown).index = k
         row = layout.row(align=True)
-        row.prop(plan, "surface_name")
+        row.prop(plan, "surface_name", **{"text": ""} if is_narrow() else {})
         row.operator("skin_calib.surface_add", text="", icon="ADD")
         row.operator("skin_calib.surface_remove", text="", icon="X")
 

@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene.scene import record_of
-from .base import Step, button, draw_plane, field, more, show_text, what_is_wrong
+from .base import Step, button, buttons, draw_plane, field, more, show_text, what_is_wrong
 from .rows import draw_keys, draw_value, keys_in
 
 
@@ -40,8 +40,8 @@ class GridStep(Step):
 
     def draw_axis(self, layout, grid, key):
         is_face = "across" in (grid.kind, grid.kind == "auto" and grid.region)
-        row = layout.row()
-        row.prop(grid, key.switch.name)
+        row = buttons(layout)
+        field(row, grid, key.switch.name)
         if not is_face:
             row.operator("skin_calib.axis_from_sections", text="", icon="EYEDROPPER")
             draw_value(layout, grid, key)
@@ -50,7 +50,7 @@ class GridStep(Step):
 
     def draw_boundary(self, layout, grid, key):
         if grid.boundary:
-            row = layout.row()
+            row = buttons(layout)
             show_text(row, "Inside its boundary", "MOD_OUTLINE")
             row.operator("skin_calib.boundary_remove", text="", icon="X")
 

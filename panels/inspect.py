@@ -7,7 +7,7 @@ from ..skin_calib_addon.blender.inspection import comparing, replay
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene import results
 from ..skin_calib_addon.blender.scene.scene import metres_per_unit
-from .base import SkinPanel, button, buttons, field, show_text, show_warning
+from .base import ICON_WIDTH, SkinPanel, button, buttons, field, is_narrow, show_text, show_warning
 
 
 class InspectPanel(SkinPanel):
@@ -27,7 +27,7 @@ class SKIN_PT_inspect(InspectPanel, bpy.types.Panel):
         field(layout, plan, "show_overlay")
         column = layout.column(align=True)
         column.active = plan.show_overlay
-        flow = column.grid_flow(columns=3, even_columns=True, align=True)
+        flow = column.grid_flow(columns=1 if is_narrow() else 3, even_columns=True, align=True)
         flow.use_property_split = False
         for item in plan.bl_rna.properties["layers"].enum_items:
             flow.prop_enum(plan, "layers", item.identifier)
@@ -109,13 +109,13 @@ class SKIN_PT_inspect_touches(InspectPanel, bpy.types.Panel):
 def draw_file(layout, found, plan, operator):
     """The buttons that compare with a file and end that, and which file it was; whether there is one."""
     row = layout.row(align=True)
-    button(row, operator, icon="FILEBROWSER")
+    button(row, operator, icon="FILEBROWSER", space=ICON_WIDTH)
     if not found.file:
         return False
     row.operator(f"skin_calib.{operator}_end", text="", icon="X")
     if found.key != plan.result.key:
         show_text(layout, "Of another fit: compare again", "INFO")
-    layout.label(text=comparing.name_of(found.file), icon="FILE")
+    show_text(layout, comparing.name_of(found.file), "FILE")
     return True
 
 
@@ -126,11 +126,11 @@ class SKIN_PT_inspect_replay(InspectPanel, bpy.types.Panel):
     def draw_plan(self, layout, plan):
         record, link = plan.inspect.replay, plan.id_data
         row = layout.row(align=True)
-        button(row, "replay_open", icon="FILEBROWSER")
+        button(row, "replay_open", icon="FILEBROWSER", space=ICON_WIDTH)
         if not record.file:
             return
         row.operator("skin_calib.replay_close", text="", icon="X")
-        layout.label(text=comparing.name_of(record.file), icon="FILE")
+        show_text(layout, comparing.name_of(record.file), "FILE")
         if replay.find(link) is None:
             show_text(layout, "Of another fit: open it again", "INFO")
             return

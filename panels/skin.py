@@ -6,7 +6,7 @@ from functools import partial
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene.scene import surface_names
 from ..skin_calib_addon.plan.keys import SKINS_OF
-from .base import Step, button, buttons, field, more, show_text
+from .base import ICON_WIDTH, Step, button, buttons, field, more, show_text
 from .rows import draw_keys, draw_value
 
 # Keys of a skin that most skins leave as they are.
@@ -60,7 +60,7 @@ class SkinStep(Step):
             self.draw_entry(layout, f"{key.labels[0]} {k}", what, i, k)
             draw_keys(layout, item, key.type.record.keys)
         row = layout.row(align=True)
-        button(row, f"{what}_add", icon="ADD").skin = i
+        button(row, f"{what}_add", icon="ADD", space=ICON_WIDTH if what == "zone" else 0).skin = i
         if what == "zone":
             row.operator("skin_calib.zones_from_faces", text="", icon="FACESEL").skin = i
 
@@ -72,19 +72,21 @@ class SkinStep(Step):
             row = layout.row(align=True)
             row.use_property_split = False
             row.prop(single, "enabled", text=single.taxel)
+            remove = row.operator("skin_calib.single_taxel_remove", text="", icon="X")
+            remove.skin, remove.index = i, k
+            row = layout.row(align=True)
+            row.use_property_split = False
             row.prop(single, "auto_channel", text="", icon="LINENUMBERS_OFF", invert_checkbox=True)
             channel = row.row(align=True)
             channel.enabled = not single.auto_channel
-            channel.prop(single, "channel", text="")
-            remove = row.operator("skin_calib.single_taxel_remove", text="", icon="X")
-            remove.skin, remove.index = i, k
+            channel.prop(single, "channel")
 
     def draw_origin(self, layout, skin, key, i):
         if skin.kind == "sheet" and skin.landmarks:
             show_text(layout, "Landmarks replace the origin", "PINNED")
             return
-        row = layout.row()
-        row.prop(skin, key.switch.name)
+        row = buttons(layout)
+        field(row, skin, key.switch.name)
         self.draw_places(row, "origin", i, 0)
         draw_value(layout, skin, key)
 
