@@ -43,11 +43,13 @@ def main():
     plan.skins[0].pitch = plan.skins[0].pitch[0] * 6 / MANY[0], plan.skins[0].pitch[1] * 20 / MANY[1]
     measure(live, link, "10 000 taxels", {"direction of the sheet": direction}, 4)
     plan.skins[0].rows, plan.skins[0].columns, plan.skins[0].pitch = 6, 20, (0.01, 0.01)
+    coarse = link.data.copy()
     link.modifiers.new("finer", "SUBSURF").levels = 2
+    bpy.ops.object.modifier_apply(modifier="finer")
     measure(live, link, "163 200 faces", CHANGES)
     bpy.ops.skin_calib.planes_place()
     measure(live, link, "163 200 faces", BY_HAND)
-    link.modifiers.clear()
+    link.data = coarse
     measure(live, link, "wrist", BY_HAND)
     addon_utils.disable(name, default_set=True)
 
