@@ -28,8 +28,6 @@ from .trial import Start, Trial, judged, region_size, site_steps
 
 MIN_AREA = 6e-4  # [m^2] that a surface adds. Larger: fewer surfaces, less is covered
 FINE_STEP = 2e-3  # [m] distance of the sites that give the boundary. Larger: less exact boundaries
-# [rad] turn without skin from which on a part of a tube is a sector. Larger: more parts are fitted all round.
-MIN_GAP = np.deg2rad(30.0)
 SECTOR_MARGIN = np.deg2rad(3.0)  # [rad] beyond the boundary. Larger: the surface is held less at the boundary
 # [fraction] of the area inside the boundary that the fitted surface must cover. Larger: fewer surfaces.
 MIN_KEPT_FRACTION = 0.75
@@ -200,7 +198,7 @@ def bounded_region(region: Region, trial: Trial, loops: Loops) -> Region:
     angles = np.sort(np.arctan2(y, x))
     gaps = np.diff(angles, append=angles[0] + TURN)
     widest = int(gaps.argmax())
-    if gaps[widest] < MIN_GAP:
+    if gaps[widest] <= 2 * SECTOR_MARGIN:
         return replace(region, boundary=loops)
     first = float(angles[(widest + 1) % len(angles)])
     turn, free = TURN - float(gaps[widest]), SECTOR_MARGIN

@@ -25,7 +25,7 @@ from skin_calib_addon.proposal.skins import parse_skin, skin_on
 from skin_calib_addon.proposal.surfaces import bounded_region, propose_surfaces
 from skin_calib_addon.proposal.trial import opened, region_size, whole
 from skin_calib_addon.robot.mirrored import Twin
-from tests.shapes import box, sheet, subdivided, welded
+from tests.shapes import box, sheet, subdivided, together, welded
 
 UP = np.array((0.0, 0.0, 1.0))
 Z_AXIS = Axis((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -83,6 +83,27 @@ def test_points_of_a_link_are_2_5_mm_apart():
     assert 2.0e-3 < np.sqrt(on.areas.mean()) < 3.0e-3
 
 
+@pytest.mark.parametrize(("depth", "is_open"), [(0.02, True), (0.04, False)])
+def test_points_with_a_fifth_of_the_view_are_in_the_open(depth, is_open):
+    """In the middle of the bottom of a groove of 11 mm: its walls leave the sine of the angle to its edges."""
+    low = -depth - 0.01
+    walls = [box((x, 0, low), (x + 0.02, 0.08, 0)) for x in (0.0, 0.031)]
+    x, y, z = LinkPoints.of(together(box((0, 0, low), (0.05, 0.08, -depth)), *walls)).points.T
+    bottom = (np.abs(z + depth) < 1e-6) & (np.abs(x - 0.0255) < 0.002) & (np.abs(y - 0.04) < 0.02)
+    assert bottom.any() == is_open
+
+
+def test_boundary_is_within_2_5_mm_of_a_rim():
+    """A disc: the sites of the boundary are 2 mm apart."""
+    angles, radius = np.deg2rad(2 * np.arange(180)), 0.04
+    rim = radius * np.column_stack((np.cos(angles), np.sin(angles), 0 * angles))
+    fan = np.array([(0, 1 + i, 1 + (i + 1) % 180) for i in range(180)])
+    mesh = TriangleMesh(np.concatenate((np.zeros((1, 3)), rim)), fan)
+    (found,) = propose_surfaces(mesh, LinkPoints.of(mesh))
+    (loop,) = found.surface.grid.region.boundary
+    assert np.abs(np.linalg.norm(loop, axis=1) - radius).max() < 2.5e-3
+
+
 def test_planes_and_lines_are_16_mm_apart():
     """Over a plate of 100 x 70 mm: 7 and 5 steps, and 3 for a cubic."""
     mesh = plate(0.1, 0.07)
@@ -106,11 +127,11 @@ def test_surface_of_6_cm2_is_proposed(size, count):
     assert len(propose_surfaces(mesh, LinkPoints.of(mesh))) == count
 
 
-@pytest.mark.parametrize(("degrees", "is_sector"), [(29, False), (31, True)])
-def test_part_of_a_tube_without_30_degrees_is_a_sector(degrees, is_sector):
-    """It continues 3 degrees beyond the part."""
+@pytest.mark.parametrize(("degrees", "is_sector"), [(5.9, False), (6.1, True)])
+def test_sector_continues_3_degrees_beyond_its_part_of_a_tube(degrees, is_sector):
+    """A part with a gap of less than both is a full turn."""
     turn = np.deg2rad(360 - degrees)
-    angles = np.linspace(0, turn, 400)
+    angles = np.linspace(0, turn, 4000)
     frame = sector_frame(Z_AXIS)
     points = 0.04 * frame.rays(angles)
     trial = SimpleNamespace(points=points[None], good=np.ones((1, len(points)), bool), parametrization=None)
