@@ -1,0 +1,55 @@
+"""Constants of the search for boards: with fewer steps, nodes or samples, a board is missed or protrudes."""
+
+import numpy as np
+import pytest
+
+from skin_calib_addon.geometry import AcrossGrid, fit_surface
+from skin_calib_addon.skin import HexLattice, Zone
+from skin_calib_addon.skin.boards.layout import Layout
+from skin_calib_addon.skin.boards.search import Poses
+from tests.shapes import plane_surface, sheet
+
+SIDE = 0.01
+LATTICE = HexLattice(SIDE, 0.0)
+FLOOR = plane_surface(0.1, 0.08)
+MIDDLE = np.array((0.05, 0.04))
+
+
+def layout(zones=(), lattice=LATTICE):
+    """Boards on a plate, with the root in its middle."""
+    fit = fit_surface(sheet(lambda x, y: 0 * x), AcrossGrid(6, 6, (0, 0, 1), (1, 0, 0)))
+    return Layout.of(fit.surface, lattice, (*MIDDLE, 0), (1, 0, 0), 0.0, fit, zones)
+
+
+def zone(depth, along, radius):
+    """A disc that protrudes into the board in the middle by a depth, from outside of a point of its outline."""
+    outward = np.asarray(along) / np.linalg.norm(along)
+    return Zone((*(MIDDLE + along + (radius - depth) * outward), 0.0), radius)
+
+
+@pytest.mark.parametrize(("depth", "is_covered"), [(0.055, True), (0.065, False)])
+def test_border_may_protrude_into_a_board_by_6_percent_of_a_side(depth, is_covered):
+    """At a corner."""
+    where = layout([zone(depth * SIDE, LATTICE.corners[0], 0.004)])
+    pose = Poses.at(0.0, 1.0)
+    boards, _ = where.placed(pose, np.zeros((1, 2), int))
+    assert where.outline_is_covered(boards, pose).tolist() == [is_covered]
+
+
+@pytest.mark.parametrize("part", [0.25, 0.5, 0.75])
+def test_small_zone_at_a_quarter_of_a_side_is_found(part):
+    """It has a diameter of a tenth of a side."""
+    a, b = LATTICE.corners[:2]
+    where = layout([zone(0.1 * SIDE, a + part * (b - a), 0.05 * SIDE)])
+    pose = Poses.at(0.0, 1.0)
+    boards, _ = where.placed(pose, np.zeros((1, 2), int))
+    assert not where.outline_is_covered(boards, pose)[0]
+
+
+def test_border_has_up_to_250_steps_of_a_sixth_of_a_pitch():
+    """Along each parameter of a plate of 100 x 80 mm."""
+    for side, steps in ((SIDE, (0.1, 0.08)), (4e-4, None)):
+        lattice = HexLattice(side, 0.0)
+        count = len(layout(lattice=lattice).search.region.nodes)
+        sizes = (250, 250) if steps is None else [6 * length / lattice.pitch for length in steps]
+        assert count == pytest.approx((sizes[0] + 1) * (sizes[1] + 1), rel=0.05)
