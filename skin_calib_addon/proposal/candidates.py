@@ -13,11 +13,14 @@ from .link_points import LinkPoints
 
 # [cosine] between a normal and the rays of a region above which the region can cover a point.
 MIN_RAY_COSINE = 0.5
-# [1] directions of faces, of those with the most area around them. Larger: more surfaces are tried, more time.
+# [1] directions of faces, of those with the most area around them. Larger: more surfaces are tried, more
+# time (half: 921, double: 950 instead of 943 cm^2 on four links of the G1, the latter in 1.6 times the time).
 FACES = 24
-# [cosine] between a direction and the normals of the area around it. Larger: directions of smaller faces come first.
+# [cosine] between a direction and the normals of the area around it. Larger: directions of smaller faces come
+# first (12 degrees: 946, 50 degrees: 938 instead of 943 cm^2 on four links of the G1).
 NEAR_COSINE = np.cos(np.deg2rad(25.0))
-# [cosine] between two directions of faces above which only the first is tried. Larger: more are alike, more time.
+# [cosine] between two directions of faces above which only the first is tried. Larger: more are tried that are
+# nearly the same, more time (4 degrees: no effect on four links of the G1; 16 degrees: one surface less).
 SAME_COSINE = np.cos(np.deg2rad(8.0))
 # [1] decimals of points [m] and directions. Larger: Blender has another plan. Format: what single precision keeps.
 DECIMALS = 6

@@ -15,11 +15,14 @@ from ...geometry.surface.bspline import MIN_LENGTH, BSplineSurface, basis_functi
 from ..lattice import ROUNDING
 from ..sheet.constraints import row_axis
 
-# [1] Most parts of the domain of the map along each parameter. More: more exact for small boards, slower.
+# [1] Most parts of the domain of the map along each parameter. More: more exact for small boards, slower. It acts on
+# surfaces of more than 20 pitches; boards of 16 mm on two of six links of the G1 move with half.
 MAX_NODES = 40
-# [1] Iterations of the development. The steps of the last ones are micrometres. More: slower.
+# [1] Iterations of the development. The last step is 0.03 mm on the largest surface of six links of the G1, and less
+# than 2 micrometres on most. Fewer: boards are missed (163 instead of 176 with half); more: slower.
 ITERATIONS = 200
-# [1] Weight of the parts of the surface without a mesh; they extrapolate. Larger: they distort the rest.
+# [1] Weight of the parts of the surface without a mesh; they extrapolate. Larger: they distort the rest (boards move by
+# 0.1 mm with half or double).
 UNTRUSTED_WEIGHT = 1e-3
 # [1] Newton steps from the nearest node to a flat position. Fewer: a micrometre off; more: no effect but time.
 INVERSE_ITERATIONS = 4
