@@ -10,10 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skin_calib_addon.geometry import SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry import SectorGrid, TubeGrid, fit_surface, weld
 from skin_calib_addon.geometry.fit import error_report
 from skin_calib_addon.geometry.fit.auto import ErrorCurve, Search, SizePredictor
 from skin_calib_addon.geometry.fit.chords import facet_sagittas
+from skin_calib_addon.geometry.fit.error_field import facet_gaps
 from skin_calib_addon.geometry.fit.error_report import Expansion, statistics_of, winding
 from skin_calib_addon.geometry.fit.limits import limit_of
 from skin_calib_addon.geometry.fit.proof import largest_distance
@@ -152,3 +153,27 @@ def test_iterations_end_if_a_movement_is_as_large_as_two_before(ratio, iteration
     rows = SimpleNamespace(cast=lambda arms: samples, mesh=SimpleNamespace(size=0.1))
     lines = SimpleNamespace(directions=np.ones((1, 1, 3)))
     assert iterate(lines, basis, rows, np.zeros((1, 1)), samples)[2:] == (iterations, False)
+
+
+def gap_with_curvature(ratio):
+    """Gap of a facet of a strip of eight edges; next to the facet, the strip bends by a ratio more than over it."""
+    bend = np.deg2rad(1.0)
+    angles = -np.cumsum([0.0] + 3 * [(2 * ratio - 1) * bend] + 2 * [bend] + 3 * [(2 * ratio - 1) * bend])
+    angles -= angles[4]
+    edges = 5e-3 * np.column_stack((np.cos(angles), 0 * angles, np.sin(angles)))
+    profile = np.vstack((np.zeros(3), np.cumsum(edges, axis=0)))
+    rows, count = 9, len(profile)
+    points = (profile + 5e-3 * np.arange(rows)[:, None, None] * (0, 1, 0)).reshape(-1, 3)
+    a = (count * np.arange(rows - 1)[:, None] + np.arange(count - 1)).ravel()
+    below, above = (a, a + 1, a + count + 1), (a, a + count + 1, a + count)
+    mesh = weld(points, np.concatenate([np.column_stack(corners) for corners in (below, above)]))
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    flat = np.flatnonzero(np.abs(mesh.face_normals[:, 2]) > 1 - 1e-9)
+    facet = flat[[np.abs(middles[flat, 1] - 0.02).argmin()]]
+    return float(facet_gaps(mesh, facet, middles[facet])[0])
+
+
+@pytest.mark.parametrize(("ratio", "fraction"), [(1.9, 1.0), (3.0, 0.5), (4.1, 0.0)])
+def test_facet_between_bends_of_two_to_four_times_its_curvature_has_a_part_of_its_gap(ratio, fraction):
+    """Up to twice its curvature it has the whole gap, and from four times on none."""
+    assert gap_with_curvature(ratio) == pytest.approx(fraction * gap_with_curvature(1.0), rel=0.01, abs=1e-12)
