@@ -6,6 +6,7 @@ import pytest
 from skin_calib_addon.geometry import AcrossGrid, fit_surface
 from skin_calib_addon.skin import HexLattice, Zone
 from skin_calib_addon.skin.boards.layout import Layout
+from skin_calib_addon.skin.boards.region import Region
 from skin_calib_addon.skin.boards.search import Poses
 from tests.shapes import plane_surface, sheet
 
@@ -53,3 +54,22 @@ def test_border_has_up_to_250_steps_of_a_sixth_of_a_pitch():
         count = len(layout(lattice=lattice).search.region.nodes)
         sizes = (250, 250) if steps is None else [6 * length / lattice.pitch for length in steps]
         assert count == pytest.approx((sizes[0] + 1) * (sizes[1] + 1), rel=0.05)
+
+
+def test_depth_is_exact_to_a_twentieth_of_a_millimetre():
+    """In a loop of 24 uneven pieces, compared with the distances from all pieces."""
+    angles = np.sort(np.random.default_rng(0).uniform(0, 2 * np.pi, 24))
+    radii = 0.04 * (1 + 0.15 * np.cos(3 * angles))
+    starts = np.column_stack((radii * np.cos(angles), radii * np.sin(angles)))
+    along = np.roll(starts, -1, axis=0) - starts
+    inward = np.column_stack((-along[:, 1], along[:, 0])) / np.linalg.norm(along, axis=1)[:, None]
+    pieces, one = np.stack((starts, starts + along), axis=1), np.ones(1, bool)
+    points = np.random.default_rng(0).uniform(-0.06, 0.06, (4000, 2))
+    arms = points[:, None] - starts
+    parts = np.clip((arms * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
+    exact = np.linalg.norm(arms - parts[..., None] * along, axis=2).min(axis=1)
+    depths = Region(np.zeros((1, 2)), one, one, 2.5e-3, pieces, inward).depths(points)
+    assert np.abs(np.abs(depths) - exact).max() < 5e-5
+    assert (
+        depths[np.linalg.norm(points, axis=1) < 0.025].min() > 0 > depths[np.linalg.norm(points, axis=1) > 0.05].max()
+    )
