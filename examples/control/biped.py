@@ -271,7 +271,6 @@ class Biped:
         self.model = build(terrain, friction, covered)
         self.data = mujoco.MjData(self.model)
         self.faults, self.rng = faults, np.random.default_rng(seed)
-        model = self.model
         self.body = Body({name: Skin(skins()[LINKS[name]]) for name in covered})
         # The geoms of each skin, which are the pads below its taxels.
         self._pads = {name: self._geoms_of(f"{name}/{LINKS[name]}") for name in covered}
