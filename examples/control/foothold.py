@@ -15,6 +15,7 @@ MIN_SPREAD = 0.008  # standard deviation of the places of the pressed cells, alo
 # Silent cells that are pressed for the first time in one frame. More: the sole rolls onto new ground, and nothing is
 # evidence.
 MAX_CONTRADICTIONS = 3
+TOLERANCE = 1e-6  # of cells on the border of a hull [m]
 
 
 class Foothold:
@@ -43,6 +44,7 @@ class Foothold:
         self.silent = np.zeros(len(self.places), int)  # frames in a row
         self.void = np.zeros(len(self.places), bool)
         self.solid = np.zeros(len(self.places), bool)  # pressed since the landing
+        self.inside = np.zeros(len(self.places), bool)  # the hull of these, which supports the foot
         self.area = full_sole()
 
     def update(self, frame: Frame) -> bool:
@@ -50,17 +52,20 @@ class Foothold:
         if not frame.known.all() or frame.sets is None:
             return False
         pressed = frame.sets.active
-        places = self.places[pressed]
         if (pressed & ~self.solid & (self.silent > 0)).sum() > MAX_CONTRADICTIONS:
             self.silent[:] = 0
-        self.solid |= pressed
+        if (pressed & ~self.solid).any():
+            self.solid |= pressed
+            normals, offsets = convex_hull(self.places[self.solid]).half_planes
+            has_area = len(normals) > 2
+            self.inside = (self.places @ normals.T <= offsets + TOLERANCE).all(axis=1) if has_area else self.solid
         expected = np.zeros(len(pressed), bool)
-        if frame.load > MIN_LOAD and (places.std(axis=0) > MIN_SPREAD).all():
+        if frame.load > MIN_LOAD and (self.places[self.solid].std(axis=0) > MIN_SPREAD).all():
             terms = np.column_stack((np.ones(len(pressed)), self.places))
-            plane, *_ = np.linalg.lstsq(terms[pressed], frame.forces[pressed], rcond=None)
-            expected = (terms @ plane > MIN_FORCE) & ~frame.sets.possible & ~self.solid
+            plane, *_ = np.linalg.lstsq(terms[self.solid], frame.forces[self.solid], rcond=None)
+            expected = (terms @ plane > MIN_FORCE) & ~frame.sets.possible & ~self.inside
         self.silent = np.where(expected, self.silent + 1, 0)
-        void = (self.void | (self.silent >= FRAMES)) & ~pressed
+        void = (self.void | (self.silent >= FRAMES)) & ~pressed & ~self.inside
         if (void == self.void).all():
             return False
         self.void = void
@@ -80,17 +85,17 @@ class Foothold:
         i, j = np.unravel_index(size.argmax(), size.shape)
         if size[i, j] == 0:
             return Polygon(np.zeros((0, 2)))
-        x = _edges(self.xs, HALF_SIZE[0])[[a[i, 0], b[i, 0]]]
-        y = _edges(self.ys, HALF_SIZE[1])[[c[j], d[j]]]
+        x = _edges(self.xs)[[a[i, 0], b[i, 0]]]
+        y = _edges(self.ys)[[c[j], d[j]]]
         return convex_hull(np.array([(p, q) for p in x for q in y]))
 
 
-def _edges(centres: Array, half: float) -> Array:
-    """Return the edges of cells: between their centres, and the edges of the sole at the ends."""
-    return np.concatenate(([-half], (centres[1:] + centres[:-1]) / 2, [half]))
+def _edges(centres: Array) -> Array:
+    """Return the edges of cells: between their centres, and half a cell beyond them at the ends."""
+    return np.concatenate(([centres[0] - PITCH / 2], (centres[1:] + centres[:-1]) / 2, [centres[-1] + PITCH / 2]))
 
 
 def full_sole() -> Polygon:
-    """Return the outline of a sole about its centre."""
-    x, y = HALF_SIZE
+    """Return the outline of the cells of a sole about its centre: what lies outside of them is not supported."""
+    x, y = HALF_SIZE - PITCH / 2
     return convex_hull(np.array(((x, y), (-x, y), (-x, -y), (x, -y))))

@@ -217,8 +217,9 @@ class Walker:
         ground = {foot: self.estimator.anchors[foot][:2] + self.footholds[foot].area.centroid for foot in FEET}
         left = max(self.began + self.duration - state.time, PERIOD)
         times, points = [0.0, left], [now]
-        if self.early > 0:
-            times, points = [0.0, self.early, left], [now, now]
+        early = min(self.early - (state.time - self.began), left - PERIOD)
+        if early > 0:
+            times, points = [0.0, early, left], [now, now]
         if self.phase == "single":
             points.append(ground[OTHER[self.swing_foot]])
             times.append(left + self.gait.double)
@@ -328,12 +329,13 @@ class Walker:
 
     def _tilt_ankles(self, state: State, wanted: Array) -> None:
         """Turn the soles so that their CoPs go to the desired ZMP (admittance)."""
+        goals = self._parts(state, wanted)
         for foot in FEET:
             self.tilts[foot] = self.tilts[foot] * (1 - PERIOD / self.gains.leak)
             load, cop = state.felt.loads[foot], state.felt.cops[foot]
             if not load or cop is None or foot == self.swing_foot:
                 continue
-            goal = self.footholds[foot].area.inset(self.gains.margin).closest(wanted - state.soles[foot][:2])
+            goal = self.footholds[foot].area.inset(self.gains.margin).closest(goals[foot][1] - state.soles[foot][:2])
             if foot in self.wrenches:
                 goal = zero_moment_point(self.wrenches[foot])
             if goal is None:
@@ -388,22 +390,25 @@ class Walker:
                 foot: (wrench[:3], state.soles[foot] + np.array((*points[foot], 0.0)))
                 for foot, wrench in self.wrenches.items()
             }
-        standing = self._standing()
-        parts = {foot: 1.0 for foot in standing}
-        if len(standing) == 2:
-            one, other = (state.soles[foot][:2] for foot in standing)
-            line = other - one
-            part = float(np.clip((wanted - one) @ line / (line @ line), 0, 1))
-            parts = {standing[0]: 1 - part, standing[1]: part}
-        middle = sum(part * state.soles[foot][:2] for foot, part in parts.items())
         weight = self.estimator.mass * GRAVITY
         return {
-            foot: (
-                np.array((0, 0, part * weight)),
-                np.array((*(state.soles[foot][:2] + wanted - middle), state.soles[foot][2])),
-            )
-            for foot, part in parts.items()
+            foot: (np.array((0, 0, part * weight)), np.array((*point, state.soles[foot][2])))
+            for foot, (part, point) in self._parts(state, wanted).items()
         }
+
+    def _parts(self, state: State, wanted: Array) -> dict[str, tuple[float, Array]]:
+        """Return the part of the weight that each standing foot carries for a ZMP, and its CoP (2,) in the world [m].
+
+        The CoPs are as far from the centroids of the footholds as the ZMP is from the line between them. A foot that
+        gets its load near its centroid presses many cells, and finds out early where the ground ends.
+        """
+        centroids = {foot: state.soles[foot][:2] + self.footholds[foot].area.centroid for foot in self._standing()}
+        if len(centroids) == 1:
+            return {foot: (1.0, wanted) for foot in centroids}
+        (one, a), (other, b) = centroids.items()
+        part = float(np.clip((wanted - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1))
+        away = wanted - (1 - part) * a - part * b
+        return {one: (1 - part, a + away), other: (part, b + away)}
 
 
 def _quintic(part: float) -> float:
