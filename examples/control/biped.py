@@ -42,6 +42,7 @@ NOISE = 2.0  # standard deviation [count]
 REST = 250  # frames at rest from which the noise is learned
 GYRO_NOISE, TILT_NOISE = 0.005, 0.0005  # standard deviations [rad/s, rad]
 FORCE_NOISE, TORQUE_NOISE = 1.0, 0.05  # standard deviations of the force/torque sensors in the ankles [N, N m]
+RECESS = 0.005  # of the start of a proximity sensor's ray in the sole [m]
 TERRAIN_GROUP = 3  # of the geoms that proximity sensors see
 ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "forearm_yaw", "wrist_pitch", "wrist_roll")
 LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
@@ -368,8 +369,10 @@ class Biped:
         group[TERRAIN_GROUP] = 1
         (channels, sites), found = self._near[name], np.zeros(1, np.int32)
         outward = self.data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
-        rays = zip(self.data.site_xpos[sites], outward)
+        # A pressed sensor is a little below the surface, where a ray would start in the ground. It starts in the sole.
+        rays = zip(self.data.site_xpos[sites] - RECESS * outward, outward)
         distances = np.array([mujoco.mj_ray(self.model, self.data, *ray, group, 1, -1, found) for ray in rays])
+        distances = np.where(distances >= 0, np.maximum(distances - RECESS, 0.0), distances)
         counts = RANGE_COUNTS * (1 - distances / RANGE) + self.rng.normal(0, self.faults.noise, len(sites))
         readings = np.zeros(channels.max() + 1)
         in_range = (distances >= 0) & (distances <= RANGE)

@@ -1,6 +1,6 @@
 """Walk with a reference of the DCM, and with the ZMP that the soles feel."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,6 +48,7 @@ class Gait:
 
     single: float = 0.9  # [s]
     double: float = 0.3  # [s]
+    hold: float = 0.0  # after a landing, in which the ZMP stays below the other foot [s]. Larger: slower, and safer
     start: float = 1.0  # of the first shift [s]
     end: float = 0.5  # of standing after the last step [s]
     lift: float = 0.05  # [m]
@@ -92,6 +93,7 @@ class Log:
 
     rows: list[dict] = field(default_factory=list)
     landings: list[dict] = field(default_factory=list)
+    retracted: list[dict] = field(default_factory=list)
     stopped: float | None = None  # time at which the rest of the steps was given up [s]
 
 
@@ -117,6 +119,9 @@ class Walker:
     cone : str, optional
         Distribute the wrench by a quadratic program with the wrench cone of the ``"full"`` sole or of what is
         ``"felt"``. Default: by the distances from the feet.
+    avoid : callable, optional
+        Called with the state and a foot that has just met the ground. Returns by how much (2,) its step is to be moved
+        because the ground is not safe [m], or None if it is. The foot is then lifted once more.
     """
 
     def __init__(
@@ -130,6 +135,7 @@ class Walker:
         source: str = "skin",
         heeds: bool = True,
         cone: str | None = None,
+        avoid: Callable[[State, str], Array | None] | None = None,
     ):
         self.estimator, self.gait, self.gains, self.proximity = (
             Estimator(robot.body, source, heeds),
@@ -144,7 +150,7 @@ class Walker:
         self.index = 0  # of the step that is taken, or comes next
         self.tilts = {foot: np.zeros(2) for foot in FEET}  # roll and pitch of the ankle admittance [rad]
         self.footholds = {foot: Foothold(robot.body.skins[f"{foot}_foot"]) for foot in FEET}
-        self.cone = cone
+        self.cone, self.avoid = cone, avoid
         self.feels, self.heeds = feels, heeds
         self.last: Array | None = None  # angles of the last cycle
         self.done = False
@@ -222,11 +228,13 @@ class Walker:
             times, points = [0.0, early, left], [now, now]
         if self.phase == "single":
             points.append(ground[OTHER[self.swing_foot]])
-            times.append(left + self.gait.double)
+            times[-1] += self.gait.hold
+            times.append(times[-1] + self.gait.double)
             ground = ground | {self.swing_foot: self.steps[self.index].centre}
         for step in self.steps[self.index + (self.phase == "single") :]:
             points += [ground[OTHER[step.foot]]] * 2
-            times += [times[-1] + self.gait.single, times[-1] + self.gait.single + self.gait.double]
+            end = times[-1] + self.gait.single + self.gait.hold
+            times += [end, end + self.gait.double]
             ground = ground | {step.foot: step.centre}
         points.append(sum(ground.values()) / 2)
         self.plan, self.planned = ZmpPlan(times, points, self.omega), state.time
@@ -245,14 +253,26 @@ class Walker:
             load = state.felt.loads[foot]
             has_landed = since >= self.duration if load is None else load > self.gait.contact
             if since > 0.3 * self.duration and has_landed:
-                self._land(foot, state)
+                shift = self.avoid(state, foot) if self.avoid else None
+                if shift is None:
+                    self._land(foot, state)
+                else:
+                    self._retract(foot, shift, state)
 
     def _land(self, foot: str, state: State) -> None:
         self.log.landings.append({"time": state.time, "foot": foot, "late": state.time - self.began - self.duration})
         self.estimator.land(foot, self._ground_height(foot, state))
         self.index += 1
         self._stop_if_blind(state)
-        self._start("double", state, self.gait.double, max(self.began + self.duration - state.time, 0.0))
+        early = max(self.began + self.duration - state.time, 0.0)
+        self._start("double", state, self.gait.double, early + self.gait.hold)
+
+    def _retract(self, foot: str, shift: Array, state: State) -> None:
+        """Lift a foot that has just met unsafe ground, and begin its step anew with another goal."""
+        self.log.retracted.append({"time": state.time, "foot": foot, "shift": shift})
+        self.steps[self.index] = Step(foot, state.soles[foot][:2] + shift)
+        self.commanded[foot] = state.soles[foot].copy()
+        self._start("single", state, self.gait.single)
 
     def _stop_if_blind(self, state: State) -> bool:
         """End the walk with both feet on the ground if the contact of one is not known; return whether it ends now."""

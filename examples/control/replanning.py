@@ -1,0 +1,160 @@
+"""Step elsewhere when a foothold is not safe, by what the sole feels (thesis 4.3.2).
+
+    python examples/control/replanning.py [--seeds 20]
+
+An obstacle of 3 cm is below the third of five steps. When a foot meets the ground, the skin gives the part of
+the sole that is near it: by the pressed cells, and by the proximity sensors. If the part is small, the foot is lifted
+again, and put down next to what it felt. Without the skin the robot walks on. The walk is slow: after a landing the ZMP
+stays below the other foot for a while, so that a foot can be lifted again.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from biped import FEET, FLAT, SIDE, Biped
+from estimator import SOLE_CENTRE, State
+from experiment import Camera, arguments, run_all, side_by_side, spread
+from foothold import full_sole
+from shapes import HALF_SIZE, PITCH
+from walker import Gait, Walker, forward_steps, walk
+
+from skin_calib_addon.runtime import convex_hull
+from skin_calib_addon.runtime.balance.polygon import Polygon
+
+STEP, WIDTH, STEPS = 0.15, 0.18, 5  # [m, m, 1]
+ONTO = 2  # index of the step onto the obstacle, of the right foot
+HEIGHT = 0.03  # of the obstacles [m]
+GAIT = Gait(single=0.9, double=0.6, hold=0.4)
+MIN_AREA = 0.8  # epsilon_A of the thesis: smaller parts of the sole near the ground are not safe
+NEAR = 0.012  # a proximity sensor with less is above what the sole stands on [m]
+CELL = 0.015  # half the distance of the proximity sensors [m]
+CLEARANCE = 0.015  # of the new step from the obstacle [m]
+MAX_RETRIES = 2
+Array = np.ndarray
+
+
+def block(x: tuple[float, float], y: tuple[float, float]) -> str:
+    """Return a block whose edges are given from the centre of the sole in half sizes of it."""
+    centre = forward_steps(STEPS, STEP, WIDTH)[ONTO].centre
+    (x0, x1), (y0, y1) = (np.array(part) * half for part, half in zip((x, y), HALF_SIZE))
+    return (
+        f'<geom class="terrain" type="box" size="{(x1 - x0) / 2} {(y1 - y0) / 2} {HEIGHT / 2}" '
+        f'pos="{centre[0] + (x0 + x1) / 2} {centre[1] + (y0 + y1) / 2} {HEIGHT / 2}"/>'
+    )
+
+
+# As in table 3 of the thesis: a large block, a small one at the border of the sole or below its middle, three pebbles.
+OBSTACLES = {
+    "large block": block((-1.5, 1.5), (-1.5, 1.5)),
+    "small block at the border": block((-0.6, 0.4), (-1.0, -0.5)),
+    "small block in the middle": block((-0.4, 0.3), (-0.7, 0.7)),
+    "three pebbles": block((-0.5, -0.35), (-0.4, 0.4))
+    + block((0.2, 0.4), (0.2, 0.6))
+    + block((0.2, 0.4), (-0.6, -0.2)),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One walk."""
+
+    obstacle: str
+    feels: bool
+    seed: int
+
+
+@dataclass(frozen=True)
+class Result:
+    """How it ended."""
+
+    stands: bool
+    steps: int  # that were made
+    retracted: tuple[str, ...]  # the feet that were lifted again
+    area: float  # near the ground at the first contact with the obstacle, relative to the sole; NaN without the skin
+
+
+class Rule:
+    """Decides whether the ground below a foot is safe, and where else to step.
+
+    Parameters
+    ----------
+    robot : Biped
+        Its skins; nothing else of it is used.
+    """
+
+    def __init__(self, robot: Biped):
+        self.retries = 0
+        self.areas: dict[str, list[float]] = {foot: [] for foot in FEET}  # near the ground, relative to the sole
+        skin = robot.body.skins["right_foot"]
+        self.places = skin.positions[:, :2] - SOLE_CENTRE[:2]  # of the taxels from the centre of the sole [m]
+
+    def __call__(self, state: State, foot: str) -> Array | None:
+        """Return the shift (2,) of a step that is not safe [m], or None."""
+        touched = self._touched(state, foot)
+        self.areas[foot].append(touched.area / full_sole().area)
+        bounds = touched.bounds
+        if bounds is None or self.areas[foot][-1] >= MIN_AREA or self.retries == MAX_RETRIES:
+            return None
+        self.retries += 1
+        return self._shift(foot, *bounds)
+
+    def _touched(self, state: State, foot: str) -> Polygon:
+        """Return the hull of the cells that are pressed, and of those whose proximity sensor is near the ground."""
+        frame = state.frame.links[f"{foot}_foot"]
+        pressed = np.zeros(len(self.places), bool) if frame.sets is None else frame.sets.active
+        near = np.nan_to_num(frame.modalities["proximity"].values, nan=np.inf) < NEAR
+        corners = np.array([(a, b) for a in (-1, 1) for b in (-1, 1)])
+        cells = [self.places[pressed][:, None] + PITCH / 2 * corners, self.places[near][:, None] + CELL * corners]
+        limit = HALF_SIZE - PITCH / 2
+        return convex_hull(np.clip(np.concatenate(cells).reshape(-1, 2), -limit, limit))
+
+    @staticmethod
+    def _shift(foot: str, low: Array, high: Array) -> Array:
+        """Return the shortest shift (2,) backward, forward or outward by which a sole leaves a box [m]."""
+        outward = (high if foot == "left" else low)[1] + SIDE[foot] * (CLEARANCE + HALF_SIZE[1])
+        back, ahead = low[0] - CLEARANCE - HALF_SIZE[0], high[0] + CLEARANCE + HALF_SIZE[0]
+        return np.array(min(((back, 0.0), (ahead, 0.0), (0.0, outward)), key=np.linalg.norm))
+
+
+def run(case: Case, each: Callable[[Biped], None] | None = None) -> Result:
+    """Walk."""
+    robot = Biped(FLAT + OBSTACLES[case.obstacle], case.seed)
+    rule = Rule(robot) if case.feels else None
+    walker = Walker(robot, forward_steps(STEPS, STEP, WIDTH), GAIT, feels=case.feels, avoid=rule)
+    stands = walk(robot, walker, 30.0, each=each or (lambda robot: None))
+    # The first step of the right foot is on flat ground, the second one on the obstacle.
+    area = rule.areas["right"][1] if rule and len(rule.areas["right"]) > 1 else np.nan
+    return Result(stands, len(walker.log.landings), tuple(row["foot"] for row in walker.log.retracted), area)
+
+
+def main() -> None:
+    """Run all cases; print a table; draw."""
+    given = arguments(__doc__).parse_args()
+    kinds = [(obstacle, feels) for obstacle in OBSTACLES for feels in (False, True)]
+    cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
+    found = run_all(run, cases, given.jobs)
+    print(f"{'obstacle':26} {'skin':8} {'stands':8} {'steps of ' + str(STEPS):16} {'re-planned':10} area near the sole")
+    for k, (obstacle, feels) in enumerate(kinds):
+        runs = found[k * given.seeds : (k + 1) * given.seeds]
+        stands = f"{sum(r.stands for r in runs)}/{len(runs)}"
+        again = f"{sum(bool(r.retracted) for r in runs)}/{len(runs)}"
+        steps, area = spread([r.steps for r in runs], 1), spread([r.area for r in runs], 2)
+        print(f"{obstacle:26} {'with' if feels else 'without':8} {stands:8} {steps:16} {again:10} {area}")
+    if not given.no_animation:
+        cameras = []
+        for feels in (False, True):
+            camera = None
+
+            def film(robot: Biped) -> None:
+                nonlocal camera
+                camera = camera or Camera(robot, azimuth=100, distance=1.9)
+                camera(robot)
+
+            run(Case("small block in the middle", feels, 0), film)
+            cameras.append(camera)
+        side_by_side(*cameras, given.out / "replanning.gif", every=2)
+
+
+if __name__ == "__main__":
+    main()
