@@ -369,9 +369,11 @@ class Biped:
         group[TERRAIN_GROUP] = 1
         (channels, sites), found = self._near[name], np.zeros(1, np.int32)
         outward = self.data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
-        # A pressed sensor is a little below the surface, where a ray would start in the ground. It starts in the sole.
+        # A pressed sensor is a little below the surface, where a ray would start in the ground. It starts in the sole,
+        # whose own pads it does not see.
         rays = zip(self.data.site_xpos[sites] - RECESS * outward, outward)
-        distances = np.array([mujoco.mj_ray(self.model, self.data, *ray, group, 1, -1, found) for ray in rays])
+        own = self.model.body(f"{name}/{LINKS[name]}").id
+        distances = np.array([mujoco.mj_ray(self.model, self.data, *ray, group, 1, own, found) for ray in rays])
         distances = np.where(distances >= 0, np.maximum(distances - RECESS, 0.0), distances)
         counts = RANGE_COUNTS * (1 - distances / RANGE) + self.rng.normal(0, self.faults.noise, len(sites))
         readings = np.zeros(channels.max() + 1)

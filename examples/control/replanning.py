@@ -46,7 +46,7 @@ def block(x: tuple[float, float], y: tuple[float, float]) -> str:
 
 # As in table 3 of the thesis: a large block, a small one at the border of the sole or below its middle, three pebbles.
 OBSTACLES = {
-    "large block": block((-1.5, 1.5), (-1.5, 1.5)),
+    "large block": block((-1.5, 3.5), (-1.5, 1.5)),
     "small block at the border": block((-0.6, 0.4), (-1.0, -0.5)),
     "small block in the middle": block((-0.4, 0.3), (-0.7, 0.7)),
     "three pebbles": block((-0.5, -0.35), (-0.4, 0.4))
