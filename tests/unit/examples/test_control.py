@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -81,6 +82,57 @@ def test_largest_foothold_agrees_with_brute_force():
         assert sum(area.contains(place) for place in foothold.places) == largest
 
 
+def frame_of(foothold, pressed, force=10.0):
+    """What a foothold reads of a frame, with the same force on each pressed cell."""
+    sets = SimpleNamespace(active=pressed, possible=pressed)
+    return SimpleNamespace(
+        known=np.ones(len(pressed), bool), sets=sets, load=force * pressed.sum(), forces=force * pressed
+    )
+
+
+def test_foothold_ends_at_the_line_about_which_the_sole_turns():
+    """First the inner half is pressed, then only the row at its edge: the cells beyond are void, and no others."""
+    from biped import skins
+    from foothold import FRAMES, Foothold
+
+    from skin_calib_addon.runtime import Skin
+
+    foothold = Foothold(Skin(skins()["sole"]))
+    inner, edge = foothold.places[:, 1] > -0.001, np.abs(foothold.places[:, 1]) < 0.001
+    ends = np.abs(foothold.places[:, 0]) > 0.05  # what is between them is in the hull of the pressed cells
+    foothold.update(frame_of(foothold, inner & ends))
+    for _ in range(FRAMES):
+        foothold.update(frame_of(foothold, edge & ends))
+    assert (foothold.void[foothold.places[:, 1] < -0.001]).all() and not foothold.void[inner].any()
+    assert foothold.area.bounds[0][1] == pytest.approx(-0.005) and foothold.area.contains((-0.09, 0.04))
+
+
+def test_sole_that_rolls_on_full_ground_has_no_void_cells():
+    """Three rows at the edge are pressed at the landing, then the outermost one alone."""
+    from biped import skins
+    from foothold import FRAMES, Foothold
+
+    from skin_calib_addon.runtime import Skin
+
+    foothold = Foothold(Skin(skins()["sole"]))
+    foothold.update(frame_of(foothold, foothold.places[:, 1] > 0.015))
+    for _ in range(2 * FRAMES):
+        foothold.update(frame_of(foothold, foothold.places[:, 1] > 0.035))
+    assert not foothold.void.any()
+
+
+def test_step_moves_off_an_obstacle_the_shortest_way():
+    from replanning import CLEARANCE, Rule
+    from shapes import HALF_SIZE
+
+    low, high = np.array((-0.04, -0.03)), np.array((0.03, 0.03))
+    shift = Rule._shift("right", low, high)
+    np.testing.assert_allclose(shift, (0.0, -0.03 - CLEARANCE - HALF_SIZE[1]))
+    np.testing.assert_allclose(Rule._shift("left", low, high), -shift)
+    toe = Rule._shift("right", np.array((0.05, -0.03)), np.array((0.09, 0.03)))
+    np.testing.assert_allclose(toe, (0.05 - CLEARANCE - HALF_SIZE[0], 0.0))
+
+
 @pytest.mark.slow
 def test_standing_robot_feels_its_zmp_and_its_weight():
     from biped import Biped
@@ -155,3 +207,19 @@ def test_cone_of_the_felt_polygon_keeps_a_foot_from_tipping():
 
     felt, full = (run(Case(cone, 0)) for cone in ("felt", "full"))
     assert felt.tilt < TIPPED < full.tilt and felt.demanded <= 0 < full.demanded
+
+
+@pytest.mark.slow
+def test_robot_steps_next_to_a_small_block():
+    from replanning import MIN_AREA, Case, run
+
+    result = run(Case("small block in the middle", True, 0))
+    assert result.stands and result.steps == 5 and result.retracted[0] == "right" and result.area < MIN_AREA
+
+
+@pytest.mark.slow
+def test_robot_stands_on_the_inner_half_of_a_sole():
+    from footholds import Case, run
+
+    result = run(Case("inner half", True, 0))
+    assert result.stands and result.steps == 5 and 0.4 < result.area < 0.6
