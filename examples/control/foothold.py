@@ -11,7 +11,7 @@ Array = np.ndarray
 MIN_FORCE = 0.9  # expected on a cell, from which on its silence is evidence [N]: three times the smallest that is felt
 FRAMES = 12  # that a cell must be silent in a row
 MIN_LOAD = 60.0  # on the sole, for a plane of its forces [N]
-MIN_SPREAD = 0.008  # standard deviation of the places of the pressed cells, along and across [m]
+MIN_SPREAD = 0.008  # standard deviation of the places of the cells pressed since the landing, along and across [m]
 # Silent cells that are pressed for the first time in one frame. More: the sole rolls onto new ground, and nothing is
 # evidence.
 MAX_CONTRADICTIONS = 3
@@ -22,9 +22,11 @@ class Foothold:
     """The area of one sole that is not proven void.
 
     The pressed area is not the supporting area: right after a landing only an edge is pressed, and the rest still can
-    be. A cell is void if a plane through the forces of the pressed cells expects a clear force on it, it was never
-    pressed, and it is silent in several frames, while the sole does not roll. It is void no longer once it is pressed.
-    The area is the largest rectangle along the sole without void cells.
+    be. A cell has ground if it was pressed since the landing, and so have all cells in the hull of these. A plane
+    through the forces of the cells with ground, zero where they are silent now, says towards which side the sole
+    turns. A cell on this side is void if the plane expects a clear force on it, and it is silent in several frames. It
+    is void no longer once it is pressed, or in the hull. The area is the largest rectangle along the sole without void
+    cells.
 
     Parameters
     ----------
