@@ -121,7 +121,7 @@ def test_sole_that_rolls_on_full_ground_has_no_void_cells():
     assert not foothold.void.any()
 
 
-def test_step_moves_off_an_obstacle_the_shortest_way():
+def test_step_leaves_an_obstacle_by_the_shortest_shift():
     from replanning import CLEARANCE, Rule
     from shapes import HALF_SIZE
 
