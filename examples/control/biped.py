@@ -406,15 +406,13 @@ class Biped:
 
     def _contact_wrench(self, foot: str) -> Array:
         """Return the wrench (6,) of the ground on a foot, about the origin of the world."""
-        body = self.model.body(f"{foot}_foot/sole").id
-        wrench, force = np.zeros(6), np.zeros(6)
-        for k, contact in enumerate(self.data.contact):
-            owners = self.model.geom_bodyid[contact.geom]
-            if body in owners:
-                mujoco.mj_contactForce(self.model, self.data, k, force)
-                on_foot = contact.frame.reshape(3, 3).T @ force[:3] * (1 if owners[1] == body else -1)
-                wrench += np.concatenate((on_foot, np.cross(contact.pos, on_foot)))
-        return wrench
+        contacts, sole = self.data.contact, self.model.body(f"{foot}_foot/sole").id
+        owners, rows = self.model.geom_bodyid[contacts.geom], contacts.efc_address
+        signs = (owners[:, 1] == sole).astype(float) - (owners[:, 0] == sole)
+        used = (signs != 0) & (rows >= 0)
+        along = self.data.efc_force[rows[used, None] + np.arange(3)]  # normal and two tangential forces of each contact
+        forces = signs[used, None] * np.einsum("kij,ki->kj", contacts.frame[used].reshape(-1, 3, 3), along)
+        return np.concatenate((forces.sum(axis=0), np.cross(contacts.pos[used], forces).sum(axis=0)))
 
     @property
     def fallen(self) -> bool:

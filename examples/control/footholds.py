@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import Biped
 from experiment import Camera, arguments, run_all, side_by_side, spread
+from foothold import full_sole
 from shapes import HALF_SIZE
 from walker import Gait, Walker, forward_steps, walk
 
@@ -86,7 +87,7 @@ def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Resu
     def look(robot: Biped) -> None:
         nonlocal area
         if walker.index == PARTIAL + 1:
-            area = walker.footholds["right"].area.area / (4 * HALF_SIZE.prod())
+            area = walker.footholds["right"].area.area / full_sole().area
         if each:
             each(robot, walker)
 
