@@ -73,3 +73,12 @@ def test_depth_is_exact_to_a_twentieth_of_a_millimetre():
     assert (
         depths[np.linalg.norm(points, axis=1) < 0.025].min() > 0 > depths[np.linalg.norm(points, axis=1) > 0.05].max()
     )
+
+
+@pytest.mark.parametrize("side", [0.016, 0.002])
+def test_nodes_of_the_map_are_half_a_pitch_apart_up_to_40_parts(side):
+    """The flat map of a plate of 100 x 80 mm has a knot of the surface every 33 and 27 mm, and parts between them."""
+    lattice = HexLattice(side, 0.0)
+    to_flat = Layout.of(FLOOR, lattice, None, None, 0.0, None, ()).to_flat
+    steps = [length / max(lattice.pitch / 2, length / 40) for length in (0.1, 0.08)]
+    assert to_flat.flat.control_net.shape[:2] == pytest.approx([step + 3 for step in steps], abs=2)
