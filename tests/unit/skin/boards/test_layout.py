@@ -46,7 +46,9 @@ def test_all_keeps_the_origin_and_the_direction():
 
 
 def test_boards_without_a_gap_fit_on_a_dome():
-    """No development of a dome is exact, so that neighbours overlap a little: the lattice makes way, few boards go."""
+    """No development of a dome is exact, so that neighbours overlap a little: the lattice is stretched, and few boards
+    are left out.
+    """
     mesh, lattice = sheet(lambda x, y: 0.02 - 4 * ((x - 0.05) ** 2 + (y - 0.04) ** 2)), HexLattice(0.003, 0.0)
     surface = fit_surface(mesh, AcrossGrid(8, 8, (0, 0, 1), (1, 0, 0))).surface
     flat, _ = lay_boards(FLOOR, lattice, "all", None, (1, 0, 0))
