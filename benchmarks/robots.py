@@ -180,7 +180,7 @@ def of_proposal(urdf, folder, said):
 
 
 def of_taxels(urdf, folder):
-    """Return the rows about all taxels, each compared with the mesh of its link."""
+    """Return the rows about all taxels, each compared with the visible faces of its link."""
     worst = {}  # by row: (value, link)
     counts, codes, area = Counter(), Counter(), 0.0
     for path in sorted(folder.glob("*.calibration.json")):
@@ -192,10 +192,12 @@ def of_taxels(urdf, folder):
         )
         warned = {taxel for warning in calibration.warnings for taxel in warning.where.taxels}
         silent = np.array([taxel not in warned for t in taxels for taxel in t.ids])
-        outward = mesh.face_normals * visibility(mesh).sides[:, None]
-        distance = MeshDistance(mesh)(positions)[0]
-        centre = nearest_angles(mesh, outward, positions, normals, distance)
-        mean = angles_below(mesh, outward, [cell for t in taxels for cell in t.corners_link], positions, normals)
+        seen = visibility(mesh).seen
+        cover = TriangleMesh(mesh.vertices, mesh.faces[seen])
+        outward = cover.face_normals * visibility(mesh).sides[seen][:, None]
+        distance = MeshDistance(cover)(positions)[0]
+        centre = nearest_angles(cover, outward, positions, normals, distance)
+        mean = angles_below(cover, outward, [cell for t in taxels for cell in t.corners_link], positions, normals)
         for name, values in (("distance", 1e3 * distance), ("centre", centre), ("mean", mean)):
             value = float(values[silent | (name == "distance")].max(initial=0))
             worst[name] = max(worst.get(name, (0.0, "")), (value, calibration.link))

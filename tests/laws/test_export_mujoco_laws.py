@@ -1,5 +1,7 @@
 """Laws of exported models: MuJoCo loads them for any names, with all taxels at their poses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -10,7 +12,7 @@ from skin_calib_addon.calibration.exchange import FORMATS
 from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.common.errors import CalibrationFormatError
 from tests.laws.test_export_laws import any_name, patches
-from tests.samples import small_calibration
+from tests.samples import boards, small_calibration
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco): its model is not tried")
 some_patches = st.integers(1, 3).flatmap(patches)
@@ -56,3 +58,35 @@ def test_any_frames_are_where_the_taxels_are(parts, link):
     placed = [data.body(name) for name in taxels.ids]
     assert_allclose([body.xpos for body in placed], taxels.positions, rtol=0, atol=1e-12)
     assert_allclose(np.reshape([body.xmat for body in placed], (-1, 3, 3)), taxels.axes, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("wall", [0.0005, 0.002, 0.006])
+def test_each_side_of_a_thin_wall_feels_its_own_presses(wall):
+    """Boards back to back: a sphere that presses one of them is not felt through the wall."""
+    front = boards(first_channel=0)
+    t = front.taxels
+    back = replace(
+        front,
+        name="back",
+        taxels=replace(
+            t,
+            ids=tuple(f"back {name}" for name in t.ids),
+            channels=t.channels + 100,
+            neighbours=tuple(tuple(f"back {name}" for name in row) for row in t.neighbours),
+            positions_link=t.positions_link - wall * t.normals_link,
+            normals_link=-t.normals_link,
+            corners_link=(t.corners_link - wall * t.normals_link[:, None])[:, ::-1],
+        ),
+    )
+    text = FORMATS["mjcf"].write(small_calibration(patches=(front, back))).decode()
+    sphere = '<body name="sphere"><freejoint/><geom type="sphere" size="0.004" mass="0.1"/></body></worldbody>'
+    model = mujoco.MjModel.from_xml_string(text.replace("</worldbody>", sphere))
+    model.opt.gravity[:] = 0
+    data = mujoco.MjData(model)
+    for patch in (front, back):
+        for name, place, normal in zip(patch.taxels.ids, patch.taxels.positions_link, patch.taxels.normals_link):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:3] = place + (0.004 - min(0.0003, wall / 4)) * normal
+            mujoco.mj_forward(model, data)
+            felt = [model.sensor(i).name for i in range(model.nsite) if data.sensor(i).data[0] > 0]
+            assert felt == [name]

@@ -85,12 +85,13 @@ def _cells(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
     """Yield geom and site of each taxel, those of the second and further groups in a body for each.
 
     The geom is a thin box or disc with its upper side at the taxel. The site is the volume in which contacts belong to
-    the taxel: its cell, extended outwards and inwards by half of its smaller side.
+    the taxel: its cell, extended outwards and inwards by half of its smaller side. In a thin wall with cells on both
+    sides, neither the geom nor the site is beyond the middle of the wall.
     """
-    sides = taxels.sizes.min(axis=1)
-    depths = np.minimum(GEOM_THICKNESS, sides)
+    sides, walls = taxels.sizes.min(axis=1), _walls(taxels)
+    depths = np.minimum(np.minimum(GEOM_THICKNESS, sides), walls / 2)
     centres = taxels.positions - depths[:, None] / 2 * taxels.normals
-    geoms, sites = list(_shapes(taxels, depths / 2)), list(_shapes(taxels, sides / 2))
+    geoms, sites = list(_shapes(taxels, depths / 2)), list(_shapes(taxels, np.minimum(sides, walls) / 2))
     groups = _groups(taxels)
     for group in np.unique(groups).tolist():
         body = f"<body name={quoted(f'{taxels.link} {group + 1}')}>" if group else ""
@@ -100,6 +101,19 @@ def _cells(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
             yield f'<geom {geoms[row]} pos="{numbers(centres[row])}" {turn}/>'
             yield f'<site name={ids[row]} {sites[row]} pos="{numbers(taxels.positions[row])}" {turn}/>'
         yield "</body>" if body else ""
+
+
+def _walls(taxels: LinkTaxels) -> Array:
+    """Return the thickness of the wall below each cell (n,), up to a cell on its other side [m]; infinite if none."""
+    positions, normals = taxels.positions, taxels.normals
+    radii, walls = np.linalg.norm(taxels.sizes, axis=1) / 2, np.full(len(positions), np.inf)
+    for row, normal in enumerate(normals):
+        arms = positions - positions[row]
+        depths = -arms @ normal
+        aside = np.linalg.norm(arms + depths[:, None] * normal, axis=1)
+        behind = (depths > 0) & (aside < radii + radii[row]) & (normals @ normal < -np.cos(FACING_ANGLE))
+        walls[row] = max(depths[behind].min(initial=np.inf), GEOM_THICKNESS / 20)
+    return walls
 
 
 def _groups(taxels: LinkTaxels) -> IntArray:
