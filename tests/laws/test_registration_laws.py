@@ -23,6 +23,7 @@ def piece(seed, fraction, noise=0.0):
     return POINTS[chosen] + noise * rng.normal(size=(len(chosen), 1)) * wrist().face_normals[FACES[chosen]]
 
 
+@pytest.mark.slow
 @examples(6)
 @given(seed=seeds, fraction=st.floats(0.4, 1))
 def test_any_motion_of_a_large_piece_is_undone(seed, fraction):
@@ -33,6 +34,7 @@ def test_any_motion_of_a_large_piece_is_undone(seed, fraction):
     assert np.linalg.norm(fit(motion.points(points)) - points, axis=1).max() < 1e-5
 
 
+@pytest.mark.slow
 @examples(4)
 @given(seed=seeds, noise=st.floats(0, 5e-4))
 def test_noise_moves_the_pose_by_at_most_the_slack(seed, noise):

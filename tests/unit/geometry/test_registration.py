@@ -171,6 +171,7 @@ def test_few_points_are_ambiguous(count):
     assert find_frame(wrist(), on_wrist(count=count) + 0.3).verdict == "ambiguous"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.04, slow(0.1)])
 def test_noise_is_refused(size):
     """Random points in a box fit no mesh; the reported distances of the best pose are large and correct."""
@@ -198,6 +199,7 @@ def test_cloud_of_another_link_is_refused():
     assert find_frame(wrist(), Motion(2).points(other)).verdict == "lost"
 
 
+@pytest.mark.slow
 def test_slack_is_the_distance_that_a_cloud_can_slide():
     """Not at all on a box; without limit about and along a cylinder; further for larger distances."""
     block = box((0, 0, 0), (0.1, 0.05, 0.02))

@@ -58,6 +58,7 @@ def test_right_taxels_are_the_reflected_left_ones(folder, tmp_path, skin):
     assert len(set(channels.tolist())) == len(channels)
 
 
+@pytest.mark.slow
 def test_link_with_another_joint_range_gets_its_own_plan(folder, tmp_path):
     """The right arm can turn to where a wall covers it; the left one cannot."""
     text = URDF.replace('name="left_joint" type="revolute"', 'name="left_joint" type="fixed"')

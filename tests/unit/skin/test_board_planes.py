@@ -108,6 +108,7 @@ def rolled(kind, radius, cone=0.0):
     return np.round(np.column_stack((r * np.cos(x / radius), r * np.sin(x / radius), y)), 6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["square", "rows around", "rows along"])
 @pytest.mark.parametrize("radius, cone", [slow(0.02, 0), (0.035, 0), slow(0.1, 0), slow(0.3, 0), (0.05, 0.2)])
 def test_a_flexible_sheet_has_no_boards(kind, radius, cone):

@@ -330,6 +330,7 @@ def test_proposal_replaces_the_given_frame():
     assert right.findings == () and np.linalg.norm(right.taxels.positions_link - on_wrist(), axis=1).max() < 2e-4
 
 
+@pytest.mark.slow
 def test_frame_is_found_if_one_position_fits():
     """The frame is found from that of the file or a wrong one; none, several or no needed frames are refused with a
     reason.
@@ -353,6 +354,7 @@ def test_frame_is_refused_where_several_places_fit_or_none():
         frame_on(taxel_set(scattered), cylinder(), "skin")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("positions", "mesh", "surface", "code", "severity", "words"),
     [

@@ -226,6 +226,7 @@ def test_cause_are_parts():
         fit_to_tolerance(mesh, 1e-4, axis=Z_AXIS, margin=0.002)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("apex", "sides", "rings", "turned"), [(40, 24, 10, None), slow(40, 24, 1, 3), slow(45, 64, 4, 5)]
 )

@@ -103,6 +103,7 @@ def test_largest_keeps_within_the_tolerance(mesh, where, tolerance):
     assert distances(fit)[1] <= 1.1 * tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mesh", "where"), CASES)
 @pytest.mark.parametrize(("measure", "tolerances"), [("mean", (1.0, 3e-4, 1e-4, 6e-5)), ("max", (1.0, 1e-3, 4e-4))])
 def test_smaller_tolerance_never_takes_fewer_control_points(mesh, where, measure, tolerances):
@@ -127,6 +128,7 @@ def test_net_is_not_much_larger_than_it_must_be(mesh, where):
         assert fit_surface(mesh, grid).errors.surface_to_mesh.mean > tolerance, (n, lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mesh", "where", "measure", "tolerance"),
     [

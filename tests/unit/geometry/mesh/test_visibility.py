@@ -62,6 +62,7 @@ def test_all_of_a_torus_is_seen():
     assert (visibility(mesh).sides == 1).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [0.15, 0.05, 0.005])
 def test_a_box_in_a_box_is_hidden(half):
     """All of the outer one is seen and nothing of the inner one; to the last face, with any winding and size."""

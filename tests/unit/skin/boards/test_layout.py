@@ -147,6 +147,7 @@ def assert_no_overlap(boards, depth=1e-3):
         assert gaps.max() > -1.1 * depth * boards.lattice.side
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 0.001])
 @pytest.mark.parametrize("choice", ["all", "fill"])
 def test_boards_on_a_doubly_curved_surface_do_not_overlap(choice, offset):

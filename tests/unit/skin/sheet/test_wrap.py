@@ -198,6 +198,7 @@ def test_first_cell_beyond_a_side_edge_is_named():
         wrap_sheet(plane_surface(), SheetLattice(1, 6, (0.03, 0.011)), (0.05, 0.048, 0), (0, 1, 0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("surface", "shape", "origin", "direction"),
     [
