@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import FLAT, PERIOD, Biped, Faults
-from experiment import Camera, arguments, run_all, side_by_side, spread
+from experiment import arguments, film_both, run_all, spread
 from walker import Gains, Walker
 
 BEAM = """
@@ -140,19 +140,13 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     draw(results, cases, given.out / "balance.png")
     if not given.no_animation:
-        cameras = []
-        for ground in GROUND:
-            camera = None
-
-            def film(robot: Biped) -> None:
-                nonlocal camera
-                camera = camera or Camera(robot, azimuth=90)
-                camera(robot)
-
-            case = Case(ground, "skin", 0)
-            push(case, max(results[ground, "skin"][0].survived, 1.0), film)
-            cameras.append(camera)
-        side_by_side(*cameras, given.out / "balance.gif")
+        films = [
+            lambda each, ground=ground: push(
+                Case(ground, "skin", 0), max(results[ground, "skin"][0].survived, 1.0), each
+            )
+            for ground in GROUND
+        ]
+        film_both(films, given.out / "balance.gif", azimuth=90)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from experiment import Camera, arguments, run_all, side_by_side, spread
+from experiment import arguments, film_both, run_all, spread
 from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk
 
@@ -81,18 +81,11 @@ def main() -> None:
         stands = f"{sum(r.stands for r in runs)}/{len(runs)}"
         print(f"{assumed:14} stands {stands:8} steps {spread([r.steps for r in runs], 1)} of {given.steps}")
     if not given.no_animation:
-        cameras = []
-        for feels in (False, True):
-            camera = None
-
-            def film(robot: Biped, walker: Walker) -> None:
-                nonlocal camera
-                camera = camera or Camera(robot, azimuth=60, distance=2.2)
-                camera(robot)
-
-            run(Case(feels, given.width, min(given.steps, 8), 0), film)
-            cameras.append(camera)
-        side_by_side(*cameras, given.out / "beam.gif")
+        films = [
+            lambda each, feels=feels: run(Case(feels, given.width, min(given.steps, 8), 0), each)
+            for feels in (False, True)
+        ]
+        film_both(films, given.out / "beam.gif", azimuth=60)
 
 
 if __name__ == "__main__":

@@ -79,6 +79,38 @@ class Camera:
         frames[0].save(path, save_all=True, append_images=frames[1:], duration=int(1e3 * FRAME_TIME), loop=0)
 
 
+def film_both(
+    runs: Sequence[Callable[[Callable[..., None]], Any]],
+    path: Path,
+    azimuth: float,
+    distance: float = 2.2,
+    every: int = 1,
+) -> None:
+    """Write two runs as one animation.
+
+    Parameters
+    ----------
+    runs : sequence of two functions
+        Each runs a case; its argument is to be called with the robot in each cycle.
+    path : path
+        Of the GIF.
+    azimuth, distance : float
+        Of the view [degree, m].
+    every : int
+        Of this many frames one is written.
+    """
+    cameras: list[Camera] = []
+    for number, run in enumerate(runs):
+
+        def film(robot: Biped, *_: Any, number: int = number) -> None:
+            if len(cameras) == number:
+                cameras.append(Camera(robot, azimuth, distance))
+            cameras[number](robot)
+
+        run(film)
+    side_by_side(*cameras, path, every)
+
+
 def side_by_side(left: Camera, right: Camera, path: Path, every: int = 1) -> None:
     """Write two animations as one, the shorter of which stands still at its end."""
     count = max(len(left.frames), len(right.frames))

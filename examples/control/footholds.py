@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from experiment import Camera, arguments, run_all, side_by_side, spread
+from experiment import arguments, film_both, run_all, spread
 from foothold import full_sole
 from shapes import HALF_SIZE
 from walker import Gait, Walker, forward_steps, walk
@@ -110,18 +110,8 @@ def main() -> None:
         steps, area = spread([r.steps for r in runs], 1), spread([r.area for r in runs], 2)
         print(f"{scene:12} {'what is felt' if feels else 'full sole':12} {stands:8} {steps:16} {area}")
     if not given.no_animation:
-        cameras = []
-        for feels in (False, True):
-            camera = None
-
-            def film(robot: Biped, walker: Walker) -> None:
-                nonlocal camera
-                camera = camera or Camera(robot, azimuth=100, distance=1.9)
-                camera(robot)
-
-            run(Case("front half", feels, 0), film)
-            cameras.append(camera)
-        side_by_side(*cameras, given.out / "footholds.gif")
+        films = [lambda each, feels=feels: run(Case("front half", feels, 0), each) for feels in (False, True)]
+        film_both(films, given.out / "footholds.gif", azimuth=100, distance=1.9)
 
 
 if __name__ == "__main__":

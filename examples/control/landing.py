@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import FLAT, Biped
-from experiment import Camera, arguments, run_all, side_by_side, spread
+from experiment import arguments, film_both, run_all, spread
 from walker import Gait, Proximity, Walker, forward_steps, walk
 
 OBSTACLE = '<geom class="terrain" type="box" size=".15 .07 .015" pos=".45 -.09 .015"/>'  # [m]
@@ -146,18 +146,11 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     draw(results, weight, given.out / "landing.png")
     if not given.no_animation:
-        cameras = []
-        for proximity in (False, True):
-            camera = None
-
-            def film(robot: Biped) -> None:
-                nonlocal camera
-                camera = camera or Camera(robot, azimuth=100, distance=1.9)
-                camera(robot)
-
-            run(Case("obstacle", proximity, OBSTACLE_STEPS, given.speed, 0), film)
-            cameras.append(camera)
-        side_by_side(*cameras, given.out / "landing.gif")
+        films = [
+            lambda each, near=near: run(Case("obstacle", near, OBSTACLE_STEPS, given.speed, 0), each)
+            for near in (False, True)
+        ]
+        film_both(films, given.out / "landing.gif", azimuth=100, distance=1.9)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import FEET, FLAT, SIDE, Biped
 from estimator import SOLE_CENTRE, State
-from experiment import Camera, arguments, run_all, side_by_side, spread
+from experiment import arguments, film_both, run_all, spread
 from foothold import full_sole
 from shapes import HALF_SIZE, PITCH
 from walker import Gait, Walker, forward_steps, walk
@@ -142,18 +142,10 @@ def main() -> None:
         steps, area = spread([r.steps for r in runs], 1), spread([r.area for r in runs], 2)
         print(f"{obstacle:26} {'with' if feels else 'without':8} {stands:8} {steps:16} {again:10} {area}")
     if not given.no_animation:
-        cameras = []
-        for feels in (False, True):
-            camera = None
-
-            def film(robot: Biped) -> None:
-                nonlocal camera
-                camera = camera or Camera(robot, azimuth=100, distance=1.9)
-                camera(robot)
-
-            run(Case("small block in the middle", feels, 0), film)
-            cameras.append(camera)
-        side_by_side(*cameras, given.out / "replanning.gif", every=2)
+        films = [
+            lambda each, feels=feels: run(Case("small block in the middle", feels, 0), each) for feels in (False, True)
+        ]
+        film_both(films, given.out / "replanning.gif", azimuth=100, distance=1.9, every=2)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import Biped
 from estimator import State
-from experiment import Camera, arguments, run_all, side_by_side, spread
+from experiment import arguments, film_both, run_all, spread
 from shapes import FORWARD
 from walker import Walker
 from zmp_plan import ZmpPlan
@@ -95,18 +95,8 @@ def main() -> None:
         )
         print(f"{cone + ' sole':14} {texts[0]:8} {texts[1]:8} {texts[2]:18} {texts[3]:20} {texts[4]}")
     if not given.no_animation:
-        cameras = []
-        for cone in cones:
-            camera = None
-
-            def film(robot: Biped, walker: Walker) -> None:
-                nonlocal camera
-                camera = camera or Camera(robot, azimuth=-60, distance=1.6)
-                camera(robot)
-
-            run(Case(cone, 0), film)
-            cameras.append(camera)
-        side_by_side(*cameras, given.out / "wrenches.gif")
+        films = [lambda each, cone=cone: run(Case(cone, 0), each) for cone in cones]
+        film_both(films, given.out / "wrenches.gif", azimuth=-60, distance=1.6)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from ..skin.lattice import HexLattice, SheetLattice
 from ..skin.sheet.landmarks import Landmark
 from .boards import boards_on
 from .candidates import DECIMALS
+from .trial import site_steps
 
 FORMS = 'Write "hexagons:16.3mm" (length of a side), "sheet:6x22x10mm" (rows, columns, pitch), or the name of a file.'
 DEFAULT_SKIN = "hexagons"
@@ -147,12 +148,10 @@ def widest_place(fit: SurfaceFit) -> tuple[Array, tuple[float, float, float], Ar
     uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
     trusted = fit.is_trusted(uv.reshape(-1, 2)).reshape(n, m)
     points = fit.surface.grid_points(u, v)
-    steps = [np.median(np.linalg.norm(np.diff(points, axis=axis), axis=2)) for axis in (0, 1)]
-    wide = np.pad(trusted, ((1, 1), (m, m) if fit.lines.closed else (1, 1)), mode="constant")
-    if fit.lines.closed:
-        wide = np.pad(np.tile(trusted, (1, 3)), ((1, 1), (0, 0)))
-    depth = ndimage.distance_transform_edt(wide, sampling=steps)[1:-1]
-    depth = depth[:, m : 2 * m] if fit.lines.closed else depth[:, 1:-1]
+    # Around a tube the mask continues; the other edges are boundaries.
+    wide = np.pad(np.tile(trusted, (1, 3)), ((1, 1), (0, 0))) if fit.lines.closed else np.pad(trusted, 1)
+    first = m if fit.lines.closed else 1
+    depth = ndimage.distance_transform_edt(wide, sampling=site_steps(points))[1:-1, first : first + m]
     i, j = np.unravel_index(int(depth.argmax()), depth.shape)
     x, y, z = np.round(points[i, j], DECIMALS).tolist()
     derivatives = fit.surface.derivatives(uv[i, j][None])

@@ -1,7 +1,5 @@
 """The simulated biped: its kinematics, its plan, what it feels, and short versions of its experiments."""
 
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,19 +8,7 @@ import pytest
 for package in ("mujoco", "tqdm", "PIL", "matplotlib", "qpsolvers"):
     pytest.importorskip(package, reason=f"the package {package} is not installed: pip install '.[control]'")
 
-FOLDER = Path(__file__).parents[3] / "examples" / "control"
-MODULES = {path.stem for path in FOLDER.glob("*.py")}
-
-
-@pytest.fixture(autouse=True)
-def scripts(monkeypatch):
-    """The scripts import each other, as they do when Python runs one of them."""
-    kept = {name: sys.modules.pop(name) for name in MODULES & sys.modules.keys()}
-    monkeypatch.syspath_prepend(str(FOLDER))
-    yield
-    for name in MODULES & sys.modules.keys():
-        del sys.modules[name]
-    sys.modules.update(kept)
+pytestmark = pytest.mark.usefixtures("scripts")
 
 
 def test_angles_of_the_legs_agree_with_the_simulator():

@@ -1,27 +1,12 @@
 """The arms of the control examples: what they feel, and short versions of their experiments."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 for package in ("mujoco", "tqdm", "PIL", "matplotlib"):
     pytest.importorskip(package, reason=f"the package {package} is not installed: pip install '.[control]'")
 
-FOLDER = Path(__file__).parents[3] / "examples" / "control"
-MODULES = {path.stem for path in FOLDER.glob("*.py")}
-
-
-@pytest.fixture(autouse=True)
-def scripts(monkeypatch):
-    """The scripts import each other, as they do when Python runs one of them."""
-    kept = {name: sys.modules.pop(name) for name in MODULES & sys.modules.keys()}
-    monkeypatch.syspath_prepend(str(FOLDER))
-    yield
-    for name in MODULES & sys.modules.keys():
-        del sys.modules[name]
-    sys.modules.update(kept)
+pytestmark = pytest.mark.usefixtures("scripts")
 
 
 def test_table_as_printed_avoids_again_at_the_first_motion():
