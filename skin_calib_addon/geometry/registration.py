@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from ..common.arrays import Array, IntArray, freeze
 from ..common.surface_errors import DistanceStatistics
-from .mesh.closest import MeshDistance, closest_on_triangles, split_faces
+from .mesh.closest import MeshDistance, closest_on_triangles, distance_to, split_faces
 from .mesh.triangle_mesh import TriangleMesh
 from .surface.bspline import MIN_LENGTH
 
@@ -150,7 +150,7 @@ def fit_nearby(mesh: TriangleMesh, points: Array) -> NearbyFit:
     -------
     NearbyFit
     """
-    exact, cloud = MeshDistance(mesh), Cloud.of(points)
+    exact, cloud = distance_to(mesh), Cloud.of(points)
     some = cloud.points[farthest_points(cloud.points, RANKING_POINTS)]
     displacements = _displacements(some)
     cost = _tiny(some) * np.eye(6)  # only for motions that no height shows, such as along a cylinder
@@ -227,7 +227,7 @@ def find_frame(mesh: TriangleMesh, points: Array) -> RigidFit:
         The motion, its distances and the verdict.
     """
     points = np.asarray(points, float)
-    exact, cloud = MeshDistance(mesh), Cloud.of(points)
+    exact, cloud = distance_to(mesh), Cloud.of(points)
     before = _statistics(exact, points)
     if before.mean <= ON_MESH_DISTANCE:
         return _right(before, _slack(mesh, exact, points), nearby=fit_nearby(mesh, points))

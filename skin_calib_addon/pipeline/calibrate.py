@@ -15,7 +15,7 @@ from ..common.errors import PoorFit, listed
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
-from ..geometry.mesh.cover import cut_cover
+from ..geometry.mesh.cover import CoverSpec, cut_cover
 from ..geometry.mesh.triangle_mesh import TriangleMesh, joined
 from ..geometry.surface.bspline import BSplineSurface
 from ..plan import Plan
@@ -105,7 +105,11 @@ def calibrate(
     with stage("load"):
         mesh = load_plan_mesh(plan) if mesh is None else mesh
     with stage("cut"):
-        covers = {surface.name: cut_for(plan, surface, mesh) for surface in plan.surfaces}
+        cut: dict[CoverSpec, TriangleMesh] = {}
+        for surface in plan.surfaces:
+            if surface.cover not in cut:  # the surfaces of a proposal have the same
+                cut[surface.cover] = cut_for(plan, surface, mesh)
+        covers = {surface.name: cut[surface.cover] for surface in plan.surfaces}
     with stage("fit"):
         fits = {surface.name: fit_of(plan, surface, covers[surface.name]) for surface in plan.surfaces}
     with stage("wrap"):

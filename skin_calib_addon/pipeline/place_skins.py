@@ -13,7 +13,7 @@ from ..common.arrays import unit
 from ..common.errors import InvalidPlan, OutsideSurface, SkinCalibError
 from ..common.warnings import Place, Warning
 from ..geometry.fit.surface_fit import SurfaceFit
-from ..geometry.mesh.closest import MeshDistance
+from ..geometry.mesh.closest import distance_to
 from ..plan import Plan
 from ..plan.plan import SURFACE
 from ..plan.skins import BoardSkin, ImportedSkin, SheetSkin, Skin, first_channels
@@ -166,7 +166,7 @@ def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit) -> WrappedSh
         If no cell is left.
     """
     shape, flat = sheet.uv.shape[:2], sheet.uv.reshape(-1, 2)
-    distance, face, _ = MeshDistance(fit.mesh)(sheet.surface.points(flat))
+    distance, face, _ = distance_to(fit.mesh)(sheet.surface.points(flat))
     normals = sheet.surface.normals(flat)
     below = fit.mesh.face_normals[face]
     below = (below * np.sign((below * normals).sum(axis=1, keepdims=True))).reshape(*shape, 3)

@@ -6,12 +6,11 @@ the one reflection that can take a link to another; points of the meshes decide.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from ..common.arrays import Array, freeze
-from ..geometry.mesh.closest import MeshDistance
+from ..geometry.mesh.closest import distance_to
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import sample_faces
 from .kinematics import link_poses
@@ -127,11 +126,6 @@ class _Sample:
         steps = (np.arange(COMPARED_POINTS) + 0.5) / COMPARED_POINTS
         self.points = points[np.searchsorted(np.cumsum(areas) / area, steps).clip(max=len(points) - 1)]
 
-    @cached_property
-    def faces(self) -> MeshDistance:
-        """Return the search tree of the faces."""
-        return MeshDistance(self.mesh)
-
     def distance(self, other: "_Sample", transform: Array) -> float:
         """Return the mean distance from another mesh after a transform of this one, the larger of both [m].
 
@@ -144,4 +138,4 @@ class _Sample:
         back = np.linalg.inv(transform)
         there = self.points @ transform[:3, :3].T + transform[:3, 3]
         here = other.points @ back[:3, :3].T + back[:3, 3]
-        return max(float(other.faces(there)[0].mean()), float(self.faces(here)[0].mean()))
+        return max(float(distance_to(other.mesh)(there)[0].mean()), float(distance_to(self.mesh)(here)[0].mean()))

@@ -15,7 +15,7 @@ from ..common.arrays import Array, BoolArray, IntArray, unit
 from ..common.errors import InvalidPlan, listed
 from ..common.findings import Finding, error, warning
 from ..common.surface_errors import DistanceStatistics
-from ..geometry.mesh.closest import MeshDistance
+from ..geometry.mesh.closest import MeshDistance, distance_to
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.registration import MAX_SKIN_THICKNESS, ON_MESH_DISTANCE, RigidFit, find_frame
 from ..geometry.surface.bspline import BSplineSurface
@@ -140,7 +140,7 @@ def imported_taxels(
         neighbours=_symmetric(ids, adjacent),
         quality={"gap": gap},
     )
-    exact = None if mesh is None else MeshDistance(mesh)
+    exact = None if mesh is None else distance_to(mesh)
     fit = None if mesh is None else find_frame(mesh, given)
     at_edge = ((uv <= 0) | (uv >= 1)).any(axis=1)
     lateral = np.linalg.norm(given - feet - gap[:, None] * upright, axis=1)

@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 from mathutils import Matrix
 
 from ...common.arrays import Array
-from ...geometry.mesh.closest import MeshDistance
+from ...geometry.mesh.closest import distance_to
 from ...pipeline import Calibrated
 from ..live import events
 from ..scene.scene import link_frame, metres_per_unit
@@ -82,7 +82,7 @@ def errors_of(result: Calibrated) -> Array:
         Has surfaces, covers and patches.
     """
     parts = [np.empty(0)]
-    distances = {name: MeshDistance(cover) for name, cover in result.covers.items()}
+    distances = {name: distance_to(cover) for name, cover in result.covers.items()}
     for patch in result.calibration.patches:
         feet = result.fits[patch.surface].surface.points(patch.taxels.uv)
         parts.append(distances[patch.surface](feet)[0])

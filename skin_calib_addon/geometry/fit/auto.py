@@ -14,7 +14,7 @@ from ..grid.error_model import ErrorModel
 from ..grid.grids import AutoGrid, Grid, PlanesGrid, Region, Size, Tolerance, Vector, region_of
 from ..grid.parametrizations import parametrized_lines
 from ..grid.spacing import MAX_MOVES, density_lines, line_positions, plane_positions
-from ..mesh.closest import MeshDistance
+from ..mesh.closest import distance_to
 from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.lines import LineGrid
@@ -426,7 +426,6 @@ class Search:
         self.limits = limits
         self.tried: dict[tuple[int, int], tuple[float, SurfaceFit]] = {}
         self.enlarged: list[tuple[int, int]] = []  # the enlarged nets, which do not depend on the tolerance
-        self.distance = cache(MeshDistance)  # computed when needed
         self.is_usable = cache(self._is_usable)
         self.distances = cache(self._distances)
         self.estimate = cache(self._estimate)
@@ -508,7 +507,7 @@ class Search:
     def _estimate(self, fit: SurfaceFit) -> float:
         """Return the largest distance, or the mean by a part of the exact distances, whatever the tolerance [m]."""
         if self.measure == "max":
-            return largest_distance(fit, self.distance(self.mesh))
+            return largest_distance(fit, distance_to(self.mesh))
         return confirmed_error(*self.distances(fit), "mean", 0.0)
 
     def confirmed(self, fit: SurfaceFit) -> float:
@@ -523,7 +522,7 @@ class Search:
     def _distances(self, fit: SurfaceFit) -> tuple[Array, Array, Callable[[IntArray], Array]]:
         """Return the upper bounds of the distances [m], the areas [m^2], and a function for exact distances [m]."""
         points, bounds, areas = fit.bounds()
-        return bounds, areas, lambda chosen: self.distance(self.mesh)(points[chosen])[0]
+        return bounds, areas, lambda chosen: distance_to(self.mesh)(points[chosen])[0]
 
     @property
     def largest_failed(self) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...common.arrays import Array, IntArray
 from ...common.warnings import Place, Warning, point_of
-from ..mesh.closest import MeshDistance
+from ..mesh.closest import distance_to
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.curves import curves
@@ -224,7 +224,7 @@ def maximum_deviation(
     distance = np.abs(np.nan_to_num(samples.residuals)) * slope
     far = distance > far_distance
     if far.any():
-        distance[far] = np.minimum(distance[far], MeshDistance(mesh)((samples.origins + samples.arms)[far])[0])
+        distance[far] = np.minimum(distance[far], distance_to(mesh)((samples.origins + samples.arms)[far])[0])
     site = np.unravel_index(np.argmax(distance), distance.shape)
     at = int(site[0]), int(site[1])
     return float(distance[at]), Place(point_of(samples.points[at]), nearest_names(lines, basis, at))

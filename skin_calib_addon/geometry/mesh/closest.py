@@ -1,6 +1,7 @@
 """Nearest points of a triangle mesh."""
 
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -98,6 +99,17 @@ class MeshDistance:
         return distance, face, nearest
 
 
+_known: WeakKeyDictionary[TriangleMesh, MeshDistance] = WeakKeyDictionary()
+
+
+def distance_to(mesh: TriangleMesh) -> MeshDistance:
+    """Return the distance from a mesh; its search tree is built once for each mesh."""
+    found = _known.get(mesh)
+    if found is None:
+        found = _known[mesh] = MeshDistance(mesh)
+    return found
+
+
 class NearMesh:
     """The exact distance from points to a mesh, where upper bounds of the distances are known.
 
@@ -113,11 +125,7 @@ class NearMesh:
         """Return the distances of points (k, 3) with upper bounds (k,) from the mesh, shape (k,) [m]."""
         if len(self.mesh.faces) > MANY_FACES and np.isfinite(bounds).all():
             return MeshDistance(self._near(points, bounds))(points)[0]
-        return self._whole(points)[0]
-
-    @cached_property
-    def _whole(self) -> MeshDistance:
-        return MeshDistance(self.mesh)
+        return distance_to(self.mesh)(points)[0]
 
     @cached_property
     def _cells(self) -> IntArray:

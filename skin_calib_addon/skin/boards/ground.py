@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray
 from ...geometry.fit.surface_fit import SurfaceFit
-from ...geometry.mesh.closest import MeshDistance, closest_on_triangles
+from ...geometry.mesh.closest import MeshDistance, closest_on_triangles, distance_to
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.footpoints import footpoints
 from .overlap import TOUCH
@@ -47,7 +47,7 @@ class Ground:
 
     @cached_property
     def _distance(self) -> MeshDistance | None:
-        return None if self.fit is None else MeshDistance(self.fit.mesh)
+        return None if self.fit is None else distance_to(self.fit.mesh)
 
     @cached_property
     def _zones(self) -> tuple[Array, Array, Array]:
@@ -62,11 +62,12 @@ class Ground:
         It may where the mesh is near and continues below it, inside the boundary, outside of all zones.
         """
         points, normals = self.surface.points(uv), self.surface.normals(uv)
-        free = self.is_over_mesh(points, normals)
+        free = np.ones(len(uv), bool)
         if self.fit is not None and self.fit.lines.region is not None:
             free &= self.fit.lines.region(points)
         for centre, normal, radius in zip(*self._zones):
             free &= (np.linalg.norm(points - centre, axis=1) >= radius) | (normals @ normal <= 0)
+        free[free] = self.is_over_mesh(points[free], normals[free])  # the longest computation
         return free
 
     def is_over_mesh(self, points: Array, normals: Array) -> BoolArray:
