@@ -117,13 +117,9 @@ class _Worker:
 
 def _begin() -> subprocess.Popen[bytes]:
     command, pipe = [sys.executable, "-c", PROGRAM, *sys.path], subprocess.PIPE
-    # Threads of several workers wait for each other: small systems of equations then take up to 100 times the time.
-    environment = {"OPENBLAS_NUM_THREADS": "1"} | os.environ
-    # Only the parent receives Ctrl+C.
-    if sys.platform == "win32":
-        flags = subprocess.CREATE_NEW_PROCESS_GROUP
-        return subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment, creationflags=flags)
-    return subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment, process_group=0)
+    if sys.platform == "win32":  # only the parent receives Ctrl+C
+        return subprocess.Popen(command, stdin=pipe, stdout=pipe, creationflags=subprocess.CREATE_NEW_PROCESS_GROUP)
+    return subprocess.Popen(command, stdin=pipe, stdout=pipe, process_group=0)
 
 
 def _close(process: subprocess.Popen[bytes]) -> None:

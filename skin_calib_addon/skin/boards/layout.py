@@ -26,7 +26,7 @@ MAP_SPACING = 0.5
 # [1] Length by which the map of a tube continues over its cut, in pitches: a board and its corners.
 OVER_CUT = 2.2
 # [1] Samples of each side of a board that are compared with the mesh in the end. More: smaller protrusions, slower.
-OUTLINE_SAMPLES = 4
+OUTLINE_SAMPLES = 8
 # [1] Protrusion of a corner of the border into a board, in sides, that is not an overhang. Larger: boards protrude.
 MAX_PROTRUSION = 0.06
 # [1] Most cells in the circle around a surface; more of them mean wrong units. Larger: more time and memory.

@@ -162,18 +162,48 @@ class Search:
 
     def _starts(self, angles: Array, stretches: Array, turn: float) -> tuple[Poses, Array]:
         """Return the best of many poses at angles in steps of ``turn`` [rad], and their scores."""
-        parts = pairs_of(*2 * [np.arange(STEPS_PER_PITCH) / STEPS_PER_PITCH])
-        offsets = (parts - np.rint(parts)) @ self.lattice.centres(np.eye(2, dtype=int))
         slack, found = self._slack(self._step, turn), []
         for angle, stretch in zip(angles, stretches):
-            # The depth changes by at most the shift.
-            nodes = self._nodes(self.centres(Poses.at(angle, stretch), self.cells)[0])
-            least = self._apothem - slack - np.linalg.norm(offsets, axis=1).max() - self._step
-            cells = self.cells[self._rounded(np.maximum(nodes, 0)) >= least]
-            found.append(self._best(Poses.at(angle, stretch, offsets @ axes_at(angle)), cells, slack, exact=False))
+            poses, scores = self._shifted(float(angle), float(stretch), slack)
+            best = np.argsort(-scores, kind="stable")[:BEAM]
+            found.append((poses[best], scores[best]))
         poses, scores = Poses.joined([p for p, _ in found]), np.concatenate([s for _, s in found])
         best = np.argsort(-scores, kind="stable")[:BEAM]
         return poses[best], scores[best]
+
+    def _shifted(self, angle: float, stretch: float, slack: float) -> tuple[Poses, Array]:
+        """Return poses at all shifts of a lattice, in steps of its own raster, and about their scores.
+
+        The steps of the raster are fractions of those of the lattice. A board at each node is judged once. The nodes
+        that are whole cells apart belong to one shift.
+        """
+        basis = self.centres(Poses.at(angle, stretch), np.eye(2, dtype=int))[0] / STEPS_PER_PITCH
+        low, depths, of_centres = self._raster
+        to_steps = np.linalg.inv(basis) * self._step
+        box = (low + pairs_of(*([0.0, n - 1.0] for n in depths.shape))) @ to_steps
+        first = np.floor(box.min(axis=0) / STEPS_PER_PITCH) * STEPS_PER_PITCH
+        cells = np.ceil((box.max(axis=0) - first + 1) / STEPS_PER_PITCH).astype(int)
+        shape = tuple(cells * STEPS_PER_PITCH)
+        steps = [k + np.arange(float(n)) for k, n in zip(first, shape)]
+        x, y = (
+            np.rint(steps[0][:, None] * a + steps[1] * b - start).astype(np.intp)
+            for a, b, start in zip(*basis / self._step, low)
+        )
+        inside = (x >= 0) & (x < depths.shape[0]) & (y >= 0) & (y < depths.shape[1])
+        at = np.where(inside, x * depths.shape[1] + y, 0)
+        clear = np.where(inside, of_centres.ravel().take(at), -np.inf) - self._apothem
+        corners = np.rint(self.lattice.corners @ axes_at(angle) / self._step @ to_steps).astype(int)
+        wide = int(np.abs(corners).max())
+        around = np.pad(np.where(inside, depths.ravel().take(at), -np.inf), wide, constant_values=-np.inf)
+        for i, j in corners + wide:
+            np.minimum(clear, around[i : i + shape[0], j : j + shape[1]], out=clear)
+        clear = np.where(clear > -slack, clear, np.inf).reshape(cells[0], STEPS_PER_PITCH, cells[1], STEPS_PER_PITCH)
+        fits = np.isfinite(clear)
+        count = np.where(fits, np.minimum(1 + clear / slack, 1), 0.0).sum(axis=(0, 2)).ravel()
+        tightest = np.where(fits.any(axis=(0, 2)), clear.min(axis=(0, 2)), 0.0).ravel()
+        parts = pairs_of(*2 * [np.arange(STEPS_PER_PITCH) / STEPS_PER_PITCH])
+        poses = Poses.at(angle, stretch, (parts - np.rint(parts)) @ (STEPS_PER_PITCH * basis))
+        return poses, self._total(poses, count, tightest)
 
     def _refined(self, poses: Poses, turn: float) -> Poses:
         """Return the best pose near given ones: half a step to both sides, in all directions, again and again."""
@@ -185,46 +215,47 @@ class Search:
             near = poses[np.repeat(np.arange(len(poses.angles)), len(signs))]
             offsets = np.einsum("kc,kcd->kd", near.offsets, axes_at(turn * z)) + step * np.column_stack((x, y))
             near = Poses(near.angles + turn * z, near.stretches, offsets)
-            poses, _ = self._best(near, self.cells, self._slack(step, turn), exact=True)
-        return self._best(poses, self.cells, TOUCH * self.lattice.side, exact=True)[0][:1]
+            poses = self._best(near, self._slack(step, turn))
+        return self._best(poses, TOUCH * self.lattice.side)[:1]
 
-    def _best(self, poses: Poses, cells: IntArray, slack: float, exact: bool) -> tuple[Poses, Array]:
-        """Return the poses with the largest scores, and the scores."""
-        scores = self._scores(poses, cells, slack, exact)
-        best = np.argsort(-scores, kind="stable")[:BEAM]
-        return poses[best], scores[best]
+    def _best(self, poses: Poses, slack: float) -> Poses:
+        """Return the poses with the largest scores."""
+        return poses[np.argsort(-self._scores(poses, slack), kind="stable")[:BEAM]]
 
     def _slack(self, step: float, turn: float) -> float:
         """Return the clearance that boards may lack at the pose nearest to a valid one, in steps [m] and [rad]."""
         return max(step / np.sqrt(3) + turn * self._radius / 2, TOUCH * self.lattice.side)
 
-    def _scores(self, poses: Poses, cells: IntArray, slack: float, exact: bool) -> Array:
+    def _scores(self, poses: Poses, slack: float) -> Array:
         r"""Return the scores of poses, shape (k,): the boards that fit, and the clearance of the tightest one.
 
         .. math:: \sum_i \min(\max(1 + c_i / s, 0), 1) + \tfrac12 \min_i c_i / P
 
         with the clearances c [m] of the cells, the slack s [m] and the pitch P [m].
         """
-        look = self._interpolated if exact else self._rounded
-        first = self._nodes(self.centres(poses, cells))
+        first = self._nodes(self.centres(poses, self.cells))
         corners = self.lattice.corners @ axes_at(poses.angles) / self._step
         _, depths, of_centres = self._raster
         pose, cell = np.nonzero(((first >= 0) & (first <= np.array(depths.shape) - 1)).all(axis=2))
         first = first[pose, cell]
         near = of_centres[tuple((first + 0.5).astype(np.intp).T)] >= self._apothem - slack - self._step
         pose, first = pose[near], first[near]
-        clear = look(first) - self._apothem
-        for fraction in DISC_POSITIONS if exact else DISC_POSITIONS[:1]:
+        clear = self._interpolated(first) - self._apothem
+        for fraction in DISC_POSITIONS:
             fits = clear > -slack
             pose, first, clear = pose[fits], first[fits], clear[fits]
             for k in range(corners.shape[1]):
-                there = look(first + fraction * corners[pose, k]) - (1 - fraction) * self._apothem
+                there = self._interpolated(first + fraction * corners[pose, k]) - (1 - fraction) * self._apothem
                 np.minimum(clear, there, out=clear)
         pose, clear = pose[clear > -slack], clear[clear > -slack]
         count = np.bincount(pose, np.minimum(1 + clear / slack, 1), len(poses.angles))
         found, start = np.unique(pose, return_index=True)
         tightest = np.zeros(len(count))
         tightest[found] = np.minimum.reduceat(clear, start) if len(start) else 0.0
+        return self._total(poses, count, tightest)
+
+    def _total(self, poses: Poses, count: Array, tightest: Array) -> Array:
+        """Return the scores (k,) of poses from the boards that fit and the clearance of the tightest one [m]."""
         # Mirror images have different preferences, so that rounding does not decide between them.
         shifts = poses.offsets / self.lattice.pitch
         size = np.abs(poses.angles) + 0.3 * poses.angles + np.linalg.norm(shifts, axis=1) + shifts @ (0.1, 0.07)
@@ -269,12 +300,6 @@ class Search:
     def _nodes(self, points: Array) -> Array:
         """Return flat points (..., 2) in steps of the raster, from its first node."""
         return points / self._step - self._raster[0]
-
-    def _rounded(self, nodes: Array) -> Array:
-        """Return the depths at the nodes nearest to fractional ones (k, 2), shape (k,) [m]."""
-        depths = self._raster[1]
-        i, j = (nodes + 0.5).astype(np.intp).T
-        return depths.ravel().take(i * depths.shape[1] + np.minimum(j, depths.shape[1] - 1), mode="clip")
 
     def _interpolated(self, nodes: Array) -> Array:
         """Return the depths between the nodes next to fractional ones (k, 2), shape (k,) [m]."""
