@@ -180,10 +180,10 @@ class Search:
         basis = self.centres(Poses.at(angle, stretch), np.eye(2, dtype=int))[0] / STEPS_PER_PITCH
         low, depths, of_centres = self._raster
         to_steps = np.linalg.inv(basis) * self._step
-        box = (low + pairs_of(*([0.0, n - 1.0] for n in depths.shape))) @ to_steps
+        box = (low + pairs_of(*(np.array((0.0, n - 1.0)) for n in depths.shape))) @ to_steps
         first = np.floor(box.min(axis=0) / STEPS_PER_PITCH) * STEPS_PER_PITCH
         cells = np.ceil((box.max(axis=0) - first + 1) / STEPS_PER_PITCH).astype(int)
-        shape = tuple(cells * STEPS_PER_PITCH)
+        shape = (int(cells[0]) * STEPS_PER_PITCH, int(cells[1]) * STEPS_PER_PITCH)
         steps = [k + np.arange(float(n)) for k, n in zip(first, shape)]
         x, y = (
             np.rint(steps[0][:, None] * a + steps[1] * b - start).astype(np.intp)
