@@ -336,8 +336,17 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
     errors = np.abs(footpoints(surface, points[counts[sample]])[1] - estimates[sample])
     margin = SAFETY_FACTOR * float(errors.max())
     largest = max(
-        largest_over(surface, table, margin, points, of_points),
-        largest_over(surface, table, margin, mesh.vertices, of_vertices),
+        largest_over(
+            surface, table, margin, points, of_points, lambda of: is_parallel(normals, of, side, FIRST_COSINE)
+        ),
+        largest_over(
+            surface,
+            table,
+            margin,
+            mesh.vertices,
+            of_vertices,
+            lambda of: has_parallel_face(mesh, np.arange(len(of)), of, side, FIRST_COSINE),
+        ),
     )
     if largest < 0:
         raise EmptySection("No mesh face is near the surface with a matching normal. Move the planes.")
@@ -384,7 +393,14 @@ def points_by_area(mesh: TriangleMesh, count: int) -> tuple[Array, Array]:
     return points, unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
 
-def largest_over(surface: BSplineSurface, table: Expansion, margin: float, points: Array, exact: Exact) -> float:
+def largest_over(
+    surface: BSplineSurface,
+    table: Expansion,
+    margin: float,
+    points: Array,
+    exact: Exact,
+    may_count: Callable[[Array], BoolArray],
+) -> float:
     """Return the largest distance from the surface of those points that count [m]; -1 if there is none.
 
     Parameters
@@ -399,10 +415,13 @@ def largest_over(surface: BSplineSurface, table: Expansion, margin: float, point
         [m]
     exact : function
         From indices (i,) to exact distances (i,) [m]; -1 for a point that does not count.
+    may_count : function
+        From normals of the surface (k, 3), those at the nearest nodes, to which points may count. Without it all points
+        at the back of a link, which are the furthest, would be computed exactly.
     """
     node = table.nearest(points)
     estimates, bounds, inside = table(surface, points, node)
-    over = np.flatnonzero(inside)
+    over = np.flatnonzero(inside & may_count(table.normals[node]))
     return largest_of(np.minimum(estimates + margin, bounds)[over], lambda chosen: exact(over[chosen]))[0]
 
 
@@ -431,7 +450,9 @@ def is_inside(surface: BSplineSurface, foot: Array, known: BoolArray) -> BoolArr
     return inside
 
 
-def has_parallel_face(mesh: TriangleMesh, vertices: IntArray, normals: Array, side: int) -> BoolArray:
+def has_parallel_face(
+    mesh: TriangleMesh, vertices: IntArray, normals: Array, side: int, least: float = MIN_COVER_COSINE
+) -> BoolArray:
     """Return which vertices have a face that is nearly parallel to the surface.
 
     Parameters
@@ -444,6 +465,8 @@ def has_parallel_face(mesh: TriangleMesh, vertices: IntArray, normals: Array, si
         Of the surface.
     side : int
         The `winding` of the faces.
+    least : float
+        Cosine above which it is.
 
     Returns
     -------
@@ -457,7 +480,7 @@ def has_parallel_face(mesh: TriangleMesh, vertices: IntArray, normals: Array, si
     of_faces = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     found = np.zeros(len(vertices), bool)
     for rows in row[mesh.faces[used]].T:
-        parallel = (rows >= 0) & is_parallel(of_faces, normals[rows], side)
+        parallel = (rows >= 0) & is_parallel(of_faces, normals[rows], side, least)
         found[rows[parallel]] = True
     return found
 
