@@ -41,7 +41,7 @@ def main():
     measure(live, link, "wrist", CHANGES)
     plan.skins[0].rows, plan.skins[0].columns = MANY
     plan.skins[0].pitch = plan.skins[0].pitch[0] * 6 / MANY[0], plan.skins[0].pitch[1] * 20 / MANY[1]
-    measure(live, link, "10 000 taxels", {"direction of the sheet": direction}, 4)
+    measure(live, link, "10 000 taxels", CHANGES)
     plan.skins[0].rows, plan.skins[0].columns, plan.skins[0].pitch = 6, 20, (0.01, 0.01)
     coarse = link.data.copy()
     link.modifiers.new("finer", "SUBSURF").levels = 2
@@ -86,13 +86,14 @@ def direction(plan, k):
 
 def number(plan, k):
     """Change the number of planes, with automatic spacing."""
-    plan.grid.n = 9 + k % 3
+    plan.grid.spacing = "auto"
+    plan.grid.n = 9 + k % 9
 
 
 def even(plan, k):
     """Change the number of planes, with uniform spacing."""
     plan.grid.spacing = "uniform"
-    plan.grid.n = 9 + k % 3
+    plan.grid.n = 9 + k % 9
 
 
 def hand(plan, k):

@@ -24,7 +24,7 @@ def state_of(link):
     if report and report.refusal:
         return "The fit is refused", "CANCEL"
     if report:
-        return f"Mean {report.mean * 1e3:.4f} mm on the rays, {report.seconds * 1e3:.0f} ms", "PLAY"
+        return f"Preview: mean {report.mean * 1e3:.4f} mm on the rays, {report.seconds * 1e3:.0f} ms", "PLAY"
     if not result.key and plan.proposed and plan.skins:
         return f"{plan.proposed} taxels proposed: press Fit", "INFO"
     if not result.key:
@@ -56,11 +56,16 @@ def draw_status(layout, link):
     row.operator("skin_calib.fit", icon="SURFACE_DATA")
     row.prop(plan, "live", toggle=True, icon="PLAY")
     report, result = updates.reports.get(link.name), plan.result
+    if report and not report.refusal:
+        cells = "Cells are interpolated. " if report.interpolated else ""
+        show_text(layout, f"{cells}Errors and warnings follow when the changes end", "SORTTIME")
     if report and report.refusal:
         draw_warning(layout, plan, report.refusal, REFUSAL)
     elif plan.refusal and not plan.skins:
         show_text(layout, plan.refusal, "CANCEL")
     elif result.key and result.warnings:
+        if result.outdated:
+            show_text(layout, "Warnings of the last fit, before the change:", "INFO")
         if len(result.warnings) > 1:
             rows = min(len(result.warnings), MAX_ROWS)
             names = "SKIN_UL_warnings", "", result, "warnings", result, "warning_index"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ..calibration.exchange import read_taxels
-from ..calibration.model import Patch
+from ..calibration.model import Patch, TaxelArray
 from ..common.arrays import unit
 from ..common.errors import InvalidPlan, OutsideSurface, SkinCalibError
 from ..common.warnings import Place, Warning
@@ -21,9 +21,9 @@ from ..skin.boards.board_taxels import board_taxels
 from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
 from ..skin.boards.layout import lay_boards
 from ..skin.imported import ImportedTaxels, imported_taxels
-from ..skin.neighbours import with_neighbours_across
+from ..skin.neighbours import neighbours, with_neighbours_across
 from ..skin.sheet.closure import Closure, closure
-from ..skin.sheet.taxels import sheet_taxels
+from ..skin.sheet.taxels import preview_taxels, sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
 from ..skin.single_taxels import with_single_taxels
 from ..skin.warnings import check_overlap, placement_warnings
@@ -54,7 +54,19 @@ class PlacedSkin:
         return (*placement_warnings(self.patch, self.closure), *of_file)
 
 
-def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], near: tuple[PlacedSkin, ...] = ()) -> tuple[PlacedSkin, ...]:
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """What a placement that is only a preview needs.
+
+    Sheets are placed as `wrap_sheet` describes it, and may overlap themselves. The final placement judges them.
+    """
+
+    near: Mapping[str, PlacedSkin]  # placements by the names of skins, on a similar surface, from which sheets start
+    neighbours: bool  # whether the neighbours of the taxels are needed
+    sigma: bool  # whether the uncertainty of the taxels is needed
+
+
+def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = None) -> tuple[PlacedSkin, ...]:
     """Place the skins of a link one after another, join adjacent sheets, and state the uncertainty of their taxels.
 
     The skins are on the surface through the vertices, see `SurfaceFit.error_field`, and not along the facets.
@@ -65,8 +77,8 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], near: tuple[PlacedSkin
         Has the skins.
     fits : mapping of str to SurfaceFit
         Its surfaces by their names.
-    near : tuple of PlacedSkin, optional
-        Placements of the same skins on a similar surface. Sheets then converge faster and less precisely.
+    draft : Draft, optional
+        Place the skins fast and not exactly, for a preview.
 
     Returns
     -------
@@ -86,23 +98,42 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], near: tuple[PlacedSkin
         assert first is not None  # the counts of all previous skins are known
         name = plan.surface_of(skin)
         try:
-            done = place_skin(skin, fits[name], first, near[k] if near else None)
+            done = place_skin(skin, fits[name], first) if draft is None else draft_skin(skin, fits[name], first, draft)
         except SkinCalibError as error:
             error.numbers["skin"] = skin.name
             raise
         placed.append(replace(done, patch=replace(done.patch, surface=name)))
         counts.append(skin.count or int(done.patch.taxels.channels.max()) + 1 - first)
     first_channels(skins, counts)
-    patches = with_neighbours_across(tuple(done.patch for done in placed))
-    patches = tuple(
-        with_sigma(patch, skin, fits[patch.surface], done.sheet) for done, patch, skin in zip(placed, patches, skins)
-    )
+    patches = tuple(done.patch for done in placed)
+    if draft is None or draft.neighbours:
+        patches = with_neighbours_across(patches)
+    if draft is None or draft.sigma:
+        patches = tuple(
+            with_sigma(patch, skin, fits[patch.surface], done.sheet)
+            for done, patch, skin in zip(placed, patches, skins)
+        )
     enabled, disabled = with_single_taxels(patches, [skin.taxels for skin in skins])
     return tuple(replace(done, patch=on, disabled=off) for done, on, off in zip(placed, enabled, disabled))
 
 
+def draft_skin(skin: Skin, fit: SurfaceFit, first_channel: int, draft: Draft) -> PlacedSkin:
+    """Place a skin for a preview; arguments as for `place_skin` and `place_all`."""
+    if not isinstance(skin, SheetSkin):
+        return place_skin(skin, fit, first_channel)
+    near = draft.near.get(skin.name)
+    sheet = sheet_on(skin, fit, near.sheet if near else None, preview=True)
+    if not sheet.interpolated:
+        return PlacedSkin(sheet_patch(skin, sheet_taxels(sheet, skin.name, first_channel)), sheet)
+    taxels = preview_taxels(sheet, skin.name, first_channel)
+    if draft.neighbours:
+        found = neighbours(taxels.ids, taxels.positions_link, taxels.normals_link, taxels.corners_link)
+        taxels = replace(taxels, neighbours=found)
+    return PlacedSkin(sheet_patch(skin, taxels), sheet)
+
+
 @singledispatch
-def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
+def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     """Place one skin on the surface of a fit.
 
     Parameters
@@ -113,8 +144,6 @@ def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int, near: PlacedSkin
         The surface.
     first_channel : int
         Channel of its first taxel.
-    near : PlacedSkin, optional
-        Placement of the same skin on a similar surface.
 
     Returns
     -------
@@ -123,8 +152,8 @@ def place_skin(skin: Skin, fit: SurfaceFit, first_channel: int, near: PlacedSkin
     raise TypeError(f"cannot place a {type(skin).__name__}")
 
 
-@place_skin.register
-def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
+def sheet_on(skin: SheetSkin, fit: SurfaceFit, near: WrappedSheet | None = None, preview: bool = False) -> WrappedSheet:
+    """Return the sheet of a skin on the surface of a fit; arguments as for `wrap_sheet`."""
     sheet = wrap_sheet(
         fit.error_field.surface,
         skin.lattice,
@@ -133,15 +162,24 @@ def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | N
         offset=skin.offset,
         landmarks=skin.landmarks,
         trim=skin.trim,
-        near=near.sheet if near else None,
+        near=near,
+        preview=preview,
     )
-    if skin.trim:
-        sheet = on_cover(sheet, skin, fit)
-    taxels, shape = sheet_taxels(sheet, skin.name, first_channel), (skin.lattice.rows, skin.lattice.columns)
-    patch = Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
-    placed = PlacedSkin(patch, sheet)
+    return on_cover(sheet, skin, fit) if skin.trim else sheet
+
+
+def sheet_patch(skin: SheetSkin, taxels: TaxelArray) -> Patch:
+    """Return the patch of a placed sheet with these taxels."""
+    shape = skin.lattice.rows, skin.lattice.columns
+    return Patch(skin.name, "sheet", SURFACE, shape, skin.lattice.pitch, taxels, offset=skin.offset)
+
+
+@place_skin.register
+def _(skin: SheetSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
+    sheet = sheet_on(skin, fit)
+    placed = PlacedSkin(sheet_patch(skin, sheet_taxels(sheet, skin.name, first_channel)), sheet)
     if not skin.overlap:
-        check_overlap(patch, placed.closure)
+        check_overlap(placed.patch, placed.closure)
     return placed
 
 
@@ -182,7 +220,7 @@ def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit) -> WrappedSh
 
 
 @place_skin.register
-def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
+def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     boards, overhang = lay_boards(
         fit.error_field.surface,
         skin.lattice,
@@ -201,7 +239,7 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | N
 
 
 @place_skin.register
-def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int, near: PlacedSkin | None = None) -> PlacedSkin:
+def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     taxel_set = read_taxels(skin.file, skin.format, skin.only)
     found = imported_taxels(taxel_set, fit.error_field.surface, skin.name, fit.mesh, frame=skin.frame, snap=skin.snap)
     wrong = next((finding for finding in found.findings if finding.severity == "error"), None)

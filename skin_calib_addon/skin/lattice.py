@@ -44,6 +44,12 @@ class SheetLattice:
         return 2 * self.rows + 1, 2 * self.columns + 1
 
     @property
+    def node_lines(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Positions of the rows and of the columns of nodes, in node distances."""
+        a, b = self.node_shape
+        return tuple(range(a)), tuple(range(b))
+
+    @property
     def step(self) -> tuple[float, float]:
         """Node distance along y (across the rows; negative for a left hand) and along x [m]."""
         return (self.pitch[0] if self.hand == "right" else -self.pitch[0]) / 2, self.pitch[1] / 2

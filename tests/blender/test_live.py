@@ -3,8 +3,10 @@
 from threading import Event
 
 import pytest
+from numpy import isnan
 
-from tests.blender.conftest import look
+from tests.blender.conftest import BAND, look
+from tests.blender.test_registration import draw
 
 
 @pytest.fixture
@@ -82,6 +84,104 @@ def test_plan_that_cannot_be_fitted_says_why_and_recovers(updates, following, mo
     plan.skins[0].rows = 2
     rest(updates, monkeypatch)
     assert not updates.reports and not plan.result.outdated
+
+
+def test_preview_leaves_what_judges_to_the_fit(bpy, updates, following, monkeypatch):
+    """A sheet that overlaps itself is drawn; the status says that warnings follow, and the fit refuses it."""
+    plan = following.skin_calib
+    plan.skins[0].columns = 24
+    look(updates)
+    report = updates.reports[following.name]
+    assert report.refusal is None and not report.interpolated
+    shown = " ".join(draw(bpy, "status"))
+    assert shown.startswith("Preview: mean 0.") and "Errors and warnings follow when the changes end" in shown
+    rest(updates, monkeypatch)
+    assert "overlap" in updates.reports[following.name].problem and plan.result.outdated
+    assert draw(bpy, "status")[0] == "The fit is refused"
+
+
+def test_warnings_of_the_fit_before_a_change_are_named_as_such(bpy, updates, following, monkeypatch):
+    """While the plan differs from the fit, its warnings are not those of the plan."""
+    plan, note = following.skin_calib, "Warnings of the last fit, before the change:"
+    plan.skins[0].columns, plan.skins[0].overlap = 24, True
+    rest(updates, monkeypatch)
+    assert "overlap" in [warning.code for warning in plan.result.warnings] and note not in " ".join(draw(bpy, "status"))
+    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
+    plan.skins[0].columns = 25
+    look(updates)
+    assert note in " ".join(draw(bpy, "status"))
+
+
+def test_fine_sheet_is_interpolated_in_the_preview_and_exact_in_the_file(
+    bpy, addon, updates, plan_file, fit_plainly, tmp_path, monkeypatch
+):
+    """The final state of Live has the bytes of the command line; the status of the preview says that it is not."""
+    fine = BAND | {"rows": 12, "columns": 45, "pitch": [0.002, 0.003]}
+    source = plan_file(skins=[fine | {"columns": 44}])
+    bpy.ops.skin_calib.import_plan(filepath=str(source))
+    bpy.ops.skin_calib.fit()
+    link = bpy.context.object
+    link.skin_calib.live = True
+    for columns in (43, 44, 45):
+        link.skin_calib.skins[0].columns = columns
+        look(updates)
+        assert updates.reports[link.name].interpolated and draw(bpy, "status")[0].startswith("Preview: mean 0.")
+        assert "Cells are interpolated. " in " ".join(draw(bpy, "status"))
+        assert len(addon.drawing.previews[link.name].taxels.ids) == 12 * columns
+    rest(updates, monkeypatch)
+    assert not updates.reports and not link.skin_calib.result.outdated
+    out = tmp_path / "live.json"
+    assert bpy.ops.skin_calib.export_calibration(filepath=str(out)) == {"FINISHED"}
+    assert out.read_bytes() == fit_plainly(plan_file(skins=[fine]))
+
+
+def test_preview_judges_what_is_shown(bpy, addon, updates, following):
+    """Angles to neighbours and uncertainties are computed for a preview only where their layer is drawn."""
+    plan = following.skin_calib
+    plan.skins[0].rows, plan.skins[0].columns, plan.skins[0].pitch = 20, 42, (0.002, 0.003)
+    for heat, has in (("NONE", (False, False)), ("TILT", (True, False)), ("UNCERTAINTY", (False, True))):
+        plan.inspect.heat = heat
+        plan.skins[0].rows -= 1
+        look(updates)
+        taxels = addon.drawing.previews[following.name].taxels
+        assert (any(taxels.neighbours), not isnan(taxels.sigma).all()) == has
+
+
+def test_mesh_that_changes_after_a_preview_gets_another_one(bpy, updates, preview, following, monkeypatch):
+    """A change of the mesh counts also while the fit of a change before it is due."""
+    fits = []
+    monkeypatch.setattr(preview, "fit_grid", lambda *words, real=preview.fit_grid: fits.append(1) or real(*words))
+    monkeypatch.setattr(updates, "FIT_DELAY", 60.0)
+    following.skin_calib.grid.n += 1
+    look(updates)
+    following.data.vertices[0].co.z += 1e-4
+    bpy.context.view_layer.update()
+    look(updates)
+    assert len(fits) == 2
+    look(updates)
+    assert len(fits) == 2
+
+
+def test_mesh_is_read_once_for_each_change(bpy, updates, following, monkeypatch):
+    """Its triangles are read again only after it has changed."""
+    read = []
+
+    def counted(link, context, before=None, real=updates.scene.read_facets):
+        facets = real(link, context, before)
+        read.append(facets is before)
+        return facets
+
+    monkeypatch.setattr(updates.scene, "read_facets", counted)
+    look(updates)
+    read.clear()
+    for n in (7, 8, 9):
+        following.skin_calib.grid.n = n
+        look(updates)
+    assert read == [True] * 3
+    following.data.vertices[0].co.z += 1e-4
+    following.skin_calib.grid.n = 10
+    look(updates)
+    assert read == [True] * 3 + [False]
 
 
 def test_link_that_does_not_follow_is_left_alone(bpy, updates, link):
@@ -198,11 +298,11 @@ def test_mesh_that_changes_by_reading_is_compared_once(bpy, updates, link, monke
     bpy.ops.skin_calib.fit()
     looks = []
 
-    def touching(link, context, real=updates.scene.read_facets):
+    def touching(link, context, before=None, real=updates.scene.read_facets):
         looks.append(link.name)
         assert len(looks) < 9, "endless comparison"
         updates._possibly_changed.add(link.name)
-        return real(link, context)
+        return real(link, context, before)
 
     monkeypatch.setattr(updates.scene, "read_facets", touching)
     link.location = (0.001, 0, 0)

@@ -1,5 +1,6 @@
 """Hand-placed planes in a scene: placed, changed in lists, sketched; an axis through two sections."""
 
+import importlib
 import json
 
 import numpy as np
@@ -90,6 +91,28 @@ def test_wrong_planes_are_reported_while_they_are_placed(bpy, placed, updates):
     assert wrong["U", 2] == "is not beyond u-plane 1"
     assert wrong["CUT", 0] == "removes the complete mesh. Flip its normal"
     assert wrong["CUT", 1].startswith("removes nothing; distance 1")
+
+
+def test_only_planes_that_move_are_cut_again(bpy, placed, updates, monkeypatch):
+    """A moved plane is cut, the others and the cover are kept; a moved cut changes all of them."""
+    module = importlib.import_module(updates.__name__.replace("updates", "sketch"))
+    cut, grid = [], placed.skin_calib.grid
+    monkeypatch.setattr(module, "cut_sections", lambda m, p, real=module.cut_sections: cut.append(len(p)) or real(m, p))
+    look(updates)
+    expected, before = (len(grid.u), len(grid.v)), updates.sketches[placed.name]
+    assert cut == [*expected]
+    cut.clear()
+    grid.u[2].point[2] += 0.001
+    look(updates)
+    after = updates.sketches[placed.name]
+    assert cut == [1]
+    assert after.centres["U", 2][2] - before.centres["U", 2][2] > 5e-4
+    assert all((after.centres[key] == before.centres[key]).all() for key in before.centres if key != ("U", 2))
+    cut.clear()
+    bpy.ops.skin_calib.cut_add()
+    placed.skin_calib.cover.cuts[0].point, placed.skin_calib.cover.cuts[0].normal = (0, 0, 0.095), (0, 0, -1)
+    look(updates)
+    assert cut == [1, *expected]
 
 
 def test_cut_shows_the_removed_part(bpy, addon, updates, link):

@@ -14,7 +14,7 @@ from ...common.file_hash import file_hash
 from ...common.warnings import Warning
 from ...geometry import SurfaceFit, cut_cover, fit_grid
 from ...geometry.mesh.triangle_mesh import TriangleMesh
-from ...pipeline.place_skins import PlacedSkin, place_all
+from ...pipeline.place_skins import Draft, PlacedSkin, place_all
 from ...pipeline.sources import taxel_files
 from ...plan import Plan
 from ...plan.checks import naming_surface
@@ -31,6 +31,7 @@ class PreviewReport:
 
     mean: float = 0.0  # distance along the rays of the fit [m]
     seconds: float = 0.0  # from the change to the preview [s]
+    interpolated: bool = False  # whether cells are between others that have been placed
     refusal: Warning | None = None  # why there is no preview or fit; the other values are then invalid
 
     @property
@@ -63,10 +64,10 @@ class StepCache:
             self.steps[name] = given, make()
         return self.steps[name][1]
 
-    def placed(self, skins: Any) -> tuple[PlacedSkin, ...]:
-        """Return the placements of these skins on the last surface; empty if the skins were different."""
-        before, placed = self.steps.get("placed", ((None, None), ()))
-        return placed if before[1] == skins else ()
+    @property
+    def placed(self) -> dict[str, PlacedSkin]:
+        """Return the last placements of the skins by their names; empty without one."""
+        return {done.patch.name: done for done in self.steps.get("placed", (None, ()))[1]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,17 +107,19 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
     if plan is None:
         return Preview(sketch, report=PreviewReport(refusal=given.refusal) if given.refusal else None)
     skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
+    judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
     try:
         fits = {surface.name: _fit(cache, mesh, plan, surface) for surface in plan.surfaces}
-        near = cache.placed(skins)
-        placed = cache.step("placed", (fits, skins), _same_fits, lambda: place_all(plan, fits, near))
+        draft = Draft(cache.placed, *judged)
+        placed = cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
     except SkinCalibError as error:
         return Preview(sketch, report=PreviewReport(refusal=refusal_of(error)))
     layers = layers_of(SimpleNamespace(fits=fits, placed=placed))
     for _ in layers.shown(given.shown):  # computed here, in the thread
         pass
+    interpolated = any(done.sheet is not None and done.sheet.interpolated for done in placed)
     mean = max(float(np.nanmean(np.abs(fit.residuals))) for fit in fits.values())
-    return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start))
+    return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated))
 
 
 def _fit(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface) -> SurfaceFit:

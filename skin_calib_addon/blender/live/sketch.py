@@ -2,6 +2,7 @@
 """Sketch hand-placed planes before any fit: removed parts, sections, planes that do not intersect the mesh."""
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,6 +22,7 @@ REMOVED = (0.9, 0.1, 0.1, 0.35)
 MISSED = (1.0, 0.0, 0.0, 1.0)
 # Half side of the square that shows a plane without a section, relative to the size of the mesh.
 SQUARE = 0.3
+MAX_SECTIONS = 300  # kept of one mesh. Larger: more memory; smaller: sections of planes that did not move are cut again
 
 Named = tuple[str, int]  # a plane: "CUT", "U" or "V", and its index in that list
 
@@ -72,31 +74,72 @@ def _check_order(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPl
 
 def _cut(sketch: Sketch, mesh: TriangleMesh, planes: HandPlanes) -> TriangleMesh:
     """Return the mesh without the cut parts and those that are not outside; draw the removed parts."""
-    removed, valid = [], [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
+    valid = [i for i in range(len(planes.points["CUT"])) if ("CUT", i) not in sketch.wrong]
+    cuts = tuple((*planes.points["CUT"][i], *unit(planes.normals["CUT"][i])) for i in valid)
+    cover = _cover(mesh, cuts, planes.shell)
+    _draw(sketch, "CUT", cover.seen, planes, "removes nothing")
+    for k in cover.complete:
+        sketch.wrong["CUT", valid[k]] = "removes the complete mesh. Flip its normal"
+    if len(cover.removed):
+        colours = np.tile(np.float32(REMOVED), (len(cover.removed), 1))
+        sketch.layers.append(Layer("PLANES", cover.removed, colours))
+    return cover.mesh
+
+
+@dataclass(frozen=True, eq=False)
+class _Cover:
+    """What cuts and the choice of shells leave of a mesh."""
+
+    seen: TriangleMesh  # what the cuts are applied to
+    mesh: TriangleMesh
+    removed: Array  # (3 t, 3) corners of the removed triangles, float32 [m]
+    complete: tuple[int, ...]  # the cuts that would remove the complete mesh
+
+
+@lru_cache(maxsize=4)  # while other planes move, the cover is the same
+def _cover(mesh: TriangleMesh, cuts: tuple[tuple[float, ...], ...], shell: str) -> _Cover:
+    removed, complete = [np.empty((0, 3, 3))], []
 
     def only(kept: BoolArray) -> TriangleMesh:
         removed.append(mesh.triangles[~kept])
         return mesh if kept.all() else weld(mesh.vertices, mesh.faces[kept])
 
-    if planes.shell == "seen" and visibility(mesh).seen.any():
+    if shell == "seen" and visibility(mesh).seen.any():
         mesh = only(visibility(mesh).seen)
-    _draw(sketch, "CUT", mesh, planes, "removes nothing")
-    for i in valid:
-        point, normal = planes.points["CUT"][i], unit(planes.normals["CUT"][i])
+    seen = mesh
+    for k, numbers in enumerate(cuts):
+        point, normal = np.array(numbers[:3]), np.array(numbers[3:])
         try:
             kept = weld(*one_side(mesh, point, normal))
         except InvalidMesh:
-            sketch.wrong["CUT", i] = "removes the complete mesh. Flip its normal"
+            complete.append(k)
             continue
         vertices, faces = one_side(mesh, point, -normal)
         removed.append(vertices[faces])
         mesh = kept
-    if planes.shell == "outer":
+    if shell == "outer":
         mesh = only(is_outer(mesh))
-    if sum(map(len, removed)):
-        corners = np.concatenate(removed).reshape(-1, 3).astype(np.float32)
-        sketch.layers.append(Layer("PLANES", corners, np.tile(np.float32(REMOVED), (len(corners), 1))))
-    return mesh
+    return _Cover(seen, mesh, np.concatenate(removed).reshape(-1, 3).astype(np.float32), tuple(complete))
+
+
+def _sections(mesh: TriangleMesh, points: Array, normals: Array) -> list[Array]:
+    """Return the ends of the section of each plane, shape (2 s, 3) [m]; only planes that have moved are cut."""
+    known = _known_sections(mesh)
+    keys = [(*point, *normal) for point, normal in zip(points.tolist(), normals.tolist())]
+    moved = [i for i, key in enumerate(keys) if key not in known]
+    if len(known) + len(moved) > MAX_SECTIONS:
+        known.clear()
+        moved = list(range(len(keys)))
+    if moved:
+        sections = cut_sections(mesh, Planes(points[moved], normals[moved]))
+        known.update({keys[i]: sections.ends[sections.plane == k].reshape(-1, 3) for k, i in enumerate(moved)})
+    return [known[key] for key in keys]
+
+
+@lru_cache(maxsize=4)
+def _known_sections(mesh: TriangleMesh) -> dict[tuple[float, ...], Array]:
+    """Return the sections of planes through a mesh that are known, by point and normal."""
+    return {}
 
 
 def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, missing: str) -> None:
@@ -105,17 +148,15 @@ def _draw(sketch: Sketch, family: str, mesh: TriangleMesh, planes: HandPlanes, m
     valid = [i for i in range(len(points)) if (family, i) not in sketch.wrong]
     if not valid:
         return
-    sections = cut_sections(mesh, Planes(points[valid], normals[valid]))
-    squares = []
-    for k, i in enumerate(valid):
-        ends = sections.ends[sections.plane == k].reshape(-1, 3)
+    sections, squares = _sections(mesh, points[valid], normals[valid]), []
+    for ends, i in zip(sections, valid):
         if len(ends):
             sketch.arms[family, i], sketch.centres[family, i] = _arm(points[i], normals[i], ends), ends.mean(axis=0)
         else:
             gap = np.abs((mesh.vertices - points[i]) @ normals[i]).min()
             sketch.wrong[family, i] = f"{missing}; distance {gap * 1e3:.1f} mm"
             squares.append(_square(points[i], normals[i], SQUARE * mesh.size))
-    sketch.layers.append(Layer("PLANES", sections.ends.reshape(-1, 3).astype(np.float32), colour=COLOURS[family]))
+    sketch.layers.append(Layer("PLANES", np.concatenate(sections).astype(np.float32), colour=COLOURS[family]))
     if squares:
         sketch.layers.append(Layer("PLANES", np.concatenate(squares).astype(np.float32), colour=MISSED, width=2.0))
 

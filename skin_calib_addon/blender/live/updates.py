@@ -146,7 +146,8 @@ def switched(plan: Any, _context: Any) -> None:
 
 def facets_of(link: bpy.types.Object) -> Facets:
     """Return the facets of an object that is to be fitted; its result becomes outdated when they change."""
-    _fitted_facets[link.name] = scene.read_facets(link, bpy.context)
+    _fitted_facets[link.name] = scene.read_facets(link, bpy.context, _fitted_facets.get(link.name))
+    _possibly_changed.discard(link.name)  # Blender has just evaluated the object
     return _fitted_facets[link.name]
 
 
@@ -173,11 +174,20 @@ def _check_possibly_changed() -> None:
         link = bpy.data.objects.get(name)
         if link is None or name not in _fitted_facets or scene.why_not(link):
             continue
+        if name in _changed and name not in _previewed and follows(link):  # the preview that is due reads the mesh
+            continue
+        before = _fitted_facets[name]
         try:
-            is_same = scene.read_facets(link, bpy.context).is_same(_fitted_facets[name])
+            facets = scene.read_facets(link, bpy.context, before)
         except SkinCalibError:
-            is_same = False
-        if not is_same and not link.skin_calib.result.outdated:
+            link.skin_calib.result.outdated = True
+            continue
+        if facets is before:
+            continue
+        if link.skin_calib.result.outdated:  # since an earlier change: its preview, or its fit, is of another mesh
+            _fitted_facets[name] = facets
+            request(link)
+        else:
             link.skin_calib.result.outdated = True
 
 

@@ -18,10 +18,14 @@ class Facets:
     vertices: Array  # (v, 3) float32, in the object's own axes and units
     faces: IntArray  # (f, 3) int32
     placed: Array  # (3, 4) from there into metres in the link frame
+    corners: IntArray  # (c,) int32, the vertices around each polygon, one polygon after another
+    starts: IntArray  # (p,) int32, where each polygon starts among them
 
     def is_same(self, other: "Facets | None") -> bool:
-        """Return whether other facets make the same mesh."""
-        pairs = ((getattr(self, n), getattr(other, n, None)) for n in ("placed", "vertices", "faces"))
+        """Return whether other facets make the same mesh: Blender divides the same polygons in the same way."""
+        if self is other:
+            return True
+        pairs = ((getattr(self, n), getattr(other, n, None)) for n in ("placed", "vertices", "corners", "starts"))
         return all(np.array_equal(one, another) for one, another in pairs)
 
     def triangles(self) -> tuple[Array, IntArray]:

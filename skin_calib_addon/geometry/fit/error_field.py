@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import map_coordinates, uniform_filter1d
+from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, product, unit
 from ..mesh.triangle_mesh import TriangleMesh
@@ -120,14 +122,12 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
         Along the normals of the faces [m]; zero next to sharp edges.
     """
     face, which = np.unique(faces, return_inverse=True)
-    corners, facet = mesh.faces[face], mesh.face_normals[face]
-    ring = _faces_around(mesh, corners)
-    normals = vertex_normals(mesh.vertices, _faces_around(mesh, ring))
-    rim = at_rim(ring, len(mesh.vertices))[corners]
+    corners, facet, bends_at = mesh.faces[face], mesh.face_normals[face], _vertex_bends(mesh)
+    normals, rim = bends_at.normals, bends_at.rim[corners]
     edges = mesh.vertices[corners[:, NEXT]] - mesh.vertices[corners]
     turned = normals[corners] - facet[:, None]  # from the face to each corner
     start, end = -np.einsum("fkc,fkc->fk", turned, edges), np.einsum("fkc,fkc->fk", turned[:, NEXT], edges)
-    smooth = _continues(mesh.vertices, normals, ring, corners, turned)
+    smooth = _continues(mesh.vertices, bends_at, corners, turned)
     start, end = start * smooth, end * smooth[:, NEXT]
     start, end = np.where(rim & ~rim[:, NEXT], end, start), np.where(rim[:, NEXT] & ~rim, start, end)
     most = MAX_END_RATIO * np.minimum(np.abs(start), np.abs(end))
@@ -138,14 +138,37 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     return np.einsum("nk,nk,nk->n", b, b[:, NEXT], bends[which]) / 2
 
 
-def _faces_around(mesh: TriangleMesh, corners: IntArray) -> IntArray:
-    """Return the faces with at least one of some vertices, shape (f, 3)."""
-    hit = np.zeros(len(mesh.vertices), bool)
-    hit[corners] = True
-    return mesh.faces[hit[mesh.faces].any(axis=1)]
+@dataclass(frozen=True, eq=False)
+class _VertexBends:
+    """The bends of a mesh at its vertices, and along its edges; each edge is in both of its faces."""
+
+    normals: Array  # (v, 3) unit
+    rim: BoolArray  # (v,) whether the faces around the vertex leave a side open
+    bends: Array  # (e, 3) difference of the normals at the ends of each edge [1]
+    arms: Array  # (e, 3) the edges [m]
+    squares: Array  # (e,) of their lengths [m^2]
+    steepest: Array  # (v,) largest bend per length of the edges of each vertex [1/m]
+    starts: IntArray  # (v + 1,) where the edges of each vertex start in ``edges``
+    edges: IntArray  # (2 e,)
 
 
-def _continues(vertices: Array, normals: Array, ring: IntArray, corners: IntArray, turned: Array) -> Array:
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep the bends of their mesh
+def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
+    vertices, faces, count = mesh.vertices, mesh.faces, len(mesh.vertices)
+    normals = vertex_normals(vertices, faces)
+    first, last = faces.ravel(), faces[:, NEXT].ravel()
+    arms, bends = vertices[last] - vertices[first], normals[last] - normals[first]
+    squares = np.maximum(np.einsum("ec,ec->e", arms, arms), MIN_LENGTH**2)
+    steepest, steepness = np.zeros(count), np.sqrt(np.einsum("ec,ec->e", bends, bends) / squares)
+    for end in (first, last):
+        np.maximum.at(steepest, end, steepness)
+    size = 2 * len(arms)
+    by_vertex = csr_array((np.ones(size, bool), (np.concatenate((first, last)), np.arange(size))), (count, size))
+    starts, edges = by_vertex.indptr.astype(np.int64), by_vertex.indices.astype(np.int64) % len(arms)
+    return _VertexBends(normals, at_rim(faces, count), bends, arms, squares, steepest, starts, edges)
+
+
+def _continues(vertices: Array, at_vertices: _VertexBends, corners: IntArray, turned: Array) -> Array:
     r"""Return how well the curvature over each facet continues at each of its corners, shape (f, 3): 0 to 1.
 
     From the normal of the facet to that of a corner the surface turns by the vector :math:`\mathbf{t}`, over half of
@@ -162,10 +185,8 @@ def _continues(vertices: Array, normals: Array, ring: IntArray, corners: IntArra
     ----------
     vertices : array, shape (v, 3)
         [m]
-    normals : array, shape (v, 3)
-        Of the vertices in ``ring``.
-    ring : array of int, shape (r, 3)
-        All faces around the corners.
+    at_vertices : _VertexBends
+        Of the mesh.
     corners : array of int, shape (f, 3)
         The facets.
     turned : array, shape (f, 3, 3)
@@ -175,26 +196,18 @@ def _continues(vertices: Array, normals: Array, ring: IntArray, corners: IntArra
     ahead, points = unit(turned), vertices[corners]
     extents = (np.abs(np.einsum("fkc,fkc->fk", points[:, to] - points, ahead)) for to in (NEXT, PREVIOUS))
     over = 2 * np.einsum("fkc,fkc->fk", turned, ahead) / np.maximum(np.maximum(*extents), MIN_LENGTH)
-    first, last = ring.ravel(), ring[:, NEXT].ravel()
-    arms, bends = vertices[last] - vertices[first], normals[last] - normals[first]
-    squares = np.maximum(np.einsum("ec,ec->e", arms, arms), MIN_LENGTH**2)
-    steepest = np.zeros(len(vertices))  # in any direction; where it is small, directions need not be compared
-    for end in (first, last):
-        np.maximum.at(steepest, end, np.sqrt(np.einsum("ec,ec->e", bends, bends) / squares))
     continues = np.ones(corners.shape)
-    face, corner = np.nonzero(steepest[corners] > low * over)
+    # The steepest bend is in any direction; where it is small, directions need not be compared.
+    face, corner = np.nonzero(at_vertices.steepest[corners] > low * over)
     if len(face) == 0:
         return continues
     at, toward = corners[face, corner], ahead[face, corner]
-    first, last, edge = np.concatenate((first, last)), np.concatenate((last, first)), np.tile(np.arange(len(arms)), 2)
-    near = np.isin(first, at)
-    order = np.flatnonzero(near)[np.argsort(first[near])]
-    begin, stop = (np.searchsorted(first[order], at, side) for side in ("left", "right"))
-    count = stop - begin
+    begin, count = at_vertices.starts[at], np.diff(at_vertices.starts)[at]
     starts = np.cumsum(count) - count
-    edge = edge[order][np.arange(count.sum()) + np.repeat(begin - starts, count)]
+    edge = at_vertices.edges[np.arange(count.sum()) + np.repeat(begin - starts, count)]
     toward = np.repeat(toward, count, axis=0)
-    curvatures = np.einsum("pc,pc->p", bends[edge], toward) * np.einsum("pc,pc->p", arms[edge], toward) / squares[edge]
+    bends, arms = (np.einsum("pc,pc->p", part[edge], toward) for part in (at_vertices.bends, at_vertices.arms))
+    curvatures = bends * arms / at_vertices.squares[edge]
     ratios = np.maximum.reduceat(curvatures, starts) / np.maximum(over[face, corner], MIN_LENGTH)
     continues[face, corner] = np.clip((high - ratios) / (high - low), 0, 1)
     return continues

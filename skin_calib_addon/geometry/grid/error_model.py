@@ -1,7 +1,9 @@
 """The error of spacings of planes and lines, predicted from a few outlines and profiles of the mesh."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -60,8 +62,30 @@ FLOOR_STRIDE = 4
 # [1] least number of sites across for this comparison, so that facets are seen. Larger: more time.
 FLOOR_SITES_ACROSS = 400
 
+
+def _outline_stations(parametrization: Parametrization) -> Array:
+    return np.linspace(*parametrization.span, 2 * OUTLINES + 1)[1::2]
+
+
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep the outlines of their mesh: planes do not move them
+def _outline_heights(mesh: TriangleMesh, parametrization: Parametrization) -> Array:
+    return heights(mesh, parametrization, _outline_stations(parametrization), outline_positions(parametrization))
+
+
+@lru_cache(maxsize=4)
+def _memory(mesh: TriangleMesh, parametrization: Parametrization) -> dict[tuple[Any, ...], Any]:
+    return {}
+
+
+@lru_cache(maxsize=4)
+def _profile_heights(mesh: TriangleMesh, parametrization: Parametrization, rows: int) -> Array:
+    t = outline_positions(parametrization)[:: OUTLINE_RAYS // PROFILES][:PROFILES]
+    return heights(mesh, parametrization, np.linspace(*parametrization.span, rows + 1), t)
+
+
 # A spacing is a piecewise linear map from the fraction of the intervals before a position, 0 to 1, to the position.
 SpacingMap = tuple[Array, Array]
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +105,8 @@ class ErrorModel:
     profiles_known: Array  # (PROFILES, k)
     per_span: int = SELECTION_SITES  # sites in each span for the errors
     centre: Array | None = None  # (3,) point of the mesh at the middle of the region [m]
+    # What was computed from the outlines only, for other numbers of planes too, by its input.
+    memory: dict[tuple[Any, ...], Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, mesh: TriangleMesh, parametrization: Parametrization, planes: int) -> "ErrorModel":
@@ -106,11 +132,8 @@ class ErrorModel:
         """
         rows = min(max(PROFILE_SITES_PER_PLANE * planes, MIN_PROFILE_SITES), MAX_PROFILE_SITES)
         s, t = np.linspace(*parametrization.span, rows + 1), outline_positions(parametrization)
-        outline_s = np.linspace(*parametrization.span, 2 * OUTLINES + 1)[1::2]
-        profile_t = t[:: OUTLINE_RAYS // PROFILES][:PROFILES]
-        outlines, profiles = (
-            heights(mesh, parametrization, rows, columns) for rows, columns in ((outline_s, t), (s, profile_t))
-        )
+        outline_s = _outline_stations(parametrization)
+        outlines, profiles = _outline_heights(mesh, parametrization), _profile_heights(mesh, parametrization, rows)
         known, profiles_met = (~np.isnan(h) * 1.0 for h in (outlines, profiles.T))
         outlines = filled(outlines, parametrization.closed)
         middle = OUTLINES // 2
@@ -123,7 +146,23 @@ class ErrorModel:
             filled(profiles.T, False),
             profiles_met,
             centre=outline_centre(parametrization, outline_s[middle], outlines[middle]),
+            memory=_memory(mesh, parametrization),
         )
+
+    def remembered(self, given: tuple[Any, ...], make: Callable[[], Result]) -> Result:
+        """Return what was computed from the outlines before, or compute it.
+
+        Parameters
+        ----------
+        given : tuple
+            Its name and its input except for the outlines.
+        make : function
+            Computes it.
+        """
+        if given not in self.memory:
+            self.memory[given] = make()
+        found: Result = self.memory[given]
+        return found
 
     @property
     def is_filled(self) -> bool:
@@ -328,7 +367,7 @@ class ErrorModel:
             profiles_known=self.profiles_known[::FLOOR_STRIDE],
         )
         (across, moved_across), (along, moved_along) = (
-            few._moving_across(lines, degree[1]),
+            self.remembered(("moving", lines, degree[1]), lambda: few._moving_across(lines, degree[1])),
             few._moving_along(planes, degree[0]),
         )
         total = max(across + along, 1e-300)

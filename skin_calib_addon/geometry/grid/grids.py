@@ -1,6 +1,7 @@
 """The grid of the author: a region of the mesh, the number of planes and lines, and their spacing."""
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -114,6 +115,9 @@ class Across(Region):
 
     normal: Vector = field(kw_only=True)  # outward, any length
 
+    def __post_init__(self):
+        object.__setattr__(self, "normal", tuple(self.normal))  # hashable
+
     def parametrization(self, mesh: TriangleMesh) -> FaceParametrization:
         """Return lengths over the faces of ``mesh`` whose normals point along ``normal``."""
         up = unit(self.normal)
@@ -190,7 +194,12 @@ class Grid:
         """
         if isinstance(self.size, Tolerance):
             raise InvalidPlan("This grid has a tolerance instead of numbers of planes and lines. Use fit_grid.")
-        return lines_on(self.region.parametrization(mesh), mesh, self.size.n, self.size.lines, self.spacing, degree)
+        return lines_on(_parametrization(self.region, mesh), mesh, self.size.n, self.size.lines, self.spacing, degree)
+
+
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep the region of their mesh
+def _parametrization(region: Region, mesh: TriangleMesh) -> Parametrization:
+    return region.parametrization(mesh)
 
 
 def TubeGrid(n: int, lines: int, axis: Axis | None = None, margin: float | None = None, spacing: str = "auto") -> Grid:

@@ -1,5 +1,7 @@
 """Outlines of a mesh: heights along rays across a region, and the point of the mesh at its middle."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from ...common.arrays import Array
@@ -38,6 +40,7 @@ def outline_centre(parametrization: Parametrization, s: float, outline: Array) -
     return np.asarray(origins[0, 0] + outline[middle] * directions[0, 0])
 
 
+@lru_cache(maxsize=4)  # repeated fits, as in the window, keep the centre of their mesh
 def region_centre(mesh: TriangleMesh, parametrization: Parametrization) -> Array | None:
     """Return the point of a mesh at the middle of a region, shape (3,) [m]; None if the section there is empty.
 

@@ -193,7 +193,8 @@ def initial_planes(error_model: ErrorModel, count: int, degree: int) -> Array:
     maps, errors = equalized_maps(selection.error_along, linear, fractions, degree, False)
     candidates = [even, *(positions_at(m, fractions) for m in maps)]
     errors = [selection.error_along(even, degree)[0], *errors]
-    return least_error([even, candidates[int(np.argmin(errors))]], validation.errors_along, degree, error_model)
+    best = [even, candidates[int(np.argmin(errors))]]
+    return least_error(best, validation.errors_along(np.stack(best), degree), error_model)
 
 
 def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> Array:
@@ -219,7 +220,8 @@ def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves
         return positions  # the model does not contain the error of a curved axis
     selection, validation = error_model.halves
     moved = refined_positions(selection.slopes_along, positions, degree, error_model.parametrization.span, False, moves)
-    return least_error([positions, moved], validation.errors_along, degree, error_model)
+    candidates = [positions, moved]
+    return least_error(candidates, validation.errors_along(np.stack(candidates), degree), error_model)
 
 
 def density_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
@@ -262,23 +264,28 @@ def initial_lines(error_model: ErrorModel, count: int, degree: int) -> Array:
     array, shape (count,)
         [rad] or [m]
     """
-    closed, even = error_model.parametrization.closed, even_fractions(count, error_model.parametrization.closed)
     if not error_model.is_filled:
+        even = even_fractions(count, error_model.parametrization.closed)
         return positions_at(error_model.maps["uniform"], even)
+    found = error_model.remembered(("initial", count, degree), lambda: _initial_lines(error_model, count, degree))
+    return least_error(*found, error_model)
+
+
+def _initial_lines(error_model: ErrorModel, count: int, degree: int) -> tuple[list[Array], Array]:
+    """Return even lines and those with equal errors, and the errors of both."""
+    closed = error_model.parametrization.closed
     selection, validation = error_model.halves
     fractions = control_fractions(count, degree, closed)
     maps = list(selection.maps.values())
-    even_lines = positions_at(maps[0], even)
+    even_lines = positions_at(maps[0], even_fractions(count, closed))
     if closed:
         maps = [m for map_ in maps for m in (map_, rotated_map(map_, ROTATED_INTERVALS / count))]
     left = selection.errors_across(np.stack([positions_at(m, fractions) for m in maps]), degree)
     equalized, errors = equalized_maps(selection.error_across, maps[int(np.argmin(left))], fractions, degree, closed)
-    return least_error(
-        [even_lines, positions_at(equalized[int(np.argmin(errors))], fractions)],
-        validation.errors_across,
-        degree,
-        error_model,
-    )
+    candidates = [even_lines, positions_at(equalized[int(np.argmin(errors))], fractions)]
+    for positions in candidates:
+        positions.setflags(write=False)  # they are remembered
+    return candidates, validation.errors_across(np.stack(candidates), degree)
 
 
 def refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> Array:
@@ -302,6 +309,14 @@ def refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves:
     """
     if not error_model.is_filled:
         return positions
+    found = error_model.remembered(
+        ("refined", positions.tobytes(), degree, moves), lambda: _refined_lines(error_model, positions, degree, moves)
+    )
+    return least_error(*found, error_model)
+
+
+def _refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves: int) -> tuple[list[Array], Array]:
+    """Return lines before and after the movement, and the errors of both."""
     selection, validation = error_model.halves
     moved = refined_positions(
         selection.slopes_across,
@@ -311,7 +326,10 @@ def refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves:
         error_model.parametrization.closed,
         moves,
     )
-    return least_error([positions, moved], validation.errors_across, degree, error_model)
+    candidates = [positions, moved]
+    for lines in candidates:
+        lines.setflags(write=False)  # they are remembered
+    return candidates, validation.errors_across(np.stack(candidates), degree)
 
 
 def refined_positions(
@@ -419,9 +437,7 @@ def rotated_map(m: SpacingMap, fraction: float) -> SpacingMap:
     return knots - fraction, positions_at(period, knots)
 
 
-def least_error(
-    candidates: list[Array], errors: Callable[[Array, int], Array], degree: int, error_model: ErrorModel
-) -> Array:
+def least_error(candidates: list[Array], left: Array, error_model: ErrorModel) -> Array:
     """Return the candidate with the least error, or the first whose error is nearly as small.
 
     Symmetric shapes and noise have several candidates with nearly equal errors.
@@ -430,10 +446,8 @@ def least_error(
     ----------
     candidates : list of array, shape (m,)
         The simplest first.
-    errors : function
-        Returns the errors of candidates (c, m) for a degree, shape (c,) [m].
-    degree : int
-        Of the spline.
+    left : array, shape (c,)
+        Their errors [m].
     error_model : ErrorModel
         Gives the heights, whose fractions are negligible.
 
@@ -441,7 +455,6 @@ def least_error(
     -------
     array, shape (m,)
     """
-    left = errors(np.stack(candidates), degree)
     rounding = float(np.finfo(np.float32).eps * np.abs(error_model.profiles).mean())  # of vertices in mesh files
     return candidates[int(np.argmax(MAX_ERROR_RATIO * left - rounding <= left.min()))]
 

@@ -37,12 +37,7 @@ def turned_over(layer: BSplineSurface, lattice: SheetLattice, uv: Array) -> Bool
     uv : array, shape (a, b, 2)
         Parameters of the nodes.
     """
-    hand = np.sign(lattice.step[0])
-    along, across = np.diff(uv, axis=1), np.diff(uv, axis=0)
-    a, b = len(across), along.shape[1]
-    # Both triangles of both diagonals: the sides that meet at each of the four corners of a quarter.
-    pairs = [(along[i : i + a], across[:, j : j + b]) for i in (0, 1) for j in (0, 1)]
-    wrong = np.logical_or.reduce([hand * _determinant(*sides) <= 0 for sides in pairs])
+    wrong = turned_meshes(lattice, uv)
     cells = (wrong[::2, ::2] | wrong[1::2, ::2] | wrong[::2, 1::2] | wrong[1::2, 1::2]).ravel()
     r = layer.derivatives(uv.reshape(-1, 2))
     points, normals = (part.reshape(*lattice.node_shape, 3) for part in (r[0, 0], cross(r[1, 0], r[0, 1])))
@@ -52,6 +47,25 @@ def turned_over(layer: BSplineSurface, lattice: SheetLattice, uv: Array) -> Bool
         first, second = corners[:, (k + 1) % 4] - corners[:, k], corners[:, (k + 2) % 4] - corners[:, k]
         cells |= (cross(first, second) * up).sum(axis=1) <= 0
     return cells
+
+
+def turned_meshes(lattice: SheetLattice, uv: Array) -> BoolArray:
+    """Return which meshes between four nodes have a half that is turned over in the parameters, shape (a - 1, b - 1).
+
+    Parameters
+    ----------
+    lattice : SheetLattice
+        The flat sheet.
+    uv : array, shape (a, b, 2)
+        Parameters of some of its rows and columns of nodes.
+    """
+    hand = np.sign(lattice.step[0])
+    along, across = np.diff(uv, axis=1), np.diff(uv, axis=0)
+    a, b = len(across), along.shape[1]
+    # Both triangles of both diagonals: the sides that meet at each of the four corners.
+    pairs = [(along[i : i + a], across[:, j : j + b]) for i in (0, 1) for j in (0, 1)]
+    wrong: BoolArray = np.logical_or.reduce([hand * _determinant(*sides) <= 0 for sides in pairs])
+    return wrong
 
 
 def _determinant(a: Array, b: Array) -> Array:

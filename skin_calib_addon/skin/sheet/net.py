@@ -9,6 +9,8 @@ from scipy.sparse import csr_array
 from ...common.arrays import Array, IntArray
 from ..lattice import PORTS, HexLattice
 
+Lines = tuple[int, ...]  # positions of the rows or columns of nodes, in steps, in increasing order
+
 
 @dataclass(frozen=True, eq=False)
 class Net:
@@ -62,25 +64,26 @@ class Net:
 
 
 @lru_cache(maxsize=32)
-def grid_net(shape: tuple[int, int], step: tuple[float, float], pinned: tuple[int, int]) -> Net:
+def grid_net(lines: tuple[Lines, Lines], step: tuple[float, float], pinned: tuple[int, int]) -> Net:
     """Return a rectangular grid; nodes keep their distances along rows, across rows and along both diagonals.
 
     Parameters
     ----------
-    shape : pair of int
-        Number of nodes across the rows and along them.
+    lines : pair of tuple of int
+        Positions of the rows and of the columns of nodes, in steps.
     step : pair of float
-        Node distances across the rows and along them [m]; the first is negative for a left-handed sheet.
+        Length of a step across the rows and along them [m]; the first is negative for a left-handed sheet.
     pinned : pair of int
-        Row and column of the pinned node.
+        Position of the pinned node.
 
     Returns
     -------
     Net
     """
-    a, b = shape
-    i, j = (k.ravel() for k in np.indices(shape))
-    node = np.arange(a * b).reshape(shape)
+    rows, columns = (np.array(positions) for positions in lines)
+    shape = len(rows), len(columns)
+    i, j = (k.ravel() for k in np.meshgrid(rows, columns, indexing="ij"))
+    node = np.arange(len(i)).reshape(shape)
     families = (
         (node[:, :-1], node[:, 1:]),
         (node[:-1], node[1:]),
@@ -88,7 +91,7 @@ def grid_net(shape: tuple[int, int], step: tuple[float, float], pinned: tuple[in
         (node[:-1, 1:], node[1:, :-1]),
     )
     pairs = np.concatenate([np.column_stack((start.ravel(), stop.ravel())) for start, stop in families])
-    load_fractions = np.outer(_trapezoid(a), _trapezoid(b)).ravel()
+    load_fractions = np.outer(_widths(rows), _widths(columns)).ravel()
     return Net(
         np.column_stack(((j - pinned[1]) * step[1], (i - pinned[0]) * step[0])),
         pairs,
@@ -96,11 +99,10 @@ def grid_net(shape: tuple[int, int], step: tuple[float, float], pinned: tuple[in
     )
 
 
-def _trapezoid(n: int) -> Array:
-    weights = np.ones(n)
-    if n > 1:
-        weights[[0, -1]] = 0.5
-    return weights
+def _widths(positions: IntArray) -> Array:
+    """Return half of the distance from the position before to the one after each; an end has one neighbour."""
+    halves = np.diff(positions) / 2
+    return np.append(halves, 0.0) + np.insert(halves, 0, 0.0)
 
 
 def board_net(lattice: HexLattice, cells: IntArray) -> Net:

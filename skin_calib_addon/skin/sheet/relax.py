@@ -131,14 +131,36 @@ def pair_lengths(points: Array, normals: Array, pairs: IntArray, straight: bool 
     pull : array, shape (e, 2, 3)
         Gradient of each length with respect to its two ends.
     """
+    if straight:
+        chord = points[pairs[:, 1]] - points[pairs[:, 0]]
+        length = np.linalg.norm(chord, axis=1)
+        return length, (chord / length[:, None])[:, None] * np.array((-1.0, 1.0))[:, None]
+    length, heading, sines = arcs(points, normals, pairs)
+    # The first variation of a geodesic's length: minus its tangent at the start, plus its tangent at the end.
+    tangents = unit(heading[:, None] - sines[..., None] * normals[pairs])
+    return length, tangents * np.array((-1.0, 1.0))[:, None]
+
+
+def arcs(points: Array, normals: Array, pairs: IntArray) -> tuple[Array, Array, Array]:
+    """Return the lengths of `pair_lengths` along the surface (e,) [m], and the directions of the chords.
+
+    Parameters
+    ----------
+    points, normals, pairs : array
+        As for :func:`pair_lengths`.
+
+    Returns
+    -------
+    lengths : array, shape (e,)
+        [m]
+    heading : array, shape (e, 3)
+        Unit vectors from the first point of each pair to the second.
+    sines : array, shape (e, 2)
+        Of the angles of the chord to the surface at its two ends.
+    """
     chord = points[pairs[:, 1]] - points[pairs[:, 0]]
     length = np.linalg.norm(chord, axis=1)
     heading = chord / length[:, None]
-    if straight:
-        return length, heading[:, None] * np.array((-1.0, 1.0))[:, None]
     sines = np.einsum("ec,ekc->ek", heading, normals[pairs])
     s, t = np.arcsin(np.clip(sines, -1, 1)).T
-    arcs = length * (1 + (2 * s * s - s * t + 2 * t * t) / 30)
-    # The first variation of a geodesic's length: minus its tangent at the start, plus its tangent at the end.
-    tangents = unit(heading[:, None] - sines[..., None] * normals[pairs])
-    return arcs, tangents * np.array((-1.0, 1.0))[:, None]
+    return length * (1 + (2 * s * s - s * t + 2 * t * t) / 30), heading, sines

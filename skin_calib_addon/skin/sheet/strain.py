@@ -3,6 +3,7 @@
 import numpy as np
 
 from ...common.arrays import Array, cross, unit
+from ..lattice import SheetLattice
 from .relax import pair_lengths
 from .wrap import WrappedSheet
 
@@ -29,6 +30,20 @@ def cell_strain(sheet: WrappedSheet) -> Array:
         return np.sum(arms, axis=0)
 
     along, across = length(-1, 1), length(-b, b)
-    rising, falling = length(-b - 1, b + 1), length(-b + 1, b - 1)
+    return strain_of(lattice, along, across, length(-b - 1, b + 1), length(-b + 1, b - 1))
+
+
+def strain_of(lattice: SheetLattice, along: Array, across: Array, rising: Array, falling: Array) -> Array:
+    """Return the strain of cells as `cell_strain`, shape (k, 3).
+
+    Parameters
+    ----------
+    lattice : SheetLattice
+        Has the pitches.
+    along, across : array, shape (k,)
+        Lengths of the cells along the row and across the rows [m].
+    rising, falling : array, shape (k,)
+        Lengths of their diagonals [m].
+    """
     shear = np.arcsin(np.clip((rising**2 - falling**2) / (4 * along * across), -1, 1))
     return np.column_stack((along / lattice.pitch[1] - 1, across / lattice.pitch[0] - 1, shear))

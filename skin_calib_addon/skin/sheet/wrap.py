@@ -1,13 +1,14 @@
 """Placement of a sheet on a surface with the least strain: the sheet bends, it does not stretch."""
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import RectBivariateSpline
 
-from ...common.arrays import Array, BoolArray
+from ...common.arrays import Array, BoolArray, unit
 from ...common.errors import InvalidPlan, OutsideSurface
 from ...common.warnings import Place, point_of
 from ...geometry.surface.bspline import BSplineSurface
@@ -15,10 +16,10 @@ from ...geometry.surface.centre import surface_centre
 from ...geometry.surface.footpoints import PARAMETER_TOLERANCE
 from ..lattice import SheetLattice
 from .constraints import Constraints, pin_constraints, row_axis
-from .folds import check_folds, turned_over
+from .folds import check_folds, turned_meshes, turned_over
 from .geodesic import unroll
 from .landmarks import Landmark, LandmarkTargets, located
-from .net import Net, grid_net
+from .net import Lines, Net, grid_net
 from .offset import offset_surface
 from .relax import relax
 
@@ -28,6 +29,14 @@ OUTSIDE_WEIGHT = 1e-3
 # Steps of the geodesics of a first guess, in nodes, tried in this order until no cell is turned over. One through every
 # node has no folds; longer ones follow a wavy surface less. More steps: more sheets are placed, more time.
 GUESS_STEPS = (1, 2, 4)
+# Nodes up to which a preview places all of them. Larger: more previews are exact, and take longer.
+MAX_EXACT_NODES = 1000
+# Rows and columns of nodes that a preview of more nodes places, beside those of the pinned node and of the landmarks.
+# Larger: the preview is nearer to the exact placement, and takes longer.
+PREVIEW_LINES = 13, 41
+# Largest angle between the direction of a sheet and that of a placement from which it starts [rad]. Larger: faster
+# where a sheet is rotated by a large angle, and it may converge to a fold.
+MAX_START_TURN = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +49,7 @@ class WrappedSheet:
     lattice: SheetLattice
     uv: Array  # (a, b, 2) parameters of the nodes, continuous over a seam
     inside: BoolArray  # (cells,) which centres are on the surface; all, unless the sheet is trimmed
+    interpolated: bool = False  # whether only some nodes have been placed, and the others are between them
 
 
 def wrap_sheet(
@@ -52,6 +62,7 @@ def wrap_sheet(
     landmarks: Sequence[Landmark] = (),
     trim: bool = False,
     near: WrappedSheet | None = None,
+    preview: bool = False,
 ) -> WrappedSheet:
     """Place a sheet on a surface as isometrically as the surface allows.
 
@@ -77,7 +88,10 @@ def wrap_sheet(
     trim : bool
         Whether cells may be outside the surface; they are left out.
     near : WrappedSheet, optional
-        The same sheet on a similar surface, as the first start: it saves time.
+        A sheet with as many cells, on a similar surface, as the first start: it saves time.
+    preview : bool
+        Place a fine sheet fast and not exactly: some rows and columns of nodes are placed, the others interpolated.
+        Neither folds nor overlaps are refused.
 
     Returns
     -------
@@ -99,7 +113,13 @@ def wrap_sheet(
     else:
         pin = (1, 1) if origin is not None else (lattice.rows, lattice.columns)
     start = root_of(surface, origin)
-    along, step = row_axis(layer, start, direction), min(lattice.pitch) / 2
+    lines = lattice.node_lines
+    if preview and np.prod(lattice.node_shape) > MAX_EXACT_NODES:
+        fixed = [pin, *((2 * i + 1, 2 * j + 1) for i, j in (landmark.cell for landmark in landmarks))]
+        lines = _some_lines(lines[0], [p[0] for p in fixed], 0), _some_lines(lines[1], [p[1] for p in fixed], 1)
+    shape, some = (len(lines[0]), len(lines[1]), 2), np.ix_(*lines)
+    step = min(lattice.pitch) / 2 * max(len(every) // len(kept) for every, kept in zip(lattice.node_lines, lines))
+    along = row_axis(layer, start, direction)
 
     def pin_by_direction(net: Net, uv: Array) -> Constraints:
         return pin_constraints(layer, net, uv, row_axis(layer, uv[net.pin], direction))
@@ -108,18 +128,46 @@ def wrap_sheet(
     if len(landmarks) > 1:
         targets = LandmarkTargets.of(surface, layer, lattice, landmarks)
         along, constrain = targets.heading(along, step), targets.constraints
-    net = grid_net(lattice.node_shape, lattice.step, pin)
-    starts: Iterable[Array] = (
-        unroll(layer, net.flat, start, along, n * step).reshape(*lattice.node_shape, 2) for n in GUESS_STEPS
-    )
-    if near is not None:
-        starts = chain([near.uv + (start - near.uv[pin])], starts)
-    uv = _relax_sheet(layer, lattice, net, starts, constrain, trim)
+    net = grid_net(lines, lattice.step, pin)
+    starts = (unroll(layer, net.flat, start, along, n * step).reshape(shape) for n in GUESS_STEPS)
+    uv = None
+    if near is not None and near.uv.shape[:2] == lattice.node_shape and _is_along(layer, near.uv, pin, along):
+        with suppress(InvalidPlan):  # from there only
+            uv, is_fine = _relax_sheet(
+                layer, lattice, net, [near.uv[some] + (start - near.uv[pin])], constrain, trim, preview
+            )
+            uv = uv if is_fine else None
+    if uv is None:
+        uv, _ = _relax_sheet(layer, lattice, net, starts, constrain, trim, preview)
+    if shape[:2] != lattice.node_shape:
+        kx, ky = (min(3, n - 1) for n in shape[:2])
+        between = [RectBivariateSpline(*lines, uv[..., k], kx=kx, ky=ky) for k in (0, 1)]
+        i, j = (np.arange(n, dtype=float) for n in lattice.node_shape)
+        uv = np.stack([spline(i, j) for spline in between], axis=2)
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         _check_inside(layer, lattice, uv)
-    check_folds(layer, lattice, uv, inside)
-    return WrappedSheet(surface, offset, layer, lattice, uv, inside)
+    if not preview:
+        check_folds(layer, lattice, uv, inside)
+    return WrappedSheet(surface, offset, layer, lattice, uv, inside, shape[:2] != lattice.node_shape)
+
+
+def _some_lines(every: Lines, fixed: Sequence[int], axis: int) -> Lines:
+    """Return the first, the last and the fixed rows (or columns, axis 1) of nodes, and even ones between them."""
+    most = PREVIEW_LINES[axis] - 1
+    corners = sorted({0, *fixed, len(every) - 1})
+    kept = {0}
+    for start, stop in zip(corners, corners[1:]):
+        count = min(stop - start, int(np.ceil((stop - start) * most / (len(every) - 1))))
+        kept.update(np.rint(np.linspace(start, stop, count + 1)).astype(int).tolist())
+    return tuple(sorted(kept))
+
+
+def _is_along(layer: BSplineSurface, uv: Array, pin: tuple[int, int], along: Array) -> bool:
+    """Return whether the row of a placed sheet at the pinned node has nearly the direction of a unit tangent."""
+    i, j = pin
+    before, after = layer.points(uv[i, [j - 1, j + 1]])
+    return bool(unit((after - before)[None])[0] @ along > np.cos(MAX_START_TURN))
 
 
 def _relax_sheet(
@@ -129,7 +177,8 @@ def _relax_sheet(
     starts: Iterable[Array],
     constrain: Callable[[Net, Array], Constraints],
     trim: bool,
-) -> Array:
+    preview: bool,
+) -> tuple[Array, bool]:
     """Return the nodes of least strain, shape (a, b, 2), from the first start that leaves no cell turned over.
 
     A fold has no strain and stays.
@@ -146,19 +195,33 @@ def _relax_sheet(
         First guesses of all nodes.
     constrain : function
         Returns the constraints of a net at given parameters.
-    trim : bool
+    trim, preview : bool
         As for :func:`wrap_sheet`.
+
+    Returns
+    -------
+    uv : array, shape (a, b, 2)
+        Parameters of the nodes.
+    is_fine : bool
+        Whether no cell is turned over.
     """
+    areas = net.load_fractions[net.pairs].mean(axis=1) * len(net.flat)
+    is_even = len(net.flat) == np.prod(lattice.node_shape)
     for start in starts:
         uv = start.reshape(-1, 2)
-        weights = None
+        weights = None if is_even else areas
         if trim:
-            weights = np.where(on_surface(layer, uv)[net.pairs].any(axis=1), 1.0, OUTSIDE_WEIGHT)
+            within = on_surface(layer, uv)[net.pairs].any(axis=1)
+            weights = np.where(within, 1.0, OUTSIDE_WEIGHT) * (1.0 if weights is None else weights)
         nodes = relax(layer, net, uv, constrain(net, uv), weights).reshape(start.shape)
-        inside = on_surface(layer, nodes[1::2, 1::2]).ravel()
-        if not (turned_over(layer, lattice, nodes) & inside).any():
-            break
-    return nodes
+        if preview:
+            beyond = ~on_surface(layer, nodes)
+            turned = turned_meshes(lattice, nodes) & ~beyond[1:, 1:] & ~beyond[:-1, :-1]
+        else:
+            turned = turned_over(layer, lattice, nodes) & on_surface(layer, nodes[1::2, 1::2]).ravel()
+        if not turned.any():
+            return nodes, True
+    return nodes, False
 
 
 def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:

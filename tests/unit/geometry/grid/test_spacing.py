@@ -550,3 +550,26 @@ def test_moving_part_is_that_of_the_splines():
     common, first, second = rng.normal(size=(3, 20, 2000))
     whole, moving = moving_part(common + 0.3 * first, common + 0.3 * second)
     assert abs(moving / whole - 0.09 / 1.09) < 0.005
+
+
+@pytest.mark.parametrize("mesh", [wrist, square], ids=["wrist", "square"])
+def test_lines_do_not_depend_on_the_fits_before(mesh):
+    """What fits of one mesh have in common is kept for the next one: other numbers of planes change no bit."""
+    mesh = mesh()
+    for n, lines in ((8, 20), (12, 20), (9, 20), (8, 24), (8, 20)):
+        repeated, alone = (
+            TubeGrid(n, lines, Z_AXIS, 0.004).line_grid(m) for m in (mesh, weld(mesh.vertices, mesh.faces))
+        )
+        for name in ("origins", "directions"):
+            assert getattr(repeated, name).tobytes() == getattr(alone, name).tobytes()
+
+
+def test_search_of_lines_is_not_repeated_for_other_numbers_of_planes(monkeypatch):
+    """The outlines give the lines, and planes do not move them."""
+    mesh, looks, real = wrist(), [], ErrorModel.slopes_across
+    monkeypatch.setattr(ErrorModel, "slopes_across", lambda *a: looks.append(1) or real(*a))
+    TubeGrid(8, 20, Z_AXIS, 0.004).line_grid(mesh)
+    assert looks
+    looks.clear()
+    TubeGrid(12, 20, Z_AXIS, 0.004).line_grid(mesh)
+    assert not looks

@@ -288,7 +288,7 @@ def test_sheet_is_the_same_from_any_first_guess():
     """Nodes displaced by up to a millimetre converge to the same positions."""
     surface, lattice = wrist_surface(), SheetLattice(5, 16, SQUARE)
     sheet = wrap_sheet(surface, lattice, (0.036, -0.004, 0.02), (0, 1, 0))
-    net = grid_net(lattice.node_shape, lattice.step, (1, 1))
+    net = grid_net(lattice.node_lines, lattice.step, (1, 1))
     uv = sheet.uv.reshape(-1, 2)
     constraints = pin_constraints(surface, net, uv, row_axis(surface, uv[net.pin], (0, 1, 0)))
     rng = np.random.default_rng(0)

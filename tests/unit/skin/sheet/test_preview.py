@@ -1,0 +1,82 @@
+"""Previews of sheets: fast placements that are near the exact ones."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skin_calib_addon.skin import SheetLattice, sheet_taxels, wrap_sheet
+from skin_calib_addon.skin.sheet.taxels import preview_taxels
+from tests.shapes import RADIUS, cone_surface, wrist_surface
+
+FINE = SheetLattice(20, 66, (0.003, 0.003))
+COARSE = SheetLattice(6, 20, (0.009, 0.009))
+# Stated in docs/explanation/results.md.
+MAX_DISTANCE = 2e-4  # [m] of a cell from its exact position
+MAX_STRAIN = 0.01  # [1] difference of a strain from the exact one
+
+
+@pytest.fixture
+def guesses(monkeypatch):
+    """Return a list that grows with each first guess."""
+    made, module = [], sys.modules[wrap_sheet.__module__]
+    monkeypatch.setattr(module, "unroll", lambda *a, real=module.unroll: made.append(1) or real(*a))
+    return made
+
+
+@pytest.mark.parametrize("hand, offset, trim", [("right", 0.0, False), ("left", 0.001, False), ("right", 0.0, True)])
+def test_preview_of_a_fine_sheet_is_near_the_exact_placement(hand, offset, trim):
+    """Every field of each taxel is there, in the same order."""
+    surface, lattice = wrist_surface(), replace(FINE, hand=hand, rows=30 if trim else 20)
+    placed = {
+        preview: wrap_sheet(surface, lattice, None, (0, 1, 0.02), offset=offset, trim=trim, preview=preview)
+        for preview in (False, True)
+    }
+    assert placed[True].interpolated and not placed[False].interpolated
+    exact, quick = sheet_taxels(placed[False], "s", 7), preview_taxels(placed[True], "s", 7)
+    assert trim == (len(exact.ids) < lattice.rows * lattice.columns)
+    both, here, there = np.intersect1d(exact.ids, quick.ids, return_indices=True)
+    assert len(both) > 0.99 * len(exact.ids) and len(quick.ids) < 1.01 * len(exact.ids)
+    for name in ("channels", "index"):
+        assert (getattr(exact, name)[here] == getattr(quick, name)[there]).all()
+    for name in ("positions_link", "corners_link"):
+        apart = np.linalg.norm(getattr(exact, name)[here] - getattr(quick, name)[there], axis=-1)
+        assert 0 < apart.max() < MAX_DISTANCE
+    for name in ("normals_link", "tangents_link"):
+        assert ((getattr(exact, name)[here] * getattr(quick, name)[there]).sum(axis=1) > np.cos(0.02)).all()
+    assert_allclose(quick.quality["strain"][there], exact.quality["strain"][here], atol=MAX_STRAIN)
+    assert_allclose(quick.areas[there], exact.areas[here], rtol=2 * MAX_STRAIN)
+
+
+def test_preview_of_a_coarse_sheet_is_exact():
+    """All of its nodes are placed."""
+    exact, quick = (wrap_sheet(wrist_surface(), COARSE, None, (0, 1, 0), preview=p) for p in (False, True))
+    assert (quick.uv == exact.uv).all() and not quick.interpolated
+
+
+@pytest.mark.parametrize("lattice", [FINE, COARSE])
+def test_preview_starts_from_the_placement_before_a_small_change(lattice, guesses):
+    """A rotation by a degree needs no first guess, and gives the same position; a rotation by 90 degrees needs one."""
+    surface, turned = wrist_surface(), (0, 1, 0.02)
+    before = wrap_sheet(surface, lattice, None, (0, 1, 0), preview=True)
+    expected = wrap_sheet(surface, lattice, None, turned, preview=True)
+    guesses.clear()
+    after = wrap_sheet(surface, lattice, None, turned, preview=True, near=before)
+    assert not guesses
+    points = [surface.points(sheet.uv.reshape(-1, 2)) for sheet in (after, expected)]
+    assert np.linalg.norm(points[0] - points[1], axis=1).max() < 1e-5
+    wrap_sheet(surface, replace(lattice, pitch=(0.001, 0.001)), None, (0, 0, 1), preview=True, near=before)
+    assert guesses
+
+
+def test_preview_does_not_start_from_a_fold(guesses):
+    """A placement whose cells are turned over is left, because a fold has no strain and would stay."""
+    surface = cone_surface(RADIUS, RADIUS)
+    fine = wrap_sheet(surface, COARSE, None, (0, 1, 0), preview=True)
+    guesses.clear()
+    folded = replace(fine, uv=fine.uv[::-1])  # the rows have the same direction
+    after = wrap_sheet(surface, COARSE, None, (0, 1, 0), preview=True, near=folded)
+    assert guesses
+    assert_allclose(after.uv, fine.uv, atol=1e-9)
