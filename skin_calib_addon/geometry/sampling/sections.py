@@ -103,21 +103,41 @@ def _cut_any(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
     slack = ON_PLANE_FRACTION * mesh.size
     is_higher = height > slack
     on_plane = is_higher != (height >= -slack)
+    near = _near(mesh, is_higher, on_plane)
+    corners = [corner[near] for corner in mesh.corners]
     side = is_higher.view(np.int8)
-    a, b, c = (side[:, corner] for corner in mesh.corners)
+    a, b, c = (side[:, corner] for corner in corners)
     above = a + 2 * b + 4 * c
     is_cut = (above > 0) & (above < 7)
     if on_plane.any():
         height[on_plane] = 0.0
-        a, b, c = (on_plane[:, corner].astype(np.int8) for corner in mesh.corners)
+        a, b, c = (on_plane[:, corner].astype(np.int8) for corner in corners)
         on = a + 2 * b + 4 * c
         plane, face = np.nonzero((on == 3) | (on == 5) | (on == 6))
-        rim = _are_rims(mesh, plane, face, on[plane, face], above[plane, face] > 0)
+        rim = _are_rims(mesh, plane, near[face], on[plane, face], above[plane, face] > 0)
         plane, face = plane[rim], face[rim]
         above[plane, face], is_cut[plane, face] = on[plane, face], True
     plane, face = np.nonzero(is_cut)
-    ends = _segments(mesh, values, face, above[plane, face], lambda vertex: height[plane, vertex])
-    return Sections(plane, face, ends, len(planes))
+    ends = _segments(mesh, values, near[face], above[plane, face], lambda vertex: height[plane, vertex])
+    return Sections(plane, near[face], ends, len(planes))
+
+
+def _near(mesh: TriangleMesh, is_higher: BoolArray, on_plane: BoolArray) -> IntArray:
+    """Return the faces with corners on both sides of a plane, or on a plane; the sides of eight planes are one byte.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    is_higher, on_plane : array of bool, shape (planes, v)
+        Whether each vertex is above each plane, or on it.
+    """
+    on_any = on_plane.any(axis=0)
+    found = on_any[mesh.corners[0]] | on_any[mesh.corners[1]] | on_any[mesh.corners[2]]
+    for sides in np.packbits(is_higher, axis=0):
+        a, b, c = (sides[corner] for corner in mesh.corners)
+        found |= (a | b | c) != (a & b & c)
+    return np.flatnonzero(found)
 
 
 def _rims_of_ranks(
