@@ -3,10 +3,12 @@
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import RectBivariateSpline
+from scipy.ndimage import map_coordinates
 
 from ...common.arrays import Array, BoolArray, unit
 from ...common.errors import InvalidPlan, OutsideSurface
@@ -88,7 +90,7 @@ def wrap_sheet(
     trim : bool
         Whether cells may be outside the surface; they are left out.
     near : WrappedSheet, optional
-        A sheet with as many cells, on a similar surface, as the first start: it saves time.
+        A sheet of nearly the same size, on a similar surface, as the first start: it saves time.
     preview : bool
         Place a fine sheet fast and not exactly: some rows and columns of nodes are placed, the others interpolated.
         Neither folds nor overlaps are refused.
@@ -117,7 +119,7 @@ def wrap_sheet(
     if preview and np.prod(lattice.node_shape) > MAX_EXACT_NODES:
         fixed = [pin, *((2 * i + 1, 2 * j + 1) for i, j in (landmark.cell for landmark in landmarks))]
         lines = _some_lines(lines[0], [p[0] for p in fixed], 0), _some_lines(lines[1], [p[1] for p in fixed], 1)
-    shape, some = (len(lines[0]), len(lines[1]), 2), np.ix_(*lines)
+    shape = len(lines[0]), len(lines[1]), 2
     step = min(lattice.pitch) / 2 * max(len(every) // len(kept) for every, kept in zip(lattice.node_lines, lines))
     along = row_axis(layer, start, direction)
 
@@ -130,12 +132,11 @@ def wrap_sheet(
         along, constrain = targets.heading(along, step), targets.constraints
     net = grid_net(lines, lattice.step, pin)
     starts = (unroll(layer, net.flat, start, along, n * step).reshape(shape) for n in GUESS_STEPS)
-    uv = None
-    if near is not None and near.uv.shape[:2] == lattice.node_shape and _is_along(layer, near.uv, pin, along):
+    uv, pinned = None, np.unravel_index(net.pin, shape[:2])
+    if near is not None and _is_along(layer, before := _at_lines(near.uv, lines), pinned, along):
         with suppress(InvalidPlan):  # from there only
-            uv, is_fine = _relax_sheet(
-                layer, lattice, net, [near.uv[some] + (start - near.uv[pin])], constrain, trim, preview
-            )
+            again = [before + (start - before[pinned])]
+            uv, is_fine = _relax_sheet(layer, lattice, net, again, constrain, trim, preview)
             uv = uv if is_fine else None
     if uv is None:
         uv, _ = _relax_sheet(layer, lattice, net, starts, constrain, trim, preview)
@@ -163,7 +164,14 @@ def _some_lines(every: Lines, fixed: Sequence[int], axis: int) -> Lines:
     return tuple(sorted(kept))
 
 
-def _is_along(layer: BSplineSurface, uv: Array, pin: tuple[int, int], along: Array) -> bool:
+def _at_lines(uv: Array, lines: tuple[Lines, Lines]) -> Array:
+    """Return the parameters of a placed sheet at lines of nodes; a sheet of another size is stretched to the same."""
+    scaled = [np.array(kept) * ((n - 1) / kept[-1]) for n, kept in zip(uv.shape, lines)]
+    sites = np.meshgrid(*scaled, indexing="ij")
+    return np.stack([map_coordinates(uv[..., k], sites, order=1) for k in (0, 1)], axis=2)
+
+
+def _is_along(layer: BSplineSurface, uv: Array, pin: tuple[Any, ...], along: Array) -> bool:
     """Return whether the row of a placed sheet at the pinned node has nearly the direction of a unit tangent."""
     i, j = pin
     before, after = layer.points(uv[i, [j - 1, j + 1]])

@@ -16,6 +16,7 @@ COARSE = SheetLattice(6, 20, (0.009, 0.009))
 # Stated in docs/explanation/results.md.
 MAX_DISTANCE = 2e-4  # [m] of a cell from its exact position
 MAX_STRAIN = 0.01  # [1] difference of a strain from the exact one
+MAX_RIM_STRAIN = 0.04  # [1] the same at the rim of a sheet that is trimmed
 
 
 @pytest.fixture
@@ -46,8 +47,9 @@ def test_preview_of_a_fine_sheet_is_near_the_exact_placement(hand, offset, trim)
         assert 0 < apart.max() < MAX_DISTANCE
     for name in ("normals_link", "tangents_link"):
         assert ((getattr(exact, name)[here] * getattr(quick, name)[there]).sum(axis=1) > np.cos(0.02)).all()
-    assert_allclose(quick.quality["strain"][there], exact.quality["strain"][here], atol=MAX_STRAIN)
-    assert_allclose(quick.areas[there], exact.areas[here], rtol=2 * MAX_STRAIN)
+    most = MAX_RIM_STRAIN if trim else MAX_STRAIN
+    assert_allclose(quick.quality["strain"][there], exact.quality["strain"][here], atol=most)
+    assert_allclose(quick.areas[there], exact.areas[here], rtol=2 * most)
 
 
 def test_preview_of_a_coarse_sheet_is_exact():
@@ -58,7 +60,7 @@ def test_preview_of_a_coarse_sheet_is_exact():
 
 @pytest.mark.parametrize("lattice", [FINE, COARSE])
 def test_preview_starts_from_the_placement_before_a_small_change(lattice, guesses):
-    """A rotation by a degree needs no first guess, and gives the same position; a rotation by 90 degrees needs one."""
+    """One column less and a rotation by a degree need no first guess; a rotation by 90 degrees needs one."""
     surface, turned = wrist_surface(), (0, 1, 0.02)
     before = wrap_sheet(surface, lattice, None, (0, 1, 0), preview=True)
     expected = wrap_sheet(surface, lattice, None, turned, preview=True)
@@ -67,6 +69,12 @@ def test_preview_starts_from_the_placement_before_a_small_change(lattice, guesse
     assert not guesses
     points = [surface.points(sheet.uv.reshape(-1, 2)) for sheet in (after, expected)]
     assert np.linalg.norm(points[0] - points[1], axis=1).max() < 1e-5
+    more = replace(lattice, columns=lattice.columns - 1)
+    of_other = [wrap_sheet(surface, more, None, turned, preview=True, near=near) for near in (before, None)]
+    assert len(guesses) == 1
+    points = [surface.points(sheet.uv.reshape(-1, 2)) for sheet in of_other]
+    assert np.linalg.norm(points[0] - points[1], axis=1).max() < 1e-5
+    guesses.clear()
     wrap_sheet(surface, replace(lattice, pitch=(0.001, 0.001)), None, (0, 0, 1), preview=True, near=before)
     assert guesses
 
