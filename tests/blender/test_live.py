@@ -282,6 +282,31 @@ def test_fit_runs_in_a_thread(bpy, updates, following, monkeypatch):
     assert not plan.result.outdated and plan.result.control_points == 12 * 12
 
 
+def test_mesh_that_changes_during_a_fit_is_fitted_again(bpy, updates, following, monkeypatch):
+    """The result of the mesh before is not shown as that of the new one."""
+    go_on, begun, sizes = Event(), Event(), []
+
+    def slowly(plan, mesh, begin, real=updates.results.fit):
+        begun.set()
+        go_on.wait(20)
+        sizes.append(mesh.size)
+        return real(plan, mesh, begin)
+
+    plan = following.skin_calib
+    monkeypatch.setattr(updates.results, "fit", slowly)
+    plan.grid.n = 8
+    look(updates)
+    monkeypatch.setattr(updates, "FIT_DELAY", 0.0)
+    assert updates.tick() == updates.POLL_INTERVAL and begun.is_set()
+    for vertex in following.data.vertices:
+        vertex.co *= 1.01
+    bpy.context.view_layer.update()
+    updates.tick()
+    go_on.set()
+    rest(updates, monkeypatch)
+    assert not plan.result.outdated and sizes[-1] > 1.009 * sizes[0]
+
+
 def test_link_that_does_not_follow_is_never_fitted(bpy, updates, link, monkeypatch):
     """Its cuts are sketched, but only the button fits it."""
     bpy.ops.skin_calib.fit()
