@@ -23,7 +23,7 @@ GROUND = {"full sole": FLAT, "half sole": BEAM}
 SOURCES = ("skin", "ankle")
 TABLE_2 = Gains(dcm=1.5, zmp=0.5, com=1.0)
 DIRECTIONS = 8
-START, PUSH, END = 0.5, 0.1, 2.0  # begin of a push, its duration, and end of a run [s]
+START, PUSH, END = 0.5, 0.1, 4.0  # begin of a push, its duration, and end of a run [s]
 LARGEST = {"full sole": 16.0, "half sole": 12.0}  # push of the search [N s]
 TRIALS = 3  # of the bisection, which ends with an interval of LARGEST / 2**TRIALS
 SENSITIVITY = 0.1  # standard deviation of the sensitivity of the cells

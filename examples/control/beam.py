@@ -16,7 +16,7 @@ from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk
 
 STEP, WIDTH = 0.08, 0.18  # [m]
-OFFSET = -0.02  # of the middle of the beam from that of the soles, ahead [m]
+OFFSET = -0.035  # of the middle of the beam from that of the soles, ahead [m]
 PLATFORM = 0.25  # half width of the platform where the robot starts [m]
 HEIGHT = 0.1  # of the beam [m]
 GAIT = Gait(single=0.9, double=0.3)
@@ -63,7 +63,7 @@ def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Resu
     """Walk."""
     robot = Biped(terrain(case.width), case.seed, proximity=False)
     walker = Walker(robot, side_steps(case.steps), GAIT, feels=case.feels)
-    stands = walk(robot, walker, 3 + 1.3 * case.steps, each=lambda robot: each(robot, walker) if each else None)
+    stands = walk(robot, walker, 3 + 2 * case.steps, each=lambda robot: each(robot, walker) if each else None)
     return Result(stands, len(walker.log.landings))
 
 

@@ -18,6 +18,7 @@ GRAVITY = 9.81  # [m/s^2]
 
 # Flags of a skin whose readings are not those of now: its contact is not known.
 STALE = frozenset({"frozen", "byte_order"})
+MIN_WEIGHT = 0.15  # part of the load that a foot carries before it is taken to stand where it is
 MIN_LOAD = 5.0  # of a foot with a CoP by the force/torque sensor of its ankle [N]
 
 
@@ -97,6 +98,9 @@ class Estimator:
         total = sum(load or 0.0 for load in loads.values())
         if total > 0.1 * self.mass * GRAVITY and None not in loads.values():
             self._weights = {foot: loads[foot] / total for foot in FEET}
+        for foot in FEET:  # a foot that bounces or slides after its landing has no place yet
+            if self._weights[foot] < MIN_WEIGHT:
+                self.anchors[foot][:2] = self._sole(foot)[:2]
         return State(
             senses.time,
             data.subtree_com[0].copy(),

@@ -26,7 +26,7 @@ class Foothold:
     through the forces of the cells with ground, zero where they are silent now, says towards which side the sole
     turns. A cell on this side is void if the plane expects a clear force on it, and it is silent in several frames. It
     is void no longer once it is pressed, or in the hull. The area is the largest rectangle along the sole without void
-    cells.
+    cells. The next foothold is first assumed to be like the last one: on a beam, the void cells are the same again.
 
     Parameters
     ----------
@@ -42,12 +42,16 @@ class Foothold:
         self.clear()
 
     def clear(self) -> None:
-        """Assume the full sole, as in the air."""
-        self.silent = np.zeros(len(self.places), int)  # frames in a row
+        """Assume the full sole."""
         self.void = np.zeros(len(self.places), bool)
+        self.area = full_sole()
+        self.lift()
+
+    def lift(self) -> None:
+        """Expect the next foothold to be like this one, until its cells are pressed."""
+        self.silent = np.zeros(len(self.places), int)  # frames in a row
         self.solid = np.zeros(len(self.places), bool)  # pressed since the landing
         self.inside = np.zeros(len(self.places), bool)  # the hull of these, which supports the foot
-        self.area = full_sole()
 
     def update(self, frame: Frame) -> bool:
         """Learn from one frame; return whether the area has changed."""

@@ -91,7 +91,7 @@ def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Resu
         if each:
             each(robot, walker)
 
-    stands = walk(robot, walker, 3 + 1.3 * STEPS, each=look)
+    stands = walk(robot, walker, 3 + 2 * STEPS, each=look)
     return Result(stands, len(walker.log.landings), area)
 
 

@@ -56,19 +56,22 @@ class Judge:
         self.walker, self.impacts = walker, []
         self.foot: str | None = None  # that swings, or has landed just now
         self.landed: float | None = None
+        self.swinging: str | None = None
         self.speed = 0.0
 
     def __call__(self, robot: Biped) -> None:
         """Look at the last cycle."""
         now, walker = robot.data.time, self.walker
-        if not self.foot and walker.swing_foot and now - walker.began > 0.3 * walker.gait.single:
-            self.foot, self.began = walker.swing_foot, walker.began
+        if walker.swing_foot != self.swinging:
+            self.swinging, self.began = walker.swing_foot, now
+        if not self.foot and self.swinging and now - self.began > 0.3 * walker.gait.single:
+            self.foot, self.lifted = self.swinging, self.began
             robot.peaks[self.foot] = 0.0
         if self.foot and self.landed is None and robot.peaks[self.foot] > 0:
             self.landed = now
             self.impact_speed = self.speed
         elif self.foot and self.landed is not None and now - self.landed >= IMPACT_TIME:
-            self.impacts.append(Impact(robot.peaks.pop(self.foot), self.impact_speed, self.landed - self.began))
+            self.impacts.append(Impact(robot.peaks.pop(self.foot), self.impact_speed, self.landed - self.lifted))
             self.foot = self.landed = None
         if self.foot:
             self.speed = -float(robot.data.body(f"{self.foot}_foot").cvel[5])

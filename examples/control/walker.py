@@ -9,7 +9,7 @@ from distribution import distribute
 from estimator import GRAVITY, SOLE_CENTRE, STALE, Estimator, State
 from foothold import Foothold, full_sole
 from legs import joint_angles, rotation
-from zmp_plan import ZmpPlan
+from zmp_plan import Reference, ZmpPlan
 
 from skin_calib_addon.runtime import convex_hull, zero_moment_point
 from skin_calib_addon.runtime.balance.polygon import Polygon
@@ -24,6 +24,7 @@ from skin_calib_addon.runtime.wrench import about, proximity_wrench
 Array = np.ndarray
 # Flags of a skin with which silent cells say nothing about the ground.
 FAULTY = frozenset({"below_rest", "blind", "dead", "drift", "not_finite", "stuck", "too_large"}) | STALE
+SURE = 0.9  # part of a sole in the hull of the pressed cells, from which on it stands on full ground
 FRICTION = 0.5  # that the program may use; less than that of the ground
 UNKNOWN = np.full(2, np.nan)
 OTHER = {"left": "right", "right": "left"}
@@ -39,6 +40,10 @@ class Gains:
     ankle: float = 0.005  # [rad/s/(N m)]
     leak: float = 0.3  # time constant with which the ankles return [s]
     margin: float = 0.01  # of the desired ZMP from the edge of the polygon [m]
+    delay: float = 0.03  # between the DCM and the plan, up to which the plan goes on by the clock [s]
+    catch_up: float = 0.1  # more of this delay, for which the plan goes on twice as fast [s]
+    slow: float = 0.1  # speed of the DCM, below which time says little about where it is [m/s]
+    fastest: float = 2.0  # rate of the plan
     anchor_speed: float = 0.05  # with which commanded feet move to where they stand [m/s]
 
 
@@ -53,6 +58,7 @@ class Gait:
     end: float = 0.5  # of standing after the last step [s]
     lift: float = 0.05  # [m]
     landing_speed: float = 0.08  # of a foot that meets the ground [m/s]
+    wait: float = 0.15  # at most, until it is known where the ground bears a foot that has landed [s]
     arrival: float = 0.9  # fraction of the single support after which the foot is planned to meet the ground
     contact: float = 30.0  # load from which a swinging foot has landed [N]
 
@@ -147,6 +153,7 @@ class Walker:
         self.arm = robot.start[12:]
         self.log = Log()
         self.phase = ""
+        self.clock, self.rate = 0.0, 1.0  # time of the plan, and how fast it goes on [s, 1]
         self.index = 0  # of the step that is taken, or comes next
         self.tilts = {foot: np.zeros(2) for foot in FEET}  # roll and pitch of the ankle admittance [rad]
         self.footholds = {foot: Foothold(robot.body.skins[f"{foot}_foot"]) for foot in FEET}
@@ -164,11 +171,13 @@ class Walker:
             self._begin(state)
         self._change_phase(state)
         self._learn(state)
-        since = state.time - self.began
-        reference = self.plan.at(state.time - self.planned)
+        since = self.clock - self.began
+        reference = self.plan.at(self.clock - self.planned)
         velocity = self.omega * (reference.dcm - self.com_reference)  # of the pendulum (4.10)
         self.com_reference = self.com_reference + velocity * PERIOD
         dcm = divergent_component(state.com[:2], state.com_velocity[:2], self.omega)
+        self.rate = 0.0 if self._is_unsure(state) else plan_rate(reference, dcm, self.omega, self.gains)
+        self.clock += self.rate * PERIOD
         wanted = desired_zmp(reference.zmp, reference.dcm, dcm, self.gains.dcm, self.omega)
         wanted = self._supporting(state).closest(wanted)
         zmp = state.felt.zmp
@@ -210,37 +219,39 @@ class Walker:
         self._start("double", state, self.gait.start)
 
     def _start(self, phase: str, state: State, duration: float, early: float = 0.0) -> None:
-        """Begin a phase; the ZMP stays where it is for the time by which the foot has landed too early."""
-        self.phase, self.began, self.duration, self.early = phase, state.time, duration + early, early
+        """Begin a phase; the ZMP first stays where it is for the time by which the foot has landed too early."""
+        self.waited = 0.0  # until the foothold was known
+        self.phase, self.began, self.duration, self.early = phase, self.clock, duration + early, early
         if phase == "single":
             self.lifted = self.commanded[self.swing_foot].copy()
-            self.footholds[self.swing_foot].clear()
+            self.footholds[self.swing_foot].lift()
         self._plan(state)
 
     def _plan(self, state: State) -> None:
         """Plan the ZMP from now to the end of the walk."""
-        now = self.plan.at(state.time - self.planned).zmp if hasattr(self, "plan") else state.com[:2]
-        ground = {foot: self.estimator.anchors[foot][:2] + self.footholds[foot].area.centroid for foot in FEET}
-        left = max(self.began + self.duration - state.time, PERIOD)
+        now = self.plan.at(self.clock - self.planned).zmp if hasattr(self, "plan") else state.com[:2]
+        centroids = {foot: self.footholds[foot].area.centroid for foot in FEET}
+        ground = {foot: self.estimator.anchors[foot][:2] + centroids[foot] for foot in FEET}
+        left = max(self.began + self.duration - self.clock, PERIOD)
         times, points = [0.0, left], [now]
-        early = min(self.early - (state.time - self.began), left - PERIOD)
+        early = min(self.early - (self.clock - self.began), left - PERIOD)
         if early > 0:
             times, points = [0.0, early, left], [now, now]
         if self.phase == "single":
             points.append(ground[OTHER[self.swing_foot]])
             times[-1] += self.gait.hold
             times.append(times[-1] + self.gait.double)
-            ground = ground | {self.swing_foot: self.steps[self.index].centre}
+            ground = ground | {self.swing_foot: self.steps[self.index].centre + centroids[self.swing_foot]}
         for step in self.steps[self.index + (self.phase == "single") :]:
             points += [ground[OTHER[step.foot]]] * 2
             end = times[-1] + self.gait.single + self.gait.hold
             times += [end, end + self.gait.double]
-            ground = ground | {step.foot: step.centre}
+            ground = ground | {step.foot: step.centre + centroids[step.foot]}
         points.append(sum(ground.values()) / 2)
-        self.plan, self.planned = ZmpPlan(times, points, self.omega), state.time
+        self.plan, self.planned = ZmpPlan(times, points, self.omega), self.clock
 
     def _change_phase(self, state: State) -> None:
-        since = state.time - self.began
+        since = self.clock - self.began
         if self.phase == "double" and self._stop_if_blind(state):
             self._plan(state)
         if self.phase == "double" and since >= self.duration:
@@ -260,17 +271,18 @@ class Walker:
                     self._retract(foot, shift, state)
 
     def _land(self, foot: str, state: State) -> None:
-        self.log.landings.append({"time": state.time, "foot": foot, "late": state.time - self.began - self.duration})
+        self.log.landings.append({"time": state.time, "foot": foot, "late": self.clock - self.began - self.duration})
         self.estimator.land(foot, self._ground_height(foot, state))
         self.index += 1
         self._stop_if_blind(state)
-        early = max(self.began + self.duration - state.time, 0.0)
-        self._start("double", state, self.gait.double, early + self.gait.hold)
+        early = max(self.began + self.duration + self.gait.hold - self.clock, 0.0)
+        self._start("double", state, self.gait.double, early)
 
     def _retract(self, foot: str, shift: Array, state: State) -> None:
         """Lift a foot that has just met unsafe ground, and begin its step anew with another goal."""
         self.log.retracted.append({"time": state.time, "foot": foot, "shift": shift})
-        self.steps[self.index] = Step(foot, state.soles[foot][:2] + shift)
+        moved = state.soles[foot][:2] + shift - self.steps[self.index].centre
+        self.steps[self.index :] = [Step(step.foot, step.centre + moved) for step in self.steps[self.index :]]
         self.commanded[foot] = state.soles[foot].copy()
         self._start("single", state, self.gait.single)
 
@@ -300,6 +312,19 @@ class Walker:
         """Return the height of the standing foot if the landed one is nearly at it: then the ground is flat."""
         height = self.estimator.anchors[OTHER[foot]][2]
         return height if abs(state.soles[foot][2] - height) < 0.01 else None
+
+    def _is_unsure(self, state: State) -> bool:
+        """Return whether it is not known yet where the ground bears the foot that has landed last.
+
+        A foot on full ground has pressed nearly all of its sole when it carries a third of the weight.
+        """
+        if not self.feels or self.phase == "single" or self.index == 0:
+            return False
+        foot = self.steps[self.index - 1].foot
+        is_loaded = (state.felt.loads[foot] or 0.0) > self.estimator.mass * GRAVITY / 3
+        is_unsure = is_loaded and self.footholds[foot].inside.mean() < SURE and self.waited < self.gait.wait
+        self.waited += PERIOD * is_unsure
+        return is_unsure
 
     # Feet and ankles
 
@@ -336,7 +361,7 @@ class Walker:
             turn = compliant.turning * PERIOD * virtual[3:5]
             self.tilts[step.foot] = self.tilts[step.foot] + turn
             speed = max(speed - virtual[2] / compliant.damping, min(speed, compliant.creep))
-        return np.array((*flat, self.commanded[step.foot][2] - speed * PERIOD))
+        return np.array((*flat, self.commanded[step.foot][2] - speed * self.rate * PERIOD))
 
     def _virtual(self, state: State, foot: str) -> Array:
         """Return the wrench (6,) of the virtual springs about the centre of the sole (thesis eq. 4.26)."""
@@ -429,6 +454,17 @@ class Walker:
         part = float(np.clip((wanted - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1))
         away = wanted - (1 - part) * a - part * b
         return {one: (1 - part, a + away), other: (part, b + away)}
+
+
+def plan_rate(reference: Reference, dcm: Array, omega: float, gains: Gains) -> float:
+    """Return how fast a plan is to go on: faster if the DCM is ahead of it, slower or not at all if it is behind.
+
+    A ZMP at the edge of the foothold cannot bring the DCM back to a plan that does not wait for it.
+    """
+    velocity = omega * (reference.dcm - reference.zmp)  # of the DCM (4.12)
+    ahead = (dcm - reference.dcm) @ velocity / (velocity @ velocity + gains.slow**2)  # [s]
+    ahead -= np.clip(ahead, -gains.delay, gains.delay)
+    return float(np.clip(1 + ahead / gains.catch_up, 0.0, gains.fastest))
 
 
 def _quintic(part: float) -> float:

@@ -55,7 +55,7 @@ class Shift(Walker):
         if not hasattr(self, "plan"):
             middle = np.mean([anchor[:2] for anchor in self.estimator.anchors.values()], axis=0)
             points = (state.com[:2], middle, middle + (AHEAD, 0.0))
-            self.plan, self.planned = ZmpPlan((0.0, START, START + MOVE), points, self.omega), state.time
+            self.plan, self.planned = ZmpPlan((0.0, START, START + MOVE), points, self.omega), self.clock
 
 
 def run(case: Case, each: Callable[[Biped, Walker], None] | None = None) -> Result:
