@@ -5,6 +5,7 @@ import json
 import pytest
 
 from tests.blender.conftest import BAND, BOARDS, LISTED
+from tests.blender.test_live import rest
 
 
 def patch_of(addon, link, skin=0):
@@ -105,3 +106,22 @@ def test_same_bytes_with_every_interface(bpy, addon, plan_file, fit_plainly, tmp
     made = json.loads(out.read_text())["patches"]
     assert "band.0.2" not in made[0]["taxels"]["id"] and made[0]["taxels"]["channel"].count(90) == 1
     assert made[1]["taxels"]["id"] == ["boards.0.0", "boards.0.-1"]
+
+
+def test_redo_of_a_change_is_followed_by_its_fit(bpy, updates, link, monkeypatch):
+    """Undo and redo restore the plan of a disabled taxel, and the result follows although Live is off."""
+    bpy.ops.skin_calib.fit()
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.skin_calib.taxel_toggle("EXEC_DEFAULT", True, taxel="band.0.1")
+    rest(updates, monkeypatch)
+    disabled = bpy.context.object.skin_calib.result.key
+    bpy.ops.ed.undo()
+    rest(updates, monkeypatch)
+    assert not bpy.context.object.skin_calib.result.outdated
+    bpy.ops.ed.redo()
+    rest(updates, monkeypatch)
+    result = bpy.context.object.skin_calib.result
+    assert not result.outdated and result.key == disabled
+    bpy.context.object.skin_calib.grid.n += 1
+    rest(updates, monkeypatch)
+    assert bpy.context.object.skin_calib.result.outdated, "other changes wait for the button"

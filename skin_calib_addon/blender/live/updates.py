@@ -6,6 +6,7 @@ A thread computes it. The result is a preview, which is not part of the file and
 changes, a complete fit replaces the preview.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
@@ -16,6 +17,7 @@ from bpy.app.handlers import persistent
 
 from ...common.errors import SkinCalibError
 from ...common.warnings import Warning
+from ...plan import Plan, plan_document
 from ..overlay import drawing
 from ..scene import results, scene
 from ..scene.facets import Facets
@@ -57,6 +59,7 @@ _caches: dict[str, StepCache] = {}
 _guests: set[str] = set()  # objects that are followed although Live is off
 _leaving: set[str] = set()  # guests until their next result
 _held: set[str] = set()  # objects that the button Fit works on
+_accompanied: set[tuple[str, str]] = set()  # names of guests, and their plans: undo and redo bring these back
 _job: Job | None = None
 _last_final: Work | None = None  # can still run after it was stopped
 
@@ -271,12 +274,28 @@ def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
             plan = scene.read_plan(link, bpy.context.scene)
         except SkinCalibError as error:
             refusal = refusal_of(error)
+        if plan is not None and link.name in _guests:
+            _accompanied.add((link.name, _text_of(plan)))
     elif not planes.are_there:
         _remove_sketch(link.name)
         return None
     given = PreviewInput(start, facets_of(link), planes, plan, refusal, drawing.switched_on(link))
     cache = _caches.setdefault(link.name, StepCache())
     return lambda begin: compute_preview(cache, given)
+
+
+def _text_of(plan: Plan) -> str:
+    return json.dumps(plan_document(plan), sort_keys=True)
+
+
+def _was_accompanied(link: bpy.types.Object) -> bool:
+    """Return whether the plan of a link was followed although Live was off, and its fit is not stored now."""
+    if not link.skin_calib.link or not link.skin_calib.result.outdated or not _accompanied:
+        return False
+    try:
+        return (link.name, _text_of(scene.read_plan(link, bpy.context.scene))) in _accompanied
+    except SkinCalibError:
+        return False
 
 
 def _show(link: bpy.types.Object, preview: Preview) -> None:
@@ -334,6 +353,9 @@ def _scene_replaced(*_: Any) -> None:
     for link in bpy.data.objects:
         if link.type == "MESH" and (link.skin_calib.live or link.skin_calib.link):
             request(link)
+            if link.name not in _guests and _was_accompanied(link):
+                _guests.add(link.name)
+                _leaving.add(link.name)
 
 
 @persistent
@@ -380,5 +402,5 @@ def unregister() -> None:
     """Stop listening."""
     events.ignore(HANDLERS, (tick,))
     _clear()
-    for of_operators in (_guests, _leaving, _held):
+    for of_operators in (_guests, _leaving, _held, _accompanied):
         of_operators.clear()
