@@ -93,10 +93,12 @@ def test_files_are_dropped_into_the_view_only(bpy, name):
     assert kinds == {"VIEW_3D": True, "INFO": False} and not handler.poll_drop(SimpleNamespace(area=None))
 
 
-def test_dropped_file_is_read_without_a_question(bpy):
-    """Blender invokes the operator with the path; the file browser stays closed."""
-    assert bpy.ops.skin_calib.import_mesh("INVOKE_DEFAULT", filepath=str(WRIST)) == {"FINISHED"}
-    assert bpy.context.object.name == "wrist"
+@pytest.mark.parametrize("name, path", [("mesh", WRIST), ("plan", WRIST.with_name("wrist.plan.json"))])
+def test_dropped_file_is_read_without_a_question(bpy, name, path):
+    """Blender invokes the operator of the handler with the path; the file browser stays closed."""
+    module, operator = getattr(bpy.types, f"SKIN_FH_{name}").bl_import_operator.split(".")
+    assert getattr(getattr(bpy.ops, module), operator)("INVOKE_DEFAULT", filepath=str(path)) == {"FINISHED"}
+    assert bpy.context.object.name in ("wrist", "sample_wrist")
 
 
 def test_any_link_gets_a_proposal_that_fits(bpy):

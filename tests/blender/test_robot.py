@@ -75,6 +75,13 @@ def robot(bpy, urdf):
     return urdf
 
 
+def test_dropped_robot_is_read_without_a_question(bpy, urdf):
+    """Blender invokes the operator of the handler with the path; the file browser stays closed."""
+    module, operator = bpy.types.SKIN_FH_robot.bl_import_operator.split(".")
+    assert getattr(getattr(bpy.ops, module), operator)("INVOKE_DEFAULT", filepath=str(urdf)) == {"FINISHED"}
+    assert {link.skin_calib.link for link in bpy.data.objects if link.type == "MESH" and link.skin_calib.link}
+
+
 @pytest.mark.parametrize("metre", [1.0, 0.001])
 def test_links_lie_in_their_frames_in_the_zero_pose(bpy, addon, urdf, metre):
     """Each link has the geometry that the command line reads, to the bit, and the pose of forward kinematics."""
