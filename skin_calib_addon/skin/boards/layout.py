@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import lru_cache
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -108,7 +109,8 @@ def lay_boards(
     OutsideSurface
         If a board of the given sequence is outside the surface.
     """
-    layout = Layout.of(surface, lattice, origin, direction, offset, fit, excluded)
+    start, along = (None if k is None else tuple(np.asarray(k, float).tolist()) for k in (origin, direction))
+    layout = _layout_of(surface, lattice, start, along, offset, fit, tuple(excluded))
     given = layout.given()
     if isinstance(choice, str):
         pose, boards = layout.most_boards([*layout.search.best(), *given] if choice == "fill" else given)
@@ -350,6 +352,12 @@ class Layout:
             )
         overhangs = -self.clearances(boards, pose)
         return boards, np.where(overhangs > TOUCH * self.lattice.side, overhangs, 0.0)
+
+
+@lru_cache(maxsize=1)
+def _layout_of(*of: Any) -> Layout:
+    """Return the layout of :meth:`Layout.of`; the last one is kept, because lists of boards follow each other."""
+    return Layout.of(*of)
 
 
 def _rooted(boards: WrappedBoards, to_flat: FlatMap) -> WrappedBoards:
