@@ -80,7 +80,13 @@ def outcomes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
     """
     if processes == 1 or len(jobs) == 1:
         return map(_fit_safely if len(jobs) > 1 else fit_one, jobs)
+    # Long plans first, so that no process is still busy with one of them in the end.
+    jobs = sorted(jobs, key=_plan_size, reverse=True)
     return run_tasks(_fit_safely, jobs, processes, lambda job, problem: Outcome(job, "failed", str(problem)))
+
+
+def _plan_size(job: Job) -> int:
+    return os.path.getsize(job.plan) if isinstance(job.plan, Path) and os.path.isfile(job.plan) else 0
 
 
 def fit_one(job: Job) -> Outcome:

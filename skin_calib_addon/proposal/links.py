@@ -77,12 +77,19 @@ def propose_task(task: Task, begin: Callable[[str], None] = lambda stage: None) 
 
 
 def groups(tasks: Sequence[Task]) -> list[list[Task]]:
-    """Return the tasks in groups with common work: a link of a robot, and those that are like it."""
+    """Return the tasks in groups with common work: a link of a robot, and those that are like it.
+
+    Those with the most faces come first, so that no process is still busy with one of them in the end.
+    """
     found: dict[str, list[Task]] = {}
     for task in tasks:
         twin = robot_of(task.file).twins.get(task.link) if is_urdf(task.file) else None
         found.setdefault(task.link if twin is None else twin.link, []).append(task)
-    return list(found.values())
+    return sorted(found.values(), key=lambda group: -sum(_face_count(task) for task in group))
+
+
+def _face_count(task: Task) -> int:
+    return robot_of(task.file).face_counts.get(task.link, 0) if is_urdf(task.file) else 0
 
 
 def propose_group(tasks: Sequence[Task]) -> list[Outcome]:
@@ -123,6 +130,7 @@ class WholeRobot:
     robot: Robot
     keep_out: KeepOut
     twins: Mapping[str, Twin]
+    face_counts: Mapping[str, int]
     proposals: dict[tuple[str, SkinChoice], Proposal]  # of links that others are like; grows
 
 
@@ -136,7 +144,8 @@ def robot_of(urdf: Path) -> WholeRobot:
     meshes = load_urdf_meshes(urdf, robot)[0]  # problems are reported for the link itself
     found = find_twins(robot, meshes)
     twins = {link: twin for link, twin in found.items() if twin.link not in found}
-    return WholeRobot(robot, KeepOut(robot, meshes), twins, {})
+    face_counts = {link: len(mesh.faces) for link, mesh in meshes.items()}
+    return WholeRobot(robot, KeepOut(robot, meshes), twins, face_counts, {})
 
 
 def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
