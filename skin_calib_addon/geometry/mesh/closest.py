@@ -11,6 +11,8 @@ from .triangle_mesh import TriangleMesh
 
 # [1] most parts of one side of a face. Larger: denser samples on long faces, more memory.
 MAX_PARTS = 64
+# [1] pairs of points and parts of faces that are compared at a time. Larger: more memory.
+BLOCK_PAIRS = 2_000_000
 # [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
 FLAT_TRIANGLE_RATIO = 1e-8
 # [1] faces from which on distances are measured to the faces near the points only. It affects the time only.
@@ -54,48 +56,74 @@ def split_faces(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray, IntAr
     return np.concatenate(centres), np.concatenate(face), parts
 
 
+def small_parts(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray]:
+    """Halve the longest sides of faces until no side is longer than ``size``, or than a fraction of those of the face.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        The mesh, [m] in the link frame.
+    size : float
+        [m]
+
+    Returns
+    -------
+    corners : array, shape (p, 3, 3)
+        Of the parts [m].
+    face : array of int, shape (p,)
+        Face of each part.
+    """
+    corners, face, done = mesh.triangles, np.arange(len(mesh.faces)), []
+    limit = np.maximum(size, mesh.longest_sides / MAX_PARTS)
+    while len(corners):
+        sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        is_long = sides.max(axis=1) > limit[face]
+        done.append((corners[~is_long], face[~is_long]))
+        corners, face, longest = corners[is_long], face[is_long], sides[is_long].argmax(axis=1)
+        a, b, c = (corners[np.arange(len(corners)), (longest + k) % 3] for k in range(3))
+        middle = (a + b) / 2
+        corners = np.concatenate((np.stack((a, middle, c), axis=1), np.stack((middle, b, c), axis=1)))
+        face = np.tile(face, 2)
+    return np.concatenate([k for k, _ in done]), np.concatenate([k for _, k in done])
+
+
 class MeshDistance:
     """The exact distance from points to a mesh.
 
-    A search tree of small triangles gives the candidates. The distances to their faces decide.
+    A search tree of small parts of the faces gives the candidates. The distances to their faces decide.
     """
 
     def __init__(self, mesh: TriangleMesh):
         self.triangles = mesh.triangles
-        sides = mesh.longest_sides
-        centres, self.face, parts = split_faces(mesh, max(float(np.median(sides)), 0.01 * mesh.size))
-        self.radii = (2 / 3 * sides / parts)[self.face]  # largest distance of a point of each triangle from its centre
+        corners, self.face = small_parts(mesh, max(float(np.median(mesh.longest_sides)), 0.01 * mesh.size))
+        self.centres = corners.mean(axis=1)
+        # Largest distance of a point of each part from its centre.
+        self.radii = np.linalg.norm(corners - self.centres[:, None], axis=2).max(axis=1)
         self.radius = float(self.radii.max())
-        self.tree = cKDTree(centres)
+        self.tree = cKDTree(self.centres)
 
     def __call__(self, points: Array) -> tuple[Array, IntArray, Array]:
         """Return the distance [m], the nearest face and the nearest point of each point; shapes (k,), (k,), (k, 3)."""
-        distance = np.full(len(points), np.inf)
-        face = np.zeros(len(points), np.int64)
-        nearest = np.zeros((len(points), 3))
-
-        def try_pairs(which: IntArray, faces: IntArray) -> None:
-            foot = closest_on_triangles(points[which], self.triangles[faces])
-            d = np.linalg.norm(foot - points[which], axis=1)
-            order = np.lexsort((d, which))  # the nearest candidate of each point comes first
-            first = order[np.append(True, which[order][1:] != which[order][:-1])] if len(order) else order
-            first = first[d[first] < distance[which[first]]]
-            distance[which[first]], face[which[first]], nearest[which[first]] = d[first], faces[first], foot[first]
-
-        open_, k, first = np.arange(len(points)), 8, True
-        while len(open_):
-            k = min(k, self.tree.n)
-            # All of them again: the order of centres at equal distances differs from query to query.
-            far, index = map(np.asarray, self.tree.query(points[open_], k=np.arange(1, k + 1)))
-            if first:
-                try_pairs(open_, self.face[index[:, 0]])
-            # The distance to a triangle is at least the distance to its centre minus the radius.
-            row, column = np.nonzero(far - self.radii[index] < distance[open_, None])
-            # A long face has many of the triangles: each pair of point and face once.
-            pairs = np.unique(row * len(self.triangles) + self.face[index[row, column]])
-            try_pairs(open_[pairs // len(self.triangles)], pairs % len(self.triangles))
-            open_ = open_[(far[:, -1] - self.radius < distance[open_]) & (k < self.tree.n)]
-            first, k = False, 2 * k
+        face = self.face[np.asarray(self.tree.query(points)[1])]
+        nearest = closest_on_triangles(points, self.triangles[face])
+        distance = np.linalg.norm(nearest - points, axis=1)
+        # The distance to a part is at least the distance to its centre minus the radius.
+        reach = distance + self.radius
+        ends = np.cumsum(self.tree.query_ball_point(points, reach, return_length=True))
+        for block in np.split(np.arange(len(points)), np.flatnonzero(np.diff(ends // BLOCK_PAIRS)) + 1):
+            near = self.tree.query_ball_point(points[block], reach[block], return_sorted=False)
+            row = np.repeat(block, [len(parts) for parts in near])
+            part = np.concatenate([np.empty(0, np.int64), *(np.asarray(parts, np.int64) for parts in near)])
+            kept = np.linalg.norm(points[row] - self.centres[part], axis=1) - self.radii[part] < distance[row]
+            # A long face has many of the parts: each pair of point and face once.
+            pairs = np.unique(row[kept] * len(self.triangles) + self.face[part[kept]])
+            row, candidate = pairs // len(self.triangles), pairs % len(self.triangles)
+            foot = closest_on_triangles(points[row], self.triangles[candidate])
+            d = np.linalg.norm(foot - points[row], axis=1)
+            order = np.lexsort((d, row))  # the nearest candidate of each point comes first
+            first = order[np.append(True, row[order][1:] != row[order][:-1])] if len(order) else order
+            first = first[d[first] < distance[row[first]]]
+            distance[row[first]], face[row[first]], nearest[row[first]] = d[first], candidate[first], foot[first]
         return distance, face, nearest
 
 

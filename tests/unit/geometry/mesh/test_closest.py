@@ -6,7 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skin_calib_addon.geometry.mesh.closest import MANY_FACES, MeshDistance, NearMesh, closest_on_triangles
+from skin_calib_addon.geometry.mesh import closest
+from skin_calib_addon.geometry.mesh.closest import (
+    MANY_FACES,
+    MeshDistance,
+    NearMesh,
+    closest_on_triangles,
+    distance_to,
+    small_parts,
+)
 from skin_calib_addon.geometry.mesh.triangle_mesh import weld
 from tests.oracles import distance_to_mesh, nearest_on_triangle
 from tests.shapes import LENGTH, RADIUS, TURN, box, cylinder, grid_of_faces
@@ -80,6 +88,35 @@ def test_no_face_is_lost_between_centres_at_equal_distances():
     side = 1.001 * RADIUS * np.cos(phi) - RADIUS * np.cos(half)
     along = 1.001 * RADIUS * np.sin(np.abs(phi)) - RADIUS * np.sin(half)
     assert_allclose(found, np.hypot(side, np.maximum(along, 0)), rtol=0, atol=1e-9)
+
+
+def test_small_parts_tile_the_faces():
+    """No side is longer than asked, and the areas of the parts of each face add up to it."""
+    mesh = cylinder()
+    corners, face = small_parts(mesh, 0.002)
+    sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    assert mesh.longest_sides.max() > 0.002 >= sides.max()
+    assert_allclose(np.bincount(face, areas), mesh.face_areas, rtol=1e-9)
+
+
+def test_blocks_of_pairs_do_not_affect_the_distances(monkeypatch):
+    """Points near and far, more pairs than one block holds."""
+    mesh = cylinder()
+    points = 0.2 * np.random.default_rng(0).normal(size=(40, 3))
+    whole = MeshDistance(mesh)(points)
+    monkeypatch.setattr(closest, "BLOCK_PAIRS", 100)
+    for found, expected in zip(MeshDistance(mesh)(points), whole):
+        assert_allclose(found, expected, rtol=0, atol=0)
+
+
+def test_search_tree_of_a_mesh_is_built_once_and_ends_with_it():
+    """It is shared by all that compare with the mesh, and is not kept after the mesh."""
+    mesh = weld(cylinder().vertices, cylinder().faces)
+    assert distance_to(mesh) is distance_to(mesh)
+    before = len(closest._known)
+    del mesh
+    assert len(closest._known) < before
 
 
 @pytest.mark.parametrize("shape", ["a large face over fine ones", "long strips"])
