@@ -135,8 +135,9 @@ def build(urdf: Path, folder: Path) -> mujoco.MjModel:
             spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=foot)
         skin = mujoco.MjSpec.from_string(write_mjcf(load_calibration(folder / f"{foot}.calibration.json")).decode())
         for sensor in list(skin.sensors):
-            if sensor.type == mujoco.mjtSensor.mjSENS_TACTILE:
-                skin.delete(sensor)
+            skin.delete(
+                sensor
+            )  # G1 sums the contacts of each cell: touch sensors of adjacent cells overlap at the rims
         for geom in list(skin.body(foot).geoms):
             if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
                 skin.delete(geom)
@@ -186,7 +187,7 @@ class G1:
     def __init__(self, urdf: Path, folder: Path, seed: int):
         self.model = build(urdf, folder)
         self.data, self.rng = mujoco.MjData(self.model), np.random.default_rng(seed)
-        skins, self.touch = {}, {}
+        skins, self.cells = {}, {}
         for foot in FEET:
             calibration = load_calibration(folder / f"{foot}.calibration.json")
             positions, normals = (
@@ -196,7 +197,8 @@ class G1:
             self.sole = float(positions[normals[:, 2] < -DOWN, 2].min())  # height of the lowest cells [m]
             # Skin around a foot has no plane of its own.
             skins[foot] = skin = Skin(calibration, ground=Plane.through((0, 0, self.sole), (0, 0, 1)))
-            self.touch[foot] = [self.model.sensor(f"{foot}/{name}").adr[0] for name in skin.ids]
+            body = self.model.body(f"{foot}/{foot}").id
+            self.cells[foot] = self.model.body_geomadr[body] + np.arange(len(skin.ids))
         self.body = Body(skins)
         self.late: tuple[dict[str, Array], dict[str, Array]] | None = None
         for skin in skins.values():
@@ -208,11 +210,14 @@ class G1:
 
     def senses(self) -> Senses:
         """Return what the sensors deliver; skins and ankles are one cycle late."""
-        data, normal = self.data, self.rng.normal
-        readings = {}
+        data, normal, readings = self.data, self.rng.normal, {}
+        contacts = data.contact
+        normal_forces = np.bincount(
+            contacts.geom.ravel(), np.repeat(data.efc_force[contacts.efc_address], 2), self.model.ngeom
+        )
         for foot, skin in self.body.skins.items():
             forces = np.zeros(skin.reading_length)
-            forces[skin.channels] = data.sensordata[self.touch[foot]]
+            forces[skin.channels] = normal_forces[self.cells[foot]]
             readings[foot] = self._noisy(forces)
         ankles = {}
         for foot in FEET:

@@ -7,7 +7,7 @@ import numpy as np
 from biped import ARM, DAMPING, FEET, PERIOD, Biped, Senses
 from distribution import distribute
 from estimator import GRAVITY, SOLE_CENTRE, STALE, Estimator, State
-from foothold import Foothold, full_sole
+from foothold import MIN_LOAD, Foothold, full_sole
 from legs import joint_angles, rotation
 from zmp_plan import Reference, ZmpPlan
 
@@ -316,12 +316,12 @@ class Walker:
     def _is_unsure(self, state: State) -> bool:
         """Return whether it is not known yet where the ground bears the foot that has landed last.
 
-        A foot on full ground has pressed nearly all of its sole when it carries a third of the weight.
+        A foot on full ground has pressed nearly all of its sole soon after the load is enough to find void cells.
         """
         if not self.feels or self.phase == "single" or self.index == 0:
             return False
         foot = self.steps[self.index - 1].foot
-        is_loaded = (state.felt.loads[foot] or 0.0) > self.estimator.mass * GRAVITY / 3
+        is_loaded = (state.felt.loads[foot] or 0.0) > MIN_LOAD
         is_unsure = is_loaded and self.footholds[foot].inside.mean() < SURE and self.waited < self.gait.wait
         self.waited += PERIOD * is_unsure
         return is_unsure
