@@ -5,6 +5,7 @@ docs/tutorial/real_links.md.
 """
 
 import json
+import os
 
 import bpy
 from buttons import find, press
@@ -155,6 +156,13 @@ def robot(gui, path):
     assert plan().result.taxels == plan().proposed > 10
     yield from gui.shot("6_robot.png", area="VIEW_3D")
     folder = gui.out / "robot"
-    with gui.context():
-        bpy.ops.skin_calib.export_robot(directory=str(folder))
+    folder.mkdir(exist_ok=True)
+    (folder / "robot.json").unlink(missing_ok=True)
+    yield from press(gui, "skin_calib.export_robot")
+    yield from gui.wait(lambda: gui.area("FILE_BROWSER"), 10, "the file browser")
+    yield from gui.redraw()
+    gui.area("FILE_BROWSER").spaces.active.params.directory = os.fsencode(f"{folder}/")
+    yield from gui.redraw()
+    yield from gui.press("file.execute", "FILE_BROWSER", "EXECUTE")
+    yield from gui.wait((folder / "robot.json").exists, 60, "the folder of the robot")
     assert json.loads((folder / "robot.json").read_text())["links"][0]["link"] == active().name

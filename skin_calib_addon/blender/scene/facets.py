@@ -22,7 +22,7 @@ class Facets:
     starts: IntArray  # (p,) int32, where each polygon starts among them
 
     def is_same(self, other: "Facets | None") -> bool:
-        """Return whether other facets make the same mesh: Blender divides the same polygons in the same way."""
+        """Return whether other facets make the same mesh: Blender divides the same polygons equally."""
         if self is other:
             return True
         pairs = ((getattr(self, n), getattr(other, n, None)) for n in ("placed", "vertices", "corners", "starts"))

@@ -108,10 +108,10 @@ class MeshDistance:
         nearest = closest_on_triangles(points, self.triangles[face])
         distance = np.linalg.norm(nearest - points, axis=1)
         # The distance to a part is at least the distance to its centre minus the radius.
-        reach = distance + self.radius
-        ends = np.cumsum(self.tree.query_ball_point(points, reach, return_length=True))
+        limits = distance + self.radius
+        ends = np.cumsum(self.tree.query_ball_point(points, limits, return_length=True))
         for block in np.split(np.arange(len(points)), np.flatnonzero(np.diff(ends // BLOCK_PAIRS)) + 1):
-            near = self.tree.query_ball_point(points[block], reach[block], return_sorted=False)
+            near = self.tree.query_ball_point(points[block], limits[block], return_sorted=False)
             row = np.repeat(block, [len(parts) for parts in near])
             part = np.concatenate([np.empty(0, np.int64), *(np.asarray(parts, np.int64) for parts in near)])
             kept = np.linalg.norm(points[row] - self.centres[part], axis=1) - self.radii[part] < distance[row]
