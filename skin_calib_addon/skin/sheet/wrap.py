@@ -33,8 +33,8 @@ OUTSIDE_WEIGHT = 1e-3
 GUESS_STEPS = (1, 2, 4)
 # Nodes up to which a preview places all of them. Larger: more previews are exact, and take longer.
 MAX_EXACT_NODES = 1000
-# Rows and columns of nodes that a preview of more nodes places, in addition to those of the pinned node and of landmarks.
-# Larger: the preview is nearer to the exact placement, and takes longer.
+# Rows and columns of nodes that a preview of more nodes places, in addition to those of the pinned node and of the
+# landmarks. Larger: the preview is nearer to the exact placement, and takes longer.
 PREVIEW_LINES = 13, 41
 # Largest angle between the direction of a sheet and that of a placement from which it starts [rad]. Larger: faster
 # where a sheet is rotated by a large angle, and it may converge to a fold.
