@@ -135,9 +135,7 @@ def build(urdf: Path, folder: Path) -> mujoco.MjModel:
             spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=foot)
         skin = mujoco.MjSpec.from_string(write_mjcf(load_calibration(folder / f"{foot}.calibration.json")).decode())
         for sensor in list(skin.sensors):
-            skin.delete(
-                sensor
-            )  # G1 sums the contacts of each cell: touch sensors of adjacent cells overlap at the rims
+            skin.delete(sensor)  # G1 sums the contacts of each cell
         for geom in list(skin.body(foot).geoms):
             if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
                 skin.delete(geom)

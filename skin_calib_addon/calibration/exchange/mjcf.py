@@ -4,13 +4,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray
+from ...common.arrays import Array, BoolArray, IntArray
 from ..model import LinkCalibration
 from .link_taxels import LinkTaxels, refuse_repeats, taxels_of
 from .xml_text import HEAD, numbers, quoted
 
 MIN_VERTICES = 4  # Format: MuJoCo accepts no smaller mesh
 GEOM_THICKNESS = 0.002  # of the cells that make contact [m]. Larger: contacts of deeper bodies are found.
+# Width of the cells that make contact, relative to the cells. MuJoCo's contacts are at their rims; there they belong to
+# one cell only. Larger: contacts of curved patches count twice or not at all; smaller: wider gaps between cells.
+GEOM_FRACTION = 0.95
 # Angle between the normal of a cell and the direction to another one from which on both may be in one body [rad].
 # Larger: more bodies; smaller: presses that are not along the normal are also reported by cells in front of it.
 FACING_ANGLE = np.radians(45.0)
@@ -84,14 +87,16 @@ def _area(corners: Array) -> float:
 def _cells(taxels: LinkTaxels, ids: list[str]) -> Iterator[str]:
     """Yield geom and site of each taxel, those of the second and further groups in a body for each.
 
-    The geom is a thin box or disc with its upper side at the taxel. The site is the volume in which contacts belong to
-    the taxel: its cell, extended outwards and inwards by half of its smaller side. In a thin wall with cells on both
+    The site is the volume in which contacts belong to the taxel: its cell, or the disc in it, extended outwards and
+    inwards by half of its smaller side. The geom is a thin box or disc with its upper side at the taxel, and smaller
+    than the site, so that a contact at its rim belongs to exactly one taxel. In a thin wall with cells on both
     sides, neither the geom nor the site is beyond the middle of the wall.
     """
     sides, walls = taxels.sizes.min(axis=1), _walls(taxels)
     depths = np.minimum(np.minimum(GEOM_THICKNESS, sides), walls / 2)
     centres = taxels.positions - depths[:, None] / 2 * taxels.normals
-    geoms, sites = list(_shapes(taxels, depths / 2)), list(_shapes(taxels, np.minimum(sides, walls) / 2))
+    geoms = list(_shapes(GEOM_FRACTION * taxels.sizes, taxels.square, depths / 2))
+    sites = list(_shapes(taxels.sizes, taxels.square, np.minimum(sides, walls) / 2))
     groups = _groups(taxels)
     for group in np.unique(groups).tolist():
         body = f"<body name={quoted(f'{taxels.link} {group + 1}')}>" if group else ""
@@ -133,14 +138,13 @@ def _groups(taxels: LinkTaxels) -> IntArray:
     return groups
 
 
-def _shapes(taxels: LinkTaxels, half: Array) -> Iterator[str]:
-    """Yield type and size of cells with half heights (n,) [m]: boxes for four corners, else discs."""
-    radii = np.sqrt(taxels.areas / np.pi)
-    for row, square in enumerate(taxels.square.tolist()):
-        if square:
-            yield f'type="box" size="{numbers((*taxels.sizes[row] / 2, half[row]))}"'
+def _shapes(sizes: Array, square: BoolArray, half: Array) -> Iterator[str]:
+    """Yield type and size of cells with extents (n, 2) and half heights (n,) [m]: boxes or discs."""
+    for (along, across), is_box, height in zip(sizes / 2, square.tolist(), half):
+        if is_box:
+            yield f'type="box" size="{numbers((along, across, height))}"'
         else:
-            yield f'type="cylinder" size="{numbers((radii[row], half[row]))}"'
+            yield f'type="cylinder" size="{numbers((min(along, across), height))}"'
 
 
 def triangles(taxels: LinkTaxels, rows: IntArray) -> IntArray:

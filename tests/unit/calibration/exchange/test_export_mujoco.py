@@ -1,6 +1,7 @@
 """MuJoCo measures contacts at the right taxels: the exported model is loaded and touched on each taxel."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,13 @@ import pytest
 from skin_calib_addon.calibration.exchange import FORMATS
 from skin_calib_addon.calibration.exchange.link_taxels import taxels_of
 from skin_calib_addon.common.errors import CalibrationFormatError
+from skin_calib_addon.pipeline import calibrate
+from skin_calib_addon.plan import load_plan
 from tests.samples import boards, seven_boards, sheet, small_calibration
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco): its model is not tried")
 
+ROOT = Path(__file__).resolve().parents[4]
 RADIUS, DEPTH = 0.004, 0.0003  # of the sphere that presses [m]
 
 
@@ -63,6 +67,33 @@ def test_touch_and_tactile_sensors_feel_the_pressed_taxel():
         depth = data.sensor(patch).data.reshape(3, -1)[0]
         assert np.flatnonzero(depth).tolist() == [row] and 0.8 * DEPTH < depth[row] <= DEPTH
         assert not data.sensor("flower" if patch == "sheet" else "sheet").data.any()
+
+
+def sole():
+    """Return the calibration of the sole of the samples, whose cells have common edges."""
+    return calibrate(load_plan(ROOT / "sample_scenes" / "sole.plan.json")).calibration
+
+
+@pytest.mark.parametrize("made", [sole, lambda: small_calibration(patches=(seven_boards(),))], ids=["sole", "boards"])
+def test_touch_sensors_add_up_to_the_contact_forces(made):
+    """A plate presses on one taxel after another. Its contacts at the rims of cells count once each."""
+    calibration = made()
+    spec = mujoco.MjSpec.from_string(FORMATS["mjcf"].write(calibration).decode())
+    plate = spec.worldbody.add_body(name="plate")
+    plate.add_freejoint()
+    plate.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.3, 0.3, 0.01], mass=1)
+    spec.option.gravity = [0, 0, 0]
+    model = spec.compile()
+    data, taxels, turn = mujoco.MjData(model), taxels_of(calibration), np.zeros(4)
+    for position, normal in zip(taxels.positions, taxels.normals):
+        mujoco.mju_quatZ2Vec(turn, normal)
+        data.qpos[:] = [*(position + (0.01 - DEPTH) * normal), *turn]
+        mujoco.mj_forward(model, data)
+        forces = [np.zeros(6) for _ in range(data.ncon)]
+        for k, force in enumerate(forces):
+            mujoco.mj_contactForce(model, data, k, force)
+        felt = sum(data.sensor(name).data[0] for name in taxels.ids)
+        assert felt == pytest.approx(sum(force[0] for force in forces), rel=1e-6) and felt > 0
 
 
 def test_sphere_that_hovers_is_not_felt():
