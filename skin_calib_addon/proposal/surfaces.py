@@ -18,6 +18,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.sampling.basis import SITES_PER_SPAN, TensorBasis
 from ..geometry.sampling.rays import TURN
 from ..geometry.sampling.samples import SampleRows
+from ..geometry.surface.bspline import BSplineSurface
 from ..pipeline.calibrate import refuse_errors
 from ..plan.plan import Surface
 from ..skin.boards.ground import MAX_ANGLE, MAX_DISTANCE
@@ -45,8 +46,8 @@ class Proposed:
 
     surface: Surface
     fit: SurfaceFit
-    area: float  # that it covers, and no surface before it [m^2]
-    covered: BoolArray  # (k,) free points of the link that it covers
+    area: float  # that skins on it cover, and those on no surface before it [m^2]
+    covered: BoolArray  # (k,) free points of the link that skins on it cover
     reason: str
 
 
@@ -172,12 +173,14 @@ def fitted(seen: TriangleMesh, on: LinkPoints, surface: Surface, reason: str, le
         If it cannot be fitted, or a warning about it is an error.
     """
     fit = fit_grid(seen, surface.grid, surface.degree, surface.chords, surface.max_deviation)
-    covered = covered_points(fit, on)
-    area = float(on.areas[covered & ~on.covered].sum())
-    if area < least:
+    along_facets = covered_points(fit, fit.surface, on)
+    if on.areas[along_facets & ~on.covered].sum() < least:
         return None
     refuse_errors(fit.warnings)
-    on.cover(covered)
+    # Skins are on the surface through the corners, which is farther from large facets.
+    covered = covered_points(fit, fit.error_field.surface, on)
+    area = float(on.areas[covered & ~on.covered].sum())
+    on.cover(along_facets)
     return Proposed(surface, fit, area, covered, reason)
 
 
@@ -213,9 +216,8 @@ def bounded_region(region: Region, trial: Trial, loops: Loops) -> Region:
     )
 
 
-def covered_points(fit: SurfaceFit, on: LinkPoints) -> BoolArray:
-    """Return which free points a fitted surface covers, shape (k,): near it, along it, and inside its boundary."""
-    surface = fit.surface
+def covered_points(fit: SurfaceFit, surface: BSplineSurface, on: LinkPoints) -> BoolArray:
+    """Return which free points a surface of a fit covers, shape (k,): near it, along it, and inside its boundary."""
     u, v = (np.linspace(0, 1, SITES_PER_SPAN * n) for n in fit.offsets.shape)
     points = surface.grid_points(u, v)
     normals = unit(np.cross(*surface.grid_tangents(u, v))).reshape(-1, 3)

@@ -14,6 +14,7 @@ from skin_calib_addon.geometry import CoverSpec
 from skin_calib_addon.geometry.grid.grids import Across
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
+from skin_calib_addon.geometry.surface.footpoints import footpoints
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.plan import load_plan, plan_document, plan_from
 from skin_calib_addon.plan.plan import Surface
@@ -34,6 +35,17 @@ def block():
     for _ in range(3):
         mesh = subdivided(mesh)
     return welded(mesh)
+
+
+def test_area_is_that_which_skins_cover():
+    """Skins are on the surface through the corners of a tube with twelve sides, 1.5 mm above the middle of each."""
+    mesh = cylinder(around=12)
+    on = LinkPoints.of(mesh)
+    found = propose_surfaces(mesh, on)
+    covered = np.any([surface.covered for surface in found], axis=0)
+    near = np.min([footpoints(surface.fit.error_field.surface, on.points)[1] for surface in found], axis=0)
+    assert covered.any() and near[covered].max() < 1.05e-3
+    assert on.areas[covered].sum() < 0.75 * on.areas[on.covered].sum()
 
 
 @pytest.fixture(scope="module")
