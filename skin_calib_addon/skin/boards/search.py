@@ -248,7 +248,7 @@ class Search:
                 there = self._interpolated(first + fraction * corners[pose, k]) - (1 - fraction) * self._apothem
                 np.minimum(clear, there, out=clear)
         pose, clear = pose[clear > -slack], clear[clear > -slack]
-        count = np.bincount(pose, np.minimum(1 + clear / slack, 1), len(poses.angles))
+        count = np.asarray(np.bincount(pose, np.minimum(1 + clear / slack, 1), len(poses.angles)), float)
         found, start = np.unique(pose, return_index=True)
         tightest = np.zeros(len(count))
         tightest[found] = np.minimum.reduceat(clear, start) if len(start) else 0.0

@@ -101,8 +101,8 @@ def grid_net(lines: tuple[Lines, Lines], step: tuple[float, float], pinned: tupl
 
 def _widths(positions: IntArray) -> Array:
     """Return half of the distance from the position before to the one after each; an end has one neighbour."""
-    halves = np.diff(positions) / 2
-    return np.append(halves, 0.0) + np.insert(halves, 0, 0.0)
+    halves: Array = np.diff(positions) / 2
+    return np.append(halves, 0.0) + np.append(0.0, halves)
 
 
 def board_net(lattice: HexLattice, cells: IntArray) -> Net:
