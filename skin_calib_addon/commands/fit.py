@@ -5,6 +5,7 @@ import os.path
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..calibration.robot_set import FILE
@@ -13,6 +14,7 @@ from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.robot_folder import save_robot
 from ..pipeline.sources import Source, load_sources, save_source
 from ..plan import Plan
+from ..proposal.links import Fitted
 from ..robot.link_mesh import is_urdf
 from ..robot.urdf import Robot, read_robot
 from .common import DONE, INTERRUPTED, WRONG_CALL, WRONG_DATA, check_picture, check_target, complain, say
@@ -62,11 +64,15 @@ def add(commands, scene_plans: ScenePlans | None) -> None:
 
 def run(options: argparse.Namespace) -> int:
     proposed = DONE
+    fitted: dict[Path, Fitted | None] = {}
     if options.propose:
         if len(options.plans) != 1:
             raise InvalidPlan("--propose needs one URDF or one mesh. Specify it instead of plans.")
         options.file = options.plans[0]
-        options.plans, proposed = propose(options, options.output, options.again)
+        # Pictures and reports need more than the calibration.
+        shares_fits = options.picture is None and options.report is None
+        fitted, proposed = propose(options, options.output, options.again, shares_fits)
+        options.plans = list(fitted)
         if not options.plans:
             return max(proposed, WRONG_DATA)
     check_target(options.output, *options.plans)
@@ -99,6 +105,8 @@ def run(options: argparse.Namespace) -> int:
     folder = options.output if options.plans and os.path.isdir(options.output) else None
     known = load_sources(folder) if folder else {}
     jobs = [_job(options, name, plan, mesh, robot, folder, known) for name, plan, mesh in links]
+    if len(jobs) > 1:  # also the summary of a single fit needs more
+        jobs = [replace(job, fitted=fitted.get(job.plan)) if isinstance(job.plan, Path) else job for job in jobs]
     # Blender's program cannot be started again as a plain Python
     code = _carry_out(jobs, 1 if options.scene_plans else options.jobs)
     if folder and code != INTERRUPTED:

@@ -5,10 +5,12 @@ import os
 import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
 from ..calibration.file import load_calibration, save_calibration
+from ..calibration.model import LinkCalibration
 from ..common.atomic_file import write_bytes_safely
 from ..common.errors import CalibrationFormatError, OutputError, SkinCalibError
 from ..common.warnings import Warning
@@ -17,6 +19,8 @@ from ..pipeline import Calibrated, calibrate
 from ..pipeline.report import report_document, summary
 from ..pipeline.sources import Source, add_outputs, is_current, source_of, taxel_files
 from ..plan import Plan, load_plan
+from ..proposal.links import Fitted
+from ..robot.link_mesh import load_plan_mesh
 from ..robot.urdf import Robot, compare
 from .common import check_target
 from .worker_processes import run_tasks
@@ -42,6 +46,7 @@ class Job:
     robot: Robot | None = None
     folder: Path | None = None  # folder of sources.json; None without record
     before: Source | None = None  # the existing record
+    fitted: Fitted | None = None  # the plan as it was proposed, and its calibration
 
     @property
     def outputs(self) -> list[Path]:
@@ -78,8 +83,15 @@ def outcomes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
     ------
     Outcome
     """
-    if processes == 1 or len(jobs) == 1:
-        return map(_fit_safely if len(jobs) > 1 else fit_one, jobs)
+    # What only has to be written is not worth another process.
+    fitted = [job for job in jobs if job.fitted]
+    others = [job for job in jobs if not job.fitted]
+    return chain(map(_fit_safely, fitted), _fitted_now(others, processes, len(jobs) == 1))
+
+
+def _fitted_now(jobs: Sequence[Job], processes: int, is_only: bool) -> Iterator[Outcome]:
+    if processes == 1 or len(jobs) <= 1:
+        return map(fit_one if is_only else _fit_safely, jobs)
     # Long plans first, so that no process is still busy with one of them in the end.
     jobs = sorted(jobs, key=_plan_size, reverse=True)
     return run_tasks(_fit_safely, jobs, processes, lambda job, problem: Outcome(job, "failed", str(problem)))
@@ -104,19 +116,31 @@ def fit_one(job: Job) -> Outcome:
             if _is_edited(job) and is_current(source, job.before, job.folder, []):
                 return _unchanged(job, "kept", job.before, warnings)
         warnings += (EDITED,) if _is_edited(job) else ()
-        result = calibrate(plan, job.mesh)
-        if job.picture:
-            _draw(result, job.picture)
-        if job.report:
-            write_bytes_safely(job.report, (json.dumps(report_document(result), indent=2) + "\n").encode())
-        save_calibration(result.calibration, job.calibration)
+        calibration = _known(job.fitted, plan) if job.fitted else None
+        if job.fitted and calibration:
+            mean, text = job.fitted.mean, ""
+        else:
+            result = calibrate(plan, job.mesh)
+            if job.picture:
+                _draw(result, job.picture)
+            if job.report:
+                write_bytes_safely(job.report, (json.dumps(report_document(result), indent=2) + "\n").encode())
+            calibration, mean, text = result.calibration, result.mean, summary(result, job.calibration)
+        save_calibration(calibration, job.calibration)
     except SkinCalibError as error:
         return Outcome(job, "failed", str(error), unwritable=isinstance(error, OutputError))
-    taxels, mean = result.taxels, result.mean
+    taxels, found = sum(len(patch.taxels.ids) for patch in calibration.patches), calibration.warnings
     if source and job.folder:
-        source = add_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, warnings=result.warnings)
-    text = summary(result, job.calibration)
-    return Outcome(job, "fitted", text, warnings + result.warnings, taxels, mean, source)
+        source = add_outputs(source, job.folder, job.outputs, taxels=taxels, mean=mean, warnings=found)
+    return Outcome(job, "fitted", text, warnings + found, taxels, mean, source)
+
+
+def _known(fitted: Fitted, plan: Plan) -> LinkCalibration | None:
+    """Return the calibration of a plan that was just proposed; None if the plan or its mesh is another one now."""
+    calibration = fitted.calibration_of(plan)
+    if calibration and load_plan_mesh(plan).sha256 == calibration.mesh.sha256:
+        return calibration
+    return None
 
 
 def _unchanged(

@@ -10,7 +10,7 @@ from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLin
 from ..common.findings import did_you_mean, show
 from ..plan import load_plan, named_from, save_plan
 from ..plan.skins import following_channel
-from ..proposal.links import Outcome, Task, groups, numbered, plan_path, propose_group, propose_task
+from ..proposal.links import Fitted, Outcome, Task, groups, numbered, plan_path, propose_group, propose_task
 from ..proposal.proposal import Proposal
 from ..proposal.skins import DEFAULT_SKIN, FORMS, parse_skin
 from ..robot.link_mesh import is_urdf, links_with_mesh
@@ -49,7 +49,9 @@ def run(options: argparse.Namespace) -> int:
     return propose(options, options.output, options.again)[1]
 
 
-def propose(options: argparse.Namespace, folder: Path, again: bool) -> tuple[list[Path], int]:
+def propose(
+    options: argparse.Namespace, folder: Path, again: bool, fit: bool = False
+) -> tuple[dict[Path, Fitted | None], int]:
     """Write a plan for each link that can carry skin, and print a line for each link.
 
     Parameters
@@ -60,18 +62,22 @@ def propose(options: argparse.Namespace, folder: Path, again: bool) -> tuple[lis
         For the plans; it is created.
     again : bool
         Whether existing plans are replaced. Otherwise they stay.
+    fit : bool
+        Whether new plans are carried out, too.
 
     Returns
     -------
-    plans : list of Path
-        All plans of links of the robot in the folder.
+    plans : dict of Path to Fitted or None
+        All plans of links of the robot in the folder; with their calibrations if they were carried out.
     code : int
         Exit code.
     """
     choice = parse_skin(options.skin)
     if os.path.lexists(folder) and not os.path.isdir(folder):
         raise OutputError(f"{folder} is not a folder. Choose another name.")
-    tasks = [Task(options.file, options.unit, link, choice) for link in _links(options)]
+    links = _links(options)
+    fit = fit and len(links) > 1  # the summary of a single fit needs more than its calibration
+    tasks = [Task(options.file, options.unit, link, choice, fit=fit) for link in links]
     try:
         folder.mkdir(exist_ok=True)
     except OSError as problem:
@@ -86,12 +92,13 @@ def propose(options: argparse.Namespace, folder: Path, again: bool) -> tuple[lis
     finally:  # also after Ctrl+C: the next call continues
         first = max(filter(None, ends.values()), default=0)
         _save([done[task.link].proposal for task in tasks if task.link in done], folder, first)
-    plans, code = [], DONE
+    plans: dict[Path, Fitted | None] = {}
+    code = DONE
     lines: list[tuple[str, str]] = []
     for task in tasks:
         path = plan_path(folder, task.link)
         if task.link in kept:
-            plans.append(path)
+            plans[path] = None
             words = "" if ends[path] is not None else ". Its channels are not known before the fit"
             lines.append((task.link, f"kept: its plan exists; --again replaces it{words}"))
             continue
@@ -104,7 +111,7 @@ def propose(options: argparse.Namespace, folder: Path, again: bool) -> tuple[lis
         elif proposal.plan is None:
             lines.append((task.link, f"no plan: {proposal.reasons[-1]}"))
         else:
-            plans.append(path)
+            plans[path] = outcome.fitted
             lines.append((task.link, _numbers(proposal)))
     width = max(len(link) for link, _ in lines)
     found = [o.proposal for o in done.values() if o.proposal]

@@ -71,7 +71,10 @@ class Calibrated:
 
 
 def calibrate(
-    plan: Plan, mesh: TriangleMesh | None = None, begin: Callable[[str], None] = lambda stage: None
+    plan: Plan,
+    mesh: TriangleMesh | None = None,
+    begin: Callable[[str], None] = lambda stage: None,
+    known: Mapping[str, SurfaceFit] | None = None,
 ) -> Calibrated:
     """Cut the cover, fit the surface, and place the skins.
 
@@ -83,6 +86,8 @@ def calibrate(
         The mesh of the link. Default: read from the file of the plan.
     begin : function, optional
         Called with the name of each stage. An exception aborts the calibration.
+    known : mapping of str to SurfaceFit, optional
+        Fits of surfaces of this plan to this mesh, by their names. The others are fitted.
 
     Returns
     -------
@@ -93,6 +98,7 @@ def calibrate(
     SkinCalibError
         If a step fails; the message states what is wrong, where, and what to do.
     """
+    known = known or {}
     seconds: dict[str, float] = {}
 
     @contextmanager
@@ -111,7 +117,10 @@ def calibrate(
                 cut[surface.cover] = cut_for(plan, surface, mesh)
         covers = {surface.name: cut[surface.cover] for surface in plan.surfaces}
     with stage("fit"):
-        fits = {surface.name: fit_of(plan, surface, covers[surface.name]) for surface in plan.surfaces}
+        fits = {
+            surface.name: known.get(surface.name) or fit_of(plan, surface, covers[surface.name])
+            for surface in plan.surfaces
+        }
     with stage("wrap"):
         placed = place_all(plan, fits)
         patches = tuple(done.patch for done in placed)

@@ -5,12 +5,15 @@ import traceback
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
+from ..calibration.model import LinkCalibration
 from ..common.errors import SkinCalibError
 from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
+from ..pipeline import calibrate
 from ..plan import Plan
+from ..plan.skins import with_channels
 from ..robot.keep_out import KeepOut
 from ..robot.link_mesh import is_urdf, load_urdf_mesh, load_urdf_meshes
 from ..robot.mirrored import Twin, find_twins
@@ -30,6 +33,30 @@ class Task:
     link: str
     choice: SkinChoice
     mesh: TriangleMesh | None = None  # [m]; None to read it from the file
+    twins: Mapping[str, Twin] | None = None  # of the robot; None to find them
+    fit: bool = False  # whether the plan is carried out, too, with the fits and layouts of the proposal
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The calibration of a proposed plan. Its channels start at zero, because other links precede it."""
+
+    plan: Plan
+    calibration: LinkCalibration
+    mean: float  # distance from surface to mesh [m]
+
+    def calibration_of(self, plan: Plan) -> LinkCalibration | None:
+        """Return the calibration of a plan that was read from a file; None if it is not the proposed plan."""
+        first = plan.skins[0].first_channel or 0
+        proposed = numbered(self.plan, first)
+        plan, proposed = (replace(p, mesh=self.plan.mesh, skins=with_channels(p.skins)) for p in (plan, proposed))
+        if plan != proposed:
+            return None
+        patches = tuple(
+            replace(patch, taxels=replace(patch.taxels, channels=patch.taxels.channels + first))
+            for patch in self.calibration.patches
+        )
+        return replace(self.calibration, patches=patches)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +67,7 @@ class Outcome:
     proposal: Proposal | None = None
     problem: str = ""
     trace: str = ""  # of an unexpected error
+    fitted: Fitted | None = None
 
 
 def propose_task(task: Task, begin: Callable[[str], None] = lambda stage: None) -> Outcome:
@@ -53,20 +81,9 @@ def propose_task(task: Task, begin: Callable[[str], None] = lambda stage: None) 
         Called with the name of each stage.
     """
     try:
-        file = task.file.absolute()
-        if not is_urdf(task.file):
-            mesh = load_mesh(task.file, task.unit) if task.mesh is None else task.mesh
-            return Outcome(task, propose_link(task.link, mesh, file, task.unit, task.choice, begin=begin))
-        begin("robot")
-        robot = robot_of(task.file)
-        twin = robot.twins.get(task.link)
-        if twin is not None:
-            former = own_proposal(replace(task, link=twin.link, mesh=None), begin)
-            mesh = load_urdf_mesh(task.file, task.link) if task.mesh is None else task.mesh
-            found = propose_twin(former, twin, task.link, mesh, file, task.choice, robot.keep_out, begin)
-            if found is not None:
-                return Outcome(task, found)
-        return Outcome(task, own_proposal(task, begin))
+        proposal = _proposal(task, begin)
+        fitted = _fitted(task, proposal) if task.fit else None
+        return Outcome(task, replace(proposal, fits={}), fitted=fitted)  # fits are large
     except SkinCalibError as problem:
         return Outcome(task, None, str(problem))
     except MemoryError:
@@ -76,15 +93,53 @@ def propose_task(task: Task, begin: Callable[[str], None] = lambda stage: None) 
         return Outcome(task, None, text, traceback.format_exc())
 
 
+def _proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
+    file = task.file.absolute()
+    if not is_urdf(task.file):
+        return propose_link(task.link, _mesh_of(task), file, task.unit, task.choice, begin=begin)
+    begin("robot")
+    robot = robot_of(task.file)
+    twin = (robot.twins if task.twins is None else task.twins).get(task.link)
+    if twin is not None:
+        former = own_proposal(replace(task, link=twin.link, mesh=None), begin)
+        found = propose_twin(former, twin, task.link, _mesh_of(task), file, task.choice, robot.keep_out, begin)
+        if found is not None:
+            return found
+    return own_proposal(task, begin)
+
+
+def _fitted(task: Task, proposal: Proposal) -> Fitted | None:
+    """Return the calibration of a proposal; None if it has no plan, or ``fit`` has to say what is wrong with it."""
+    if proposal.plan is None:
+        return None
+    try:
+        result = calibrate(proposal.plan, _mesh_of(task), known=proposal.fits)
+    except SkinCalibError:
+        return None
+    return Fitted(proposal.plan, result.calibration, result.mean)
+
+
+def _mesh_of(task: Task) -> TriangleMesh:
+    """Return the mesh of a link; that of a robot is read once."""
+    if task.mesh is not None:
+        return task.mesh
+    if not is_urdf(task.file):
+        return load_mesh(task.file, task.unit)
+    mesh = robot_of(task.file).keep_out.meshes.get(task.link)
+    return load_urdf_mesh(task.file, task.link) if mesh is None else mesh
+
+
 def groups(tasks: Sequence[Task]) -> list[list[Task]]:
     """Return the tasks in groups with common work: a link of a robot, and those that are like it.
 
-    Those with the most faces come first, so that no process is still busy with one of them in the end.
+    Those with the most faces come first, so that no process is still busy with one of them in the end. The tasks have
+    the twins, so that no process finds them again.
     """
     found: dict[str, list[Task]] = {}
     for task in tasks:
-        twin = robot_of(task.file).twins.get(task.link) if is_urdf(task.file) else None
-        found.setdefault(task.link if twin is None else twin.link, []).append(task)
+        twins = robot_of(task.file).twins if is_urdf(task.file) else {}
+        twin = twins.get(task.link)
+        found.setdefault(task.link if twin is None else twin.link, []).append(replace(task, twins=twins))
     return sorted(found.values(), key=lambda group: -sum(_face_count(task) for task in group))
 
 
@@ -129,9 +184,14 @@ class WholeRobot:
 
     robot: Robot
     keep_out: KeepOut
-    twins: Mapping[str, Twin]
     face_counts: Mapping[str, int]
-    proposals: dict[tuple[str, SkinChoice], Proposal]  # of links that others are like; grows
+    proposals: dict[tuple[str, SkinChoice], Proposal]  # others may be like these links; grows
+
+    @cached_property
+    def twins(self) -> Mapping[str, Twin]:
+        """Return the links that are like another one, which is like none."""
+        found = find_twins(self.robot, self.keep_out.meshes)
+        return {link: twin for link, twin in found.items() if twin.link not in found}
 
 
 @lru_cache(maxsize=1)
@@ -142,10 +202,8 @@ def robot_of(urdf: Path) -> WholeRobot:
     """
     robot = read_robot(urdf)
     meshes = load_urdf_meshes(urdf, robot)[0]  # problems are reported for the link itself
-    found = find_twins(robot, meshes)
-    twins = {link: twin for link, twin in found.items() if twin.link not in found}
     face_counts = {link: len(mesh.faces) for link, mesh in meshes.items()}
-    return WholeRobot(robot, KeepOut(robot, meshes), twins, face_counts, {})
+    return WholeRobot(robot, KeepOut(robot, meshes), face_counts, {})
 
 
 def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
@@ -162,9 +220,8 @@ def own_proposal(task: Task, begin: Callable[[str], None]) -> Proposal:
     key = task.link, task.choice
     if task.mesh is None and key in whole.proposals:
         return whole.proposals[key]
-    mesh = load_urdf_mesh(task.file, task.link) if task.mesh is None else task.mesh
+    mesh = _mesh_of(task)
     axes = tuple(joint_axes(whole.robot, task.link))
     found = propose_link(task.link, mesh, task.file.absolute(), "m", task.choice, axes, whole.keep_out, begin)
-    if any(twin.link == task.link for twin in whole.twins.values()):
-        whole.proposals[key] = found
+    whole.proposals[key] = replace(found, fits={})
     return found

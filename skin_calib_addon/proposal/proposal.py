@@ -1,7 +1,7 @@
 """Propose the plan of one link."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from ..calibration.exchange.xml_text import rotations
 from ..calibration.model import TaxelArray
 from ..common.arrays import Array, BoolArray
 from ..common.errors import SkinCalibError
+from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.grid.axis import Axis
 from ..geometry.mesh.cover import seen_faces
 from ..geometry.mesh.triangle_mesh import TriangleMesh
@@ -44,6 +45,7 @@ class Proposal:
     covered: float = 0.0  # of it, area that the surfaces with skin cover [m^2]
     cells: float = 0.0  # area of the cells of the skins [m^2]
     taxels: int = 0
+    fits: Mapping[str, SurfaceFit] = field(default_factory=dict, repr=False)  # of its surfaces, by their names
 
     @property
     def channels(self) -> int:
@@ -212,11 +214,13 @@ class _Target:
             except SkinCalibError as problem:
                 reasons.append(_left_out(proposed, str(problem)))
         surfaces, skins, taxels, cells, covered = [], [], 0, 0.0, np.zeros(len(self.on.points), bool)
+        fits: dict[str, SurfaceFit] = {}
         for proposed, skin, kept, areas in _without_conflicts(self.mesh, self.on, placed):
             if not kept.any():
                 reasons.append(_left_out(proposed, "its boards are hidden, or over other boards"))
                 continue
             surfaces.append(proposed.surface)
+            fits[proposed.surface.name] = proposed.fit
             skins.append(skin)
             taxels += int(kept.sum())
             cells += float(areas[kept].sum())
@@ -235,7 +239,7 @@ class _Target:
         words = f"Surfaces with skin cover {area * 1e4:.0f} cm^2 of the free area."
         reasons.append(f"{words} Their cells have {cells * 1e4:.0f} cm^2.")
         plan = Plan(self.link, self.file, self.unit, tuple(surfaces), tuple(skins), extra={"x_proposal": reasons})
-        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, area, cells, taxels)
+        return Proposal(self.link, plan, tuple(reasons), self.on.seen, self.free, area, cells, taxels, fits)
 
 
 def _left_out(proposed: Proposed, why: str) -> str:

@@ -6,11 +6,12 @@ the one reflection that can take a link to another; points of the meshes decide.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..common.arrays import Array, freeze
-from ..geometry.mesh.closest import distance_to
+from ..geometry.mesh.closest import MeshDistance
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..geometry.mesh.visibility import sample_faces
 from .kinematics import link_poses
@@ -138,4 +139,9 @@ class _Sample:
         back = np.linalg.inv(transform)
         there = self.points @ transform[:3, :3].T + transform[:3, 3]
         here = other.points @ back[:3, :3].T + back[:3, 3]
-        return max(float(distance_to(other.mesh)(there)[0].mean()), float(distance_to(self.mesh)(here)[0].mean()))
+        return max(float(other.to_mesh(there)[0].mean()), float(self.to_mesh(here)[0].mean()))
+
+    @cached_property
+    def to_mesh(self) -> MeshDistance:
+        """Return the distance from the mesh. It is not kept: the trees of all links take hundreds of megabytes."""
+        return MeshDistance(self.mesh)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Container
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path, PurePosixPath
 
 from ..calibration.exchange.xml_nodes import Node, XmlError, children_of_root
@@ -93,7 +93,12 @@ def read_robot(path: Path) -> Robot:
         If the file cannot be read, or is not a URDF: a name is used twice, a joint names an unknown link or has no
         axis, a link has two parents, or links form a cycle.
     """
-    text, name = read_text(path), ""
+    return _parsed(read_text(path), path)
+
+
+@lru_cache(maxsize=1)  # each link of a robot asks for it
+def _parsed(text: str, path: Path) -> Robot:
+    name = ""
     xacro = f"It is a xacro file. Convert it first: xacro {path.name} > robot.urdf" if "<xacro:" in text else ""
     links: dict[str, tuple[LinkMesh, ...]] = {}
     joints: dict[str, Joint] = {}

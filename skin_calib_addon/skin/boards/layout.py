@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -32,6 +32,9 @@ OUTLINE_SAMPLES = 8
 MAX_PROTRUSION = 0.06
 # [1] Most cells in the circle around a surface; more of them mean wrong units. Larger: more time and memory.
 MAX_CELLS = 50_000
+# [1] Layouts that are kept: those of a link are needed for its proposal, and again for its calibration. Larger: more
+# memory.
+LAYOUTS = 16
 # [1] Most rounds of moves. More: fewer boards are left out, slower.
 MOVES = 30
 
@@ -111,9 +114,11 @@ def lay_boards(
     """
     start, along = (None if k is None else tuple(np.asarray(k, float).tolist()) for k in (origin, direction))
     layout = _layout_of(surface, lattice, start, along, offset, fit, tuple(excluded))
-    given = layout.given()
     if isinstance(choice, str):
-        pose, boards = layout.most_boards([*layout.search.best(), *given] if choice == "fill" else given)
+        if choice == "fill":
+            pose, boards = layout.most_boards([*layout.search.best(), *layout.given()])
+        else:
+            pose, boards = layout.at_start
         boards = boards[layout.outline_is_covered(boards, pose)]
         if not len(boards.cells):
             width, height = layout.search.region.size * 1e3
@@ -125,7 +130,7 @@ def lay_boards(
         if choice == "fill":
             boards = _rooted(boards, layout.to_flat)
         return boards, np.zeros(len(boards.cells))
-    return layout.listed(np.array(choice, np.int64).reshape(-1, 2), *layout.most_boards(given))
+    return layout.listed(np.array(choice, np.int64).reshape(-1, 2), *layout.at_start)
 
 
 def wrap_boards(
@@ -229,6 +234,11 @@ class Layout:
             gaps = np.abs(np.sin(angles)) * np.linalg.norm(self.search.period)
             stretches += closing[gaps <= MAX_PITCH_CHANGE * self.lattice.pitch].tolist()
         return [Poses.at(0.0, stretch) for stretch in stretches]
+
+    @cached_property
+    def at_start(self) -> tuple[Poses, WrappedBoards]:
+        """Return the given pose with the most boards, and the boards."""
+        return self.most_boards(self.given())
 
     def most_boards(self, poses: Iterable[Poses]) -> tuple[Poses, WrappedBoards]:
         """Return the first pose with the most boards, and the boards."""
@@ -354,9 +364,9 @@ class Layout:
         return boards, np.where(overhangs > TOUCH * self.lattice.side, overhangs, 0.0)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=LAYOUTS)
 def _layout_of(*of: Any) -> Layout:
-    """Return the layout of :meth:`Layout.of`; the last one is kept, because lists of boards follow each other."""
+    """Return the layout of :meth:`Layout.of`; the last ones are kept, because lists of boards follow each other."""
     return Layout.of(*of)
 
 

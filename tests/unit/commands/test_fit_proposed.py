@@ -1,0 +1,87 @@
+"""``fit --propose`` shares work between proposal and calibration; the files are those of the two commands."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from skin_calib_addon.calibration.file import load_calibration
+from skin_calib_addon.cli import main
+from skin_calib_addon.commands import fit, fit_jobs
+from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.plan import load_plan
+from skin_calib_addon.proposal.links import Task, numbered, propose_task, robot_of
+from skin_calib_addon.proposal.skins import parse_skin
+from skin_calib_addon.robot.link_mesh import load_urdf_mesh
+from tests.shapes import box
+
+LINKS = "one", "two"
+SKIN = "hexagons:8mm"
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    """A robot of two boxes that are far from each other."""
+    robot_of.cache_clear()
+    links = joints = ""
+    for k, link in enumerate(LINKS):
+        save_mesh(box((0, 0, 0), (0.05, 0.06, 0.07 + 0.01 * k)), tmp_path / f"{link}.ply")
+        links += f'<link name="{link}"><visual><geometry><mesh filename="{link}.ply"/></geometry></visual></link>'
+        joints = '<joint name="j" type="fixed"><parent link="one"/><child link="two"/><origin xyz="1 0 0"/></joint>'
+    (tmp_path / "robot.urdf").write_text(f'<robot name="r">{links}{joints}</robot>')
+    return tmp_path / "robot.urdf"
+
+
+def propose_and_fit(urdf: Path, *words: str) -> Path:
+    assert main(["fit", str(urdf), "--propose", "-o", str(urdf.parent / "out"), "--skin", SKIN, *words]) == 0
+    return urdf.parent / "out"
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.slow
+def test_files_are_those_of_two_commands(urdf):
+    """Every byte, with one process and with two."""
+    out = propose_and_fit(urdf)
+    found = contents(out)
+    assert {f"{link}.{kind}.json" for link in LINKS for kind in ("plan", "calibration")} < set(found)
+    propose_and_fit(urdf, "--again", "--jobs", "2")
+    assert contents(out) == found
+    for path in out.iterdir():
+        path.unlink()
+    assert main(["propose", str(urdf), "-o", str(out), "--skin", SKIN]) == 0
+    assert main(["fit", str(out), str(urdf), "-o", str(out)]) == 0
+    assert contents(out) == found
+
+
+def test_no_link_is_fitted_twice(urdf, monkeypatch):
+    monkeypatch.setattr(fit_jobs, "calibrate", None)
+    out = propose_and_fit(urdf)
+    assert load_calibration(out / "two.calibration.json").patches[0].taxels.channels.min() > 0
+
+
+@pytest.mark.slow
+def test_mesh_that_changes_after_the_proposal_is_fitted_again(urdf, monkeypatch):
+    def propose(*arguments):
+        found = original(*arguments)
+        save_mesh(box((0, 0, 0), (0.05, 0.06, 0.0701)), urdf.parent / "one.ply")
+        return found
+
+    original = fit.propose
+    monkeypatch.setattr(fit, "propose", propose)
+    calibration = load_calibration(propose_and_fit(urdf) / "one.calibration.json")
+    assert calibration.mesh.sha256 == load_urdf_mesh(urdf, "one").sha256
+
+
+@pytest.mark.slow
+def test_edited_plan_has_no_calibration_yet(urdf, tmp_path):
+    """Another mesh path and other channels make no difference."""
+    propose_and_fit(urdf, "--only", "two")
+    plan = load_plan(tmp_path / "out" / "two.plan.json")
+    fitted = propose_task(Task(urdf, "m", "two", parse_skin(SKIN), fit=True)).fitted
+    follow = replace(plan, skins=tuple(replace(skin, first_channel=None) for skin in plan.skins))
+    assert fitted.calibration_of(numbered(follow, 7)).patches[0].taxels.channels[0] == 7
+    surface = replace(plan.surfaces[0], max_deviation=1e-3)
+    assert fitted.calibration_of(replace(plan, surfaces=(surface, *plan.surfaces[1:]))) is None
