@@ -45,7 +45,7 @@ class HullTable:
             raise ValueError("a point of a convex hull must be finite; check the coordinates for NaN and infinity")
         self.step = grid_step(size)
         whole = np.rint(points / self.step).astype(np.int64)
-        distinct, rank = np.unique(whole.reshape(-1, 2), axis=0, return_inverse=True)
+        distinct, rank = _distinct(whole.reshape(-1, 2))
         self._points: list[GridPoint] = list(map(tuple, distinct.tolist()))  # sorted; equal points are one
         self._rank = rank.reshape(points.shape[:2])
         self._heights = np.stack((-distinct[:, 1], distinct[:, 1]))  # for the lower and the upper half of a hull
@@ -89,6 +89,20 @@ class HullTable:
 
     def _points_of(self, rows: IntArray) -> set[GridPoint]:
         return {self._points[k] for k in self._rank.take(rows, axis=0).ravel().tolist()}
+
+
+def _distinct(points: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the distinct points (m, 2), sorted by x and then y, and the row of each point (n,) among them.
+
+    The same as ``np.unique`` along the first axis, which takes three times as long for a few points.
+    """
+    order = np.lexsort((points[:, 1], points[:, 0]))
+    ordered = points[order]
+    is_new = np.ones(len(points), bool)
+    is_new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    rank = np.empty(len(points), np.intp)
+    rank[order] = np.cumsum(is_new) - 1
+    return ordered[is_new], rank
 
 
 def _hull_of_halves(below: list[GridPoint], above: list[GridPoint]) -> list[GridPoint]:
