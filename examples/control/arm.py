@@ -482,13 +482,12 @@ def hand_before(runs: list[Result]) -> str:
 
 def main() -> None:
     """Run all cases; print the numbers; draw."""
-    given = arguments(__doc__).parse_args()
+    given = arguments(__doc__, has_table=False).parse_args()
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given.jobs)
+    found = run_all(run, cases, given)
     results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
     print(summary(results))
-    given.out.mkdir(parents=True, exist_ok=True)
     draw(results, given.out / "arm.png")
     if not given.no_animation:
         views = []

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import FLAT, PERIOD, Biped, Faults
-from experiment import arguments, film_both, run_all, spread
+from experiment import arguments, film_both, report, run_all, spread
 from walker import Gains, Walker
 
 BEAM = """
@@ -126,18 +126,28 @@ def main() -> None:
     given = arguments(__doc__).parse_args()
     kinds = [(ground, source) for ground in GROUND for source in SOURCES]
     cases = {kind: [Case(*kind, seed) for seed in range(given.seeds)] for kind in kinds}
-    found = run_all(run, [case for kind in kinds for case in cases[kind]], given.jobs)
+    found = run_all(run, [case for kind in kinds for case in cases[kind]], given)
     results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
-    print(
-        f"{'contact':10} {'ZMP by':8} {'largest push [N s]':22} {'ZMPs apart: mean, 95 %, max [mm]':34} ZMP moved [mm]"
-    )
+    rows = []
     for (ground, source), searches in results.items():
         apart = 1e3 * np.concatenate([search.apart for search in searches])
-        distances = f"{np.nanmean(apart):.1f}, {np.nanpercentile(apart, 95):.1f}, {np.nanmax(apart):.1f}"
-        moved = spread([1e3 * search.moved for search in searches])
-        pushes = spread([search.survived for search in searches], 1)
-        print(f"{ground:10} {source:8} {pushes:22} {distances:34} {moved}")
-    given.out.mkdir(parents=True, exist_ok=True)
+        rows.append(
+            (
+                ground,
+                {"skin": "skin", "ankle": "ankles"}[source],
+                f"{spread([search.survived for search in searches], 1)}, steps of {LARGEST[ground] / 2**TRIALS:g}",
+                f"{np.nanmean(apart):.1f} / {np.nanpercentile(apart, 95):.1f} / {np.nanmax(apart):.1f}",
+                spread([1e3 * search.moved for search in searches]),
+            )
+        )
+    heads = (
+        "contact",
+        "ZMP by",
+        "largest push survived [N s]",
+        "ZMPs apart, mean / 95 % / maximum [mm]",
+        "ZMP moves [mm]",
+    )
+    report(given, heads, rows)
     draw(results, cases, given.out / "balance.png")
     if not given.no_animation:
         films = [

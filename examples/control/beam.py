@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from experiment import arguments, film_both, run_all, spread
+from experiment import arguments, count, film_both, report, run_all, spread
 from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk
 
@@ -74,12 +74,13 @@ def main() -> None:
     parser.add_argument("--width", type=float, default=0.08, help="of the beam [m]")
     given = parser.parse_args()
     cases = [Case(feels, given.width, given.steps, seed) for feels in (False, True) for seed in range(given.seeds)]
-    found = run_all(run, cases, given.jobs)
+    found = run_all(run, cases, given)
     print(f"beam of {1e3 * given.width:.0f} mm under soles of 200 mm, {1e3 * OFFSET:.0f} mm from their middle")
-    for k, assumed in enumerate(("full sole", "what is felt")):
+    rows = []
+    for k, assumed in enumerate(("the full sole", "what is felt")):
         runs = found[k * given.seeds : (k + 1) * given.seeds]
-        stands = f"{sum(r.stands for r in runs)}/{len(runs)}"
-        print(f"{assumed:14} stands {stands:8} steps {spread([r.steps for r in runs], 1)} of {given.steps}")
+        rows.append((assumed, count(r.stands for r in runs), spread([r.steps for r in runs], 1)))
+    report(given, ("assumed", "stands", f"steps of {given.steps}"), rows)
     if not given.no_animation:
         films = [
             lambda each, feels=feels: run(Case(feels, given.width, min(given.steps, 8), 0), each)

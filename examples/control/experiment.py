@@ -1,8 +1,10 @@
-"""Run experiments with many seeds in parallel; tables, and animations without a display."""
+"""Run experiments with many seeds in parallel; tables, also in the documentation, and animations without a display."""
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Sequence
+import pickle
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -13,36 +15,79 @@ from biped import Biped
 from PIL import Image
 from tqdm import tqdm
 
-OUT = Path(__file__).resolve().parents[2] / "out" / "control"
+ROOT = Path(__file__).resolve().parents[2]
+OUT, PAGE = ROOT / "out" / "control", ROOT / "docs" / "explanation" / "control.md"
 FRAME_TIME = 0.1  # between the frames of an animation [s]
 SIZE = (360, 480)  # of an animation [pixel]
 Array = np.ndarray
 
 
-def arguments(description: str, seeds: int = 20) -> argparse.ArgumentParser:
+def arguments(description: str, seeds: int = 20, has_table: bool = True) -> argparse.ArgumentParser:
     """Return the options of every experiment."""
     parser = argparse.ArgumentParser(description=description.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=seeds, help="number of runs with different noise")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of figures and animations")
     parser.add_argument("--no-animation", action="store_true", help="only the numbers and the figure")
+    parser.add_argument(
+        "--made", action="store_true", help="use the runs that an earlier command finished; not after a change of code"
+    )
+    if has_table:
+        parser.add_argument("--write", action="store_true", help="the table into the documentation")
+    parser.set_defaults(name=Path(parser.prog).stem)
     return parser
 
 
-def run_all(work: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> list[Any]:
-    """Return the results of the cases in their order, with a progress bar."""
+def run_all(work: Callable[[Any], Any], cases: Sequence[Any], given: argparse.Namespace) -> list[Any]:
+    """Return the results of the cases in their order, with a progress bar; they are kept for ``--made``."""
+    given.out.mkdir(parents=True, exist_ok=True)
+    kept = given.out / f"{given.name}.pickle"
+    found = pickle.loads(kept.read_bytes()) if given.made and kept.exists() else {}
+    missing = [case for case in cases if case not in found]
+    with _mapped(work, missing, given.jobs) as results:
+        for case, result in zip(missing, tqdm(results, total=len(missing))):
+            found[case] = result
+            kept.write_bytes(pickle.dumps(found))
+    return [found[case] for case in cases]
+
+
+@contextmanager
+def _mapped(work: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> Iterator[Iterable[Any]]:
     if jobs == 1:
-        return [work(case) for case in tqdm(cases)]
-    with get_context("spawn").Pool(jobs) as pool:
-        return list(tqdm(pool.imap(work, cases), total=len(cases)))
+        yield map(work, cases)
+    else:
+        with get_context("spawn").Pool(jobs) as pool:
+            yield pool.imap(work, cases)
 
 
 def spread(values: Iterable[float], digits: int = 0) -> str:
-    """Return mean, and smallest to largest, as text."""
+    """Return mean, and smallest to largest, as text; one number if all are the same."""
     known = np.array([value for value in values if np.isfinite(value)])
     if not len(known):
         return "none"
-    return f"{known.mean():.{digits}f} ({known.min():.{digits}f} to {known.max():.{digits}f})"
+    mean, low, high = (f"{value:.{digits}f}" for value in (known.mean(), known.min(), known.max()))
+    return mean if low == high else f"{mean} ({low} to {high})"
+
+
+def count(flags: Iterable[bool]) -> str:
+    """Return how many of the flags are true, as text."""
+    flags = list(flags)
+    return f"{sum(flags)}/{len(flags)}"
+
+
+def report(given: argparse.Namespace, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table in Markdown; with ``--write`` it replaces the one between the marks of the documentation."""
+    heads = (f"{heads[0]} ({given.seeds} seeds)", *heads[1:])
+    widths = [max(3, *map(len, column)) for column in zip(heads, *rows)]
+    lines = [heads, ["-" * width for width in widths], *rows]
+    table = "".join(f"| {' | '.join(map(str.ljust, line, widths))} |\n" for line in lines)
+    print(table)
+    if given.write:
+        begin, end = (f"<!-- {edge} of the table of {given.name}.py -->\n" for edge in ("begin", "end"))
+        before, found, rest = PAGE.read_text("utf-8").partition(begin)
+        if not found:
+            raise SystemExit(f"{PAGE} has no line {begin}")
+        PAGE.write_text(f"{before}{begin}\n{table}\n{end}{rest.partition(end)[2]}", "utf-8")
 
 
 class Camera:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from experiment import arguments, film_both, run_all, spread
+from experiment import arguments, count, film_both, report, run_all, spread
 from foothold import full_sole
 from shapes import HALF_SIZE
 from walker import Gait, Walker, forward_steps, walk
@@ -100,15 +100,25 @@ def main() -> None:
     given = arguments(__doc__).parse_args()
     kinds = [(scene, feels) for scene in SCENES for feels in (False, True)]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given.jobs)
-    print(
-        f"{'foothold':12} {'assumed':12} {'stands':8} {'steps of ' + str(STEPS):16} area of the foothold that is used"
+    found = run_all(run, cases, given)
+    rows = []
+    for k, scene in enumerate(SCENES):
+        full, felt = (found[j * given.seeds : (j + 1) * given.seeds] for j in (2 * k, 2 * k + 1))
+        row = [
+            text
+            for runs in (full, felt)
+            for text in (count(r.stands for r in runs), spread([r.steps for r in runs], 1))
+        ]
+        rows.append((scene, *row, spread([100 * r.area for r in felt])))
+    heads = (
+        "foothold",
+        "full sole assumed: stands",
+        f"steps of {STEPS}",
+        "with what is felt: stands",
+        f"steps of {STEPS}",
+        "area that is felt [%]",
     )
-    for k, (scene, feels) in enumerate(kinds):
-        runs = found[k * given.seeds : (k + 1) * given.seeds]
-        stands = f"{sum(r.stands for r in runs)}/{len(runs)}"
-        steps, area = spread([r.steps for r in runs], 1), spread([r.area for r in runs], 2)
-        print(f"{scene:12} {'what is felt' if feels else 'full sole':12} {stands:8} {steps:16} {area}")
+    report(given, heads, rows)
     if not given.no_animation:
         films = [lambda each, feels=feels: run(Case("front half", feels, 0), each) for feels in (False, True)]
         film_both(films, given.out / "footholds.gif", azimuth=100, distance=1.9)

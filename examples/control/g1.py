@@ -29,7 +29,7 @@ from biped import (
     mujoco,
 )
 from estimator import GRAVITY, cross
-from experiment import arguments, run_all, spread
+from experiment import arguments, report, run_all, spread
 from legs import rotation
 
 from skin_calib_addon.calibration import load_calibration
@@ -446,15 +446,19 @@ def main() -> None:
     folder = given.out / "g1"
     propose(given.urdf, folder)
     cases = [Case(given.urdf, folder, source, seed) for source in SOURCES for seed in range(given.seeds)]
-    found = run_all(run, cases, given.jobs)
-    print(f"{'ZMP by':8} {'largest push [N s]':22} {'skin to truth: mean, 95 %, max [mm]':38} skin to ankles")
+    found = run_all(run, cases, given)
+    rows = []
     for k, source in enumerate(SOURCES):
         runs = found[k * given.seeds : (k + 1) * given.seeds]
         texts = []
-        for name in ("off", "apart"):
+        for name in ("apart", "off"):
             far = 1e3 * np.concatenate([getattr(r, name) for r in runs])
-            texts.append(f"{np.nanmean(far):.1f}, {np.nanpercentile(far, 95):.1f}, {np.nanmax(far):.1f}")
-        print(f"{source:8} {spread([r.survived for r in runs], 1):22} {texts[0]:38} {texts[1]}")
+            texts.append(f"{np.nanmean(far):.1f} / {np.nanpercentile(far, 95):.1f} / {np.nanmax(far):.1f}")
+        used = {"skin": "skin", "ankle": "ankles", "none": "no feedback"}[source]
+        rows.append((used, f"{spread([r.survived for r in runs], 1)}, steps of {LARGEST / 2**TRIALS:g}", *texts))
+    distance = "mean / 95 % / maximum [mm]"
+    heads = ("ZMP by", "largest push survived [N s]", f"skin to ankles, {distance}", f"skin to truth, {distance}")
+    report(given, heads, rows)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import FLAT, Biped
-from experiment import arguments, film_both, run_all, spread
+from experiment import arguments, count, film_both, report, run_all, spread
 from walker import Gait, Proximity, Walker, forward_steps, walk
 
 OBSTACLE = '<geom class="terrain" type="box" size=".15 .07 .015" pos=".45 -.09 .015"/>'  # [m]
@@ -20,6 +20,11 @@ OBSTACLE_STEPS = 5  # of a run over the obstacle, which is under the third
 STEP, WIDTH = 0.15, 0.18  # [m]
 IMPACT_TIME = 0.04  # in which an impact is sought [s]
 GROUND = {"flat": FLAT, "obstacle": FLAT + OBSTACLE}
+# Impacts of the thesis with proximity relative to those without, of the H1 and the HRP-2Kai.
+THESIS = {
+    "flat": ("22 % (109 of 486 N), 42 %", "17 % (58 of 340 N), 46 %"),
+    "obstacle": ("largest: 34 % (370 of 1100 N)", ""),
+}
 Array = np.ndarray
 
 
@@ -129,24 +134,29 @@ def main() -> None:
     steps = {"flat": given.steps, "obstacle": OBSTACLE_STEPS}
     kinds = [(ground, proximity) for ground in GROUND for proximity in (False, True)]
     cases = [Case(*kind, steps[kind[0]], given.speed, seed) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given.jobs)
+    found = run_all(run, cases, given)
     results = {kind: found[k * given.seeds : (k + 1) * given.seeds] for k, kind in enumerate(kinds)}
     weight = float(Biped().model.body_subtreemass[0] * 9.81)
-    print(f"{'ground':10} {'proximity':10} {'stands':8} {'impact [N]':24} {'speed [m/s]':22} touch-down [s]")
+    forces = {kind: np.array([i.force for _, f in runs for i in f]) for kind, runs in results.items()}
+    rows = []
     for (ground, proximity), runs in results.items():
-        impacts = [impact for _, found in runs for impact in found]
-        texts = [
-            spread([getattr(i, name) for i in impacts], n) for name, n in (("force", 0), ("speed", 2), ("time", 3))
-        ]
-        stands = f"{sum(stands for stands, _ in runs)}/{len(runs)}"
-        print(f"{ground:10} {'with' if proximity else 'without':10} {stands:8} {texts[0]:24} {texts[1]:22} {texts[2]}")
-    for ground in GROUND:
-        off, on = (np.array([i.force for _, f in results[ground, p] for i in f]) for p in (False, True))
-        print(
-            f"{ground}: mean {on.mean() / off.mean():.1%}, largest {on.max() / off.max():.1%} of that without; "
-            f"without, the mean is {off.mean() / weight:.1f} times the weight of {weight:.0f} N"
+        hard, soft = forces[ground, False], forces[ground, True]
+        ratios = (f"{100 * soft.mean() / hard.mean():.0f} %, {100 * soft.max() / hard.max():.0f} %", *THESIS[ground])
+        rows.append(
+            (
+                f"{ground}, {'with' if proximity else 'without'}",
+                count(stands for stands, _ in runs),
+                spread(forces[ground, proximity]),
+                *(spread([getattr(i, name) for _, f in runs for i in f], 2) for name in ("speed", "time")),
+                *(ratios if proximity else [""] * 3),
+            )
         )
-    given.out.mkdir(parents=True, exist_ok=True)
+    ratio = "ratio of the means, of the largest"
+    heads = ("ground, proximity", "stands", "impact [N]", "speed [m/s]", "touch-down [s]")
+    report(given, (*heads, ratio, "H1", "HRP-2Kai"), rows)
+    print(
+        f"without proximity: {forces['flat', False].mean() / weight:.1f} times the weight of {weight:.0f} N (flat ground)"
+    )
     draw(results, weight, given.out / "landing.png")
     if not given.no_animation:
         films = [

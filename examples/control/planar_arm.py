@@ -405,9 +405,9 @@ def draw(result: Result, path) -> None:
 
 def main() -> None:
     """Run all cases; print a table; draw."""
-    given = arguments(__doc__).parse_args()
+    given = arguments(__doc__, has_table=False).parse_args()
     cases = [(policy, seed) for policy in POLICIES for seed in range(given.seeds)]
-    found = run_all(run, cases, given.jobs)
+    found = run_all(run, cases, given)
     heads = ("policy", "at goal", "time [s]", "peak before [N]", "peak by the push [N]", "above limit [s]", "changes")
     widths = (14, 8, 20, 22, 22, 20, 14)
     print(" ".join(f"{head:{width}}" for head, width in zip(heads, widths)), "jump [N m]")
@@ -423,7 +423,6 @@ def main() -> None:
             spread(r.changes for r in runs),
         )
         print(" ".join(f"{text:{width}}" for text, width in zip(texts, widths)), spread((r.jump for r in runs), 2))
-    given.out.mkdir(parents=True, exist_ok=True)
     draw(found[-given.seeds], given.out / "planar_arm.png")
     if not given.no_animation:
         arm = PlanarArm(0)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import FEET, FLAT, SIDE, Biped
 from estimator import SOLE_CENTRE, State
-from experiment import arguments, film_both, run_all, spread
+from experiment import arguments, count, film_both, report, run_all, spread
 from foothold import full_sole
 from shapes import HALF_SIZE, PITCH
 from walker import Gait, Walker, forward_steps, walk
@@ -52,6 +52,13 @@ OBSTACLES = {
     "three pebbles": block((-0.5, -0.35), (-0.4, 0.4))
     + block((0.2, 0.4), (0.2, 0.6))
     + block((0.2, 0.4), (-0.6, -0.2)),
+}
+# Table 3 of the thesis: area at the contact [%], and what the robot did.
+THESIS = {
+    "large block": ("85", "steps on it"),
+    "small block at the border": ("16", "new step"),
+    "small block in the middle": ("33", "new step"),
+    "three pebbles": ("23", "new step"),
 }
 
 
@@ -133,14 +140,29 @@ def main() -> None:
     given = arguments(__doc__).parse_args()
     kinds = [(obstacle, feels) for obstacle in OBSTACLES for feels in (False, True)]
     cases = [Case(*kind, seed) for kind in kinds for seed in range(given.seeds)]
-    found = run_all(run, cases, given.jobs)
-    print(f"{'obstacle':26} {'skin':8} {'stands':8} {'steps of ' + str(STEPS):16} {'re-planned':10} area near the sole")
-    for k, (obstacle, feels) in enumerate(kinds):
-        runs = found[k * given.seeds : (k + 1) * given.seeds]
-        stands = f"{sum(r.stands for r in runs)}/{len(runs)}"
-        again = f"{sum(bool(r.retracted) for r in runs)}/{len(runs)}"
-        steps, area = spread([r.steps for r in runs], 1), spread([r.area for r in runs], 2)
-        print(f"{obstacle:26} {'with' if feels else 'without':8} {stands:8} {steps:16} {again:10} {area}")
+    found = run_all(run, cases, given)
+    rows = []
+    for k, obstacle in enumerate(OBSTACLES):
+        blind, felt = (found[j * given.seeds : (j + 1) * given.seeds] for j in (2 * k, 2 * k + 1))
+        row = [
+            text
+            for runs in (blind, felt)
+            for text in (count(r.stands for r in runs), spread([r.steps for r in runs], 1))
+        ]
+        again, area = count(bool(r.retracted) for r in felt), spread([100 * r.area for r in felt])
+        rows.append((obstacle, *row, again, area, *THESIS[obstacle]))
+    heads = (
+        "obstacle",
+        "without the skin: stands",
+        f"steps of {STEPS}",
+        "with it: stands",
+        f"steps of {STEPS}",
+        "new step",
+        "area at the contact [%]",
+        "thesis: area [%]",
+        "thesis, with skin",
+    )
+    report(given, heads, rows)
     if not given.no_animation:
         films = [
             lambda each, feels=feels: run(Case("small block in the middle", feels, 0), each) for feels in (False, True)

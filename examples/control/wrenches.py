@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import Biped
 from estimator import State
-from experiment import arguments, film_both, run_all, spread
+from experiment import arguments, count, film_both, report, run_all, spread
 from shapes import FORWARD
 from walker import Walker
 from zmp_plan import ZmpPlan
@@ -82,18 +82,29 @@ def main() -> None:
     """Run all cases; print a table; draw."""
     given = arguments(__doc__).parse_args()
     cones = ("full", "felt")
-    found = run_all(run, [Case(cone, seed) for cone in cones for seed in range(given.seeds)], given.jobs)
-    print(f"{'cone of':14} {'stands':8} {'tipped':8} {'tilt [degree]':18} {'CoP demanded [mm]':20} ZMP off by [mm]")
+    found = run_all(run, [Case(cone, seed) for cone in cones for seed in range(given.seeds)], given)
+    rows = []
     for k, cone in enumerate(cones):
         runs = found[k * given.seeds : (k + 1) * given.seeds]
-        texts = (
-            f"{sum(r.stands for r in runs)}/{len(runs)}",
-            f"{sum(r.tilt > TIPPED for r in runs)}/{len(runs)}",
-            spread([np.degrees(r.tilt) for r in runs], 1),
-            spread([1e3 * r.demanded for r in runs]),
-            spread([1e3 * r.off for r in runs], 1),
+        rows.append(
+            (
+                {"full": "the full sole", "felt": "the felt polygon"}[cone],
+                count(r.stands for r in runs),
+                count(r.tilt > TIPPED for r in runs),
+                spread([np.degrees(r.tilt) for r in runs], 1),
+                spread([1e3 * r.demanded for r in runs]),
+                spread([1e3 * r.off for r in runs], 1),
+            )
         )
-        print(f"{cone + ' sole':14} {texts[0]:8} {texts[1]:8} {texts[2]:18} {texts[3]:20} {texts[4]}")
+    heads = (
+        "cone of",
+        "robot stands",
+        "right sole tips",
+        "its largest tilt [degree]",
+        "CoP demanded of it, ahead of its middle [mm]",
+        "ZMP off by [mm]",
+    )
+    report(given, heads, rows)
     if not given.no_animation:
         films = [lambda each, cone=cone: run(Case(cone, 0), each) for cone in cones]
         film_both(films, given.out / "wrenches.gif", azimuth=-60, distance=1.6)
