@@ -24,9 +24,10 @@ class Foothold:
     The pressed area is not the supporting area: right after a landing only an edge is pressed, and the rest still can
     be. A cell has ground if it was pressed since the landing, and so have all cells in the hull of these. A plane
     through the forces of the cells with ground, zero where they are silent now, says towards which side the sole
-    turns. A cell on this side is void if the plane expects a clear force on it, and it is silent in several frames. It
-    is void no longer once it is pressed, or in the hull. The area is the largest rectangle along the sole without void
-    cells. The next foothold is first assumed to be like the last one: on a beam, the void cells are the same again.
+    turns. A cell on this side is void if the plane expects a clear force on it, it is lower than the CoP, and it is
+    silent in several frames. A silent cell that is higher can hover over the ground. A cell is void no longer once it
+    is pressed, or in the hull. The area is the largest rectangle along the sole without void cells. The next foothold
+    is first assumed to be like the last one: on a beam, the void cells are the same again.
 
     Parameters
     ----------
@@ -53,8 +54,16 @@ class Foothold:
         self.solid = np.zeros(len(self.places), bool)  # pressed since the landing
         self.inside = np.zeros(len(self.places), bool)  # the hull of these, which supports the foot
 
-    def update(self, frame: Frame) -> bool:
-        """Learn from one frame; return whether the area has changed."""
+    def update(self, frame: Frame, slope: Array) -> bool:
+        """Learn from one frame; return whether the area has changed.
+
+        Parameters
+        ----------
+        frame : Frame
+            Of the sole.
+        slope : array, shape (2,)
+            By how much the sole rises along its axes, by joints and inertial unit.
+        """
         if not frame.known.all() or frame.sets is None:
             return False
         pressed = frame.sets.active
@@ -69,7 +78,9 @@ class Foothold:
         if frame.load > MIN_LOAD and (self.places[self.solid].std(axis=0) > MIN_SPREAD).all():
             terms = np.column_stack((np.ones(len(pressed)), self.places))
             plane, *_ = np.linalg.lstsq(terms[self.solid], frame.forces[self.solid], rcond=None)
-            expected = (terms @ plane > MIN_FORCE) & ~frame.sets.possible & ~self.inside
+            heights = self.places @ slope
+            is_low = heights < heights @ frame.forces / frame.forces.sum()
+            expected = (terms @ plane > MIN_FORCE) & is_low & ~frame.sets.possible & ~self.inside
         self.silent = np.where(expected, self.silent + 1, 0)
         void = (self.void | (self.silent >= FRAMES)) & ~pressed & ~self.inside
         if (void == self.void).all():

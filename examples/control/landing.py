@@ -154,9 +154,7 @@ def main() -> None:
     ratio = "ratio of the means, of the largest"
     heads = ("ground, proximity", "stands", "impact [N]", "speed [m/s]", "touch-down [s]")
     report(given, (*heads, ratio, "H1", "HRP-2Kai"), rows)
-    print(
-        f"without proximity: {forces['flat', False].mean() / weight:.1f} times the weight of {weight:.0f} N (flat ground)"
-    )
+    print(f"flat, without: {forces['flat', False].mean() / weight:.1f} times the weight of {weight:.0f} N")
     draw(results, weight, given.out / "landing.png")
     if not given.no_animation:
         films = [

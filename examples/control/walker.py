@@ -176,9 +176,12 @@ class Walker:
         velocity = self.omega * (reference.dcm - self.com_reference)  # of the pendulum (4.10)
         self.com_reference = self.com_reference + velocity * PERIOD
         dcm = divergent_component(state.com[:2], state.com_velocity[:2], self.omega)
-        self.rate = 0.0 if self._is_unsure(state) else plan_rate(reference, dcm, self.omega, self.gains)
+        is_held = self._is_unsure(state)
+        self.rate = 0.0 if is_held else plan_rate(reference, dcm, self.omega, self.gains)
         self.clock += self.rate * PERIOD
-        wanted = desired_zmp(reference.zmp, reference.dcm, dcm, self.gains.dcm, self.omega)
+        # The ZMP of the plan moves the DCM on. Below the DCM it keeps it where it is while the plan is held.
+        planned = reference.dcm if is_held else reference.zmp
+        wanted = desired_zmp(planned, reference.dcm, dcm, self.gains.dcm, self.omega)
         wanted = self._supporting(state).closest(wanted)
         zmp = state.felt.zmp
         if zmp is not None:
@@ -304,7 +307,7 @@ class Walker:
                 had_changed = self.footholds[foot].void.any()
                 self.footholds[foot].clear()
             else:
-                had_changed = self.footholds[foot].update(frame)
+                had_changed = self.footholds[foot].update(frame, state.feet[foot][2, :2])
             if had_changed:
                 self._plan(state)
 
