@@ -215,6 +215,23 @@ def build(terrain: str = FLAT, friction: float = 0.7, covered: tuple[str, ...] =
     return spec.compile()
 
 
+def proximity_counts(model: mujoco.MjModel, data: mujoco.MjData, sites: Array, body: str, noise: Array) -> Array:
+    """Return the readings (n,) of proximity sensors at sites of a body [count]; zero if no terrain is in range.
+
+    A pressed sensor is a little below the surface, where a ray would start in the ground. It starts in the sole, whose
+    own pads it does not see.
+    """
+    group, found = np.zeros(6, np.uint8), np.zeros(1, np.int32)
+    group[TERRAIN_GROUP] = 1
+    outward = data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
+    rays, own = zip(data.site_xpos[sites] - RECESS * outward, outward), model.body(body).id
+    distances = np.array([mujoco.mj_ray(model, data, *ray, group, 1, own, found) for ray in rays])
+    distances = np.where(distances >= 0, np.maximum(distances - RECESS, 0.0), distances)
+    counts = RANGE_COUNTS * (1 - distances / RANGE) + noise
+    in_range = (distances >= 0) & (distances <= RANGE)
+    return np.where(in_range, np.clip(np.rint(counts), 0, RANGE_COUNTS), 0.0)
+
+
 @dataclass(frozen=True)
 class Faults:
     """What is wrong with the sensors."""
@@ -259,6 +276,8 @@ class Biped:
     proximity : bool
         Whether their proximity sensors are read, too.
     """
+
+    foot_bodies = {foot: f"{foot}_foot" for foot in FEET}
 
     def __init__(
         self,
@@ -365,20 +384,10 @@ class Biped:
 
     def _proximity(self, name: str) -> Array:
         """Return the readings of the proximity sensors [count]; zero if nothing is in range."""
-        group = np.zeros(6, np.uint8)
-        group[TERRAIN_GROUP] = 1
-        (channels, sites), found = self._near[name], np.zeros(1, np.int32)
-        outward = self.data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
-        # A pressed sensor is a little below the surface, where a ray would start in the ground. It starts in the sole,
-        # whose own pads it does not see.
-        rays = zip(self.data.site_xpos[sites] - RECESS * outward, outward)
-        own = self.model.body(f"{name}/{LINKS[name]}").id
-        distances = np.array([mujoco.mj_ray(self.model, self.data, *ray, group, 1, own, found) for ray in rays])
-        distances = np.where(distances >= 0, np.maximum(distances - RECESS, 0.0), distances)
-        counts = RANGE_COUNTS * (1 - distances / RANGE) + self.rng.normal(0, self.faults.noise, len(sites))
+        channels, sites = self._near[name]
         readings = np.zeros(channels.max() + 1)
-        in_range = (distances >= 0) & (distances <= RANGE)
-        readings[channels] = np.where(in_range, np.clip(np.rint(counts), 0, RANGE_COUNTS), 0.0)
+        noise = self.rng.normal(0, self.faults.noise, len(sites))
+        readings[channels] = proximity_counts(self.model, self.data, sites, f"{name}/{LINKS[name]}", noise)
         return readings
 
     def _geoms_of(self, body: str) -> slice:

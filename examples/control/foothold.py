@@ -11,7 +11,7 @@ Array = np.ndarray
 MIN_FORCE = 0.9  # expected on a cell, from which on its silence is evidence [N]: three times the smallest that is felt
 FRAMES = 12  # that a cell must be silent in a row
 MIN_LOAD = 60.0  # on the sole, for a plane of its forces [N]
-MIN_SPREAD = 0.008  # standard deviation of the places of the cells pressed since the landing, along and across [m]
+MIN_SPREAD = 0.004  # standard deviation of the places of the cells pressed since the landing: less than two rows [m]
 # Silent cells that are pressed for the first time in one frame. More: the sole rolls onto new ground, and nothing is
 # evidence.
 MAX_CONTRADICTIONS = 3

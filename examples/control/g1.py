@@ -9,7 +9,8 @@ bisection.
 """
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -23,16 +24,20 @@ from biped import (
     NOISE,
     PERIOD,
     REST,
+    TERRAIN_GROUP,
     TILT_NOISE,
     TIME_STEP,
     TORQUE_NOISE,
     mujoco,
+    proximity_counts,
 )
 from estimator import GRAVITY, cross
 from experiment import arguments, report, run_all, spread
 from legs import rotation
+from shapes import RANGE, RANGE_COUNTS
+from zmp_plan import Reference
 
-from skin_calib_addon.calibration import load_calibration
+from skin_calib_addon.calibration import LinkCalibration, Modality, ResponseTable, load_calibration
 from skin_calib_addon.calibration.exchange.mjcf import write_mjcf
 from skin_calib_addon.cli import main as skin_calib
 from skin_calib_addon.runtime import Body, Plane, Skin, convex_hull, zero_moment_point
@@ -115,6 +120,13 @@ def skeleton(urdf: Path) -> mujoco.MjSpec:
     return spec
 
 
+def with_proximity(calibration: LinkCalibration, ids: Iterable[str]) -> LinkCalibration:
+    """Return a calibration whose taxels with these ids measure distances, too."""
+    response = ResponseTable((0.0, RANGE_COUNTS), (RANGE, 0.0))
+    channels = {str(id): channel for channel, id in enumerate(ids)}
+    return replace(calibration, modalities=(Modality("proximity", "m", response, channels),))
+
+
 @cache
 def nominal(urdf: Path) -> mujoco.MjModel:
     """Return what the controller knows: masses and lengths."""
@@ -143,7 +155,8 @@ def build(urdf: Path, folder: Path) -> mujoco.MjModel:
                 geom.solref, geom.friction = [0.008, 1], [0.7, 0.005, 0.0001]
                 geom.contype, geom.conaffinity = 1, 2  # cells touch the floor, not each other
         spec.body(foot).add_frame().attach_body(skin.body(foot), f"{foot}/", "")
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1], contype=2, conaffinity=1)
+    floor = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [5, 5, 0.1], "group": TERRAIN_GROUP}
+    spec.worldbody.add_geom(**floor, contype=2, conaffinity=1)
     return spec.compile()
 
 
@@ -167,7 +180,7 @@ class Senses:
     velocities: Array  # [rad/s]
     turn: Array  # (3, 3) of the pelvis, by the inertial unit
     gyro: Array  # (3,) [rad/s]
-    readings: dict[str, Array]  # of the skins [N]
+    readings: dict[str, dict[str, Array]]  # of the skins by modality [N, count]
     ankles: dict[str, Array]  # (6,) force and torque of each leg on its foot, in the frame of the foot [N, N m]
 
 
@@ -180,25 +193,34 @@ class G1:
         Of the robot, and of the calibrations of its feet.
     seed : int
         Of the noise.
+    proximity : bool
+        Whether the cells below the feet measure distances, too.
     """
 
-    def __init__(self, urdf: Path, folder: Path, seed: int):
+    foot_bodies = dict(zip(FEET, FEET))
+
+    def __init__(self, urdf: Path, folder: Path, seed: int, proximity: bool = False):
         self.model = build(urdf, folder)
         self.data, self.rng = mujoco.MjData(self.model), np.random.default_rng(seed)
-        skins, self.cells = {}, {}
+        skins, self.cells, self.near = {}, {}, {}
         for foot in FEET:
             calibration = load_calibration(folder / f"{foot}.calibration.json")
-            positions, normals = (
+            positions, normals, ids = (
                 np.concatenate([getattr(patch.taxels, name) for patch in calibration.patches])
-                for name in ("positions_link", "normals_link")
+                for name in ("positions_link", "normals_link", "ids")
             )
-            self.sole = float(positions[normals[:, 2] < -DOWN, 2].min())  # height of the lowest cells [m]
+            is_below = normals[:, 2] < -DOWN
+            self.sole = float(positions[is_below, 2].min())  # height of the lowest cells [m]
+            if proximity:
+                calibration = with_proximity(calibration, ids[is_below])
+                self.near[foot] = np.array([self.model.site(f"{foot}/{id}").id for id in ids[is_below]])
             # Skin around a foot has no plane of its own.
             skins[foot] = skin = Skin(calibration, ground=Plane.through((0, 0, self.sole), (0, 0, 1)))
             body = self.model.body(f"{foot}/{foot}").id
             self.cells[foot] = self.model.body_geomadr[body] + np.arange(len(skin.ids))
         self.body = Body(skins)
-        self.late: tuple[dict[str, Array], dict[str, Array]] | None = None
+        self.late: tuple[dict[str, dict[str, Array]], dict[str, Array]] | None = None
+        self.peaks: dict[str, float] = {}  # largest true force on each foot, as of Biped [N]
         for skin in skins.values():
             skin.tare(np.stack([self._noisy(np.zeros(skin.reading_length)) for _ in range(REST)]))
         self.start = start(self.model, -self.sole)
@@ -209,14 +231,14 @@ class G1:
     def senses(self) -> Senses:
         """Return what the sensors deliver; skins and ankles are one cycle late."""
         data, normal, readings = self.data, self.rng.normal, {}
-        contacts = data.contact
-        normal_forces = np.bincount(
-            contacts.geom.ravel(), np.repeat(data.efc_force[contacts.efc_address], 2), self.model.ngeom
-        )
+        normal_forces = self._normal_forces()
         for foot, skin in self.body.skins.items():
             forces = np.zeros(skin.reading_length)
             forces[skin.channels] = normal_forces[self.cells[foot]]
-            readings[foot] = self._noisy(forces)
+            readings[foot] = {"force": self._noisy(forces)}
+        for foot, sites in self.near.items():
+            noise = normal(0, NOISE, len(sites))
+            readings[foot]["proximity"] = proximity_counts(self.model, data, sites, f"{foot}/{foot}", noise)
         ankles = {}
         for foot in FEET:
             force, torque = (data.sensor(f"{foot} {kind}").data for kind in ("force", "torque"))
@@ -234,6 +256,14 @@ class G1:
         self.data.xfrc_applied[self.model.body("pelvis").id, :3] = 0 if push is None else push
         for _ in range(round(PERIOD / TIME_STEP)):
             mujoco.mj_step(self.model, self.data)
+            for foot in self.peaks:
+                load = float(self._normal_forces()[self.cells[foot]].sum())
+                self.peaks[foot] = max(self.peaks[foot], load)
+
+    def _normal_forces(self) -> Array:
+        """Return the sum of the normal forces on each geom [N]."""
+        contacts, forces = self.data.contact, self.data.efc_force
+        return np.bincount(contacts.geom.ravel(), np.repeat(forces[contacts.efc_address], 2), self.model.ngeom)
 
     def _noisy(self, forces: Array) -> Array:
         step = FULL_SCALE / COUNTS  # of 12 bits [N]
@@ -286,23 +316,29 @@ class Balancer:
         self.soles = {
             foot: convex_hull(skin.positions[skin.normals[:, 2] < -DOWN, :2]) for foot, skin in self.body.skins.items()
         }
-        corners = [self.soles[foot].corners + self.anchors[foot][:2] for foot in FEET]
-        self.polygon = convex_hull(np.concatenate(corners)).inset(TABLE_2.margin)
-        self.goal = self.polygon.centroid
+        self.stand_on(FEET)
+        self.goal = self.polygon.centroid  # of the CoM
+        self.reference = Reference(self.goal, self.goal)
         self.com = self.planned.subtree_com[0][:2].copy()
         self.tilts = {foot: np.zeros(2) for foot in FEET}
         legs = [self.model.joint(f"{side}_{name}_joint").dofadr[0] for side in ("left", "right") for name in LEG]
         self.free = [*range(6), *legs]  # what the feet, the CoM and the rotation of the pelvis determine
 
+    def stand_on(self, feet: tuple[str, ...]) -> None:
+        """Take these feet as standing on their anchors."""
+        self.standing = feet
+        corners = [self.soles[foot].corners + self.anchors[foot][:2] for foot in feet]
+        self.polygon = convex_hull(np.concatenate(corners)).inset(TABLE_2.margin)
+
     def cycle(self, senses: Senses) -> tuple[Array, Array, Array, Array]:
         """Return targets and torques of the servos, and the ZMPs (2,) by the skins and by the ankles [m]."""
         com, velocity = self._estimate(senses)
         poses = {foot: pose_from_mujoco(self.data.xpos[k], self.data.xmat[k]) for foot, k in self.feet.items()}
-        frame = self.body.update(senses.readings, senses.time, poses)
+        frame = self.frame = self.body.update(senses.readings, senses.time, poses)
         skin = np.full(2, np.nan) if frame.zmp is None else frame.zmp
         ankle, wrenches = self._by_ankles(senses)
         dcm = divergent_component(com[:2], velocity[:2], self.omega)
-        wanted = self.polygon.closest(desired_zmp(self.goal, self.goal, dcm, TABLE_2.dcm, self.omega))
+        wanted = self.polygon.closest(desired_zmp(self.reference.zmp, self.reference.dcm, dcm, TABLE_2.dcm, self.omega))
         zmp = {"skin": skin, "ankle": ankle, "none": wanted}[self.source]
         if np.isfinite(zmp).all():
             speed = com_velocity_command(zmp, wanted, self.com, self.goal, TABLE_2.zmp, TABLE_2.com)
@@ -322,13 +358,14 @@ class Balancer:
         mujoco.mju_mat2Quat(data.qpos[3:7], senses.turn.ravel())
         data.qpos[7:] = senses.joints
         self._kinematics(data)
-        data.qpos[:3] = np.mean([self.anchors[foot] - data.xpos[k] for foot, k in self.feet.items()], axis=0)
+        standing = [self.feet[foot] for foot in self.standing]
+        data.qpos[:3] = np.mean([self.anchors[foot] - data.xpos[self.feet[foot]] for foot in self.standing], axis=0)
         self._kinematics(data)
         rates = np.concatenate((np.zeros(3), senses.gyro, senses.velocities))
         jacobian = np.zeros((3, model.nv))
-        for k in self.feet.values():
+        for k in standing:
             mujoco.mj_jacBody(model, data, jacobian, None, k)
-            rates[:3] -= jacobian[:, 3:] @ rates[3:] / len(FEET)
+            rates[:3] -= jacobian[:, 3:] @ rates[3:] / len(standing)
         mujoco.mj_jacSubtreeCom(model, data, jacobian, 0)
         return data.subtree_com[0].copy(), jacobian @ rates
 
@@ -354,7 +391,7 @@ class Balancer:
                 load, cop = frame.links[foot].load, frame.links[foot].cop
             elif self.source == "ankle" and wrenches[foot][2] > 5:
                 load, cop = wrenches[foot][2], zero_moment_point(wrenches[foot])
-            if cop is None:
+            if cop is None or foot not in self.standing:
                 continue
             goal = self.soles[foot].inset(TABLE_2.margin).closest(wanted - self.anchors[foot][:2])
             moment = load * (goal - cop)
@@ -388,10 +425,13 @@ class Balancer:
         self.data.qvel[:] = 0
         mujoco.mj_fwdPosition(self.model, self.data)
         mujoco.mj_rne(self.model, self.data, 0, bias)
-        a, b = (self.anchors[foot][:2] + self.soles[foot].centroid for foot in FEET)
-        part = float(np.clip((wanted - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1))
-        away = wanted - (1 - part) * a - part * b
-        for foot, fraction, place in zip(FEET, (1 - part, part), (a, b)):
+        points, parts = [self.anchors[foot][:2] + self.soles[foot].centroid for foot in self.standing], [1.0]
+        if len(points) == 2:
+            a, b = points
+            part = float(np.clip((wanted - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1))
+            parts = [1 - part, part]
+        away = wanted - sum(part * point for part, point in zip(parts, points))
+        for foot, fraction, place in zip(self.standing, parts, points):
             mujoco.mj_jac(self.model, self.data, jacobian, None, np.array((*(place + away), 0.0)), self.feet[foot])
             bias -= jacobian.T @ np.array((0, 0, fraction * self.mass * GRAVITY))
         return bias[6:]

@@ -79,7 +79,7 @@ class Judge:
             self.impacts.append(Impact(robot.peaks.pop(self.foot), self.impact_speed, self.landed - self.lifted))
             self.foot = self.landed = None
         if self.foot:
-            self.speed = -float(robot.data.body(f"{self.foot}_foot").cvel[5])
+            self.speed = -float(robot.data.body(robot.foot_bodies[self.foot]).cvel[5])
 
 
 def run(case: Case, each: Callable[[Biped], None] | None = None) -> tuple[bool, list[Impact]]:

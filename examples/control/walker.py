@@ -11,7 +11,7 @@ from foothold import MIN_LOAD, Foothold, full_sole
 from legs import joint_angles, rotation
 from zmp_plan import Reference, ZmpPlan
 
-from skin_calib_addon.runtime import convex_hull, zero_moment_point
+from skin_calib_addon.runtime import Frame, Skin, convex_hull, zero_moment_point
 from skin_calib_addon.runtime.balance.polygon import Polygon
 from skin_calib_addon.runtime.balance.walking import (
     com_velocity_command,
@@ -73,6 +73,14 @@ class Proximity:
     creep: float = 0.04  # slowest speed of a foot that has not landed [m/s]
     lead: float = 0.12  # by which the foot starts to descend earlier, because it will be slower [s]
     turning: float = 3.0  # with which the sole becomes parallel to the ground [rad/s/(N m)]
+
+    def wrench(self, skin: Skin, frame: Frame, centre: Array) -> Array:
+        """Return the wrench (6,) of the virtual springs of a sole about its centre (3,) (thesis eq. 4.26)."""
+        return about(proximity_wrench(skin.geometry, frame.modalities["proximity"], self.near, self.stiffness), centre)
+
+    def slowed(self, speed: float, force: float) -> float:
+        """Return the speed of a descending foot after the springs push it with a force [m/s]."""
+        return max(speed - force / self.damping, min(speed, self.creep))
 
 
 @dataclass(frozen=True)
@@ -324,7 +332,7 @@ class Walker:
         if not self.feels or self.phase == "single" or self.index == 0:
             return False
         foot = self.steps[self.index - 1].foot
-        is_loaded = (state.felt.loads[foot] or 0.0) > MIN_LOAD
+        is_loaded = self.waited > 0 or (state.felt.loads[foot] or 0.0) > MIN_LOAD  # to wait changes the load
         is_unsure = is_loaded and self.footholds[foot].inside.mean() < SURE and self.waited < self.gait.wait
         self.waited += PERIOD * is_unsure
         return is_unsure
@@ -351,29 +359,19 @@ class Walker:
         step, gait, compliant = self.steps[self.index], self.gait, self.proximity
         ground = self.estimator.anchors[OTHER[step.foot]][2]
         arrival = gait.arrival * gait.single - (compliant.lead if compliant else 0.0)
-        smooth = _quintic(min(since / arrival, 1.0))
+        smooth = quintic(min(since / arrival, 1.0))
         flat = self.lifted[:2] + smooth * (step.centre - self.lifted[:2])
         top, half = ground + gait.lift, 0.45 * arrival
         if since < half:
-            return np.array((*flat, self.lifted[2] + (top - self.lifted[2]) * _quintic(since / half)))
-        span = arrival - half
-        part = min((since - half) / span, 1.0)
-        speed = 6 * (top - ground) / span * part * (1 - part) + gait.landing_speed * (3 * part**2 - 2 * part)
-        if compliant:
-            virtual = self._virtual(state, step.foot)
+            return np.array((*flat, self.lifted[2] + (top - self.lifted[2]) * quintic(since / half)))
+        speed = descent(since - half, arrival - half, top - ground, gait.landing_speed)
+        frame, skin = state.frame.links.get(f"{step.foot}_foot"), self.estimator.body.skins[f"{step.foot}_foot"]
+        if compliant and frame is not None:
+            virtual = compliant.wrench(skin, frame, SOLE_CENTRE)
             turn = compliant.turning * PERIOD * virtual[3:5]
             self.tilts[step.foot] = self.tilts[step.foot] + turn
-            speed = max(speed - virtual[2] / compliant.damping, min(speed, compliant.creep))
+            speed = compliant.slowed(speed, virtual[2])
         return np.array((*flat, self.commanded[step.foot][2] - speed * self.rate * PERIOD))
-
-    def _virtual(self, state: State, foot: str) -> Array:
-        """Return the wrench (6,) of the virtual springs about the centre of the sole (thesis eq. 4.26)."""
-        frame, skin = state.frame.links.get(f"{foot}_foot"), self.estimator.body.skins[f"{foot}_foot"]
-        if frame is None:
-            return np.zeros(6)
-        assert self.proximity is not None
-        near = frame.modalities["proximity"]
-        return about(proximity_wrench(skin.geometry, near, self.proximity.near, self.proximity.stiffness), SOLE_CENTRE)
 
     def _tilt_ankles(self, state: State, wanted: Array) -> None:
         """Turn the soles so that their CoPs go to the desired ZMP (admittance)."""
@@ -470,7 +468,23 @@ def plan_rate(reference: Reference, dcm: Array, omega: float, gains: Gains) -> f
     return float(np.clip(1 + ahead / gains.catch_up, 0.0, gains.fastest))
 
 
-def _quintic(part: float) -> float:
+def descent(time: float, span: float, height: float, landing_speed: float) -> float:
+    """Return the speed of a foot that begins to descend at rest, and ends with the speed of landing [m/s].
+
+    Parameters
+    ----------
+    time, span : float
+        Since the begin of the descent, and until its end; later the foot goes on with the speed of landing [s].
+    height : float
+        [m].
+    landing_speed : float
+        [m/s].
+    """
+    part = min(time / span, 1.0)
+    return 6 * height / span * part * (1 - part) + landing_speed * (3 * part**2 - 2 * part)
+
+
+def quintic(part: float) -> float:
     """Return a rise from 0 to 1 whose first two derivatives are zero at both ends."""
     return part**3 * (10 - 15 * part + 6 * part**2)
 
