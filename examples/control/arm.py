@@ -18,6 +18,7 @@ from experiment import FRAME_TIME, Camera, arguments, run_all, side_by_side, spr
 from PIL import Image
 from shapes import ELBOW_RADIUS, FOREARM_LENGTH, RANGE, RANGE_COUNTS, WRIST_RADIUS
 
+from skin_calib_addon.calibration import LinkCalibration
 from skin_calib_addon.runtime import Skin
 from skin_calib_addon.runtime.reflexes import Switch
 from skin_calib_addon.runtime.tasks import TorqueResolver, attraction, contact_torques, prioritized
@@ -104,6 +105,18 @@ def radius_at(distance: float) -> float:
     return ELBOW_RADIUS + (WRIST_RADIUS - ELBOW_RADIUS) * (distance - 0.02) / FOREARM_LENGTH
 
 
+@dataclass(frozen=True)
+class Robot:
+    """A robot whose last seven joints are those of an arm with skin on one link, and with a site ``hand``."""
+
+    model: mujoco.MjModel  # simulated, with probes and skin
+    nominal: mujoco.MjModel  # what a controller knows
+    calibration: LinkCalibration  # of the link
+    link: str
+    start: Array  # (7,) [rad]
+    prefix: str = ""  # of all names in the simulated model
+
+
 class Arm:
     """The simulated arm; :meth:`senses` is what a controller gets.
 
@@ -114,22 +127,27 @@ class Arm:
     """
 
     def __init__(self, case: Case):
-        self.rng = np.random.default_rng(case.seed)
-        self.model = model = build(probe_geoms(case) + HELD, covered=("forearm",))
+        self.case, self.rng, self.robot = case, np.random.default_rng(case.seed), self.load(case)
+        self.model, calibration = self.robot.model, self.robot.calibration
+        model, link = self.model, self.robot.prefix + self.robot.link
         self.data = mujoco.MjData(model)
-        calibration = skins()["forearm"]
         self.skin = Skin(calibration)
-        self._touch = np.array([model.sensor(f"forearm/{id}").adr[0] for id in self.skin.ids])
-        self._sites = np.array([model.site(f"forearm/{id}").id for id in self.skin.ids])
+        self._touch = np.array([model.sensor(f"{link}/{id}").adr[0] for id in self.skin.ids])
+        self._sites = np.array([model.site(f"{link}/{id}").id for id in self.skin.ids])
         channels = next(m.channels for m in calibration.modalities if m.name == "proximity")
-        self._near = [(channel, model.site(f"forearm/{id}").id) for id, channel in channels.items()]
+        self._near = [(channel, model.site(f"{link}/{id}").id) for id, channel in channels.items()]
         self.skin.tare(np.stack([self._counts(np.zeros(self.skin.reading_length)) for _ in range(REST)]))
         self.probes = [k for k in range(model.nbody) if model.body(k).name.startswith("probe")]
         self._is_hot, self._heat = case.kind == "heat", np.full(len(self.skin.ids), AIR)
         self.targets = np.zeros(model.nu)
-        self.targets[-JOINTS:] = self.data.qpos[-JOINTS:] = START
+        self.targets[-JOINTS:] = self.data.qpos[-JOINTS:] = self.robot.start
         self.data.ctrl[:] = self.targets
         mujoco.mj_forward(model, self.data)
+
+    def load(self, case: Case) -> Robot:
+        """Return the robot with the probes of a case."""
+        model = build(probe_geoms(case) + HELD, covered=("forearm",))
+        return Robot(model, nominal(), skins()["forearm"], "forearm", START)
 
     def step(self, targets: Array, torques: Array) -> None:
         """Simulate one control cycle with angles and torques of the servos, (7,) each."""
@@ -184,6 +202,11 @@ class Arm:
         """Largest true temperature of a taxel [degC]."""
         return float(self._heat.max())
 
+    @property
+    def hand(self) -> Array:
+        """Position (3,) of the hand [m]."""
+        return self.data.site(f"{self.robot.prefix}hand").xpos
+
     def probe(self, k: int) -> Array:
         """Return the position (3,) of a probe [m]."""
         return self.data.xpos[self.probes[k]]
@@ -194,18 +217,29 @@ class Arm:
         rows = contacts.efc_address[(self.model.geom_bodyid[contacts.geom] == self.probes[k]).any(axis=1)]
         return float(self.data.efc_force[rows[rows >= 0]].sum())
 
+    def places(self, kind: str, turn: Array) -> list[tuple[float, Array]]:
+        """Return for each probe the distance from the elbow [m], and the direction (3,) from which it comes."""
+        up, side = np.array((0.0, 0, 1)), np.array((0.0, 1, 0))
+        below, lateral = (0.12, -up + turn[0] * side), (PRESSED, side + turn[0] * up)
+        return {
+            "contacts": [(0.17, up + turn[0] * side), (0.08, side + turn[1] * up)], "near": [below], "heat": [below]
+        }.get(kind, [lateral])  # fmt: skip
+
+    @property
+    def axis(self) -> Array:
+        """The direction (3,) from the elbow to the hand."""
+        return -self.data.body("forearm").xmat.reshape(3, 3)[:, 2]
+
     def surface(self, distance: float, direction: Array) -> tuple[Array, Array]:
         """Return a point of the forearm at a distance from the elbow in a direction, and the outward normal there."""
-        body = self.data.body("forearm")
-        axis = -body.xmat.reshape(3, 3)[:, 2]
+        body, axis = self.data.body("forearm"), self.axis
         outward = direction - (direction @ axis) * axis
         outward /= np.linalg.norm(outward)
         return body.xpos + distance * axis + radius_at(distance) * outward, outward
 
     def gap(self) -> float:
         """Return the distance between the obstacle and the forearm [m], negative if they overlap."""
-        body = self.data.body("forearm")
-        axis, away = -body.xmat.reshape(3, 3)[:, 2], self.probe(0) - body.xpos
+        axis, away = self.axis, self.probe(0) - self.data.body("forearm").xpos
         along = np.clip(away @ axis, 0.02, 0.02 + FOREARM_LENGTH)
         return float(np.linalg.norm(away - along * axis) - radius_at(along) - BALL)
 
@@ -219,13 +253,15 @@ class Controller:
         Its kind and variant say which tasks there are.
     skin : Skin
         Of the forearm.
+    robot : Robot
+        Its nominal model, the name of the link, and the start; nothing else of it is used.
     """
 
-    def __init__(self, case: Case, skin: Skin):
+    def __init__(self, case: Case, skin: Skin, robot: Robot):
         self.case, self.skin = case, skin
-        self.model = nominal()
+        self.model, self.link, self.start = robot.nominal, robot.link, robot.start
         self.data = mujoco.MjData(self.model)
-        self.resolver = TorqueResolver(START, RESOLVER_DAMPING, self.model.jnt_range[-JOINTS:])
+        self.resolver = TorqueResolver(self.start, RESOLVER_DAMPING, self.model.jnt_range[-JOINTS:])
         self.pain = Switch(*PAIN)
         self.goal: Array | None = None  # of the hand
         self.since = np.inf  # when the pain began [s]
@@ -242,12 +278,12 @@ class Controller:
         mujoco.mj_fullM(model, data, mass)
         mass = mass[-JOINTS:, -JOINTS:]
         pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = data.body("forearm").xmat.reshape(3, 3), data.body("forearm").xpos
+        pose[:3, :3], pose[:3, 3] = data.body(self.link).xmat.reshape(3, 3), data.body(self.link).xpos
         frame = self.skin.update(readings, time)
         kind, variant, geometry = self.case.kind, self.case.variant, self.skin.geometry
 
         def task(wrenches: Any) -> tuple[Array, Array]:
-            rows = contact_torques({"forearm": wrenches}, {"forearm": pose}, self._jacobian, JOINTS)
+            rows = contact_torques({self.link: wrenches}, {self.link: pose}, self._jacobian, JOINTS)
             return rows.sum(axis=0), rows
 
         pressure = kind == "pain" or variant.endswith("pressure")
@@ -259,7 +295,7 @@ class Controller:
         self.virtual = float(np.linalg.norm(felt[:3]))
         self.area = frame.area
         posture = (
-            POSTURE[kind] * (START - resolver.angles),
+            POSTURE[kind] * (self.start - resolver.angles),
             np.eye(JOINTS),
         )
         hand = self._hand()
@@ -311,20 +347,16 @@ class Experimenter:
         self.case, self.arm = case, arm
         rng = np.random.default_rng(1000 + case.seed)
         jitter = rng.uniform(-0.01, 0.01, 2)
-        up, side = np.array((0.0, 0, 1)), np.array((0.0, 1, 0))
         turn = rng.uniform(-0.2, 0.2, 2)
         size = {"contacts": 0.02, "near": BALL, "heat": BALL}.get(case.kind, SMALL)
-        below, lateral = (0.12, -up + turn[0] * side), (PRESSED, side + turn[0] * up)
-        places = {
-            "contacts": [(0.17, up + turn[0] * side), (0.08, side + turn[1] * up)], "near": [below], "heat": [below]
-        }.get(case.kind, [lateral])  # fmt: skip
+        places = arm.places(case.kind, turn)
         self.clear = {"near": 0.12, "heat": 0.2}.get(case.kind, 0.003)  # from the forearm at the start [m]
         offsets = cushion() if case.variant.startswith("large") else np.zeros((1, 3))
         self.parts = len(offsets)  # of one probe
         for k in range(len(arm.probes)):
             distance, direction = places[k // self.parts]
             point, outward = arm.surface(distance + jitter[k // self.parts], direction)
-            axis = -arm.data.body("forearm").xmat.reshape(3, 3)[:, 2]  # of the large probe, along the forearm
+            axis = arm.axis  # of the large probe
             frame = np.column_stack((axis, np.cross(-outward, axis), -outward))  # it slides along its z, inward
             start = point + (size + self.clear) * outward + frame @ offsets[k % self.parts]
             arm.model.body_pos[arm.probes[k]] = start
@@ -374,11 +406,16 @@ class Result:
 COLUMNS = ("time", "force", "second", "virtual", "area", "hand", "gap", "heat", "moved", "pain", "norm")
 
 
-def run(case: Case, each: Callable[[Arm], None] | None = None, duration: float | None = None) -> Result:
+def run(
+    case: Case,
+    each: Callable[[Arm], None] | None = None,
+    duration: float | None = None,
+    kind: Callable[[Case], Arm] = Arm,
+) -> Result:
     """Return what happens in a case."""
-    arm = Arm(case)
-    controller, hands, log = Controller(case, arm.skin), Experimenter(case, arm), []
-    rest = arm.data.site("hand").xpos.copy()
+    arm = kind(case)
+    controller, hands, log = Controller(case, arm.skin, arm.robot), Experimenter(case, arm), []
+    rest = arm.hand.copy()
     touched = None
     while arm.data.time < (duration or TIMES[case.kind]):
         hands(arm.data.time)
@@ -389,7 +426,7 @@ def run(case: Case, each: Callable[[Arm], None] | None = None, duration: float |
         if touched is None and forces[0] > 0.5:
             touched = hands.moved(0)
         log.append((arm.data.time, forces[0], forces[-1], controller.virtual, controller.area,
-                    np.linalg.norm(arm.data.site("hand").xpos - rest), arm.gap(), arm.hottest,
+                    np.linalg.norm(arm.hand - rest), arm.gap(), arm.hottest,
                     0.0 if touched is None else hands.moved(0) - touched, controller.pain.is_on,
                     np.linalg.norm(controller.torques)))  # fmt: skip
         if each:

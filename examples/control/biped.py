@@ -196,21 +196,16 @@ def build(terrain: str = FLAT, friction: float = 0.7, covered: tuple[str, ...] =
             # Biped sums the contacts of the pads itself: 170 touch sensors take a fifth of the time of a simulation.
             if sensor.type == mujoco.mjtSensor.mjSENS_TACTILE or link == "sole":
                 skin.delete(sensor)
-        taxels = [patch.taxels for patch in skins()[link].patches]
-        pads = (p - FOREARM_PAD * n for t in taxels for p, n in zip(t.positions_link, t.normals_link))
-        for geom in list(skin.body(link).geoms):
+        if link == "forearm":
+            round_pads(skin, skins()[link], friction)
+        for geom in list(skin.body(link).geoms) if link == "sole" else []:
             if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
                 skin.delete(geom)
-            elif link == "sole":  # a sphere has one contact with the ground where a box has four
+            else:  # a sphere has one contact with the ground where a box has four
                 geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [PAD_RADIUS, 0, 0]
                 geom.pos = [*geom.pos[:2], -ANKLE_HEIGHT + PAD_RADIUS]
                 geom.priority, geom.condim, geom.friction = 0, 3, [friction, 0.005, 0.0001]
                 geom.rgba = [0.1, 0.6, 0.3, 1]
-            else:  # on the forearm a sphere below the taxel, since small things pass through a thin box
-                geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [FOREARM_PAD, 0, 0]
-                geom.pos = next(pads)
-                geom.solref, geom.group, geom.rgba = [FOAM, 1], 1, [0.1, 0.6, 0.3, 1]
-                geom.priority, geom.condim, geom.friction = 1, 3, [friction, 0.005, 0.0001]
         spec.body(body).add_frame().attach_body(skin.body(link), f"{body}/", "")
     return spec.compile()
 
@@ -230,6 +225,20 @@ def proximity_counts(model: mujoco.MjModel, data: mujoco.MjData, sites: Array, b
     counts = RANGE_COUNTS * (1 - distances / RANGE) + noise
     in_range = (distances >= 0) & (distances <= RANGE)
     return np.where(in_range, np.clip(np.rint(counts), 0, RANGE_COUNTS), 0.0)
+
+
+def round_pads(skin: mujoco.MjSpec, calibration: LinkCalibration, friction: float) -> None:
+    """Replace the cells of an exported skin of an arm by spheres below the taxels: small things pass a thin box."""
+    taxels = [patch.taxels for patch in calibration.patches]
+    pads = (p - FOREARM_PAD * n for t in taxels for p, n in zip(t.positions_link, t.normals_link))
+    for geom in list(skin.body(calibration.link).geoms):
+        if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+            skin.delete(geom)
+        else:
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [FOREARM_PAD, 0, 0]
+            geom.pos = next(pads)
+            geom.solref, geom.group, geom.rgba = [FOAM, 1], 1, [0.1, 0.6, 0.3, 1]
+            geom.priority, geom.condim, geom.friction = 1, 3, [friction, 0.005, 0.0001]
 
 
 @dataclass(frozen=True)

@@ -90,12 +90,12 @@ class Result:
     apart: Array  # and from that of the ankles [m]
 
 
-def propose(urdf: Path, folder: Path) -> None:
-    """Propose and fit the skins of both feet, if this has not been done."""
+def propose(urdf: Path, folder: Path, links: tuple[str, ...] = FEET) -> None:
+    """Propose and fit the skins of links, if this has not been done."""
     if not (folder / "robot.json").exists():
         words = ["fit", str(urdf), "--propose", "-o", str(folder), "--skin", SKIN]
-        if skin_calib([*words, *(word for foot in FEET for word in ("--only", foot))]):
-            raise SystemExit("the skins of the feet could not be fitted; see above")
+        if skin_calib([*words, *(word for link in links for word in ("--only", link))]):
+            raise SystemExit("the skins could not be fitted; see above")
 
 
 def skeleton(urdf: Path) -> mujoco.MjSpec:

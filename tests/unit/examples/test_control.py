@@ -321,6 +321,21 @@ def test_g1_lands_softly_by_the_distances_below_its_feet(tmp_path):
 
 
 @pytest.mark.slow
+def test_g1_forearm_yields_to_a_contact_and_shrinks_back_before_one(tmp_path):
+    from g1 import URDF, propose
+    from g1_arm import LINK, G1Case, run
+
+    if not URDF.exists():
+        pytest.skip(f"no real robot here: {URDF} is missing")
+    propose(URDF, tmp_path, (LINK,))
+    stiff, soft = (run(G1Case("contacts", kind, 0, URDF, tmp_path)) for kind in ("stiff", "yields"))
+    assert 0 < soft["force"].max() < stiff["force"].max() / 4 and soft["moved"][-1] > 0.05 > stiff["moved"][-1]
+    hit, clear = (run(G1Case("near", kind, 0, URDF, tmp_path)) for kind in ("hand only", "null space"))
+    assert hit["force"].max() > 10 and clear["force"].max() == 0
+    assert clear["hand"].max() < 0.03
+
+
+@pytest.mark.slow
 def test_g1_keeps_its_balance_by_the_skin_that_was_proposed_for_its_feet(tmp_path):
     """A push of 12 N s from behind; the ZMP of the skin agrees with the true one."""
     from g1 import URDF, Case, propose, push
