@@ -65,7 +65,8 @@ def spread(values: Iterable[float], digits: int = 0) -> str:
     known = np.array([value for value in values if np.isfinite(value)])
     if not len(known):
         return "none"
-    mean, low, high = (f"{value:.{digits}f}" for value in (known.mean(), known.min(), known.max()))
+    rounded = (round(float(value), digits) + 0.0 for value in (known.mean(), known.min(), known.max()))  # no -0
+    mean, low, high = (f"{value:.{digits}f}" for value in rounded)
     return mean if low == high else f"{mean} ({low} to {high})"
 
 
