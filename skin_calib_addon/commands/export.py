@@ -77,4 +77,6 @@ def _export_robot(options: argparse.Namespace) -> int:
     )
     if model.uncovered:
         say(f"collision shapes that would hide skin are switched off: {', '.join(model.uncovered)}")
+    if model.balanced:
+        say(f"no rigid body has the inertia that the URDF states; MuJoCo changed it: {', '.join(model.balanced)}")
     return WRONG_DATA if problems or model.problems else DONE

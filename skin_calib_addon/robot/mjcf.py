@@ -23,6 +23,7 @@ MAX_STL_FACES = 200_000  # Format: MuJoCo accepts no more in an STL file
 # below the skin are switched off, too. Smaller: the shape takes a part of the force of a press.
 MIN_PROTRUSION = 1e-3
 PARTS = ("link", "joint", "material")  # Format: what MuJoCo needs of a URDF; others are of simulators and controllers
+INERTIA_PRECISION = 1e-4  # Format: [1] of inertias in a URDF, and in models that MuJoCo writes
 # How MuJoCo compiles the robot. Links stay bodies of their own, also if they are fixed. Inertias that no rigid body can
 # have, which are frequent in URDF files, are balanced, and masses of zero become positive.
 COMPILER = {
@@ -43,6 +44,7 @@ class RobotModel:
     meshes: dict[str, bytes]  # files by name: STL, or OBJ for large meshes
     problems: tuple[str, ...]  # meshes and skins that the model does not have, a line each
     uncovered: tuple[str, ...]  # bodies with a collision shape that is switched off, because it would hide a skin
+    balanced: tuple[str, ...]  # links whose inertia no rigid body can have; the model has another one
 
 
 def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibration], mesh_folder: str) -> RobotModel:
@@ -95,10 +97,37 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         uncovered = _uncover(spec, [f"{link}/{link}" for link in skins], mujoco)
         spec.compile()
         spec.meshdir = mesh_folder
-        text = spec.to_xml()
+        text = re.sub('(?<=diaginertia=")[^"]+', _possible, spec.to_xml())
+        files = {f"{mesh_folder}/{name}": content for name, content in meshes.items()}
+        mujoco.MjModel.from_xml_string(text, files)
     except (ValueError, mujoco.FatalError) as error:
         raise SkinCalibError(f"MuJoCo does not accept {urdf.name}: {' '.join(str(error).split())}") from error
-    return RobotModel(text.encode(), meshes, tuple(problems), uncovered)
+    return RobotModel(text.encode(), meshes, tuple(problems), uncovered, _impossible_inertias(description))
+
+
+def _impossible_inertias(description: str) -> tuple[str, ...]:
+    """Return the links of a URDF with a principal inertia above the sum of the others."""
+    found = []
+    for link in ET.fromstring(description).findall("link"):
+        inertia = link.find("inertial/inertia")
+        if inertia is not None:
+            xx, xy, xz, yy, yz, zz = (real(inertia.get(f"i{k}", "0")) for k in ("xx", "xy", "xz", "yy", "yz", "zz"))
+            principal = np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+            if principal[0] < 0 or principal[2] > principal[:2].sum() + INERTIA_PRECISION * principal[2]:
+                found.append(link.get("name", ""))
+    return tuple(found)
+
+
+def _possible(found: re.Match[str]) -> str:
+    """Return principal inertias, as MuJoCo writes them with few digits, that MuJoCo accepts.
+
+    The largest inertia of a flat part is the sum of the others, which rounding may undercut.
+    """
+    inertias = np.array(found[0].split(), float)
+    largest = int(inertias.argmax())
+    others = np.delete(inertias, largest).sum()
+    inertias[largest] = min(inertias[largest], others - np.spacing(others))
+    return " ".join(map(repr, inertias.tolist()))
 
 
 def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[str, ...]:

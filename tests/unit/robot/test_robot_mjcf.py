@@ -196,6 +196,38 @@ def test_robot_that_mujoco_refuses_is_one_line(robot, capsys):
     assert "MuJoCo does not accept bot.urdf: " in err[0]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_thin_parts_keep_their_inertia(robot, capsys, seed):
+    """The inertia of a flat part is at the limit of what a rigid body can have, and the file has few digits."""
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    principal = np.array((1.068524e-5, 4.108974e-5, 5.177498e-5))
+    of_hand(robot, turn @ np.diag(principal) @ turn.T)
+    code, out, err = export(robot, capsys)
+    model = mujoco.MjModel.from_xml_path(str(robot / "skin.xml"))
+    assert code == 0 and err == [] and "inertia" not in out
+    np.testing.assert_allclose(np.sort(model.body("hand").inertia), principal, rtol=1e-4)
+
+
+def test_impossible_inertia_is_stated(robot, capsys):
+    """The model loads with an inertia that a rigid body can have, and a line names the link."""
+    of_hand(robot, np.diag((1e-3, 1e-3, 5e-3)))
+    code, out, err = export(robot, capsys)
+    inertia = np.sort(mujoco.MjModel.from_xml_path(str(robot / "skin.xml")).body("hand").inertia)
+    assert code == 0 and err == [] and inertia[2] <= inertia[:2].sum()
+    assert out.splitlines()[-1] == "no rigid body has the inertia that the URDF states; MuJoCo changed it: hand"
+
+
+def of_hand(robot, inertia):
+    """Write the inertia of the hand into the URDF."""
+    urdf = robot / "bot" / "bot.urdf"
+    numbers = zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), (*np.diag(inertia), *inertia[np.triu_indices(3, 1)]))
+    words = " ".join(f'{name}="{value!r}"' for name, value in ((k, float(v)) for k, v in numbers))
+    text = urdf.read_text().replace(
+        '<link name="hand">', f'<link name="hand"><inertial><mass value="0.04"/><inertia {words}/></inertial>'
+    )
+    urdf.write_text(text)
+
+
 @pytest.mark.parametrize("words", [("--to", "csv"), ("--patch", "s")])
 def test_other_formats_are_of_one_link(robot, capsys, words):
     code, out, err = export(robot, capsys, *words)
