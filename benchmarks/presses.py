@@ -55,6 +55,7 @@ class PressedRobot:
                 sys.exit(code)
             spec = mujoco.MjSpec.from_file(str(model))
             spec.option.gravity = [0, 0, 0]
+            spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_LIMIT  # the zero pose may be beyond a limit
             sphere = spec.worldbody.add_body(name="sphere")
             sphere.add_freejoint()
             sphere.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.1)
