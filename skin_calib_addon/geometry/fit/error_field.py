@@ -127,8 +127,8 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     edges = mesh.vertices[corners[:, NEXT]] - mesh.vertices[corners]
     turned = normals[corners] - facet[:, None]  # from the face to each corner
     start, end = -np.einsum("fkc,fkc->fk", turned, edges), np.einsum("fkc,fkc->fk", turned[:, NEXT], edges)
-    start = start * _continues(bends_at, corners, turned, edges)
-    end = end * _continues(bends_at, corners[:, NEXT], turned[:, NEXT], edges)
+    smooth = _continues(mesh.vertices, bends_at, corners, turned)
+    start, end = start * smooth, end * smooth[:, NEXT]
     start, end = np.where(rim & ~rim[:, NEXT], end, start), np.where(rim[:, NEXT] & ~rim, start, end)
     most = MAX_END_RATIO * np.minimum(np.abs(start), np.abs(end))
     bends = np.where(start * end > 0, np.clip(start + end, -most, most), 0.0)
@@ -168,34 +168,34 @@ def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
     return _VertexBends(normals, at_rim(faces, count), bends, arms, squares, steepest, starts, edges)
 
 
-def _continues(at_vertices: _VertexBends, corners: IntArray, turned: Array, edges: Array) -> Array:
-    r"""Return how well the curvature along an edge of each facet continues beyond its corner, shape (f, 3): 0 to 1.
+def _continues(vertices: Array, at_vertices: _VertexBends, corners: IntArray, turned: Array) -> Array:
+    r"""Return how well the curvature over each facet continues at each of its corners, shape (f, 3): 0 to 1.
 
-    From the normal of the facet to that of the corner the surface turns by :math:`\mathbf{t}`, over half of the edge
-    :math:`\mathbf{e}`. Along the edges :math:`\mathbf{a}` of the corner, the normals turn by
+    From the normal of the facet to that of a corner the surface turns by the vector :math:`\mathbf{t}`, over half of
+    the extent :math:`w` of the facet along it. Along the edges :math:`\mathbf{e}` of the corner, the normals turn by
     :math:`\delta \mathbf{n}`. The two curvatures are
 
     .. math::
 
-        \kappa = \frac{2\, |\mathbf{t} \cdot \hat{\mathbf{e}}|}{\lVert \mathbf{e} \rVert}, \qquad
-        \kappa' = \max_{\mathbf{a}} \frac{|(\delta \mathbf{n} \cdot \hat{\mathbf{e}})
-        (\mathbf{a} \cdot \hat{\mathbf{e}})|}{\lVert \mathbf{a} \rVert^2} \quad [1 / \text{m}]
+        \kappa = \frac{2\, \lVert \mathbf{t} \rVert}{w}, \qquad
+        \kappa' = \max_{\mathbf{e}} \frac{|(\delta \mathbf{n} \cdot \hat{\mathbf{t}})
+        (\mathbf{e} \cdot \hat{\mathbf{t}})|}{\lVert \mathbf{e} \rVert^2} \quad [1 / \text{m}]
 
     Parameters
     ----------
+    vertices : array, shape (v, 3)
+        [m]
     at_vertices : _VertexBends
         Of the mesh.
     corners : array of int, shape (f, 3)
         The facets.
     turned : array, shape (f, 3, 3)
         From the normal of each facet to those of its corners.
-    edges : array, shape (f, 3, 3)
-        An edge of the facet at each corner [m].
     """
     low, high = NEXT_RATIOS
-    lengths = np.maximum(np.linalg.norm(edges, axis=2), MIN_LENGTH)
-    ahead = edges / lengths[..., None]
-    over = 2 * np.abs(np.einsum("fkc,fkc->fk", turned, ahead)) / lengths
+    ahead, points = unit(turned), vertices[corners]
+    extents = (np.abs(np.einsum("fkc,fkc->fk", points[:, to] - points, ahead)) for to in (NEXT, PREVIOUS))
+    over = 2 * np.einsum("fkc,fkc->fk", turned, ahead) / np.maximum(np.maximum(*extents), MIN_LENGTH)
     continues = np.ones(corners.shape)
     # The steepest bend is in any direction; where it is small, directions need not be compared.
     face, corner = np.nonzero(at_vertices.steepest[corners] > low * over)
