@@ -19,13 +19,13 @@ class Facets:
     faces: IntArray  # (f, 3) int32
     placed: Array  # (3, 4) from there into metres in the link frame
     corners: IntArray  # (c,) int32, the vertices around each polygon, one polygon after another
-    starts: IntArray  # (p,) int32, where each polygon starts among them
+    polygons: IntArray  # (f,) int32, the polygon of each face: one of k corners has k - 2 faces
 
     def is_same(self, other: "Facets | None") -> bool:
         """Return whether other facets make the same mesh: Blender divides the same polygons equally."""
         if self is other:
             return True
-        pairs = ((getattr(self, n), getattr(other, n, None)) for n in ("placed", "vertices", "corners", "starts"))
+        pairs = ((getattr(self, n), getattr(other, n, None)) for n in ("placed", "vertices", "corners", "polygons"))
         return all(np.array_equal(one, another) for one, another in pairs)
 
     def triangles(self) -> tuple[Array, IntArray]:

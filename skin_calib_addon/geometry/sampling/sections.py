@@ -1,17 +1,28 @@
 """Sections of a mesh with planes: all planes in one pass, as segments on which rays can be cast."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, along
+from ...common.arrays import Array, BoolArray, IntArray, along, locked, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .planes import Planes
 
 # [fraction of the mesh size] height of a vertex above or below a plane within which it is on the plane. It covers the
 # rounding of files in single precision: 0.02 um on a link of 200 mm. Larger: planes near a rim are moved onto it.
 ON_PLANE_FRACTION = 1e-7
+
+# [1] faces from which on only those near the planes are cut. Smaller: sorting them takes longer than cutting all.
+MIN_SORTED_FACES = 30_000
+# [1] steps of the components of a direction, so that planes with small tilts use the same sorted faces. Larger: fewer
+# faces are near, and the faces are sorted more often.
+DIRECTION_STEPS = 8
+# [cosine] between a plane's normal and this direction below which all faces are cut.
+MIN_STACK_COSINE = 0.5
+# [fraction of the mesh size] extent below which faces are in one class. Larger: more faces are compared.
+SMALLEST_EXTENT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +35,7 @@ class Sections:
     planes: int  # number of planes, including those that cut nothing
 
 
-def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None) -> Sections:
+def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None, draft: bool = False) -> Sections:
     """Cut a mesh with every plane at once.
 
     A vertex on a plane counts as below it, so that no position is degenerate. A plane through the upper rim of the mesh
@@ -44,13 +55,34 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
         For parallel planes sorted heights are sufficient; for others each vertex is compared with each plane.
     values : array, shape (v, c), optional
         Values of the vertices to interpolate instead of their coordinates, such as plane coordinates.
+    draft : bool
+        Whether sections of planes that are not parallel may differ by rounding, for a preview: BLAS rounds the heights
+        of a part of the vertices differently from those of all. It takes less time.
 
     Returns
     -------
     Sections
     """
-    cut = _cut_parallel if planes.are_parallel() else _cut_any
-    return cut(mesh, planes, mesh.vertices if values is None else values)
+    values, slack = mesh.vertices if values is None else values, ON_PLANE_FRACTION * mesh.size
+    parallel = planes.are_parallel()
+    near = _faces_near(mesh, planes, slack, parallel) if parallel or draft else None
+    part, used = (mesh, slice(None)) if near is None else _part_of(mesh, near)
+    if parallel:
+        height = coordinates(mesh, planes.normals[0])[used]
+        sections = _cut_parallel(part, height, slack, planes, values[used])
+    else:
+        sections = _cut_any(part, slack, planes, values[used])
+    return sections if near is None else replace(sections, face=near[sections.face])
+
+
+def coordinates(mesh: TriangleMesh, direction: Array) -> Array:
+    """Return the components of the vertices of a mesh along a direction, shape (v,) [m]; the last ones are kept."""
+    return _coordinates(mesh, direction.tobytes())
+
+
+@lru_cache(maxsize=12)  # previews cut one mesh along the same axes
+def _coordinates(mesh: TriangleMesh, direction: bytes) -> Array:
+    return locked(along(mesh.vertices, np.frombuffer(direction)))
 
 
 # Indexed by the corners above a plane (sum of 1, 2 and 4 for the first, second and third corner): the corner that is
@@ -61,12 +93,104 @@ START = np.array((0, 1, 2, 1, 0, 0, 2, 0))
 STOP = np.array((0, 2, 0, 0, 1, 2, 1, 0))
 
 
-def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Some faces of a mesh, with their own numbers of vertices, in the order of the mesh."""
+
+    vertices: Array  # (v, 3) [m]
+    faces: IntArray  # (f, 3)
+    corners: tuple[IntArray, IntArray, IntArray]  # columns of ``faces``
+
+
+def _part_of(mesh: TriangleMesh, faces: IntArray) -> tuple[_Part, IntArray]:
+    """Return the part of a mesh with some faces (ascending), and the indices of its vertices in the mesh."""
+    corners = [corner[faces] for corner in mesh.corners]
+    is_used = np.zeros(len(mesh.vertices), bool)
+    for corner in corners:
+        is_used[corner] = True
+    used = np.flatnonzero(is_used)
+    number = np.empty(len(is_used), np.int64)
+    number[used] = np.arange(len(used))
+    a, b, c = (number[corner] for corner in corners)
+    return _Part(mesh.vertices[used], np.stack((a, b, c), axis=1), (a, b, c)), used
+
+
+def _faces_near(mesh: TriangleMesh, planes: Planes, slack: float, parallel: bool) -> IntArray | None:
+    """Return the faces that may touch a plane, ascending; None for all faces, where finding them takes longer."""
+    if len(mesh.faces) < MIN_SORTED_FACES:
+        return None
+    towards = planes.normals[0]
+    if not parallel or len(planes) == 1:  # one sorting serves tilted planes
+        towards = unit(np.rint(towards * DIRECTION_STEPS))
+    stack = _stack(mesh, towards.tobytes())
+    stack.uses += 1
+    if stack.uses == 1:
+        return None
+    cosine = along(planes.normals, towards)
+    if cosine.min() < MIN_STACK_COSINE:
+        return None
+    sine = np.linalg.norm(planes.normals - cosine[:, None] * towards, axis=1)
+    # Where the plane meets the mesh, it is at most this far from the height of its own point.
+    margin = (2 * slack + sine * (stack.radius + stack.across(planes.points))) / cosine
+    level = along(planes.points, towards)
+    return stack.between(level - margin, level + margin)
+
+
+class _Stack:
+    """The faces of a mesh, sorted by their heights along a direction from the second use on."""
+
+    def __init__(self, mesh: TriangleMesh, towards: Array):
+        self.mesh, self.towards, self.uses = mesh, towards, 0
+
+    @cached_property
+    def middle(self) -> Array:
+        """Return the mean vertex, shape (3,) [m]."""
+        return self.mesh.vertices.mean(axis=0)
+
+    @cached_property
+    def radius(self) -> float:
+        """Return the largest distance of a vertex from the line through the middle along the direction [m]."""
+        return float(self.across(self.mesh.vertices).max())
+
+    def across(self, points: Array) -> Array:
+        """Return the distances of points (k, 3) from this line, shape (k,) [m]."""
+        arms = points - self.middle
+        return np.linalg.norm(arms - along(arms, self.towards)[:, None] * self.towards, axis=1)
+
+    @cached_property
+    def classes(self) -> list[tuple[IntArray, Array, Array, float]]:
+        """Return faces of similar extents: their indices, their lower ends in ascending order, upper ends, extent."""
+        height = coordinates(self.mesh, self.towards)
+        a, b, c = (height[corner] for corner in self.mesh.corners)
+        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        order = np.argsort(low)
+        kind = np.clip(np.ceil(np.log2((high - low) / self.mesh.size + SMALLEST_EXTENT)), None, 0).astype(int)[order]
+        found = []
+        for one in np.unique(kind):
+            faces = order[kind == one]
+            found.append((faces, low[faces], high[faces], float((high - low)[faces].max())))
+        return found
+
+    def between(self, low: Array, high: Array) -> IntArray:
+        """Return the faces that are partly within any of some intervals (k,), ascending."""
+        is_near = np.zeros(len(self.mesh.faces), bool)
+        for faces, start, stop, extent in self.classes:
+            first, last = np.searchsorted(start, low - extent), np.searchsorted(start, high, side="right")
+            count = np.maximum(last - first, 0)
+            index = np.arange(count.sum()) + np.repeat(first - np.cumsum(count) + count, count)
+            is_near[faces[index[stop[index] >= np.repeat(low, count)]]] = True
+        return np.flatnonzero(is_near)
+
+
+@lru_cache(maxsize=4)  # previews cut one mesh along few directions
+def _stack(mesh: TriangleMesh, towards: bytes) -> _Stack:
+    return _Stack(mesh, np.frombuffer(towards))
+
+
+def _cut_parallel(mesh: TriangleMesh | _Part, height: Array, slack: float, planes: Planes, values: Array) -> Sections:
     """Cut with parallel planes: the rank of the height of each vertex among the planes gives all cuts."""
     level = along(planes.points, planes.normals[0])
     order = np.argsort(level, kind="stable")
-    height = along(mesh.vertices, planes.normals[0])
-    slack = ON_PLANE_FRACTION * mesh.size
     rank = np.zeros(len(height), np.int16)  # number of planes below each vertex
     for one in level:  # a comparison per level is faster than a bisection per vertex
         rank += height > one + slack
@@ -97,10 +221,9 @@ def _cut_parallel(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections
     return Sections(plane, face, ends, len(planes))
 
 
-def _cut_any(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
+def _cut_any(mesh: TriangleMesh | _Part, slack: float, planes: Planes, values: Array) -> Sections:
     """Cut with planes of any direction: each vertex is compared with each plane."""
     height = planes.normals @ mesh.vertices.T - (planes.points * planes.normals).sum(axis=1)[:, None]
-    slack = ON_PLANE_FRACTION * mesh.size
     is_higher = height > slack
     on_plane = is_higher != (height >= -slack)
     near = _near(mesh, is_higher, on_plane)
@@ -122,7 +245,7 @@ def _cut_any(mesh: TriangleMesh, planes: Planes, values: Array) -> Sections:
     return Sections(plane, near[face], ends, len(planes))
 
 
-def _near(mesh: TriangleMesh, is_higher: BoolArray, on_plane: BoolArray) -> IntArray:
+def _near(mesh: TriangleMesh | _Part, is_higher: BoolArray, on_plane: BoolArray) -> IntArray:
     """Return the faces with corners on both sides of a plane, or on a plane; the sides of eight planes are one byte.
 
     Parameters
@@ -141,7 +264,7 @@ def _near(mesh: TriangleMesh, is_higher: BoolArray, on_plane: BoolArray) -> IntA
 
 
 def _rims_of_ranks(
-    mesh: TriangleMesh, level: Array, rank: IntArray, on_plane: BoolArray
+    mesh: TriangleMesh | _Part, level: Array, rank: IntArray, on_plane: BoolArray
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return the rims in parallel planes: index of the level, face, and the corners on the plane as in ``TIP``.
 
@@ -179,7 +302,9 @@ def _rims_of_ranks(
     return level_index[part] + copy, face[part], on[part]
 
 
-def _are_rims(mesh: TriangleMesh, plane: IntArray, face: IntArray, on: IntArray, is_above: BoolArray) -> BoolArray:
+def _are_rims(
+    mesh: TriangleMesh | _Part, plane: IntArray, face: IntArray, on: IntArray, is_above: BoolArray
+) -> BoolArray:
     """Return which edges in a plane are rims: the first face below each edge without a face above it.
 
     Parameters
@@ -210,7 +335,7 @@ def _are_rims(mesh: TriangleMesh, plane: IntArray, face: IntArray, on: IntArray,
 
 
 def _segments(
-    mesh: TriangleMesh, values: Array, face: IntArray, above: IntArray, height: Callable[[IntArray], Array]
+    mesh: TriangleMesh | _Part, values: Array, face: IntArray, above: IntArray, height: Callable[[IntArray], Array]
 ) -> Array:
     """Return the ends of the segment in which a plane cuts each face, shape (s, 2, c).
 
