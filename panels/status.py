@@ -57,8 +57,9 @@ def draw_status(layout, link):
     row.prop(plan, "live", toggle=True, icon="PLAY")
     report, result = updates.reports.get(link.name), plan.result
     if report and not report.refusal:
+        surface = "The surface is coarse. " if report.coarse else ""
         cells = "Cells are interpolated. " if report.interpolated else ""
-        show_text(layout, f"{cells}Errors and warnings follow when the changes end", "SORTTIME")
+        show_text(layout, f"{surface}{cells}Errors and warnings follow when the changes end", "SORTTIME")
     if report and report.refusal:
         draw_warning(layout, plan, report.refusal, REFUSAL)
     elif plan.refusal and not plan.skins:

@@ -27,7 +27,7 @@ from ..skin.sheet.taxels import preview_taxels, sheet_taxels
 from ..skin.sheet.wrap import WrappedSheet, wrap_sheet
 from ..skin.single_taxels import with_single_taxels
 from ..skin.warnings import check_overlap, placement_warnings
-from .taxel_sigma import with_sigma
+from .taxel_sigma import draft_sigma, with_sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ def place_all(plan: Plan, fits: Mapping[str, SurfaceFit], draft: Draft | None = 
         patches = with_neighbours_across(patches)
     if draft is None or draft.sigma:
         patches = tuple(
-            with_sigma(patch, skin, fits[patch.surface], done.sheet)
+            (with_sigma if draft is None else draft_sigma)(patch, skin, fits[patch.surface], done.sheet)
             for done, patch, skin in zip(placed, patches, skins)
         )
     enabled, disabled = with_single_taxels(patches, [skin.taxels for skin in skins])
@@ -123,8 +123,6 @@ def draft_skin(skin: Skin, fit: SurfaceFit, first_channel: int, draft: Draft) ->
         return place_skin(skin, fit, first_channel)
     near = draft.near.get(skin.name)
     sheet = sheet_on(skin, fit, near.sheet if near else None, preview=True)
-    if not sheet.interpolated:
-        return PlacedSkin(sheet_patch(skin, sheet_taxels(sheet, skin.name, first_channel)), sheet)
     taxels = preview_taxels(sheet, skin.name, first_channel)
     if draft.neighbours:
         found = neighbours(taxels.ids, taxels.positions_link, taxels.normals_link, taxels.corners_link)

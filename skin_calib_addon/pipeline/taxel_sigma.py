@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import singledispatch
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..calibration.model import Patch, Registration
 from ..common.arrays import Array, BoolArray
@@ -14,6 +15,7 @@ from ..geometry.fit.surface_fit import SurfaceFit
 from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import MAX_POINT_DISTANCE
 from ..skin.sheet.wrap import WrappedSheet
+from ..skin.single_taxels import chosen_taxels
 from ..skin.uncertainty import (
     DIRECTION_UNCERTAINTY,
     MAX_KNOWN_STRAIN,
@@ -29,8 +31,11 @@ from ..validation.placement import flat_places, flat_point, link_point
 # are nearly parallel to the surface count as a part of it, with larger uncertainties.
 SAME_NORMAL = 1e-9
 
+# [1] taxels of a skin up to which a preview computes the uncertainty of each. Larger: more time.
+MAX_DRAFT_TAXELS = 600
 
-def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None) -> Patch:
+
+def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None, may_fold: bool = True) -> Patch:
     """Return a patch with the standard uncertainty of each taxel, and the registration that it assumes.
 
     Parameters
@@ -43,6 +48,8 @@ def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | 
         The surface.
     sheet : WrappedSheet or None
         The placement of a sheet.
+    may_fold : bool
+        Whether folds of the surface are searched for. A preview leaves this to the fit.
 
     Returns
     -------
@@ -62,10 +69,24 @@ def with_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | 
         uncertainty = taxel_uncertainty(taxels, field, along)
     sigma = uncertainty.sigma
     sigma[~fit.is_trusted(taxels.uv)] = np.nan  # over a hole, which has its own warning
-    for _, unknown in _unknown(patch, fit):
+    for _, unknown in _unknown(patch, fit, may_fold):
         sigma[unknown] = np.nan
     sigma[~np.isfinite(sigma).all(axis=1)] = np.nan
     return replace(patch, taxels=replace(taxels, sigma=sigma), registration=registration)
+
+
+def draft_sigma(patch: Patch, skin: Skin, fit: SurfaceFit, sheet: WrappedSheet | None) -> Patch:
+    """Return the same for a preview: of many taxels, each has the uncertainty of the nearest one of a part of them."""
+    taxels = patch.taxels
+    stride = int(np.ceil(np.sqrt(len(taxels.ids) / MAX_DRAFT_TAXELS)))
+    some = (taxels.index % stride == stride // 2).all(axis=1)
+    if stride == 1 or not some.any():
+        return with_sigma(patch, skin, fit, sheet, may_fold=False)
+    part = chosen_taxels(taxels, some)
+    found = with_sigma(replace(patch, taxels=part), skin, fit, sheet, may_fold=False)
+    nearest = cKDTree(part.index).query(taxels.index)[1]
+    sigma = found.taxels.known_sigma[nearest]
+    return replace(patch, taxels=replace(taxels, sigma=sigma), registration=found.registration)
 
 
 def registration_of(skin: Skin, patch: Patch, sheet: WrappedSheet | None) -> Registration:
@@ -141,10 +162,11 @@ def _(skin: ImportedSkin, patch: Patch, sheet: WrappedSheet | None) -> Array:
     return middle
 
 
-def _unknown(patch: Patch, fit: SurfaceFit) -> Iterator[tuple[str, BoolArray]]:
+def _unknown(patch: Patch, fit: SurfaceFit, may_fold: bool = True) -> Iterator[tuple[str, BoolArray]]:
     """Yield the reasons for which taxels have no uncertainty, and the rows of these taxels."""
     taxels = patch.taxels
-    yield "the surface is folded", np.full(len(taxels.ids), fit.smallest_area <= 0)
+    if may_fold:
+        yield "the surface is folded", np.full(len(taxels.ids), fit.smallest_area <= 0)
     if "strain" in taxels.quality:
         strain = np.abs(taxels.quality["strain"][:, :2]).max(axis=1)
         yield f"they are strained by more than {MAX_KNOWN_STRAIN:.0%}", strain > MAX_KNOWN_STRAIN

@@ -1,6 +1,6 @@
 """Single taxels of a skin that differ from the others: disabled ones, and those with a channel of their own."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
@@ -49,9 +49,9 @@ def with_single_taxels(patches: tuple[Patch, ...], singles: Sequence[tuple[Singl
         return patches, (None,) * len(patches)
     both = [_of_patch(patch, own) for patch, own in zip(patches, singles)]
     removed = {id for patch, off in both for id, is_off in zip(patch.taxels.ids, off) if is_off}
-    enabled = tuple(replace(patch, taxels=_chosen(patch.taxels, ~off, removed)) for patch, off in both)
+    enabled = tuple(replace(patch, taxels=chosen_taxels(patch.taxels, ~off, removed)) for patch, off in both)
     disabled = tuple(
-        replace(patch, taxels=_chosen(patch.taxels, off, set())) if off.any() else None for patch, off in both
+        replace(patch, taxels=chosen_taxels(patch.taxels, off, set())) if off.any() else None for patch, off in both
     )
     _check_channels(enabled)
     return enabled, disabled
@@ -84,8 +84,18 @@ def short_id(patch: Patch, id: str) -> str:
     return id.removeprefix(f"{patch.name}.")
 
 
-def _chosen(taxels: TaxelArray, rows: BoolArray, removed: set[str]) -> TaxelArray:
-    """Return some of the taxels; their neighbours and ports do not have the removed ids."""
+def chosen_taxels(taxels: TaxelArray, rows: BoolArray, removed: Collection[str] = ()) -> TaxelArray:
+    """Return some of the taxels; their neighbours and ports do not have the removed ids.
+
+    Parameters
+    ----------
+    taxels : TaxelArray
+        All taxels of a patch.
+    rows : array of bool, shape (n,)
+        Which taxels are returned.
+    removed : collection of str
+        Ids.
+    """
     chosen = np.flatnonzero(rows).tolist()
     arrays: dict[str, Any] = {field.name: getattr(taxels, field.name) for field in fields(taxels)}
     arrays = {name: v[rows] for name, v in arrays.items() if isinstance(v, np.ndarray) and len(v)}

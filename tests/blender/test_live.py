@@ -135,6 +135,30 @@ def test_fine_sheet_is_interpolated_in_the_preview_and_exact_in_the_file(
     assert out.read_bytes() == fit_plainly(plan_file(skins=[fine]))
 
 
+def test_large_mesh_has_a_coarse_preview_and_an_exact_fit(bpy, updates, preview, following, monkeypatch):
+    """The status says so; where only the exact surface can be fitted, the preview has this one."""
+    fits, plan = [], following.skin_calib
+    monkeypatch.setattr(preview, "MAX_EXACT_FACES", 100)
+
+    def refusing(*words, real=preview.fit_grid):
+        fits.append(words[-1])
+        if words[-1] and len(fits) > 1:
+            raise preview.SkinCalibError("no sample")
+        return real(*words)
+
+    monkeypatch.setattr(preview, "fit_grid", refusing)
+    for coarse, expected in ((True, [True]), (False, [True, True, False])):
+        plan.grid.n += 1
+        look(updates)
+        report = updates.reports[following.name]
+        assert report.coarse == coarse and report.refusal is None and fits == expected
+        assert ("The surface is coarse. " in " ".join(draw(bpy, "status"))) == coarse
+    rest(updates, monkeypatch)
+    followed = plan.result.mean
+    bpy.ops.skin_calib.fit()
+    assert plan.result.mean == followed and len(fits) == 3
+
+
 def test_preview_judges_what_is_shown(bpy, addon, updates, following):
     """Angles to neighbours and uncertainties are computed for a preview only where their layer is drawn."""
     plan = following.skin_calib
@@ -145,6 +169,21 @@ def test_preview_judges_what_is_shown(bpy, addon, updates, following):
         look(updates)
         taxels = addon.drawing.previews[following.name].taxels
         assert (any(taxels.neighbours), not isnan(taxels.sigma).all()) == has
+
+
+def test_error_of_a_preview_is_that_at_the_samples(bpy, addon, updates, following, monkeypatch):
+    """It is drawn on the surface, and its maximum is near that of the fit, which comes without it."""
+    plan = following.skin_calib
+    plan.inspect.heat = "ERROR"
+    plan.grid.n += 2
+    look(updates)
+    drawn = [next(addon.drawing.previews[following.name].shown({"ERROR"}))]
+    rest(updates, monkeypatch)
+    drawn.append(next(addon.drawing.layers_now(following).shown({"ERROR"})))
+    assert len(drawn[0].points) == len(drawn[0].colours) != len(drawn[1].points)
+    assert 0.5 < drawn[0].legend.maximum / drawn[1].legend.maximum < 1.5
+    size = [abs(layer.points).max(axis=0).tolist() for layer in drawn]
+    assert size[0] == pytest.approx(size[1], rel=0.02)
 
 
 def test_mesh_that_changes_after_a_preview_gets_another_one(bpy, updates, preview, following, monkeypatch):
@@ -334,3 +373,22 @@ def test_mesh_that_changes_by_reading_is_compared_once(bpy, updates, link, monke
     bpy.context.view_layer.update()
     updates._check_possibly_changed()
     assert looks == ["arm"] and link.skin_calib.result.outdated
+
+
+def test_mesh_with_other_polygons_around_the_same_corners_is_another_mesh(bpy, updates):
+    """Two polygons of three and four corners are divided into other triangles than those of four and three."""
+    vertices = [(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0), (0, 0.1, 0.02), (0, 0, 0.1), (0.1, 0, 0.1), (0.1, 0.1, 0.1)]
+    link = bpy.data.objects.new("two", bpy.data.meshes.new("two"))
+    bpy.context.scene.collection.objects.link(link)
+    read = [None]
+    for polygons in ([(0, 1, 2), (3, 4, 5, 6)], [(0, 1, 2, 3), (4, 5, 6)], [(0, 1, 2, 3), (4, 5, 6)]):
+        link.data.clear_geometry()
+        link.data.from_pydata(vertices, [], polygons)
+        bpy.context.view_layer.update()
+        read.append(updates.scene.read_facets(link, bpy.context, read[-1]))
+    assert (read[1].corners == read[2].corners).all() and (read[1].vertices == read[2].vertices).all()
+    assert read[2] is not read[1] and read[3] is read[2]
+    assert [len(found.faces) for found in read[1:]] == [3, 3, 3] and (read[1].faces != read[2].faces).any()
+    link.data.clear_geometry()
+    bpy.context.view_layer.update()
+    assert len(updates.scene.read_facets(link, bpy.context, read[-1]).faces) == 0

@@ -24,6 +24,10 @@ from ..scene.facets import Facets
 from ..scene.warnings import refusal_of
 from .sketch import HandPlanes, Sketch, sketch_of
 
+# [1] faces of a mesh up to which a preview fits as exactly as the complete fit. Larger: more previews are exact, and
+# take longer.
+MAX_EXACT_FACES = 50_000
+
 
 @dataclass(frozen=True)
 class PreviewReport:
@@ -32,6 +36,7 @@ class PreviewReport:
     mean: float = 0.0  # distance along the rays of the fit [m]
     seconds: float = 0.0  # from the change to the preview [s]
     interpolated: bool = False  # whether cells are between others that have been placed
+    coarse: bool = False  # whether a surface over a large mesh was fitted fast and not exactly
     refusal: Warning | None = None  # why there is no preview or fit; the other values are then invalid
 
     @property
@@ -108,27 +113,38 @@ def compute_preview(cache: StepCache, given: PreviewInput) -> Preview:
         return Preview(sketch, report=PreviewReport(refusal=given.refusal) if given.refusal else None)
     skins = plan.skins, [file_hash(path) for path in taxel_files(plan)]
     judged = "TILT" in given.shown, "UNCERTAINTY" in given.shown
+    draft = Draft(cache.placed, *judged)
+
+    def placed_on(coarse: bool) -> tuple[dict[str, SurfaceFit], tuple[PlacedSkin, ...]]:
+        fits = {surface.name: _fit(cache, mesh, plan, surface, coarse) for surface in plan.surfaces}
+        return fits, cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
+
+    coarse = len(mesh.faces) > MAX_EXACT_FACES
     try:
-        fits = {surface.name: _fit(cache, mesh, plan, surface) for surface in plan.surfaces}
-        draft = Draft(cache.placed, *judged)
-        placed = cache.step("placed", (fits, (skins, judged)), _same_fits, lambda: place_all(plan, fits, draft))
+        try:
+            fits, placed = placed_on(coarse)
+        except SkinCalibError:
+            if not coarse:
+                raise
+            coarse = False  # only what cannot be fitted exactly is refused
+            fits, placed = placed_on(coarse)
     except SkinCalibError as error:
         return Preview(sketch, report=PreviewReport(refusal=refusal_of(error)))
-    layers = layers_of(SimpleNamespace(fits=fits, placed=placed))
+    layers = layers_of(SimpleNamespace(fits=fits, placed=placed), is_preview=True)
     for _ in layers.shown(given.shown):  # computed here, in the thread
         pass
     interpolated = any(done.sheet is not None and done.sheet.interpolated for done in placed)
     mean = max(float(np.nanmean(np.abs(fit.residuals))) for fit in fits.values())
-    return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated))
+    return Preview(sketch, layers, PreviewReport(mean, perf_counter() - given.start, interpolated, coarse))
 
 
-def _fit(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface) -> SurfaceFit:
+def _fit(cache: StepCache, mesh: TriangleMesh, plan: Plan, surface: Surface, coarse: bool) -> SurfaceFit:
     """Return the fit of one surface of a plan, from the cache where nothing has changed."""
     with naming_surface(plan, surface.name):
         cover = cache.step(
             f"cover {surface.name}", (mesh, surface.cover), _equal, lambda: cut_cover(mesh, surface.cover)
         )
-        grid = surface.grid, surface.degree, surface.chords, surface.max_deviation
+        grid = surface.grid, surface.degree, surface.chords, surface.max_deviation, coarse
         fit: SurfaceFit = cache.step(f"fit {surface.name}", (cover, *grid), _equal, lambda: fit_grid(cover, *grid))
     return fit
 

@@ -106,15 +106,23 @@ class Layers:
         return self.shown(self._makers)
 
 
-def layers_of(result: Any) -> Layers:
-    """Return all layers of a result, or of an object with ``fits`` and ``placed`` skins."""
+def layers_of(result: Any, is_preview: bool = False) -> Layers:
+    """Return all layers of a result.
+
+    Parameters
+    ----------
+    result : Calibration, or object with ``fits`` and ``placed`` skins
+        The result.
+    is_preview : bool
+        Whether the heat map of the error may be coarse.
+    """
     fits, taxels = tuple(result.fits.values()), AllTaxels.of([done.patch for done in result.placed])
     disabled = AllTaxels.of([done.disabled for done in result.placed if done.disabled is not None])
     return Layers(
         result.placed,
         taxels,
         {
-            "ERROR": lambda: _error(fits),
+            "ERROR": lambda: _error(fits, is_preview),
             "STRAIN": lambda: _strain(taxels),
             "TILT": lambda: _tilt(taxels),
             "UNCERTAINTY": lambda: _uncertainty(taxels),
@@ -122,7 +130,7 @@ def layers_of(result: Any) -> Layers:
             "LINES": lambda: Layer("LINES", _single(_each(fits, line_sections))),
             "NET": lambda: Layer("NET", _each(fits, _net)),
             "SURFACE": lambda: Layer("SURFACE", _each(fits, _surface_lines)),
-            "CELLS": lambda: Layer("CELLS", _segments(_closed(raised_corners(taxels)))),
+            "CELLS": lambda: Layer("CELLS", _segments(_closed(raised_corners(taxels).astype(np.float32)))),
             **(
                 {"DISABLED": lambda: Layer("DISABLED", crossed_out(disabled), colour=RED, width=3.0)}
                 if disabled.ids
@@ -184,20 +192,24 @@ def _net(fit: Any) -> np.ndarray:
     return np.concatenate(_crossing(fit.surface.control_net))
 
 
-def _error(fits: Sequence[Any]) -> Layer:
-    """Return the surfaces, coloured by the distances from surface to mesh that the errors of the fits state."""
-    errors = np.concatenate([fit.deviations for fit in fits])
+def _error(fits: Sequence[Any], is_preview: bool) -> Layer:
+    """Return the surfaces, coloured by the distances from surface to mesh that the errors of the fits state.
+
+    For a preview, the colours are those of the distances at the samples of the fit to the planes of the facets.
+    """
+    grids = [(_sampled_errors if is_preview else _errors)(fit) for fit in fits]
+    errors = np.concatenate([values.ravel() for _, values in grids])
     note = "grey: no mesh there" if np.isnan(errors).any() else ""
     legend = Legend("Distance to the mesh", "LENGTH", largest_size(errors), note=note)
-    parts = [_coloured(fit, legend) for fit in fits]
+    parts = [_coloured(fit, *grid, legend) for fit, grid in zip(fits, grids)]
     points, colours, triangles = zip(*parts)
     starts = np.cumsum([0, *map(len, points)])
     indices = np.concatenate([part + start for part, start in zip(triangles, starts)]).astype(np.int32)
     return Layer("ERROR", np.concatenate(points), np.concatenate(colours), indices, legend=legend)
 
 
-def _coloured(fit: Any, legend: Legend) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return points of one surface, their colours by its errors, and triangles between them."""
+def _errors(fit: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return a grid of points of a surface (a, b, 3), and their distances to the mesh (a, b) [m]."""
     u, v = sample_lines(fit.surface, SAMPLES_PER_SPAN)
     errors = fit.deviations.reshape(len(u), len(v))
     # Samples are in the middle of their cells: the colour of the outermost ones extends to the edges.
@@ -205,10 +217,27 @@ def _coloured(fit: Any, legend: Legend) -> tuple[np.ndarray, np.ndarray, np.ndar
     errors = np.concatenate((errors[:1], errors, errors[-1:]))
     before = errors[:, :0] if fit.lines.closed else errors[:, :1]
     errors = np.hstack((before, errors, errors[:, :1] if fit.lines.closed else errors[:, -1:]))
+    return fit.surface.grid_points(u, v), errors
+
+
+def _sampled_errors(fit: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same at the samples of the fit, where the distances are those to the planes of the facets."""
+    samples = fit.samples
+    slopes = np.abs(np.einsum("klc,klc->kl", samples.rays, fit.mesh.face_normals[samples.faces]))
+    points, errors = samples.origins + samples.arms, np.abs(samples.residuals) * slopes
+    if fit.lines.closed:
+        points, errors = np.hstack((points, points[:, :1])), np.hstack((errors, errors[:, :1]))
+    return points, errors
+
+
+def _coloured(
+    fit: Any, points: np.ndarray, errors: np.ndarray, legend: Legend
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points of one surface, their colours by its errors, and triangles between them."""
     corners = np.arange(errors.size, dtype=np.int32).reshape(errors.shape)
     a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
     triangles = np.stack((a, b, c, a, c, d), axis=2).reshape(-1, 3)
-    points = fit.surface.grid_points(u, v).reshape(-1, 3)
+    points = points.reshape(-1, 3)
     if fit.lines.region is not None:
         triangles = triangles[fit.lines.region(points)[triangles].any(axis=1)]
     return _single(points), legend.colours(errors).reshape(-1, 4), triangles
@@ -282,7 +311,7 @@ def raised_corners(taxels: AllTaxels) -> np.ndarray:
     array, shape (n, k, 3)
         [m]
     """
-    below = ((taxels.positions[:, None] - taxels.corners) * taxels.normals[:, None]).sum(axis=2).mean(axis=1)
+    below = np.einsum("nk,nk->n", taxels.positions - taxels.corners.mean(axis=1), taxels.normals)
     height = CELL_LIFT * taxels.width + np.maximum(below, 0.0)
     return taxels.corners + (height[:, None] * taxels.normals)[:, None]
 

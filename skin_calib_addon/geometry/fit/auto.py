@@ -576,6 +576,7 @@ def fit_grid(
     degree: tuple[int, int],
     chords: bool = False,
     max_deviation: float = MAX_DEVIATION,
+    draft: bool = False,
 ) -> SurfaceFit:
     """Fit along the grid of a plan: planes that the author placed, a size, or the smallest within a tolerance.
 
@@ -591,6 +592,8 @@ def fit_grid(
         As for ``fit_surface``.
     max_deviation : float
         As for ``fit_surface``. With a tolerance, warnings follow the tolerance.
+    draft : bool
+        As for ``fit_surface``. Without effect if the grid has a tolerance.
 
     Returns
     -------
@@ -598,7 +601,7 @@ def fit_grid(
         The surface with its residuals and errors.
     """
     if isinstance(grid, PlanesGrid) or isinstance(grid.size, Size):
-        return fit_surface(mesh, grid, degree, chords, max_deviation)
+        return fit_surface(mesh, grid, degree, chords, max_deviation, draft)
     fit = _smallest(mesh, grid, degree, max_deviation)
     if chords:
         fit = replace(fit_lines(fit.mesh, fit.lines, degree, chords), limits=fit.limits, outliers=fit.outliers)

@@ -14,7 +14,7 @@ from ..grid.grids import Grid, PlanesGrid
 from ..mesh.closest import closest_on_triangles
 from ..mesh.outliers import without_outliers
 from ..mesh.triangle_mesh import TriangleMesh
-from ..sampling.basis import TensorBasis
+from ..sampling.basis import SITES_PER_SPAN, TensorBasis
 from ..sampling.lines import LineGrid
 from ..sampling.planes import Planes
 from ..sampling.samples import RaySamples, SampleRows
@@ -48,6 +48,8 @@ DIVERGENCE_RATIO = 1.2
 # [1] ratio of a movement to the movement two iterations before above which the iterations oscillate, because rays
 # alternate over a step. Larger: later stop.
 OSCILLATION_RATIO = 0.97
+# [1] sample sites per span and direction of a preview. Larger: the preview is nearer to the exact fit, more time.
+DRAFT_SITES_PER_SPAN = 2
 # [1] sample sites per span and direction if facets are chords and fewer than the usual sites, because the distance
 # varies within each facet. Larger: more accurate, more time.
 CHORD_SITES_PER_SPAN = 6
@@ -337,6 +339,7 @@ def fit_surface(
     degree: int | tuple[int, int] = 3,
     chords: bool = False,
     max_deviation: float = MAX_DEVIATION,
+    draft: bool = False,
 ) -> SurfaceFit:
     r"""Fit a B-spline surface whose control points are on the lines of a plane grid (paper, Algorithm 1).
 
@@ -368,6 +371,8 @@ def fit_surface(
     max_deviation : float
         Distance of the surface from the mesh above which the fit is refused [m]. From a fifth of it on, ``warnings``
         has the largest distance.
+    draft : bool
+        Whether the fit is only a preview: it has fewer sample sites, and "auto" places planes and lines faster.
 
     Returns
     -------
@@ -385,8 +390,8 @@ def fit_surface(
     """
     degrees = (degree, degree) if isinstance(degree, int) else degree
     mesh, outliers = without_outliers(mesh)
-    lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, degrees)
-    fit = fit_lines(mesh, lines, degrees, chords)
+    lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, degrees, draft)
+    fit = fit_lines(mesh, lines, degrees, chords, draft)
     fit = replace(fit, limits=DeviationLimits.of(max_deviation), outliers=outliers)
     check_fit(fit)
     return fit
@@ -412,7 +417,13 @@ def check_fit(fit: SurfaceFit) -> None:
         )
 
 
-def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chords: bool = False) -> SurfaceFit:
+def fit_lines(
+    mesh: TriangleMesh,
+    lines: LineGrid,
+    degree: tuple[int, int],
+    chords: bool = False,
+    draft: bool = False,
+) -> SurfaceFit:
     """Fit a surface as ``fit_surface`` does, along given lines, without the check of its distance from the mesh.
 
     Parameters
@@ -425,16 +436,18 @@ def fit_lines(mesh: TriangleMesh, lines: LineGrid, degree: tuple[int, int], chor
         Of the surface along u and v.
     chords : bool
         As for ``fit_surface``.
+    draft : bool
+        As for ``fit_surface``.
 
     Returns
     -------
     SurfaceFit
         The surface with its residuals and errors.
     """
-    basis = TensorBasis.of(lines, *degree)
+    basis = TensorBasis.of(lines, *degree, DRAFT_SITES_PER_SPAN if draft else SITES_PER_SPAN)
     if chords and len(mesh.faces) < len(basis.N) * len(basis.M):
         basis = TensorBasis.of(lines, *degree, CHORD_SITES_PER_SPAN)
-    rows = SampleRows.of(mesh, lines, basis)
+    rows = SampleRows.of(mesh, lines, basis, again=draft)
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
     check_coverage(lines, basis, samples)

@@ -77,10 +77,14 @@ def _memory(mesh: TriangleMesh, parametrization: Parametrization) -> dict[tuple[
     return {}
 
 
-@lru_cache(maxsize=4)
 def _profile_heights(mesh: TriangleMesh, parametrization: Parametrization, rows: int) -> Array:
-    t = outline_positions(parametrization)[:: OUTLINE_RAYS // PROFILES][:PROFILES]
-    return heights(mesh, parametrization, np.linspace(*parametrization.span, rows + 1), t)
+    known = _memory(mesh, parametrization)
+    if ("profiles", rows) not in known:
+        t = outline_positions(parametrization)[:: OUTLINE_RAYS // PROFILES][:PROFILES]
+        s = np.linspace(*parametrization.span, rows + 1)
+        known["profiles", rows] = heights(mesh, parametrization, s, t)
+    found: Array = known["profiles", rows]
+    return found
 
 
 # A spacing is a piecewise linear map from the fraction of the intervals before a position, 0 to 1, to the position.

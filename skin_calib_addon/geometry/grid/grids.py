@@ -22,6 +22,10 @@ from .spacing import spaced_lines
 
 Vector = tuple[float, float, float]
 
+# [1] number of planes for which the one error model of a preview is sampled. Larger: more accurate positions of many
+# planes, more time.
+DRAFT_PLANES = 18
+
 # [rad] least angle between a u-plane and a v-plane; below, their intersection line is ill-defined. Larger: more planes
 # are refused.
 MIN_PLANE_ANGLE = np.deg2rad(3.0)
@@ -173,7 +177,7 @@ class Grid:
     # Of planes and lines; "uniform", "arc" and "curvature" space the lines, with u-planes at equal steps.
     spacing: str = "auto"
 
-    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3), draft: bool = False) -> LineGrid:
         """Return the lines of the control points on ``mesh`` for a surface of this degree.
 
         Parameters
@@ -182,6 +186,9 @@ class Grid:
             The mesh, [m] in the link frame.
         degree : (int, int)
             Of the surface along u and v.
+        draft : bool
+            Whether "auto" places planes and lines fast and not exactly, for a preview: one error model serves all
+            numbers of planes.
 
         Returns
         -------
@@ -194,7 +201,8 @@ class Grid:
         """
         if isinstance(self.size, Tolerance):
             raise InvalidPlan("This grid has a tolerance instead of numbers of planes and lines. Use fit_grid.")
-        return lines_on(_parametrization(self.region, mesh), mesh, self.size.n, self.size.lines, self.spacing, degree)
+        size = self.size.n, self.size.lines
+        return lines_on(_parametrization(self.region, mesh), mesh, *size, self.spacing, degree, draft)
 
 
 @lru_cache(maxsize=4)  # repeated fits, as in the window, keep the region of their mesh
@@ -379,7 +387,7 @@ class PlanesGrid:
     def _arrays(self) -> tuple[Array, ...]:
         return self.u.points, self.u.directions, self.v.points, self.v.directions
 
-    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3)) -> LineGrid:
+    def line_grid(self, mesh: TriangleMesh, degree: tuple[int, int] = (3, 3), draft: bool = False) -> LineGrid:
         """Return the lines of the control points on ``mesh``; they do not depend on the degree.
 
         Each line is the intersection of a u-plane and a v-plane, with the direction ``n_u x n_v``.
@@ -389,6 +397,8 @@ class PlanesGrid:
         mesh : TriangleMesh
             The mesh, [m] in the link frame.
         degree : (int, int)
+            Without effect.
+        draft : bool
             Without effect.
 
         Returns
@@ -523,7 +533,13 @@ def check_order(points: Array, name: str, size: float) -> None:
 
 
 def lines_on(
-    parametrization: Parametrization, mesh: TriangleMesh, n: int, lines: int, spacing: str, degree: tuple[int, int]
+    parametrization: Parametrization,
+    mesh: TriangleMesh,
+    n: int,
+    lines: int,
+    spacing: str,
+    degree: tuple[int, int],
+    draft: bool = False,
 ) -> LineGrid:
     """Return the lines of planes over a region; for "uniform" ones only the middle of the mesh is sampled.
 
@@ -541,6 +557,8 @@ def lines_on(
         "auto", "uniform", "arc" or "curvature".
     degree : (int, int)
         Of the surface along u and v.
+    draft : bool
+        As for ``Grid.line_grid``.
 
     Returns
     -------
@@ -554,6 +572,8 @@ def lines_on(
         )
         planes = np.linspace(*parametrization.span, n)
         return parametrized_lines(parametrization, planes, t, region_centre(mesh, parametrization))
+    if draft:
+        return spaced_lines(ErrorModel.of(mesh, parametrization, DRAFT_PLANES), n, lines, spacing, degree, moves=0)
     return spaced_lines(ErrorModel.of(mesh, parametrization, n), n, lines, spacing, degree)
 
 

@@ -32,7 +32,9 @@ DAMPING_INCREASE = 6.0  # [1] factor of the damping after a step with more error
 ROTATED_INTERVALS = 0.5
 
 
-def spaced_lines(error_model: ErrorModel, n: int, lines: int, spacing: str, degree: tuple[int, int]) -> LineGrid:
+def spaced_lines(
+    error_model: ErrorModel, n: int, lines: int, spacing: str, degree: tuple[int, int], moves: int = MAX_MOVES
+) -> LineGrid:
     """Return the lines of ``n`` planes with ``lines`` lines each.
 
     Parameters
@@ -47,6 +49,8 @@ def spaced_lines(error_model: ErrorModel, n: int, lines: int, spacing: str, degr
         "auto", "uniform", "arc" or "curvature".
     degree : (int, int)
         Of the surface along u and v.
+    moves : int
+        As for ``plane_positions``.
 
     Returns
     -------
@@ -72,7 +76,8 @@ def spaced_lines(error_model: ErrorModel, n: int, lines: int, spacing: str, degr
         s = positions_at((np.array((0.0, 1.0)), np.array(parametrization.span)), along)
         t = positions_at(error_model.maps["uniform"], across)
         return parametrized_lines(parametrization, s, t, error_model.centre)
-    s, t = plane_positions(error_model, n, spacing, degree[0]), line_positions(error_model, lines, spacing, degree[1])
+    s = plane_positions(error_model, n, spacing, degree[0], moves)
+    t = line_positions(error_model, lines, spacing, degree[1], moves)
     return parametrized_lines(parametrization, s, t, error_model.centre)
 
 
@@ -216,7 +221,7 @@ def refined_planes(error_model: ErrorModel, positions: Array, degree: int, moves
     array, shape (n,)
         [m]
     """
-    if not error_model.is_filled or error_model.parametrization.bends:
+    if moves == 0 or not error_model.is_filled or error_model.parametrization.bends:
         return positions  # the model does not contain the error of a curved axis
     selection, validation = error_model.halves
     moved = refined_positions(selection.slopes_along, positions, degree, error_model.parametrization.span, False, moves)
@@ -307,7 +312,7 @@ def refined_lines(error_model: ErrorModel, positions: Array, degree: int, moves:
     array, shape (m,)
         [rad] or [m]
     """
-    if not error_model.is_filled:
+    if moves == 0 or not error_model.is_filled:
         return positions
     found = error_model.remembered(
         ("refined", positions.tobytes(), degree, moves), lambda: _refined_lines(error_model, positions, degree, moves)

@@ -17,6 +17,7 @@ MAX_NEWTON_STEPS = 30
 MAX_ENERGY_RATIO = 1.01
 # Movement of the nodes in the step after the last, as a fraction of the pitch. Larger: fewer steps, less exact.
 STEP_TOLERANCE = 1e-4
+DRAFT_STEP_TOLERANCE = 0.02  # the same for a preview
 
 
 def relax(
@@ -25,6 +26,7 @@ def relax(
     uv: Array,
     constraints: Constraints,
     weights: Array | None = None,
+    tolerance: float = STEP_TOLERANCE,
 ) -> Array:
     r"""Return the parameters of the nodes that minimize the strain of a net (Newton's method with constraints).
 
@@ -47,6 +49,8 @@ def relax(
         What fixes the net.
     weights : array, shape (e,), optional
         Weight w of each pair; by default 1.
+    tolerance : float
+        Movement of the nodes in the step after the last, as a fraction of the pitch.
 
     Returns
     -------
@@ -98,7 +102,7 @@ def relax(
         x = x + step
         moved = float(np.linalg.norm(np.matmul(step[:, None], basis)[:, 0], axis=1).max())
         # Linear convergence predicts the next step from the ratio of the last two; the first ratio is to the pitch.
-        if moved * min(moved / last_move, 1.0) < STEP_TOLERANCE * net.pitch:
+        if moved * min(moved / last_move, 1.0) < tolerance * net.pitch:
             break
         last_move = moved
     return x

@@ -6,10 +6,10 @@ from itertools import compress
 import numpy as np
 
 from ...calibration.model import TaxelArray
-from ...common.arrays import Array, BoolArray, IntArray, cross, unit
+from ...common.arrays import Array, BoolArray, cross, unit
 from ..lattice import CENTRE, CORNERS, EDGES, Offsets, SheetLattice
 from ..neighbours import neighbours
-from .relax import arcs
+from .between import between, spline_matrix
 from .strain import cell_strain, strain_of
 from .wrap import WrappedSheet
 
@@ -80,7 +80,8 @@ def _all_ids(name: str, lattice: SheetLattice) -> tuple[str, ...]:
 def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> TaxelArray:
     """Return the taxels of a sheet from the centres and the corners of its cells only: fast, for a preview.
 
-    The strain is that of the sides and the diagonals of each cell, in one piece. The taxels have no neighbours.
+    Between the placed nodes, positions and normals are those of splines. Strains follow from the derivatives of these
+    positions at the centre of each cell. The taxels have no neighbours.
 
     Parameters
     ----------
@@ -97,39 +98,33 @@ def preview_taxels(sheet: WrappedSheet, name: str, first_channel: int = 0) -> Ta
         In the link frame.
     """
     lattice, inside = sheet.lattice, sheet.inside
-    shape = lattice.rows + 1, lattice.columns + 1
-    flat, uv = sheet.uv[::2, ::2].reshape(-1, 2), sheet.uv[1::2, 1::2].reshape(-1, 2)
-    r = sheet.surface.derivatives(np.concatenate((flat, uv)))
+    rows, columns = sheet.lines
+    uv = sheet.uv[np.ix_(rows, columns)]
+    r = sheet.surface.derivatives(uv.reshape(-1, 2))
     outward = unit(cross(r[1, 0], r[0, 1]))
-    points = r[0, 0] + sheet.offset * outward
-    number = np.arange(len(flat)).reshape(shape)
-    at = dict(zip(CORNERS, (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])))
-    of_cells = np.stack([at[k].ravel() for k in lattice.counter_clockwise(CORNERS)], axis=1)[inside]
-    corners, positions, normals = points[of_cells], points[len(flat) :][inside], outward[len(flat) :][inside]
-    if sheet.layer is not sheet.surface:
-        r = sheet.layer.derivatives(flat)
-        outward = unit(cross(r[1, 0], r[0, 1]))
-
-    def lengths(start: IntArray, stop: IntArray) -> Array:
-        pairs = np.column_stack((start.ravel(), stop.ravel()))
-        return arcs(r[0, 0], outward, pairs)[0].reshape(start.shape)
-
-    along, across = lengths(number[:, :-1], number[:, 1:]), lengths(number[:-1], number[1:])
-    rising, falling = lengths(at[CORNERS[0]], at[CORNERS[2]]), lengths(at[CORNERS[1]], at[CORNERS[3]])
-    sides = (along[:-1] + along[1:]) / 2, (across[:, :-1] + across[:, 1:]) / 2
-    strain = strain_of(lattice, *(part.ravel()[inside] for part in (*sides, rising, falling)))
-    grid = points[: len(flat)].reshape(*shape, 3)
+    nodes = (r[0, 0] + sheet.offset * outward).reshape(*uv.shape[:2], 3)
+    at_corners, at_centres = (
+        [spline_matrix(kept, every[k::2]) for kept, every in zip(sheet.lines, lattice.node_lines)] for k in (0, 1)
+    )
+    slopes = [spline_matrix(kept, every[1::2], 1) for kept, every in zip(sheet.lines, lattice.node_lines)]
+    grid = between(nodes, *at_corners)
+    parts = between(np.concatenate((nodes, outward.reshape(nodes.shape)), axis=2), *at_centres).reshape(-1, 6)[inside]
+    positions, normals = parts[:, :3], unit(parts[:, 3:])
+    along = between(nodes, at_centres[0], slopes[1]).reshape(-1, 3)[inside]  # to the next node of the row [m]
+    across = between(nodes, slopes[0], at_centres[1]).reshape(-1, 3)[inside]
+    a, b, c = (np.einsum("nk,nk->n", one, two) for one, two in ((along, along), (across, across), (along, across)))
+    strain = strain_of(lattice, *(2 * np.sqrt(square) for square in (a, b, a + b + 2 * c, a + b - 2 * c)))
+    corner = dict(zip(CORNERS, (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])))
     index, ids = lattice.index[inside], _ids(name, lattice, inside)
-    row = (grid[:-1, 1:] + grid[1:, 1:] - grid[:-1, :-1] - grid[1:, :-1]).reshape(-1, 3)[inside]
     return TaxelArray(
         ids=ids,
         channels=first_channel + np.flatnonzero(inside),
         index=index,
-        uv=sheet.surface.wrap(uv[inside]),
+        uv=sheet.surface.wrap(sheet.uv[1::2, 1::2].reshape(-1, 2)[inside]),
         positions_link=positions,
         normals_link=normals,
-        tangents_link=unit(row - (row * normals).sum(axis=1, keepdims=True) * normals),
-        corners_link=corners,
+        tangents_link=unit(along - (along * normals).sum(axis=1, keepdims=True) * normals),
+        corners_link=np.stack([corner[k].reshape(-1, 3) for k in lattice.counter_clockwise(CORNERS)], axis=1)[inside],
         areas=np.prod(lattice.pitch) * (1 + strain[:, 0]) * (1 + strain[:, 1]) * np.cos(strain[:, 2]),
         neighbours=((),) * len(index),
         quality={"strain": strain, "size": (1 + strain[:, :2]) * lattice.pitch[::-1]},

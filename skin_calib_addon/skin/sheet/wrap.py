@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import map_coordinates
 
 from ...common.arrays import Array, BoolArray, unit
@@ -15,15 +14,16 @@ from ...common.errors import InvalidPlan, OutsideSurface
 from ...common.warnings import Place, point_of
 from ...geometry.surface.bspline import BSplineSurface
 from ...geometry.surface.centre import surface_centre
-from ...geometry.surface.footpoints import PARAMETER_TOLERANCE
+from ...geometry.surface.footpoints import PARAMETER_TOLERANCE, descend
 from ..lattice import SheetLattice
+from .between import between, spline_matrix
 from .constraints import Constraints, pin_constraints, row_axis
 from .folds import check_folds, turned_meshes, turned_over
 from .geodesic import unroll
 from .landmarks import Landmark, LandmarkTargets, located
 from .net import Lines, Net, grid_net
 from .offset import offset_surface
-from .relax import relax
+from .relax import DRAFT_STEP_TOLERANCE, STEP_TOLERANCE, relax
 
 # Weight of the strain beyond the edges of the surface, for a sheet that is trimmed. Larger: the extrapolated surface
 # has more influence on the cells inside.
@@ -35,7 +35,10 @@ GUESS_STEPS = (1, 2, 4)
 MAX_EXACT_NODES = 1000
 # Rows and columns of nodes that a preview of more nodes places, in addition to those of the pinned node and of the
 # landmarks. Larger: the preview is nearer to the exact placement, and takes longer.
-PREVIEW_LINES = 13, 41
+PREVIEW_LINES = 11, 33
+# Largest distance of the origin of a preview from the surface, as a fraction of the pitch, at which no nearer part of
+# the surface is searched for. Larger: faster over a rough mesh; a thin link may get the skin on its other side.
+MAX_ROOT_DISTANCE = 0.1
 # Largest angle between the direction of a sheet and that of a placement from which it starts [rad]. Larger: faster
 # where a sheet is rotated by a large angle, and it may converge to a fold.
 MAX_START_TURN = 0.3
@@ -51,7 +54,12 @@ class WrappedSheet:
     lattice: SheetLattice
     uv: Array  # (a, b, 2) parameters of the nodes, continuous over a seam
     inside: BoolArray  # (cells,) which centres are on the surface; all, unless the sheet is trimmed
-    interpolated: bool = False  # whether only some nodes have been placed, and the others are between them
+    lines: tuple[Lines, Lines]  # rows and columns of nodes that have been placed; the others are between them
+
+    @property
+    def interpolated(self) -> bool:
+        """Return whether only some nodes have been placed."""
+        return self.lines != self.lattice.node_lines
 
 
 def wrap_sheet(
@@ -114,7 +122,8 @@ def wrap_sheet(
         origin, pin = landmarks[0].point, (2 * landmarks[0].cell[0] + 1, 2 * landmarks[0].cell[1] + 1)
     else:
         pin = (1, 1) if origin is not None else (lattice.rows, lattice.columns)
-    start = root_of(surface, origin)
+    start = None if near is None else root_near(surface, origin, near)
+    start = root_of(surface, origin) if start is None else start
     lines = lattice.node_lines
     if preview and np.prod(lattice.node_shape) > MAX_EXACT_NODES:
         fixed = [pin, *((2 * i + 1, 2 * j + 1) for i, j in (landmark.cell for landmark in landmarks))]
@@ -140,17 +149,14 @@ def wrap_sheet(
             uv = uv if is_fine else None
     if uv is None:
         uv, _ = _relax_sheet(layer, lattice, net, starts, constrain, trim, preview)
-    if shape[:2] != lattice.node_shape:
-        kx, ky = (min(3, n - 1) for n in shape[:2])
-        between = [RectBivariateSpline(*lines, uv[..., k], kx=kx, ky=ky) for k in (0, 1)]
-        i, j = (np.arange(n, dtype=float) for n in lattice.node_shape)
-        uv = np.stack([spline(i, j) for spline in between], axis=2)
+    if lines != lattice.node_lines:
+        uv = between(uv, *(spline_matrix(kept, every) for kept, every in zip(lines, lattice.node_lines)))
     inside = on_surface(layer, uv[1::2, 1::2]).ravel()
     if not trim or not inside.any():
         _check_inside(layer, lattice, uv)
     if not preview:
         check_folds(layer, lattice, uv, inside)
-    return WrappedSheet(surface, offset, layer, lattice, uv, inside, shape[:2] != lattice.node_shape)
+    return WrappedSheet(surface, offset, layer, lattice, uv, inside, lines)
 
 
 def _some_lines(every: Lines, fixed: Sequence[int], axis: int) -> Lines:
@@ -215,13 +221,14 @@ def _relax_sheet(
     """
     areas = net.load_fractions[net.pairs].mean(axis=1) * len(net.flat)
     is_even = len(net.flat) == np.prod(lattice.node_shape)
+    tolerance = DRAFT_STEP_TOLERANCE if preview else STEP_TOLERANCE
     for start in starts:
         uv = start.reshape(-1, 2)
         weights = None if is_even else areas
         if trim:
             within = on_surface(layer, uv)[net.pairs].any(axis=1)
             weights = np.where(within, 1.0, OUTSIDE_WEIGHT) * (1.0 if weights is None else weights)
-        nodes = relax(layer, net, uv, constrain(net, uv), weights).reshape(start.shape)
+        nodes = relax(layer, net, uv, constrain(net, uv), weights, tolerance).reshape(start.shape)
         if preview:
             beyond = ~on_surface(layer, nodes)
             turned = turned_meshes(lattice, nodes) & ~beyond[1:, 1:] & ~beyond[:-1, :-1]
@@ -250,6 +257,30 @@ def root_of(surface: BSplineSurface, origin: ArrayLike | None) -> Array:
     if origin is None:
         return np.array(surface_centre(surface))
     return located(surface, np.asarray(origin, float)[None], ["The origin"])[0]
+
+
+def root_near(surface: BSplineSurface, origin: ArrayLike | None, near: WrappedSheet) -> Array | None:
+    """Return the same parameters, found by a descent from those of a sheet on a similar surface.
+
+    Parameters
+    ----------
+    surface, origin
+        As for `root_of`.
+    near : WrappedSheet
+        The sheet.
+
+    Returns
+    -------
+    array, shape (2,), or None
+        None where the descent ends away from the point: another part of the surface may be nearer.
+    """
+    point = surface.centre if origin is None else np.asarray(origin, float)
+    if point is None:
+        return None
+    pin = near.lattice.node_shape
+    pinned = near.uv[(pin[0] // 2, pin[1] // 2) if origin is None else (1, 1)]
+    uv, distance = descend(surface, surface.wrap(pinned[None]), point[None])
+    return surface.wrap(uv)[0] if distance[0] <= MAX_ROOT_DISTANCE * min(near.lattice.pitch) else None
 
 
 def size_of(surface: BSplineSurface) -> float:

@@ -9,12 +9,14 @@ from numpy.testing import assert_allclose
 from sample_scenes.shapes import tube_mesh
 from skin_calib_addon.common.errors import EmptySection, UnderdeterminedFit
 from skin_calib_addon.common.surface_errors import DistanceStatistics
-from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_surface
+from skin_calib_addon.geometry import AcrossGrid, Axis, Planes, PlanesGrid, SectorGrid, TubeGrid, fit_grid, fit_surface
 from skin_calib_addon.geometry.fit import surface_fit as fit_module
+from skin_calib_addon.geometry.grid import error_model
 from skin_calib_addon.geometry.mesh.closest import MeshDistance
 from skin_calib_addon.geometry.sampling.basis import TensorBasis
 from skin_calib_addon.geometry.sampling.samples import SampleRows
 from skin_calib_addon.geometry.surface.distance import surface_samples
+from skin_calib_addon.geometry.surface.footpoints import footpoints
 from tests.examples import slow
 from tests.oracles import best_step, cast_on_mesh, distance_to_mesh
 from tests.shapes import (
@@ -27,6 +29,7 @@ from tests.shapes import (
     cylinder,
     keep,
     sheet,
+    subdivided,
     together,
     weld,
     welded,
@@ -35,6 +38,7 @@ from tests.shapes import (
 )
 
 AROUND = 96
+MAX_DRAFT_DISTANCE = 2e-5  # [m] of the surface of a preview from that of the fit, on a smooth link
 # How far the facets of a tube of radius 1 with AROUND sides lie inside of it.
 SAGITTA = 1 - np.cos(np.pi / AROUND)
 UV = np.random.default_rng(0).uniform(0, 1, (400, 2))
@@ -434,3 +438,26 @@ def test_oscillating_iterations_end_early(monkeypatch):
     )
     left = [fit_module.rms_residual(fit.residuals) for fit in (early, late)]
     assert left[0] <= left[1] * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("spacing", ["auto", "uniform"])
+@pytest.mark.parametrize("planes", [13, 18])
+def test_draft_of_a_smooth_link_is_near_the_fit(spacing, planes):
+    """It has fewer samples, and its surface is within two hundredths of a millimetre of the exact one."""
+    mesh, grid = subdivided(wrist()), TubeGrid(planes, 32, Z_AXIS, spacing=spacing)
+    exact, draft = (fit_grid(mesh, grid, (3, 3), draft=draft) for draft in (False, True))
+    assert draft.residuals.size < exact.residuals.size
+    u = np.linspace(0.01, 0.99, 30)
+    distance = footpoints(exact.surface, draft.surface.grid_points(u, u).reshape(-1, 3))[1]
+    assert 0 < distance.max() < MAX_DRAFT_DISTANCE
+
+
+def test_draft_samples_one_error_model_for_all_numbers_of_planes(monkeypatch):
+    """The profiles that place planes are cast once; exact fits cast them for each number of planes."""
+    mesh, cast = wrist(), []
+    monkeypatch.setattr(error_model, "heights", lambda *a, real=error_model.heights: cast.append(1) or real(*a))
+    for draft, counts in ((True, (2, 0, 0)), (False, (1, 1, 1))):  # the first cast is that of the outlines
+        for planes, expected in zip((9, 10, 12), counts):
+            cast.clear()
+            TubeGrid(planes, 24, Z_AXIS).line_grid(mesh, (3, 3), draft)
+            assert len(cast) == expected

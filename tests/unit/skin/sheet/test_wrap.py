@@ -166,7 +166,7 @@ def test_strain_of_a_linear_map_is_exact(map_):
     a, b = lattice.node_shape
     y, x = np.meshgrid(np.arange(a) * 0.004, np.arange(b) * 0.005, indexing="ij")
     points = 0.02 + np.stack((x, y), axis=-1) @ stretch.T
-    sheet = WrappedSheet(surface, 0.0, surface, lattice, points / (0.1, 0.08), np.ones(12, bool))
+    sheet = WrappedSheet(surface, 0.0, surface, lattice, points / (0.1, 0.08), np.ones(12, bool), lattice.node_lines)
     along, across, shear = cell_strain(sheet).T
     row, column = stretch.T
     assert_allclose(along, np.linalg.norm(row) - 1, rtol=0, atol=1e-12)
