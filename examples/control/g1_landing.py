@@ -3,7 +3,7 @@
     python examples/control/g1_landing.py [--urdf g1_29dof_rev_1_0.urdf] [--seeds 20] [--steps 4] [--speed 0.4]
 
 The robot and its skin are those of ``g1.py``; the cells below the feet measure distances, too. The robot steps in
-place: it shifts its weight to one foot, lifts the other one by 5 cm, and puts it down. The way of a foot, the virtual
+place: it shifts its weight to one foot, lifts the other one by 5 cm, and puts it down. The path of a foot, the virtual
 springs, and what counts as an impact are those of ``landing.py``.
 """
 
