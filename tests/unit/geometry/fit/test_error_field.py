@@ -123,6 +123,24 @@ def test_long_facets_between_fillets_do_not_bend_along_their_length(sides, flare
     assert (gaps > -1e-6).all() and (gaps < 1.1 * true).all()
 
 
+@pytest.mark.parametrize("sides", [24, 96])
+def test_facets_next_to_a_sharp_edge_keep_their_gaps(sides):
+    """A flange: wide rings of flat faces meet short and long facets of a cylinder at right angles."""
+    profile = np.array(((0.02, 0.0), (RADIUS, 0.0), (RADIUS, 0.02), (0.06, 0.02), (0.06, 0.14), (0.02, 0.14)))
+
+    def point(a, height):
+        radius, z = profile[np.rint(height * (len(profile) - 1)).astype(int)].T
+        return np.column_stack((radius * np.cos(a), radius * np.sin(a), z))
+
+    mesh = welded(tube_mesh(point, sides, len(profile)))
+    face = np.arange(len(mesh.faces))
+    on_side = np.abs(mesh.face_normals[:, 2]) < 0.1
+    middle = mesh.triangles.mean(axis=1)
+    radius = np.linalg.norm(mesh.triangles[:, 0, :2], axis=1)
+    true = np.where(on_side, radius - np.linalg.norm(middle[:, :2], axis=1), 0.0)
+    assert_allclose(facet_gaps(mesh, face, middle), true, rtol=0.05, atol=1e-9)
+
+
 @pytest.mark.parametrize("sides", [16, 24, 96])
 def test_the_bias_of_facets_is_removed(sides):
     """Facets cut into a cylinder; the surface through the vertices is on the cylinder."""
