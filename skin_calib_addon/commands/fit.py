@@ -70,8 +70,8 @@ def run(options: argparse.Namespace) -> int:
             raise InvalidPlan("--propose needs one URDF or one mesh. Specify it instead of plans.")
         options.file = options.plans[0]
         # Pictures and reports need more than the calibration.
-        shares_fits = options.picture is None and options.report is None
-        fitted, proposed = propose(options, options.output, options.again, shares_fits)
+        keeps_fits = options.picture is None and options.report is None
+        fitted, proposed = propose(options, options.output, options.again, keeps_fits)
         options.plans = list(fitted)
         if not options.plans:
             return max(proposed, WRONG_DATA)

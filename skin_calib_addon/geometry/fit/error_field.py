@@ -105,9 +105,9 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
 
     On a surface of second order both halves are equal. Where one half is much smaller, or of the other sign, as on a
     flat part next to a fillet, :math:`|s_{ij}|` is at most four times the smaller half, or zero. A flat side between
-    two fillets bends at both ends, but the surface bends much more next to it; its halves are zero, too. The mesh is cut
-    at edges that are meant to be sharp. A corner at an open rim has no reliable normal; the other end of its edges
-    counts for both.
+    two fillets bends at both ends, but the surface bends much more next to it; its halves are zero, too. Edges that are
+    meant to be sharp divide the mesh. A corner at an open rim has no reliable normal; the other end of its edges counts
+    for both.
 
     Parameters
     ----------
