@@ -11,6 +11,35 @@ for package in ("mujoco", "tqdm", "PIL", "matplotlib", "qpsolvers"):
 pytestmark = pytest.mark.usefixtures("scripts")
 
 
+def test_each_table_has_a_place_in_the_page():
+    """``--write`` replaces what is between two marks."""
+    from experiment import PAGE, ROOT
+
+    page = PAGE.read_text("utf-8")
+    scripts = [
+        path.name for path in (ROOT / "examples/control").glob("*.py") if "report(given," in path.read_text("utf-8")
+    ]
+    assert len(scripts) > 5
+    for name in scripts:
+        before, found, after = page.partition(f"<!-- begin of the table of {name} -->\n")
+        assert found and after.lstrip().startswith("|") and f"<!-- end of the table of {name} -->\n" in after, name
+
+
+def test_kept_runs_are_used_again_only_if_asked(tmp_path):
+    from experiment import arguments, run_all
+
+    calls = []
+
+    def work(case):
+        calls.append(case)
+        return 2 * case
+
+    for words, cases, made in (([], [1, 2], [1, 2]), (["--made"], [1, 2, 3], [3]), ([], [1], [1])):
+        given = arguments("Test.").parse_args([*words, "--jobs", "1", "--out", str(tmp_path)])
+        calls.clear()
+        assert run_all(work, cases, given) == [2 * case for case in cases] and calls == made
+
+
 def test_angles_of_the_legs_agree_with_the_simulator():
     import mujoco
     from biped import FEET, nominal
