@@ -1,12 +1,14 @@
 """Whole robots: what ``fit --propose`` covers, how long it takes, and how well each taxel lies.
 
     python benchmarks/robots.py [--skin hexagons:8mm] [--jobs 2] [--keep FOLDER] [--made] [--stages] [--write]
+        [--urdf FILE]
 
-For each robot of the data folder it prints one column of a table: links, surfaces, fractions of the areas, boards,
-seconds, and over all taxels the largest distance and angles to the mesh, hidden taxels and overlapping boards. Then it
-loads the robot in the runtime and updates it, and, with MuJoCo, presses 200 taxels. With ``--made`` it judges what
-``--keep`` has of an earlier run. With ``--stages`` it proposes and fits once more in one process and prints the CPU
-seconds of each stage. With ``--write`` the table and a picture of each robot go into the documentation.
+For each robot of the data folder, or each ``--urdf``, it prints one column of a table: links, surfaces, fractions of
+the areas, boards, seconds, and over all taxels the largest distance and angles to the mesh, hidden taxels and
+overlapping boards. Then it loads the robot in the runtime and updates it, and, with MuJoCo, presses 200 taxels. With
+``--made`` it judges what ``--keep`` has of an earlier run. With ``--stages`` it proposes and fits once more in one
+process and prints the CPU seconds of each stage. With ``--write`` the table and a picture of each robot go into the
+documentation; those of ``--urdf`` are a line each.
 """
 
 import argparse
@@ -46,6 +48,7 @@ from skin_calib_addon.robot.urdf import read_robot  # noqa: E402
 
 PAGE = ROOT / "docs" / "explanation" / "robots.md"
 MARKS = "<!-- begin of the table -->\n", "<!-- end of the table -->\n"  # in the page
+OTHER_MARKS = "<!-- begin of other robots -->\n", "<!-- end of other robots -->\n"
 DATA = ROOT.parent / "shared" / "data" / "robots"
 ROBOTS = {
     "G1": DATA / "g1_description" / "g1_29dof_rev_1_0.urdf",
@@ -88,26 +91,32 @@ def main() -> None:
     parser.add_argument("--made", action="store_true", help="judge what --keep has")
     parser.add_argument("--stages", action="store_true", help="seconds of each stage in one process")
     parser.add_argument("--robot", choices=ROBOTS, action="append")
+    parser.add_argument("--urdf", type=Path, action="append", help="other robots")
     parser.add_argument("--write", action="store_true", help="table and pictures into the documentation")
     options = parser.parse_args()
+    robots = {name: ROBOTS[name] for name in options.robot or ROBOTS}
+    if options.urdf:
+        robots = {path.stem: path for path in options.urdf}
     columns = {}
-    for name in options.robot or ROBOTS:
-        if not ROBOTS[name].exists():
-            print(f"{name}: {ROBOTS[name]} is not there; skipped")
+    for name, urdf in robots.items():
+        if not urdf.exists():
+            print(f"{name}: {urdf} is not there; skipped")
             continue
         with tempfile.TemporaryDirectory() as temporary:
             folder = options.keep / name if options.keep else Path(temporary)
             folder.mkdir(parents=True, exist_ok=True)
-            columns[name] = column(ROBOTS[name], folder, options)
-            if options.write:
-                draw(ROBOTS[name], folder, PAGE.parents[1] / f"robot_{name.lower().replace('-', '')}.png")
+            columns[name] = column(urdf, folder, options)
+            if options.write and not options.urdf:
+                draw(urdf, folder, PAGE.parents[1] / f"robot_{name.lower().replace('-', '')}.png")
     if not columns:
         return
     table = table_of(columns, options.skin)
     print(table, end="")
     if options.write:
-        before, after = PAGE.read_text(encoding="utf-8").partition(MARKS[0])[::2]
-        PAGE.write_text(f"{before}{MARKS[0]}\n{table}\n{MARKS[1]}{after.partition(MARKS[1])[2]}", encoding="utf-8")
+        first, last = OTHER_MARKS if options.urdf else MARKS
+        before, after = PAGE.read_text(encoding="utf-8").partition(first)[::2]
+        text = short_table_of(columns) if options.urdf else table
+        PAGE.write_text(f"{before}{first}\n{text}\n{last}{after.partition(last)[2]}", encoding="utf-8")
 
 
 def column(urdf, folder, options):
@@ -128,6 +137,29 @@ def table_of(columns, skin):
     rows = list(dict.fromkeys(row for column in columns.values() for row in column))
     lines = [f"| {skin} | {' | '.join(columns)} |", f"|---{'|---' * len(columns)}|"]
     lines += [f"| {row} | {' | '.join(column.get(row, '') for column in columns.values())} |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def short_table_of(columns):
+    """Return the main figures of each robot as a line of a table of Markdown."""
+    parts = {  # what begins a row, and what is kept of its value and name
+        "links with a mesh, with a plan": ("links, with a mesh", r"\d+, (\d+, \d+) .*"),
+        "surfaces, boards": ("surfaces, boards", r"(\d+, \d+) .*"),
+        "covered of the free area": ("area of the surfaces with skin", r".*, (\d+ %) of the free.*"),
+        "area of the cells": ("area of the cells", r"(\d+ cm²) .*"),
+        "largest distance": ("largest distance", r"(.* mm) .*"),
+        "largest angle": ("largest angle", r"(.* degrees) \(.*"),
+        "hidden, inward, overlaps": ("hidden taxels", r"(\d+, \d+, \d+) .*"),
+        "CPU seconds": ("CPU seconds", r"(.*) CPU seconds"),
+        "presses": ("of .* random taxels", r"(\d+ of \d+) .*"),
+    }
+    lines = [f"| robot | {' | '.join(parts)} |", f"|---{'|---' * len(parts)}|"]
+    for name, column in columns.items():
+        found = []
+        for row, pattern in parts.values():
+            texts = [f"{value} {key}" for key, value in column.items() if re.match(row, key)]
+            found.append(re.sub(pattern, r"\1", texts[0]) if texts else "")
+        lines.append(f"| {name} | {' | '.join(found)} |")
     return "\n".join(lines) + "\n"
 
 

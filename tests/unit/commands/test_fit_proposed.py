@@ -1,4 +1,4 @@
-"""``fit --propose`` shares work between proposal and calibration; the files are those of the two commands."""
+"""``fit --propose`` does the work of proposal and calibration once; its files are those of the two commands."""
 
 from dataclasses import replace
 from pathlib import Path
