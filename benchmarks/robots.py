@@ -19,6 +19,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import threading
 from collections import Counter
 from pathlib import Path
 from time import perf_counter, process_time
@@ -63,6 +64,7 @@ RINGS = (0.4, 0.7, 0.95)  # [1] of the radius of a cell, at which the mesh below
 LEFT_OUT = r"(\d+) cm\^2, left out"  # in the reasons of a plan
 PRESSES = 200
 CYCLES = 200
+SAMPLE_PERIOD = 0.2  # [s] between two measurements of the memory
 CONTROLLER = """
 import re, sys; sys.path.insert(0, {0!r})
 import numpy as np
@@ -164,21 +166,61 @@ def short_table_of(columns):
 
 
 def made(urdf, folder, skin, jobs):
-    """Propose and fit all links of a robot; return what the program printed, and seconds and warnings as lines."""
+    """Propose and fit all links of a robot, in two commands and in one.
+
+    Return what the program printed, and seconds, memory and warnings as lines.
+    """
     said, complained, lines = io.StringIO(), io.StringIO(), []
+    other = tempfile.TemporaryDirectory()
+    options = ["--skin", skin, "--again", "--jobs", jobs]
     calls = {
-        "propose": ["propose", str(urdf), "-o", str(folder), "--skin", skin, "--again", "--jobs", jobs],
+        "fit --propose": ["fit", str(urdf), "--propose", "-o", other.name, *options],
+        "propose": ["propose", str(urdf), "-o", str(folder), *options],
         "fit": ["fit", str(folder), str(urdf), "-o", str(folder), "--again", "--jobs", jobs],
         "export": ["export", str(folder), "--to", "mjcf", "-o", str(folder / "robot.xml")],
     }
     for name, call in calls.items():
         start, before = perf_counter(), os.times()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complained):
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complained), peak_memory() as peak:
             skin_calib(call)
         cpu = sum(os.times()[:4]) - sum(before[:4])  # with that of its processes
-        lines.append(f"{name} took {perf_counter() - start:.1f} s with {jobs} processes, {cpu:.1f} s of CPU")
+        took = f"{name} took {perf_counter() - start:.1f} s with {jobs} processes, {cpu:.1f} s of CPU"
+        lines.append(f"{took}, {peak[0]:.0f} MB")
+        if name == "fit --propose":
+            said.seek(said.truncate(0))  # the two commands print the same, and more
+    calibrations = sorted(Path(other.name).glob("*.calibration.json"))
+    differ = [path.name for path in calibrations if path.read_bytes() != (folder / path.name).read_bytes()]
+    lines.append(f"calibrations that differ from those of fit --propose: {', '.join(differ) or 'none'}")
+    other.cleanup()
     failed = [line for line in complained.getvalue().splitlines() if "warning: " not in line]
     return "\n".join((said.getvalue(), *lines, *failed))
+
+
+@contextlib.contextmanager
+def peak_memory():
+    """Yield a list that has, after the context, the largest memory of this process and its children [MB].
+
+    It is the proportional set size: pages that processes share count once.
+    """
+    found, done = [0.0], threading.Event()
+
+    def sample():
+        while not done.wait(SAMPLE_PERIOD):
+            tasks = Path("/proc/self/task").glob("*/children")
+            children = [child for task in tasks for child in task.read_text().split()]
+            total = 0
+            for process in ("self", *children):
+                with contextlib.suppress(OSError):  # it has ended
+                    total += int(re.search(r"^Pss: +(\d+)", Path(f"/proc/{process}/smaps_rollup").read_text(), re.M)[1])
+            found[0] = max(found[0], total / 1024)
+
+    thread = threading.Thread(target=sample)
+    thread.start()
+    try:
+        yield found
+    finally:
+        done.set()
+        thread.join()
 
 
 def of_proposal(urdf, folder, said):
@@ -192,7 +234,7 @@ def of_proposal(urdf, folder, said):
     surfaces, taxels, covered = (sum(int(row[k]) for row in per_link) for k in (1, 2, 3))
     robot = read_robot(urdf)
     reasons = Counter(reason for _, reason in refused)
-    seconds = re.findall(r"^(\w+) took ([\d.]+) s with (\d+) processes, ([\d.]+) s of CPU", said, re.M)
+    seconds = re.findall(r"^(.+) took ([\d.]+) s with (\d+) processes, ([\d.]+) s of CPU, (\d+) MB", said, re.M)
     left_out = sum(int(n) for path in folder.glob("*.plan.json") for n in re.findall(LEFT_OUT, path.read_text()))
     total = re.findall(r"cover (\d+) cm\^2, (\d+)% of the free area and (\d+)% of the area that can", said)[-1]
     worst = sorted(per_link, key=lambda row: int(row[3]) - int(row[4]))[:3]
@@ -206,8 +248,12 @@ def of_proposal(urdf, folder, said):
         "most free area without a surface": "; ".join(
             f"{row[0]} {int(row[4]) - int(row[3])} of {row[4]} cm²" for row in worst
         ),
-        f"seconds ({seconds[0][2]} processes)": ", ".join(f"{name} {s}" for name, s, _, _ in seconds),
-        "CPU seconds": ", ".join(f"{name} {s}" for name, _, _, s in seconds),
+        f"seconds ({seconds[0][2]} processes)": ", ".join(f"{name} {s}" for name, s, *_ in seconds),
+        "CPU seconds": ", ".join(f"{name} {s}" for name, _, _, s, _ in seconds),
+        "peak memory of all processes [MB]": ", ".join(f"{name} {s}" for name, *_, s in seconds),
+        "calibrations of the two commands that differ from those of one": re.findall(
+            r"^calibrations that differ.*: (.*)$", said, re.M
+        )[0],
     }
 
 
