@@ -56,13 +56,15 @@ class Boundary:
         return np.concatenate(inside or [np.zeros(0, bool)]).reshape(points.shape[:-1])
 
     def _contains(self, points: Array) -> BoolArray:
-        s, t = points[:, None, 0], points[:, None, 1]
+        s, t = points[:, 0], points[:, 1:]
         before, after = self._across(self.starts[:, 1] - t), self._across(self.ends[:, 1] - t)
         # A corner has one side for both of its edges, so that no point is between them.
-        crossed = ((before > 0) != (after > 0)) & (np.abs(after - before) < self.period / 2)
-        step = np.where(crossed, after - before, 1.0)
-        edge = self.starts[:, 0] - (self.ends[:, 0] - self.starts[:, 0]) * before / step
-        odd: BoolArray = (crossed & (edge > s)).sum(axis=1) % 2 == 1
+        point, edge = np.nonzero((before > 0) != (after > 0))
+        before, after = before[point, edge], after[point, edge]
+        start, end = self.starts[edge, 0], self.ends[edge, 0]
+        at = start - (end - start) * before / (after - before)
+        crossed = (np.abs(after - before) < self.period / 2) & (at > s[point])
+        odd: BoolArray = np.bincount(point[crossed], minlength=len(points)) % 2 == 1
         return odd
 
     def _across(self, t: Array) -> Array:

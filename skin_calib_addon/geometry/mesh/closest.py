@@ -12,7 +12,7 @@ from .triangle_mesh import TriangleMesh
 # [1] most parts of one side of a face. Larger: denser samples on long faces, more memory.
 MAX_PARTS = 64
 # [1] pairs of points and parts of faces that are compared at a time. Larger: more memory.
-BLOCK_PAIRS = 2_000_000
+BLOCK_PAIRS = 500_000
 # [1] height to length of a triangle below which only its sides are used, because its normal is only rounding.
 FLAT_TRIANGLE_RATIO = 1e-8
 # [1] faces from which on distances are measured to the faces near the points only. It affects the time only.
@@ -97,8 +97,10 @@ class MeshDistance:
         self.triangles = mesh.triangles
         corners, self.face = small_parts(mesh, max(float(np.median(mesh.longest_sides)), 0.01 * mesh.size))
         self.centres = corners.mean(axis=1)
-        # Largest distance of a point of each part from its centre.
-        self.radii = np.linalg.norm(corners - self.centres[:, None], axis=2).max(axis=1)
+        # Largest distance of a point of each part from its centre. One corner after the other takes less memory.
+        self.radii = np.zeros(len(corners))
+        for k in range(3):
+            np.maximum(self.radii, np.linalg.norm(corners[:, k] - self.centres, axis=1), out=self.radii)
         self.radius = float(self.radii.max())
         self.tree = cKDTree(self.centres)
 

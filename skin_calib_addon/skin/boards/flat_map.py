@@ -1,7 +1,7 @@
 """A flat map of a surface: the development of a tube or a patch in the plane, as isometric as possible."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -135,13 +135,30 @@ def flat_map(
     FlatMap
     """
     along = row_axis(surface, start, surface.derivatives(start[None])[0, 1, 0] if direction is None else direction)
-    lengths = lengths_of(surface)
-    low, high = np.zeros(2), np.ones(2)
+    ends = 0.0, 1.0
     if surface.closed[1]:
-        pad = min(over / lengths[1], 0.5)
-        low[1], high[1] = start[1] - 0.5 - pad, start[1] + 0.5 + pad
+        pad = min(over / lengths_of(surface)[1], 0.5)
+        ends = start[1] - 0.5 - pad, start[1] + 0.5 + pad
+    net, *knots = _developed_net(surface, fit, spacing, *ends)
+    free = FlatMap(surface, start, BSplineSurface(net, knots[0], knots[1], surface.degree))
+    r = surface.derivatives(start[None])
+    # The rotation that maps the direction at the start to the x axis.
+    step = np.linalg.lstsq(np.column_stack((r[1, 0, 0], r[0, 1, 0])), along, rcond=None)[0]
+    x, y = free.slopes(start[None])[0] @ step
+    turn = np.array(((x, -y, 0), (y, x, 0), (0, 0, 0))) / np.hypot(x, y)
+    net = (net - free.flat.points(start[None])[0]) @ turn
+    return FlatMap(surface, start, BSplineSurface(net, knots[0], knots[1], surface.degree))
+
+
+@lru_cache(maxsize=1)  # on an open surface a list of boards has the map of the search before, rotated and shifted
+def _developed_net(
+    surface: BSplineSurface, fit: SurfaceFit | None, spacing: float, low: float, high: float
+) -> tuple[Array, Array, Array]:
+    """Return the control points (n, m, 3) [m] and both knot vectors of the map between two parameters v."""
+    lengths = lengths_of(surface)
     knots = [
-        _knots(surface.spans[k].starts, (low[k], high[k]), surface.degree[k], spacing / lengths[k]) for k in (0, 1)
+        _knots(surface.spans[k].starts, ends, surface.degree[k], spacing / lengths[k])
+        for k, ends in enumerate(((0.0, 1.0), (low, high)))
     ]
     u, v = (greville(knot, degree) for knot, degree in zip(knots, surface.degree))
     uv = pairs_of(u, v)
@@ -156,14 +173,7 @@ def flat_map(
         basis = basis_functions(sites, knots[axis], surface.degree[axis])
         rows = np.moveaxis(net, axis, 0)
         net = np.moveaxis(np.linalg.solve(basis, rows.reshape(len(sites), -1)).reshape(rows.shape), 0, axis)
-    free = FlatMap(surface, start, BSplineSurface(net, knots[0], knots[1], surface.degree))
-    r = surface.derivatives(start[None])
-    # The rotation that maps the direction at the start to the x axis.
-    step = np.linalg.lstsq(np.column_stack((r[1, 0, 0], r[0, 1, 0])), along, rcond=None)[0]
-    x, y = free.slopes(start[None])[0] @ step
-    turn = np.array(((x, -y, 0), (y, x, 0), (0, 0, 0))) / np.hypot(x, y)
-    net = (net - free.flat.points(start[None])[0]) @ turn
-    return FlatMap(surface, start, BSplineSurface(net, knots[0], knots[1], surface.degree))
+    return net, knots[0], knots[1]
 
 
 def _knots(starts: Array, ends: tuple[float, float], degree: int, spacing: float) -> Array:

@@ -180,27 +180,31 @@ class Search:
         basis = self.centres(Poses.at(angle, stretch), np.eye(2, dtype=int))[0] / STEPS_PER_PITCH
         low, depths, of_centres = self._raster
         to_steps = np.linalg.inv(basis) * self._step
-        box = (low + pairs_of(*(np.array((0.0, n - 1.0)) for n in depths.shape))) @ to_steps
+        # Only the box around the nodes that can carry a board, in steps of the lattice.
+        carrying = np.nonzero(of_centres > self._apothem - slack)
+        ends = (np.array((k.min(initial=n) - 1.0, k.max(initial=0) + 1.0)) for k, n in zip(carrying, depths.shape))
+        box = (low + pairs_of(*ends)) @ to_steps
         first = np.floor(box.min(axis=0) / STEPS_PER_PITCH) * STEPS_PER_PITCH
         cells = np.ceil((box.max(axis=0) - first + 1) / STEPS_PER_PITCH).astype(int)
         shape = (int(cells[0]) * STEPS_PER_PITCH, int(cells[1]) * STEPS_PER_PITCH)
-        steps = [k + np.arange(float(n)) for k, n in zip(first, shape)]
-        x, y = (
-            np.rint(steps[0][:, None] * a + steps[1] * b - start).astype(np.intp)
-            for a, b, start in zip(*basis / self._step, low)
-        )
-        inside = (x >= 0) & (x < depths.shape[0]) & (y >= 0) & (y < depths.shape[1])
-        at = np.where(inside, x * depths.shape[1] + y, 0)
-        clear = np.where(inside, of_centres.ravel().take(at), -np.inf) - self._apothem
         corners = np.rint(self.lattice.corners @ axes_at(angle) / self._step @ to_steps).astype(int)
         wide = int(np.abs(corners).max())
-        around = np.pad(np.where(inside, depths.ravel().take(at), -np.inf), wide, constant_values=-np.inf)
+        steps = [k + np.arange(-wide, n + wide, dtype=float) for k, n in zip(first, shape)]
+        # Beyond the raster counts as its margin, where no board may be. In place, because the arrays are large.
+        x, y = (np.add.outer(steps[0] * a, steps[1] * b) for a, b in (basis / self._step).T)
+        for nodes, start, n in zip((x, y), low, depths.shape):
+            nodes -= start
+            np.clip(np.rint(nodes, out=nodes), 0, n - 1, out=nodes)
+        x *= depths.shape[1]
+        at = np.add(x, y, out=x).astype(np.intp)
+        around = depths.ravel().take(at)
+        clear = of_centres.ravel().take(at[wide : wide + shape[0], wide : wide + shape[1]]) - self._apothem
         for i, j in corners + wide:
             np.minimum(clear, around[i : i + shape[0], j : j + shape[1]], out=clear)
-        clear = np.where(clear > -slack, clear, np.inf).reshape(cells[0], STEPS_PER_PITCH, cells[1], STEPS_PER_PITCH)
-        fits = np.isfinite(clear)
-        count = np.where(fits, np.minimum(1 + clear / slack, 1), 0.0).sum(axis=(0, 2)).ravel()
-        tightest = np.where(fits.any(axis=(0, 2)), clear.min(axis=(0, 2)), 0.0).ravel()
+        clear = clear.reshape(cells[0], STEPS_PER_PITCH, cells[1], STEPS_PER_PITCH)
+        count = np.clip(1 + clear / slack, 0, 1).sum(axis=(0, 2)).ravel()
+        tightest = np.where(clear > -slack, clear, np.inf).min(axis=(0, 2)).ravel()
+        tightest[np.isinf(tightest)] = 0.0
         parts = pairs_of(*2 * [np.arange(STEPS_PER_PITCH) / STEPS_PER_PITCH])
         poses = Poses.at(angle, stretch, (parts - np.rint(parts)) @ (STEPS_PER_PITCH * basis))
         return poses, self._total(poses, count, tightest)
