@@ -223,7 +223,9 @@ def _cut_parallel(mesh: TriangleMesh | _Part, height: Array, slack: float, plane
 
 def _cut_any(mesh: TriangleMesh | _Part, slack: float, planes: Planes, values: Array) -> Sections:
     """Cut with planes of any direction: each vertex is compared with each plane."""
-    height = planes.normals @ mesh.vertices.T - (planes.points * planes.normals).sum(axis=1)[:, None]
+    # Not by BLAS, whose rounding depends on its number of threads: a program and a window must give the same bytes.
+    height = sum(map(np.multiply.outer, planes.normals.T, mesh.vertices.T))
+    height = height - (planes.points * planes.normals).sum(axis=1)[:, None]
     is_higher = height > slack
     on_plane = is_higher != (height >= -slack)
     near = _near(mesh, is_higher, on_plane)
