@@ -6,8 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import map_coordinates, uniform_filter1d
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 
 from ...common.arrays import Array, BoolArray, IntArray, cross, product, unit
 from ..mesh.triangle_mesh import TriangleMesh
@@ -105,9 +104,9 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
 
     On a surface of second order both halves are equal. Where one half is much smaller, or of the other sign, as on a
     flat part next to a fillet, :math:`|s_{ij}|` is at most four times the smaller half, or zero. A flat side between
-    two fillets bends at both ends, but the surface bends much more next to it; its halves are zero, too. Edges that are
-    meant to be sharp divide the mesh. A corner at an open rim has no reliable normal; the other end of its edges counts
-    for both.
+    two fillets bends at both ends, but the surface bends much more next to it; its halves are zero, too. A corner at an
+    open rim has no reliable normal; the other end of its edges counts for both. A facet with a corner on an edge that
+    is meant to be sharp has no gap.
 
     Parameters
     ----------
@@ -121,33 +120,32 @@ def facet_gaps(mesh: TriangleMesh, faces: IntArray, points: Array) -> Array:
     Returns
     -------
     array, shape (k,)
-        Along the normals of the faces [m]; zero where a normal of a corner is more than ``MAX_CORNER_ANGLE`` off.
+        Along the normals of the faces [m]; zero next to sharp edges.
     """
     face, which = np.unique(faces, return_inverse=True)
-    facet, bends_at = mesh.face_normals[face], _vertex_bends(mesh)
-    corners = bends_at.faces[face]
+    corners, facet, bends_at = mesh.faces[face], mesh.face_normals[face], _vertex_bends(mesh)
     normals, rim = bends_at.normals, bends_at.rim[corners]
-    edges = bends_at.vertices[corners[:, NEXT]] - bends_at.vertices[corners]
+    edges = mesh.vertices[corners[:, NEXT]] - mesh.vertices[corners]
     turned = normals[corners] - facet[:, None]  # from the face to each corner
     start, end = -np.einsum("fkc,fkc->fk", turned, edges), np.einsum("fkc,fkc->fk", turned[:, NEXT], edges)
-    smooth = _continues(bends_at, corners, turned)
+    smooth = _continues(mesh.vertices, bends_at, corners, turned)
     start, end = start * smooth, end * smooth[:, NEXT]
     start, end = np.where(rim & ~rim[:, NEXT], end, start), np.where(rim[:, NEXT] & ~rim, start, end)
     most = MAX_END_RATIO * np.minimum(np.abs(start), np.abs(end))
     bends = np.where(start * end > 0, np.clip(start + end, -most, most), 0.0)
     angles = 2 * np.arcsin(np.minimum(np.sqrt(np.einsum("fkc,fkc->fk", turned, turned).max(axis=1)) / 2, 1))
     bends *= np.clip((1 - angles / MAX_CORNER_ANGLE) / (1 - WHOLE_GAP_FRACTION), 0, 1)[:, None]
-    b = barycentric(bends_at.vertices[corners][which], points)
+    bends[bends_at.sharp[corners].any(axis=1)] = 0.0
+    b = barycentric(mesh.vertices[corners][which], points)
     return np.einsum("nk,nk,nk->n", b, b[:, NEXT], bends[which]) / 2
 
 
 @dataclass(frozen=True, eq=False)
 class _VertexBends:
-    """The bends at vertices and along edges of a mesh that is cut at its sharp edges; each edge is in both faces."""
+    """The bends of a mesh at its vertices, and along its edges; each edge is in both of its faces."""
 
-    vertices: Array  # (v, 3) [m]
-    faces: IntArray  # (f, 3)
     normals: Array  # (v, 3) unit
+    sharp: BoolArray  # (v,) whether an edge at the vertex is meant to be sharp
     rim: BoolArray  # (v,) whether the faces around the vertex leave a side open
     bends: Array  # (e, 3) difference of the normals at the ends of each edge [1]
     arms: Array  # (e, 3) the edges [m]
@@ -159,8 +157,11 @@ class _VertexBends:
 
 @lru_cache(maxsize=4)  # repeated fits, as in the window, keep the bends of their mesh
 def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
-    vertices, faces = _cut_at_sharp_edges(mesh)
-    count, normals = len(vertices), vertex_normals(vertices, faces)
+    vertices, faces, count = mesh.vertices, mesh.faces, len(mesh.vertices)
+    normals = vertex_normals(vertices, faces)
+    one, two, turn = edge_turns(mesh)
+    ends, sharp = mesh.faces[one[turn >= MAX_CHORD_ANGLE]], np.zeros(count, bool)
+    sharp[ends[(ends[:, :, None] == mesh.faces[two[turn >= MAX_CHORD_ANGLE]][:, None]).any(axis=2)]] = True
     first, last = faces.ravel(), faces[:, NEXT].ravel()
     arms, bends = vertices[last] - vertices[first], normals[last] - normals[first]
     squares = np.maximum(np.einsum("ec,ec->e", arms, arms), MIN_LENGTH**2)
@@ -170,28 +171,10 @@ def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
     size = 2 * len(arms)
     by_vertex = csr_array((np.ones(size, bool), (np.concatenate((first, last)), np.arange(size))), (count, size))
     starts, edges = by_vertex.indptr.astype(np.int64), by_vertex.indices.astype(np.int64) % len(arms)
-    return _VertexBends(vertices, faces, normals, at_rim(faces, count), bends, arms, squares, steepest, starts, edges)
+    return _VertexBends(normals, sharp, at_rim(faces, count), bends, arms, squares, steepest, starts, edges)
 
 
-def _cut_at_sharp_edges(mesh: TriangleMesh) -> tuple[Array, IntArray]:
-    """Return vertices (v, 3) and faces (f, 3) of a mesh whose parts have no common vertices at sharp edges."""
-    first, second, turn = edge_turns(mesh)
-    smooth = turn < MAX_CHORD_ANGLE
-    first, second = first[smooth], second[smooth]
-    pairs = []
-    for corner in range(3):
-        of_second = mesh.faces[second] == mesh.faces[first, corner][:, None]
-        edge, other = np.nonzero(of_second)
-        pairs.append(np.stack((3 * first[edge] + corner, 3 * second[edge] + other)))
-    one, two = np.concatenate(pairs, axis=1)
-    size = 3 * len(mesh.faces)
-    count, part = connected_components(coo_array((np.ones(len(one), bool), (one, two)), (size, size)), directed=False)
-    vertex = np.empty(count, np.int64)
-    vertex[part] = mesh.faces.ravel()
-    return mesh.vertices[vertex], part.reshape(-1, 3).astype(np.int64)
-
-
-def _continues(at_vertices: _VertexBends, corners: IntArray, turned: Array) -> Array:
+def _continues(vertices: Array, at_vertices: _VertexBends, corners: IntArray, turned: Array) -> Array:
     r"""Return how well the curvature over each facet continues at each of its corners, shape (f, 3): 0 to 1.
 
     From the normal of the facet to that of a corner the surface turns by the vector :math:`\mathbf{t}`, over half of
@@ -206,6 +189,8 @@ def _continues(at_vertices: _VertexBends, corners: IntArray, turned: Array) -> A
 
     Parameters
     ----------
+    vertices : array, shape (v, 3)
+        [m]
     at_vertices : _VertexBends
         Of the mesh.
     corners : array of int, shape (f, 3)
@@ -214,7 +199,7 @@ def _continues(at_vertices: _VertexBends, corners: IntArray, turned: Array) -> A
         From the normal of each facet to those of its corners.
     """
     low, high = NEXT_RATIOS
-    ahead, points = unit(turned), at_vertices.vertices[corners]
+    ahead, points = unit(turned), vertices[corners]
     extents = (np.abs(np.einsum("fkc,fkc->fk", points[:, to] - points, ahead)) for to in (NEXT, PREVIOUS))
     over = 2 * np.einsum("fkc,fkc->fk", turned, ahead) / np.maximum(np.maximum(*extents), MIN_LENGTH)
     continues = np.ones(corners.shape)
