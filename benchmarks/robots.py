@@ -200,7 +200,7 @@ def made(urdf, folder, skin, jobs):
 def peak_memory():
     """Yield a list that has, after the context, the largest memory of this process and its children [MB].
 
-    It is the proportional set size: pages that processes share count once.
+    It is the proportional set size: a page of several processes counts once.
     """
     found, done = [0.0], threading.Event()
 

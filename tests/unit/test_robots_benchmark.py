@@ -54,7 +54,7 @@ def test_figures_of_plates_are_those_of_their_geometry(robots, kept):
     for row in ("distance of a taxel from the mesh", "angle of a normal to the face at the taxel"):
         assert float(rows[f"largest {row}"].split()[0]) < 0.01
     assert rows["hidden taxels, normals inward, overlapping pairs"] == "0, 0, 0"
-    assert re.fullmatch(r"propose [\d.]+, fit [\d.]+, export [\d.]+", rows["CPU seconds"])
+    assert re.fullmatch(r"fit --propose [\d.]+, propose [\d.]+, fit [\d.]+, export [\d.]+", rows["CPU seconds"])
 
 
 def test_damage_is_found(robots, kept, tmp_path):
