@@ -152,7 +152,7 @@ def short_table_of(columns):
         "largest distance": ("largest distance", r"(.* mm) .*"),
         "largest angle": ("largest angle", r"(.* degrees) \(.*"),
         "hidden, inward, overlaps": ("hidden taxels", r"(\d+, \d+, \d+) .*"),
-        "CPU seconds": ("CPU seconds", r"(.*) CPU seconds"),
+        "CPU seconds": ("CPU seconds", r"fit --propose ([\d.]+),.*"),
         "presses": ("of .* random taxels", r"(\d+ of \d+) .*"),
     }
     lines = [f"| robot | {' | '.join(parts)} |", f"|---{'|---' * len(parts)}|"]
