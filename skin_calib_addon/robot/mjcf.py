@@ -13,7 +13,7 @@ from ..calibration.exchange.mjcf import write_mjcf
 from ..calibration.model import LinkCalibration
 from ..common.errors import InvalidMesh, SkinCalibError
 from ..common.findings import show
-from ..common.text import read_text, real
+from ..common.text import NumberError, read_text, real
 from ..geometry.mesh.triangle_mesh import TriangleMesh, read_mesh
 from .link_mesh import check_triple, find_file, scaled
 from .urdf import Robot
@@ -23,7 +23,9 @@ MAX_STL_FACES = 200_000  # Format: MuJoCo accepts no more in an STL file
 # below the skin are switched off, too. Smaller: the shape takes a part of the force of a press.
 MIN_PROTRUSION = 1e-3
 PARTS = ("link", "joint", "material")  # Format: what MuJoCo needs of a URDF; others are of simulators and controllers
+INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # Format: attributes in a URDF
 INERTIA_PRECISION = 1e-4  # Format: [1] of inertias in a URDF, and in models that MuJoCo writes
+INERTIA_MARGIN = 1e-6  # [1] of the largest inertia of a flat part. Larger: a less exact inertia; 0: rounding decides.
 # How MuJoCo compiles the robot. Links stay bodies of their own, also if they are fixed. Inertias that no rigid body can
 # have, which are frequent in URDF files, are balanced, and masses of zero become positive.
 COMPILER = {
@@ -82,7 +84,7 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         raise SkinCalibError(
             "a model of the robot needs MuJoCo, which is not installed here: pip install 'skin-calib[robots]'"
         ) from error
-    description, meshes, problems = _with_own_meshes(urdf, mujoco)
+    description, meshes, problems, impossible = _with_own_meshes(urdf, mujoco)
     skins = {
         link: write_mjcf(calibration).decode() for link, calibration in calibrations.items() if link in robot.links
     }
@@ -102,19 +104,31 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         mujoco.MjModel.from_xml_string(text, files)
     except (ValueError, mujoco.FatalError) as error:
         raise SkinCalibError(f"MuJoCo does not accept {urdf.name}: {' '.join(str(error).split())}") from error
-    return RobotModel(text.encode(), meshes, tuple(problems), uncovered, _impossible_inertias(description))
+    return RobotModel(text.encode(), meshes, tuple(problems), uncovered, impossible)
 
 
-def _impossible_inertias(description: str) -> tuple[str, ...]:
-    """Return the links of a URDF with a principal inertia above the sum of the others."""
+def _impossible_inertias(root: ET.Element) -> tuple[str, ...]:
+    """Return the links of a robot whose inertia no rigid body can have: a principal one is above the sum of the others.
+
+    The largest inertia of a flat part is this sum. Where it is above it by the rounding of the file, it becomes
+    smaller, because MuJoCo would replace all three by their mean.
+    """
     found = []
-    for link in ET.fromstring(description).findall("link"):
+    for link in root.findall("link"):
         inertia = link.find("inertial/inertia")
         if inertia is not None:
-            xx, xy, xz, yy, yz, zz = (real(inertia.get(f"i{k}", "0")) for k in ("xx", "xy", "xz", "yy", "yz", "zz"))
-            principal = np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
-            if principal[0] < 0 or principal[2] > principal[:2].sum() + INERTIA_PRECISION * principal[2]:
+            try:
+                xx, xy, xz, yy, yz, zz = (real(inertia.get(name, "0").strip()) for name in INERTIA)
+            except NumberError:  # MuJoCo refuses it with a message
+                continue
+            principal, axes = np.linalg.eigh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+            limit = principal[:2].sum()
+            if principal[0] < 0 or principal[2] > (1 + INERTIA_PRECISION) * limit:
                 found.append(link.get("name", ""))
+            elif principal[2] > (1 - INERTIA_MARGIN) * limit:
+                principal[2] = (1 - INERTIA_MARGIN) * limit
+                values = (axes * principal @ axes.T)[np.triu_indices(3)].tolist()
+                inertia.attrib.update(zip(INERTIA, map(repr, values)))
     return tuple(found)
 
 
@@ -175,8 +189,8 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding)))
 
 
-def _with_own_meshes(urdf: Path, mujoco: Any) -> tuple[str, dict[str, bytes], list[str]]:
-    """Return the text of a robot that names files of one folder, these files, and what is left out of it.
+def _with_own_meshes(urdf: Path, mujoco: Any) -> tuple[str, dict[str, bytes], list[str], tuple[str, ...]]:
+    """Return the text of a robot that names files of one folder, these files, what is left out, impossible inertias.
 
     Scales are applied to the meshes, so that MuJoCo need not distinguish two scales of one file.
 
@@ -214,8 +228,9 @@ def _with_own_meshes(urdf: Path, mujoco: Any) -> tuple[str, dict[str, bytes], li
             except SkinCalibError as problem:
                 problems.append(f"{link.get('name')} is without its {shape.tag} mesh: {problem}")
                 link.remove(shape)
+    impossible = _impossible_inertias(root)
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", COMPILER)
-    return ET.tostring(root, encoding="unicode"), dict(made.values()), problems
+    return ET.tostring(root, encoding="unicode"), dict(made.values()), problems, impossible
 
 
 def _check_mesh(name: str, data: bytes, collides: bool, mujoco: Any) -> None:

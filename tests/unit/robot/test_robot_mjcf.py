@@ -196,11 +196,12 @@ def test_robot_that_mujoco_refuses_is_one_line(robot, capsys):
     assert "MuJoCo does not accept bot.urdf: " in err[0]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_thin_parts_keep_their_inertia(robot, capsys, seed):
-    """The inertia of a flat part is at the limit of what a rigid body can have, and the file has few digits."""
+@pytest.mark.parametrize("above", [0.0, 1e-10])
+@pytest.mark.parametrize("seed", range(2))
+def test_thin_parts_keep_their_inertia(robot, capsys, seed, above):
+    """The inertia of a flat part is at the limit of what a rigid body can have, or above it by rounding."""
     turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
-    principal = np.array((1.068524e-5, 4.108974e-5, 5.177498e-5))
+    principal = np.array((1.068524e-5, 4.108974e-5, 5.177498e-5)) + (0, 0, above)
     of_hand(robot, turn @ np.diag(principal) @ turn.T)
     code, out, err = export(robot, capsys)
     model = mujoco.MjModel.from_xml_path(str(robot / "skin.xml"))
@@ -215,6 +216,15 @@ def test_impossible_inertia_is_stated(robot, capsys):
     inertia = np.sort(mujoco.MjModel.from_xml_path(str(robot / "skin.xml")).body("hand").inertia)
     assert code == 0 and err == [] and inertia[2] <= inertia[:2].sum()
     assert out.splitlines()[-1] == "no rigid body has the inertia that the URDF states; MuJoCo changed it: hand"
+
+
+def test_inertia_without_numbers_is_one_line(robot, capsys):
+    """MuJoCo refuses it."""
+    of_hand(robot, np.diag((1e-3, 1e-3, 1e-3)))
+    urdf = robot / "bot" / "bot.urdf"
+    urdf.write_text(urdf.read_text().replace('ixx="0.001"', 'ixx="much"'))
+    code, out, err = export(robot, capsys)
+    assert code == 1 and out == "" and len(err) == 1 and "MuJoCo does not accept bot.urdf: " in err[0]
 
 
 def of_hand(robot, inertia):
