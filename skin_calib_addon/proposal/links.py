@@ -18,6 +18,7 @@ from ..robot.keep_out import KeepOut
 from ..robot.link_mesh import is_urdf, load_urdf_mesh, load_urdf_meshes
 from ..robot.mirrored import Twin, find_twins
 from ..robot.urdf import Robot, read_robot
+from ..skin.boards.layout import forget_layouts
 from .proposal import Proposal, joint_axes, propose_link, propose_twin
 from .skins import SkinChoice
 
@@ -91,6 +92,8 @@ def propose_task(task: Task, begin: Callable[[str], None] = lambda stage: None) 
     except Exception as error:
         text = f"unexpected error in the program, please report it: {type(error).__name__}: {error}"
         return Outcome(task, None, text, traceback.format_exc())
+    finally:
+        forget_layouts()  # they keep the meshes of the link
 
 
 def _proposal(task: Task, begin: Callable[[str], None]) -> Proposal:

@@ -370,6 +370,11 @@ def _layout_of(*of: Any) -> Layout:
     return Layout.of(*of)
 
 
+def forget_layouts() -> None:
+    """Free the layouts that are kept, with their surfaces and meshes."""
+    _layout_of.cache_clear()
+
+
 def _rooted(boards: WrappedBoards, to_flat: FlatMap) -> WrappedBoards:
     """Return the same boards; the root is the one nearest to the flat origin."""
     distances = np.linalg.norm(to_flat(boards.uv), axis=1)
