@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from experiment import arguments, count, film_both, report, run_all, spread
+from experiment import arguments, film_both, report, run_all, stands_and_steps
 from shapes import FORWARD
 from walker import OTHER, Gait, Step, Walker, walk
 
@@ -79,7 +79,7 @@ def main() -> None:
     rows = []
     for k, assumed in enumerate(("the full sole", "what is felt")):
         runs = found[k * given.seeds : (k + 1) * given.seeds]
-        rows.append((assumed, count(r.stands for r in runs), spread([r.steps for r in runs], 1)))
+        rows.append((assumed, *stands_and_steps(runs)))
     report(given, ("assumed", "stands", f"steps of {given.steps}"), rows)
     if not given.no_animation:
         films = [

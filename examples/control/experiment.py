@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import get_context
@@ -29,9 +28,6 @@ def arguments(description: str, seeds: int = 20, has_table: bool = True) -> argp
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of figures and animations")
     parser.add_argument("--no-animation", action="store_true", help="only the numbers and the figure")
-    parser.add_argument(
-        "--made", action="store_true", help="use the runs that an earlier command finished; not after a change of code"
-    )
     if has_table:
         parser.add_argument("--write", action="store_true", help="the table into the documentation")
     parser.set_defaults(name=Path(parser.prog).stem)
@@ -39,16 +35,10 @@ def arguments(description: str, seeds: int = 20, has_table: bool = True) -> argp
 
 
 def run_all(work: Callable[[Any], Any], cases: Sequence[Any], given: argparse.Namespace) -> list[Any]:
-    """Return the results of the cases in their order, with a progress bar; they are kept for ``--made``."""
+    """Return the results of the cases in their order, with a progress bar."""
     given.out.mkdir(parents=True, exist_ok=True)
-    kept = given.out / f"{given.name}.pickle"
-    found = pickle.loads(kept.read_bytes()) if given.made and kept.exists() else {}
-    missing = [case for case in cases if case not in found]
-    with _mapped(work, missing, given.jobs) as results:
-        for case, result in zip(missing, tqdm(results, total=len(missing))):
-            found[case] = result
-            kept.write_bytes(pickle.dumps(found))
-    return [found[case] for case in cases]
+    with _mapped(work, cases, given.jobs) as results:
+        return list(tqdm(results, total=len(cases)))
 
 
 @contextmanager
@@ -74,6 +64,11 @@ def count(flags: Iterable[bool]) -> str:
     """Return how many of the flags are true, as text."""
     flags = list(flags)
     return f"{sum(flags)}/{len(flags)}"
+
+
+def stands_and_steps(*groups: Sequence[Any]) -> list[str]:
+    """Return how many walks of each group stand, and the steps of these walks, as texts."""
+    return [text for runs in groups for text in (count(r.stands for r in runs), spread([r.steps for r in runs], 1))]
 
 
 def report(given: argparse.Namespace, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import NOISE, PERIOD, Biped, Faults
-from experiment import arguments, count, report, run_all, spread
+from experiment import arguments, report, run_all, spread, stands_and_steps
 from shapes import SOLE_CELLS
 from walker import Walker, forward_steps, walk
 
@@ -93,7 +93,7 @@ def main() -> None:
         row = [name]
         for heeds in (True, False):
             runs = results.get((name, heeds))
-            row += [""] * 3 if runs is None else [count(r.stands for r in runs), spread([r.steps for r in runs], 1)]
+            row += [""] * 3 if runs is None else stands_and_steps(runs)
             if runs:
                 row.append(spread([1e3 * r.apart for r in runs], 1))
         rows.append((*row[:3], spread([r.stopped for r in results[name, True]], 2), *row[3:]))

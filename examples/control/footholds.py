@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from biped import Biped
-from experiment import arguments, count, film_both, report, run_all, spread
+from experiment import arguments, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
 from shapes import HALF_SIZE
 from walker import Gait, Walker, forward_steps, walk
@@ -104,12 +104,7 @@ def main() -> None:
     rows = []
     for k, scene in enumerate(SCENES):
         full, felt = (found[j * given.seeds : (j + 1) * given.seeds] for j in (2 * k, 2 * k + 1))
-        row = [
-            text
-            for runs in (full, felt)
-            for text in (count(r.stands for r in runs), spread([r.steps for r in runs], 1))
-        ]
-        rows.append((scene, *row, spread([100 * r.area for r in felt])))
+        rows.append((scene, *stands_and_steps(full, felt), spread([100 * r.area for r in felt])))
     heads = (
         "foothold",
         "full sole assumed: stands",

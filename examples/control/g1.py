@@ -8,6 +8,7 @@ force/torque sensors in the ankles, or not at all. The largest push for 0.1 s th
 bisection.
 """
 
+import argparse
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -90,8 +91,17 @@ class Result:
     apart: Array  # and from that of the ankles [m]
 
 
+def with_g1(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Return a parser with the option for the robot."""
+    parser.add_argument("--urdf", type=Path, default=URDF, help="of the G1, with its meshes")
+    return parser
+
+
 def propose(urdf: Path, folder: Path, links: tuple[str, ...] = FEET) -> None:
-    """Propose and fit the skins of links, if this has not been done."""
+    """Propose and fit the skins of links, if this has not been done; ends the program where there is no robot."""
+    if not urdf.exists():
+        print(f"skipped: the URDF of the G1 is not at {urdf}. Name it with --urdf.")
+        raise SystemExit
     if not (folder / "robot.json").exists():
         words = ["fit", str(urdf), "--propose", "-o", str(folder), "--skin", SKIN]
         if skin_calib([*words, *(word for link in links for word in ("--only", link))]):
@@ -477,12 +487,7 @@ def run(case: Case) -> Result:
 
 def main() -> None:
     """Run all cases and print a table."""
-    parser = arguments(__doc__, seeds=2 * DIRECTIONS)
-    parser.add_argument("--urdf", type=Path, default=URDF, help="of the G1, with its meshes")
-    given = parser.parse_args()
-    if not given.urdf.exists():
-        print(f"skipped: the URDF of the G1 is not at {given.urdf}. Name it with --urdf.")
-        return
+    given = with_g1(arguments(__doc__, seeds=2 * DIRECTIONS)).parse_args()
     folder = given.out / "g1"
     propose(given.urdf, folder)
     cases = [Case(given.urdf, folder, source, seed) for source in SOURCES for seed in range(given.seeds)]

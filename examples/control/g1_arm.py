@@ -15,7 +15,7 @@ from arm import BALL, JOINTS, PROBE_DAMPING, PROBE_MASS, Arm, Case, Result, Robo
 from arm import run as run_arm
 from biped import TERRAIN_GROUP, mujoco, round_pads
 from experiment import arguments, count, report, run_all, spread
-from g1 import DAMPING, STIFFNESS, URDF, propose, skeleton, with_proximity
+from g1 import DAMPING, STIFFNESS, propose, skeleton, with_g1, with_proximity
 
 from skin_calib_addon.calibration import load_calibration
 from skin_calib_addon.calibration.exchange.mjcf import write_mjcf
@@ -116,12 +116,7 @@ def run(case: G1Case) -> Result:
 
 def main() -> None:
     """Run all cases and print a table."""
-    parser = arguments(__doc__)
-    parser.add_argument("--urdf", type=Path, default=URDF, help="of the G1, with its meshes")
-    given = parser.parse_args()
-    if not given.urdf.exists():
-        print(f"skipped: the URDF of the G1 is not at {given.urdf}. Name it with --urdf.")
-        return
+    given = with_g1(arguments(__doc__)).parse_args()
     folder = given.out / "g1_arm"
     propose(given.urdf, folder, (LINK,))
     kinds = [(kind, variant) for kind, variants in VARIANTS.items() for variant in variants]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from biped import PERIOD
 from experiment import arguments, count, report, run_all, spread
-from g1 import FEET, G1, GRAVITY, URDF, Balancer, Senses, propose
+from g1 import FEET, G1, GRAVITY, Balancer, Senses, propose, with_g1
 from landing import Impact, Judge
 from walker import Gait, Proximity, descent, quintic
 from zmp_plan import ZmpPlan
@@ -132,14 +132,10 @@ def run(case: Case, each: Callable[[G1], None] | None = None) -> tuple[bool, lis
 
 def main() -> None:
     """Run all cases and print a table."""
-    parser = arguments(__doc__)
-    parser.add_argument("--urdf", type=Path, default=URDF, help="of the G1, with its meshes")
+    parser = with_g1(arguments(__doc__))
     parser.add_argument("--steps", type=int, default=4, help="in each run")
     parser.add_argument("--speed", type=float, default=0.4, help="of landing without proximity [m/s]")
     given = parser.parse_args()
-    if not given.urdf.exists():
-        print(f"skipped: the URDF of the G1 is not at {given.urdf}. Name it with --urdf.")
-        return
     folder = given.out / "g1"
     propose(given.urdf, folder)
     kinds, seeds = (False, True), range(given.seeds)

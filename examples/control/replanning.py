@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from biped import FEET, FLAT, SIDE, Biped
 from estimator import SOLE_CENTRE, State
-from experiment import arguments, count, film_both, report, run_all, spread
+from experiment import arguments, count, film_both, report, run_all, spread, stands_and_steps
 from foothold import full_sole
 from shapes import HALF_SIZE, PITCH
 from walker import Gait, Walker, forward_steps, walk
@@ -144,13 +144,8 @@ def main() -> None:
     rows = []
     for k, obstacle in enumerate(OBSTACLES):
         blind, felt = (found[j * given.seeds : (j + 1) * given.seeds] for j in (2 * k, 2 * k + 1))
-        row = [
-            text
-            for runs in (blind, felt)
-            for text in (count(r.stands for r in runs), spread([r.steps for r in runs], 1))
-        ]
         again, area = count(bool(r.retracted) for r in felt), spread([100 * r.area for r in felt])
-        rows.append((obstacle, *row, again, area, *THESIS[obstacle]))
+        rows.append((obstacle, *stands_and_steps(blind, felt), again, area, *THESIS[obstacle]))
     heads = (
         "obstacle",
         "without the skin: stands",

@@ -24,8 +24,10 @@ MAX_STL_FACES = 200_000  # Format: MuJoCo accepts no more in an STL file
 MIN_PROTRUSION = 1e-3
 PARTS = ("link", "joint", "material")  # Format: what MuJoCo needs of a URDF; others are of simulators and controllers
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # Format: attributes in a URDF
-INERTIA_PRECISION = 1e-4  # Format: [1] of inertias in a URDF, and in models that MuJoCo writes
-INERTIA_MARGIN = 1e-6  # [1] of the largest inertia of a flat part. Larger: a less exact inertia; 0: rounding decides.
+INERTIA_PRECISION = 1e-4  # Format: [1] of inertias in a URDF
+# [1] of the largest inertia of a flat part below the sum of the others. Larger: a less exact inertia; smaller: the six
+# digits of the model that MuJoCo writes make it impossible.
+INERTIA_MARGIN = 2e-5
 # How MuJoCo compiles the robot. Links stay bodies of their own, also if they are fixed. Inertias that no rigid body can
 # have, which are frequent in URDF files, are balanced, and masses of zero become positive.
 COMPILER = {
@@ -99,7 +101,7 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         uncovered = _uncover(spec, [f"{link}/{link}" for link in skins], mujoco)
         spec.compile()
         spec.meshdir = mesh_folder
-        text = re.sub('(?<=diaginertia=")[^"]+', _possible, spec.to_xml())
+        text = spec.to_xml().replace("<compiler ", '<compiler balanceinertia="true" ', 1)  # MuJoCo does not write it
         files = {f"{mesh_folder}/{name}": content for name, content in meshes.items()}
         mujoco.MjModel.from_xml_string(text, files)
     except (ValueError, mujoco.FatalError) as error:
@@ -107,11 +109,16 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
     return RobotModel(text.encode(), meshes, tuple(problems), uncovered, impossible)
 
 
-def _impossible_inertias(root: ET.Element) -> tuple[str, ...]:
-    """Return the links of a robot whose inertia no rigid body can have: a principal one is above the sum of the others.
+def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
+    """Correct inertias that rounding makes impossible; return the links whose inertia no rigid body can have.
 
-    The largest inertia of a flat part is this sum. Where it is above it by the rounding of the file, it becomes
-    smaller, because MuJoCo would replace all three by their mean.
+    A principal inertia is at most the sum of the others, and that of a flat part is this sum. Where it is above it by
+    the rounding of a file, it becomes smaller, because MuJoCo would replace all three by their mean.
+
+    Parameters
+    ----------
+    root : Element
+        Of the URDF; its inertias [kg m^2] change.
     """
     found = []
     for link in root.findall("link"):
@@ -130,18 +137,6 @@ def _impossible_inertias(root: ET.Element) -> tuple[str, ...]:
                 values = (axes * principal @ axes.T)[np.triu_indices(3)].tolist()
                 inertia.attrib.update(zip(INERTIA, map(repr, values)))
     return tuple(found)
-
-
-def _possible(found: re.Match[str]) -> str:
-    """Return principal inertias, as MuJoCo writes them with few digits, that MuJoCo accepts.
-
-    The largest inertia of a flat part is the sum of the others, which rounding may undercut.
-    """
-    inertias = np.array(found[0].split(), float)
-    largest = int(inertias.argmax())
-    others = np.delete(inertias, largest).sum()
-    inertias[largest] = min(inertias[largest], others - np.spacing(others))
-    return " ".join(map(repr, inertias.tolist()))
 
 
 def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[str, ...]:
@@ -228,7 +223,7 @@ def _with_own_meshes(urdf: Path, mujoco: Any) -> tuple[str, dict[str, bytes], li
             except SkinCalibError as problem:
                 problems.append(f"{link.get('name')} is without its {shape.tag} mesh: {problem}")
                 link.remove(shape)
-    impossible = _impossible_inertias(root)
+    impossible = _with_possible_inertias(root)
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", COMPILER)
     return ET.tostring(root, encoding="unicode"), dict(made.values()), problems, impossible
 

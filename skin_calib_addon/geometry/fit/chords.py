@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray, cross, product, unit
+from ...common.arrays import Array, BoolArray, IntArray, cross, product, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.lines import LineGrid
@@ -213,8 +213,9 @@ def facet_sagittas(mesh: TriangleMesh) -> Array:
     The largest of the three edges counts. A sharp edge has none.
     """
     first, second, turn = edge_turns(mesh)
-    common = (mesh.faces[first][:, :, None] == mesh.faces[second][:, None, :]).any(axis=2)
-    apart = np.argmin(common, axis=1)  # the corner of the first face that is not on the common edge
+    apart = np.argmin(
+        common_corners(mesh, first, second), axis=1
+    )  # the corner of the first face that is not on the common edge
     ends = [mesh.vertices[mesh.faces[first, (apart + i) % 3]] for i in (1, 2)]
     length = np.linalg.norm(ends[1] - ends[0], axis=1)
     turn = np.where(turn < MAX_CHORD_ANGLE, turn, 0.0)
@@ -222,6 +223,21 @@ def facet_sagittas(mesh: TriangleMesh) -> Array:
     for side in (first, second):
         np.maximum.at(sagittas, side, mesh.face_areas[side] / np.maximum(length, np.finfo(float).tiny) * turn / 2)
     return sagittas
+
+
+def sharp_vertices(mesh: TriangleMesh) -> BoolArray:
+    """Return whether an edge at each vertex is meant to be sharp, shape (v,)."""
+    first, second, turn = edge_turns(mesh)
+    is_sharp = turn >= MAX_CHORD_ANGLE
+    first, second = first[is_sharp], second[is_sharp]
+    found = np.zeros(len(mesh.vertices), bool)
+    found[mesh.faces[first][common_corners(mesh, first, second)]] = True
+    return found
+
+
+def common_corners(mesh: TriangleMesh, first: IntArray, second: IntArray) -> BoolArray:
+    """Return which corners of the first of two faces the second one has, too, shape (e, 3), for pairs of faces (e,)."""
+    return (mesh.faces[first][:, :, None] == mesh.faces[second][:, None, :]).any(axis=2)
 
 
 def edge_turns(mesh: TriangleMesh) -> tuple[IntArray, IntArray, Array]:

@@ -13,7 +13,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import MIN_FACET_COSINE, RaySamples
 from ..surface.bspline import MIN_LENGTH, BSplineSurface
-from .chords import MAX_CHORD_ANGLE, barycentric, edge_turns, in_basis, site_tangents
+from .chords import MAX_CHORD_ANGLE, barycentric, in_basis, sharp_vertices, site_tangents
 from .smoothing import looks_noisy
 
 # [rad] angle between the normals of a face and of its corner above which the face is next to an edge that is meant to
@@ -159,9 +159,6 @@ class _VertexBends:
 def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
     vertices, faces, count = mesh.vertices, mesh.faces, len(mesh.vertices)
     normals = vertex_normals(vertices, faces)
-    one, two, turn = edge_turns(mesh)
-    ends, sharp = mesh.faces[one[turn >= MAX_CHORD_ANGLE]], np.zeros(count, bool)
-    sharp[ends[(ends[:, :, None] == mesh.faces[two[turn >= MAX_CHORD_ANGLE]][:, None]).any(axis=2)]] = True
     first, last = faces.ravel(), faces[:, NEXT].ravel()
     arms, bends = vertices[last] - vertices[first], normals[last] - normals[first]
     squares = np.maximum(np.einsum("ec,ec->e", arms, arms), MIN_LENGTH**2)
@@ -171,7 +168,8 @@ def _vertex_bends(mesh: TriangleMesh) -> _VertexBends:
     size = 2 * len(arms)
     by_vertex = csr_array((np.ones(size, bool), (np.concatenate((first, last)), np.arange(size))), (count, size))
     starts, edges = by_vertex.indptr.astype(np.int64), by_vertex.indices.astype(np.int64) % len(arms)
-    return _VertexBends(normals, sharp, at_rim(faces, count), bends, arms, squares, steepest, starts, edges)
+    sharp, rim = sharp_vertices(mesh), at_rim(faces, count)
+    return _VertexBends(normals, sharp, rim, bends, arms, squares, steepest, starts, edges)
 
 
 def _continues(vertices: Array, at_vertices: _VertexBends, corners: IntArray, turned: Array) -> Array:

@@ -139,8 +139,7 @@ class SampleRows:
         direction : array, shape (3,), or None
             Direction of all rays, if they are parallel.
         again : bool
-            Whether planes that have not moved since the last such call keep their sections, for a preview. Sections of
-            a family of other planes can differ by rounding.
+            Whether planes that have not moved since the last such call keep their sections, for a preview.
 
         Returns
         -------
@@ -217,7 +216,7 @@ def cast_rays(mesh: TriangleMesh, planes: Planes, origins: Array, directions: Ar
     return rows.cast(directions).residuals + 1
 
 
-def framed_sections(mesh: TriangleMesh, planes: Planes, axes: Array, draft: bool = False) -> tuple[Sections, Array]:
+def framed_sections(mesh: TriangleMesh, planes: Planes, axes: Array) -> tuple[Sections, Array]:
     """Cut a mesh, and return the sections with their ends in the frames of their rows.
 
     Parameters
@@ -228,8 +227,6 @@ def framed_sections(mesh: TriangleMesh, planes: Planes, axes: Array, draft: bool
         The planes.
     axes : array, shape (k, 2, 3), or (1, 2, 3) of parallel planes
         Unit vectors in each plane.
-    draft : bool
-        As for ``cut_sections``.
 
     Returns
     -------
@@ -239,7 +236,7 @@ def framed_sections(mesh: TriangleMesh, planes: Planes, axes: Array, draft: bool
         [m]
     """
     flat_vertices = np.stack([coordinates(mesh, axis) for axis in axes[0]]).T if len(axes) == 1 else None
-    sections = cut_sections(mesh, planes, flat_vertices, draft)
+    sections = cut_sections(mesh, planes, flat_vertices)
     return sections, flat_ends(sections, planes, axes)
 
 
@@ -254,7 +251,7 @@ def known_sections(mesh: TriangleMesh, planes: Planes, axes: Array) -> tuple[Sec
         moved = list(range(len(keys)))
     if moved:
         cut = Planes(planes.points[moved], planes.normals[moved])
-        sections, ends = framed_sections(mesh, cut, axes if flat else axes[moved], draft=True)
+        sections, ends = framed_sections(mesh, cut, axes if flat else axes[moved])
         bounds = np.searchsorted(sections.plane, np.arange(len(moved) + 1))
         for i, start, stop in zip(moved, bounds, bounds[1:]):
             known[keys[i]] = sections.face[start:stop], sections.ends[start:stop], ends[start:stop]

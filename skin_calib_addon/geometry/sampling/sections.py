@@ -35,7 +35,7 @@ class Sections:
     planes: int  # number of planes, including those that cut nothing
 
 
-def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None, draft: bool = False) -> Sections:
+def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None) -> Sections:
     """Cut a mesh with every plane at once.
 
     A vertex on a plane counts as below it, so that no position is degenerate. A plane through the upper rim of the mesh
@@ -55,9 +55,6 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
         For parallel planes sorted heights are sufficient; for others each vertex is compared with each plane.
     values : array, shape (v, c), optional
         Values of the vertices to interpolate instead of their coordinates, such as plane coordinates.
-    draft : bool
-        Whether sections of planes that are not parallel may differ by rounding, for a preview: BLAS rounds the heights
-        of a part of the vertices differently from those of all. It takes less time.
 
     Returns
     -------
@@ -65,7 +62,7 @@ def cut_sections(mesh: TriangleMesh, planes: Planes, values: Array | None = None
     """
     values, slack = mesh.vertices if values is None else values, ON_PLANE_FRACTION * mesh.size
     parallel = planes.are_parallel()
-    near = _faces_near(mesh, planes, slack, parallel) if parallel or draft else None
+    near = _faces_near(mesh, planes, slack, parallel)
     part, used = (mesh, slice(None)) if near is None else _part_of(mesh, near)
     if parallel:
         height = coordinates(mesh, planes.normals[0])[used]
@@ -223,7 +220,8 @@ def _cut_parallel(mesh: TriangleMesh | _Part, height: Array, slack: float, plane
 
 def _cut_any(mesh: TriangleMesh | _Part, slack: float, planes: Planes, values: Array) -> Sections:
     """Cut with planes of any direction: each vertex is compared with each plane."""
-    # Not by BLAS, whose rounding depends on its number of threads: a program and a window must give the same bytes.
+    # Not by BLAS, whose rounding depends on its number of threads, and on the vertices that are compared together: a
+    # program and a window must give the same bytes.
     height = sum(map(np.multiply.outer, planes.normals.T, mesh.vertices.T))
     height = height - (planes.points * planes.normals).sum(axis=1)[:, None]
     is_higher = height > slack

@@ -25,21 +25,6 @@ def test_each_table_has_a_place_in_the_page():
         assert found and after.lstrip().startswith("|") and f"<!-- end of the table of {name} -->\n" in after, name
 
 
-def test_kept_runs_are_used_again_only_if_asked(tmp_path):
-    from experiment import arguments, run_all
-
-    calls = []
-
-    def work(case):
-        calls.append(case)
-        return 2 * case
-
-    for words, cases, made in (([], [1, 2], [1, 2]), (["--made"], [1, 2, 3], [3]), ([], [1], [1])):
-        given = arguments("Test.").parse_args([*words, "--jobs", "1", "--out", str(tmp_path)])
-        calls.clear()
-        assert run_all(work, cases, given) == [2 * case for case in cases] and calls == made
-
-
 def test_angles_of_the_legs_agree_with_the_simulator():
     import mujoco
     from biped import FEET, nominal

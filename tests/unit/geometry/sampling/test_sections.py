@@ -230,7 +230,7 @@ def test_faces_near_the_planes_give_the_same_sections(mesh, seed):
             expected = cut_sections(mesh, planes)
             with mock.patch.object(sections_module, "MIN_SORTED_FACES", 0):
                 for _ in range(2):  # faces are sorted at the second use
-                    found = cut_sections(mesh, planes, draft=True)
+                    found = cut_sections(mesh, planes)
                     assert (cut_sections(mesh, planes).ends == expected.ends).all()
             assert (found.plane == expected.plane).all() and (found.face == expected.face).all()
             assert_allclose(found.ends, expected.ends, atol=0 if planes.are_parallel() else 1e-12)
