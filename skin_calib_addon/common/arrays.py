@@ -106,45 +106,10 @@ def cross(a: Array, b: Array) -> Array:
 # [1] length of a vector of an author, or of a mean of unit vectors, below which it has no direction. Larger: more
 # directions are refused.
 MIN_DIRECTION_LENGTH = 1e-6
-# Scalar multiplications of one matrix product. OpenBLAS keeps up to twice as many on the calling thread.
-# Larger: fewer pieces, until BLAS starts its threads.
-SINGLE_THREAD_PRODUCTS = 2**17
-# Rows of one piece. Smaller: each number that is read from the second matrix serves fewer multiplications.
-MIN_BLOCK_ROWS = 16
-
-
-def product(a: Array, b: Array) -> Array:
-    """Multiply two matrices in pieces that BLAS computes on the calling thread.
-
-    Starting the threads of BLAS takes longer than such a product, and a hundred times longer on a busy processor.
-    A limit on the number of threads would change the process of the user.
-
-    Parameters
-    ----------
-    a : array, shape (n, k)
-        First factor.
-    b : array, shape (k, m)
-        Second factor.
-
-    Returns
-    -------
-    array, shape (n, m)
-    """
-    if len(a) * b.size <= SINGLE_THREAD_PRODUCTS:
-        return a @ b
-    inner, columns = b.shape
-    if b.size * MIN_BLOCK_ROWS > SINGLE_THREAD_PRODUCTS and inner >= columns:
-        half = inner // 2
-        return product(a[:, :half], b[:half]) + product(a[:, half:], b[half:])
-    if b.size * MIN_BLOCK_ROWS > SINGLE_THREAD_PRODUCTS:
-        half = columns // 2
-        return np.concatenate((product(a, b[:, :half]), product(a, b[:, half:])), axis=1)
-    rows = SINGLE_THREAD_PRODUCTS // b.size
-    return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])
 
 
 def over_rows(rows: Array, matrix: Array) -> Array:
-    """Multiply rows with a matrix by `product`.
+    """Multiply rows with a matrix in one product; ``rows @ matrix`` takes one for each matrix of rows.
 
     Parameters
     ----------
@@ -157,7 +122,7 @@ def over_rows(rows: Array, matrix: Array) -> Array:
     -------
     array, shape (..., m)
     """
-    return product(rows.reshape(-1, rows.shape[-1]), matrix).reshape(*rows.shape[:-1], matrix.shape[1])
+    return (rows.reshape(-1, rows.shape[-1]) @ matrix).reshape(*rows.shape[:-1], matrix.shape[1])
 
 
 def pairs_of(u: Array, v: Array) -> Array:

@@ -13,6 +13,7 @@ from ..calibration.modality import Modality
 from ..calibration.model import LinkCalibration, MeshSource, Patch, SurfaceModel
 from ..common.errors import PoorFit, listed
 from ..common.warnings import Place, Warning, point_of
+from ..geometry.blas_threads import one_blas_thread
 from ..geometry.fit.auto import fit_grid
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..geometry.mesh.cover import CoverSpec, cut_cover
@@ -70,6 +71,7 @@ class Calibrated:
         return self.calibration.warnings
 
 
+@one_blas_thread()
 def calibrate(
     plan: Plan,
     mesh: TriangleMesh | None = None,

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from ..calibration.model import LinkCalibration, Patch
 from ..common.arrays import Array
 from ..common.errors import InvalidPlan
+from ..geometry.blas_threads import one_blas_thread
 from ..plan import Plan
 from ..plan.skins import BoardSkin, Mounting, SheetSkin, Skin
 from ..skin.sheet.landmarks import Landmark
@@ -35,6 +36,7 @@ class Refined:
     placements: list[Placement]  # deviations of the touches from the refined skins
 
 
+@one_blas_thread()
 def refine(plan: Plan, result: Calibrated, touches: Touches) -> Refined:
     """Move each touched skin along the surface until the touches agree with it.
 

@@ -5,6 +5,7 @@ import numpy as np
 from ..calibration.model import LinkCalibration
 from ..common.arrays import Array
 from ..common.errors import CalibrationFormatError, millimetres
+from ..geometry.blas_threads import one_blas_thread
 from ..geometry.surface.bspline import BSplineSurface
 from ..geometry.surface.footpoints import footpoints
 from ..skin.sheet.landmarks import MAX_POINT_DISTANCE
@@ -16,6 +17,7 @@ from .calibrate import surface_of
 GRID_SIDE = 200
 
 
+@one_blas_thread()
 def check_touches(calibration: LinkCalibration, touches: Touches) -> None:
     """Check the distance of each touch from the surface of its skin, which is over the mesh.
 

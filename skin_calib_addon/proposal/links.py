@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..calibration.model import LinkCalibration
 from ..common.errors import SkinCalibError
+from ..geometry.blas_threads import one_blas_thread
 from ..geometry.mesh.triangle_mesh import TriangleMesh, load_mesh
 from ..pipeline import calibrate
 from ..plan import Plan
@@ -71,6 +72,7 @@ class Outcome:
     fitted: Fitted | None = None
 
 
+@one_blas_thread()
 def propose_task(task: Task, begin: Callable[[str], None] = lambda stage: None) -> Outcome:
     """Propose the plan of one link; an unexpected error becomes its outcome.
 

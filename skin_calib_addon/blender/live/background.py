@@ -5,6 +5,8 @@ from collections.abc import Callable
 from threading import Thread
 from typing import Any
 
+from ...geometry.blas_threads import one_blas_thread
+
 
 class Stopped(Exception):
     """The result of the computation is not needed any more."""
@@ -30,7 +32,8 @@ class Work:
 
     def _run(self, task: Callable[[Callable[[str], None]], Any]) -> None:
         try:
-            self._result = task(self._begin)
+            with one_blas_thread():
+                self._result = task(self._begin)
         except Exception as error:  # result() raises it
             self._error = error
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, cross, product, unit
+from ...common.arrays import Array, BoolArray, IntArray, cross, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.lines import LineGrid
@@ -93,7 +93,7 @@ def lift_to_corners(
         gap = np.einsum("kc,kc->k", weights, heights[corners]) - residuals.ravel()[hit]
         gaps[hit] = np.where(np.isfinite(gap), np.clip(gap, -limits, limits), 0.0)
         step = basis.solve(residuals + gaps.reshape(k, l), offsets)
-        offsets, residuals = offsets + step, residuals - product(product(basis.N, step), basis.B.T)
+        offsets, residuals = offsets + step, residuals - basis.N @ step @ basis.B.T
         heights = heights - (moves * step.ravel()[index]).sum(axis=1)
     return offsets, gaps.reshape(k, l)
 

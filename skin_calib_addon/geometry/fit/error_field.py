@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates, uniform_filter1d
 from scipy.sparse import csr_array
 
-from ...common.arrays import Array, BoolArray, IntArray, cross, product, unit
+from ...common.arrays import Array, BoolArray, IntArray, cross, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from ..sampling.basis import TensorBasis
 from ..sampling.samples import MIN_FACET_COSINE, RaySamples
@@ -331,7 +331,7 @@ def error_field(
 
     def rest(errors: Array) -> tuple[Array, Array]:
         step = basis.solve(errors, np.zeros_like(offsets))
-        return step, errors - product(product(basis.N, step), basis.B.T)
+        return step, errors - basis.N @ step @ basis.B.T
 
     def along_rays(gaps: Array, cosine: Array) -> Array:
         field = np.full(known.shape, np.nan)
@@ -363,7 +363,7 @@ def error_field(
             height, *slopes = (noise**2 * repeats * part for part in basis.leverages(stiffness))
             if stiffness:  # what a second smoothing of the residuals would add is an estimate of the bias (Tukey, 1977)
                 more = basis.solve(samples.residuals, np.zeros_like(offsets), stiffness)
-                height = height + _local_mean(product(product(basis.N, more), basis.B.T) ** 2, basis, areas)
+                height = height + _local_mean((basis.N @ more @ basis.B.T) ** 2, basis, areas)
             return ErrorField(surface_of(offsets + step), height * cosine**2, np.stack(slopes, axis=2) / spacing**2)
     heights = error * cosine
     steps = (_differences(heights, axis, basis.is_closed) / spacing[..., axis] for axis in (0, 1))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, IntArray, product
+from ...common.arrays import Array, BoolArray, IntArray
 from ...common.errors import EmptySection
 from ..sampling.basis import SplineSites
 from ..sampling.rays import TURN
@@ -45,7 +45,7 @@ def refitted(changes: Array, sites: SplineSites) -> Array:
     """
     r, l, m = changes.shape
     flat = changes.transpose(1, 0, 2).reshape(l, -1)
-    left = flat - product(sites.values, product(sites.inverse, flat))
+    left = flat - sites.values @ (sites.inverse @ flat)
     return left.reshape(l, r, m).transpose(1, 0, 2)
 
 

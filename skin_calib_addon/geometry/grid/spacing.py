@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...common.arrays import Array, product
+from ...common.arrays import Array
 from ..sampling.basis import check_counts, spline_sites
 from ..sampling.lines import LineGrid
 from ..surface.bspline import greville
@@ -375,10 +375,10 @@ def refined_positions(
     residuals, change = slopes(positions, degree)
     damping = INITIAL_DAMPING
     for _ in range(moves if residuals.any() else 0):
-        gram = product(change[:, free].T, change[:, free])
+        gram = change[:, free].T @ change[:, free]
         gram[np.diag_indices_from(gram)] += damping * np.trace(gram) / len(gram)
         step = np.zeros(len(positions))
-        downhill = product(residuals[None], change[:, free])[0]
+        downhill = residuals @ change[:, free]
         step[free] = -np.linalg.lstsq(gram, downhill, rcond=None)[0]
         after = limited_move(positions, positions + step, edges, closed)
         left, changed = slopes(after, degree)

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.linalg import circulant, eigh, solve_triangular, solveh_banded
 
-from ...common.arrays import Array, BoolArray, IntArray, product, unit
+from ...common.arrays import Array, BoolArray, IntArray, unit
 from ...common.errors import UnderdeterminedFit
 from ..surface.bspline import MIN_SITES, basis_functions, clamped_knots, local_basis, periodic_knots, sites_per_span
 from .lines import LineGrid
@@ -38,14 +38,14 @@ class SplineSites:
     @cached_property
     def inverse(self) -> Array:
         """Return the pseudo-inverse of ``values``, shape (n, k)."""
-        return product(self.gram_inverse, self.values.T) if self.repeats else pseudo_inverse(self.values)
+        return self.gram_inverse @ self.values.T if self.repeats else pseudo_inverse(self.values)
 
     @cached_property
     def gram_inverse(self) -> Array:
         """Return the inverse of ``values.T @ values``, shape (n, n); it is circulant if the direction is closed."""
         if not self.repeats:
-            return product(self.inverse, self.inverse.T)
-        first = product(self.values[:, :1].T, self.values)[0]
+            return self.inverse @ self.inverse.T
+        first = self.values[:, 0] @ self.values
         return circulant(np.fft.irfft(1 / np.fft.rfft(first).real, len(first)))
 
 
@@ -172,7 +172,7 @@ class TensorBasis:
     def blend(self, net: Array) -> Array:
         """Return the spline values at the sites, shape (k, l, 3), of a net (n, m, 3)."""
         n, m, _ = net.shape
-        rows = product(self.N, net.reshape(n, -1)).reshape(-1, m, 3)
+        rows = (self.N @ net.reshape(n, -1)).reshape(-1, m, 3)
         return self.M @ rows  # one small product per row
 
     def close(self, net: Array) -> Array:
@@ -249,8 +249,8 @@ class TensorBasis:
                 np.where(known, residuals, 0.0), known, offsets, max(stiffness, HOLE_STIFFNESS)
             )
         if not stiffness:
-            return product(product(product(self.u.inverse, residuals), self.B), self._B_gram_inverse)
-        right = product(product(self.N.T, residuals), self.B) - stiffness * self._bending(offsets)
+            return self.u.inverse @ residuals @ self.B @ self._B_gram_inverse
+        right = self.N.T @ residuals @ self.B - stiffness * self._bending(offsets)
         return self._solve_modes(right, stiffness)
 
     @cached_property
@@ -261,17 +261,17 @@ class TensorBasis:
         little if the lines are close to each other. Newton-Schulz iterations ``X <- 2 X - X A X`` (Schulz, 1933)
         correct it. If the lines are far from each other, they are few, and the exact inverse is computed.
         """
-        gram, inverse = product(self.B.T, self.B), self.v.gram_inverse
+        gram, inverse = self.B.T @ self.B, self.v.gram_inverse
         for _ in range(SCHULZ_ITERATIONS):
-            inverse = 2 * inverse - product(product(inverse, gram), inverse)
-        off = np.abs(product(inverse, gram) - np.eye(len(gram))).max()
+            inverse = 2 * inverse - inverse @ gram @ inverse
+        off = np.abs(inverse @ gram - np.eye(len(gram))).max()
         return inverse if off < INVERSE_TOLERANCE else np.linalg.inv(gram)
 
     @cached_property
     def _modes(self) -> tuple[Array, Array, Array]:
         """Return the vectors (n, n) and (m, m) that diagonalize least squares and bending, and the bending (n, m)."""
         modes = [
-            eigh(bending_matrix(len(factor.T), closed), product(factor.T, factor), check_finite=False)
+            eigh(bending_matrix(len(factor.T), closed), factor.T @ factor, check_finite=False)
             for factor, closed in ((self.N, False), (self.B, self.v.repeats > 0))
         ]
         (bend_u, U), (bend_v, V) = modes
@@ -280,8 +280,8 @@ class TensorBasis:
     def modes(self, offsets: Array) -> tuple[Array, Array]:
         """Return the offsets as amplitudes of modes with equal weight in the residuals, and the bending; (n, m)."""
         U, V, bend = self._modes
-        gram_u, gram_v = product(self.N.T, self.N), product(self.B.T, self.B)
-        return product(product(product(U.T, gram_u), offsets), product(gram_v, V)), bend
+        gram_u, gram_v = self.N.T @ self.N, self.B.T @ self.B
+        return U.T @ gram_u @ offsets @ (gram_v @ V), bend
 
     def leverages(self, stiffness: float) -> tuple[Array, Array, Array]:
         """Return the variance of the surface at the sites for samples with independent noise of variance one.
@@ -297,22 +297,22 @@ class TensorBasis:
             Of its height, and of the change of its height from site to site along u and along v.
         """
         U, V, bend = self._modes
-        P, Q = product(self.N, U), product(self.B, V)
+        P, Q = self.N @ U, self.B @ V
         step_v = (np.roll(Q, -1, axis=0) - np.roll(Q, 1, axis=0)) / 2 if self.is_closed else np.gradient(Q, axis=0)
         pairs = (P, Q), (np.gradient(P, axis=0), Q), (P, step_v)
-        height, step_u, step_v = (product(product(a**2, 1 / (1 + stiffness * bend)), (b**2).T) for a, b in pairs)
+        height, step_u, step_v = (a**2 @ (1 / (1 + stiffness * bend)) @ (b**2).T for a, b in pairs)
         return height, step_u, step_v
 
     def _solve_modes(self, right: Array, stiffness: float) -> Array:
         """Solve the normal equations without holes, including stiffness."""
         U, V, bend = self._modes
-        return product(product(U, product(product(U.T, right), V) / (1 + stiffness * bend)), V.T)
+        return U @ (U.T @ right @ V / (1 + stiffness * bend)) @ V.T
 
     def _bending(self, net: Array) -> Array:
         """Return the gradient of the squared second differences, weighted by the samples of the other direction."""
         bend_u, bend_v = bending_matrix(len(net), False), bending_matrix(net.shape[1], self.v.repeats > 0)
-        by_v = product(product(bend_u, net), product(self.B.T, self.B))
-        return by_v + product(product(product(self.N.T, self.N), net), bend_v)
+        by_v = bend_u @ net @ (self.B.T @ self.B)
+        return by_v + self.N.T @ self.N @ net @ bend_v
 
     def _solve_with_holes(self, residuals: Array, known: BoolArray, offsets: Array, stiffness: float) -> Array:
         r"""Solve the weighted normal equations directly: plane by plane their matrix has a narrow band.
@@ -328,18 +328,18 @@ class TensorBasis:
         """
         (n, m), B = offsets.shape, self.B
         bend_u, bend_v = bending_matrix(n, False), bending_matrix(m, self.is_closed)
-        gram_u, gram_v = product(self.N.T, self.N), product(B.T, B)
-        of_rows = np.stack([product(B.T, row[:, None] * B) for row in known.astype(float)]).reshape(len(known), -1)
+        gram_u, gram_v = self.N.T @ self.N, B.T @ B
+        of_rows = np.stack([B.T @ (row[:, None] * B) for row in known.astype(float)]).reshape(len(known), -1)
         band, (a, b) = np.zeros(((self.degree_u + 1) * m, n * m)), np.indices((m, m))
         for step in range(min(self.degree_u + 1, n)):
-            pairs = product((self.N[:, : n - step] * self.N[:, step:]).T, of_rows).reshape(-1, m, m)
+            pairs = ((self.N[:, : n - step] * self.N[:, step:]).T @ of_rows).reshape(-1, m, m)
             pairs += stiffness * np.diagonal(bend_u, step)[:, None, None] * gram_v
             pairs += stiffness * np.diagonal(gram_u, step)[:, None, None] * bend_v
             below = step * m + a - b
             columns = m * np.arange(n - step)[:, None] + b[below >= 0]
             band[np.broadcast_to(below[below >= 0], columns.shape), columns] = pairs[:, below >= 0]
         band[0] += RIDGE * band[0].max()
-        right = product(product(self.N.T, residuals), B) - stiffness * self._bending(offsets)
+        right = self.N.T @ residuals @ B - stiffness * self._bending(offsets)
         return np.asarray(solveh_banded(band, right.ravel(), lower=True, check_finite=False)).reshape(n, m)
 
 
@@ -368,7 +368,7 @@ def bending_matrix(count: int, closed: bool) -> Array:
     bend -= 2 * np.roll(np.eye(count), 1, axis=1)
     bend += np.roll(np.eye(count), 2, axis=1)
     bend = bend if closed else bend[:-2]
-    return product(bend.T, bend)
+    return bend.T @ bend
 
 
 def check_counts(count: int, degree: int, what: str) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...common.arrays import Array, IntArray, cross, freeze, product, unit
+from ...common.arrays import Array, IntArray, cross, freeze, unit
 from ...common.errors import InvalidKnotVector
 
 # Least number of sites [1] in a direction, by whether it is closed. With fewer, all of them may be at the corners of
@@ -352,7 +352,7 @@ class BSplineSurface:
         beyond = uv - inside
         leaves = bool(beyond.any())
         count, most = powers.shape[2], max(order, leaves)
-        values = product(powers.reshape(-1, count), _derivatives(count, most)).reshape(*uv.shape, most + 1, count)
+        values = (powers.reshape(-1, count) @ _derivatives(count, most)).reshape(*uv.shape, most + 1, count)
         if leaves:
             values[:, :, 0] += beyond[..., None] * values[:, :, 1]
             values[beyond != 0, 2:] = 0.0
@@ -386,7 +386,7 @@ class BSplineSurface:
         A = basis_functions(u, self.knots_u, self.degree[0])
         B = basis_functions(v, self.knots_v, self.degree[1])
         n, m, _ = self.control_net.shape
-        rows = product(A, self.control_net.reshape(n, -1)).reshape(len(A), m, 3)
+        rows = (A @ self.control_net.reshape(n, -1)).reshape(len(A), m, 3)
         return B @ rows  # one small product per row
 
     def grid_tangents(self, u: Array, v: Array) -> tuple[Array, Array]:
@@ -409,7 +409,7 @@ class BSplineSurface:
         n, m, _ = self.control_net.shape
         nets = self.control_net.transpose(0, 2, 1).reshape(n, -1)
         by_u, by_v = (
-            product(product(rows, nets).reshape(-1, m), columns.T).reshape(len(u), 3, len(v)).transpose(0, 2, 1)
+            ((rows @ nets).reshape(-1, m) @ columns.T).reshape(len(u), 3, len(v)).transpose(0, 2, 1)
             for rows, columns in ((along, B), (A, across))
         )
         return by_u, by_v

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...common.arrays import Array, BoolArray, product
+from ...common.arrays import Array, BoolArray
 from .polygon import Polygon
 
 CORNER_SIGNS = np.array(((1, 1), (1, -1), (-1, 1), (-1, -1)))
@@ -234,7 +234,7 @@ def _equal_sums(corners: Array, start: Array, rays: Array, along: Array) -> Arra
 
 def _support_values(corners: Array, slopes: Array) -> Array:
     """Return the support function of the polygon at slopes (n, 2), shifted by each of the four signs: (n, 4)."""
-    return (product(slopes, corners.T)[:, None, :] + CORNER_SIGNS @ corners.T).max(axis=2)
+    return ((slopes @ corners.T)[:, None, :] + CORNER_SIGNS @ corners.T).max(axis=2)
 
 
 def _extreme_functions(corners: Array, slopes: Array, bounds: BoolArray) -> tuple[Array, Array, Array]:

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from ...common.arrays import Array, locked, product
+from ...common.arrays import Array, locked
 from .net import Lines
 
 DEGREE = 3  # of the splines through the nodes; fewer nodes than four have the largest degree that they allow
@@ -39,6 +39,6 @@ def between(values: Array, rows: Array, columns: Array) -> Array:
         Of `spline_matrix`.
     """
     p, q, c = values.shape
-    across = product(rows, values.reshape(p, -1)).reshape(-1, q, c)
-    parts = [product(np.ascontiguousarray(across[..., k]), columns.T) for k in range(c)]
+    across = (rows @ values.reshape(p, -1)).reshape(-1, q, c)
+    parts = [np.ascontiguousarray(across[..., k]) @ columns.T for k in range(c)]
     return np.stack(parts, axis=2)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...common.arrays import pairs_of, product, unit
+from ...common.arrays import pairs_of, unit
 from ...common.errors import InvalidPlan
 from ...geometry.sampling.basis import spline_sites
 from ...geometry.surface.bspline import BSplineSurface
@@ -49,7 +49,7 @@ def offset_surface(surface: BSplineSurface, distance: float) -> BSplineSurface:
     points = (surface.points(uv) + distance * surface.normals(uv)).reshape(len(sites[0]), len(sites[1]), 3)
     for axis, s in enumerate((u, v)):
         rows = np.moveaxis(points, axis, 0)
-        net = product(s.inverse, rows.reshape(len(rows), -1)).reshape(-1, *rows.shape[1:])
+        net = (s.inverse @ rows.reshape(len(rows), -1)).reshape(-1, *rows.shape[1:])
         net = np.roll(net, s.shift, axis=0)
         points = np.moveaxis(np.concatenate((net, net[: s.repeats])), 0, axis)
     return BSplineSurface(points, u.knots, v.knots, surface.degree, surface.closed)
