@@ -111,7 +111,7 @@ def usable(
         np.concatenate([getattr(t, name) for t in taxels])
         for name in ("positions_link", "normals_link", "tangents_link")
     )
-    kept = are_seen(mesh, positions + MAX_DISTANCE * normals, normals) & on.free[on.nearest(positions, normals)[1]]
+    kept = are_seen(mesh, positions + MAX_DISTANCE * normals, normals) & on.free[on.nearest(positions, normals)]
     rows = np.flatnonzero(kept)
     pairs, _, _ = overlapping(
         positions[rows], normals[rows], tangents[rows], skins[0].lattice, max(abs(skin.offset) for skin in skins)

@@ -61,10 +61,14 @@ class LinkPoints:
         """Return a tree of the points with their normals."""
         return cKDTree(with_normals(self.points, self.normals))
 
-    def nearest(self, points: Array, normals: Array) -> tuple[BoolArray, IntArray]:
-        """Return which points (n, 3) with normals (n, 3) are on the same side of the link as a point, and its index."""
-        distance, index = self.tree.query(with_normals(points, normals))
-        return np.asarray(distance) < 2 * POINT_DISTANCE, np.asarray(index)
+    def nearest(self, points: Array, normals: Array) -> IntArray:
+        """Return the index (n,) of the nearest point on the same side of the link, of points and normals (n, 3)."""
+        return np.asarray(self.tree.query(with_normals(points, normals))[1])
+
+    def are_near(self, chosen: BoolArray, points: Array, normals: Array) -> BoolArray:
+        """Return which points with normals (n, 3) are near to a point on their side of the link that is chosen."""
+        index = self.tree.query(with_normals(points, normals), distance_upper_bound=2 * POINT_DISTANCE)[1]
+        return np.append(chosen, False)[index]  # the index of none is the number of points
 
 
 def with_normals(points: Array, normals: Array) -> Array:

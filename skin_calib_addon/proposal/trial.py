@@ -157,8 +157,7 @@ def is_wanted(on: LinkPoints, samples: RaySamples, faces: Array) -> BoolArray:
     wanted = np.zeros(hit.shape, bool)
     if hit.any():
         normals = faces[hit] * np.sign((samples.rays * faces).sum(axis=2))[hit][:, None]
-        is_near, nearest = on.nearest(samples.points[hit], normals)
-        wanted[hit] = on.wanted[nearest] & is_near
+        wanted[hit] = on.are_near(on.wanted, samples.points[hit], normals)
     return wanted
 
 

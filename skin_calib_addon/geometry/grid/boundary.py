@@ -69,4 +69,4 @@ class Boundary:
 
     def _across(self, t: Array) -> Array:
         """Return differences of t by the shorter path."""
-        return t if np.isinf(self.period) else (t + self.period / 2) % self.period - self.period / 2
+        return t if np.isinf(self.period) else t - self.period * np.rint(t / self.period)

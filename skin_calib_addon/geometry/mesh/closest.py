@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...common.arrays import Array, BoolArray, IntArray, cross
+from ...common.arrays import Array, BoolArray, IntArray, cross, norms
 from .triangle_mesh import TriangleMesh
 
 # [1] most parts of one side of a face. Larger: denser samples on long faces, more memory.
@@ -76,7 +76,7 @@ def small_parts(mesh: TriangleMesh, size: float) -> tuple[Array, IntArray]:
     corners, face, done = mesh.triangles, np.arange(len(mesh.faces)), []
     limit = np.maximum(size, mesh.longest_sides / MAX_PARTS)
     while len(corners):
-        sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        sides = norms(corners - np.roll(corners, -1, axis=1))
         is_long = sides.max(axis=1) > limit[face]
         done.append((corners[~is_long], face[~is_long]))
         corners, face, longest = corners[is_long], face[is_long], sides[is_long].argmax(axis=1)
@@ -95,12 +95,12 @@ class MeshDistance:
 
     def __init__(self, mesh: TriangleMesh):
         self.triangles = mesh.triangles
-        corners, self.face = small_parts(mesh, max(float(np.median(mesh.longest_sides)), 0.01 * mesh.size))
-        self.centres = corners.mean(axis=1)
+        corners, self.face = small_parts(mesh, max(float(np.median(mesh.longest_sides)), 0.02 * mesh.size))
+        self.centres = (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3
         # Largest distance of a point of each part from its centre. One corner after the other takes less memory.
         self.radii = np.zeros(len(corners))
         for k in range(3):
-            np.maximum(self.radii, np.linalg.norm(corners[:, k] - self.centres, axis=1), out=self.radii)
+            np.maximum(self.radii, norms(corners[:, k] - self.centres), out=self.radii)
         self.radius = float(self.radii.max())
         self.tree = cKDTree(self.centres)
 
@@ -108,7 +108,7 @@ class MeshDistance:
         """Return the distance [m], the nearest face and the nearest point of each point; shapes (k,), (k,), (k, 3)."""
         face = self.face[np.asarray(self.tree.query(points)[1])]
         nearest = closest_on_triangles(points, self.triangles[face])
-        distance = np.linalg.norm(nearest - points, axis=1)
+        distance = norms(nearest - points)
         # The distance to a part is at least the distance to its centre minus the radius.
         limits = distance + self.radius
         ends = np.cumsum(self.tree.query_ball_point(points, limits, return_length=True))
@@ -116,12 +116,12 @@ class MeshDistance:
             near = self.tree.query_ball_point(points[block], limits[block], return_sorted=False)
             row = np.repeat(block, [len(parts) for parts in near])
             part = np.concatenate([np.empty(0, np.int64), *(np.asarray(parts, np.int64) for parts in near)])
-            kept = np.linalg.norm(points[row] - self.centres[part], axis=1) - self.radii[part] < distance[row]
+            kept = norms(points[row] - self.centres[part]) - self.radii[part] < distance[row]
             # A long face has many of the parts: each pair of point and face once.
             pairs = np.unique(row[kept] * len(self.triangles) + self.face[part[kept]])
             row, candidate = pairs // len(self.triangles), pairs % len(self.triangles)
             foot = closest_on_triangles(points[row], self.triangles[candidate])
-            d = np.linalg.norm(foot - points[row], axis=1)
+            d = norms(foot - points[row])
             order = np.lexsort((d, row))  # the nearest candidate of each point comes first
             first = order[np.append(True, row[order][1:] != row[order][:-1])] if len(order) else order
             first = first[d[first] < distance[row[first]]]

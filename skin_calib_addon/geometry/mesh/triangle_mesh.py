@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from ...common.arrays import Array, IntArray, freeze
+from ...common.arrays import Array, IntArray, freeze, norms
 from ...common.arrays import unit as to_unit
 from ...common.atomic_file import write_bytes_safely
 from ...common.errors import InvalidMesh
@@ -63,7 +63,7 @@ class TriangleMesh:
     @cached_property
     def face_areas(self) -> Array:
         """Return the area of each face, shape (f,) [m^2]."""
-        return np.linalg.norm(self._cross, axis=1) / 2
+        return norms(self._cross) / 2
 
     @cached_property
     def longest_sides(self) -> Array:

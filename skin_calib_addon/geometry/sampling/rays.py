@@ -75,7 +75,8 @@ class RayCaster:
             assert self.direction is not None
             self.across: Array = np.array((self.direction[1], -self.direction[0]))
             x = ends[..., 0] * self.across[0] + ends[..., 1] * self.across[1]
-            begin, sweep = x.min(axis=1), x.max(axis=1) - x.min(axis=1)
+            begin = np.minimum(x[:, 0], x[:, 1])
+            sweep = np.maximum(x[:, 0], x[:, 1]) - begin
             self.low = float(begin.min())
             self.width = 2 * float((begin + sweep).max() - self.low) or 1.0  # twice the extent separates the rows
             begin = begin - self.low
