@@ -7,7 +7,8 @@ from mathutils import Vector
 from ..skin_calib_addon.blender.live.advice import REFUSAL, warning_at
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import place_of
-from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.blender.scene import link_meshes, link_objects
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from .lists import INDEX
 from .on_link import OnLink
 
@@ -38,8 +39,8 @@ class SKIN_OT_show_warning(OnLink, bpy.types.Operator):
             inspect.marked_place = ""
             return {"FINISHED"}
         inspect.marked_place = token
-        drawing.cache(token, (place_of(warning.where.point, scene.longest_side(link, context.scene)),))
-        place = scene.link_frame(link) @ (Vector(warning.where.point) / scene.metres_per_unit(context.scene))
+        drawing.cache(token, (place_of(warning.where.point, link_objects.longest_side(link, context.scene)),))
+        place = link_meshes.link_frame(link) @ (Vector(warning.where.point) / metres_per_unit(context.scene))
         context.scene.cursor.location = place
         if context.region_data is not None:
             context.region_data.view_location = place
@@ -57,8 +58,8 @@ class SKIN_OT_margin_widen(OnLink, bpy.types.Operator):
         grid = context.object.skin_calib.grid
         before = 0.0 if grid.auto_margin else grid.margin
         grid.auto_margin = False
-        step = MARGIN_STEP * scene.longest_side(context.object, context.scene)
-        grid.margin = before + step / scene.metres_per_unit(context.scene)
+        step = MARGIN_STEP * link_objects.longest_side(context.object, context.scene)
+        grid.margin = before + step / metres_per_unit(context.scene)
         return {"FINISHED"}
 
 

@@ -3,8 +3,9 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.blender.scene import link_meshes, plans
 from ..skin_calib_addon.blender.scene.decimals import in_units, vector
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.geometry import cut_cover
 from ..skin_calib_addon.geometry.grid.axis import axis_through
 from .on_link import Edit, OnLink
@@ -21,8 +22,8 @@ class SKIN_OT_axis_from_sections(Picking, OnLink, Edit, bpy.types.Operator):
     second: bpy.props.FloatVectorProperty(name="Second", description="A point of the second section", **POINT)
 
     def edit(self, context, plan):
-        link, metre = context.object, scene.metres_per_unit(context.scene)
-        cover = cut_cover(scene.read_mesh(link, context), scene.shown_surface(link, context.scene).cover)
+        link, metre = context.object, metres_per_unit(context.scene)
+        cover = cut_cover(link_meshes.read_mesh(link, context), plans.shown_surface(link, context.scene).cover)
         axis = axis_through(cover, vector(self.first, metre), vector(self.second, metre))
         plan.grid.auto_axis = False
         plan.grid.point, plan.grid.direction = in_units(axis.point, metre), axis.direction

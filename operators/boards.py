@@ -5,9 +5,10 @@ import bpy
 
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
-from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene import skins
 from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.fields import written_cells
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.skin.boards.board_taxels import board_at
 from .lists import OnSkin
@@ -58,7 +59,7 @@ class SKIN_OT_boards_paint(Picking, OnSkin, Edit, bpy.types.Operator):
 
     def edit(self, context, plan):
         skin, taxels = self.boards(context)
-        metre = scene.metres_per_unit(context.scene)
+        metre = metres_per_unit(context.scene)
         boards = skins.read_skin(skin, metre)
         cell = board_at(taxels, boards.lattice, vector(self.point, metre))
         cells = list(boards.choice) if skin.choice == "listed" else [tuple(c) for c in taxels.index.tolist()]

@@ -4,9 +4,10 @@
 import bpy
 import numpy as np
 
-from ..skin_calib_addon.blender.scene import cut_away, scene
+from ..skin_calib_addon.blender.scene import cut_away, link_meshes, link_objects
 from ..skin_calib_addon.blender.scene.decimals import vector
 from ..skin_calib_addon.blender.scene.skins import entry
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import InvalidMesh, SkinCalibError
 from ..skin_calib_addon.geometry.grid.cut_planes import cut_normal
 from ..skin_calib_addon.geometry.mesh.defects import count
@@ -35,10 +36,10 @@ class AddCut(AtCursor, Edit):
         grid = plan.grid
         has_axis = not grid.auto_axis and grid.kind != "planes" and any(grid.direction)
         try:
-            mesh = scene.read_facets(context.object, context).welded()
+            mesh = link_meshes.read_facets(context.object, context).welded()
         except InvalidMesh:
             return (0, 0, 1)
-        at = np.array(vector(self.point, scene.metres_per_unit(context.scene)))
+        at = np.array(vector(self.point, metres_per_unit(context.scene)))
         return cut_normal(mesh, at, np.array(grid.direction) if has_axis else None)
 
 
@@ -99,7 +100,7 @@ class SKIN_OT_cut_away(OnMesh, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        reason = scene.why_no_link(context, named=False) or scene.why_not_editable(context.object)
+        reason = link_objects.why_no_link(context, named=False) or link_objects.why_not_editable(context.object)
         if not reason and context.mode != "EDIT_MESH":
             reason = "Select faces in Edit Mode (Tab) first"
         return cls.says(reason)
@@ -128,7 +129,7 @@ class SKIN_OT_bring_back(OnMesh, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        reason = scene.why_no_link(context, named=False)
+        reason = link_objects.why_no_link(context, named=False)
         if not reason and cut_away.modifier_of(context.object) is None:
             reason = "No face of this link was cut away by hand"
         return cls.says(reason)

@@ -8,7 +8,8 @@ from pathlib import Path
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
-from ..skin_calib_addon.blender.scene import results, robots, scene, showing, skins
+from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, results, robots, showing, skins
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.exchange import FORMATS, WRITABLE
 from ..skin_calib_addon.calibration.file import save_calibration
 from ..skin_calib_addon.common.atomic_file import write_bytes_safely
@@ -29,12 +30,12 @@ from .working import WhileIdle
 
 def add_plan(operator, context, plan, mesh):
     """Add a plan and its mesh as the active object."""
-    link = scene.add_link(context, mesh, plan.unit, plan.link)
-    scene.write_plan(link, context.scene, plan)
+    link = link_objects.add_link(context, mesh, plan.unit, plan.link)
+    plans.write_plan(link, context.scene, plan)
     hidden = showing.present(context, [link])
     if hidden:
         operator.report({"INFO"}, hidden)
-    if not scene.is_kept(plan, scene.read_plan(link, context.scene)):
+    if not plans.is_kept(plan, plans.read_plan(link, context.scene)):
         operator.report({"WARNING"}, "Numbers of the plan with more than seven digits were rounded")
 
 
@@ -51,7 +52,7 @@ class SKIN_OT_import_plan(Import, bpy.types.Operator):
 
     def reader(self, path):
         plan = load_plan(path)
-        scene.check_numbers(plan, scene.metres_per_unit(bpy.context.scene))
+        plans.check_numbers(plan, metres_per_unit(bpy.context.scene))
 
         def read():
             if is_urdf(plan.mesh):
@@ -90,20 +91,21 @@ class Export(ExportHelper):
 
 def fit_to_write(context):
     """Fit the active link as it is now, and return its calibration and what is to be reported about it."""
-    _, result = results.fit(scene.read_plan(context.object, context.scene), scene.read_mesh(context.object, context))
+    link = context.object
+    _, result = results.fit(plans.read_plan(link, context.scene), link_meshes.read_mesh(link, context))
     warnings = [str(warning) for warning in result.warnings]
     if not any(patch.taxels.ids for patch in result.calibration.patches):
         warnings.append("The file has no taxels. Add a skin to the link, then export again.")
-    others = scene.namesakes(context.object, context.scene)
+    others = link_objects.namesakes(link, context.scene)
     if others:
-        warnings.append(f"{others[0]} has the link name of {context.object.name}, too. Rename one of them.")
+        warnings.append(f"{others[0]} has the link name of {link.name}, too. Rename one of them.")
     return result.calibration, warnings
 
 
 def write_plan(context, link, path):
     """Write the plan of a link, and return it. If no file has its mesh, the mesh is written next to the plan."""
-    mesh = scene.read_mesh(link, context)
-    plan = scene.read_plan(link, context.scene)
+    mesh = link_meshes.read_mesh(link, context)
+    plan = plans.read_plan(link, context.scene)
     urdf = robots.urdf_of(link)
     files = [path.parent / plan.mesh, *([urdf] if urdf else [])]
     target = next((file for file in files if _has_mesh(file, plan, mesh)), None)

@@ -9,7 +9,8 @@ from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
 from ..skin_calib_addon.blender.overlay.layers import maximum_of
 from ..skin_calib_addon.blender.properties.inspect import maximum_token
-from ..skin_calib_addon.blender.scene import results, scene, skins
+from ..skin_calib_addon.blender.scene import link_meshes, plans, results, skins
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
 from ..skin_calib_addon.common.errors import SkinCalibError
 from .on_link import OnLink, OnResult
@@ -18,7 +19,7 @@ from .working import Working
 
 def fit_of(context, link):
     """Return plan and facets of a link, and the computation of its fit, which needs no Blender."""
-    plan, facets = scene.read_plan(link, context.scene), updates.facets_of(link)
+    plan, facets = plans.read_plan(link, context.scene), updates.facets_of(link)
     return (plan, facets), lambda begin: results.fit(plan, facets.mesh(), begin)
 
 
@@ -27,7 +28,7 @@ def store_fit(context, link, given, result):
     key, calibrated = result
     drawing.prepare(key, calibrated)
     updates.reports.pop(link.name, None)
-    scene.write_result(link, context.scene, calibrated, key)
+    results.write_result(link, context.scene, calibrated, key)
     read_again(link, context.scene)
     link.skin_calib.result.outdated = not _is_unchanged(context, link, *given)
     drawing.redraw()
@@ -36,8 +37,8 @@ def store_fit(context, link, given, result):
 def _is_unchanged(context, link, plan, facets):
     """Return whether plan and mesh are still those of the fit."""
     try:
-        is_same = scene.read_plan(link, context.scene) == plan
-        return is_same and scene.read_facets(link, context).is_same(facets)
+        is_same = plans.read_plan(link, context.scene) == plan
+        return is_same and link_meshes.read_facets(link, context).is_same(facets)
     except SkinCalibError:
         return False
 
@@ -93,7 +94,7 @@ class SKIN_OT_show_worst(OnResult, bpy.types.Operator):
         inspect.marked, fit = key, results.find(key).worst_fit
         drawing.cache(maximum_token(key), (maximum_of(fit),))
         _, point, distance = fit.worst
-        place = scene.link_frame(context.object) @ (Vector(point) / scene.metres_per_unit(context.scene))
+        place = link_meshes.link_frame(context.object) @ (Vector(point) / metres_per_unit(context.scene))
         context.scene.cursor.location = place
         if context.region_data is not None:
             context.region_data.view_location = place

@@ -7,8 +7,9 @@ import bpy
 
 from ..skin_calib_addon.blender.inspection.comparing import TAXEL_ENDINGS
 from ..skin_calib_addon.blender.properties.of_keys import menu_of, words_of
-from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene import link_meshes, plans, skins
 from ..skin_calib_addon.blender.scene.fields import kept_path
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.exchange import read_taxels
 from ..skin_calib_addon.geometry import cut_cover
 from ..skin_calib_addon.plan.keys import IMPORTED
@@ -34,7 +35,7 @@ class SKIN_OT_skin_import(Edit, FromFile, bpy.types.Operator):
     def edit(self, context, plan):
         path = bpy.path.abspath(self.filepath)
         taxels = read_taxels(path, None if self.format == "auto" else self.format, self.only or None)
-        metre = scene.metres_per_unit(context.scene)
+        metre = metres_per_unit(context.scene)
         skin = skins.add_skin(plan.skins, "imported", metre, Path(path).stem)
         skin.file, skin.format, skin.only = kept_path(path), self.format, self.only
         named = "" if taxels.frame is None else f" in the frame {taxels.frame}"
@@ -49,14 +50,14 @@ class SKIN_OT_frame_find(OnSkin, Edit, bpy.types.Operator):
 
     def edit(self, context, plan):
         self.of_kind(plan, "imported", "frame of a file")
-        read = scene.read_plan(context.object, context.scene)
+        read = plans.read_plan(context.object, context.scene)
         skin = read.skins[self.skin]
         taxels = read_taxels(skin.file, skin.format, skin.only)
         surface = next(surface for surface in read.surfaces if surface.name == read.surface_of(skin))
-        cover = cut_cover(scene.read_mesh(context.object, context), surface.cover)
+        cover = cut_cover(link_meshes.read_mesh(context.object, context), surface.cover)
         rotation, translation = frame_on(taxels, cover, skin.name, skin.frame)
         frame = Frame(tuple(map(tuple, rotation.tolist())), tuple(translation.tolist()))
-        skins.write_frame(plan.skins[self.skin], frame, scene.metres_per_unit(context.scene))
+        skins.write_frame(plan.skins[self.skin], frame, metres_per_unit(context.scene))
 
 
 CLASSES = (SKIN_OT_skin_import, SKIN_OT_frame_find)

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 
 from ..skin_calib_addon.blender.live import diagnoses
-from ..skin_calib_addon.blender.scene import scene, showing
+from ..skin_calib_addon.blender.scene import link_meshes, link_objects, showing
 from ..skin_calib_addon.common.errors import SkinCalibError, UnknownLink
 from ..skin_calib_addon.common.findings import show
 from ..skin_calib_addon.geometry.mesh.defects import count, edges_at
@@ -22,7 +22,7 @@ _choices: list[tuple[str, str, str]] = []  # items of the search in the open URD
 
 def add_link(operator, context, mesh, unit, name, file):
     """Add a link as the active object; report its size, as a warning where links do not have this size."""
-    link = scene.add_link(context, mesh, unit, name)
+    link = link_objects.add_link(context, mesh, unit, name)
     link.skin_calib.link, link.skin_calib.mesh_file = name, file
     hidden = showing.present(context, [link])
     side = float(np.ptp(mesh.vertices, axis=0).max()) * UNITS[unit]
@@ -158,7 +158,7 @@ class SKIN_OT_scale_to_unit(OnMesh, bpy.types.Operator):
         link.scale = [factor * s for s in link.scale]
         link.skin_calib.result.outdated = True
         context.view_layer.update()
-        self.report({"INFO"}, f"{link.name} is now {scene.longest_side(link, context.scene) * 1e3:.4g} mm long")
+        self.report({"INFO"}, f"{link.name} is now {link_objects.longest_side(link, context.scene) * 1e3:.4g} mm long")
         return {"FINISHED"}
 
 
@@ -192,7 +192,7 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return cls.says(scene.why_no_link(context, named=False) or scene.why_not_editable(context.object))
+        return cls.says(link_objects.why_no_link(context, named=False) or link_objects.why_not_editable(context.object))
 
     def execute(self, context):
         link = context.object
@@ -200,7 +200,7 @@ class SKIN_OT_show_defects(OnMesh, bpy.types.Operator):
             link.update_from_editmode()
         try:
             found = diagnoses.examination(link, context)()
-            vertices, edges = scene.read_edges(link, context)
+            vertices, edges = link_meshes.read_edges(link, context)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

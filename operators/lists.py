@@ -3,9 +3,10 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene import skins
 from ..skin_calib_addon.blender.scene.fields import write_first
 from ..skin_calib_addon.blender.scene.skins import entry, of_kind
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.plan.keys import ZONE
 from .on_link import Edit
 from .picking import AtCursor
@@ -43,7 +44,7 @@ class SKIN_OT_skin_add(Edit, bpy.types.Operator):
         return properties.bl_rna.properties["kind"].enum_items[properties.kind].description
 
     def edit(self, context, plan):
-        skins.add_skin(plan.skins, self.kind, scene.metres_per_unit(context.scene))
+        skins.add_skin(plan.skins, self.kind, metres_per_unit(context.scene))
 
 
 class SKIN_OT_skin_remove(Edit, bpy.types.Operator):
@@ -93,7 +94,7 @@ class SKIN_OT_zone_add(AtCursor, OnSkin, Edit, bpy.types.Operator):
     def edit(self, context, plan):
         zone = self.of_kind(plan, "hexagons", "excluded zones").excluded.add()
         zone.point = self.start(context)
-        write_first(ZONE, zone, scene.metres_per_unit(context.scene))
+        write_first(ZONE, zone, metres_per_unit(context.scene))
 
 
 class SKIN_OT_zone_remove(OnSkin, Edit, bpy.types.Operator):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Base classes of operators on a link: when they are available, and how an edit of its plan ends."""
 
-from ..skin_calib_addon.blender.scene import results, scene
+from ..skin_calib_addon.blender.scene import link_objects, results
 from ..skin_calib_addon.common.errors import SkinCalibError
 
 
@@ -10,7 +10,7 @@ class OnMesh:
 
     @classmethod
     def poll(cls, context):
-        return cls.says(scene.why_no_link(context, named=False))
+        return cls.says(link_objects.why_no_link(context, named=False))
 
     @classmethod
     def says(cls, reason):
@@ -25,7 +25,7 @@ class OnLink(OnMesh):
 
     @classmethod
     def poll(cls, context):
-        return cls.says(scene.why_no_link(context))
+        return cls.says(link_objects.why_no_link(context))
 
 
 class OnResult(OnLink):

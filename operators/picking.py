@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.handles.view import point_under
-from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.blender.scene import points_on_link
 from ..skin_calib_addon.common.errors import SkinCalibError
 
 # Events that only move the view.
@@ -22,7 +22,7 @@ class AtCursor:
     def start(self, context):
         """Set the point to the 3D cursor, unless it is given."""
         if not self.properties.is_property_set("point"):
-            self.point = scene.cursor_on(context.object, context.scene)
+            self.point = points_on_link.cursor_on(context.object, context.scene)
         return self.point
 
 
@@ -51,7 +51,7 @@ class Picking:
     def invoke(self, context, event):
         try:
             self.check(context)
-            scene.check_seen(context.object)
+            points_on_link.check_seen(context.object)
         except SkinCalibError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene import points_on_link, skins
 from .lists import INDEX, OnSkin
 from .on_link import Edit
 from .picking import POINT, Picking
@@ -36,7 +36,7 @@ class SKIN_OT_place_at_cursor(Place, bpy.types.Operator):
     bl_label = "Place at 3D Cursor"
 
     def edit(self, context, plan):
-        self.put(plan, scene.cursor_on(context.object, context.scene))
+        self.put(plan, points_on_link.cursor_on(context.object, context.scene))
 
 
 class SKIN_OT_place(Picking, Place, bpy.types.Operator):

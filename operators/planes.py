@@ -3,8 +3,9 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.scene import plane_lists, scene
+from ..skin_calib_addon.blender.scene import link_meshes, plane_lists, plans, points_on_link
 from ..skin_calib_addon.blender.scene.skins import entry
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.geometry import PlanesGrid, cut_cover
 from ..skin_calib_addon.geometry.fit.auto import grid_lines
@@ -27,13 +28,13 @@ class SKIN_OT_planes_place(OnLink, Edit, bpy.types.Operator):
 
     def edit(self, context, plan):
         link = context.object
-        read = scene.shown_surface(link, context.scene)
-        cover = cut_cover(scene.read_mesh(link, context), read.cover)
+        read = plans.shown_surface(link, context.scene)
+        cover = cut_cover(link_meshes.read_mesh(link, context), read.cover)
         if not isinstance(read.grid, PlanesGrid) and read.grid.region.boundary:
             raise SkinCalibError("Planes placed by hand cannot have a boundary. Remove the boundary first.")
         lines = grid_lines(cover, read.grid, read.degree, read.max_deviation)
         grid = PlanesGrid(*planes_of(lines), lines.closed)
-        scene.write_grid(plan.grid, grid, scene.metres_per_unit(context.scene))
+        plans.write_grid(plan.grid, grid, metres_per_unit(context.scene))
         plan.held = "U"
 
 
@@ -82,7 +83,7 @@ class SKIN_OT_plane_add(OnPlanes, bpy.types.Operator):
         planes = plane_lists.read_planes(grid, self.family, context.scene)
         item = listed.add()
         if planes is None:
-            item.point = scene.cursor_on(context.object, context.scene)
+            item.point = points_on_link.cursor_on(context.object, context.scene)
             item.normal = (0, 0, 1) if self.family == "u" else (1, 0, 0)
             return
         index = min(index, len(planes) - 1)

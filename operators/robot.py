@@ -7,8 +7,9 @@ from pathlib import Path
 import bpy
 
 from ..skin_calib_addon.blender.live import updates
-from ..skin_calib_addon.blender.scene import robots, scene, showing
+from ..skin_calib_addon.blender.scene import link_meshes, link_objects, plans, robots, showing
 from ..skin_calib_addon.blender.scene.preferences import preferences
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import refusal_of
 from ..skin_calib_addon.common.errors import InvalidMesh, InvalidPlan, OutputError, SkinCalibError, listed
 from ..skin_calib_addon.common.findings import printable
@@ -65,7 +66,7 @@ class OnLinks:
 
     @classmethod
     def poll(cls, context):
-        return cls.says("" if scene.links(context) else "Import a robot, or a link, first")
+        return cls.says("" if link_objects.links(context) else "Import a robot, or a link, first")
 
     @classmethod
     def says(cls, reason):
@@ -88,7 +89,7 @@ class Propose(OverLinks):
         super().choose(context)
 
     def task(self, context, link):
-        facets, choice = scene.read_facets(link, context), self.choice
+        facets, choice = link_meshes.read_facets(link, context), self.choice
         file = robots.urdf_of(link) or Path(f"{link.name}.ply")  # read only if it is a robot
         name = link.skin_calib.link
         return lambda begin: propose_task(Task(file, "m", name, choice, facets.mesh()), begin)
@@ -101,8 +102,8 @@ class Propose(OverLinks):
             raise InvalidPlan(proposal.reasons[-1])
         plan = numbered(proposal.plan, robots.next_channel(link, context.scene))
         plan = replace(plan, mesh=Path(settings.mesh_file or f"{link.name}.ply"))
-        scene.check_numbers(plan, scene.metres_per_unit(context.scene))
-        scene.write_plan(link, context.scene, plan)
+        plans.check_numbers(plan, metres_per_unit(context.scene))
+        plans.write_plan(link, context.scene, plan)
         settings.proposed, settings.refusal = proposal.taxels, ""
         settings.result.key = ""  # a fit of an earlier plan is not drawn
         updates.forget(link.name)
@@ -173,7 +174,7 @@ def links_to_write(context):
     if not fitted:
         raise OutputError("No link is fitted. Press Propose All and Fit All first.")
     for link in fitted:
-        if scene.namesakes(link, context.scene):
+        if link_objects.namesakes(link, context.scene):
             raise OutputError(f"Two objects have the link name {link.skin_calib.link}. Rename one of them.")
     if len({link.skin_calib.urdf for link in fitted} - {""}) > 1:
         raise OutputError("The scene has links of two robots. Delete one of them.")

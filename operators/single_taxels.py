@@ -5,8 +5,9 @@ import bpy
 
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.overlay import drawing
-from ..skin_calib_addon.blender.scene import scene, skins
+from ..skin_calib_addon.blender.scene import skins
 from ..skin_calib_addon.blender.scene.skins import entry
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.calibration.model import MAX_CHANNEL
 from ..skin_calib_addon.common.errors import SkinCalibError
 from ..skin_calib_addon.skin.single_taxels import short_id
@@ -38,7 +39,7 @@ class OneTaxel(OnResult, Edit):
         for skin, patch, disabled in zip(plan.skins, drawn.patches, drawn.disabled_patches):
             if taxel in patch.taxels.ids or disabled and taxel in disabled.taxels.ids:
                 if skin.kind == "hexagons":
-                    skins.list_boards(skin, patch.taxels, scene.metres_per_unit(context.scene))
+                    skins.list_boards(skin, patch.taxels, metres_per_unit(context.scene))
                 return skins.single_taxel(skin, short_id(patch, taxel))
         raise SkinCalibError(f"The link has no taxel {taxel}. Fit it again, or choose another one.")
 

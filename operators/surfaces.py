@@ -6,7 +6,8 @@ from itertools import count
 
 import bpy
 
-from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.blender.scene import plans
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import InvalidPlan
 from .lists import INDEX, OnSkin
 from .on_link import Edit
@@ -16,9 +17,9 @@ class OnSurfaces(Edit):
     """Changes the surfaces of the plan, or which of them the panels show."""
 
     def edit(self, context, plan):
-        metre = scene.metres_per_unit(context.scene)
-        surfaces, shown = self.changed(scene.read_surfaces(plan, metre), scene.shown_index(plan))
-        scene.write_surfaces(plan, surfaces, shown, metre)
+        metre = metres_per_unit(context.scene)
+        surfaces, shown = self.changed(plans.read_surfaces(plan, metre), plans.shown_index(plan))
+        plans.write_surfaces(plan, surfaces, shown, metre)
 
 
 class SKIN_OT_surface_show(OnSurfaces, bpy.types.Operator):
@@ -54,8 +55,8 @@ class SKIN_OT_surface_remove(OnSurfaces, bpy.types.Operator):
     bl_label = "Remove Surface"
 
     def edit(self, context, plan):
-        read = scene.read_plan(context.object, context.scene)
-        name = read.surfaces[scene.shown_index(plan)].name
+        read = plans.read_plan(context.object, context.scene)
+        name = read.surfaces[plans.shown_index(plan)].name
         on_it = [skin.name for skin in read.skins if read.surface_of(skin) == name]
         if on_it:
             raise InvalidPlan(f"Skin {on_it[0]!r} is on surface {name!r}. Move it to another surface first.")
@@ -76,7 +77,7 @@ class SKIN_OT_skin_surface(OnSkin, Edit, bpy.types.Operator):
     name: bpy.props.StringProperty(name="Surface", description="Name of the surface")
 
     def edit(self, context, plan):
-        if self.name not in scene.surface_names(plan):
+        if self.name not in plans.surface_names(plan):
             raise InvalidPlan(f"The plan has no surface {self.name!r}.")
         plan.skins[self.skin].surface = self.name
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..skin_calib_addon.blender.scene import scene
+from ..skin_calib_addon.blender.scene import link_meshes
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.common.errors import InvalidMesh
 from ..skin_calib_addon.geometry.mesh.defects import count
 from ..skin_calib_addon.skin.zones import discs_over
@@ -35,7 +36,7 @@ class SKIN_OT_zones_from_faces(OnSkin, Edit, bpy.types.Operator):
         if link.mode == "EDIT":
             link.update_from_editmode()
         chosen = selected(link) if link.mode == "EDIT" else grouped(link)
-        metre = scene.metres_per_unit(context.scene)
+        metre = metres_per_unit(context.scene)
         discs = discs_over(triangles_of(link, context, chosen), self.radius * 1e-3)
         for point, radius in discs:
             zone = skin.excluded.add()
@@ -75,7 +76,7 @@ def triangles_of(link, context, chosen):
     data.loop_triangles.foreach_get("polygon_index", owners)
     vertices = np.empty(3 * len(data.vertices), np.float32)
     data.vertices.foreach_get("co", vertices)
-    placed = replace(scene.read_facets(link, context), vertices=vertices.reshape(-1, 3))
+    placed = replace(link_meshes.read_facets(link, context), vertices=vertices.reshape(-1, 3))
     return placed.triangles()[0][corners.reshape(-1, 3)[chosen[owners]]]
 
 

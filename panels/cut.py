@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.scene import cut_away
-from ..skin_calib_addon.blender.scene.scene import shown_index, surface_names
+from ..skin_calib_addon.blender.scene.plans import shown_index, surface_names
 from ..skin_calib_addon.geometry.mesh.defects import count
 from .base import Step, button, draw_plane, is_narrow, what_is_wrong
 

@@ -4,7 +4,7 @@
 import bpy
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
-from ..skin_calib_addon.blender.scene.scene import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from .base import Step, button, field, show_text
 
 

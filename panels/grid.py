@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.scene.scene import record_of
+from ..skin_calib_addon.blender.scene.plans import record_of
 from .base import Step, button, buttons, draw_plane, field, more, show_text, what_is_wrong
 from .rows import draw_keys, draw_value, keys_in
 

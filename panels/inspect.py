@@ -6,7 +6,7 @@ import bpy
 from ..skin_calib_addon.blender.inspection import comparing, replay
 from ..skin_calib_addon.blender.properties.millimetres import shown
 from ..skin_calib_addon.blender.scene import results
-from ..skin_calib_addon.blender.scene.scene import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from .base import ICON_WIDTH, SkinPanel, button, buttons, field, is_narrow, show_text, show_warning
 
 

@@ -4,8 +4,8 @@
 import bpy
 
 from ..skin_calib_addon.blender.live import diagnoses
+from ..skin_calib_addon.blender.scene.link_objects import longest_side, namesakes
 from ..skin_calib_addon.blender.scene.preferences import preferences
-from ..skin_calib_addon.blender.scene.scene import longest_side, namesakes
 from ..skin_calib_addon.geometry.mesh.defects import count
 from ..skin_calib_addon.geometry.mesh.units import UNIT_NAMES, likely_mistake
 from .base import Step, button, buttons, field, show_text, show_warning

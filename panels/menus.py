@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..skin_calib_addon.blender.scene.scene import shown_index, surface_names
+from ..skin_calib_addon.blender.scene.plans import shown_index, surface_names
 
 LINE = ""  # between two groups of entries
 # Menus below Skin, each with its label and its operators: name and icon.

@@ -2,7 +2,7 @@
 """Rows of a panel from the table of plan keys."""
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
-from ..skin_calib_addon.blender.scene.scene import is_simple
+from ..skin_calib_addon.blender.scene.plans import is_simple
 from ..skin_calib_addon.plan.keys import PLAN
 from .base import field
 

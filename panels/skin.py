@@ -4,7 +4,7 @@
 from functools import partial
 
 from ..skin_calib_addon.blender.properties.millimetres import shown
-from ..skin_calib_addon.blender.scene.scene import surface_names
+from ..skin_calib_addon.blender.scene.plans import surface_names
 from ..skin_calib_addon.plan.keys import SKINS_OF
 from .base import ICON_WIDTH, Step, button, buttons, field, more, show_text
 from .rows import draw_keys, draw_value

@@ -5,7 +5,7 @@ import bpy
 
 from ..skin_calib_addon.blender.live import updates
 from ..skin_calib_addon.blender.live.advice import REFUSAL, offered
-from ..skin_calib_addon.blender.scene.scene import metres_per_unit
+from ..skin_calib_addon.blender.scene.units import metres_per_unit
 from ..skin_calib_addon.blender.scene.warnings import read_warning
 from .base import POPOVER_UNITS, buttons, show_text, show_warning
 

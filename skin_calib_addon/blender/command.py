@@ -9,7 +9,9 @@ import bpy
 from .. import cli
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..plan import Plan
-from .scene.scene import links, read_mesh, read_plan
+from .scene.link_meshes import read_mesh
+from .scene.link_objects import links
+from .scene.plans import read_plan
 
 _commands: list[Any] = []
 

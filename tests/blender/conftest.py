@@ -56,9 +56,8 @@ def bpy(extension):
 def addon(extension, bpy):
     """Return the extension's modules, which differ from those that plain Python imports."""
 
-    found = modules(
-        extension, "command", "live.diagnoses", "overlay.drawing", "scene.results", "scene.robots", "scene.scene"
-    )
+    scene = (f"scene.{name}" for name in ("link_meshes", "plans", "points_on_link", "results", "robots"))
+    found = modules(extension, "command", "live.diagnoses", "overlay.drawing", *scene)
     found.plan_document = importlib.import_module(f"{extension}.skin_calib_addon.plan").plan_document
     found.skins = importlib.import_module(f"{extension}.skin_calib_addon.plan.skins")
     return found
@@ -69,7 +68,7 @@ def document(addon, bpy):
     """Gives the document that a link's plan would be written as."""
 
     def document(link):
-        return addon.plan_document(addon.scene.read_plan(link, bpy.context.scene))
+        return addon.plan_document(addon.plans.read_plan(link, bpy.context.scene))
 
     return document
 

@@ -35,7 +35,7 @@ def left(bpy, addon):
     def left(name="arm"):
         link = bpy.data.objects[name]
         bpy.context.view_layer.update()
-        return len(addon.scene.read_mesh(link, bpy.context).faces)
+        return len(addon.link_meshes.read_mesh(link, bpy.context).faces)
 
     return left
 

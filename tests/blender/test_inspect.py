@@ -15,7 +15,7 @@ LINES = {"SECTIONS", "LINES", "NET", "SURFACE", "CELLS", "NORMALS"}
 def ours(extension, bpy):
     """Return modules of the running extension."""
     names = ("overlay.layers", "overlay.scales", "overlay.labels", "overlay.drawing")
-    return modules(extension, *names, "scene.units", "scene.results", "scene.scene")
+    return modules(extension, *names, "scene.link_meshes", "scene.plans", "scene.results", "scene.units")
 
 
 @pytest.fixture
@@ -111,11 +111,11 @@ def test_heat_map_of_the_error_has_the_measure_of_the_panel(bpy, ours, plan_file
     layer = by_name(ours.layers.layers_of(ours.results.find(link.skin_calib.result.key)))["ERROR"]
     assert_allclose(layer.legend.maximum, fit.errors.surface_to_mesh.max, rtol=1e-12)
     assert_allclose(
-        layer.legend.maximum, link.skin_calib.result.max * ours.scene.metres_per_unit(bpy.context.scene), rtol=1e-6
+        layer.legend.maximum, link.skin_calib.result.max * ours.units.metres_per_unit(bpy.context.scene), rtol=1e-6
     )
     brightest = (layer.colours[:, :3] == np.float32(layer.legend.scale[-1])).all(axis=1)
     bpy.ops.skin_calib.show_worst()
-    shown = np.array(bpy.context.scene.cursor.location) * ours.scene.metres_per_unit(bpy.context.scene)
+    shown = np.array(bpy.context.scene.cursor.location) * ours.units.metres_per_unit(bpy.context.scene)
     assert np.linalg.norm(layer.points[brightest] - shown, axis=1).min() < 1e-6
 
 
@@ -288,7 +288,7 @@ def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, resul
 
     frame_for(bpy, fitted)
     pick = modules(extension, "inspection.taxels").taxels.taxel_on_ray
-    taxels, to_world = result.calibration.patches[0].taxels, ours.scene.link_frame(fitted)
+    taxels, to_world = result.calibration.patches[0].taxels, ours.link_meshes.link_frame(fitted)
     for name, place, normal in zip(taxels.ids, taxels.positions_link, taxels.normals_link):
         eye, target = to_world @ Vector(place + 0.1 * normal), to_world @ Vector(place)
         assert pick(fitted, bpy.context, eye, target - eye) == name
@@ -308,7 +308,7 @@ def test_click_reads_the_taxel_that_one_sees(bpy, ours, extension, fitted, resul
 
 def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
     """The result is numbers in scene units and lines in the view; undo removes them; the plan does not change."""
-    path, plan = tmp_path / "moved.csv", ours.scene.read_plan(fitted, bpy.context.scene)
+    path, plan = tmp_path / "moved.csv", ours.plans.read_plan(fitted, bpy.context.scene)
     bpy.ops.skin_calib.export_taxels(filepath=str(path), format="csv")
     header, *rows = path.read_text().splitlines()
     x, label = header.split(",").index("x"), header.split(",").index("id")
@@ -330,7 +330,7 @@ def test_link_is_compared_with_a_file(bpy, ours, fitted, result, tmp_path):
     )
     assert len(worst.points) == 8
     bpy.context.scene.unit_settings.scale_length = 1.0
-    assert ours.scene.read_plan(link, bpy.context.scene) == plan
+    assert ours.plans.read_plan(link, bpy.context.scene) == plan
     bpy.ops.ed.undo()
     link = bpy.context.object
     assert not link.skin_calib.inspect.comparison.file

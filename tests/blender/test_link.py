@@ -54,7 +54,7 @@ def test_mesh_becomes_a_link_in_metres(bpy, addon, tmp_path, kind, unit, taken, 
     assert (link.name, link.skin_calib.link, link.skin_calib.mesh_file) == ("l_forearm", "l_forearm", path.name)
     assert_allclose(link.scale, [taken / metre] * 3, rtol=1e-6)
     assert_allclose([v.co[:] for v in link.data.vertices], read_mesh(path).vertices, rtol=1e-6, atol=1e-7 * scale)
-    assert_allclose(addon.scene.read_mesh(link, bpy.context).vertices, TUBE.vertices, atol=1e-8)
+    assert_allclose(addon.link_meshes.read_mesh(link, bpy.context).vertices, TUBE.vertices, atol=1e-8)
     assert [o.name for o in bpy.context.selected_objects] == ["l_forearm"]
 
 
@@ -117,7 +117,7 @@ def test_link_of_a_robot_lies_in_its_frame(bpy, addon, urdf, use, metre):
     link = bpy.context.object
     bpy.context.view_layer.update()
     expected = load_link(urdf, read_robot(urdf), "arm", use)
-    mesh = addon.scene.read_mesh(link, bpy.context)
+    mesh = addon.link_meshes.read_mesh(link, bpy.context)
     assert_allclose(np.sort(mesh.vertices, axis=0), np.sort(expected.vertices, axis=0), atol=2e-8)
     assert_allclose(mesh.face_areas.sum(), expected.face_areas.sum(), rtol=1e-5)
     assert link.skin_calib.link == "arm" and tuple(link.location) == (0, 0, 0)
@@ -327,7 +327,7 @@ def test_real_link_is_imported_unchanged(bpy, addon, path):
     bpy.ops.skin_calib.import_mesh(filepath=str(path))
     link, mesh = bpy.context.object, load_mesh(path)
     bpy.context.view_layer.update()
-    assert addon.scene.read_mesh(link, bpy.context).sha256 == mesh.sha256
+    assert addon.link_meshes.read_mesh(link, bpy.context).sha256 == mesh.sha256
     assert not any("long" in line for line in draw(bpy, "link"))
     bpy.ops.skin_calib.diagnose()
     found = {(f.message, f.severity) for f in link.skin_calib.diagnosis.findings}

@@ -117,12 +117,12 @@ def test_cut_starts_at_the_cursor(bpy, addon, link):
 
 def test_modifiers_count(bpy, addon, link):
     """The mesh is the displayed one, with its modifiers, in object and in edit mode."""
-    plain = addon.scene.read_mesh(link, bpy.context)
+    plain = addon.link_meshes.read_mesh(link, bpy.context)
     link.modifiers.new("finer", "SUBSURF").levels = 1
-    assert len(addon.scene.read_mesh(link, bpy.context).faces) == 6 * len(plain.faces)  # three quads of each
+    assert len(addon.link_meshes.read_mesh(link, bpy.context).faces) == 6 * len(plain.faces)  # three quads of each
     link.modifiers.clear()
     bpy.ops.object.mode_set(mode="EDIT")
-    assert addon.scene.read_mesh(link, bpy.context).sha256 == plain.sha256
+    assert addon.link_meshes.read_mesh(link, bpy.context).sha256 == plain.sha256
 
 
 def test_link_switched_off_is_fitted_or_refused(bpy, link, fit_scene):

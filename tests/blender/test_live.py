@@ -205,12 +205,12 @@ def test_mesh_is_read_once_for_each_change(bpy, updates, following, monkeypatch)
     """Its triangles are read again only after it has changed."""
     read = []
 
-    def counted(link, context, before=None, real=updates.scene.read_facets):
+    def counted(link, context, before=None, real=updates.link_meshes.read_facets):
         facets = real(link, context, before)
         read.append(facets is before)
         return facets
 
-    monkeypatch.setattr(updates.scene, "read_facets", counted)
+    monkeypatch.setattr(updates.link_meshes, "read_facets", counted)
     look(updates)
     read.clear()
     for n in (7, 8, 9):
@@ -362,13 +362,13 @@ def test_mesh_that_changes_by_reading_is_compared_once(bpy, updates, link, monke
     bpy.ops.skin_calib.fit()
     looks = []
 
-    def touching(link, context, before=None, real=updates.scene.read_facets):
+    def touching(link, context, before=None, real=updates.link_meshes.read_facets):
         looks.append(link.name)
         assert len(looks) < 9, "endless comparison"
         updates._possibly_changed.add(link.name)
         return real(link, context, before)
 
-    monkeypatch.setattr(updates.scene, "read_facets", touching)
+    monkeypatch.setattr(updates.link_meshes, "read_facets", touching)
     link.location = (0.001, 0, 0)
     bpy.context.view_layer.update()
     updates._check_possibly_changed()
@@ -385,10 +385,10 @@ def test_mesh_with_other_polygons_around_the_same_corners_is_another_mesh(bpy, u
         link.data.clear_geometry()
         link.data.from_pydata(vertices, [], polygons)
         bpy.context.view_layer.update()
-        read.append(updates.scene.read_facets(link, bpy.context, read[-1]))
+        read.append(updates.link_meshes.read_facets(link, bpy.context, read[-1]))
     assert (read[1].corners == read[2].corners).all() and (read[1].vertices == read[2].vertices).all()
     assert read[2] is not read[1] and read[3] is read[2]
     assert [len(found.faces) for found in read[1:]] == [3, 3, 3] and (read[1].faces != read[2].faces).any()
     link.data.clear_geometry()
     bpy.context.view_layer.update()
-    assert len(updates.scene.read_facets(link, bpy.context, read[-1]).faces) == 0
+    assert len(updates.link_meshes.read_facets(link, bpy.context, read[-1]).faces) == 0

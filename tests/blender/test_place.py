@@ -64,16 +64,16 @@ def test_ray_meets_the_mesh_that_one_sees(bpy, addon, link):
     link.scale = (1.0, 1.5, 0.5)
     frame_for(bpy, link)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    seen = addon.scene.read_mesh(link, bpy.context)
+    seen = addon.link_meshes.read_mesh(link, bpy.context)
     middle = np.array((0.0, 0.015, 0.03))
     for direction in np.array(((1, 0, 0), (-0.6, 0.8, 0.1), (0, -1, 0.2))):
         eye = middle - 0.5 * direction / np.linalg.norm(direction)
-        to_world = addon.scene.link_frame(link)
+        to_world = addon.link_meshes.link_frame(link)
         start, ahead = (to_world @ Vector(p) for p in (eye, eye + direction))
-        point = np.array(addon.scene.point_on(link, depsgraph, start, ahead - start))
+        point = np.array(addon.points_on_link.point_on(link, depsgraph, start, ahead - start))
         expected = first_crossing(seen, eye, direction)
         assert_allclose(point, expected, atol=1e-6)
-    assert addon.scene.point_on(link, depsgraph, start, start - ahead) is None
+    assert addon.points_on_link.point_on(link, depsgraph, start, start - ahead) is None
 
 
 def first_crossing(mesh, eye, direction):
@@ -90,14 +90,14 @@ def first_crossing(mesh, eye, direction):
 
 def test_link_that_cannot_be_clicked_on_is_refused(bpy, addon, link):
     """Rays do not find edited or hidden objects; the message states what to do."""
-    addon.scene.check_seen(link)
+    addon.points_on_link.check_seen(link)
     bpy.ops.object.mode_set(mode="EDIT")
     with pytest.raises(Exception, match="arm is in Edit Mode. Leave Edit Mode"):
-        addon.scene.check_seen(link)
+        addon.points_on_link.check_seen(link)
     bpy.ops.object.mode_set(mode="OBJECT")
     link.hide_set(True)
     with pytest.raises(Exception, match="arm is hidden. Show it"):
-        addon.scene.check_seen(link)
+        addon.points_on_link.check_seen(link)
 
 
 def test_lines_of_the_manual_work(bpy):
@@ -124,7 +124,7 @@ def test_origin_that_is_placed_holds_the_sheet(bpy, addon, link):
 
 def test_what_can_be_moved_has_a_handle(addon, with_skins):
     """Landmarks replace the origin; taxels of a file have no handle."""
-    handles = importlib.import_module(addon.scene.__name__.replace(".scene.scene", ".handles.skin_handles"))
+    handles = importlib.import_module(addon.plans.__name__.replace(".scene.plans", ".handles.skin_handles"))
     plan = with_skins.skin_calib
     sheet = [("direction", 0, 0), ("landmark", 0, 0)]
     assert handles.targets_of(plan) == [*sheet, ("origin", 1, 0), ("direction", 1, 0), ("zone", 1, 0)]

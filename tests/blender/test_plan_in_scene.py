@@ -235,7 +235,7 @@ def test_filled_boards_are_the_same_at_every_door(bpy, plan_file, fit_plainly, f
 def test_what_a_plan_leaves_out_stays_left_out(bpy, addon, plan_file, capfd):
     """Standard boards have no gap, direction or channel of their own, and no number of theirs is rounded."""
     bpy.ops.skin_calib.import_plan(filepath=str(plan_file(skins=[{"name": "boards", "kind": "hexagons"}])))
-    (boards,) = addon.scene.read_plan(bpy.context.object, bpy.context.scene).skins
+    (boards,) = addon.plans.read_plan(bpy.context.object, bpy.context.scene).skins
     assert (boards.lattice.side, boards.lattice.gap, boards.choice) == (0.0163, addon.skins.GAP, "fill")
     assert (boards.direction, boards.first_channel, boards.origin, boards.offset) == (None, None, None, 0)
     assert bpy.context.object.skin_calib.skins[0].auto_gap and bpy.context.object.skin_calib.skins[0].auto_channel
@@ -333,10 +333,10 @@ def test_default_length_is_in_metres(bpy, addon, link):
     """In a scene in decimetres, 10 mm and not 1 mm."""
     link.skin_calib.property_unset("max_deviation")
     bpy.context.scene.unit_settings.scale_length = 0.1
-    assert addon.scene.read_plan(link, bpy.context.scene).surface.max_deviation == 0.01
+    assert addon.plans.read_plan(link, bpy.context.scene).surface.max_deviation == 0.01
     link.skin_calib.auto_max_deviation = False
     link.skin_calib.max_deviation = 0.05
-    assert addon.scene.read_plan(link, bpy.context.scene).surface.max_deviation == pytest.approx(0.005)
+    assert addon.plans.read_plan(link, bpy.context.scene).surface.max_deviation == pytest.approx(0.005)
 
 
 def test_added_skins_follow_the_others(bpy, addon, link):
@@ -348,7 +348,7 @@ def test_added_skins_follow_the_others(bpy, addon, link):
     bpy.ops.skin_calib.skin_add(kind="hexagons")
     skins = link.skin_calib.skins
     assert [s.name for s in skins] == ["band", "skin", "skin_2", "skin_3"]
-    plan = addon.scene.read_plan(link, bpy.context.scene)
+    plan = addon.plans.read_plan(link, bpy.context.scene)
     assert [s.first_channel for s in plan.skins] == [None] * 4
     assert [s.first_channel for s in addon.skins.with_channels(plan.skins)] == [0, 6, 126, 246]
     assert plan.skins[2].lattice.pitch == (0.01, 0.01)
@@ -364,7 +364,7 @@ def test_maximum_deviation_is_shown_by_the_cursor(bpy, addon, link):
     frame_for(bpy, link)
     bpy.ops.skin_calib.show_worst()
     fit = addon.results.find(link.skin_calib.result.key).fit
-    on_link = addon.scene.cursor_on(link, bpy.context.scene)
+    on_link = addon.points_on_link.cursor_on(link, bpy.context.scene)
     assert_allclose(on_link, fit.worst[1], atol=1e-6)
     assert_allclose(link.skin_calib.result.max, fit.worst[2], rtol=1e-4)
     (mark,) = (layer for layer in addon.drawing.shown_layers(link) if layer.what == "MAXIMUM")

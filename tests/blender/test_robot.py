@@ -91,8 +91,8 @@ def test_links_lie_in_their_frames_in_the_zero_pose(bpy, addon, urdf, metre):
     assert [*links] == ["hand", "lower", "upper"]
     poses = link_poses(read_robot(urdf))
     for name, link in links.items():
-        assert addon.scene.read_mesh(link, bpy.context).sha256 == load_urdf_mesh(urdf, name).sha256
-        pose = np.array(addon.scene.link_frame(link))
+        assert addon.link_meshes.read_mesh(link, bpy.context).sha256 == load_urdf_mesh(urdf, name).sha256
+        pose = np.array(addon.link_meshes.link_frame(link))
         pose[:3, 3] *= metre
         assert_allclose(pose, poses[name], atol=1e-6)
         assert_allclose(np.array(link.parent.matrix_world)[:3, :3], poses[name][:3, :3], atol=1e-6)
@@ -186,18 +186,18 @@ def test_moved_link_keeps_its_calibration(bpy, addon, robot, fit_scene):
     skin = link.skin_calib.skins[0]
     skin.rows, skin.columns, skin.direction = 2, 3, (0, 1, 0)
     assert bpy.ops.skin_calib.fit() == {"FINISHED"}
-    before, mesh = fit_scene(), addon.scene.read_mesh(link, bpy.context).sha256
+    before, mesh = fit_scene(), addon.link_meshes.read_mesh(link, bpy.context).sha256
     moved = [link, link.parent, bpy.data.objects["elbow_frame"], bpy.data.objects["upper_frame"]]
     for k, thing in enumerate(moved):
         thing.location, thing.rotation_euler = (0.1 * k, -0.3, 0.02 + k), (1, -2 + k, 0.5)
     bpy.context.view_layer.update()
-    assert addon.scene.read_mesh(link, bpy.context).sha256 == mesh and fit_scene() == before
+    assert addon.link_meshes.read_mesh(link, bpy.context).sha256 == mesh and fit_scene() == before
     assert not link.skin_calib.result.outdated
-    assert_allclose(addon.scene.link_frame(link), link.matrix_world, atol=1e-6)
+    assert_allclose(addon.link_meshes.link_frame(link), link.matrix_world, atol=1e-6)
     link.parent = None
     bpy.context.view_layer.update()
-    assert addon.scene.read_mesh(link, bpy.context).sha256 == mesh
-    assert_allclose(addon.scene.link_frame(link), link.matrix_world, atol=1e-6)
+    assert addon.link_meshes.read_mesh(link, bpy.context).sha256 == mesh
+    assert_allclose(addon.link_meshes.link_frame(link), link.matrix_world, atol=1e-6)
 
 
 def test_selected_row_is_the_active_link(bpy, robot):
@@ -212,12 +212,12 @@ def test_selected_row_is_the_active_link(bpy, robot):
 
 def test_saved_robot_is_the_same_after_opening(bpy, addon, robot, tmp_path):
     """Meshes, frames and the file of the robot, which is kept relative to the scene."""
-    before = {o.name: addon.scene.read_mesh(o, bpy.context).sha256 for o in bpy.data.objects if o.type == "MESH"}
+    before = {o.name: addon.link_meshes.read_mesh(o, bpy.context).sha256 for o in bpy.data.objects if o.type == "MESH"}
     bpy.context.preferences.filepaths.use_relative_paths = True
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
     links = [o for o in bpy.data.objects if o.type == "MESH"]
-    assert {o.name: addon.scene.read_mesh(o, bpy.context).sha256 for o in links} == before
+    assert {o.name: addon.link_meshes.read_mesh(o, bpy.context).sha256 for o in links} == before
     assert all(addon.robots.urdf_of(link).samefile(robot) for link in links)
 
 
@@ -233,7 +233,7 @@ def test_real_robot_has_the_geometry_of_the_command_line(bpy, addon, name):
     assert len(links) > 25
     for link in links:
         expected = load_urdf_mesh(path, link.skin_calib.link)
-        assert addon.scene.read_mesh(link, bpy.context).sha256 == expected.sha256, link.name
+        assert addon.link_meshes.read_mesh(link, bpy.context).sha256 == expected.sha256, link.name
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from tests.blender.conftest import BAND, modules
 @pytest.fixture
 def ours(extension):
     """Return modules of the running extension."""
-    return modules(extension, "overlay.drawing", "scene.results", "scene.scene")
+    return modules(extension, "overlay.drawing", "scene.plans", "scene.results")
 
 
 @pytest.fixture(params=[1.0, 0.001], ids=["m", "mm"])
@@ -61,11 +61,11 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     before = taxels_of(bpy, ours).positions_link
     bpy.ops.skin_calib.touches(filepath=str(table))
     bpy.ops.ed.undo_push(message="start")
-    plan = ours.scene.read_plan(bpy.context.object, bpy.context.scene)
+    plan = ours.plans.read_plan(bpy.context.object, bpy.context.scene)
     bpy.ops.skin_calib.touches_move("EXEC_DEFAULT", True)
     settings = bpy.context.object.skin_calib
     assert settings.result.outdated and not settings.skins[0].centred
-    stated = ours.scene.read_plan(bpy.context.object, bpy.context.scene).skins[0].registration
+    stated = ours.plans.read_plan(bpy.context.object, bpy.context.scene).skins[0].registration
     assert 0 < stated.origin < 1e-4 and 0 < stated.direction < 0.01 and stated.anchor is not None
     with pytest.raises(RuntimeError, match="Fit the link again first"):
         bpy.ops.skin_calib.touches_move()
@@ -76,7 +76,7 @@ def test_skins_move_to_where_they_were_touched(bpy, ours, table):
     text = bpy.context.object.skin_calib.inspect.touches.remarks
     assert "Shifted 0.00 +-" in text, text
     bpy.ops.ed.undo()
-    assert ours.scene.read_plan(bpy.context.object, bpy.context.scene) == plan
+    assert ours.plans.read_plan(bpy.context.object, bpy.context.scene) == plan
 
 
 def test_what_cannot_be_compared_or_moved_says_why(bpy, table, tmp_path):

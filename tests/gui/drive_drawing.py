@@ -61,7 +61,7 @@ def draws_the_legend_in_the_view(gui):
 def has_one_measure_of_the_error(gui):
     """The legend ends at the maximum of the panel; Show Maximum Deviation marks the brightest point."""
     layer = next(layer for layer in ours("overlay.drawing").shown_layers(link()) if layer.what == "ERROR")
-    metre = ours("scene.scene").metres_per_unit(bpy.context.scene)
+    metre = ours("scene.units").metres_per_unit(bpy.context.scene)
     assert abs(layer.legend.maximum - plan().result.max * metre) < 1e-9, (layer.legend.maximum, plan().result.max)
     yield from press(gui, "skin_calib.show_worst")
     yield from hover_view(gui)
@@ -112,7 +112,8 @@ def visible_points(gui, view):
     drawing = ours("overlay.drawing")
     (patch,) = drawing.patches_of(link())
     (layer,) = (layer for layer in drawing.shown_layers(link()) if layer.what == "CELLS")
-    metre, to_world = ours("scene.scene").metres_per_unit(bpy.context.scene), ours("scene.scene").link_frame(link())
+    metre = ours("scene.units").metres_per_unit(bpy.context.scene)
+    to_world = ours("scene.link_meshes").link_frame(link())
     ahead = view.view_rotation @ Vector((0, 0, 1))  # these views are orthographic
     depsgraph, found = bpy.context.evaluated_depsgraph_get(), []
     sides = layer.points.reshape(len(patch.taxels.ids), -1, 2, 3) / metre

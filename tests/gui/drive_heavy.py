@@ -94,7 +94,7 @@ def answers(gui, path):
 
 def write(path):
     """Write the finer mesh of the link to a file."""
-    facets = ours("scene.scene").read_facets(link(), bpy.context)
+    facets = ours("scene.link_meshes").read_facets(link(), bpy.context)
     corners = np.zeros(len(facets.faces), [("count", "u1"), ("corners", "<i4", 3)])
     corners["count"], corners["corners"] = 3, facets.faces
     header = (

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import bpy
 from buttons import find, press
+from mathutils import Vector
 from sample import hover_view, link, open_steps, ours, plan, run, undo
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -88,7 +89,7 @@ def writes_labels(gui):
 def position_of(name):
     """Return the position of a taxel in the world."""
     taxels = ours("inspection.taxels").taxels_of(link())
-    return link().matrix_world @ ours("scene.scene").Vector(taxels.positions[taxels.rows[name]])
+    return link().matrix_world @ Vector(taxels.positions[taxels.rows[name]])
 
 
 def reads_taxels(gui):

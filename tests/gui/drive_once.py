@@ -44,7 +44,7 @@ def corrects_a_new_cut(gui):
 
 def warns_of_a_copy(gui):
     """Shift-D copies the link name: the panel says so until one of them is renamed."""
-    drawn = ours("scene.scene").namesakes
+    drawn = ours("scene.link_objects").namesakes
     yield from hover_view(gui)
     yield from gui.key("D", "shift")
     yield from gui.key("RET")

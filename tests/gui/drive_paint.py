@@ -35,7 +35,7 @@ def placed(gui, count):
 
 def at(gui, point):
     """Return the pixel of the window of a point in the link frame, which is the world."""
-    return gui.at(Vector(point) / ours("scene.scene").metres_per_unit(bpy.context.scene))
+    return gui.at(Vector(point) / ours("scene.units").metres_per_unit(bpy.context.scene))
 
 
 def paints(gui):

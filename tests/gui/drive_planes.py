@@ -13,7 +13,7 @@ RING = 79  # [pixels] radius of a dial
 def handle(family, i):
     """Return the position of a plane's handle in the world, which is the sample's frame."""
     planes = getattr(plan().grid, family)
-    metre = ours("scene.scene").metres_per_unit(bpy.context.scene)
+    metre = ours("scene.units").metres_per_unit(bpy.context.scene)
     return Vector(planes[i].point) + Vector(ours("live.updates").sketches[link().name].arms[family.upper(), i]) / metre
 
 

@@ -133,7 +133,7 @@ def sole(gui, path):
     yield from gui.shot("4_boards.png", area="VIEW_3D")
     yield from press(gui, "skin_calib.boards_paint")
     taxels = ours("overlay.drawing").patches_of(active())[0].taxels
-    metre = ours("scene.scene").metres_per_unit(bpy.context.scene)
+    metre = ours("scene.units").metres_per_unit(bpy.context.scene)
     outer = int(taxels.positions_link[:, 0].argmax())
     yield from gui.click(*gui.at(active().matrix_world @ (Vector(taxels.positions_link[outer]) / metre)))
     yield from fitted(gui, count - 1)

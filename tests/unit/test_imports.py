@@ -238,7 +238,7 @@ def test_sources_are_all_there():
         "__init__.py",
         "operators/__init__.py",
         f"{OURS}/runtime/skin.py",
-        f"{OURS}/blender/scene/scene.py",
+        f"{OURS}/blender/scene/plans.py",
     } <= shown
     parts = {part_of(s) for s in shown if s.startswith(OURS)}
     assert parts == {*MAY_IMPORT}
@@ -264,8 +264,8 @@ OFFENCES = [
     ("pictures/touches.py", "from ..blender import scene", {layer_offenders}),
     ("common/arrays.py", "from ..geometry import mesh", {layer_offenders}),
     ("common/arrays.py", "from .surface_errors import SurfaceErrors", set()),
-    ("blender/scene/scene.py", "from ....operators import fit", {layer_offenders}),
-    ("blender/scene/scene.py", "import bpy\nfrom ...cli import main", set()),
+    ("blender/scene/plans.py", "from ....operators import fit", {layer_offenders}),
+    ("blender/scene/plans.py", "import bpy\nfrom ...cli import main", set()),
     ("skin/sheet/wrap.py", "from ...calibration.model import TaxelArray\nfrom ...geometry import mesh", set()),
     ("geometry/mesh/cover.py", "from ..sampling.rays import TURN", {order_offenders}),
     ("geometry/sampling/rays.py", "from ..mesh import cover", set()),
@@ -282,7 +282,7 @@ OFFENCES = [
 
 PLACES = ("geometry/mesh/cover", "geometry/sampling/rays", "geometry/fit/auto", "skin/lattice", "skin/sheet/wrap")
 PLACES += ("skin/boards/fill", "calibration/file", "calibration/model", "plan/plan", "pipeline/calibrate", "cli")
-PLACES += ("common/arrays", "common/surface_errors", "pictures/touches", "runtime/skin", "blender/scene/scene")
+PLACES += ("common/arrays", "common/surface_errors", "pictures/touches", "runtime/skin", "blender/scene/plans")
 PLACES += ("__init__", "../__init__", "../operators/fit", "../operators/exchange", "../panels/skin")
 
 

@@ -12,7 +12,9 @@ from mathutils import Matrix, Quaternion, Vector
 
 from ..live import updates
 from ..live.sketch import COLOURS, FAMILIES, MISSED
-from ..scene.scene import link_frame, metres_per_unit, why_no_link
+from ..scene.link_meshes import link_frame
+from ..scene.link_objects import why_no_link
+from ..scene.units import metres_per_unit
 
 DIAL_COLOURS = ((0.9, 0.3, 0.3), (0.3, 0.5, 1.0))
 

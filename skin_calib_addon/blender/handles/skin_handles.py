@@ -9,8 +9,9 @@ from mathutils import Matrix, Vector
 from mathutils.geometry import intersect_line_plane
 
 from ..overlay import drawing
-from ..scene.scene import link_frame, metres_per_unit
+from ..scene.link_meshes import link_frame
 from ..scene.skins import fix_pose, point_of, put_point, root_row
+from ..scene.units import metres_per_unit
 from .plane_handles import basis_at, end_drag, is_shown, undo_drags
 from .view import point_and_normal_under, ray_under
 

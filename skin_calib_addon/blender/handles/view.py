@@ -7,7 +7,7 @@ import bpy
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 from mathutils import Vector
 
-from ..scene.scene import met_by
+from ..scene.points_on_link import met_by
 
 
 def point_under(context: bpy.types.Context, x: int, y: int) -> Vector | None:

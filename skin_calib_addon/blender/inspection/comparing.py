@@ -13,7 +13,7 @@ from ...calibration.exchange import FORMATS
 from ...inspection.comparison import Comparison, compare, read_others
 from ..overlay import drawing
 from ..overlay.layers import comparison_of
-from ..scene.scene import metres_per_unit
+from ..scene.units import metres_per_unit
 from .taxels import result_of, taxels_of
 
 TAXEL_ENDINGS = tuple(sorted({form.ending for form in FORMATS.values() if form.readable}))

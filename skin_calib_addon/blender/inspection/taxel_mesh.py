@@ -17,7 +17,8 @@ from ...common.arrays import Array
 from ...geometry.mesh.closest import distance_to
 from ...pipeline import Calibrated
 from ..live import events
-from ..scene.scene import link_frame, metres_per_unit
+from ..scene.link_meshes import link_frame
+from ..scene.units import metres_per_unit
 from . import replay
 from .taxels import result_of, taxels_of
 

@@ -15,7 +15,9 @@ from ..live import updates
 from ..overlay import drawing
 from ..overlay.layers import mark_of
 from ..scene import results
-from ..scene.scene import link_frame, metres_per_unit, point_on
+from ..scene.link_meshes import link_frame
+from ..scene.points_on_link import point_on
+from ..scene.units import metres_per_unit
 
 
 def result_of(link: bpy.types.Object) -> Calibrated:

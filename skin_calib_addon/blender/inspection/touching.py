@@ -11,8 +11,9 @@ from ...pipeline.touch_distance import check_touches
 from ...validation import Placement, placements, read_touches, summarize
 from ..overlay import drawing
 from ..overlay.layers import touches_of
-from ..scene.scene import metres_per_unit, read_plan
+from ..scene.plans import read_plan
 from ..scene.skins import move_skin
+from ..scene.units import metres_per_unit
 from ..scene.warnings import write_warnings
 from .taxels import result_of
 

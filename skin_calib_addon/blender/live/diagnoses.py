@@ -17,7 +17,7 @@ from ...common.errors import InvalidMesh, SkinCalibError
 from ...common.warnings import Warning
 from ...geometry.mesh.defects import Diagnosis, diagnose
 from ..overlay import drawing
-from ..scene import results, scene
+from ..scene import link_meshes, plans, results
 from ..scene.warnings import refusal_of, write_warnings
 from . import events
 from .background import Work
@@ -54,7 +54,7 @@ def examination(link: bpy.types.Object, context: bpy.types.Context) -> Callable[
     InvalidMesh
         If the mesh cannot be read.
     """
-    facets = scene.read_facets(link, context)
+    facets = link_meshes.read_facets(link, context)
 
     def examine(_begin: Callable[[str], None] | None = None) -> Diagnosis:
         try:
@@ -82,7 +82,7 @@ def trial(link: bpy.types.Object, context: bpy.types.Context) -> Callable[..., W
         keeps the fit.
     """
     try:
-        plan, facets = scene.read_plan(link, context.scene), scene.read_facets(link, context)
+        plan, facets = plans.read_plan(link, context.scene), link_meshes.read_facets(link, context)
     except SkinCalibError as error:
         refusal = refusal_of(error)
         return lambda begin: refusal
@@ -147,7 +147,7 @@ def verify() -> float | None:
 def _hash_of(link: bpy.types.Object) -> Callable[..., str]:
     """Return what computes the hash of the mesh of a link without Blender; empty if the mesh is invalid."""
     try:
-        facets = scene.read_facets(link, bpy.context)
+        facets = link_meshes.read_facets(link, bpy.context)
     except SkinCalibError:
         return lambda begin: ""
 

@@ -19,7 +19,7 @@ from ...common.errors import SkinCalibError
 from ...common.warnings import Warning
 from ...plan import Plan, plan_document
 from ..overlay import drawing
-from ..scene import results, scene
+from ..scene import link_meshes, link_objects, plans, results
 from ..scene.facets import Facets
 from ..scene.plane_lists import read_hand_planes
 from ..scene.warnings import refusal_of
@@ -149,7 +149,7 @@ def switched(plan: Any, _context: Any) -> None:
 
 def facets_of(link: bpy.types.Object) -> Facets:
     """Return the facets of an object that is to be fitted; its result becomes outdated when they change."""
-    _fitted_facets[link.name] = scene.read_facets(link, bpy.context, _fitted_facets.get(link.name))
+    _fitted_facets[link.name] = link_meshes.read_facets(link, bpy.context, _fitted_facets.get(link.name))
     _possibly_changed.discard(link.name)  # Blender has just evaluated the object
     return _fitted_facets[link.name]
 
@@ -175,13 +175,13 @@ def _check_possibly_changed() -> None:
     _possibly_changed.clear()
     for name in names:  # not those that reading and writing touch: a property of an object with nodes touches it again
         link = bpy.data.objects.get(name)
-        if link is None or name not in _fitted_facets or scene.why_not(link):
+        if link is None or name not in _fitted_facets or link_objects.why_not(link):
             continue
         if name in _changed and name not in _previewed and follows(link):  # the preview that is due reads the mesh
             continue
         before = _fitted_facets[name]
         try:
-            facets = scene.read_facets(link, bpy.context, before)
+            facets = link_meshes.read_facets(link, bpy.context, before)
         except SkinCalibError:
             link.skin_calib.result.outdated = True
             continue
@@ -198,7 +198,7 @@ def _begin() -> None:
     """Start the next job."""
     for name in list(_changed):
         link = bpy.data.objects.get(name)
-        if link is None or scene.why_not(link):
+        if link is None or link_objects.why_not(link):
             forget(name)
             continue
         if name not in _previewed:
@@ -271,7 +271,7 @@ def _preview(link: bpy.types.Object) -> Callable[..., Preview] | None:
     plan, refusal, start = None, None, perf_counter()
     if follows(link):
         try:
-            plan = scene.read_plan(link, bpy.context.scene)
+            plan = plans.read_plan(link, bpy.context.scene)
         except SkinCalibError as error:
             refusal = refusal_of(error)
         if plan is not None and link.name in _guests:
@@ -293,7 +293,7 @@ def _was_accompanied(link: bpy.types.Object) -> bool:
     if not link.skin_calib.link or not link.skin_calib.result.outdated or not _accompanied:
         return False
     try:
-        return (link.name, _text_of(scene.read_plan(link, bpy.context.scene))) in _accompanied
+        return (link.name, _text_of(plans.read_plan(link, bpy.context.scene))) in _accompanied
     except SkinCalibError:
         return False
 
@@ -313,7 +313,7 @@ def _show(link: bpy.types.Object, preview: Preview) -> None:
 
 def _finish(link: bpy.types.Object) -> Callable[..., Any]:
     """Return the task of a complete fit."""
-    plan, facets = scene.read_plan(link, bpy.context.scene), facets_of(link)
+    plan, facets = plans.read_plan(link, bpy.context.scene), facets_of(link)
     return lambda begin: results.fit(plan, facets.mesh(), begin)
 
 
@@ -321,7 +321,7 @@ def _store(link: bpy.types.Object, fitted: Any) -> None:
     """Store the result of a complete fit."""
     key, result = fitted
     drawing.prepare(key, result)
-    scene.write_result(link, bpy.context.scene, result, key)
+    results.write_result(link, bpy.context.scene, result, key)
     for act in after_fit:
         act(link, bpy.context.scene)
     forget(link.name)

@@ -12,8 +12,9 @@ from mathutils import Matrix
 from ...calibration.model import Patch
 from ...pipeline import Calibrated
 from ..scene import results
+from ..scene.link_meshes import link_frame
 from ..scene.preferences import COLOURS, preferences
-from ..scene.scene import link_frame, metres_per_unit
+from ..scene.units import metres_per_unit
 from . import labels, legend
 from .layers import Labels, Layer, Layers, layers_of
 

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..scene.decimals import exact
-from ..scene.scene import metres_per_unit
+from ..scene.units import metres_per_unit
 from .options import FIXED
 
 SUFFIX = "_mm"

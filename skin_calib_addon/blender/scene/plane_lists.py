@@ -10,7 +10,7 @@ import numpy as np
 from ...common.arrays import Array
 from ...geometry import Planes
 from .decimals import in_units, vector
-from .scene import metres_per_unit
+from .units import metres_per_unit
 
 FAMILIES = ("CUT", "U", "V")
 

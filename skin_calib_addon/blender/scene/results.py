@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cache of the last fits in this Blender, by a key of all their input.
+"""Results of fits: a cache of the last ones by a key of all their input, and their figures on the objects of links.
 
 An object keeps the key of its fit: undo restores both, and an object never uses the result of another.
 """
@@ -9,11 +9,15 @@ import json
 from collections.abc import Callable
 from threading import Lock
 
+import bpy
+
 from ...common.file_hash import file_hash
 from ...geometry.mesh.triangle_mesh import TriangleMesh
 from ...pipeline import Calibrated, calibrate
 from ...pipeline.sources import taxel_files
 from ...plan import Plan, plan_document
+from .units import metres_per_unit
+from .warnings import write_warnings
 
 KEPT = 64  # results. Larger: more memory; smaller: links of a robot lose their fits, which are then fitted again
 _results: dict[str, Calibrated] = {}
@@ -64,3 +68,31 @@ def find(key: str) -> Calibrated | None:
 def clear() -> None:
     """Empty the cache."""
     _results.clear()
+
+
+def write_result(link: bpy.types.Object, scene: bpy.types.Scene, result: Calibrated, key: str) -> None:
+    """Store the figures of a fit on its object.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Its unit settings give the length of a scene unit.
+    result : Calibrated
+        In metres in the link frame.
+    key : str
+        Of the result in the cache.
+    """
+    record, fits = link.skin_calib.result, tuple(result.fits.values())
+    to_mesh = [fit.errors.surface_to_mesh for fit in fits]
+    record.key, record.outdated = key, False
+    metre = metres_per_unit(scene)
+    record.mean, record.max = max(d.mean for d in to_mesh) / metre, max(d.max for d in to_mesh) / metre
+    record.hausdorff = max(fit.errors.hausdorff for fit in fits) / metre
+    record.control_points = sum(fit.offsets.size for fit in fits)
+    record.taxels = sum(len(p.taxels.ids) for p in result.calibration.patches)
+    record.seconds = sum(result.seconds.values())
+    write_warnings(record.warnings, result.warnings)
+    link.skin_calib.steps.advance()
+    record.warning_index, link.skin_calib.inspect.marked_place = 0, ""

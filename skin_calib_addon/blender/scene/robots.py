@@ -14,9 +14,10 @@ from ...pipeline import Calibrated
 from ...plan.skins import following_channel
 from ...robot.urdf import Robot
 from . import results, showing
-from . import scene as scenes
 from .fields import kept_path
+from .link_objects import activate, add_link, why_not
 from .skins import read_skin
+from .units import metres_per_unit
 
 FRAME_SIZE = 0.03  # [m] length of the drawn axes of a link frame. Larger: they hide more of small links.
 
@@ -48,7 +49,7 @@ def add_robot(
     """
     group = bpy.data.collections.new(robot.name or urdf.stem)
     context.scene.collection.children.link(group)
-    metre, file = scenes.metres_per_unit(context.scene), kept_path(str(urdf.absolute()))
+    metre, file = metres_per_unit(context.scene), kept_path(str(urdf.absolute()))
     frames = {link: _frame(f"{link}_frame", metre) for link in robot.links}
     links = []
     for link, frame in frames.items():
@@ -86,7 +87,7 @@ def _add_link(
     mesh: TriangleMesh,
     file: str,
 ) -> bpy.types.Object:
-    link = scenes.add_link(context, mesh, "m", name)
+    link = add_link(context, mesh, "m", name)
     context.scene.collection.objects.unlink(link)
     group.objects.link(link)
     link.parent = frame
@@ -101,7 +102,7 @@ def is_listed(thing: bpy.types.Object) -> bool:
 
 def links(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the links of the scene that can be edited, in the order of the list."""
-    return [thing for thing in context.scene.objects if not scenes.why_not(thing)]
+    return [thing for thing in context.scene.objects if not why_not(thing)]
 
 
 def urdf_of(link: bpy.types.Object) -> Path | None:
@@ -131,7 +132,7 @@ def next_channel(link: bpy.types.Object, scene: bpy.types.Scene) -> int:
         settings = other.skin_calib
         if other == link or settings.urdf != link.skin_calib.urdf or not settings.skins:
             continue
-        skins = tuple(read_skin(skin, scenes.metres_per_unit(scene)) for skin in settings.skins)
+        skins = tuple(read_skin(skin, metres_per_unit(scene)) for skin in settings.skins)
         end = following_channel(skins)
         if end is None:  # boards that fill a surface
             taxels = settings.result.taxels if settings.result.key else settings.proposed
@@ -160,5 +161,5 @@ def select_row(scene: bpy.types.Scene, index: int) -> None:
     link = scene.objects[index]
     if link.name not in context.view_layer.objects:
         return
-    scenes.activate(context, link)
+    activate(context, link)
     showing.frame(context)

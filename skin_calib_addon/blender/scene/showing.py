@@ -5,8 +5,9 @@ from collections.abc import Iterator, Sequence
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
-from . import scene as scenes
+from .link_objects import activate
 
 SOLID = ("MESH", "CURVE", "SURFACE", "META", "FONT")  # types of objects that can hide a link
 
@@ -27,7 +28,7 @@ def present(context: bpy.types.Context, things: Sequence[bpy.types.Object]) -> s
         What local view hides, for a report; empty if it is not needed.
     """
     meshes = [thing for thing in things if thing.type == "MESH"]
-    scenes.activate(context, meshes[0])
+    activate(context, meshes[0])
     context.view_layer.update()  # places new objects
     hidden = overlapping(context, things)
     for thing in things:
@@ -41,7 +42,7 @@ def present(context: bpy.types.Context, things: Sequence[bpy.types.Object]) -> s
     for thing in things:
         thing.select_set(thing in meshes)
     frame(context)
-    scenes.activate(context, meshes[0])
+    activate(context, meshes[0])
     if not hidden:
         return ""
     others = f" and {len(hidden) - 1} more" if len(hidden) > 1 else ""
@@ -65,7 +66,7 @@ def overlapping(context: bpy.types.Context, things: Sequence[bpy.types.Object]) 
 
 def _box(thing: bpy.types.Object) -> np.ndarray:
     """Return the least and the largest coordinates of an object in the world, shape (2, 3)."""
-    corners = np.array([thing.matrix_world @ scenes.Vector(corner) for corner in thing.bound_box])
+    corners = np.array([thing.matrix_world @ Vector(corner) for corner in thing.bound_box])
     return np.stack((corners.min(axis=0), corners.max(axis=0)))
 
 
@@ -98,5 +99,5 @@ def _frame(area: bpy.types.Area, region: bpy.types.Region, is_overlapped: bool) 
     if not view.is_perspective:
         scale *= before
     view.view_distance *= min(region.width, region.height) / min(region.width - side, region.height)
-    right = view.view_rotation @ scenes.Vector((1, 0, 0))
+    right = view.view_rotation @ Vector((1, 0, 0))
     view.view_location += right * (side / region.width * view.view_distance / scale)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The mesh objects of links: find, add, activate and measure them, and say why one cannot be edited."""
+
+import bpy
+import numpy as np
+
+from ...geometry.mesh.triangle_mesh import TriangleMesh
+from ...geometry.mesh.units import UNITS
+from .units import metres_per_unit
+
+
+def links(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the objects of the scene that have a link name, sorted by name."""
+    return sorted((o for o in context.scene.objects if o.type == "MESH" and o.skin_calib.link), key=lambda o: o.name)
+
+
+def namesakes(link: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
+    """Return the names of the other objects with the same link name, such as copies.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Has the other objects.
+    """
+    name = link.skin_calib.link
+    return [o.name for o in scene.objects if name and o != link and o.type == "MESH" and o.skin_calib.link == name]
+
+
+def add_link(context: bpy.types.Context, mesh: TriangleMesh, unit: str, name: str) -> bpy.types.Object:
+    """Return a new object for a mesh; its data keeps the numbers, and its scale converts their unit.
+
+    Parameters
+    ----------
+    context : Context
+        Has the scene.
+    mesh : TriangleMesh
+        In ``unit``.
+    unit : "m", "cm", "mm" or "in"
+        Of the numbers in the mesh.
+    name : str
+        Of the object and its data.
+
+    Returns
+    -------
+    Object
+        Linked to the collection of the scene.
+    """
+    data = bpy.data.meshes.new(name)
+    data.vertices.add(len(mesh.vertices))  # as from_pydata, which is slow for a million faces
+    data.vertices.foreach_set("co", mesh.vertices.astype(np.float32).ravel())
+    data.loops.add(3 * len(mesh.faces))
+    data.loops.foreach_set("vertex_index", mesh.faces.astype(np.int32).ravel())
+    data.polygons.add(len(mesh.faces))
+    data.polygons.foreach_set("loop_start", np.arange(0, 3 * len(mesh.faces), 3, dtype=np.int32))
+    data.shade_flat()
+    data.update(calc_edges=True)
+    link = bpy.data.objects.new(name, data)
+    factor = UNITS[unit] / metres_per_unit(context.scene)
+    link.scale = (factor, factor, factor)
+    context.scene.collection.objects.link(link)
+    return link
+
+
+def activate(context: bpy.types.Context, link: bpy.types.Object) -> None:
+    """Make an object the active and only selected one, in Object Mode.
+
+    Parameters
+    ----------
+    context : Context
+        Has the view layer.
+    link : Object
+        The object to activate.
+    """
+    if context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    for other in context.selected_objects:
+        other.select_set(False)
+    link.select_set(True)
+    context.view_layer.objects.active = link
+
+
+def longest_side(link: bpy.types.Object, scene: bpy.types.Scene) -> float:
+    """Return the longest side of the object's box in the scene, from Blender's cache.
+
+    Parameters
+    ----------
+    link : Object
+        Mesh object of the link.
+    scene : Scene
+        Its unit settings give the length of a scene unit.
+
+    Returns
+    -------
+    float
+        [m]
+    """
+    return max(link.dimensions) * metres_per_unit(scene)
+
+
+def why_no_link(context: bpy.types.Context, named: bool = True) -> str:
+    """Return why the active object is not an editable link, and what to do; empty if it is one.
+
+    Parameters
+    ----------
+    context : Context
+        Has the active object.
+    named : bool, optional
+        Whether the link must have a name.
+
+    Returns
+    -------
+    str
+    """
+    return why_not(context.object, named)
+
+
+def why_not(link: bpy.types.Object | None, named: bool = True) -> str:
+    """Return why an object is not an editable link, and what to do; empty if it is one.
+
+    Parameters
+    ----------
+    link : Object or None
+        The object; None if no object is active.
+    named : bool, optional
+        Whether the link must have a name.
+
+    Returns
+    -------
+    str
+    """
+    if link is None or link.type != "MESH":
+        return "Select the mesh object of a link"
+    if link.library or link.override_library:
+        return "This link belongs to another file; open that file, or make the object local"
+    if named and not link.skin_calib.link:
+        return "Give the object a link name first"
+    return ""
+
+
+def why_not_editable(link: bpy.types.Object) -> str:
+    """Return why the mesh of an object cannot be edited, and what to do; empty if it can."""
+    return "The mesh of this link belongs to another file; make it local" if link.data.library else ""
