@@ -138,7 +138,7 @@ def silent(overlay, link):
     for layer in overlay.shown_layers(link):
         layer.kept, layer.batch = layer.batch, NOTHING
     quiet = {name: (lambda *_: None) for name in ("draw", "position", "color", "enable", "disable", "shadow", "size")}
-    for module in (ours("labels"), ours("legend")):
+    for module in (ours("overlay.labels"), ours("overlay.legend")):
         module.blf = SimpleNamespace(**quiet, dimensions=lambda _, text: (7.0 * len(text), 9.0), SHADOW=4)
 
 
@@ -148,13 +148,13 @@ def loud(overlay, link):
 
     for layer in overlay.shown_layers(link):
         layer.batch = layer.kept
-    for module in (ours("labels"), ours("legend")):
+    for module in (ours("overlay.labels"), ours("overlay.legend")):
         module.blf = blf
 
 
 def replayed(link):
     """Print the time of a frame of a recording before it is drawn."""
-    replay, results = ours("replay"), ours("results")
+    replay, results = ours("inspection.replay"), ours("scene.results")
     calibration = results.find(link.skin_calib.result.key).calibration
     count = link.skin_calib.result.taxels
     pressed = np.maximum(0, 50 - np.abs(np.arange(count) - np.arange(20)[:, None] * count / 20))
