@@ -136,7 +136,7 @@ def propose_twin(
     if abs(target.free - former.free) > (1 - MIN_TWIN_FRACTION) * former.free:
         return None  # the joints have other ranges
     moved, seen, how = moved_plan(former.plan, link, twin), seen_faces(mesh), f"as on {former.link}"
-    skins = {skin.name: skin for skin in moved.skins}
+    skins = {skin.surface: skin for skin in moved.skins}
 
     def skin_of(proposed: Proposed) -> tuple[SheetSkin | BoardSkin, TaxelArray]:
         skin = skins[proposed.surface.name]
@@ -144,7 +144,7 @@ def propose_twin(
             return skin, place_skin(skin, proposed.fit, 0).patch.taxels
         assert isinstance(skin, BoardSkin)
         listed = boards_of_list(skin, proposed.fit, MIN_TWIN_FRACTION)
-        return listed or skin_on(choice, proposed.fit, skin.name)
+        return listed or skin_on(choice, proposed.fit, proposed.surface.name)
 
     try:
         found = tuple(filter(None, (fitted(seen, target.on, surface, how) for surface in moved.surfaces)))
@@ -221,7 +221,7 @@ class _Target:
                 continue
             surfaces.append(proposed.surface)
             fits[proposed.surface.name] = proposed.fit
-            skins.append(skin)
+            skins.append(replace(skin, name=f"{self.link}_{len(surfaces)}"))  # ids are unique on the robot
             taxels += int(kept.sum())
             cells += float(areas[kept].sum())
             covered |= proposed.covered

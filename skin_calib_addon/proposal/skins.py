@@ -95,7 +95,7 @@ def skin_on(choice: SkinChoice, fit: SurfaceFit, surface: str) -> tuple[SheetSki
     fit : SurfaceFit
         The surface.
     surface : str
-        Its name, which is that of the skin, too.
+        Its name; the skin has it, too, until the plan is complete.
 
     Returns
     -------

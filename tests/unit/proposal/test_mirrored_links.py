@@ -43,8 +43,8 @@ def folder(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("skin", ["hexagons", "sheet:6x8x8mm"])
-def test_right_taxels_are_the_reflected_left_ones(folder, tmp_path, skin):
-    """Each taxel, to 0.01 mm and 0.001 rad; normals point outward on both. No channel is used twice."""
+def test_right_taxels_are_the_reflected_left_ones(folder, tmp_path, capsys, skin):
+    """Each taxel, to 0.01 mm and 0.001 rad; normals point outward on both. No channel and no id is used twice."""
     assert main(["fit", str(folder / "arms.urdf"), "--propose", "-o", str(tmp_path / "out"), "--skin", skin]) == 0
     left, right = (load_calibration(tmp_path / "out" / f"{side}.calibration.json") for side in ("left", "right"))
     assert "mirror image of left" in load_plan(tmp_path / "out" / "right.plan.json").extra["x_proposal"][0]
@@ -56,6 +56,9 @@ def test_right_taxels_are_the_reflected_left_ones(folder, tmp_path, skin):
     assert sum(len(patch.taxels.ids) for patch in left.patches) > 20
     channels = np.concatenate([p.taxels.channels for c in (left, right) for p in c.patches])
     assert len(set(channels.tolist())) == len(channels)
+    capsys.readouterr()
+    assert main(["check", str(tmp_path / "out")]) == 0
+    assert "robot.json: 0 errors, 0 warnings" in capsys.readouterr().out
 
 
 @pytest.mark.slow
