@@ -202,9 +202,9 @@ def on_cover(sheet: WrappedSheet, skin: SheetSkin, fit: SurfaceFit) -> WrappedSh
         If no cell is left.
     """
     shape, flat = sheet.uv.shape[:2], sheet.uv.reshape(-1, 2)
-    distance, face, _ = distance_to(fit.mesh)(sheet.surface.points(flat))
+    distance, face, _ = distance_to(fit.given_mesh)(sheet.surface.points(flat))
     normals = sheet.surface.normals(flat)
-    below = fit.mesh.face_normals[face]
+    below = fit.given_mesh.face_normals[face]
     below = (below * np.sign((below * normals).sum(axis=1, keepdims=True))).reshape(*shape, 3)
     mean = unit(sliding_window_view(below, (3, 3, 1))[::2, ::2].sum(axis=(3, 4, 5)))
     centre = normals.reshape(*shape, 3)[1::2, 1::2]
@@ -239,7 +239,9 @@ def _(skin: BoardSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
 @place_skin.register
 def _(skin: ImportedSkin, fit: SurfaceFit, first_channel: int) -> PlacedSkin:
     taxel_set = read_taxels(skin.file, skin.format, skin.only)
-    found = imported_taxels(taxel_set, fit.error_field.surface, skin.name, fit.mesh, frame=skin.frame, snap=skin.snap)
+    found = imported_taxels(
+        taxel_set, fit.error_field.surface, skin.name, fit.given_mesh, frame=skin.frame, snap=skin.snap
+    )
     wrong = next((finding for finding in found.findings if finding.severity == "error"), None)
     if wrong is not None:
         raise InvalidPlan(f"skin {skin.name!r}, {skin.file.name}: {wrong.message}", finding=wrong)

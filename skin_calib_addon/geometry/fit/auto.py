@@ -22,7 +22,7 @@ from ..surface.distance import SAMPLES_PER_SPAN
 from .diagnosis import FOLDED_AREA, MAX_DEVIATION, DeviationLimits, maximum_deviation
 from .limits import better_axis, limit_of
 from .proof import MIN_DISTANCE, confirmed_error, largest_distance
-from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface
+from .surface_fit import SurfaceFit, check_fit, fit_lines, fit_surface, left_out
 
 MAX_PLANES = 60  # [1] most u-planes of an automatic grid. Larger: tighter tolerances, more time
 MAX_LINES = 160  # [1] most lines per plane of an automatic grid. Larger: tighter tolerances, more time
@@ -310,7 +310,7 @@ def _smallest(
         raise InvalidPlan(
             f'The tolerance must be positive and the measure "mean" or "max", not {tolerance} and "{measure}".'
         )
-    mesh, outliers = without_outliers(mesh)
+    given, (mesh, outliers) = mesh, without_outliers(mesh)
     error_model = ErrorModel.of(mesh, grid.region.parametrization(mesh), MAX_PLANES)
     predictor = SizePredictor(error_model, degrees, measure, moves=TRIAL_MOVES)
     limits = DeviationLimits.of(max_deviation, tolerance, measure)
@@ -320,7 +320,7 @@ def _smallest(
         search.enlarge()
     if search.best is None:
         raise refusal(search, grid.region)
-    return replace(search.best, outliers=outliers)
+    return replace(search.best, **left_out(given, outliers))
 
 
 def refusal(search: "Search", region: Region) -> UnreachableTolerance:
@@ -401,14 +401,15 @@ def fit_to_count(
             f"{control_points} are allowed. Allow more, or lower the degree."
         )
     most = min(control_points // fewest_m, MAX_PLANES)
-    mesh, outliers = without_outliers(mesh)
+    given, (mesh, outliers) = mesh, without_outliers(mesh)
     error_model = ErrorModel.of(mesh, region_of(axis, margin, sector, normal).parametrization(mesh), most)
     predictor = SizePredictor(error_model, degrees, most=min(control_points // fewest_n, MAX_LINES))
     fits = [
         fit_lines(mesh, predictor.lines(size), degrees)
         for size in predictor.best_sizes(control_points, MAX_PROPORTIONS)
     ]
-    best = replace(min(fits, key=lambda fit: fit.distances(SAMPLES_PER_SPAN).mean), outliers=outliers)
+    best = min(fits, key=lambda fit: fit.distances(SAMPLES_PER_SPAN).mean)
+    best = replace(best, **left_out(given, outliers))
     check_fit(best)
     return best
 
@@ -604,7 +605,8 @@ def fit_grid(
         return fit_surface(mesh, grid, degree, chords, max_deviation, draft)
     fit = _smallest(mesh, grid, degree, max_deviation)
     if chords:
-        fit = replace(fit_lines(fit.mesh, fit.lines, degree, chords), limits=fit.limits, outliers=fit.outliers)
+        again = fit_lines(fit.mesh, fit.lines, degree, chords)
+        fit = replace(again, limits=fit.limits, **left_out(fit.given_mesh, fit.outliers))
         check_fit(fit)
     return fit
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -92,7 +93,13 @@ class SurfaceFit:
     outliers: tuple[
         Warning, ...
     ] = ()  # about vertices that were moved onto the plane of their neighbours before the fit
+    with_outliers: TriangleMesh | None = None  # the mesh as it was given; None if no vertex was moved
     refused_chords: bool = False  # whether facets that should be chords were used as they are
+
+    @property
+    def given_mesh(self) -> TriangleMesh:
+        """Return the mesh with its outliers: they may be noise, or real parts over which no skin can be."""
+        return self.mesh if self.with_outliers is None else self.with_outliers
 
     @property
     def residuals(self) -> Array:
@@ -389,12 +396,17 @@ def fit_surface(
         If the surface is far from the mesh somewhere; it names the planes and the point.
     """
     degrees = (degree, degree) if isinstance(degree, int) else degree
-    mesh, outliers = without_outliers(mesh)
+    given, (mesh, outliers) = mesh, without_outliers(mesh)
     lines = grid if isinstance(grid, LineGrid) else grid.line_grid(mesh, degrees, draft)
     fit = fit_lines(mesh, lines, degrees, chords, draft)
-    fit = replace(fit, limits=DeviationLimits.of(max_deviation), outliers=outliers)
+    fit = replace(fit, limits=DeviationLimits.of(max_deviation), **left_out(given, outliers))
     check_fit(fit)
     return fit
+
+
+def left_out(given: TriangleMesh, outliers: tuple[Warning, ...]) -> dict[str, Any]:
+    """Return the members of a fit about outliers, from the mesh with them and the warning about them."""
+    return {"outliers": outliers, "with_outliers": given if outliers else None}
 
 
 def check_fit(fit: SurfaceFit) -> None:

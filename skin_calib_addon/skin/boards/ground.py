@@ -47,7 +47,7 @@ class Ground:
 
     @cached_property
     def _distance(self) -> MeshDistance | None:
-        return None if self.fit is None else distance_to(self.fit.mesh)
+        return None if self.fit is None else distance_to(self.fit.given_mesh)
 
     @cached_property
     def _zones(self) -> tuple[Array, Array, Array]:
@@ -105,9 +105,9 @@ class Ground:
         kept = self.fit.is_trusted(self.surface.wrap(uv)) & (distances <= MAX_DISTANCE)
         # Above an edge several faces are nearest.
         board, face = self._adjacent[faces].nonzero()
-        feet = closest_on_triangles(points[board], self.fit.mesh.triangles[face])
+        feet = closest_on_triangles(points[board], self.fit.given_mesh.triangles[face])
         nearest = np.linalg.norm(feet - points[board], axis=1) <= distances[board] + TOUCH * self.side
-        cosines = self._winding * (self.fit.mesh.face_normals[face] * normals[board]).sum(axis=1)
+        cosines = self._winding * (self.fit.given_mesh.face_normals[face] * normals[board]).sum(axis=1)
         steep = cosines < np.cos(MAX_ANGLE)
         kept[board[nearest & steep]] = False
         return kept
@@ -118,13 +118,13 @@ class Ground:
         assert self.fit is not None
         samples = self.fit.samples
         hit = ~np.isnan(samples.residuals)
-        outward = (samples.rays * self.fit.mesh.face_normals[samples.faces]).sum(axis=2)[hit]
+        outward = (samples.rays * self.fit.given_mesh.face_normals[samples.faces]).sum(axis=2)[hit]
         return -1.0 if outward.sum() < 0 else 1.0
 
     @cached_property
     def _adjacent(self) -> csr_array:
         """Faces with a common vertex, as a sparse matrix (f, f)."""
         assert self.fit is not None
-        faces = self.fit.mesh.faces
+        faces = self.fit.given_mesh.faces
         at = csr_array((np.ones(faces.size), faces.ravel(), np.arange(0, faces.size + 1, 3)))
         return (at @ at.T).tocsr()
