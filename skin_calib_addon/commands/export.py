@@ -77,6 +77,8 @@ def _export_robot(options: argparse.Namespace) -> int:
     )
     if model.uncovered:
         say(f"collision shapes that would hide skin are switched off: {', '.join(model.uncovered)}")
+    for line in model.covered:
+        complain(f"warning: {line}")
     if model.balanced:
         say(f"no rigid body has the inertia that the URDF states; MuJoCo changed it: {', '.join(model.balanced)}")
     return WRONG_DATA if problems or model.problems else DONE

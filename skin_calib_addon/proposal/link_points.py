@@ -66,7 +66,21 @@ class LinkPoints:
         return np.asarray(self.tree.query(with_normals(points, normals))[1])
 
     def are_near(self, chosen: BoolArray, points: Array, normals: Array) -> BoolArray:
-        """Return which points with normals (n, 3) are near to a point on their side of the link that is chosen."""
+        """Return which points are near to a point on their side of the link that is chosen.
+
+        Parameters
+        ----------
+        chosen : array of bool, shape (k,)
+            Which points of the link.
+        points : array, shape (n, 3)
+            Link frame [m].
+        normals : array, shape (n, 3)
+            Unit normals at these.
+
+        Returns
+        -------
+        array of bool, shape (n,)
+        """
         index = self.tree.query(with_normals(points, normals), distance_upper_bound=2 * POINT_DISTANCE)[1]
         return np.append(chosen, False)[index]  # the index of none is the number of points
 

@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,6 +49,7 @@ class RobotModel:
     meshes: dict[str, bytes]  # files by name: STL, or OBJ for large meshes
     problems: tuple[str, ...]  # meshes and skins that the model does not have, a line each
     uncovered: tuple[str, ...]  # bodies with a collision shape that is switched off, because it would hide a skin
+    covered: tuple[str, ...]  # taxels below collision shapes of other links, a line for each pair of links
     balanced: tuple[str, ...]  # links whose inertia no rigid body can have; the model has another one
 
 
@@ -98,7 +100,7 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         for link, text in skins.items():
             skin = mujoco.MjSpec.from_string(text).body(link)
             spec.body(link).add_frame().attach_body(skin, f"{link}/", "")
-        uncovered = _uncover(spec, [f"{link}/{link}" for link in skins], mujoco)
+        uncovered, covered = _uncover(spec, [f"{link}/{link}" for link in skins], mujoco)
         spec.compile()
         spec.meshdir = mesh_folder
         text = spec.to_xml().replace("<compiler ", '<compiler balanceinertia="true" ', 1)  # MuJoCo does not write it
@@ -106,7 +108,7 @@ def robot_mjcf(robot: Robot, urdf: Path, calibrations: Mapping[str, LinkCalibrat
         mujoco.MjModel.from_xml_string(text, files)
     except (ValueError, mujoco.FatalError) as error:
         raise SkinCalibError(f"MuJoCo does not accept {urdf.name}: {' '.join(str(error).split())}") from error
-    return RobotModel(text.encode(), meshes, tuple(problems), uncovered, impossible)
+    return RobotModel(text.encode(), meshes, tuple(problems), uncovered, covered, impossible)
 
 
 def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
@@ -139,11 +141,11 @@ def _with_possible_inertias(root: ET.Element) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[str, ...]:
+def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Switch off what would be touched instead of a skin, and contacts of the robot with itself at zero.
 
     MuJoCo collides with the convex hull of a mesh. That of a concave link is above its skin. Those of adjacent links
-    overlap.
+    overlap. Shapes of other links stay, even if they cover a taxel: they may be all that touches the world.
 
     Parameters
     ----------
@@ -156,8 +158,10 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[str, ...]:
 
     Returns
     -------
-    tuple of str
+    uncovered : tuple of str
         Names of the bodies with a shape that is switched off.
+    covered : tuple of str
+        How many taxels of a skin are below a shape of another link in the zero pose, in words.
     """
     trial = spec.copy()
     probe = trial.worldbody.add_body().add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[MIN_PROTRUSION, 0, 0])
@@ -170,18 +174,30 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[str, ...]:
     weld, of_skin = model.body_weldid, np.isin(range(model.nbody), bodies) | np.isin(model.body_parentid, bodies)
     collides = ((model.geom_contype | model.geom_conaffinity) != 0) & ~of_skin[model.geom_bodyid]
     hiding: set[int] = set()
-    for site in np.flatnonzero(of_skin[model.site_bodyid]):
-        data.geom_xpos[probe.id] = data.site_xpos[site]
-        for geom in np.flatnonzero(collides & (weld[model.geom_bodyid] == weld[model.site_bodyid[site]])).tolist():
-            if geom not in hiding:
-                distance = mujoco.mj_geomDistance(model, data, probe.id, geom, MIN_PROTRUSION, None)
-                hiding |= {geom} if distance < 0 else set()
+    covering: Counter[tuple[str, str]] = Counter()  # taxels by their link and by the link of a shape
+    for site in np.flatnonzero(of_skin[model.site_bodyid]).tolist():
+        place, link = data.site_xpos[site], model.site_bodyid[site]
+        data.geom_xpos[probe.id] = place
+        is_near = np.linalg.norm(data.geom_xpos - place, axis=1) < model.geom_rbound + MIN_PROTRUSION
+        over: set[tuple[str, str]] = set()
+        for geom in np.flatnonzero(collides & is_near).tolist():
+            body = model.geom_bodyid[geom]
+            if geom not in hiding and mujoco.mj_geomDistance(model, data, probe.id, geom, MIN_PROTRUSION, None) < 0:
+                if weld[body] == weld[link]:
+                    hiding.add(geom)
+                else:  # names of a skin begin with that of its link
+                    over.add((model.body(link).name.partition("/")[0], model.body(body).name))
+        covering.update(over)
     for geom in hiding:  # geoms have the same order in both, because the body of the probe is the last
         spec.geoms[geom].contype = spec.geoms[geom].conaffinity = 0
     touching = {tuple(sorted(model.geom_bodyid[contact.geom].tolist())) for contact in data.contact}
     for one, other in sorted(touching):
         spec.add_exclude(bodyname1=model.body(one).name, bodyname2=model.body(other).name)
-    return tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding)))
+    covered = tuple(
+        f"{count} taxels of {link} are below the collision shape of {other} in the zero pose, and feel no press there"
+        for (link, other), count in covering.items()
+    )
+    return tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding))), covered
 
 
 def _with_own_meshes(urdf: Path, mujoco: Any) -> tuple[str, dict[str, bytes], list[str], tuple[str, ...]]:

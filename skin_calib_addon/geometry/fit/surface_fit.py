@@ -405,7 +405,15 @@ def fit_surface(
 
 
 def left_out(given: TriangleMesh, outliers: tuple[Warning, ...]) -> dict[str, Any]:
-    """Return the members of a fit about outliers, from the mesh with them and the warning about them."""
+    """Return the members of a fit about outliers.
+
+    Parameters
+    ----------
+    given : TriangleMesh
+        The mesh with its outliers.
+    outliers : tuple of Warning
+        About them; empty without any.
+    """
     return {"outliers": outliers, "with_outliers": given if outliers else None}
 
 

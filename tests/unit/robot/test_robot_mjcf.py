@@ -179,8 +179,22 @@ def test_shapes_up_to_a_millimetre_below_the_taxels_are_switched_off(millimetres
         <body name="skin"><geom type="box" size=".002 .002 .001" pos="0 0 {0.009 + 1e-3 * millimetres}" mass="0"/>
         <site pos="0 0 {0.01 + 1e-3 * millimetres}"/></body></body></worldbody></mujoco>"""
     )
-    assert mjcf._uncover(spec, ["skin"], mujoco) == (("arm",) if hides else ())
+    assert mjcf._uncover(spec, ["skin"], mujoco) == (("arm",) if hides else (), ())
     assert (spec.geom("shape").contype == 0) == hides
+
+
+@pytest.mark.parametrize(("millimetres", "covers"), [(-3.0, True), (0.9, True), (1.1, False)])
+def test_taxels_below_shapes_of_other_links_are_stated(millimetres, covers):
+    """A box of the base over a taxel of the arm stays, because it may be all that touches the world."""
+    spec = mujoco.MjSpec.from_string(
+        f"""<mujoco><worldbody><body name="base"><geom name="shape" type="box" size=".02 .02 .01" mass="1"/>
+        <body name="arm"><joint axis="0 0 1"/><geom type="sphere" size=".001" pos="0 .1 0" mass="1"/>
+        <body name="arm/skin"><geom type="box" size=".002 .002 .001" pos="0 0 {0.009 + 1e-3 * millimetres}" mass="0"/>
+        <site pos="0 0 {0.01 + 1e-3 * millimetres}"/></body></body></body></worldbody></mujoco>"""
+    )
+    uncovered, covered = mjcf._uncover(spec, ["arm/skin"], mujoco)
+    assert uncovered == () and spec.geom("shape").contype == 1
+    assert len(covered) == covers and all("1 taxels of arm are below the collision shape of base" in k for k in covered)
 
 
 def test_robot_that_mujoco_refuses_is_one_line(robot, capsys):
