@@ -9,6 +9,7 @@ Run it with the Python of the virtual environment: the builder is part of Blende
 
 import argparse
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -94,9 +95,11 @@ def build(platform, with_wheels=True):
         (ROOT / "dist").mkdir(exist_ok=True)
         end = "" if with_wheels else "_without_wheels"
         target = ROOT / "dist" / f"skin_calib-{version}-{platform.replace('-', '_')}{end}.zip"
+        part = target.with_suffix(f".{os.getpid()}.part.zip")  # a reader of the target never gets half of it
         subprocess.run(
-            [sys.executable, builder(), "build", "--source-dir", folder, "--output-filepath", target], check=True
+            [sys.executable, builder(), "build", "--source-dir", folder, "--output-filepath", part], check=True
         )
+        part.replace(target)
     return target
 
 

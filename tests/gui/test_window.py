@@ -19,6 +19,12 @@ pytestmark = pytest.mark.window
 ROOT = Path(__file__).resolve().parents[2]
 TOOLS = ROOT.parent / "shared" / "blender"
 SAMPLES = ROOT / "sample_scenes"
+DATA = ROOT.parent / "shared" / "data"
+REAL = {
+    "limb": DATA / "meshes" / "hrp4c_r_wrist_y.stl",
+    "sole": DATA / "robots" / "g1_description" / "meshes" / "left_ankle_roll_link.STL",
+    "robot": DATA / "robots" / "g1_description" / "g1_29dof_rev_1_0.urdf",
+}
 
 
 @pytest.fixture(scope="session")
@@ -30,6 +36,28 @@ def blender():
     if done.returncode:
         pytest.skip(f"the Blender with a window does not start: {' '.join(done.stderr.split())}")
     return TOOLS / "gui-blender"
+
+
+@pytest.fixture(scope="session")
+def archive(blender, tmp_path_factory):
+    """Return the zip for this Blender, whose Python has its own SciPy and trimesh."""
+    if importlib.util.find_spec("bpy") is None:
+        pytest.skip("no module bpy here, whose builder makes the zip; pip install '.[blender]' brings it")
+    words = [sys.executable, "scripts/make_extension.py", "--platform", PLATFORMS["linux"], "--without-wheels"]
+    made = subprocess.run(words, cwd=ROOT, check=True, capture_output=True, text=True)
+    return Path(shutil.copy(ROOT / made.stdout.splitlines()[-1], tmp_path_factory.mktemp("archive")))
+
+
+def drive(archive, out, size, driver, *arguments, blend=None, timeout=900, folder=None):
+    """Run a driver in the window; its screenshots go to ``out``, and it sees the files of ``folder``."""
+    words = ["--install", archive, "--size", size, "--out", out, "--timeout", timeout]
+    words += [] if blend is None else ["--blend", blend]
+    command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver), *arguments]
+    environment = os.environ if folder is None else os.environ | {"GUI_BLENDER_BIND": str(folder)}
+    done = subprocess.run(
+        [*map(str, command)], cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {out}"
 
 
 # Size of the pictures that are compared [pixel]. Larger: a changed label fails the test.
@@ -59,71 +87,35 @@ DRIVERS = [
 
 
 @pytest.mark.parametrize("driver, sample, size", DRIVERS)
-def test_window(blender, driver, sample, size, tmp_path):
+def test_window(archive, driver, sample, size, tmp_path):
     """Every step of the driver has its effect in the window."""
-    scene = ["--blend", SAMPLES / f"{sample}.blend"] if sample else []
-    words = ["--install", ROOT, *scene, "--size", size, "--out", tmp_path, "--timeout", 900]
-    command = [TOOLS / "drive-gui", *words, Path(__file__).with_name(driver)]
-    done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
+    drive(archive, tmp_path, size, driver, blend=SAMPLES / f"{sample}.blend" if sample else None)
 
 
-def test_window_of_a_robot(blender, tmp_path):
+def test_window_of_a_robot(archive, tmp_path):
     """All links of the Unitree G1 are imported and listed; one is proposed and fitted; Esc stops the others."""
-    urdf = ROOT.parent / "shared" / "data" / "robots" / "g1_description" / "g1_29dof_rev_1_0.urdf"
+    urdf = REAL["robot"]
     if not urdf.exists():
         pytest.skip(f"{urdf.name} is not on this machine")
-    words = ["--install", ROOT, "--blend", SAMPLES / "wrist.blend", "--size", "1600x900", "--out", tmp_path]
-    command = [TOOLS / "drive-gui", *words, "--timeout", 1800, Path(__file__).with_name("drive_robot.py"), urdf]
-    environment = os.environ | {"GUI_BLENDER_BIND": str(urdf.parent)}
-    done = subprocess.run(
-        [*map(str, command)],
-        cwd=ROOT,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
-
-
-DATA = ROOT.parent / "shared" / "data"
-REAL = {
-    "limb": DATA / "meshes" / "hrp4c_r_wrist_y.stl",
-    "sole": DATA / "robots" / "g1_description" / "meshes" / "left_ankle_roll_link.STL",
-    "robot": DATA / "robots" / "g1_description" / "g1_29dof_rev_1_0.urdf",
-}
+    scene = SAMPLES / "wrist.blend"
+    drive(archive, tmp_path, "1600x900", "drive_robot.py", urdf, blend=scene, timeout=1800, folder=urdf.parent)
 
 
 @pytest.mark.parametrize("part", REAL)
-def test_tutorial_of_real_links(blender, part, tmp_path):
+def test_tutorial_of_real_links(archive, part, tmp_path):
     """Every step of docs/tutorial/real_links.md has the effect that the page states."""
     path = REAL[part]
     if not path.exists():
         pytest.skip(f"{path.name} is not on this machine")
-    words = ["--install", ROOT, "--size", "1000x1150", "--out", tmp_path, "--timeout", 1800]
-    command = [TOOLS / "drive-gui", *words, Path(__file__).with_name("drive_real_links.py"), part, path]
-    environment = os.environ | {"GUI_BLENDER_BIND": str(path.parent)}
-    done = subprocess.run(
-        [*map(str, command)],
-        cwd=ROOT,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
+    drive(archive, tmp_path, "1000x1150", "drive_real_links.py", part, path, timeout=1800, folder=path.parent)
 
 
-def test_first_steps_look_as_in_the_manual(blender, tmp_path):
+def test_first_steps_look_as_in_the_manual(archive, tmp_path):
     """From an empty scene to an exported calibration; each picture is close to that of docs/tutorial/blender.md."""
     image = pytest.importorskip(
         "PIL.Image", reason="Pillow, which compares pictures, is not installed; '.[picture]' installs it"
     )
-    words = ["--install", ROOT, "--size", "1000x1150", "--out", tmp_path, "--timeout", 900]
-    command = [TOOLS / "drive-gui", *words, Path(__file__).with_name("drive_steps.py")]
-    done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    assert done.returncode == 0, f"{done.stdout}\nscreenshots are in {tmp_path}"
+    drive(archive, tmp_path, "1000x1150", "drive_steps.py")
     pictures = sorted((ROOT / "docs" / "steps").glob("*.png"))
     assert len(pictures) == 6
     for path in pictures:
@@ -136,14 +128,9 @@ def test_first_steps_look_as_in_the_manual(blender, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def installed(blender, tmp_path_factory):
-    """Return a function that runs this Blender with the extension; its Python has its own SciPy and trimesh."""
-    if importlib.util.find_spec("bpy") is None:
-        pytest.skip("no module bpy here, whose builder makes the zip; pip install '.[blender]' brings it")
-    folder = tmp_path_factory.mktemp("installed")
-    words = [sys.executable, "scripts/make_extension.py", "--platform", PLATFORMS["linux"], "--without-wheels"]
-    made = subprocess.run(words, cwd=ROOT, check=True, capture_output=True, text=True)
-    archive = shutil.copy(ROOT / made.stdout.splitlines()[-1], folder)
+def installed(blender, archive):
+    """Return a function that runs this Blender with the extension."""
+    folder = archive.parent
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "resources")}
     environment["GUI_BLENDER_BIND"] = str(folder)
 
