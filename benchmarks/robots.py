@@ -362,8 +362,7 @@ def draw(urdf, folder, path):
         )
         fine[link] = TriangleMesh(vertices, faces)
         outward = mesh.face_normals[of] * visibility(mesh).sides[of][:, None]
-        is_near, nearest = on.nearest(fine[link].triangles.mean(axis=1), outward)
-        kept_out[link] = blocked[nearest] | ~is_near
+        kept_out[link] = ~on.are_near(~blocked, fine[link].triangles.mean(axis=1), outward)
     calibrations = {c.link: c for c in map(load_calibration, sorted(folder.glob("*.calibration.json")))}
     title = f"{robot.name}: skin on {len(calibrations)} of {len(robot.links)} links"
     draw_robot(fine, link_poses(robot), calibrations, title, path, kept_out)

@@ -4,7 +4,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
@@ -257,6 +257,7 @@ def test_largest_parallelogram_is_the_largest(polygon):
 
 
 @given(round_polygons)
+@example(convex_hull(np.random.default_rng(12).normal(size=(9, 2))))  # two maxima between directions of edges
 def test_largest_parallelogram_of_a_symmetric_polygon_is_known(polygon):
     """The parallelogram of a symmetric polygon is symmetric, and its diagonals end at corners."""
     corners = polygon.corners - polygon.centroid
