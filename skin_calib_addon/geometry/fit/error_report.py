@@ -71,6 +71,7 @@ FIRST_COSINE = 0.0
 CONFIDENCE_FACTOR = 1.96
 
 Exact = Callable[[IntArray], Array]
+IsCover = Callable[[Array], BoolArray]  # from points (k, 3) [m] of a mesh to those that count
 
 
 def statistics_of(
@@ -280,7 +281,9 @@ def solved(matrices: Array, right: Array) -> Array:
     return np.stack(((c * x - b * y) / determinant, (a * y - b * x) / determinant), axis=1)
 
 
-def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray, side: int) -> DistanceStatistics:
+def mesh_to_surface(
+    mesh: TriangleMesh, surface: BSplineSurface, known: BoolArray, side: int, is_cover: IsCover | None = None
+) -> DistanceStatistics:
     """Return the distances from the mesh to the surface: the maximum of all vertices, and means of samples by area.
 
     Only those parts of the mesh count that have their footpoint inside the surface, over sites that hit the mesh, with
@@ -296,6 +299,8 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
         Which sample sites of the fit hit the mesh.
     side : int
         The `winding` of the faces.
+    is_cover : function, optional
+        From points (k, 3) [m] of the mesh to those that count; without it all count.
 
     Returns
     -------
@@ -314,12 +319,17 @@ def mesh_to_surface(mesh: TriangleMesh, surface: BSplineSurface, known: BoolArra
         estimates, _, inside = table(surface, points, node)
         over = inside & is_sampled(surface, table.uv[node], known)
         counts = np.flatnonzero(over & is_parallel(normals, table.normals[node], side, FIRST_COSINE))
+        if is_cover is not None:
+            counts = counts[is_cover(points[counts])]
         count *= EXACT_GROWTH
 
     def exact_distances(points: Array, is_on_cover: Callable[[IntArray, Array], BoolArray]) -> Exact:
         def exact(chosen: IntArray) -> Array:
             foot, found = footpoints(surface, points[chosen])
             counts = is_inside(surface, foot, known) & is_on_cover(chosen, surface.normals(foot))
+            if is_cover is not None:
+                kept = np.flatnonzero(counts)
+                counts[kept] = is_cover(points[chosen[kept]])
             return np.where(counts, found, -1.0)
 
         return exact

@@ -34,7 +34,7 @@ from .diagnosis import (
     off,
 )
 from .error_field import ErrorField, error_field
-from .error_report import MIN_COVER_COSINE, NearMesh, mesh_to_surface, surface_to_mesh, winding
+from .error_report import MIN_COVER_COSINE, IsCover, NearMesh, mesh_to_surface, surface_to_mesh, winding
 from .smoothing import MAX_SCORE_RATIO, best_stiffness, looks_noisy, sites_for_noise
 from .undercut import undercut_warnings
 
@@ -115,28 +115,40 @@ class SurfaceFit:
     def errors(self) -> SurfaceErrors:
         """Return the distances between mesh and surface, in both directions [m]."""
         to_mesh, _ = self._to_mesh
-        to_surface = mesh_to_surface(
-            self._mesh_inside, self.surface, ~np.isnan(self.residuals), winding(self.mesh, self.samples)
-        )
+        mesh, is_cover = self._mesh_inside
+        known, side = ~np.isnan(self.residuals), winding(self.mesh, self.samples)
+        to_surface = mesh_to_surface(mesh, self.surface, known, side, is_cover)
         return SurfaceErrors(to_surface, to_mesh, max(to_surface.max, to_mesh.max))
 
     @property
-    def _mesh_inside(self) -> TriangleMesh:
-        """Return the faces of the mesh inside the boundary: those that rays hit, and those between them.
+    def _mesh_inside(self) -> tuple[TriangleMesh, IsCover | None]:
+        """Return the faces of the mesh inside the boundary, and which points of them are on the cover.
 
-        A face is between them if its centre is inside, near a hit, and it faces the same side as the face that was hit.
+        The faces are those that rays hit, and those between them: with the centre inside, near a hit, and facing the
+        same side as the face that was hit. Points are on the cover inside the boundary, near a hit. A hit that is
+        farther from the surface than hits are from each other does not count: at a rim, rays hit what is below.
         """
-        if self.lines.region is None:
-            return self.mesh
-        hit = ~np.isnan(self.residuals)
-        faces, points = self.samples.faces[hit], self.points[hit]
-        centres, normals = self.mesh.triangles.mean(axis=1), self.mesh.face_normals
+        region = self.lines.region
+        if region is None:
+            return self.mesh, None
         step = max(np.nanmedian(np.linalg.norm(np.diff(self.points, axis=axis), axis=2)) for axis in (0, 1))
-        distance, nearest = map(np.asarray, cKDTree(points).query(centres))
-        between = self.lines.region(centres) & (distance <= step + self.mesh.longest_sides / 2)
+        hit = np.abs(np.nan_to_num(self.residuals, nan=np.inf)) <= step
+        if not hit.any():
+            return self.mesh, None
+        faces, hits = self.samples.faces[hit], cKDTree(self.points[hit])
+        centres, normals = self.mesh.triangles.mean(axis=1), self.mesh.face_normals
+        distance, nearest = map(np.asarray, hits.query(centres))
+        between = region(centres) & (distance <= step + self.mesh.longest_sides / 2)
         between &= (normals * normals[faces[nearest]]).sum(axis=1) > MIN_COVER_COSINE
         between[faces] = True
-        return TriangleMesh(self.mesh.vertices, self.mesh.faces[between])
+
+        def is_cover(points: Array) -> BoolArray:
+            on_cover = np.isfinite(hits.query(points, distance_upper_bound=step)[0])
+            near = np.flatnonzero(on_cover)
+            on_cover[near] = region(points[near])
+            return on_cover
+
+        return TriangleMesh(self.mesh.vertices, self.mesh.faces[between]), is_cover
 
     @cached_property
     def _to_mesh(self) -> tuple[DistanceStatistics, int]:
@@ -308,11 +320,12 @@ class SurfaceFit:
         """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
         found = [*self.outliers, *fit_warnings(self.mesh, *parts, *self._smallest_area, self.converged, self.limits)]
-        if self.lines.region is None:  # outside a boundary they are left out on purpose
+        if self.lines.region is None:  # with a boundary, what is beside or below the surface is left out on purpose
             found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
+            found += undercut_warnings(self.mesh, *parts, self.surface)
         if self.refused_chords:
             found.append(Warning("chords-refused", "warning", CHORDS_REFUSED, advice="Remove the option chords."))
-        return (*found, *undercut_warnings(self.mesh, *parts, self.surface))
+        return tuple(found)
 
     def is_within(self, tolerance: float) -> bool:
         """Return whether surface and mesh are within ``tolerance`` [m] of each other, without holes and folds."""

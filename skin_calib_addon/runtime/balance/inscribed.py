@@ -136,9 +136,9 @@ def _centred(sides: Array, rows: Array, offsets: Array, weight: float) -> Array:
 def largest_parallelogram(polygon: Polygon) -> Polygon | None:
     """Return the largest parallelogram in a polygon.
 
-    For one direction of the sides the best one is exact (:func:`_best_along`). The search compares the directions of the
-    edges, after a linear map that makes the second moments of the polygon equal, and the best direction between each
-    two of them by a golden-section search. In 5000 random polygons no dense search found a larger one.
+    For one direction of the sides the best one is exact (:func:`_best_along`). The search compares the directions of
+    the edges, after a linear map that makes the second moments of the polygon equal, and the best direction between
+    each two of them by a golden-section search. In 5000 random polygons no dense search found a larger one.
     """
     if polygon.kind != "area":
         return None

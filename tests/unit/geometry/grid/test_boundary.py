@@ -127,3 +127,46 @@ def test_boundary_off_the_mesh_is_refused():
     far = tuple((x + 1.0, y, z + 1.0) for x, y, z in DISC)
     with pytest.raises(EmptySection, match="inside the boundary"):
         fit_surface(TUBE, Grid(Sector(AXIS, None, (far,), start=-1, stop=1), Size(6, 8), "uniform"))
+
+
+def over_floor():
+    """A plate with a hole of 8 mm, 20 mm above a floor."""
+    x, y = np.meshgrid(np.linspace(0, 0.1, 51), np.linspace(0, 0.06, 31), indexing="ij")
+    k = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = k[:-1, :-1].ravel(), k[1:, :-1].ravel(), k[1:, 1:].ravel(), k[:-1, 1:].ravel()
+    points, faces = np.column_stack((x.ravel(), y.ravel(), 0 * x.ravel())), np.column_stack((a, b, c, a, c, d))
+    faces = faces.reshape(-1, 3)
+    centres = points[faces].mean(axis=1)
+    faces = faces[np.hypot(centres[:, 0] - 0.05, centres[:, 1] - 0.03) > 0.004]
+    floor = np.array(((0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06)))
+    n = len(points)
+    points = np.vstack((points, np.column_stack((floor, np.full(4, -0.02)))))
+    return weld(points, np.vstack((faces, ((n, n + 1, n + 2), (n, n + 2, n + 3)))))
+
+
+def test_what_rays_hit_below_a_hole_is_not_the_cover():
+    """A few rays hit the floor: the surface is pulled down there, but the floor, one large face, does not count."""
+    loop = ((0.01, 0.01, 0.0), (0.09, 0.01, 0.0), (0.09, 0.05, 0.0), (0.01, 0.05, 0.0))
+    fit = fit_grid(over_floor(), Grid(Across(normal=(0, 0, 1), boundary=(loop,)), Size(8, 8)), (3, 3))
+    to_surface, to_mesh = fit.errors.mesh_to_surface, fit.errors.surface_to_mesh
+    assert to_surface.mean < 1e-3 < to_mesh.mean and to_surface.max < to_mesh.max < 0.01
+    assert [w.code for w in fit.warnings] == ["off-mesh"]
+
+
+def test_shelves_below_a_bounded_surface_are_no_undercut():
+    """The boundary states what the surface follows. Without it, the shelf is left out, and there is a warning."""
+    outline = np.array(
+        ((0, 0), (0.1, 0), (0.1, -0.005), (0.02, -0.005), (0.02, -0.03), (0.1, -0.03), (0.1, -0.04), (0, -0.04))
+    )
+    y = np.linspace(0, 0.06, 13)
+    points = np.stack([np.column_stack((outline[:, 0], np.full(8, k), outline[:, 1])) for k in y])
+    k = np.arange(points.shape[0] * 8).reshape(-1, 8)
+    a, b, c, d = k[:-1].ravel(), np.roll(k, -1, axis=1)[:-1].ravel(), np.roll(k, -1, axis=1)[1:].ravel(), k[1:].ravel()
+    mesh = weld(points.reshape(-1, 3), np.concatenate((np.column_stack((a, b, c)), np.column_stack((a, c, d)))))
+    loop = ((0.01, 0.01, 0.0), (0.09, 0.01, 0.0), (0.09, 0.05, 0.0), (0.01, 0.05, 0.0))
+    bounded, whole = (
+        fit_grid(mesh, Grid(Across(normal=(0, 0, 1), margin=0.005, boundary=loops), Size(8, 8)), (3, 3))
+        for loops in ((loop,), ())
+    )
+    assert bounded.warnings == () and bounded.errors.hausdorff < 1e-9
+    assert [w.code for w in whole.warnings] == ["dropped-curves"]
