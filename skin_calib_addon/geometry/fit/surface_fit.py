@@ -320,7 +320,7 @@ class SurfaceFit:
         """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
         found = [*self.outliers, *fit_warnings(self.mesh, *parts, *self._smallest_area, self.converged, self.limits)]
-        if self.lines.region is None:  # with a boundary, what is beside or below the surface is left out on purpose
+        if self.lines.region is None:  # with a boundary, what is next to or below the surface is left out on purpose
             found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
             found += undercut_warnings(self.mesh, *parts, self.surface)
         if self.refused_chords:
