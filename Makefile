@@ -19,10 +19,11 @@ demo: $(READY)  ## the main job on the sample: a calibration, a picture, a summa
 test: $(READY)  ## the quick tests: they cover every module
 	$(PYTEST) -m "not slow and not window"
 
-check: $(READY) docs  ## lint, types, the extension, the documentation, all tests, those in a Blender window too
+check: $(READY) docs  ## lint, types, words, the extension, the documentation, all tests, those in a Blender window too
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/python -m pytest -q tests/unit/test_language.py
 	$(BIN)/python scripts/make_extension.py --platform linux-x64
 	$(PYTEST) --hypothesis-profile=full
 
