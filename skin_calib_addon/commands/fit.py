@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..calibration.robot_set import FILE
-from ..common.errors import CalibrationFormatError, InvalidPlan, OutputError, SkinCalibError
+from ..common.errors import CalibrationFormatError, InvalidPlan, OutputError, SkinCalibError, counted
 from ..geometry.mesh.triangle_mesh import TriangleMesh
 from ..pipeline.robot_folder import save_robot
 from ..pipeline.sources import Source, load_sources, save_source
@@ -207,10 +207,10 @@ def _table(done: list[Outcome]) -> str:
             )
             what = " ".join(text.splitlines()) + stale
         else:
-            warnings = f"{len(outcome.warnings)} warnings" if outcome.warnings else ""
-            numbers = f"{outcome.taxels:6} taxels, mean error {outcome.mean * 1e3:.4f} mm"
+            warnings = counted(len(outcome.warnings), "warning") if outcome.warnings else ""
+            numbers = f"{outcome.taxels:6} taxel{'s' * (outcome.taxels != 1)}, mean error {outcome.mean * 1e3:.4f} mm"
             what = ", ".join(word for word in (numbers, warnings, text) if word)
         lines.append(f"{outcome.job.name:{width}}  {outcome.state:10}  {what}")
     states = Counter(outcome.state for outcome in done)
     counts = [f"{states[state]} {state}" for state in ("fitted", "up to date", "kept", "failed") if states[state]]
-    return "\n".join((*lines, f"{len(done)} links: {', '.join(counts)}"))
+    return "\n".join((*lines, f"{counted(len(done), 'link')}: {', '.join(counts)}"))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLink
+from ..common.errors import InvalidMesh, OutputError, SkinCalibError, UnknownLink, counted
 from ..common.findings import did_you_mean, show
 from ..plan import load_plan, named_from, save_plan
 from ..plan.skins import following_channel
@@ -116,7 +116,7 @@ def propose(
     width = max(len(link) for link, _ in lines)
     found = [o.proposal for o in done.values() if o.proposal]
     seen, free, covered, cells = (sum(getattr(p, name) for p in found) for name in ("seen", "free", "covered", "cells"))
-    total = f"{len(tasks)} links, {len(plans)} plans"
+    total = f"{counted(len(tasks), 'link')}, {counted(len(plans), 'plan')}"
     if free:
         total += f"; surfaces with skin cover {covered * 1e4:.0f} cm^2, {covered / free:.0%} of the free area and "
         total += f"{covered / seen:.0%} of the area that can be seen; cells cover {cells * 1e4:.0f} cm^2"
@@ -153,7 +153,7 @@ def _channel_after(path: Path) -> int | None:
 def _numbers(proposal: Proposal) -> str:
     assert proposal.plan is not None
     return (
-        f"{len(proposal.plan.surfaces)} surfaces, {proposal.taxels} taxels; surfaces cover "
+        f"{counted(len(proposal.plan.surfaces), 'surface')}, {counted(proposal.taxels, 'taxel')}; surfaces cover "
         f"{proposal.covered * 1e4:.0f}, cells {proposal.cells * 1e4:.0f} of {proposal.free * 1e4:.0f} cm^2 free, "
         f"{proposal.seen * 1e4:.0f} cm^2 seen"
     )

@@ -86,6 +86,11 @@ def millimetres(point) -> str:
     return f"({', '.join(f'{round(float(x) * 1e3, 1) + 0.0:.1f}' for x in point)}) mm"  # no minus zero
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with a noun, for messages: ``1 taxel``, ``2 taxels``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def listed(names: Sequence[str]) -> str:
     """Return the first names, for messages: ``a, b, c, d, e, ...``."""
     return ", ".join(names[:MAX_NAMED]) + (", ..." if len(names) > MAX_NAMED else "")

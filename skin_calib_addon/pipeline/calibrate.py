@@ -212,7 +212,9 @@ def refuse_errors(warnings: Iterable[Warning]) -> None:
 
 
 def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) -> tuple[Warning, ...]:
-    """Return the warnings of all fits and of the skins on them; they name the surface if there are several.
+    """Return the warnings of all fits and of the skins on them; they name the surfaces if there are several.
+
+    What is wrong with the mesh itself is the same for many surfaces: one warning names all of these.
 
     Parameters
     ----------
@@ -225,16 +227,24 @@ def warnings_of(fits: Mapping[str, SurfaceFit], placed: tuple[PlacedSkin, ...]) 
     -------
     tuple of Warning
     """
+    surfaces: dict[Warning, list[str]] = {}
+    for name, fit in fits.items():
+        for warning in fit.warnings:
+            surfaces.setdefault(warning, []).append(repr(name))
     found = [
-        warning if len(fits) == 1 else replace(warning, message=f"surface {name!r}: {warning.message}")
-        for name, fit in fits.items()
-        for warning in fit.warnings
+        warning if len(fits) == 1 else replace(warning, message=f"{_naming(names)}: {warning.message}")
+        for warning, names in surfaces.items()
     ]
     for skin in placed:
         fit = fits[skin.patch.surface]
         found += (*_over_holes(skin.patch, fit), *skin.warnings, *unknown_sigma(skin.patch, fit))
     found += overlap_warnings([skin.patch for skin in placed])
     return tuple(found)
+
+
+def _naming(names: list[str]) -> str:
+    """Return the names of one or more surfaces for the start of a message."""
+    return f"surface{'s' * (len(names) > 1)} {listed(names)}"
 
 
 def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
@@ -248,8 +258,8 @@ def _over_holes(patch: Patch, fit: SurfaceFit) -> tuple[Warning, ...]:
         Warning(
             "over-hole",
             "warning",
-            f"{len(over)} taxels of {patch.name} are over a hole of the mesh, where the surface is extrapolated: "
-            f"{ids}.",
+            f"{len(over)} of {len(patch.taxels.ids)} taxels of {patch.name} are over a hole of the mesh, "
+            f"where the surface is extrapolated: {ids}.",
             Place(point_of(patch.taxels.positions_link[over[0]]), skin=patch.name, taxels=taxels),
             float(len(over)),
             "Close the hole, or move the skin.",

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from ..calibration.model import Patch, Registration
 from ..common.arrays import Array, BoolArray
-from ..common.errors import InvalidPlan, listed, millimetres
+from ..common.errors import InvalidPlan, counted, listed, millimetres
 from ..common.warnings import Place, Warning, point_of
 from ..geometry.fit.surface_fit import SurfaceFit
 from ..plan.skins import BoardSkin, ImportedSkin, Mounting, SheetSkin, Skin
@@ -189,7 +189,7 @@ def unknown_sigma(patch: Patch, fit: SurfaceFit) -> Iterator[Warning]:
             yield Warning(
                 "no-uncertainty",
                 "warning",
-                f"The uncertainty of {len(rows)} taxels of {patch.name} is unknown, because {reason}: "
+                f"The uncertainty of {counted(len(rows), 'taxel')} of {patch.name} is unknown, because {reason}: "
                 f"{listed(taxels)}.",
                 Place(point_of(patch.taxels.positions_link[rows[0]]), skin=patch.name, taxels=taxels),
                 float(len(rows)),

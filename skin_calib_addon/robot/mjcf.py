@@ -12,7 +12,7 @@ import numpy as np
 
 from ..calibration.exchange.mjcf import write_mjcf
 from ..calibration.model import LinkCalibration
-from ..common.errors import InvalidMesh, SkinCalibError
+from ..common.errors import InvalidMesh, SkinCalibError, counted
 from ..common.findings import show
 from ..common.text import NumberError, read_text, real
 from ..geometry.mesh.triangle_mesh import TriangleMesh, read_mesh
@@ -194,7 +194,8 @@ def _uncover(spec: Any, skins: list[str], mujoco: Any) -> tuple[tuple[str, ...],
     for one, other in sorted(touching):
         spec.add_exclude(bodyname1=model.body(one).name, bodyname2=model.body(other).name)
     covered = tuple(
-        f"{count} taxels of {link} are below the collision shape of {other} in the zero pose, and feel no press there"
+        f"{counted(count, 'taxel')} of {link} {'is' if count == 1 else 'are'} below the collision shape of {other} "
+        "in the zero pose: no press is felt there"
         for (link, other), count in covering.items()
     )
     return tuple(dict.fromkeys(model.body(model.geom_bodyid[geom]).name for geom in sorted(hiding))), covered

@@ -58,8 +58,8 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
             yield Warning(
                 "strain",
                 "warning",
-                f"{len(which)} cells of {patch.name} are strained by more than {STRAIN_LIMIT:.0%}, the most "
-                f"{place.taxels[0]} by {worst:.1%}. The sheet will wrinkle or lift there.",
+                f"{len(which)} of {len(strain)} cells of {patch.name} are strained by more than {STRAIN_LIMIT:.0%}, "
+                f"the most {place.taxels[0]} by {worst:.1%}. The sheet will wrinkle or lift there.",
                 place,
                 worst,
                 "Move the sheet, or use a smaller one.",
@@ -83,7 +83,7 @@ def placement_warnings(patch: Patch, closure: Closure | None = None) -> Iterator
             yield Warning(
                 code,
                 "warning",
-                f"{len(which)} boards of {patch.name} {statement.format(limit=limit * 1e3)}, the most "
+                f"{len(which)} of {len(values)} boards of {patch.name} {statement.format(limit=limit * 1e3)}, the most "
                 f"{place.taxels[0]} by {worst * 1e3:.1f} mm.",
                 place,
                 worst,

@@ -45,10 +45,12 @@ def without_outliers(mesh: TriangleMesh) -> tuple[TriangleMesh, tuple[Warning, .
         return mesh, ()
     highest = int(np.abs(heights).argmax())
     place = Place(point=point_of(mesh.vertices[highest]))
-    text = "One vertex of the mesh stands" if len(found) == 1 else f"{len(found)} vertices of the mesh stand"
+    one = len(found) == 1
+    text = "One vertex of the mesh stands" if one else f"{len(found)} vertices of the mesh stand"
     height = float(np.abs(heights[highest]))
     message = (
-        f"{text} off from the surface around by up to {height * 1e3:.1f} mm, {place.words}. The fit leaves them out."
+        f"{text} off from the surface around by up to {height * 1e3:.1f} mm, {place.words}. "
+        f"The fit leaves {'it' if one else 'them'} out."
     )
     advice = "Look at the mesh there, and delete or move what is wrong."
     return TriangleMesh(vertices, mesh.faces), (Warning("outlier-vertices", "warning", message, place, height, advice),)

@@ -8,7 +8,7 @@ import pytest
 from skin_calib_addon.calibration.file import load_calibration
 from skin_calib_addon.cli import main
 from skin_calib_addon.common.errors import InvalidPlan, SkinCalibError
-from skin_calib_addon.geometry.mesh.triangle_mesh import save_mesh
+from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh, save_mesh
 from skin_calib_addon.pipeline import calibrate
 from skin_calib_addon.pipeline.touch_distance import check_touches
 from skin_calib_addon.plan import check_plan, check_plan_wholly, load_plan, plan_document, plan_from, save_plan
@@ -71,6 +71,15 @@ def test_warnings_and_errors_name_their_surface():
     assert found and all(warning.message.startswith("surface 'back': ") for warning in found)
     (alone,) = (plan_from(PLAN | {"surfaces": [coarse], "skins": []}),)
     assert not calibrate(alone, MESH).calibration.warnings[0].message.startswith("surface")
+
+
+def test_what_is_wrong_with_the_mesh_is_one_warning_that_names_all_surfaces():
+    """A vertex that stands off gives one warning, not one for each surface."""
+    vertices = MESH.vertices.copy()
+    vertices[np.linalg.norm(vertices - (RADIUS, 0, 0.1), axis=1).argmin()] *= (1.1, 1.1, 1)
+    found = calibrate(plan_from(TWO), TriangleMesh(vertices, MESH.faces)).calibration.warnings
+    (warning,) = (w for w in found if w.code == "outlier-vertices")
+    assert warning.message.startswith("surfaces 'front', 'back': One vertex of the mesh stands off")
 
 
 @pytest.mark.parametrize(

@@ -194,7 +194,7 @@ def test_taxels_below_shapes_of_other_links_are_stated(millimetres, covers):
     )
     uncovered, covered = mjcf._uncover(spec, ["arm/skin"], mujoco)
     assert uncovered == () and spec.geom("shape").contype == 1
-    assert len(covered) == covers and all("1 taxels of arm are below the collision shape of base" in k for k in covered)
+    assert len(covered) == covers and all("1 taxel of arm is below the collision shape of base" in k for k in covered)
 
 
 def test_robot_that_mujoco_refuses_is_one_line(robot, capsys):
