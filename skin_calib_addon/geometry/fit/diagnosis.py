@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from ...common.arrays import Array, IntArray
 from ...common.warnings import Place, Warning, point_of
@@ -225,9 +226,14 @@ def maximum_deviation(
     far = distance > far_distance
     if far.any():
         distance[far] = np.minimum(distance[far], distance_to(mesh)((samples.origins + samples.arms)[far])[0])
-    site = np.unravel_index(np.argmax(distance), distance.shape)
-    at = int(site[0]), int(site[1])
+    at = largest_at(distance)
     return float(distance[at]), Place(point_of(samples.points[at]), nearest_names(lines, basis, at))
+
+
+def largest_at(values: Array) -> tuple[int, int]:
+    """Return the site of the largest of some values (k, l)."""
+    i, j = np.unravel_index(np.argmax(values), values.shape)
+    return int(i), int(j)
 
 
 def fit_warnings(
@@ -237,7 +243,7 @@ def fit_warnings(
     samples: RaySamples,
     smallest_area: float,
     smallest_at: Array,
-    converged: bool,
+    movement: Array | None,
     limits: DeviationLimits,
 ) -> Iterator[Warning]:
     """Yield the warnings that an author should check before trusting a fit.
@@ -256,17 +262,18 @@ def fit_warnings(
         Smallest area element of the surface, seen along the rays, divided by its mean.
     smallest_at : array, shape (2,)
         Its parameters on the surface.
-    converged : bool
-        Whether the iterations converged.
+    movement : array, shape (k, l), or None
+        Of the surface at the sites in the last iteration [m]; None if the iterations converged.
     limits : DeviationLimits
         Distances from the mesh that are warned of.
     """
     yield from lines.warnings
     missed = samples.missed
+    if samples.outside is not None:  # single rays miss at the rim; next to hits the surface is no extrapolation
+        missed &= ~ndimage.binary_dilation(~np.isnan(samples.residuals))
     if missed.any():
         around = missed.mean(axis=1)[:, None] + missed.mean(axis=0)
-        site = np.unravel_index(np.argmax(np.where(missed, around, -1.0)), missed.shape)
-        at = int(site[0]), int(site[1])
+        at = largest_at(np.where(missed, around, -1.0))
         place = Place(point_of(samples.origins[at] + samples.arms[at]), nearest_names(lines, basis, at))
         yield Warning(
             "missing-samples",
@@ -310,10 +317,16 @@ def fit_warnings(
                 smallest_area,
                 "Move planes apart, or increase the margin.",
             )
-    if not converged:
+    if movement is not None:
+        at = largest_at(movement)
+        place = Place(point_of(samples.origins[at] + samples.arms[at]), nearest_names(lines, basis, at))
+        moved = float(movement[at])
         yield Warning(
             "not-converged",
             "warning",
-            "The iterations of the fit did not converge, because the section is not star-shaped about its axis.",
-            advice="Move the axis, or cut.",
+            "The iterations of the fit did not converge: rays alternate over a step of the mesh, and the surface "
+            f"still moves by {moved * 1e3:.1f} mm {place.words}.",
+            place,
+            moved,
+            "Keep the skin away from it, move the axis, or cut.",
         )

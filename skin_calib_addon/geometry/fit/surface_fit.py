@@ -86,7 +86,7 @@ class SurfaceFit:
     surface: BSplineSurface
     samples: RaySamples
     iterations: int
-    converged: bool  # whether the control points stopped moving
+    movement: Array | None  # (k, l) of the surface at the sites in the last iteration [m]; None: it converged
     noise: float  # standard deviation of the scan about a smoothed surface [m]; 0 without smoothing
     limits: DeviationLimits = DeviationLimits()  # of its distance from the mesh
     stiffness: float = 0.0  # of the smoothed surface, see ``TensorBasis.solve``; 0 without smoothing
@@ -95,6 +95,11 @@ class SurfaceFit:
     ] = ()  # about vertices that were moved onto the plane of their neighbours before the fit
     with_outliers: TriangleMesh | None = None  # the mesh as it was given; None if no vertex was moved
     refused_chords: bool = False  # whether facets that should be chords were used as they are
+
+    @property
+    def converged(self) -> bool:
+        """Return whether the control points stopped moving."""
+        return self.movement is None
 
     @property
     def given_mesh(self) -> TriangleMesh:
@@ -319,7 +324,7 @@ class SurfaceFit:
     def warnings(self) -> tuple[Warning, ...]:
         """Return what an author should check before trusting this surface."""
         parts = self.lines, self.basis, self.samples
-        found = [*self.outliers, *fit_warnings(self.mesh, *parts, *self._smallest_area, self.converged, self.limits)]
+        found = [*self.outliers, *fit_warnings(self.mesh, *parts, *self._smallest_area, self.movement, self.limits)]
         if self.lines.region is None:  # with a boundary, what is next to or below the surface is left out on purpose
             found += dropped_curve_warnings(self.lines, self.basis, self._dropped_curves)
             found += undercut_warnings(self.mesh, *parts, self.surface)
@@ -484,14 +489,14 @@ def fit_lines(
     offsets = np.full(lines.origins.shape[:2], 0.5 * mesh.size)
     samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
     check_coverage(lines, basis, samples)
-    offsets, samples, iterations, converged = iterate(lines, basis, rows, offsets, samples)
-    if converged and looks_noisy(mesh, samples, 0.0, offsets.size):
+    offsets, samples, iterations, movement = iterate(lines, basis, rows, offsets, samples)
+    if movement is None and looks_noisy(mesh, samples, 0.0, offsets.size):
         finer = TensorBasis.of(lines, *degree, sites_for_noise(mesh, basis, samples))
         if len(finer.N) * len(finer.M) > samples.residuals.size:
             basis = finer
             rows = SampleRows.of(mesh, lines, basis)
             samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
-            offsets, samples, more, converged = iterate(lines, basis, rows, offsets, samples)
+            offsets, samples, more, movement = iterate(lines, basis, rows, offsets, samples)
             iterations += more
     gaps = np.zeros(samples.residuals.shape)  # intended distance of the surface outside the facets
     refused_chords = False
@@ -518,7 +523,7 @@ def fit_lines(
         iterations += 1
     check_coverage(lines, basis, samples)  # the rays moved with the surface
     surface = surface_at(lines, basis, offsets)
-    found = SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, converged, noise)
+    found = SurfaceFit(mesh, lines, basis, offsets, surface, samples, iterations, movement, noise)
     return replace(found, stiffness=stiffness, refused_chords=refused_chords)
 
 
@@ -529,8 +534,11 @@ def iterate(
     offsets: Array,
     samples: RaySamples,
     gaps: Array | float = 0.0,
-) -> tuple[Array, RaySamples, int, bool]:
+) -> tuple[Array, RaySamples, int, Array | None]:
     r"""Repeat solving and casting until no control point moves, the residuals grow, or the movement oscillates.
+
+    Inside a boundary, single rays may alternate at its rim while the rest still converges: there, neither of the two
+    ends the iterations.
 
     .. math::
 
@@ -559,27 +567,47 @@ def iterate(
         Of the same iteration.
     iterations : int
         Number of iterations.
-    converged : bool
-        Whether no control point moved in the last iteration.
+    movement : array, shape (k, l), or None
+        Of the surface where rays hit, in the last iteration [m]; None if no control point moved.
     """
     best, least = (offsets, samples), rms_residual(samples.residuals + gaps)
-    converged, moves = False, []
+    moves: list[float] = []
     for iterations in range(1, MAX_FIT_ITERATIONS + 1):  # noqa: B007
         step = basis.solve(samples.residuals + gaps, offsets)
         offsets = offsets + step
         samples = rows.cast(basis.blend(offsets[..., None] * lines.directions))
         misfit = rms_residual(samples.residuals + gaps)
-        if misfit > DIVERGENCE_RATIO * least:
+        bounded = samples.outside is not None
+        if misfit > DIVERGENCE_RATIO * least and not bounded:
             break
         if misfit < least:
             best, least = (offsets, samples), misfit
-        # Outside a boundary, control points without samples move on.
-        moved = step if samples.outside is None else (basis.N @ step @ basis.v.values.T)[~samples.outside]
-        moves.append(float(np.abs(moved).max(initial=0.0)))
-        converged = moves[-1] < FIT_TOLERANCE * rows.mesh.size
-        if converged or (iterations > 2 and moves[-1] > OSCILLATION_RATIO * moves[-3]):
+        # Inside a boundary, control points without samples move on.
+        moved = movement_of(lines, basis, step, samples) if bounded else np.abs(step)
+        moves.append(float(moved.max()))
+        if moves[-1] < FIT_TOLERANCE * rows.mesh.size:
+            return *best, iterations, None
+        if iterations > 2 and moves[-1] > OSCILLATION_RATIO * moves[-3] and not bounded:
             break
-    return *best, iterations, converged
+    return *best, iterations, movement_of(lines, basis, step, samples)
+
+
+def movement_of(lines: LineGrid, basis: TensorBasis, step: Array, samples: RaySamples) -> Array:
+    """Return how far a step of the offsets (n, m) [m] moves the surface where rays hit, shape (k, l) [m]; 0 elsewhere.
+
+    Parameters
+    ----------
+    lines : LineGrid
+        The lines of the control points.
+    basis : TensorBasis
+        The basis at the sample sites.
+    step : array, shape (n, m)
+        Of the control points along their lines [m].
+    samples : RaySamples
+        Hits of the rays.
+    """
+    movement = np.linalg.norm(basis.blend(step[..., None] * lines.directions), axis=2)
+    return np.where(np.isnan(samples.residuals), 0.0, movement)
 
 
 def rms_residual(residuals: Array) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from ...common.arrays import Array, BoolArray, IntArray, unit
 from ..mesh.triangle_mesh import TriangleMesh
 from .basis import TensorBasis
+from .below_rims import below_rims
 from .lines import LineGrid
 from .planes import Planes
 from .rays import RayCaster
@@ -80,6 +81,7 @@ class SampleRows:
     local: Array  # (k, l, 2) or (1, 1, 2) the same in the frames of the rows [m]
     flat: bool  # whether rays are in the plane of their row
     region: Callable[[Array], BoolArray] | None = None  # whether points are inside the boundary
+    closed: bool = False  # whether the last ray of a row is next to its first
 
     @classmethod
     def of(cls, mesh: TriangleMesh, lines: LineGrid, basis: TensorBasis, again: bool = False) -> "SampleRows":
@@ -108,7 +110,7 @@ class SampleRows:
         direction = lines.directions[0, 0] if (lines.directions == lines.directions[0, 0]).all() else None
         first = basis.N @ lines.directions[:, 0]
         rows = cls.cut(mesh, planes, basis.blend(lines.origins), first, concurrent, direction, again)
-        return replace(rows, region=lines.region)
+        return replace(rows, region=lines.region, closed=lines.closed)
 
     @classmethod
     def cut(
@@ -163,7 +165,10 @@ class SampleRows:
         return flat_ends(self.sections, self.planes, self.axes)
 
     def cast(self, arms: Array) -> RaySamples:
-        """Cast rays from the origins along ``arms`` (k, l, 3), which end on the surface [m]."""
+        """Cast rays from the origins along ``arms`` (k, l, 3), which end on the surface [m].
+
+        With a boundary, rays that pass a rim or a hole of the cover and hit a part below it have no hit.
+        """
         flat_arms = across(arms, self.axes)
         length = np.hypot(flat_arms[..., 0], flat_arms[..., 1])
         directions = flat_arms / length[..., None]
@@ -173,11 +178,15 @@ class SampleRows:
             length = np.linalg.norm(arms, axis=2)
             distance = self._onto_facets(distance, hit, arms / length[..., None])
         residuals, outside = distance - length, None
+        faces = self.sections.face[hit] if len(self.sections.face) else hit  # no plane intersects the mesh
         if self.region is not None:
             fraction = np.where(np.isnan(distance), 1.0, distance / length)  # a ray without a hit ends on the surface
             outside = ~self.region(self.origins + fraction[..., None] * arms)
             residuals = np.where(outside, np.nan, residuals)
-        faces = self.sections.face[hit] if len(self.sections.face) else hit  # no plane intersects the mesh
+            rays = arms / length[..., None]
+            hits = self.origins + (length + residuals)[..., None] * rays
+            below = below_rims(hits, rays, self.mesh.face_normals[faces], self.closed)
+            residuals = np.where(below, np.nan, residuals)
         return RaySamples(residuals, self.origins, arms, faces, self.caster.folds, self.caster.parts, outside)
 
     def _onto_facets(self, distance: Array, hit: IntArray, rays: Array) -> Array:

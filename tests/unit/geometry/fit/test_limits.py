@@ -151,8 +151,9 @@ def test_iterations_end_if_a_movement_is_as_large_as_two_before(ratio, iteration
         solve=lambda residuals, start: np.full((1, 1), next(steps)), blend=lambda x: x, is_closed=(False, False)
     )
     rows = SimpleNamespace(cast=lambda arms: samples, mesh=SimpleNamespace(size=0.1))
-    lines = SimpleNamespace(directions=np.ones((1, 1, 3)))
-    assert iterate(lines, basis, rows, np.zeros((1, 1)), samples)[2:] == (iterations, False)
+    lines = SimpleNamespace(directions=np.eye(3)[:1, None])
+    *_, done, movement = iterate(lines, basis, rows, np.zeros((1, 1)), samples)
+    assert done == iterations and movement == pytest.approx(1e-3 * ratio ** ((iterations - 1) / 2))
 
 
 def gap_with_curvature(ratio):

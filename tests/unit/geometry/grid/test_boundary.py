@@ -129,28 +129,69 @@ def test_boundary_off_the_mesh_is_refused():
         fit_surface(TUBE, Grid(Sector(AXIS, None, (far,), start=-1, stop=1), Size(6, 8), "uniform"))
 
 
-def over_floor():
-    """A plate with a hole of 8 mm, 20 mm above a floor."""
+def over_floor(radius=0.004):
+    """A plate with a hole, 20 mm above a floor."""
     x, y = np.meshgrid(np.linspace(0, 0.1, 51), np.linspace(0, 0.06, 31), indexing="ij")
     k = np.arange(x.size).reshape(x.shape)
     a, b, c, d = k[:-1, :-1].ravel(), k[1:, :-1].ravel(), k[1:, 1:].ravel(), k[:-1, 1:].ravel()
     points, faces = np.column_stack((x.ravel(), y.ravel(), 0 * x.ravel())), np.column_stack((a, b, c, a, c, d))
     faces = faces.reshape(-1, 3)
     centres = points[faces].mean(axis=1)
-    faces = faces[np.hypot(centres[:, 0] - 0.05, centres[:, 1] - 0.03) > 0.004]
+    faces = faces[np.hypot(centres[:, 0] - 0.05, centres[:, 1] - 0.03) > radius]
     floor = np.array(((0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06)))
     n = len(points)
     points = np.vstack((points, np.column_stack((floor, np.full(4, -0.02)))))
     return weld(points, np.vstack((faces, ((n, n + 1, n + 2), (n, n + 2, n + 3)))))
 
 
+LOOP = ((0.01, 0.01, 0.0), (0.09, 0.01, 0.0), (0.09, 0.05, 0.0), (0.01, 0.05, 0.0))
+
+
 def test_what_rays_hit_below_a_hole_is_not_the_cover():
-    """A few rays hit the floor: the surface is pulled down there, but the floor, one large face, does not count."""
-    loop = ((0.01, 0.01, 0.0), (0.09, 0.01, 0.0), (0.09, 0.05, 0.0), (0.01, 0.05, 0.0))
-    fit = fit_grid(over_floor(), Grid(Across(normal=(0, 0, 1), boundary=(loop,)), Size(8, 8)), (3, 3))
-    to_surface, to_mesh = fit.errors.mesh_to_surface, fit.errors.surface_to_mesh
-    assert to_surface.mean < 1e-3 < to_mesh.mean and to_surface.max < to_mesh.max < 0.01
-    assert [w.code for w in fit.warnings] == ["off-mesh"]
+    """A few rays hit the floor: they count as missed, the surface is flat, and taxels there are over a hole."""
+    fit = fit_grid(over_floor(), Grid(Across(normal=(0, 0, 1), boundary=(LOOP,)), Size(8, 8), "uniform"), (3, 3))
+    points = fit.surface.points(UV)
+    assert np.abs(points[fit.is_trusted(UV), 2]).max() < 1e-9 and np.abs(points[:, 2]).max() < 1e-3
+    assert fit.converged and fit.errors.surface_to_mesh.max < 1e-9 and 0 < fit.missing < 0.05
+    assert not fit.is_trusted(UV)[np.linalg.norm(points - (0.05, 0.03, 0), axis=1) < 0.002].any()
+
+
+def test_single_rays_through_a_small_hole_are_no_warning_about_the_surface():
+    """It is held all around; taxels over the hole have their own warning. A larger hole is one."""
+    grid = Grid(Across(normal=(0, 0, 1), boundary=(LOOP,)), Size(8, 8), "uniform")
+    small, large = (fit_grid(over_floor(radius), grid, (3, 3)) for radius in (0.0015, 0.004))
+    assert 0 < small.missing < large.missing and small.warnings == ()
+    assert not small.is_trusted(UV)[np.linalg.norm(small.surface.points(UV) - (0.05, 0.03, 0), axis=1) < 0.001].any()
+    assert [w.code for w in large.warnings] == ["missing-samples"]
+
+
+@pytest.mark.parametrize(
+    ("height", "breadth", "counts"),
+    [
+        (-0.02, 0.004, False),
+        (-0.004, 0.004, False),
+        (-0.02, 0.04, True),
+        (-0.0008, 0.02, True),
+        (0.005, 0.02, True),
+    ],
+    ids=["hole", "pocket", "half", "shallow", "rib"],
+)
+def test_parts_below_are_not_the_cover(height, breadth, counts):
+    """A strip at another height, with vertical sides; only small and deep ones count as missed."""
+    x = np.linspace(0, 0.1, 101)
+    z = np.where(np.abs(x - 0.05) < breadth / 2, height, 0.0)
+    points = np.stack([np.column_stack((x, np.full(101, y), z)) for y in (0, 0.06)])
+    step = np.flatnonzero(np.diff(z))
+    x[step[0] + 1] = x[step[0]]  # vertical
+    x[step[1]] = x[step[1] + 1]
+    points[:, :, 0] = x
+    k = np.arange(202).reshape(2, 101)
+    a, b, c, d = k[0, :-1], k[0, 1:], k[1, 1:], k[1, :-1]
+    mesh = weld(points.reshape(-1, 3), np.concatenate((np.column_stack((a, b, c)), np.column_stack((a, c, d)))))
+    fit = fit_grid(
+        mesh, Grid(Across(normal=(0, 0, 1), boundary=(LOOP,)), Size(8, 12), "uniform"), (3, 3), max_deviation=0.1
+    )
+    assert (fit.missing == 0) == counts
 
 
 def test_shelves_below_a_bounded_surface_are_no_undercut():
