@@ -30,6 +30,9 @@ from .trial import Start, Trial, judged, region_size, site_steps
 # [m^2] that a surface adds. Larger: fewer surfaces, less is covered. With boards of 7 cm^2, half only takes 1.3 times
 # the time; it acts for smaller boards and for sheets.
 MIN_AREA = 6e-4
+# [fraction] of the free area of a link that each surface after the first adds. Larger: fewer surfaces on links larger
+# than the trunk of a G1. Without it the torso of a Baxter, 1.2 m^2, has more than 120 of them.
+MIN_FRACTION = 2e-3
 # [m] distance of the sites that give the boundary. Larger: less exact boundaries (double: 47 instead of 55 boards on
 # four links of the G1; half: 53, 1.4 times the time).
 FINE_STEP = 2e-3
@@ -76,9 +79,10 @@ def propose_surfaces(
     """
     pool = [Tried(c, c.bound(on)) for c in candidates(on, axes)] if on.wanted.any() else []
     found: list[Proposed] = []
+    least = max(MIN_AREA, MIN_FRACTION * float(on.areas[on.wanted].sum()))
     while True:  # each surface adds an area
         begin(f"surface {len(found) + 1}")
-        best = best_of(pool, seen, on)
+        best = best_of(pool, seen, on, least if found else MIN_AREA)
         if best is None:
             return tuple(found)
         candidate, trial = best
@@ -99,14 +103,13 @@ class Tried:
     start: Start | None = None
 
 
-def best_of(pool: list[Tried], seen: TriangleMesh, on: LinkPoints) -> tuple[Candidate, Trial] | None:
-    """Return the candidate that adds the most area, and its trial; None if none adds enough.
+def best_of(pool: list[Tried], seen: TriangleMesh, on: LinkPoints, least: float) -> tuple[Candidate, Trial] | None:
+    """Return the candidate that adds the most area, more than the least one [m^2], and its trial; None without one.
 
     What a candidate added before bounds what it adds now, so that most are not tried again. The bounds of the pool are
     updated.
     """
     best: tuple[Candidate, Trial] | None = None
-    least = MIN_AREA
     for tried in sorted(pool, key=lambda tried: -tried.bound):
         if tried.bound <= least:
             break

@@ -79,6 +79,15 @@ def test_a_tube_is_one_surface_and_its_ends(tube):
     assert found[0].reason.startswith("tube") and found[0].area > 0.9 * 2 * np.pi * RADIUS * LENGTH
 
 
+def test_small_parts_of_large_links_stay_without_a_surface(monkeypatch):
+    """The largest faces of a box are 21 % of its area each, the smallest 13 %; the first surface needs no part of it."""
+    for part, count in ((0.19, 2), (0.5, 1)):
+        monkeypatch.setattr("skin_calib_addon.proposal.surfaces.MIN_FRACTION", part)
+        mesh = block()
+        found = propose_surfaces(mesh, LinkPoints.of(mesh))
+        assert [round(p.area / 0.008, 1) for p in found] == [0.9] * count
+
+
 @pytest.mark.parametrize("turn", [0, 40])
 def test_a_flat_plate_is_covered(turn):
     """No normal is across the direction that normals avoid: also where rounding leaves nothing of them."""
