@@ -13,7 +13,6 @@ documentation; those of ``--urdf`` are a line each.
 
 import argparse
 import contextlib
-import io
 import os
 import re
 import subprocess
@@ -32,7 +31,6 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 from skin_calib_addon.calibration.file import load_calibration  # noqa: E402
-from skin_calib_addon.cli import main as skin_calib  # noqa: E402
 from skin_calib_addon.geometry.mesh.closest import MeshDistance, closest_on_triangles  # noqa: E402
 from skin_calib_addon.geometry.mesh.triangle_mesh import TriangleMesh  # noqa: E402
 from skin_calib_addon.geometry.mesh.visibility import are_seen, visibility  # noqa: E402
@@ -170,7 +168,7 @@ def made(urdf, folder, skin, jobs):
 
     Return what the program printed, and seconds, memory and warnings as lines.
     """
-    said, complained, lines = io.StringIO(), io.StringIO(), []
+    said, complained, lines = "", "", []
     other = tempfile.TemporaryDirectory()
     options = ["--skin", skin, "--again", "--jobs", jobs]
     calls = {
@@ -181,38 +179,43 @@ def made(urdf, folder, skin, jobs):
     }
     for name, call in calls.items():
         start, before = perf_counter(), os.times()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complained), peak_memory() as peak:
-            skin_calib(call)
+        command = [sys.executable, "-m", "skin_calib_addon", *call]
+        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        with peak_memory(process.pid) as peak:
+            outputs = process.communicate()
         cpu = sum(os.times()[:4]) - sum(before[:4])  # with that of its processes
         took = f"{name} took {perf_counter() - start:.1f} s with {jobs} processes, {cpu:.1f} s of CPU"
         lines.append(f"{took}, {peak[0]:.0f} MB")
-        if name == "fit --propose":
-            said.seek(said.truncate(0))  # the two commands print the same, and more
+        if name != "fit --propose":  # the two commands print the same, and more
+            said += outputs[0]
+        complained += outputs[1]
     calibrations = sorted(Path(other.name).glob("*.calibration.json"))
     differ = [path.name for path in calibrations if path.read_bytes() != (folder / path.name).read_bytes()]
     lines.append(f"calibrations that differ from those of fit --propose: {', '.join(differ) or 'none'}")
     other.cleanup()
-    failed = [line for line in complained.getvalue().splitlines() if "warning: " not in line]
-    return "\n".join((said.getvalue(), *lines, *failed))
+    failed = [line for line in complained.splitlines() if "warning: " not in line]
+    return "\n".join((said, *lines, *failed))
 
 
 @contextlib.contextmanager
-def peak_memory():
-    """Yield a list that has, after the context, the largest memory of this process and its children [MB].
+def peak_memory(process):
+    """Yield a list that has, after the context, the largest memory of a process and its descendants [MB].
 
     It is the proportional set size: a page of several processes counts once.
     """
     found, done = [0.0], threading.Event()
 
+    def size(number):
+        children = [
+            child for path in Path(f"/proc/{number}/task").glob("*/children") for child in path.read_text().split()
+        ]
+        own = int(re.search(r"^Pss: +(\d+)", Path(f"/proc/{number}/smaps_rollup").read_text(), re.M)[1])
+        return own / 1024 + sum(map(size, children))
+
     def sample():
         while not done.wait(SAMPLE_PERIOD):
-            tasks = Path("/proc/self/task").glob("*/children")
-            children = [child for task in tasks for child in task.read_text().split()]
-            total = 0
-            for process in ("self", *children):
-                with contextlib.suppress(OSError):  # it has ended
-                    total += int(re.search(r"^Pss: +(\d+)", Path(f"/proc/{process}/smaps_rollup").read_text(), re.M)[1])
-            found[0] = max(found[0], total / 1024)
+            with contextlib.suppress(OSError, TypeError):  # one of them has ended
+                found[0] = max(found[0], size(process))
 
     thread = threading.Thread(target=sample)
     thread.start()
@@ -226,7 +229,7 @@ def peak_memory():
 def of_proposal(urdf, folder, said):
     """Return the rows that the program itself states."""
     per_link = re.findall(
-        r"^(\S+) +(\d+) surfaces, (\d+) taxels; surfaces cover (\d+), cells \d+ of (\d+) cm\^2 free, (\d+) cm\^2 seen",
+        r"^(\S+) +(\d+) surfaces?, (\d+) taxels?; surfaces cover (\d+), cells \d+ of (\d+) cm\^2 free, (\d+) cm\^2",
         said,
         re.M,
     )
