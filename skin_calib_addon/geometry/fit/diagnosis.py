@@ -324,8 +324,8 @@ def fit_warnings(
         yield Warning(
             "not-converged",
             "warning",
-            "The iterations of the fit did not converge: rays alternate over a step of the mesh, and the surface "
-            f"still moves by {moved * 1e3:.1f} mm {place.words}.",
+            f"The iterations of the fit did not converge: in the last one the surface moved by {moved * 1e3:.1f} mm "
+            f"{place.words}. Rays alternate over a step of the mesh there, or the section is not star-shaped.",
             place,
             moved,
             "Keep the skin away from it, move the axis, or cut.",

@@ -437,7 +437,7 @@ def test_oscillating_iterations_end_early(monkeypatch):
         and not late.converged
     )
     (warning,) = (w for w in early.warnings if w.code == "not-converged")
-    assert warning.value == early.movement.max() > 1e-3 and f"moves by {warning.value * 1e3:.1f} mm" in warning.message
+    assert warning.value == early.movement.max() > 1e-3 and f"moved by {warning.value * 1e3:.1f} mm" in warning.message
     assert abs(warning.where.point[2] - 0.05) < 0.01, "at the step"
     left = [fit_module.rms_residual(fit.residuals) for fit in (early, late)]
     assert left[0] <= left[1] * (1 + 1e-6)
